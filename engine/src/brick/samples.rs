@@ -1,0 +1,71 @@
+//! The 33³ samples of a brick.
+
+use crate::lattice::BRICK_POINTS;
+
+/// Samples in a brick with its apron: 33³.
+pub const POINTS: usize = BRICK_POINTS * BRICK_POINTS * BRICK_POINTS;
+
+/// Linear index of the sample `(i, j, k)`: x fastest, z slowest.
+#[inline]
+pub const fn point_index(ijk: [usize; 3]) -> usize {
+    (ijk[2] * BRICK_POINTS + ijk[1]) * BRICK_POINTS + ijk[0]
+}
+
+/// Winding numbers of closed input at the 32³ samples of a brick and its apron, the layers with an index of
+/// 32, which repeat the first samples of the upper neighbours. x fastest, z slowest.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Samples(pub Box<[i16; POINTS]>);
+
+impl Samples {
+    /// All samples equal to `w`.
+    pub fn filled(w: i16) -> Samples {
+        Samples(vec![w; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"))
+    }
+
+    /// The sample at `(i, j, k)`, each in 0..=32.
+    #[inline]
+    pub fn at(&self, ijk: [usize; 3]) -> i16 {
+        self.0[point_index(ijk)]
+    }
+
+    /// Smallest and largest sample, apron included.
+    pub fn range(&self) -> (i16, i16) {
+        self.0.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &w| (lo.min(w), hi.max(w)))
+    }
+
+    /// Σw and Σw² over the 32³ owned samples; the sums are exact.
+    pub fn moments(&self) -> (i64, u64) {
+        let mut sum = 0i64;
+        let mut squares = 0u64;
+        for k in 0..BRICK_POINTS - 1 {
+            for j in 0..BRICK_POINTS - 1 {
+                let row = &self.0[point_index([0, j, k])..][..BRICK_POINTS - 1];
+                sum += i64::from(row.iter().map(|&w| i32::from(w)).sum::<i32>());
+                // 32 squares of 2^30 each stay below 2^36.
+                squares += row.iter().map(|&w| (i64::from(w) * i64::from(w)) as u64).sum::<u64>();
+            }
+        }
+        (sum, squares)
+    }
+}
+
+impl std::fmt::Debug for Samples {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (lo, hi) = self.range();
+        write!(f, "Samples({lo}..={hi})")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_leave_the_apron_out() {
+        let mut samples = Samples::filled(0);
+        samples.0[point_index([32, 0, 0])] = 100;
+        samples.0[point_index([31, 31, 31])] = -3;
+        assert_eq!(samples.moments(), (-3, 9));
+        assert_eq!(samples.range(), (-3, 100));
+    }
+}

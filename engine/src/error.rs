@@ -1,0 +1,81 @@
+//! The library's error type: what went wrong, in which file and where, and what to do.
+
+use std::path::{Path, PathBuf};
+
+/// Result with [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Everything that can fail. The display form is one line fit for an end user.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused something.
+    #[error("{path}: cannot {action}: {source}", path = path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried, as in "open", "write", "read".
+        action: &'static str,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+    /// An input file is not what it should be.
+    #[error("{path}: {place}: {what}; {remedy}", path = path.display())]
+    Input {
+        /// The file.
+        path: PathBuf,
+        /// Line, byte or facet.
+        place: String,
+        /// What is wrong.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A store is damaged or of another kind.
+    #[error("{path}: {place}: {what}; {remedy}", path = path.display())]
+    Store {
+        /// The file.
+        path: PathBuf,
+        /// Header, index or record with its key.
+        place: String,
+        /// What is wrong.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A setting does not fit.
+    #[error("{what}; {remedy}")]
+    Setting {
+        /// What is wrong.
+        what: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// The user asked to stop.
+    #[error("interrupted; nothing was written under the final name")]
+    Interrupted,
+}
+
+impl Error {
+    /// For `map_err` on I/O results.
+    pub fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Error {
+        let path = path.to_owned();
+        move |source| Error::Io { path, action, source }
+    }
+
+    /// An [`Error::Input`].
+    pub fn input(path: &Path, place: impl ToString, what: impl ToString, remedy: impl ToString) -> Error {
+        let (place, what, remedy) = (place.to_string(), what.to_string(), remedy.to_string());
+        Error::Input { path: path.to_owned(), place, what, remedy }
+    }
+
+    /// An [`Error::Store`].
+    pub fn store(path: &Path, place: impl ToString, what: impl ToString, remedy: impl ToString) -> Error {
+        let (place, what, remedy) = (place.to_string(), what.to_string(), remedy.to_string());
+        Error::Store { path: path.to_owned(), place, what, remedy }
+    }
+
+    /// An [`Error::Setting`].
+    pub fn setting(what: impl ToString, remedy: impl ToString) -> Error {
+        Error::Setting { what: what.to_string(), remedy: remedy.to_string() }
+    }
+}

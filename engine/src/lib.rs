@@ -1,0 +1,16 @@
+//! Exact generalized winding numbers of huge triangle soups, in an adaptive octree of 32³-sample bricks
+//! kept in one file.
+//!
+//! Rooms, from the bottom up; no module uses one that stands above it:
+//! [`lattice`], `mmap` → `ingest`, [`brick`] → `winding`, [`store`] → `build` → `contour`.
+#![deny(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod brick;
+mod error;
+pub mod lattice;
+mod progress;
+pub mod store;
+
+pub use error::{Error, Result};
+pub use progress::{Progress, Silent};

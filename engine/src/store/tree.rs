@@ -1,0 +1,68 @@
+//! The one view of a brick octree that everything above the store works on.
+
+use crate::brick::Brick;
+use crate::error::Result;
+use crate::lattice::{NodeKey, RootCube};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What is known of a node without reading its brick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeInfo {
+    /// True for a leaf; an interior node has all eight children.
+    pub leaf: bool,
+    /// Smallest sample, apron included.
+    pub min: i16,
+    /// Largest sample, apron included.
+    pub max: i16,
+}
+
+/// A complete brick octree: every node is a leaf or has all eight children.
+pub trait BrickTree: Sync {
+    /// Where the lattice lies in the world.
+    fn root(&self) -> RootCube;
+    /// The node, if the tree has it.
+    fn node(&self, key: NodeKey) -> Option<NodeInfo>;
+    /// All nodes in key order: by level, along the Morton curve within a level.
+    fn keys(&self) -> Vec<NodeKey>;
+    /// The node's brick, verified and decoded.
+    fn brick(&self, key: NodeKey) -> Result<Arc<Brick>>;
+}
+
+/// A tree in memory, for tests and small work.
+pub struct MemoryTree {
+    root: RootCube,
+    nodes: BTreeMap<NodeKey, (bool, Arc<Brick>)>,
+}
+
+impl MemoryTree {
+    /// An empty tree in `root`.
+    pub fn new(root: RootCube) -> MemoryTree {
+        MemoryTree { root, nodes: BTreeMap::new() }
+    }
+
+    /// Adds or replaces a node.
+    pub fn insert(&mut self, key: NodeKey, leaf: bool, brick: Brick) {
+        self.nodes.insert(key, (leaf, Arc::new(brick)));
+    }
+}
+
+impl BrickTree for MemoryTree {
+    fn root(&self) -> RootCube {
+        self.root
+    }
+
+    fn node(&self, key: NodeKey) -> Option<NodeInfo> {
+        let (leaf, brick) = self.nodes.get(&key)?;
+        let (min, max) = brick.range();
+        Some(NodeInfo { leaf: *leaf, min, max })
+    }
+
+    fn keys(&self) -> Vec<NodeKey> {
+        self.nodes.keys().copied().collect()
+    }
+
+    fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
+        Ok(Arc::clone(&self.nodes[&key].1))
+    }
+}
