@@ -7,10 +7,12 @@
 #![warn(missing_docs)]
 
 pub mod brick;
+pub mod build;
 mod error;
 pub mod lattice;
 mod progress;
 pub mod store;
+pub mod winding;
 
 pub use error::{Error, Result};
 pub use progress::{Progress, Silent};

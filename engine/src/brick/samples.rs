@@ -1,6 +1,6 @@
 //! The 33³ samples of a brick.
 
-use crate::lattice::BRICK_POINTS;
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS};
 
 /// Samples in a brick with its apron: 33³.
 pub const POINTS: usize = BRICK_POINTS * BRICK_POINTS * BRICK_POINTS;
@@ -33,18 +33,22 @@ impl Samples {
         self.0.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &w| (lo.min(w), hi.max(w)))
     }
 
-    /// Σw and Σw² over the 32³ owned samples; the sums are exact.
-    pub fn moments(&self) -> (i64, u64) {
-        let mut sum = 0i64;
-        let mut squares = 0u64;
-        for k in 0..BRICK_POINTS - 1 {
-            for j in 0..BRICK_POINTS - 1 {
-                let row = &self.0[point_index([0, j, k])..][..BRICK_POINTS - 1];
-                sum += i64::from(row.iter().map(|&w| i32::from(w)).sum::<i32>());
-                // 32 squares of 2^30 each stay below 2^36.
-                squares += row.iter().map(|&w| (i64::from(w) * i64::from(w)) as u64).sum::<u64>();
+    /// Calls `row` with each of the 32² rows of owned samples.
+    pub fn for_owned_rows(&self, mut row: impl FnMut(&[i16])) {
+        for k in 0..BRICK_CELLS {
+            for j in 0..BRICK_CELLS {
+                row(&self.0[point_index([0, j, k])..][..BRICK_CELLS]);
             }
         }
+    }
+
+    /// Σw and Σw² over the 32³ owned samples; the sums are exact.
+    pub fn moments(&self) -> (i64, u64) {
+        let (mut sum, mut squares) = (0i64, 0u64);
+        self.for_owned_rows(|row| {
+            sum += i64::from(row.iter().map(|&w| i32::from(w)).sum::<i32>());
+            squares += row.iter().map(|&w| (i64::from(w) * i64::from(w)) as u64).sum::<u64>();
+        });
         (sum, squares)
     }
 }

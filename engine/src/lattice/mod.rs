@@ -5,9 +5,11 @@
 //! 2^(24−L) units and 32 samples an axis with spacing h = 2^(19−L) at `base + i·h + 1`. Child sample `2i` is
 //! parent sample `i`: lattices nest.
 
+mod facet;
 mod key;
 mod root;
 
+pub use facet::{bounds, normal, touches_cube};
 pub use key::{NodeKey, Octant};
 pub use root::RootCube;
 

@@ -1,0 +1,31 @@
+//! Small trees in memory, without a store.
+
+use super::jobs::{build_tree, sort_level};
+use super::records::KeptBricks;
+use super::rules::{Rules, TreeOptions};
+use super::snap::{Facets, snap};
+use crate::error::{Error, Result};
+use crate::lattice::RootCube;
+use crate::progress::Silent;
+use crate::store::MemoryTree;
+
+/// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
+///
+/// # Errors
+/// [`Error::Setting`] if the soup is not closed or overlaps itself more than 32,767-fold.
+pub fn build_in_memory(sources: &[&dyn Facets], root: RootCube, options: TreeOptions) -> Result<MemoryTree> {
+    build_with(sources, root, &Rules::new(options)?)
+}
+
+pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
+    let soup = snap(sources, root, sort_level(rules), &Silent)?;
+    if !soup.balance.is_closed() {
+        return Err(Error::setting("the soup has open edges", "close it"));
+    }
+    let mut tree = MemoryTree::new(root);
+    build_tree(soup, rules, &Silent, |records: KeptBricks| {
+        records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
+        Ok(())
+    })?;
+    Ok(tree)
+}

@@ -1,0 +1,17 @@
+//! From triangles to the octree: snap, check that the soup is closed, sort by subtree, build the subtrees on
+//! all threads, record them in order.
+
+mod bins;
+mod jobs;
+mod memory;
+mod ordered;
+mod records;
+mod rules;
+mod snap;
+mod subtree;
+#[cfg(test)]
+mod tests;
+
+pub use memory::build_in_memory;
+pub use rules::{Refine, TreeOptions};
+pub use snap::Facets;

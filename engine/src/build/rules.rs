@@ -1,0 +1,106 @@
+//! When a node of the tree is kept as a leaf.
+
+use crate::brick::Samples;
+use crate::error::{Error, Result};
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL};
+use crate::winding::Evaluation;
+use serde::{Deserialize, Serialize};
+
+/// The criterion beside the depth limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Refine {
+    /// Refine where the standard deviation of the samples exceeds the threshold, and wherever facets hide
+    /// between the samples: crossings that cancel on a lattice edge, or facets in a brick whose samples
+    /// all agree. With a threshold of 0 no facet, however small, is missed above the depth limit.
+    #[default]
+    Hidden,
+    /// Refine on the standard deviation alone (Peelar et al. 2019).
+    Stddev,
+    /// Refine only where the boundary w = 0.5 passes, seen or hidden: the standard deviation is that of the
+    /// inside indicator (0 or 1).
+    Surface,
+}
+
+/// How deep and where the tree is refined, as asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TreeOptions {
+    /// Level of the deepest bricks: 32·2^depth cells along the root's edge.
+    pub depth: u8,
+    /// The criterion above the depth limit.
+    pub refine: Refine,
+    /// A node whose samples deviate no more than this may be kept as a leaf; 0 keeps uniform ones only.
+    pub stddev: f64,
+}
+
+/// [`TreeOptions`], checked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rules {
+    pub depth: u8,
+    pub refine: Refine,
+    pub stddev: f64,
+    /// Evaluate every node from its triangles even where its children would give its samples; for tests.
+    pub evaluate_interior: bool,
+}
+
+impl Rules {
+    pub fn new(options: TreeOptions) -> Result<Rules> {
+        let TreeOptions { depth, refine, stddev } = options;
+        if depth > MAX_LEVEL {
+            return Err(Error::setting(
+                format!("depth {depth} is beyond the lattice"),
+                format!("use a depth of at most {MAX_LEVEL}"),
+            ));
+        }
+        if !(stddev >= 0.0 && stddev.is_finite()) {
+            return Err(Error::setting(
+                format!("{stddev} is no standard deviation"),
+                "use a threshold of 0 or more",
+            ));
+        }
+        Ok(Rules { depth, refine, stddev, evaluate_interior: false })
+    }
+
+    /// True if every node that a facet touches is refined down to the depth limit, whatever its samples.
+    pub fn refines_all_touched(&self) -> bool {
+        self.refine == Refine::Hidden && self.stddev == 0.0 && !self.evaluate_interior
+    }
+
+    /// Whether a touched node above the depth limit is kept as a leaf.
+    pub fn keeps(&self, evaluation: &mut Evaluation<'_>) -> bool {
+        match self.refine {
+            Refine::Stddev => self.varies_little(scaled_variance(&evaluation.samples)),
+            Refine::Hidden => {
+                let variance = scaled_variance(&evaluation.samples);
+                // A variance of 0 says that the facets in here are hidden.
+                variance > 0 && self.varies_little(variance) && !evaluation.has_hidden_crossings()
+            }
+            Refine::Surface => {
+                let inside = i128::from(inside_samples(&evaluation.samples));
+                self.varies_little(N * inside - inside * inside) && !evaluation.has_hidden_boundary()
+            }
+        }
+    }
+
+    /// Compares a variance times N² with the threshold; it is an exact integer, so every backend decides
+    /// alike.
+    fn varies_little(&self, scaled_variance: i128) -> bool {
+        let scaled_threshold = self.stddev * N as f64;
+        scaled_variance as f64 <= scaled_threshold * scaled_threshold
+    }
+}
+
+/// Number of owned samples.
+const N: i128 = (BRICK_CELLS * BRICK_CELLS * BRICK_CELLS) as i128;
+
+/// The variance of the owned samples times N².
+fn scaled_variance(samples: &Samples) -> i128 {
+    let (sum, squares) = samples.moments();
+    N * i128::from(squares) - i128::from(sum) * i128::from(sum)
+}
+
+fn inside_samples(samples: &Samples) -> u64 {
+    let mut inside = 0;
+    samples.for_owned_rows(|row| inside += row.iter().filter(|&&w| w >= 1).count() as u64);
+    inside
+}

@@ -1,0 +1,212 @@
+//! One subtree of the octree: from the triangles that touch a node to the records of the node and all below
+//! it, in post-order.
+
+use super::bins::Binner;
+use super::records::Recorder;
+use super::rules::Rules;
+use crate::brick::{Brick, Samples, point_index};
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, Triangle};
+use crate::progress::Progress;
+use crate::winding::{CornerGrid, Evaluator, Triangles};
+
+/// Levels that one sorting of triangles descends: 8³ cells of lists, and their corners in one small grid.
+pub(super) const STRIDE: u8 = 3;
+
+/// What a node turned out to be, for its parent.
+#[derive(Clone, Debug)]
+pub(super) enum Node {
+    /// No triangle touches it; not in the records, because the parent may be as empty.
+    Empty(i16),
+    /// In the records.
+    Stored(Brick),
+}
+
+/// Builds subtrees one after the other; one per thread.
+pub(super) struct SubtreeBuilder<'a, R> {
+    rules: &'a Rules,
+    progress: &'a dyn Progress,
+    evaluator: Evaluator,
+    /// What the subtrees so far consist of.
+    pub records: R,
+}
+
+impl<'a, R: Recorder> SubtreeBuilder<'a, R> {
+    pub fn new(rules: &'a Rules, progress: &'a dyn Progress) -> Self {
+        SubtreeBuilder { rules, progress, evaluator: Evaluator::default(), records: R::default() }
+    }
+
+    /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all triangles that touch it.
+    pub fn build(&mut self, key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<Node> {
+        if triangles.is_empty() {
+            return Ok(Node::Empty(corner));
+        }
+        let all: Vec<u32> = (0..triangles.len() as u32).collect();
+        let list = Triangles { array: triangles, indices: &all };
+        if key.level() == self.rules.depth {
+            self.leaf(key, corner, list)
+        } else if self.rules.refines_all_touched() {
+            self.descend_to_leaves(key, corner, triangles)
+        } else {
+            self.decide(key, corner, triangles, list)
+        }
+    }
+
+    fn leaf(&mut self, key: NodeKey, corner: i16, list: Triangles<'_>) -> Result<Node> {
+        self.progress.check()?;
+        let brick = self.evaluator.evaluate(key, corner, list)?.into_leaf()?;
+        self.progress.advance(1);
+        self.records.push(key, true, &brick);
+        Ok(Node::Stored(brick))
+    }
+
+    /// Every touched node above the depth limit is refined, so only leaves are evaluated; a node's samples
+    /// are a part of its children's.
+    fn descend_to_leaves(&mut self, key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<Node> {
+        let stride = STRIDE.min(self.rules.depth - key.level());
+        let mut grid = CornerGrid::new(key, stride);
+        triangles.iter().for_each(|t| grid.add(t));
+        let corners = grid.finish(i64::from(corner));
+        let lists = Binner::new(key, stride).sort_indices(triangles);
+        let mut copies = Vec::new();
+        descend(key, stride, &mut |cell, number| {
+            let corner = corner_at(&corners, stride, number);
+            let list = lists.of(number);
+            let indices = Triangles { array: triangles, indices: list };
+            match cell {
+                Step::Reached(_) if list.is_empty() => Ok(Node::Empty(corner)),
+                Step::Reached(key) if key.level() == self.rules.depth => self.leaf(key, corner, indices),
+                Step::Reached(key) => {
+                    copies.clear();
+                    copies.extend(list.iter().map(|&i| triangles[i as usize]));
+                    self.descend_to_leaves(key, corner, &copies)
+                }
+                Step::Joined(key, children) => Ok(join(key, children, &mut self.records)),
+            }
+        })
+    }
+
+    /// Evaluates the node itself and refines it if its samples or crossings ask for it.
+    fn decide(
+        &mut self,
+        key: NodeKey,
+        corner: i16,
+        triangles: &[Triangle],
+        list: Triangles<'_>,
+    ) -> Result<Node> {
+        self.progress.check()?;
+        let mut evaluation = self.evaluator.evaluate(key, corner, list)?;
+        if self.rules.keeps(&mut evaluation) {
+            let brick = evaluation.into_leaf()?;
+            self.records.push(key, true, &brick);
+            return Ok(Node::Stored(brick));
+        }
+        let samples = evaluation.samples;
+        let lists = Binner::new(key, 1).sort_indices(triangles);
+        for octant in Octant::all() {
+            let corner = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
+            let own: Vec<Triangle> =
+                lists.of(octant.index()).iter().map(|&i| triangles[i as usize]).collect();
+            let child = key.child(octant);
+            if let Node::Empty(w) = self.build(child, corner, &own)? {
+                self.records.push(child, true, &Brick::Uniform(w));
+            }
+        }
+        let brick = interior(samples);
+        self.records.push(key, false, &brick);
+        Ok(Node::Stored(brick))
+    }
+}
+
+/// What [`descend`] meets.
+pub(super) enum Step {
+    /// A node at the bottom of the stride.
+    Reached(NodeKey),
+    /// A node whose children are done.
+    Joined(NodeKey, Box<[Node; 8]>),
+}
+
+/// Walks the `stride` levels below `top` depth-first in Morton order; `visit` gets every bottom node with
+/// its Morton number within `top`, then, after its children, every node above.
+pub(super) fn descend(
+    top: NodeKey,
+    stride: u8,
+    visit: &mut dyn FnMut(Step, usize) -> Result<Node>,
+) -> Result<Node> {
+    fn walk(
+        key: NodeKey,
+        levels: u8,
+        number: usize,
+        visit: &mut dyn FnMut(Step, usize) -> Result<Node>,
+    ) -> Result<Node> {
+        if levels == 0 {
+            return visit(Step::Reached(key), number);
+        }
+        let mut children = Box::new([const { Node::Empty(0) }; 8]);
+        for octant in Octant::all() {
+            children[octant.index()] =
+                walk(key.child(octant), levels - 1, number * 8 + octant.index(), visit)?;
+        }
+        visit(Step::Joined(key, children), number)
+    }
+    walk(top, stride, 0, visit)
+}
+
+/// The corner sample of the bottom node with this Morton number.
+pub(super) fn corner_at(corners: &[i64], stride: u8, number: usize) -> i16 {
+    let at: [usize; 3] = std::array::from_fn(|a| {
+        (0..usize::from(stride)).fold(0, |p, bit| p | (number >> (3 * bit + a) & 1) << bit)
+    });
+    let across = 1usize << stride;
+    let w = corners.get((at[2] * across + at[1]) * across + at[0]).copied().unwrap_or(0);
+    // Where this does not fit, the evaluation of the bricks around fails with the reason.
+    w.clamp(i64::from(i16::MIN), i64::from(i16::MAX)) as i16
+}
+
+/// Makes a node from its children: empty if they all are, else their common interior node, recording the
+/// empty children as uniform leaves.
+pub(super) fn join(key: NodeKey, children: Box<[Node; 8]>, records: &mut impl Recorder) -> Node {
+    if let Node::Empty(w) = children[0]
+        && children.iter().all(|c| matches!(c, Node::Empty(v) if *v == w))
+    {
+        return Node::Empty(w);
+    }
+    let mut samples = Samples::filled(0);
+    for octant in Octant::all() {
+        let brick = match &children[octant.index()] {
+            Node::Stored(brick) => brick,
+            Node::Empty(w) => {
+                let brick = Brick::Uniform(*w);
+                records.push(key.child(octant), true, &brick);
+                &brick.clone()
+            }
+        };
+        copy_coarse(&mut samples, octant, brick);
+    }
+    let brick = interior(samples);
+    records.push(key, false, &brick);
+    Node::Stored(brick)
+}
+
+pub(super) fn interior(samples: Samples) -> Brick {
+    let (min, max) = samples.range();
+    if min == max { Brick::Uniform(min) } else { Brick::Counts { samples, hermite: Default::default() } }
+}
+
+/// Copies every second sample of a child, apron included, to where the parent has it.
+fn copy_coarse(parent: &mut Samples, octant: Octant, child: &Brick) {
+    const HALF: usize = BRICK_CELLS / 2;
+    let [x, y, z] = octant.offset().map(|o| o * HALF);
+    for k in 0..=HALF {
+        for j in 0..=HALF {
+            let to = &mut parent.0[point_index([x, y + j, z + k])..][..HALF + 1];
+            match child {
+                Brick::Uniform(w) => to.fill(*w),
+                Brick::Counts { samples, .. } => {
+                    let from = &samples.0[point_index([0, 2 * j, 2 * k])..][..BRICK_POINTS];
+                    to.iter_mut().zip(from.iter().step_by(2)).for_each(|(t, f)| *t = *f);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Integer predicates on one snapped triangle: its normal, and whether it touches a box.
+
+use super::{Triangle, Units};
+
+/// Cross product of two edges: the outward normal scaled by twice the area, in units². Components stay
+/// below 2^49. The zero vector means that the triangle has no area and crosses no lattice line.
+#[inline]
+pub fn normal(t: &Triangle) -> [i64; 3] {
+    let e = |i: usize, a: usize| i64::from(t[i][a]) - i64::from(t[0][a]);
+    [
+        e(1, 1) * e(2, 2) - e(1, 2) * e(2, 1),
+        e(1, 2) * e(2, 0) - e(1, 0) * e(2, 2),
+        e(1, 0) * e(2, 1) - e(1, 1) * e(2, 0),
+    ]
+}
+
+/// Smallest and largest coordinate along each axis.
+#[inline]
+pub fn bounds(t: &Triangle) -> (Units, Units) {
+    let min = std::array::from_fn(|a| t[0][a].min(t[1][a]).min(t[2][a]));
+    let max = std::array::from_fn(|a| t[0][a].max(t[1][a]).max(t[2][a]));
+    (min, max)
+}
+
+/// Whether the triangle and the closed cube `low..low + size` share a point, for a triangle whose bounding
+/// box and that cube overlap.
+///
+/// Separating axes (Akenine-Möller 2001) in exact arithmetic: the three box normals are the caller's
+/// overlap test, the nine edge cross products are edge functions in the three projections, and the plane is
+/// compared in 128 bits.
+pub fn touches_cube(t: &Triangle, low: Units, size: i32) -> bool {
+    (0..3).all(|axis| !separated_in_projection(t, low, size, (axis + 1) % 3, (axis + 2) % 3))
+        && !plane_misses(t, low, size)
+}
+
+/// True if a line along one of the triangle's edges, seen in the (u, v) plane, has the cube on one side and
+/// the triangle on the other.
+fn separated_in_projection(t: &Triangle, low: Units, size: i32, u: usize, v: usize) -> bool {
+    let size = i64::from(size);
+    (0..3).any(|i| {
+        let (a, b, c) = (t[i], t[(i + 1) % 3], t[(i + 2) % 3]);
+        let du = i64::from(b[u] - a[u]);
+        let dv = i64::from(b[v] - a[v]);
+        let at = |p: Units| du * i64::from(p[v] - a[v]) - dv * i64::from(p[u] - a[u]);
+        let third = at(c);
+        let corner = at(low);
+        let (grow_u, grow_v) = (-dv * size, du * size);
+        let smallest = corner + grow_u.min(0) + grow_v.min(0);
+        let largest = corner + grow_u.max(0) + grow_v.max(0);
+        largest < third.min(0) || smallest > third.max(0)
+    })
+}
+
+fn plane_misses(t: &Triangle, low: Units, size: i32) -> bool {
+    let n = normal(t).map(i128::from);
+    let corner: i128 = (0..3).map(|a| n[a] * i128::from(low[a] - t[0][a])).sum();
+    let grow = n.map(|c| c * i128::from(size));
+    let smallest = corner + grow.iter().map(|g| (*g).min(0)).sum::<i128>();
+    let largest = corner + grow.iter().map(|g| (*g).max(0)).sum::<i128>();
+    smallest > 0 || largest < 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Clips the triangle against the cube's six planes in rationals scaled to f64; an independent answer
+    /// away from grazing contacts.
+    fn clipped_area(t: &Triangle, low: Units, size: i32) -> (f64, usize) {
+        let mut polygon: Vec<[f64; 3]> = t.iter().map(|v| v.map(f64::from)).collect();
+        for axis in 0..3 {
+            for (sign, bound) in [(1.0, f64::from(low[axis])), (-1.0, -f64::from(low[axis] + size))] {
+                let inside = |p: &[f64; 3]| sign * p[axis] - bound;
+                let mut next = Vec::new();
+                for i in 0..polygon.len() {
+                    let (p, q) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+                    let (dp, dq) = (inside(&p), inside(&q));
+                    if dp >= 0.0 {
+                        next.push(p);
+                    }
+                    if (dp > 0.0 && dq < 0.0) || (dp < 0.0 && dq > 0.0) {
+                        let s = dp / (dp - dq);
+                        next.push(std::array::from_fn(|a| p[a] + s * (q[a] - p[a])));
+                    }
+                }
+                polygon = next;
+            }
+        }
+        (polygon.len() as f64, polygon.len())
+    }
+
+    fn overlap(t: &Triangle, low: Units, size: i32) -> bool {
+        let (min, max) = bounds(t);
+        (0..3).all(|a| min[a] <= low[a] + size && max[a] >= low[a]) && touches_cube(t, low, size)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn touching_agrees_with_clipping(t in prop::array::uniform3(prop::array::uniform3(-40i32..40)),
+                                         low in prop::array::uniform3(-20i32..20)) {
+            let t = t.map(|v| v.map(|c| 2 * c));
+            let low = low.map(|c| 2 * c + 1);
+            prop_assume!(normal(&t) != [0; 3]);
+            let (_, corners) = clipped_area(&t, low, 16);
+            let grown = clipped_area(&t, low.map(|c| c - 1), 18).1;
+            let touches = overlap(&t, low, 16);
+            if corners > 0 { prop_assert!(touches) }
+            if grown == 0 { prop_assert!(!touches) }
+        }
+    }
+
+    #[test]
+    fn extreme_coordinates_do_not_overflow() {
+        let top = (1 << 24) - 2;
+        let t = [[2, 2, 2], [top, top, 2], [2, top, top]];
+        assert!(overlap(&t, [1, 1, 1], 1 << 24));
+        assert!(!overlap(&t, [(1 << 24) - 3, 1, 1], 2));
+    }
+}

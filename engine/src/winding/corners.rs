@@ -1,0 +1,78 @@
+//! Winding numbers on a coarse lattice: the corners from which bricks are evaluated.
+
+use super::scan::{Block, Facet};
+use crate::lattice::{NodeKey, ROOT_BITS, Triangle};
+
+/// The corner samples of all bricks `stride` levels below a node: 2^stride along each axis.
+///
+/// Triangles are added in any order and from any number of partial grids; the result is a sum of integers.
+#[derive(Clone, Debug)]
+pub struct CornerGrid {
+    block: Block,
+    origin: [i32; 3],
+    /// Jumps between neighbouring corners: along z in the column (0, 0), along y in the face x = 0, along
+    /// x everywhere.
+    column: Vec<i64>,
+    face: Vec<i64>,
+    rows: Vec<i64>,
+}
+
+impl CornerGrid {
+    /// An empty grid for the bricks `stride` levels below `node`.
+    pub fn new(node: NodeKey, stride: u8) -> CornerGrid {
+        let across = 1usize << stride;
+        let shift = ROOT_BITS - u32::from(node.level()) - u32::from(stride);
+        CornerGrid {
+            block: Block { shift, last: across as i32 - 1 },
+            origin: node.base().map(|b| b + 1),
+            column: vec![0; across],
+            face: vec![0; across * across],
+            rows: vec![0; across * across * across],
+        }
+    }
+
+    /// Adds one triangle's crossings.
+    #[inline]
+    pub fn add(&mut self, t: &Triangle) {
+        let Some(facet) = Facet::new(t, self.origin, self.block) else { return };
+        let (block, across) = (self.block, self.block.last as usize + 1);
+        let jump = |axis| i64::from(facet.jump(axis));
+        let at = |slow: i32, fast: i32| slow as usize * across + fast as usize;
+        facet.scan::<2>(block, [0, 0], |c| self.column[c.lower as usize + 1] += jump(2));
+        facet.scan::<1>(block, [block.last, 0], |c| self.face[at(c.u, c.lower + 1)] += jump(1));
+        facet.scan::<0>(block, [block.last; 2], |c| {
+            self.rows[at(c.v, c.u) * across + c.lower as usize + 1] += jump(0);
+        });
+    }
+
+    /// Adds another grid of the same node and stride.
+    pub fn merge(&mut self, other: &CornerGrid) {
+        for (mine, theirs) in
+            [(&mut self.column, &other.column), (&mut self.face, &other.face), (&mut self.rows, &other.rows)]
+        {
+            mine.iter_mut().zip(theirs).for_each(|(a, b)| *a += b);
+        }
+    }
+
+    /// The winding numbers, x fastest, given the one at the node's own corner.
+    pub fn finish(mut self, corner: i64) -> Vec<i64> {
+        let across = self.block.last as usize + 1;
+        self.column[0] = corner;
+        for k in 0..across {
+            if k > 0 {
+                self.column[k] += self.column[k - 1];
+            }
+            let face = &mut self.face[k * across..][..across];
+            face[0] = self.column[k];
+            for j in 0..across {
+                if j > 0 {
+                    face[j] += face[j - 1];
+                }
+                let row = &mut self.rows[(k * across + j) * across..][..across];
+                row[0] = face[j];
+                (1..across).for_each(|i| row[i] += row[i - 1]);
+            }
+        }
+        self.rows
+    }
+}

@@ -1,0 +1,13 @@
+//! The field: exact winding numbers of closed soups from crossings with lattice lines.
+
+mod balance;
+mod brute;
+mod corners;
+mod evaluate;
+mod hermite;
+mod scan;
+
+pub use balance::{EdgeBalance, OpenEdges, open_edges};
+pub use brute::{brute_winding, solid_angle};
+pub use corners::CornerGrid;
+pub use evaluate::{Evaluation, Evaluator, Triangles};
