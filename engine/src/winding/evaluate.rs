@@ -4,11 +4,11 @@
 //! the walk goes up the z column, from there along the y lines of the face x = 0, from there along all
 //! 33 × 33 rows in x (design: closed part of the field). Cost: triangles that touch the brick plus crossings.
 
-use super::hermite;
+use super::hermite::Resolver;
 use super::scan::{Block, Facet};
-use crate::brick::{Brick, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -37,6 +37,8 @@ const _: () = assert!(POINTS <= u16::MAX as usize + 1);
 
 /// Working memory for evaluating bricks one after the other; one per thread.
 pub struct Evaluator {
+    /// The triangles that meet lattice lines, with their position in the brick's list.
+    facets: Vec<(u32, Facet)>,
     /// Jumps along x, [row][edge]; all zero between bricks.
     rows: Vec<i32>,
     /// Which rows of `rows` hold a jump: bit j of word k.
@@ -45,20 +47,21 @@ pub struct Evaluator {
     face: Vec<i32>,
     /// Jumps along z in the column x = y = 0.
     column: [i32; C],
-    /// Crossings along each axis.
-    hits: [Vec<Hit>; 3],
-    hermite: hermite::Scratch,
+    /// Crossings along one axis.
+    hits: Vec<Hit>,
+    resolver: Resolver,
 }
 
 impl Default for Evaluator {
     fn default() -> Self {
         Evaluator {
+            facets: Vec::new(),
             rows: vec![0; P * P * C],
             touched: [0; P],
             face: vec![0; P * C],
             column: [0; C],
-            hits: Default::default(),
-            hermite: hermite::Scratch::default(),
+            hits: Vec::new(),
+            resolver: Resolver::default(),
         }
     }
 }
@@ -69,6 +72,7 @@ pub struct Evaluation<'a> {
     pub samples: Samples,
     /// Where they are inside.
     pub signs: SignChanges,
+    key: NodeKey,
     list: Triangles<'a>,
     evaluator: &'a mut Evaluator,
 }
@@ -86,6 +90,10 @@ impl<'a> Triangles<'a> {
     pub(super) fn get(&self, position: usize) -> &'a Triangle {
         &self.array[self.indices[position] as usize]
     }
+}
+
+fn block(key: NodeKey) -> Block {
+    Block { shift: key.spacing_bits(), last: C as i32 }
 }
 
 impl Evaluator {
@@ -112,46 +120,49 @@ impl Evaluator {
                 "remove repeated pieces from the input",
             ));
         }
-        Ok(Evaluation { samples, signs, list, evaluator: self })
+        Ok(Evaluation { samples, signs, key, list, evaluator: self })
     }
 
-    /// Finds all crossings of the list with the brick's lattice lines.
+    /// Adds up the jumps that the walk needs.
     fn collect(&mut self, key: NodeKey, list: Triangles<'_>) {
-        let block = Block { shift: key.spacing_bits(), last: C as i32 };
+        let block = block(key);
         let origin = key.base().map(|b| b + 1);
-        let all = [block.last; 2];
-        let [hits_x, hits_y, hits_z] = &mut self.hits;
-        hits_x.clear();
-        hits_y.clear();
-        hits_z.clear();
+        self.facets.clear();
         for position in 0..list.indices.len() {
             let Some(facet) = Facet::new(list.get(position), origin, block) else { continue };
-            let index = |i: i32, j: i32, k: i32| ((k * P as i32 + j) * P as i32 + i) as u16;
-            let hit = |lower, offset, jump: i32| Hit {
-                lower,
-                offset,
-                facet: (position as u32) << 1 | u32::from(jump < 0),
-            };
-            let jump = facet.jump(2);
-            facet.scan::<2>(block, all, |c| {
-                hits_z.push(hit(index(c.u, c.v, c.lower), c.offset, jump));
-                if c.u | c.v == 0 {
-                    self.column[c.lower as usize] += jump;
-                }
+            let jump = [0, 1, 2].map(|axis| facet.jump(axis));
+            facet.scan::<2>(block, [0, 0], |c| self.column[c.lower as usize] += jump[2]);
+            facet.scan::<1>(block, [block.last, 0], |c| {
+                self.face[c.u as usize * C + c.lower as usize] += jump[1];
             });
-            let jump = facet.jump(1);
-            facet.scan::<1>(block, all, |c| {
-                hits_y.push(hit(index(c.v, c.lower, c.u), c.offset, jump));
-                if c.v == 0 {
-                    self.face[c.u as usize * C + c.lower as usize] += jump;
-                }
-            });
-            let jump = facet.jump(0);
-            facet.scan::<0>(block, all, |c| {
-                hits_x.push(hit(index(c.lower, c.u, c.v), c.offset, jump));
-                self.rows[(c.v as usize * P + c.u as usize) * C + c.lower as usize] += jump;
+            facet.scan::<0>(block, [block.last; 2], |c| {
+                self.rows[(c.v as usize * P + c.u as usize) * C + c.lower as usize] += jump[0];
                 self.touched[c.v as usize] |= 1 << c.u;
             });
+            self.facets.push((position as u32, facet));
+        }
+    }
+
+    /// Fills `hits` with the crossings along `axis`, those on lattice edges that `wanted` names: bit `i` of
+    /// word `row` for the edge whose lower sample is the i-th of that row.
+    fn collect_hits(&mut self, key: NodeKey, axis: Axis, wanted: &[u64]) {
+        let block = block(key);
+        let hits = &mut self.hits;
+        hits.clear();
+        for (position, facet) in &self.facets {
+            let code = position << 1 | u32::from(facet.jump(axis.index()) < 0);
+            let mut add = |[i, j, k]: [i32; 3], offset| {
+                let row = k as usize * P + j as usize;
+                if wanted[row] >> i & 1 != 0 {
+                    hits.push(Hit { lower: (row * P + i as usize) as u16, offset, facet: code });
+                }
+            };
+            let all = [block.last; 2];
+            match axis {
+                Axis::X => facet.scan::<0>(block, all, |c| add([c.lower, c.u, c.v], c.offset)),
+                Axis::Y => facet.scan::<1>(block, all, |c| add([c.v, c.lower, c.u], c.offset)),
+                Axis::Z => facet.scan::<2>(block, all, |c| add([c.u, c.v, c.lower], c.offset)),
+            }
         }
     }
 
@@ -240,7 +251,10 @@ impl Evaluation<'_> {
     /// Whether the predicate holds for an edge with two crossings or more, given its lower sample and the
     /// crossings in order.
     fn any_edge(&mut self, mut predicate: impl FnMut(usize, &[Hit]) -> bool) -> bool {
-        self.evaluator.hits.iter_mut().any(|hits| {
+        let every = [u64::MAX; P * P];
+        Axis::ALL.into_iter().any(|axis| {
+            self.evaluator.collect_hits(self.key, axis, &every);
+            let hits = &mut self.evaluator.hits;
             hits.sort_unstable_by_key(|h| (h.lower, h.offset));
             hits.chunk_by(|a, b| a.lower == b.lower)
                 .any(|edge| edge.len() > 1 && predicate(usize::from(edge[0].lower), edge))
@@ -255,8 +269,17 @@ impl Evaluation<'_> {
         if self.is_uniform() {
             return Ok(Brick::Uniform(self.samples.0[0]));
         }
-        let Evaluation { samples, signs, list, evaluator } = self;
-        let hermite = evaluator.hermite.resolve(&samples, &signs, &evaluator.hits, list)?;
-        Ok(Brick::Counts { samples, hermite })
+        let Evaluation { samples, signs, key, list, evaluator } = self;
+        let mut edges: [Vec<HermiteEdge>; 3] = Default::default();
+        for axis in Axis::ALL {
+            // The edges' scratch leaves the evaluator while that scans.
+            let mut resolver = std::mem::take(&mut evaluator.resolver);
+            resolver.index(axis, &signs);
+            evaluator.collect_hits(key, axis, resolver.changes());
+            let resolved = resolver.resolve(&samples, &evaluator.hits, list);
+            evaluator.resolver = resolver;
+            edges[axis.index()] = resolved?;
+        }
+        Ok(Brick::Counts { samples, hermite: Hermite { edges } })
     }
 }

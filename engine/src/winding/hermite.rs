@@ -2,22 +2,29 @@
 //! passes 0.5 and the normal of the facet there.
 
 use super::evaluate::{Hit, Triangles};
-use crate::brick::{Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
+use crate::brick::{HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_POINTS, normal};
 
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 
-/// Working memory, kept from brick to brick.
+/// Working memory for one axis after the other, kept from brick to brick.
 #[derive(Default)]
-pub(super) struct Scratch {
-    /// Per row: the sign-changing edges and how many the rows before hold.
-    rows: Vec<(u64, u32)>,
-    /// Per sign-changing edge: whether a crossing was seen.
-    seen: Vec<bool>,
+pub(super) struct Resolver {
+    /// Per row: the sign-changing edges.
+    changes: Vec<u64>,
+    /// Per row: how many sign-changing edges the rows before hold.
+    ranks: Vec<u32>,
+    /// Per sign-changing edge: its first crossing, [`NONE`] before that.
+    first: Vec<u32>,
     /// Crossings on edges that hold several.
     shared: Vec<Candidate>,
 }
+
+/// No crossing yet.
+const NONE: u32 = u32::MAX;
+/// Several crossings: all are in `shared`.
+const SEVERAL: u32 = u32::MAX - 1;
 
 /// A crossing on an edge that holds several.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,105 +36,86 @@ struct Candidate {
     lower: u16,
 }
 
-impl Scratch {
-    /// Resolves all three axes.
+impl Resolver {
+    /// Finds the sign-changing edges along `axis`.
+    pub fn index(&mut self, axis: Axis, signs: &SignChanges) {
+        self.changes.clear();
+        self.ranks.clear();
+        let mut count = 0;
+        for row in 0..ROWS {
+            let word = signs.edges(axis, row % BRICK_POINTS, row / BRICK_POINTS);
+            self.changes.push(word);
+            self.ranks.push(count);
+            count += word.count_ones();
+        }
+        self.first.clear();
+        self.first.resize(count as usize, NONE);
+    }
+
+    /// Per row of samples, which edges change sign.
+    pub fn changes(&self) -> &[u64] {
+        &self.changes
+    }
+
+    /// One Hermite edge per sign-changing edge, from the crossings on those edges.
     pub fn resolve(
         &mut self,
         samples: &Samples,
-        signs: &SignChanges,
-        hits: &[Vec<Hit>; 3],
-        list: Triangles<'_>,
-    ) -> Result<Hermite> {
-        let mut out = Hermite::default();
-        for axis in Axis::ALL {
-            out.edges[axis.index()] = self.resolve_axis(axis, samples, signs, &hits[axis.index()], list)?;
-        }
-        Ok(out)
-    }
-
-    fn resolve_axis(
-        &mut self,
-        axis: Axis,
-        samples: &Samples,
-        signs: &SignChanges,
         hits: &[Hit],
         list: Triangles<'_>,
     ) -> Result<Vec<HermiteEdge>> {
-        let count = self.index_rows(axis, signs);
-        let mut edges = vec![HermiteEdge { offset: 0, normal: OctNormal(0) }; count];
-        self.seen.clear();
-        self.seen.resize(count, false);
         self.shared.clear();
-        let mut last = (u32::MAX, OctNormal(0));
-        for hit in hits {
-            let (row, i) = (usize::from(hit.lower) / BRICK_POINTS, usize::from(hit.lower) % BRICK_POINTS);
-            let (word, before) = self.rows[row];
-            if word >> i & 1 == 0 {
-                continue;
+        let candidate = |slot: u32, hit: &Hit| {
+            let normal = OctNormal::from_integer(normal(list.get((hit.facet >> 1) as usize)));
+            Candidate { slot, offset: hit.offset, normal, jump: hit.jump(), lower: hit.lower }
+        };
+        for (number, hit) in hits.iter().enumerate() {
+            let slot = self.slot(hit.lower);
+            let first = &mut self.first[slot];
+            match *first {
+                NONE => *first = number as u32,
+                SEVERAL => self.shared.push(candidate(slot as u32, hit)),
+                earlier => {
+                    self.shared.push(candidate(slot as u32, &hits[earlier as usize]));
+                    self.shared.push(candidate(slot as u32, hit));
+                    *first = SEVERAL;
+                }
             }
-            let slot = before as usize + (word & ((1 << i) - 1)).count_ones() as usize;
+        }
+        let mut last = (NONE, OctNormal(0));
+        let mut edges = Vec::with_capacity(self.first.len());
+        for &first in &self.first {
+            let Some(hit) = hits.get(first as usize) else {
+                if first == NONE {
+                    return Err(Error::setting(
+                        "internal error: a sign change without a crossing",
+                        "report this with the input",
+                    ));
+                }
+                edges.push(HermiteEdge { offset: 0, normal: OctNormal(0) });
+                continue;
+            };
             if last.0 != hit.facet >> 1 {
                 let position = hit.facet >> 1;
                 last = (position, OctNormal::from_integer(normal(list.get(position as usize))));
             }
-            if std::mem::replace(&mut self.seen[slot], true) {
-                self.shared.push(Candidate {
-                    slot: slot as u32,
-                    offset: hit.offset,
-                    normal: last.1,
-                    jump: hit.jump(),
-                    lower: hit.lower,
-                });
-            } else {
-                edges[slot] = HermiteEdge { offset: hit.offset, normal: last.1 };
-            }
+            edges.push(HermiteEdge { offset: hit.offset, normal: last.1 });
         }
-        if self.seen.contains(&false) {
-            return Err(Error::setting(
-                "internal error: a sign change without a crossing",
-                "report this with the input",
-            ));
-        }
-        self.settle_shared(samples, hits, list, &mut edges);
+        self.settle_shared(samples, &mut edges);
         Ok(edges)
     }
 
-    /// Fills `rows`; returns the number of sign-changing edges.
-    fn index_rows(&mut self, axis: Axis, signs: &SignChanges) -> usize {
-        self.rows.clear();
-        let mut count = 0;
-        for row in 0..ROWS {
-            let word = signs.edges(axis, row % BRICK_POINTS, row / BRICK_POINTS);
-            self.rows.push((word, count));
-            count += word.count_ones();
-        }
-        count as usize
+    /// The number of a sign-changing edge among them all, given its lower sample.
+    #[inline]
+    fn slot(&self, lower: u16) -> usize {
+        let (row, i) = (usize::from(lower) / BRICK_POINTS, usize::from(lower) % BRICK_POINTS);
+        let before = self.changes[row] & ((1 << i) - 1);
+        self.ranks[row] as usize + before.count_ones() as usize
     }
 
     /// Decides the edges that hold several crossings. Sorting makes the choice independent of the order of
     /// the triangles; crossings at one offset count as one step.
-    fn settle_shared(
-        &mut self,
-        samples: &Samples,
-        hits: &[Hit],
-        list: Triangles<'_>,
-        edges: &mut [HermiteEdge],
-    ) {
-        if self.shared.is_empty() {
-            return;
-        }
-        // The first crossing of each such edge was taken for the only one: bring it in as well.
-        let mut lowers: Vec<(u16, u32)> = self.shared.iter().map(|c| (c.lower, c.slot)).collect();
-        lowers.sort_unstable();
-        lowers.dedup();
-        self.shared.clear();
-        for hit in hits {
-            if let Ok(found) = lowers.binary_search_by_key(&hit.lower, |l| l.0) {
-                let normal = OctNormal::from_integer(normal(list.get((hit.facet >> 1) as usize)));
-                let (lower, slot) = lowers[found];
-                self.shared.push(Candidate { slot, offset: hit.offset, normal, jump: hit.jump(), lower });
-            }
-        }
+    fn settle_shared(&mut self, samples: &Samples, edges: &mut [HermiteEdge]) {
         self.shared.sort_unstable();
         for edge in self.shared.chunk_by(|a, b| a.slot == b.slot) {
             let start = i32::from(samples.0[usize::from(edge[0].lower)]);

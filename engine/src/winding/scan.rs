@@ -81,18 +81,14 @@ impl Facet {
             return;
         }
         let edges = EdgeFunctions::new::<A>(self, block, u0, v0);
-        let depth = Depth::new::<A>(self, block);
+        let depth = Depth::new::<A>(self, block, u0);
         let mut row = edges.start;
         for line_v in v0..=v1 {
-            let mut at = row;
-            for line_u in u0..=u1 {
-                if (at[0] | at[1] | at[2]) >= 0
-                    && let Some((lower, offset)) = depth.locate::<A>(self, block, line_u, line_v)
-                {
-                    hit(Crossing { u: line_u, v: line_v, lower, offset });
-                }
-                for i in 0..3 {
-                    at[i] += edges.step_u[i];
+            let along = depth.row::<A>(self, block, line_v);
+            let (from, to) = edges.span(row, u1 - u0);
+            for step in from..=to {
+                if let Some((lower, offset)) = depth.locate::<A>(self, block, along, (u0, step), line_v) {
+                    hit(Crossing { u: u0 + step, v: line_v, lower, offset });
                 }
             }
             for i in 0..3 {
@@ -108,6 +104,8 @@ struct EdgeFunctions {
     start: [i64; 3],
     step_u: [i64; 3],
     step_v: [i64; 3],
+    /// 1 / step_u, infinite where that is zero.
+    inverse_u: [f64; 3],
 }
 
 impl EdgeFunctions {
@@ -116,7 +114,7 @@ impl EdgeFunctions {
         let (u, v) = ((A + 1) % 3, (A + 2) % 3);
         let sign = facet.normal[A].signum();
         let (pu, pv) = (i64::from(u0) << block.shift, i64::from(v0) << block.shift);
-        let mut out = EdgeFunctions { start: [0; 3], step_u: [0; 3], step_v: [0; 3] };
+        let mut out = EdgeFunctions { start: [0; 3], step_u: [0; 3], step_v: [0; 3], inverse_u: [0.0; 3] };
         for i in 0..3 {
             let (a, b) = (facet.vertices[i], facet.vertices[(i + 1) % 3]);
             let along_u = -sign * i64::from(b[v] - a[v]);
@@ -127,78 +125,128 @@ impl EdgeFunctions {
             out.start[i] = along_v * (pv - i64::from(a[v])) + along_u * (pu - i64::from(a[u])) - tie;
             out.step_u[i] = along_u << block.shift;
             out.step_v[i] = along_v << block.shift;
+            out.inverse_u[i] = 1.0 / out.step_u[i] as f64;
         }
         out
+    }
+
+    /// First and last step in 0..=last at which no edge function is negative, given their values at step 0;
+    /// an empty range if there is none. The quotient in f64 is off by less than one, and the exact edge
+    /// function corrects it.
+    #[inline(always)]
+    fn span(&self, row: [i64; 3], last: i32) -> (i32, i32) {
+        const EMPTY: (i32, i32) = (1, 0);
+        let (mut from, mut to) = (0, i64::from(last));
+        for i in 0..3 {
+            let (value, step) = (row[i], self.step_u[i]);
+            if step > 0 {
+                if value + from * step < 0 {
+                    from = ((-value as f64 * self.inverse_u[i]) as i64).min(to + 1);
+                    while from <= to && value + from * step < 0 {
+                        from += 1;
+                    }
+                }
+            } else if value + to * step < 0 {
+                if value < 0 {
+                    return EMPTY;
+                }
+                to = (-value as f64 * self.inverse_u[i]) as i64 + 1;
+                while value + to * step < 0 {
+                    to -= 1;
+                }
+            }
+            if from > to {
+                return EMPTY;
+            }
+        }
+        (from as i32, to as i32)
     }
 }
 
 /// Where a line crosses the triangle's plane, in 1/65536 of the spacing, as a linear function in f64.
 struct Depth {
+    /// At the first line, as far as the axis and u go.
     at: f64,
-    slope_u: f64,
     slope_v: f64,
+    /// Change from one line to the next along u.
+    step_u: f64,
     /// Bound on the rounding error of the whole expression.
     error: f64,
+    /// Depth of the last sample.
+    beyond: f64,
 }
 
 impl Depth {
     #[inline(always)]
-    fn new<const A: usize>(facet: &Facet, block: Block) -> Depth {
+    fn new<const A: usize>(facet: &Facet, block: Block, u0: i32) -> Depth {
         let (u, v) = ((A + 1) % 3, (A + 2) % 3);
-        // A power of two, so the scaling is exact.
+        // Powers of two, so the scaling is exact.
+        let spacing = f64::from_bits((1023 + u64::from(block.shift)) << 52);
         let scale = f64::from_bits((1023 + 16 - u64::from(block.shift)) << 52);
         let scaled = scale / facet.normal[A] as f64;
         let slope_u = facet.normal[u] as f64 * scaled;
         let slope_v = facet.normal[v] as f64 * scaled;
-        let at = f64::from(facet.vertices[0][A]) * scale;
+        let along = f64::from(facet.vertices[0][A]) * scale;
         let extent = |a: usize| {
             let p = facet.vertices;
             f64::from((p[1][a] - p[0][a]).abs().max((p[2][a] - p[0][a]).abs()))
         };
-        // Each term carries at most five roundings of 2^-53 of its size, and a line that meets the triangle
-        // is no farther from vertex 0 than the extent; 2^-49 leaves a factor of three.
-        let size = at.abs() + slope_u.abs() * extent(u) + slope_v.abs() * extent(v);
-        Depth { at, slope_u, slope_v, error: size * f64::from_bits((1023 - 49) << 52) }
+        // A line that meets the triangle is no farther from vertex 0 than the extent, nor is the first such
+        // line. Each term carries at most six roundings of 2^-53 of its size and the u terms count twice;
+        // 2^-48 leaves a factor of two and more.
+        let size = along.abs() + slope_u.abs() * extent(u) + slope_v.abs() * extent(v);
+        Depth {
+            at: along + slope_u * f64::from(facet.vertices[0][u] - (u0 << block.shift)),
+            slope_v,
+            step_u: slope_u * spacing,
+            error: size * f64::from_bits((1023 - 48) << 52),
+            beyond: f64::from(block.last << 16),
+        }
     }
 
-    /// The sample before the crossing and the offset from it; `None` outside the block.
+    /// The depth at the first line of the row.
     #[inline(always)]
-    fn locate<const A: usize>(&self, facet: &Facet, block: Block, u: i32, v: i32) -> Option<(i32, u16)> {
-        let (au, av) = ((A + 1) % 3, (A + 2) % 3);
-        let du = f64::from(facet.vertices[0][au] - (u << block.shift));
-        let dv = f64::from(facet.vertices[0][av] - (v << block.shift));
-        let depth = self.at + self.slope_u * du + self.slope_v * dv;
-        let beyond = (i64::from(block.last) << 16) as f64;
-        if depth < -1.0 - self.error || depth > beyond + 1.0 + self.error {
+    fn row<const A: usize>(&self, facet: &Facet, block: Block, v: i32) -> f64 {
+        self.at + self.slope_v * f64::from(facet.vertices[0][(A + 2) % 3] - (v << block.shift))
+    }
+
+    /// The sample before the crossing and the offset from it; `None` outside the block. `u` is the first
+    /// line and the steps from there.
+    #[inline(always)]
+    fn locate<const A: usize>(
+        &self,
+        facet: &Facet,
+        block: Block,
+        row: f64,
+        u: (i32, i32),
+        v: i32,
+    ) -> Option<(i32, u16)> {
+        /// Adding this rounds to an integer that stands in the low mantissa bits.
+        const ROUND: f64 = (1u64 << 52) as f64 * 1.5;
+        let depth = row - self.step_u * f64::from(u.1);
+        if depth < -1.0 - self.error || depth > self.beyond + 1.0 + self.error {
             return None;
         }
-        let shifted = depth + 0.5;
-        let rounded = floor(shifted);
-        let fraction = shifted - rounded as f64;
-        let near_rounding = fraction < self.error || fraction > 1.0 - self.error;
-        let near_sample = rounded & 0xffff == 0 && (depth - rounded as f64).abs() <= self.error;
-        let (lower, offset) = if near_rounding || near_sample || self.error > 0.25 {
-            locate_exactly(facet, block, A, u, v)
+        let shifted = depth + ROUND;
+        let rounded = shifted.to_bits() as i32;
+        let rest = depth - (shifted - ROUND);
+        let near_sample = rounded & 0xffff == 0;
+        let doubtful = rest.abs() > 0.5 - self.error || (near_sample && rest.abs() <= self.error);
+        let (lower, offset) = if doubtful {
+            locate_exactly(facet, block, A, u.0 + u.1, v)
         } else {
-            let lower = floor(depth) >> 16;
+            let lower = (rounded - i32::from(near_sample && rest < 0.0)) >> 16;
             (lower, rounded - (lower << 16))
         };
-        (lower >= 0 && lower < i64::from(block.last)).then(|| (lower as i32, offset.min(65535) as u16))
+        (lower >= 0 && lower < block.last).then(|| (lower, offset.min(65535) as u16))
     }
 }
 
-/// floor for |v| < 2^62, without a call into libm on baseline x86-64.
-#[inline(always)]
-fn floor(v: f64) -> i64 {
-    let truncated = v as i64;
-    truncated - i64::from(truncated as f64 > v)
-}
-
-/// [`Depth::locate`] in 128-bit integers: the sample before the crossing (possibly outside the block) and
-/// the offset in 0..=65536.
+/// [`Depth::locate`] in 128-bit integers: the sample before the crossing, -1 or the last one where that is
+/// outside the block, and the offset in 0..=65536.
 #[cold]
 #[inline(never)]
-fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> (i64, i64) {
+fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> (i32, i32) {
     let (au, av) = ((axis + 1) % 3, (axis + 2) % 3);
     let n = facet.normal.map(i128::from);
     let a = facet.vertices[0].map(i128::from);
@@ -218,7 +266,7 @@ fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> (
     }
     let rest = numerator - lower * denominator;
     let offset = (rest * (65536 * 2) + denominator).div_euclid(2 * denominator);
-    (lower as i64, offset as i64)
+    (lower.clamp(-1, i128::from(block.last)) as i32, offset as i32)
 }
 
 #[cfg(test)]
@@ -302,7 +350,7 @@ mod tests {
                 facet.scan::<2>(block, [32, 32], |c| checked.push((2, c)));
                 for (axis, c) in checked {
                     let (lower, offset) = locate_exactly(&facet, block, axis, c.u, c.v);
-                    prop_assert_eq!((i64::from(c.lower), i64::from(c.offset)), (lower, offset.min(65535)));
+                    prop_assert_eq!((c.lower, i32::from(c.offset)), (lower, offset.min(65535)));
                 }
             }
         }
