@@ -2,13 +2,15 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], `mmap` → `ingest`, [`brick`] → `winding`, [`store`] → `build` → `contour`.
+//! [`lattice`], [`mmap`] → `ingest`, [`brick`] → `winding`, [`store`] → `build` → `contour`.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod brick;
 mod error;
 pub mod lattice;
+#[allow(unsafe_code)] // maps; nothing else is
+pub mod mmap;
 mod progress;
 pub mod store;
 
