@@ -2,12 +2,13 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → `ingest`, [`brick`] → `winding`, [`store`] → `build` → `contour`.
+//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → `winding`, [`store`] → `build` → `contour`.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod brick;
 mod error;
+pub mod ingest;
 pub mod lattice;
 #[allow(unsafe_code)] // maps; nothing else is
 pub mod mmap;
