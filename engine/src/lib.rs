@@ -2,14 +2,17 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], `mmap` → `ingest`, [`brick`] → `winding`, [`store`] → `build` → `contour`.
+//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → `winding`, [`store`] → `build` → `contour`.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod brick;
 pub mod build;
 mod error;
+pub mod ingest;
 pub mod lattice;
+#[allow(unsafe_code)] // maps; nothing else is
+pub mod mmap;
 mod progress;
 pub mod store;
 pub mod winding;

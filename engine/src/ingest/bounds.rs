@@ -1,0 +1,95 @@
+//! The box around all facets, and the search for the first facet that is not finite.
+
+use crate::error::Result;
+use crate::progress::Progress;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Facets per task: 3 MB of binary STL, enough to hide the cost of a task and small enough to share out.
+const CHUNK: u64 = 1 << 16;
+
+/// The box around some facets, and the first of them that has none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Extent {
+    low: [f64; 3],
+    high: [f64; 3],
+    /// First facet with a NaN or infinite coordinate; the box means nothing then.
+    bad: Option<u64>,
+}
+
+impl Extent {
+    /// Of no facets.
+    pub(super) const EMPTY: Extent =
+        Extent { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3], bad: None };
+
+    /// Of facets of which `facet` is the first that is not finite.
+    pub(super) fn bad(facet: u64) -> Extent {
+        Extent { bad: Some(facet), ..Extent::EMPTY }
+    }
+
+    /// Extent of `facets`, numbered from 0.
+    pub(super) fn of<T: Copy + Into<f64>>(facets: impl Iterator<Item = [[T; 3]; 3]>) -> Extent {
+        let mut extent = Extent::EMPTY;
+        for (number, facet) in facets.enumerate() {
+            let facet = facet.map(|corner| corner.map(Into::into));
+            if !facet.as_flattened().iter().all(|c| c.is_finite()) {
+                return Extent::bad(number as u64);
+            }
+            facet.into_iter().for_each(|corner| extent.include(corner));
+        }
+        extent
+    }
+
+    /// Lower and upper corner of the box, or the number of the first facet that is not finite.
+    pub(super) fn corners(self) -> std::result::Result<([f64; 3], [f64; 3]), u64> {
+        match self.bad {
+            Some(facet) => Err(facet),
+            // Adding zero turns −0 into +0: which of the two came first must not show.
+            None => Ok((self.low.map(|c| c + 0.0), self.high.map(|c| c + 0.0))),
+        }
+    }
+
+    /// Grows the box to `point`.
+    #[inline]
+    pub(super) fn include(&mut self, point: [f64; 3]) {
+        for (axis, &c) in point.iter().enumerate() {
+            self.low[axis] = if c < self.low[axis] { c } else { self.low[axis] };
+            self.high[axis] = if c > self.high[axis] { c } else { self.high[axis] };
+        }
+    }
+
+    /// Of the facets of both.
+    fn union(mut self, other: Extent) -> Extent {
+        self.include(other.low);
+        self.include(other.high);
+        self.bad = match (self.bad, other.bad) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        };
+        self
+    }
+}
+
+/// Extent of `facets` facets. `extent_of` measures a range of them, numbering them from 0 within the range. Runs
+/// on all threads; the result does not depend on their number.
+///
+/// # Errors
+/// If the user interrupts.
+pub(super) fn of_all(
+    facets: u64,
+    progress: &dyn Progress,
+    extent_of: impl Fn(Range<u64>) -> Extent + Sync,
+) -> Result<Extent> {
+    progress.phase("measuring", Some(facets), "triangles");
+    (0..facets.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            progress.check()?;
+            let range = chunk * CHUNK..facets.min((chunk + 1) * CHUNK);
+            let mut extent = extent_of(range.clone());
+            extent.bad = extent.bad.map(|facet| range.start + facet);
+            progress.advance(range.end - range.start);
+            Ok(extent)
+        })
+        .try_reduce(|| Extent::EMPTY, |a, b| Ok(a.union(b)))
+}

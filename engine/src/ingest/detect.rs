@@ -1,0 +1,78 @@
+//! Which format a file is in: by its content if that is conclusive, else by its ending.
+
+use super::{obj, ply, stl, text};
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Bytes at the front that are looked at to tell text from binary.
+const START_BYTES: usize = 1 << 14;
+
+/// What reader a file is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Family {
+    BinaryStl,
+    AsciiStl,
+    Obj,
+    Ply,
+}
+
+/// Beginnings of other files that a user may well try, and what they are.
+const FOREIGN: [(&[u8], &str); 8] = [
+    (b"PK\x03\x04", "a ZIP archive (3MF is one)"),
+    (b"glTF", "a binary glTF file"),
+    (b"\x1f\x8b", "compressed with gzip"),
+    (b"\xfd7zXZ\0", "compressed with xz"),
+    (b"\x28\xb5\x2f\xfd", "compressed with zstd"),
+    (b"OFF", "an OFF file"),
+    (b"ISO-10303-21", "a STEP file"),
+    (b"<?xml", "an XML file"),
+];
+
+/// Decides by `bytes`, the content of the file `path`.
+///
+/// # Errors
+/// If the file is empty, or no mesh of a known format.
+pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
+    if bytes.is_empty() {
+        return Err(Error::input(path, "byte 0", "is empty", "export or copy the file again"));
+    }
+    let start = &bytes[..bytes.len().min(START_BYTES)];
+    let start_text = text::without_mark(start);
+    let is_text = !start.iter().any(|b| *b < b' ' && !text::is_space(*b));
+    if ply::is_ply(bytes) {
+        return Ok(Family::Ply);
+    }
+    if stl::has_exact_size(bytes) {
+        return Ok(Family::BinaryStl);
+    }
+    if is_text && begins_as_stl(start_text) {
+        return Ok(Family::AsciiStl);
+    }
+    if is_text && obj::is_plausible(start_text) {
+        return Ok(Family::Obj);
+    }
+    let remedy = "give a mesh as STL, OBJ or PLY";
+    if let Some((_, what)) = FOREIGN.iter().find(|(magic, _)| start_text.starts_with(magic)) {
+        return Err(Error::input(path, "byte 0", format!("is {what}, not a mesh that can be read"), remedy));
+    }
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    match ending.to_str() {
+        // The reader says what is wrong with it.
+        Some("stl") if is_text => Ok(Family::AsciiStl),
+        Some("stl") => Ok(Family::BinaryStl),
+        Some("obj") if is_text => Ok(Family::Obj),
+        Some("obj") => Err(Error::input(path, "byte 0", "is not text, as an OBJ mesh is", remedy)),
+        Some("ply") => Err(Error::input(path, "byte 0", "does not begin with the line \"ply\"", remedy)),
+        _ => Err(Error::input(path, "byte 0", "is neither STL nor OBJ nor PLY", remedy)),
+    }
+}
+
+/// True if the text begins with "solid" and goes on with a facet or the end of the solid.
+fn begins_as_stl(start: &[u8]) -> bool {
+    let mut rest = start;
+    if !text::token(&mut rest).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) {
+        return false;
+    }
+    std::iter::from_fn(|| text::token(&mut rest))
+        .any(|word| [&b"facet"[..], b"endsolid"].iter().any(|keyword| word.eq_ignore_ascii_case(keyword)))
+}

@@ -1,0 +1,190 @@
+//! Meshes as they come: binary and ASCII STL, OBJ, PLY, each as a numbered list of triangles.
+//!
+//! A binary STL, the form that huge soups come in, stays mapped and is decoded a range at a time; the other
+//! formats are parsed into memory once. [`Input::read`] hides the difference.
+
+mod bounds;
+mod detect;
+mod obj;
+mod ply;
+mod polygons;
+mod stl;
+mod stl_text;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use crate::error::{Error, Result};
+use crate::mmap::{Access, MappedFile};
+use crate::progress::Progress;
+use bounds::Extent;
+use detect::Family;
+use polygons::Polygons;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// One triangle in the input's own unit: three corners, counter-clockwise seen from outside.
+pub type Facet = [[f64; 3]; 3];
+
+/// Bytes that [`Input::identity`] hashes at a time.
+const IDENTITY_CHUNK_BYTES: usize = 4 << 20;
+
+/// An opened mesh. Any number of threads may read it at once. The file must not be changed while it is open
+/// (see [`crate::mmap`]).
+#[derive(Debug)]
+pub struct Input {
+    path: PathBuf,
+    file: MappedFile,
+    format: &'static str,
+    facets: u64,
+    soup: Soup,
+}
+
+/// Where the triangles are.
+#[derive(Debug)]
+enum Soup {
+    /// In the mapped file, as a binary STL.
+    Mapped,
+    Facets(Vec<stl_text::Facet>),
+    Polygons(Polygons),
+}
+
+impl Input {
+    /// Opens `path` and finds out its format, by content first and then by ending; parses it unless it is a
+    /// binary STL. Memory taken is bounded by a small multiple of the file's size, whatever the file claims,
+    /// and nothing for binary STL.
+    ///
+    /// A file whose size fits the count in its 85th byte is a binary STL even if it begins with "solid". Less
+    /// than 50 bytes after the last facet, or zeros of any length, are taken for padding.
+    ///
+    /// # Errors
+    /// If the file is missing, empty, no regular file, not a mesh of a known format, or damaged: the message
+    /// names the line, byte or header. Also if the user interrupts.
+    pub fn open(path: &Path, progress: &dyn Progress) -> Result<Input> {
+        let file = MappedFile::open(path)?;
+        let bytes = file.bytes();
+        let family = detect::family(path, bytes)?;
+        file.advise(Access::Sequential);
+        if family != Family::BinaryStl {
+            progress.phase("reading", Some(file.len()), "bytes");
+        }
+        let (format, facets, soup) = match family {
+            Family::BinaryStl => ("STL binary", stl::facets(path, bytes)?, Soup::Mapped),
+            Family::AsciiStl => {
+                let facets = stl_text::read(path, bytes, progress)?;
+                ("STL ASCII", facets.len() as u64, Soup::Facets(facets))
+            }
+            Family::Obj => {
+                let polygons = obj::read(path, bytes, progress)?;
+                ("OBJ", polygons.triangles.len() as u64, Soup::Polygons(polygons))
+            }
+            Family::Ply => {
+                let (polygons, format) = ply::read(path, bytes, progress)?;
+                (format, polygons.triangles.len() as u64, Soup::Polygons(polygons))
+            }
+        };
+        Ok(Input { path: path.to_owned(), file, format, facets, soup })
+    }
+
+    /// Where it was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The format, as in "STL binary", "STL ASCII", "OBJ", "PLY binary little-endian".
+    pub fn describe(&self) -> &'static str {
+        self.format
+    }
+
+    /// Size of the file in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.file.len()
+    }
+
+    /// Number of triangles, polygons having been split.
+    pub fn facets(&self) -> u64 {
+        self.facets
+    }
+
+    /// Number of faces with fewer than three corners, which were left out.
+    pub fn skipped_faces(&self) -> u64 {
+        match &self.soup {
+            Soup::Polygons(polygons) => polygons.skipped,
+            _ => 0,
+        }
+    }
+
+    /// Replaces the content of `out` by the facets of `range` (numbered from 0; what lies beyond
+    /// [`Self::facets`] is left out). Coordinates are as in the file, thus possibly NaN or infinite unless
+    /// [`Self::bounds`] has passed. Allocates only if `out` lacks room; ask for some 16,384 facets at a time.
+    pub fn read(&self, range: Range<u64>, out: &mut Vec<Facet>) {
+        out.clear();
+        let to = range.end.min(self.facets) as usize;
+        let from = (range.start as usize).min(to);
+        match &self.soup {
+            Soup::Mapped => {
+                out.extend(stl::records(self.file.bytes(), from, to).iter().map(stl::corners));
+            }
+            Soup::Facets(facets) => {
+                out.extend(facets[from..to].iter().map(|facet| facet.map(|corner| corner.map(f64::from))));
+            }
+            Soup::Polygons(polygons) => {
+                let corners = |triangle: &[u32; 3]| triangle.map(|v| polygons.vertices[v as usize]);
+                out.extend(polygons.triangles[from..to].iter().map(corners));
+            }
+        }
+    }
+
+    /// Lower and upper corner of the box around all facets; vertices that no facet uses do not count. One
+    /// pass over the facets on all threads.
+    ///
+    /// # Errors
+    /// If there are no facets; if a facet has a coordinate that is NaN or infinite, naming the first such
+    /// facet, counted from 1; if the user interrupts.
+    pub fn bounds(&self, progress: &dyn Progress) -> Result<([f64; 3], [f64; 3])> {
+        if self.facets == 0 {
+            let remedy = "give a mesh with at least one triangle";
+            return Err(Error::input(&self.path, self.format, "has no facets", remedy));
+        }
+        let extent = bounds::of_all(self.facets, progress, |range| self.extent(range))?;
+        extent.corners().map_err(|facet| self.not_finite(facet))
+    }
+
+    fn extent(&self, range: Range<u64>) -> Extent {
+        let (from, to) = (range.start as usize, range.end as usize);
+        match &self.soup {
+            Soup::Mapped => stl::extent(stl::records(self.file.bytes(), from, to)),
+            Soup::Facets(facets) => Extent::of(facets[from..to].iter().copied()),
+            Soup::Polygons(polygons) => Extent::of(
+                polygons.triangles[from..to].iter().map(|t| t.map(|v| polygons.vertices[v as usize])),
+            ),
+        }
+    }
+
+    /// The error for `facet` (from 0), which has a coordinate that is not finite.
+    fn not_finite(&self, facet: u64) -> Error {
+        let mut corners = Vec::new();
+        self.read(facet..facet + 1, &mut corners);
+        let is_bad = |corner: &&[f64; 3]| !corner.iter().all(|c| c.is_finite());
+        let [x, y, z] = corners.as_flattened().iter().find(is_bad).copied().unwrap_or([f64::NAN; 3]);
+        Error::input(
+            &self.path,
+            format!("facet {}", facet + 1),
+            format!("has the corner ({x}, {y}, {z}), which is not finite"),
+            "remove or repair the facet, or export the file again",
+        )
+    }
+
+    /// Tells the content of the file from any other, to recognise the source of a store: the BLAKE3 hash of
+    /// the concatenated BLAKE3 hashes of its 4 MiB chunks in order, the last one being shorter. Reads the
+    /// whole file on all threads.
+    ///
+    /// # Errors
+    /// None so far; a file system that fails under a map ends the program (see [`crate::mmap`]).
+    pub fn identity(&self) -> Result<[u8; 32]> {
+        let chunks = self.file.bytes().par_chunks(IDENTITY_CHUNK_BYTES);
+        let hashes: Vec<[u8; 32]> = chunks.map(|chunk| *blake3::hash(chunk).as_bytes()).collect();
+        Ok(*blake3::hash(hashes.as_flattened()).as_bytes())
+    }
+}
