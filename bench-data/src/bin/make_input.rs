@@ -1,0 +1,193 @@
+//! `make-input`: writes generated inputs to files, and judges meshes.
+
+use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile};
+use brickfield_bench_data::shapes::{
+    Polygon, cuboid, extrude, icosphere, octahedron, slant, spiked_cube, spiral_tube, torus,
+};
+use brickfield_bench_data::write::{self, Hashed, StlWriter};
+use brickfield_bench_data::{Mesh, judge};
+use clap::{Args, Parser, Subcommand};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Generated test and benchmark inputs, the same bytes on every machine.
+///
+/// The ending of the output names the format: .stl and .ply are binary, .obj is text.
+#[derive(Parser)]
+#[command(version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Args)]
+struct Output {
+    /// File to write: .stl, .ply or .obj
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Write STL and PLY as text
+    #[arg(long)]
+    ascii: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// The benchmark's pile of deposited beads (STL only, streamed)
+    Pile {
+        /// Facets, rounded to a multiple of 500
+        #[arg(long, default_value_t = 1_000_000)]
+        triangles: u64,
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Sides of the box to fill, mm
+        #[arg(long, num_args = 3, default_values_t = [100.0, 100.0, 12.0])]
+        size: Vec<f64>,
+        #[command(flatten)]
+        to: Output,
+    },
+    /// Random overlapping, nested, reversed and doubled pieces
+    Random {
+        #[arg(long, default_value_t = 20)]
+        pieces: usize,
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        to: Output,
+    },
+    /// The same on a coarse integer grid: faces coincide, in lattice planes and at 45 degrees
+    Lattice {
+        #[arg(long, default_value_t = 20)]
+        pieces: usize,
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        to: Output,
+    },
+    /// A box of 10 mm
+    Box(Output),
+    /// The box turned by 0.5 rad about (1, 2, 3)
+    RotatedBox(Output),
+    /// A sphere of radius 10 mm with 20·4^n facets
+    Sphere {
+        #[arg(long, default_value_t = 5)]
+        subdivisions: u32,
+        #[command(flatten)]
+        to: Output,
+    },
+    /// A torus of radii 10 and 3 mm
+    Torus(Output),
+    /// A tube along a helix that overlaps itself
+    Spiral(Output),
+    /// A prism with square teeth, every face parallel to two axes
+    Gear(Output),
+    /// An L-shaped prism
+    Ell(Output),
+    /// A star with 24 facets
+    Star(Output),
+    /// The rhombic dodecahedron: every face at 45 degrees to two axes
+    Dodecahedron(Output),
+    /// |x| + |y| + |z| = 10
+    Octahedron(Output),
+    /// A box sheared by 45 degrees
+    Slant(Output),
+    /// Judge the mesh in a binary STL, binary PLY or OBJ file; exit status 1 unless closed and manifold
+    Check {
+        /// File to read
+        file: PathBuf,
+    },
+}
+
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(status) => status,
+        Err(message) => {
+            eprintln!("make-input: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> Result<ExitCode, String> {
+    let (mesh, to) = match command {
+        Command::Pile { triangles, seed, size, to } => {
+            return pile(triangles, seed, [size[0], size[1], size[2]], &to).map(|()| ExitCode::SUCCESS);
+        }
+        Command::Check { file } => return check(&file),
+        Command::Random { pieces, seed, to } => (Mesh::merged(&random_pile(seed, pieces)), to),
+        Command::Lattice { pieces, seed, to } => (Mesh::merged(&lattice_pile(seed, pieces, 1, 32)), to),
+        Command::Sphere { subdivisions, to } => (icosphere(subdivisions.min(11), 10.0), to),
+        Command::Box(to) => (cuboid([0.0; 3], [10.0; 3]), to),
+        Command::RotatedBox(to) => (cuboid([0.0; 3], [10.0; 3]).rotated([1.0, 2.0, 3.0], 0.5), to),
+        Command::Torus(to) => (torus(10.0, 3.0, 96, 32), to),
+        Command::Spiral(to) => (spiral_tube(10, 64, 10.0, 1.2, 2.0), to),
+        Command::Gear(to) => (extrude(&Polygon::gear(1.0), 0.0, 4.0), to),
+        Command::Ell(to) => (extrude(&Polygon::ell(10.0, 4.0), 0.0, 5.0), to),
+        Command::Star(to) => (spiked_cube(4.0, 8.0), to),
+        Command::Dodecahedron(to) => (spiked_cube(5.0, 5.0), to),
+        Command::Octahedron(to) => (octahedron(10.0), to),
+        Command::Slant(to) => (slant([10.0, 6.0, 8.0]), to),
+    };
+    save(&mesh, &to).map(|()| ExitCode::SUCCESS)
+}
+
+fn check(file: &Path) -> Result<ExitCode, String> {
+    let report = judge::mesh::check_file(file).map_err(|e| format!("{}: {e}", file.display()))?;
+    println!("{report}");
+    Ok(if report.is_closed_manifold() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn pile(triangles: u64, seed: u64, size: [f64; 3], to: &Output) -> Result<(), String> {
+    if ending(&to.output) != "stl" || to.ascii {
+        return Err("a pile is written as binary STL: name the output *.stl, without --ascii".into());
+    }
+    if size.iter().any(|&s| !(s.is_finite() && s > 0.0)) {
+        return Err("--size takes three positive lengths".into());
+    }
+    let pile = bead_pile(seed, triangles, size);
+    println!(
+        "{} beads in {} layers, {:.3} mm wide, {:.3} mm high, {:.2} mm long",
+        pile.beads(),
+        pile.layers(),
+        pile.width(),
+        pile.height(),
+        pile.length()
+    );
+    written(to, pile.triangles(), |out| {
+        let mut writer = StlWriter::new(out, pile.triangles())?;
+        pile.into_iter().try_for_each(|bead| writer.mesh(&bead))?;
+        writer.finish().map(drop)
+    })
+}
+
+fn save(mesh: &Mesh, to: &Output) -> Result<(), String> {
+    let kind = ending(&to.output);
+    written(to, mesh.triangles.len() as u64, |out| match (kind, to.ascii) {
+        ("stl", false) => write::stl(out, mesh),
+        ("stl", true) => write::stl_ascii(out, "generated", mesh),
+        ("ply", false) => write::ply_binary(out, mesh),
+        ("ply", true) => write::ply_ascii(out, mesh),
+        ("obj", _) => write::obj(out, mesh),
+        _ => Err(io::Error::other("the ending is not .stl, .ply or .obj")),
+    })
+}
+
+fn ending(path: &Path) -> &str {
+    path.extension().and_then(|e| e.to_str()).unwrap_or("")
+}
+
+/// Opens the output, lets `body` fill it, and reports what was written.
+fn written(
+    to: &Output,
+    facets: u64,
+    body: impl FnOnce(&mut BufWriter<Hashed<File>>) -> io::Result<()>,
+) -> Result<(), String> {
+    let fail = |e: io::Error| format!("cannot write {}: {e}", to.output.display());
+    let file = File::create(&to.output).map_err(fail)?;
+    let mut out = BufWriter::with_capacity(1 << 20, Hashed::new(file));
+    body(&mut out).and_then(|()| out.flush()).map_err(fail)?;
+    let hashed = out.get_ref();
+    println!("{facets} facets, {} bytes, FNV-1a {:016x}", hashed.bytes(), hashed.hash());
+    Ok(())
+}

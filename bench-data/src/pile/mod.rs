@@ -1,0 +1,7 @@
+//! Many pieces together.
+
+mod beads;
+mod random;
+
+pub use beads::{BeadPile, FACETS_PER_BEAD, SEGMENTS_PER_BEAD, bead_pile};
+pub use random::{lattice_pile, random_pile};
