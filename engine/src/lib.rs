@@ -9,6 +9,8 @@
 pub mod brick;
 mod error;
 pub mod lattice;
+#[allow(unsafe_code)]
+pub mod mmap;
 mod progress;
 pub mod store;
 

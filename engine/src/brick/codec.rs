@@ -19,7 +19,7 @@
 //! The first two lines leave out the range check and the sign classification that the others include. Normals
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
-use super::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
 

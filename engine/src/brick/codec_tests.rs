@@ -1,5 +1,5 @@
 use super::*;
-use crate::brick::point_index;
+use crate::brick::{POINTS, point_index};
 use proptest::prelude::*;
 
 /// A convex solid: the planes n·p = d around it, n not normalized.
