@@ -168,7 +168,10 @@ impl SignChanges {
 
     /// Number of sign-changing edges along each axis.
     pub fn counts(&self) -> [usize; 3] {
-        Axis::ALL.map(|axis| self.ranks(axis)[ROWS] as usize)
+        Axis::ALL.map(|axis| {
+            let row = |row| self.edges(axis, row % BRICK_POINTS, row / BRICK_POINTS).count_ones();
+            (0..ROWS).map(row).sum::<u32>() as usize
+        })
     }
 }
 

@@ -1,5 +1,6 @@
 //! What one brick holds: samples of the winding number and, on leaves, Hermite edges.
 
+pub mod codec;
 mod hermite;
 mod samples;
 

@@ -1,5 +1,30 @@
 //! The brick store: one file that holds the octree.
+//!
+//! [`StoreWriter`] makes one, [`Store`] answers from it, through the view that [`BrickTree`] gives of any
+//! octree. The file's layout is described in `FORMAT.md` beside this crate's manifest.
 
+mod cache;
+mod index;
+mod layout;
+mod meta;
+mod reader;
+mod summary;
 mod tree;
+mod verify;
+mod writer;
 
+pub use cache::CacheStats;
+pub use layout::{FORMAT_VERSION, IndexEntry};
+pub use meta::{Meta, Numbers, Refine, Source};
+pub use reader::Store;
+pub use summary::{LevelSummary, NodeNumbers, Summary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
+pub use verify::{Damage, VerifyReport};
+pub use writer::{Stats, StoreWriter};
+
+pub use crate::brick::codec::{Payload, PayloadHead, PayloadKind, Scratch, encode, encode_into};
+
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;

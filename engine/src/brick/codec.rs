@@ -1,0 +1,454 @@
+//! The stored form of a brick: what a record of the store holds, without knowing of files.
+//!
+//! A brick of counts is mostly runs: its samples change by one where a row crosses a facet and are constant
+//! elsewhere. So a row is stored as its first sample, a mask of the places where it changes, and the
+//! changes. Hermite edges follow as byte planes; how many there are is derived from the samples. LZ4 goes on
+//! top of each of the two parts where it helps. The byte diagrams are in `FORMAT.md`.
+//!
+//! Chosen by measurement (`cargo test --release -p brickfield-engine codec_variants -- --ignored
+//! --nocapture`): twelve bricks of balls, planes and crossing beads with 2,195 Hermite edges on average, one
+//! core, mean bytes and time a brick.
+//!
+//! | stored                             | bytes | encode  | decode  |
+//! |------------------------------------|-------|---------|---------|
+//! | i8 samples, LZ4                    | 3,214 | 11.0 µs | 17.9 µs |
+//! | i8 differences along x, LZ4        | 2,524 |  9.2 µs | 26.0 µs |
+//! | rows as masks and changes, LZ4     | 1,078 | 19.8 µs | 13.0 µs |
+//! | the last with Hermite edges        | 5,586 | 41.4 µs | 24.0 µs |
+//!
+//! The first two lines leave out the range check and the sign classification that the others include. Normals
+//! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
+
+use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
+
+/// Rows of samples along x in a brick.
+const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
+/// Most changes within the rows of a brick.
+const STEPS_MAX: usize = ROWS * BRICK_CELLS;
+/// Byte planes of the change masks: 32 places in a row.
+const MASK_PLANES: usize = 4;
+/// A Hermite edge before LZ4: two bytes of offset, four of normal.
+const EDGE_BYTES: usize = 6;
+/// Length prefix of the samples part where a Hermite part follows it.
+const PART_LENGTH_BYTES: usize = 4;
+/// Largest samples part before LZ4: two planes each of first samples and changes, and the masks.
+const SAMPLES_PART_MAX: usize = ROWS * (2 + MASK_PLANES) + 2 * STEPS_MAX;
+
+/// How a payload is laid out: the type in the low half byte, flags in the high one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PayloadKind(u8);
+
+impl PayloadKind {
+    /// No payload: every sample has the value that stands in the index.
+    pub const UNIFORM: PayloadKind = PayloadKind(0);
+    /// Type of counts whose differences fit 8 bits.
+    pub(crate) const NARROW: u8 = 1;
+    /// Type of counts whose differences need 16 bits.
+    pub(crate) const WIDE: u8 = 2;
+    /// Flag: Hermite edges follow the samples.
+    pub(crate) const HERMITE: u8 = 0x10;
+    /// Flag: the samples part is an LZ4 block.
+    pub(crate) const LZ4_SAMPLES: u8 = 0x20;
+    /// Flag: the Hermite part is an LZ4 block.
+    pub(crate) const LZ4_HERMITE: u8 = 0x40;
+
+    /// Reads the byte stored in an index; `None` if this version has no such kind.
+    pub const fn from_bits(bits: u8) -> Option<PayloadKind> {
+        let flags = match bits & 0x0f {
+            0 => 0,
+            Self::NARROW | Self::WIDE if bits & Self::HERMITE == 0 => Self::LZ4_SAMPLES,
+            Self::NARROW | Self::WIDE => Self::HERMITE | Self::LZ4_SAMPLES | Self::LZ4_HERMITE,
+            _ => return None,
+        };
+        if bits & 0xf0 & !flags == 0 { Some(PayloadKind(bits)) } else { None }
+    }
+
+    /// The byte stored in an index.
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// True if all samples are equal and there is no payload.
+    pub const fn is_uniform(self) -> bool {
+        self.0 == 0
+    }
+
+    /// True if the payload holds Hermite edges.
+    pub const fn has_hermite(self) -> bool {
+        self.0 & Self::HERMITE != 0
+    }
+
+    /// True if differences of samples take 16 bits.
+    pub const fn is_wide(self) -> bool {
+        self.0 & 0x0f == Self::WIDE
+    }
+
+    const fn has(self, flag: u8) -> bool {
+        self.0 & flag != 0
+    }
+}
+
+impl std::fmt::Display for PayloadKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.is_uniform() {
+            return f.write_str("uniform");
+        }
+        f.write_str(if self.is_wide() { "counts16" } else { "counts8" })?;
+        f.write_str(if self.has_hermite() { "+hermite" } else { "" })?;
+        f.write_str(if self.has(Self::LZ4_SAMPLES | Self::LZ4_HERMITE) { "+lz4" } else { "" })
+    }
+}
+
+/// What the index says of a brick beside its payload's place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PayloadHead {
+    /// Layout of the payload.
+    pub kind: PayloadKind,
+    /// Smallest sample, apron included.
+    pub min: i16,
+    /// Largest sample, apron included; equal to `min` on uniform bricks.
+    pub max: i16,
+}
+
+/// An encoded brick.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Payload {
+    /// Kind and range.
+    pub head: PayloadHead,
+    /// Stored bytes; none for a uniform brick.
+    pub bytes: Vec<u8>,
+}
+
+/// Why a payload is not one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DecodeError {
+    /// Payload bytes on a uniform brick.
+    #[error("a uniform brick has payload bytes")]
+    UniformBytes,
+    /// The payload ends before its first part does.
+    #[error("the payload is shorter than its samples")]
+    Short,
+    /// LZ4 refuses a part.
+    #[error("the compressed bytes are damaged")]
+    Lz4,
+    /// A part has another size than its type and its samples ask for.
+    #[error("the samples have the wrong size")]
+    SamplesSize,
+    /// The number of Hermite edges is not that of the samples' sign changes.
+    #[error("the Hermite edges do not match the samples")]
+    HermiteSize,
+}
+
+/// Reusable buffers of [`encode_into`] and [`decode`], about 200 KB.
+pub struct Scratch {
+    masks: Box<[u32; ROWS]>,
+    firsts: Box<[i16; ROWS]>,
+    steps: Vec<i16>,
+    signs: SignChanges,
+    plain: Vec<u8>,
+    small_table: CompressTable,
+    large_table: CompressTable,
+}
+
+impl Default for Scratch {
+    fn default() -> Scratch {
+        Scratch::new()
+    }
+}
+
+impl Scratch {
+    /// Empty buffers.
+    pub fn new() -> Scratch {
+        Scratch {
+            masks: vec![0; ROWS].into_boxed_slice().try_into().expect("the length is ROWS"),
+            firsts: vec![0; ROWS].into_boxed_slice().try_into().expect("the length is ROWS"),
+            steps: Vec::new(),
+            signs: SignChanges::outside(),
+            plain: Vec::new(),
+            small_table: CompressTable::small(),
+            large_table: CompressTable::large(),
+        }
+    }
+}
+
+/// Encodes `brick` with buffers of its own. Use [`encode_into`] for many bricks.
+///
+/// # Panics
+/// As [`encode_into`].
+pub fn encode(brick: &Brick) -> Payload {
+    let mut bytes = Vec::new();
+    let head = encode_into(brick, &mut Scratch::new(), &mut bytes);
+    bytes.shrink_to_fit();
+    Payload { head, bytes }
+}
+
+/// Appends the payload of `brick` to `out`. The bytes depend on the brick alone. Counts that are all equal
+/// and carry no Hermite edges become a uniform brick.
+///
+/// # Panics
+/// If the brick has Hermite edges, but not one for each lattice edge whose ends differ in sign: no reader
+/// could take such a record apart.
+pub fn encode_into(brick: &Brick, scratch: &mut Scratch, out: &mut Vec<u8>) -> PayloadHead {
+    let (min, max) = brick.range();
+    let (samples, hermite) = match brick {
+        Brick::Counts { samples, hermite } if min != max || !hermite.is_empty() => (samples, hermite),
+        _ => return PayloadHead { kind: PayloadKind::UNIFORM, min, max },
+    };
+    let narrow = split_rows(samples, scratch);
+    let mut bits = if narrow { PayloadKind::NARROW } else { PayloadKind::WIDE };
+    samples_plain(narrow, scratch);
+    let start = out.len();
+    if !hermite.is_empty() {
+        out.extend_from_slice(&[0; PART_LENGTH_BYTES]);
+    }
+    let part = out.len();
+    if compress_plain(scratch, out) {
+        bits |= PayloadKind::LZ4_SAMPLES;
+    }
+    if !hermite.is_empty() {
+        let length = (out.len() - part) as u32;
+        out[start..part].copy_from_slice(&length.to_le_bytes());
+        let counts = Axis::ALL.map(|axis| hermite.edges[axis.index()].len());
+        assert_eq!(counts, scratch.signs.counts(), "one Hermite edge per sign-changing lattice edge");
+        hermite_plain(hermite, &mut scratch.plain);
+        bits |= PayloadKind::HERMITE;
+        if compress_plain(scratch, out) {
+            bits |= PayloadKind::LZ4_HERMITE;
+        }
+    }
+    PayloadHead { kind: PayloadKind(bits), min, max }
+}
+
+/// Takes a payload apart. `uniform` is the value of a brick without payload. Any bytes give a brick or an
+/// error; memory is bounded by the largest possible brick, and by the samples once they are known.
+///
+/// # Errors
+/// [`DecodeError`] if the bytes are not a payload of that kind.
+pub fn decode(
+    kind: PayloadKind,
+    uniform: i16,
+    bytes: &[u8],
+    scratch: &mut Scratch,
+) -> Result<Brick, DecodeError> {
+    if kind.is_uniform() {
+        return if bytes.is_empty() { Ok(Brick::Uniform(uniform)) } else { Err(DecodeError::UniformBytes) };
+    }
+    let (samples_part, hermite_part) = if kind.has_hermite() {
+        let (length, rest) = bytes.split_first_chunk::<PART_LENGTH_BYTES>().ok_or(DecodeError::Short)?;
+        rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or(DecodeError::Short)?
+    } else {
+        (bytes, &[][..])
+    };
+    let Scratch { plain, signs, .. } = scratch;
+    let lz4 = kind.has(PayloadKind::LZ4_SAMPLES);
+    let samples = join_rows(kind, unpack(samples_part, lz4, SAMPLES_PART_MAX, plain)?, signs)?;
+    if !kind.has_hermite() {
+        return Ok(Brick::Counts { samples, hermite: Hermite::default() });
+    }
+    let counts = signs.counts();
+    let size = counts.iter().sum::<usize>() * EDGE_BYTES;
+    let part = unpack(hermite_part, kind.has(PayloadKind::LZ4_HERMITE), size, plain)?;
+    if size == 0 || part.len() != size {
+        return Err(DecodeError::HermiteSize);
+    }
+    Ok(Brick::Counts { samples, hermite: hermite_from_plain(part, counts) })
+}
+
+/// Splits the samples into first samples, change masks and changes, and classifies them. True if every
+/// difference fits 8 bits.
+fn split_rows(samples: &Samples, scratch: &mut Scratch) -> bool {
+    scratch.steps.clear();
+    let mut before = 0i16;
+    let mut wide = 0u16;
+    let rows = samples.0.as_chunks::<BRICK_POINTS>().0;
+    for (row, ws) in rows.iter().enumerate() {
+        let mask = change_mask(ws);
+        let first = ws[0].wrapping_sub(before);
+        before = ws[0];
+        wide |= needs_16_bits(first);
+        scratch.firsts[row] = first;
+        scratch.masks[row] = mask;
+        let mut inside = inside_from(ws[0], 0);
+        for i in bits_of(mask) {
+            let step = ws[i + 1].wrapping_sub(ws[i]);
+            wide |= needs_16_bits(step);
+            scratch.steps.push(step);
+            inside ^= inside_from(ws[i], i + 1) ^ inside_from(ws[i + 1], i + 1);
+        }
+        scratch.signs.set_row(row % BRICK_POINTS, row / BRICK_POINTS, inside);
+    }
+    wide == 0
+}
+
+/// Bit `i` is set where sample `i + 1` of a row differs from sample `i`.
+///
+/// Compares all places at once, which the compiler vectorizes as it does not a loop over bits, and gathers
+/// eight 0/1 bytes at a time with a multiplication.
+#[inline]
+fn change_mask(ws: &[i16; BRICK_POINTS]) -> u32 {
+    let differs: [u8; BRICK_CELLS] = std::array::from_fn(|i| u8::from(ws[i] != ws[i + 1]));
+    let gather =
+        |bytes: &[u8; 8]| (u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8;
+    let chunks = differs.as_chunks::<8>().0;
+    u32::from_le_bytes(std::array::from_fn(|c| gather(&chunks[c])))
+}
+
+/// The set bits of a mask, from low to high.
+#[inline]
+fn bits_of(mut mask: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let i = (mask != 0).then(|| mask.trailing_zeros() as usize)?;
+        mask &= mask - 1;
+        Some(i)
+    })
+}
+
+/// The inside bits, from sample `from` to the end of the row, of samples that are all `w`.
+#[inline]
+fn inside_from(w: i16, from: usize) -> u64 {
+    let all = ((1u64 << BRICK_POINTS) - 1) >> from << from;
+    if w >= 1 { all } else { 0 }
+}
+
+/// Not zero if `difference` does not fit 8 bits.
+#[inline]
+fn needs_16_bits(difference: i16) -> u16 {
+    (difference ^ i16::from(difference as i8)) as u16
+}
+
+/// Lays the split rows out in `scratch.plain`: first samples, masks, changes, each as byte planes.
+fn samples_plain(narrow: bool, scratch: &mut Scratch) {
+    let Scratch { masks, firsts, steps, plain, .. } = scratch;
+    plain.clear();
+    let push_words = |plain: &mut Vec<u8>, words: &[i16]| {
+        plain.extend(words.iter().map(|&w| w as u8));
+        if !narrow {
+            plain.extend(words.iter().map(|&w| (w >> 8) as u8));
+        }
+    };
+    push_words(plain, &firsts[..]);
+    for shift in [0, 8, 16, 24] {
+        plain.extend(masks.iter().map(|&m| (m >> shift) as u8));
+    }
+    push_words(plain, steps);
+}
+
+/// Inverse of [`split_rows`] and [`samples_plain`]; also classifies the samples.
+fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result<Samples, DecodeError> {
+    let words = if kind.is_wide() { 2 } else { 1 };
+    let (firsts, rest) = plain.split_at_checked(ROWS * words).ok_or(DecodeError::SamplesSize)?;
+    let (planes, steps) = rest.split_at_checked(ROWS * MASK_PLANES).ok_or(DecodeError::SamplesSize)?;
+    let planes: [&[u8]; MASK_PLANES] = std::array::from_fn(|p| &planes[p * ROWS..][..ROWS]);
+    let mask_at = |row: usize| u32::from_le_bytes(planes.map(|plane| plane[row]));
+    let steps_count: usize = (0..ROWS).map(|row| mask_at(row).count_ones() as usize).sum();
+    if steps.len() != steps_count * words {
+        return Err(DecodeError::SamplesSize);
+    }
+    let word_at = |bytes: &[u8], count: usize, index: usize| match words {
+        1 => i16::from(bytes[index] as i8),
+        _ => i16::from_le_bytes([bytes[index], bytes[count + index]]),
+    };
+    let mut samples = Samples::filled(0);
+    let mut before = 0i16;
+    let mut step = 0;
+    for row in 0..ROWS {
+        let mut w = before.wrapping_add(word_at(firsts, ROWS, row));
+        before = w;
+        let at = row * BRICK_POINTS;
+        fill_row(&mut samples, at, w);
+        let mut inside = inside_from(w, 0);
+        for i in bits_of(mask_at(row)) {
+            inside ^= inside_from(w, i + 1);
+            w = w.wrapping_add(word_at(steps, steps_count, step));
+            inside ^= inside_from(w, i + 1);
+            step += 1;
+            fill_row(&mut samples, at + i + 1, w);
+        }
+        signs.set_row(row % BRICK_POINTS, row / BRICK_POINTS, inside);
+    }
+    Ok(samples)
+}
+
+/// Sets the samples from `at` to the end of its row, and beyond: always a row's length, which is a few wide
+/// stores, where the exact length would be a call. The rows after it are not decoded yet.
+#[inline]
+fn fill_row(samples: &mut Samples, at: usize, w: i16) {
+    match samples.0[at..].first_chunk_mut::<BRICK_POINTS>() {
+        Some(row) => *row = [w; BRICK_POINTS],
+        None => samples.0[at..].fill(w),
+    }
+}
+
+/// Lays the Hermite edges of the three axes out in `plain`: the offsets' low bytes, their high bytes, then
+/// the normals as whole words, since neighbouring edges often lie on one facet.
+fn hermite_plain(hermite: &Hermite, plain: &mut Vec<u8>) {
+    plain.clear();
+    let edges = || hermite.edges.iter().flatten();
+    for shift in [0, 8] {
+        plain.extend(edges().map(|e| (e.offset >> shift) as u8));
+    }
+    plain.extend(edges().flat_map(|e| e.normal.0.to_le_bytes()));
+}
+
+/// Inverse of [`hermite_plain`]; `part` holds [`EDGE_BYTES`] for each of the `counts`.
+fn hermite_from_plain(part: &[u8], counts: [usize; 3]) -> Hermite {
+    let total = counts.iter().sum::<usize>();
+    let (low, rest) = part.split_at(total);
+    let (high, normals) = rest.split_at(total);
+    let normals = normals.as_chunks::<4>().0;
+    let edge = |i: usize| HermiteEdge {
+        offset: u16::from_le_bytes([low[i], high[i]]),
+        normal: OctNormal(u32::from_le_bytes(normals[i])),
+    };
+    let mut from = 0;
+    let edges = counts.map(|count| {
+        let range = from..from + count;
+        from = range.end;
+        range.map(edge).collect()
+    });
+    Hermite { edges }
+}
+
+/// Appends `scratch.plain` to `out`, as an LZ4 block if that is shorter; true if it is.
+fn compress_plain(scratch: &mut Scratch, out: &mut Vec<u8>) -> bool {
+    let Scratch { plain, small_table, large_table, .. } = scratch;
+    // A small table grows for good once it meets a large input, and compresses otherwise afterwards: two
+    // tables keep the bytes independent of what was encoded before.
+    let table = if plain.len() < usize::from(u16::MAX) { small_table } else { large_table };
+    let start = out.len();
+    out.resize(start + get_maximum_output_size(plain.len()), 0);
+    match compress_into_with_table(plain, &mut out[start..], table) {
+        Ok(length) if length < plain.len() => {
+            out.truncate(start + length);
+            true
+        }
+        _ => {
+            out.truncate(start);
+            out.extend_from_slice(plain);
+            false
+        }
+    }
+}
+
+/// The part's bytes before LZ4, at most `size_max`.
+fn unpack<'a>(
+    part: &'a [u8],
+    lz4: bool,
+    size_max: usize,
+    plain: &'a mut Vec<u8>,
+) -> Result<&'a [u8], DecodeError> {
+    if !lz4 {
+        return Ok(part);
+    }
+    if plain.len() < size_max {
+        plain.resize(size_max, 0);
+    }
+    let length = decompress_into(part, &mut plain[..size_max]).map_err(|_| DecodeError::Lz4)?;
+    Ok(&plain[..length])
+}
+
+#[cfg(test)]
+#[path = "codec_tests.rs"]
+mod tests;

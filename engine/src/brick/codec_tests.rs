@@ -1,0 +1,324 @@
+use super::*;
+use crate::brick::{POINTS, point_index};
+use proptest::prelude::*;
+
+/// A convex solid: the planes n·p = d around it, n not normalized.
+struct Solid(Vec<([f64; 3], f64)>);
+
+impl Solid {
+    /// A bead of twelve sides and radius `r` from `a` along the unit vector `d`, both ends far away.
+    fn bead(a: [f64; 3], d: [f64; 3], r: f64) -> Solid {
+        let side = if d[2].abs() < 0.9 { [-d[1], d[0], 0.0] } else { [0.0, -d[2], d[1]] };
+        let up = [
+            d[1] * side[2] - d[2] * side[1],
+            d[2] * side[0] - d[0] * side[2],
+            d[0] * side[1] - d[1] * side[0],
+        ];
+        let planes = (0..12).map(|i| {
+            let (s, c) = (f64::from(i) * std::f64::consts::TAU / 12.0).sin_cos();
+            let n = [0, 1, 2].map(|x| c * side[x] + s * up[x]);
+            (n, dot(n, a) + r * dot(n, n).sqrt())
+        });
+        Solid(planes.collect())
+    }
+
+    /// A ball of some 200 facets.
+    fn ball(a: [f64; 3], r: f64) -> Solid {
+        let planes = (0..200).map(|i| {
+            let z = 1.0 - (f64::from(i) + 0.5) / 100.0;
+            let (s, c) = (f64::from(i) * 2.399963).sin_cos();
+            let n = [c * (1.0 - z * z).sqrt(), s * (1.0 - z * z).sqrt(), z];
+            (n, dot(n, a) + r)
+        });
+        Solid(planes.collect())
+    }
+
+    fn depth(&self, p: [f64; 3]) -> (f64, [f64; 3]) {
+        let all = self.0.iter().map(|&(n, d)| (dot(n, p) - d, n));
+        all.max_by(|a, b| a.0.total_cmp(&b.0)).expect("a solid has planes")
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The brick that counts the solids around each sample; unit spacing.
+fn brick_of(solids: &[Solid]) -> Brick {
+    let mut samples = Samples::filled(0);
+    for index in 0..POINTS {
+        let p = point_of(index);
+        samples.0[index] = solids.iter().filter(|s| s.depth(p).0 <= 0.0).count() as i16;
+    }
+    let signs = SignChanges::of(&samples);
+    let mut hermite = Hermite::default();
+    for axis in Axis::ALL {
+        for index in 0..POINTS {
+            let [i, j, k] = ijk_of(index);
+            if signs.edges(axis, j, k) >> i & 1 == 1 {
+                hermite.edges[axis.index()].push(edge_of(solids, point_of(index), axis.index()));
+            }
+        }
+    }
+    Brick::Counts { samples, hermite }
+}
+
+fn edge_of(solids: &[Solid], from: [f64; 3], axis: usize) -> HermiteEdge {
+    let depth = |t: f64| {
+        let mut p = from;
+        p[axis] += t;
+        solids.iter().map(|s| s.depth(p)).min_by(|a, b| a.0.total_cmp(&b.0)).expect("solids")
+    };
+    let (mut lo, mut hi) = (0.0, 1.0);
+    let lower_inside = depth(0.0).0 <= 0.0;
+    for _ in 0..20 {
+        let mid = (lo + hi) / 2.0;
+        if (depth(mid).0 <= 0.0) == lower_inside { lo = mid } else { hi = mid }
+    }
+    let normal = OctNormal::from_integer(depth(lo).1.map(|c| (c * 1e9) as i64));
+    HermiteEdge { offset: (lo * 65536.0) as u16, normal }
+}
+
+fn ijk_of(index: usize) -> [usize; 3] {
+    [index % BRICK_POINTS, index / BRICK_POINTS % BRICK_POINTS, index / ROWS]
+}
+
+fn point_of(index: usize) -> [f64; 3] {
+    ijk_of(index).map(|v| v as f64)
+}
+
+/// Twelve bricks as surfaces make them: balls, planes along and across the axes, crossing beads.
+fn typical_bricks() -> Vec<Brick> {
+    let wall = |n: [f64; 3], d: f64| Solid(vec![(n, d)]);
+    let beads = |step: f64, r: f64, tilt: f64, count: i32| -> Vec<Solid> {
+        let d = [tilt.cos(), tilt.sin(), 0.0];
+        (0..count)
+            .map(|i| Solid::bead([16.0, f64::from(i % 4) * step, f64::from(i / 4) * step * 0.7], d, r))
+            .collect()
+    };
+    vec![
+        brick_of(&[Solid::ball([16.0; 3], 12.3)]),
+        brick_of(&[Solid::ball([40.0, 35.0, -3.0], 45.7)]),
+        brick_of(&[wall([1.0, 0.0, 0.0], 13.4)]),
+        brick_of(&[wall([0.1, 0.2, 1.0], 21.0)]),
+        brick_of(&[wall([1.0, 0.9, 1.1], 50.0)]),
+        brick_of(&beads(9.0, 5.1, 0.1, 12)),
+        brick_of(&beads(9.0, 5.1, 0.8, 12)),
+        brick_of(&beads(12.0, 6.5, 1.5, 12)),
+        brick_of(&beads(20.0, 11.0, 0.4, 8)),
+        brick_of(&beads(5.0, 2.8, 0.785, 24)),
+        brick_of(&[Solid::ball([5.0, 9.0, 9.0], 9.3), Solid::ball([14.0, 9.0, 19.0], 11.3)]),
+        brick_of(&[wall([0.0, 0.0, 1.0], 9.4), Solid::bead([16.0, 16.0, 9.0], [0.6, 0.8, 0.0], 6.2)]),
+    ]
+}
+
+fn round_trip(brick: &Brick) -> Payload {
+    let payload = encode(brick);
+    let back = decode(payload.head.kind, payload.head.min, &payload.bytes, &mut Scratch::new());
+    assert!(back.as_ref() == Ok(brick), "{:?} {:?}", back, payload.head);
+    assert_eq!((payload.head.min, payload.head.max), brick.range());
+    payload
+}
+
+#[test]
+fn typical_bricks_round_trip_and_shrink() {
+    let mut scratch = Scratch::new();
+    for brick in typical_bricks() {
+        let payload = round_trip(&brick);
+        assert!(payload.bytes.len() < 2500 + brick_edges(&brick).len() * 6);
+        // A used scratch gives the same bytes as a new one.
+        let mut again = vec![7];
+        assert_eq!(encode_into(&brick, &mut scratch, &mut again), payload.head);
+        assert_eq!(again[1..], payload.bytes);
+    }
+    assert_eq!(round_trip(&Brick::Uniform(-7)).bytes, []);
+}
+
+#[test]
+fn equal_counts_become_uniform() {
+    let brick = Brick::Counts { samples: Samples::filled(3), hermite: Hermite::default() };
+    assert_eq!(encode(&brick).head.kind, PayloadKind::UNIFORM);
+}
+
+#[test]
+#[should_panic(expected = "one Hermite edge")]
+fn hermite_edges_that_do_not_match_are_a_bug() {
+    let mut samples = Samples::filled(0);
+    samples.0[point_index([4, 4, 4])] = 1;
+    let edge = HermiteEdge { offset: 1, normal: OctNormal(0) };
+    let _ = encode(&Brick::Counts { samples, hermite: Hermite { edges: [vec![edge], vec![], vec![]] } });
+}
+
+#[test]
+fn kinds_are_a_closed_set() {
+    let known = (0..=255).filter(|&bits| PayloadKind::from_bits(bits).is_some()).collect::<Vec<u8>>();
+    assert_eq!(known, [0, 0x01, 0x02, 0x11, 0x12, 0x21, 0x22, 0x31, 0x32, 0x51, 0x52, 0x71, 0x72]);
+}
+
+/// Samples from a small choice of values, in runs, with edges for the sign changes on leaves.
+fn any_brick() -> impl Strategy<Value = Brick> {
+    let values = prop_oneof![
+        Just(vec![0i16, 1]),
+        Just(vec![i16::MIN, i16::MAX, 0, 1]),
+        prop::collection::vec(any::<i16>(), 1..6),
+        prop::collection::vec(-60i16..60, 1..6),
+    ];
+    (values, 1usize..2000, any::<u64>(), any::<bool>()).prop_map(|(values, run, seed, leaf)| {
+        let mut state = seed | 1;
+        let mut next = move || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) as usize
+        };
+        let mut samples = Samples::filled(0);
+        let mut at = 0;
+        while at < POINTS {
+            let end = (at + 1 + next() % run).min(POINTS);
+            samples.0[at..end].fill(values[next() % values.len()]);
+            at = end;
+        }
+        let mut hermite = Hermite::default();
+        if leaf {
+            for (edges, count) in hermite.edges.iter_mut().zip(SignChanges::of(&samples).counts()) {
+                let mut edge = || HermiteEdge { offset: next() as u16, normal: OctNormal(next() as u32) };
+                edges.extend((0..count).map(|_| edge()));
+            }
+        }
+        Brick::Counts { samples, hermite }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn any_brick_round_trips(brick in any_brick()) {
+        let (min, max) = brick.range();
+        if min != max {
+            round_trip(&brick);
+        }
+    }
+
+    #[test]
+    fn damaged_payloads_never_panic(brick in any_brick(), at in any::<prop::sample::Index>(),
+                                    bits in any::<u8>(), cut in any::<prop::sample::Index>()) {
+        let Payload { head, mut bytes } = encode(&brick);
+        prop_assume!(!bytes.is_empty());
+        let mut scratch = Scratch::new();
+        let short = &bytes[..cut.index(bytes.len())];
+        prop_assert!(decode(head.kind, 0, short, &mut scratch).is_err());
+        let at = at.index(bytes.len());
+        bytes[at] ^= bits;
+        for kind in (0..=255).filter_map(PayloadKind::from_bits) {
+            let _ = decode(kind, 0, &bytes, &mut scratch);
+        }
+    }
+
+    #[test]
+    fn noise_never_panics(bytes in prop::collection::vec(any::<u8>(), 0..4000), kind in any::<u8>()) {
+        if let Some(kind) = PayloadKind::from_bits(kind) {
+            let _ = decode(kind, 0, &bytes, &mut Scratch::new());
+        }
+    }
+}
+
+/// Microseconds a call, the best of ten rounds.
+fn time<T>(bricks: &[T], mut call: impl FnMut(&T)) -> f64 {
+    let round = |call: &mut dyn FnMut(&T)| {
+        let start = std::time::Instant::now();
+        (0..50).for_each(|_| bricks.iter().for_each(&mut *call));
+        start.elapsed().as_secs_f64() * 1e6 / (50 * bricks.len()) as f64
+    };
+    (0..10).map(|_| round(&mut call)).fold(f64::INFINITY, f64::min)
+}
+
+/// Prints the table in the module's documentation.
+#[test]
+#[ignore = "a measurement"]
+fn codec_variants() {
+    use lz4_flex::block::{compress_into, decompress_into};
+    let bricks = typical_bricks();
+    let samples = |b: &Brick| match b {
+        Brick::Counts { samples, .. } => samples.clone(),
+        Brick::Uniform(_) => panic!("a surface brick"),
+    };
+    let samples: Vec<Samples> = bricks.iter().map(samples).collect();
+    let edges = bricks.iter().map(|b| brick_edges(b).len()).sum::<usize>() / bricks.len();
+    println!("{} bricks, {edges} Hermite edges on average", bricks.len());
+    let mut out = vec![0; 1 << 20];
+    let mut plain = vec![0u8; POINTS];
+    type Fill = fn(&Samples, &mut [u8]);
+    let variants: [(&str, Fill, Fill); 2] = [
+        ("i8", |s, plain| plain.iter_mut().zip(s.0.iter()).for_each(|(b, &w)| *b = w as u8), |_, _| ()),
+        (
+            "i8 differences along x",
+            |s, plain| {
+                plain[0] = s.0[0] as u8;
+                plain[1..].iter_mut().zip(s.0.windows(2)).for_each(|(b, w)| *b = (w[1] - w[0]) as u8);
+            },
+            |_, plain| {
+                let mut w = 0u8;
+                plain.iter_mut().for_each(|b| {
+                    w = w.wrapping_add(*b);
+                    *b = w;
+                });
+            },
+        ),
+    ];
+    for (name, fill, unfill) in variants {
+        let packed: Vec<Vec<u8>> = samples
+            .iter()
+            .map(|s| {
+                fill(s, &mut plain);
+                let length = compress_into(&plain, &mut out).unwrap();
+                out[..length].to_vec()
+            })
+            .collect();
+        let size = packed.iter().map(Vec::len).sum::<usize>() / packed.len();
+        let encode = time(&samples, |s| {
+            fill(s, &mut plain);
+            std::hint::black_box(compress_into(&plain, &mut out).unwrap());
+        });
+        let decode = time(&packed, |p| {
+            decompress_into(p, &mut plain).unwrap();
+            unfill(&samples[0], &mut plain);
+            let mut back = Samples::filled(0);
+            back.0.iter_mut().zip(&plain).for_each(|(w, &b)| *w = i16::from(b as i8));
+            std::hint::black_box(back);
+        });
+        println!("{name:40} {size:6} bytes, encode {encode:5.1} µs, decode {decode:5.1} µs");
+    }
+    let mut scratch = Scratch::new();
+    let bare: Vec<Brick> =
+        samples.iter().map(|s| Brick::Counts { samples: s.clone(), hermite: Hermite::default() }).collect();
+    for (name, set) in [("rows as masks and changes", &bare), ("the same with Hermite edges", &bricks)] {
+        let packed: Vec<Payload> = set.iter().map(encode).collect();
+        let size = packed.iter().map(|p| p.bytes.len()).sum::<usize>() / packed.len();
+        let mut out = Vec::new();
+        let encode = time(set, |b| {
+            out.clear();
+            std::hint::black_box(encode_into(b, &mut scratch, &mut out));
+        });
+        let decode = time(&packed, |p| {
+            std::hint::black_box(decode(p.head.kind, 0, &p.bytes, &mut scratch).unwrap());
+        });
+        println!("{name:40} {size:6} bytes, encode {encode:5.1} µs, decode {decode:5.1} µs");
+    }
+    let mut sizes = [0; 2];
+    for brick in &bricks {
+        let edges = || brick_edges(brick).edges.iter().flatten();
+        let words: Vec<u8> = edges().flat_map(|e| e.normal.0.to_le_bytes()).collect();
+        let planes: Vec<u8> =
+            [0, 8, 16, 24].iter().flat_map(|&s| edges().map(move |e| (e.normal.0 >> s) as u8)).collect();
+        for (size, plain) in sizes.iter_mut().zip([words, planes]) {
+            *size += compress_into(&plain, &mut out).unwrap();
+        }
+    }
+    println!("normals as words {}, as byte planes {} bytes", sizes[0] / 12, sizes[1] / 12);
+}
+
+fn brick_edges(brick: &Brick) -> &Hermite {
+    match brick {
+        Brick::Counts { hermite, .. } => hermite,
+        Brick::Uniform(_) => panic!("a surface brick"),
+    }
+}

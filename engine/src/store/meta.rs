@@ -1,0 +1,171 @@
+//! The metadata of a store, and the only place that uses bincode.
+//!
+//! bincode is no longer maintained; it stays pinned, behind a size limit, for this one small blob. Its bytes
+//! (fixed-width little-endian integers, u64 lengths) are described in `FORMAT.md`, so that another encoder
+//! can take over.
+
+use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX};
+use crate::lattice::{MAX_LEVEL, RootCube};
+use bincode::Options;
+use serde::{Deserialize, Serialize};
+
+/// Where a store came from and how it was made. No times and no machine: equal input and settings give equal
+/// bytes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Meta {
+    /// Name and version of the program that wrote the store.
+    pub program: String,
+    /// The input files, in the order given.
+    pub sources: Vec<Source>,
+    /// Length unit of all world positions, as in "mm"; empty if unknown.
+    pub unit: String,
+    /// Where the lattice lies in the world.
+    pub root: RootCube,
+    /// Lower corner of the input's bounding box, in `unit`.
+    pub bounds_min: [f64; 3],
+    /// Upper corner of the input's bounding box, in `unit`.
+    pub bounds_max: [f64; 3],
+    /// Depth limit: no node is deeper.
+    pub depth: u8,
+    /// When a node was divided.
+    pub refine: Refine,
+    /// Largest standard deviation of a leaf's samples above the depth limit.
+    pub stddev: f64,
+    /// Largest distance of the Hermite data from a plane in a leaf above the depth limit, in `unit`, if that
+    /// was asked for.
+    pub tolerance: Option<f64>,
+    /// Numbers that the build found.
+    pub numbers: Numbers,
+}
+
+/// An input file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Source {
+    /// The path as it was given.
+    pub path: String,
+    /// File size.
+    pub bytes: u64,
+    /// Facets read from it.
+    pub facets: u64,
+    /// Kind of file, as in "stl".
+    pub format: String,
+    /// BLAKE3 of its content.
+    pub blake3: [u8; 32],
+}
+
+/// The criterion by which nodes above the depth limit are divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Refine {
+    /// The standard deviation of the samples, or a lattice edge with two or more crossings.
+    Hidden,
+    /// The standard deviation of the samples alone.
+    Stddev,
+    /// Only where the boundary w = 0.5 may lie.
+    Surface,
+}
+
+/// What a build counted. Known at its end only, so not part of the store's identity.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Numbers {
+    /// Facets of all sources.
+    pub facets: u64,
+    /// Facets without area on the lattice, which were left out.
+    pub degenerate_facets: u64,
+    /// Nodes on each level, the root first. The writer fills this in.
+    pub nodes_per_level: Vec<u64>,
+}
+
+impl Meta {
+    /// What ties the parts of a file together: a hash of everything but [`Meta::numbers`].
+    pub fn file_id(&self) -> FileId {
+        let meta = Meta { numbers: Numbers::default(), ..self.clone() };
+        // Serializing plain data into memory fails only at a limit, and none is set here.
+        let bytes = options().serialize(&meta).unwrap_or_default();
+        let mut id = [0; FILE_ID_BYTES];
+        id.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..FILE_ID_BYTES]);
+        id
+    }
+
+    /// The stored form; the error is one phrase.
+    pub(super) fn encode(&self) -> Result<Vec<u8>, String> {
+        self.check()?;
+        options()
+            .with_limit(META_BYTES_MAX as u64)
+            .serialize(self)
+            .map_err(|_| format!("the metadata takes more than {META_BYTES_MAX} bytes"))
+    }
+
+    /// Reads the stored form; the error is one phrase. Takes memory in proportion to `bytes`.
+    pub(super) fn decode(bytes: &[u8]) -> Result<Meta, String> {
+        let meta: Meta = options()
+            .with_limit(META_BYTES_MAX as u64)
+            .deserialize(bytes)
+            .map_err(|_| "the metadata cannot be read".to_owned())?;
+        meta.check()?;
+        Ok(meta)
+    }
+
+    /// Values that the rest of the program may rely on.
+    fn check(&self) -> Result<(), String> {
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        if !finite(&self.root.origin) || !self.root.edge.is_finite() || self.root.edge <= 0.0 {
+            return Err("the root cube is not a cube".into());
+        }
+        if !finite(&self.bounds_min) || !finite(&self.bounds_max) {
+            return Err("the bounds are not finite".into());
+        }
+        if self.depth > MAX_LEVEL {
+            return Err(format!("a depth of {} levels, beyond {MAX_LEVEL}", self.depth));
+        }
+        if self.stddev.is_nan() || self.tolerance.is_some_and(f64::is_nan) {
+            return Err("a threshold is not a number".into());
+        }
+        Ok(())
+    }
+}
+
+fn options() -> impl Options {
+    bincode::DefaultOptions::new().with_fixint_encoding().with_little_endian().reject_trailing_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::meta;
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn identity_leaves_the_numbers_out() {
+        let mut other = meta(3);
+        other.numbers.facets += 1;
+        assert_eq!(other.file_id(), meta(3).file_id());
+        other.depth += 1;
+        assert_ne!(other.file_id(), meta(3).file_id());
+        assert_eq!(Meta::decode(&other.encode().unwrap()), Ok(other));
+    }
+
+    #[test]
+    fn unreasonable_values_are_refused() {
+        let mut other = meta(3);
+        other.root.edge = f64::NAN;
+        assert!(other.encode().is_err());
+        other = meta(MAX_LEVEL + 1);
+        assert!(other.encode().is_err());
+        other = meta(3);
+        other.unit = "m".repeat(META_BYTES_MAX);
+        assert!(other.encode().is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_read_or_refused(at in any::<prop::sample::Index>(), value in any::<u64>(),
+                                         cut in any::<prop::sample::Index>()) {
+            let mut bytes = meta(3).encode().unwrap();
+            prop_assert!(Meta::decode(&bytes[..cut.index(bytes.len())]).is_err());
+            let at = at.index(bytes.len() - 8);
+            bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
+            let _ = Meta::decode(&bytes);
+        }
+    }
+}

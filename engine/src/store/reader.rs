@@ -1,0 +1,267 @@
+//! Opens a finished store and answers from it, without trusting a number in it.
+
+use super::cache::{BrickCache, CacheStats};
+use super::index::Index;
+use super::layout::{
+    ENTRY_BYTES, FileId, HEADER_BYTES, IndexEntry, META_BYTES_MAX, PAGE_BYTES, PreambleError, SLOT_OFFSETS,
+    Slot, decode_preamble, record_crc,
+};
+use super::meta::Meta;
+use super::{BrickTree, NodeInfo};
+use crate::brick::Brick;
+use crate::brick::codec::{Scratch, decode};
+use crate::error::{Error, Result};
+use crate::lattice::{NodeKey, RootCube};
+use crate::mmap::MappedFile;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The remedy for a damaged file.
+const REBUILD: &str = "restore the file from a copy or build it again";
+
+/// A store open for reading. Any number of threads may read at once.
+pub struct Store {
+    path: PathBuf,
+    file: MappedFile,
+    meta: Meta,
+    index: Index,
+    cache: BrickCache,
+}
+
+impl Store {
+    /// Opens a finished store. Decoded bricks are kept in at most `cache_bytes` of memory. Header, index and
+    /// metadata are checked as a whole; records when they are read.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read, [`Error::Store`] if it is not a sound store of this version.
+    pub fn open(path: &Path, cache_bytes: u64) -> Result<Store> {
+        let file = MappedFile::open(path)?;
+        let (meta, index) = read_commit(file.bytes())
+            .map_err(|fault| Error::store(path, fault.place, fault.what, fault.remedy))?;
+        Ok(Store { path: path.to_owned(), file, meta, index, cache: BrickCache::new(cache_bytes) })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Size of the file in bytes.
+    pub fn file_bytes(&self) -> u64 {
+        self.file.bytes().len() as u64
+    }
+
+    /// Where the store came from and how it was made.
+    pub fn meta(&self) -> &Meta {
+        &self.meta
+    }
+
+    /// What the index holds of a node.
+    pub fn entry(&self, key: NodeKey) -> Option<&IndexEntry> {
+        self.index.get(key)
+    }
+
+    /// All index entries in key order.
+    pub fn entries(&self) -> &[IndexEntry] {
+        self.index.entries()
+    }
+
+    /// The stored payload of a node, neither verified nor decoded, for tools that copy records.
+    pub fn payload(&self, entry: &IndexEntry) -> Option<&[u8]> {
+        let end = usize::try_from(entry.end()?).ok()?;
+        self.file.bytes().get(usize::try_from(entry.offset).ok()?..end)
+    }
+
+    /// What the cache of decoded bricks has done and holds. Uniform bricks take no part in it.
+    pub fn cache_stats(&self) -> CacheStats {
+        self.cache.stats()
+    }
+
+    pub(super) fn index(&self) -> &Index {
+        &self.index
+    }
+
+    /// Reads, verifies and decodes a record, past the cache. The error is one phrase.
+    pub(super) fn load(&self, entry: &IndexEntry) -> std::result::Result<Brick, String> {
+        thread_local! {
+            static BUFFERS: RefCell<(Vec<u8>, Scratch)> = RefCell::new((Vec::new(), Scratch::new()));
+        }
+        let payload = self.payload(entry).ok_or("the record lies outside the file")?;
+        BUFFERS.with_borrow_mut(|(bytes, scratch)| {
+            // A copy first: the file under the map may change between the checksum and the decoder.
+            bytes.clear();
+            bytes.extend_from_slice(payload);
+            if record_crc(entry.key, entry.leaf, entry.head, bytes) != entry.crc {
+                return Err("the checksum differs".to_owned());
+            }
+            decode(entry.head.kind, entry.head.min, bytes, scratch).map_err(|error| error.to_string())
+        })
+    }
+
+    /// As [`Store::load`], and puts the brick into the cache.
+    pub(super) fn load_into_cache(&self, entry: &IndexEntry) -> std::result::Result<Arc<Brick>, String> {
+        let brick = Arc::new(self.load(entry)?);
+        if !entry.head.kind.is_uniform() {
+            self.cache.insert(entry.key, &brick);
+        }
+        Ok(brick)
+    }
+
+    /// The brick from the cache or the file. The error is one phrase.
+    pub(super) fn cached(&self, entry: &IndexEntry) -> std::result::Result<Arc<Brick>, String> {
+        if entry.head.kind.is_uniform() {
+            return Ok(Arc::new(Brick::Uniform(entry.head.min)));
+        }
+        match self.cache.get(entry.key) {
+            Some(brick) => Ok(brick),
+            None => self.load_into_cache(entry),
+        }
+    }
+}
+
+impl BrickTree for Store {
+    fn root(&self) -> RootCube {
+        self.meta.root
+    }
+
+    fn node(&self, key: NodeKey) -> Option<NodeInfo> {
+        let entry = self.index.get(key)?;
+        Some(NodeInfo { leaf: entry.leaf, min: entry.head.min, max: entry.head.max })
+    }
+
+    fn keys(&self) -> Vec<NodeKey> {
+        self.index.entries().iter().map(|entry| entry.key).collect()
+    }
+
+    fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
+        let place = || format!("record {key}");
+        let Some(entry) = self.index.get(key) else {
+            return Err(Error::store(
+                &self.path,
+                place(),
+                "the store has no such node",
+                "ask for another one",
+            ));
+        };
+        self.cached(entry).map_err(|what| Error::store(&self.path, place(), what, REBUILD))
+    }
+}
+
+/// What is wrong with a file, and where.
+struct Fault {
+    place: String,
+    what: String,
+    remedy: String,
+}
+
+fn fault(place: impl ToString, what: impl ToString) -> Fault {
+    Fault { place: place.to_string(), what: what.to_string(), remedy: REBUILD.to_owned() }
+}
+
+/// Reads everything but the records.
+fn read_commit(file: &[u8]) -> std::result::Result<(Meta, Index), Fault> {
+    let header = &file[..file.len().min(HEADER_BYTES)];
+    let file_id = decode_preamble(header).map_err(preamble_fault)?;
+    let slots = [0, 1].map(|which| Slot::decode(&header[SLOT_OFFSETS[which]..][..PAGE_BYTES], which));
+    // A valid slot was written after all that it points to was durable. So the newest valid one counts, and
+    // where its index is damaged there is no falling back to an older state of the tree.
+    let newest = slots.into_iter().flatten().max_by_key(|slot| slot.generation);
+    let slot = newest.ok_or_else(|| fault("commit slots", "neither holds a commit"))?;
+    let parts = Parts::of(file, &slot, file_id).map_err(|what| fault("commit slot", what))?;
+    if crc32fast::hash(parts.meta) != slot.meta_crc {
+        return Err(fault("metadata", "the checksum differs"));
+    }
+    if crc32fast::hash(parts.index) != slot.index_crc {
+        return Err(fault("index", "the checksum differs"));
+    }
+    let meta = Meta::decode(parts.meta).map_err(|what| fault("metadata", what))?;
+    if meta.file_id() != file_id {
+        return Err(fault("metadata", "it belongs to another store"));
+    }
+    let index = read_index(parts.index, slot.records_end, meta.depth)?;
+    if meta.numbers.nodes_per_level != index.nodes_per_level() {
+        return Err(fault("metadata", "its numbers of nodes are not those of the index"));
+    }
+    Ok((meta, index))
+}
+
+fn preamble_fault(error: PreambleError) -> Fault {
+    match error {
+        PreambleError::NotAStore => Fault {
+            place: "header".into(),
+            what: "this is not a brick store".into(),
+            remedy: "give a file that `brickfield build` has finished".into(),
+        },
+        PreambleError::Version(version) => Fault {
+            place: "header".into(),
+            what: format!("format version {version} is unknown to this program"),
+            remedy: "use the program that wrote it or build the store again".into(),
+        },
+        PreambleError::Damaged => fault("header", "the checksum differs"),
+    }
+}
+
+/// The parts of the file that a commit names.
+struct Parts<'a> {
+    index: &'a [u8],
+    meta: &'a [u8],
+}
+
+impl Parts<'_> {
+    /// Cuts the parts out, in the order records, index, metadata; the error is one phrase.
+    fn of<'a>(file: &'a [u8], slot: &Slot, file_id: FileId) -> std::result::Result<Parts<'a>, &'static str> {
+        const CUT: &str = "the file is shorter than its commit says";
+        if slot.file_id != file_id {
+            return Err("it belongs to another store");
+        }
+        if slot.meta_bytes as usize > META_BYTES_MAX {
+            return Err("the metadata is larger than the format allows");
+        }
+        let index_bytes = slot.index_entries.checked_mul(ENTRY_BYTES as u64).ok_or(CUT)?;
+        let index_end = slot.index_offset.checked_add(index_bytes).ok_or(CUT)?;
+        let meta_end = slot.meta_offset.checked_add(u64::from(slot.meta_bytes)).ok_or(CUT)?;
+        let ordered = (HEADER_BYTES as u64) <= slot.records_end
+            && slot.records_end <= slot.index_offset
+            && index_end <= slot.meta_offset;
+        if meta_end > file.len() as u64 {
+            return Err(CUT);
+        }
+        if !ordered {
+            return Err("its parts overlap");
+        }
+        // All offsets are within the file now, so they fit a usize.
+        let cut = |start: u64, end: u64| &file[start as usize..end as usize];
+        Ok(Parts { index: cut(slot.index_offset, index_end), meta: cut(slot.meta_offset, meta_end) })
+    }
+}
+
+fn read_index(bytes: &[u8], records_end: u64, depth: u8) -> std::result::Result<Index, Fault> {
+    let stored = bytes.as_chunks::<ENTRY_BYTES>().0;
+    let mut entries = Vec::with_capacity(stored.len());
+    for (position, entry) in stored.iter().enumerate() {
+        let entry =
+            IndexEntry::decode(entry).map_err(|what| fault(format!("index entry {position}"), what))?;
+        entries.push(entry);
+    }
+    check_places(&entries, records_end)?;
+    Index::new(entries, depth).map_err(|(key, what)| fault(format!("index entry of {key}"), what))
+}
+
+/// Payloads lie within the records area, and no two of them overlap.
+fn check_places(entries: &[IndexEntry], records_end: u64) -> std::result::Result<(), Fault> {
+    let mut stored: Vec<&IndexEntry> = entries.iter().filter(|entry| entry.length > 0).collect();
+    stored.sort_unstable_by_key(|entry| entry.offset);
+    let mut free = HEADER_BYTES as u64;
+    for entry in stored {
+        let place = || format!("index entry of {}", entry.key);
+        if entry.offset < free {
+            return Err(fault(place(), "its record overlaps another one"));
+        }
+        free = entry
+            .end()
+            .filter(|&end| end <= records_end)
+            .ok_or_else(|| fault(place(), "its record lies outside the file's records"))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,162 @@
+//! Reads every record of a store and checks what records say of each other.
+
+use super::layout::IndexEntry;
+use super::reader::Store;
+use crate::brick::{Brick, SignChanges};
+use crate::error::{Error, Result};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Nodes that a thread takes at once: whole families and some of their neighbours, so that most of the bricks
+/// it compares with are its own.
+const NODES_AT_ONCE: usize = 64;
+
+/// What [`Store::verify`] found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct VerifyReport {
+    /// Records read, uniform bricks included.
+    pub records: u64,
+    /// Payload bytes read.
+    pub payload_bytes: u64,
+    /// Records that are damaged or contradict others.
+    pub damaged: u64,
+    /// The damaged record with the lowest key.
+    pub first_damage: Option<Damage>,
+}
+
+/// A damaged record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damage {
+    /// Its node.
+    pub key: NodeKey,
+    /// Where its payload begins in the file; 0 for a uniform brick, which lies in the index.
+    pub offset: u64,
+    /// What is wrong, one phrase.
+    pub what: String,
+}
+
+impl VerifyReport {
+    /// An error that names the first damaged record, if there is one.
+    pub fn into_result(self, store: &Store) -> Result<VerifyReport> {
+        match &self.first_damage {
+            None => Ok(self),
+            Some(Damage { key, offset, what }) => Err(Error::store(
+                store.path(),
+                format!("record {key} at byte {offset}"),
+                format!("{what} ({} of {} records are damaged)", self.damaged, self.records),
+                "restore the file from a copy or build it again",
+            )),
+        }
+    }
+
+    fn and(self, other: VerifyReport) -> VerifyReport {
+        let first = [self.first_damage, other.first_damage].into_iter().flatten();
+        VerifyReport {
+            records: self.records + other.records,
+            payload_bytes: self.payload_bytes + other.payload_bytes,
+            damaged: self.damaged + other.damaged,
+            first_damage: first.min_by_key(|damage| damage.key),
+        }
+    }
+}
+
+impl Store {
+    /// Reads every record from the file, in parallel, and checks its checksum and content: that the index has
+    /// the range of its samples, that a leaf has a Hermite edge wherever its samples change sign, that its
+    /// samples are those of its parent where they coincide, and that its apron repeats its neighbours'
+    /// samples. Damage is reported, not returned as an error.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if `progress` asks for it.
+    pub fn verify(&self, progress: &dyn Progress) -> Result<VerifyReport> {
+        let entries = self.entries();
+        progress.phase("verify", Some(entries.len() as u64), "records");
+        entries
+            .par_chunks(NODES_AT_ONCE)
+            .map(|chunk| {
+                progress.check()?;
+                let report = chunk.iter().map(|e| self.verify_record(e)).reduce(VerifyReport::and);
+                progress.advance(chunk.len() as u64);
+                Ok(report.unwrap_or_default())
+            })
+            .try_reduce(VerifyReport::default, |a, b| Ok(a.and(b)))
+    }
+
+    fn verify_record(&self, entry: &IndexEntry) -> VerifyReport {
+        let damage = self.check_record(entry).err();
+        VerifyReport {
+            records: 1,
+            payload_bytes: u64::from(entry.length),
+            damaged: u64::from(damage.is_some()),
+            first_damage: damage.map(|what| Damage { key: entry.key, offset: entry.offset, what }),
+        }
+    }
+
+    fn check_record(&self, entry: &IndexEntry) -> std::result::Result<(), String> {
+        let brick = self.load_into_cache(entry)?;
+        if brick.range() != (entry.head.min, entry.head.max) {
+            return Err("its samples have another range than the index says".to_owned());
+        }
+        if let Brick::Counts { samples, hermite } = &*brick {
+            let changes = SignChanges::of(samples).counts().iter().sum::<usize>();
+            if entry.leaf && hermite.len() != changes {
+                return Err("it has no Hermite edges though its samples change sign".to_owned());
+            }
+        }
+        // A brick that cannot be read is reported as itself; there is nothing to compare with then.
+        let other = |key: NodeKey| self.index().get(key).and_then(|entry| self.cached(entry).ok());
+        if let Some(parent) = entry.key.parent()
+            && other(parent).is_some_and(|parent| !nests_in(&brick, entry.key, &parent))
+        {
+            return Err(format!("its samples are not those of its parent {parent}"));
+        }
+        for delta in upper_neighbours() {
+            if let Some(key) = entry.key.neighbour(delta.map(|d| d as i32))
+                && other(key).is_some_and(|neighbour| !apron_repeats(&brick, delta, &neighbour))
+            {
+                return Err(format!("its apron does not repeat the samples of {key}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The seven upper neighbours of a brick that share samples with it.
+fn upper_neighbours() -> impl Iterator<Item = [usize; 3]> {
+    (1..8).map(|d| [d & 1, d >> 1 & 1, d >> 2])
+}
+
+/// True if the brick's even samples are the samples of its parent's octant.
+fn nests_in(brick: &Brick, key: NodeKey, parent: &Brick) -> bool {
+    let half = BRICK_CELLS / 2;
+    let first = key.octant().offset().map(|o| o * half);
+    both_uniform_and_equal(brick, parent)
+        || points([0; 3], [half; 3]).all(|ijk| {
+            let at_parent = [0, 1, 2].map(|a| first[a] + ijk[a]);
+            brick.sample(ijk.map(|i| 2 * i)) == parent.sample(at_parent)
+        })
+}
+
+/// True if the brick's last samples along the axes of `delta` are the neighbour's first.
+fn apron_repeats(brick: &Brick, delta: [usize; 3], neighbour: &Brick) -> bool {
+    let last = delta.map(|d| if d == 1 { 0 } else { BRICK_POINTS - 1 });
+    both_uniform_and_equal(brick, neighbour)
+        || points([0; 3], last).all(|ijk| {
+            let here = [0, 1, 2].map(|a| ijk[a] + delta[a] * BRICK_CELLS);
+            brick.sample(here) == neighbour.sample(ijk)
+        })
+}
+
+fn both_uniform_and_equal(a: &Brick, b: &Brick) -> bool {
+    matches!((a, b), (Brick::Uniform(a), Brick::Uniform(b)) if a == b)
+}
+
+/// All points of the box, both corners included, x fastest.
+fn points(first: [usize; 3], last: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    let [x, y, z] = [0, 1, 2].map(|a| first[a]..=last[a]);
+    z.flat_map(move |k| {
+        let x = x.clone();
+        y.clone().flat_map(move |j| x.clone().map(move |i| [i, j, k]))
+    })
+}
