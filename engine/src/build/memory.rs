@@ -3,8 +3,9 @@
 use super::jobs::{build_tree, sort_level};
 use super::records::KeptBricks;
 use super::rules::{Rules, TreeOptions};
-use super::snap::{Facets, snap};
+use super::snap::snap;
 use crate::error::{Error, Result};
+use crate::ingest::Facets;
 use crate::lattice::RootCube;
 use crate::progress::Silent;
 use crate::store::MemoryTree;

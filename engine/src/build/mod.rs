@@ -5,6 +5,7 @@ mod bins;
 mod jobs;
 mod memory;
 mod ordered;
+mod pipeline;
 mod records;
 mod rules;
 mod snap;
@@ -13,5 +14,5 @@ mod subtree;
 mod tests;
 
 pub use memory::build_in_memory;
-pub use rules::{Refine, TreeOptions};
-pub use snap::Facets;
+pub use pipeline::{BuildOptions, Resolution, Summary, build};
+pub use rules::TreeOptions;

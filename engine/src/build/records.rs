@@ -1,7 +1,9 @@
 //! What a subtree leaves behind: its nodes in post-order, encoded for the store or kept as they are.
 
 use crate::brick::Brick;
+use crate::error::Result;
 use crate::lattice::NodeKey;
+use crate::store::{PayloadHead, Scratch, StoreWriter, encode_into};
 
 /// Receives the nodes of a subtree.
 pub(super) trait Recorder: Default + Send {
@@ -16,5 +18,38 @@ pub(super) struct KeptBricks(pub Vec<(NodeKey, bool, Brick)>);
 impl Recorder for KeptBricks {
     fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
         self.0.push((key, leaf, brick.clone()));
+    }
+}
+
+/// Bricks encoded for a store.
+pub(super) struct EncodedBricks {
+    /// Key, leaf or not, head and end of the payload in `bytes`.
+    nodes: Vec<(NodeKey, bool, PayloadHead, usize)>,
+    bytes: Vec<u8>,
+    scratch: Scratch,
+}
+
+impl Default for EncodedBricks {
+    fn default() -> Self {
+        EncodedBricks { nodes: Vec::new(), bytes: Vec::new(), scratch: Scratch::new() }
+    }
+}
+
+impl Recorder for EncodedBricks {
+    fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
+        let head = encode_into(brick, &mut self.scratch, &mut self.bytes);
+        self.nodes.push((key, leaf, head, self.bytes.len()));
+    }
+}
+
+impl EncodedBricks {
+    /// Appends all of them to the store.
+    pub fn write(&self, writer: &mut StoreWriter) -> Result<()> {
+        let mut start = 0;
+        for &(key, leaf, head, end) in &self.nodes {
+            writer.append(key, leaf, head, &self.bytes[start..end])?;
+            start = end;
+        }
+        Ok(())
     }
 }

@@ -3,24 +3,8 @@
 use crate::brick::Samples;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL};
+use crate::store::Refine;
 use crate::winding::Evaluation;
-use serde::{Deserialize, Serialize};
-
-/// The criterion beside the depth limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Refine {
-    /// Refine where the standard deviation of the samples exceeds the threshold, and wherever facets hide
-    /// between the samples: crossings that cancel on a lattice edge, or facets in a brick whose samples
-    /// all agree. With a threshold of 0 no facet, however small, is missed above the depth limit.
-    #[default]
-    Hidden,
-    /// Refine on the standard deviation alone (Peelar et al. 2019).
-    Stddev,
-    /// Refine only where the boundary w = 0.5 passes, seen or hidden: the standard deviation is that of the
-    /// inside indicator (0 or 1).
-    Surface,
-}
 
 /// How deep and where the tree is refined, as asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -2,33 +2,11 @@
 
 use super::bins::{Binner, SortedRun};
 use crate::error::Result;
+use crate::ingest::{Facet, Facets, runs};
 use crate::lattice::{NodeKey, RootCube, Triangle, normal};
 use crate::progress::Progress;
 use crate::winding::{CornerGrid, EdgeBalance};
 use rayon::prelude::*;
-use std::ops::Range;
-
-/// Triangles decoded, snapped and sorted at a time: 590 KB of snapped triangles stay in a 1 MiB L2 cache.
-const RUN_FACETS: u64 = 1 << 14;
-
-/// Anything that yields the triangles of a soup by number.
-pub trait Facets: Sync {
-    /// Number of triangles.
-    fn facets(&self) -> u64;
-    /// Replaces `out` by the triangles of `range`, in world coordinates.
-    fn read(&self, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>);
-}
-
-impl Facets for [[[f64; 3]; 3]] {
-    fn facets(&self) -> u64 {
-        self.len() as u64
-    }
-
-    fn read(&self, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>) {
-        out.clear();
-        out.extend_from_slice(&self[range.start as usize..range.end as usize]);
-    }
-}
 
 /// The snapped soup, sorted by the level-`stride` cube that a triangle touches.
 #[derive(Default)]
@@ -69,16 +47,6 @@ impl SnappedSoup {
     }
 }
 
-/// The runs of a list of sources: (source, range of its facets).
-pub(super) fn runs(sources: &[&dyn Facets]) -> Vec<(usize, Range<u64>)> {
-    let of_source = |(number, source): (usize, &&dyn Facets)| {
-        let facets = source.facets();
-        let starts = (0..facets).step_by(RUN_FACETS as usize);
-        starts.map(move |s| (number, s..facets.min(s + RUN_FACETS))).collect::<Vec<_>>()
-    };
-    sources.iter().enumerate().flat_map(of_source).collect()
-}
-
 /// Snaps and sorts all sources as one soup, for jobs `stride` levels below the root.
 pub(super) fn snap(
     sources: &[&dyn Facets],
@@ -98,7 +66,7 @@ pub(super) fn snap(
                 }
                 sources[source].read(range, &mut world);
                 snapped.clear();
-                snapped.extend(world.iter().map(|t: &[[f64; 3]; 3]| t.map(snapper)));
+                snapped.extend(world.iter().map(|t: &Facet| t.map(snapper)));
                 let corners = soup.corners.get_or_insert_with(|| CornerGrid::new(NodeKey::ROOT, stride));
                 for t in &snapped {
                     soup.balance.add(t);

@@ -5,7 +5,7 @@ use super::rules::Rules;
 use super::*;
 use crate::brick::Brick;
 use crate::lattice::{NodeKey, RootCube};
-use crate::store::{BrickTree, MemoryTree};
+use crate::store::{BrickTree, MemoryTree, Refine};
 use crate::winding::brute_winding;
 
 type World = [[f64; 3]; 3];
@@ -44,17 +44,7 @@ fn root_of(soup: &[World]) -> RootCube {
 
 fn build(soup: &[World], options: TreeOptions, evaluate_interior: bool) -> MemoryTree {
     let rules = Rules { evaluate_interior, ..Rules::new(options).unwrap() };
-    build_with(&[&Slice(soup)], root_of(soup), &rules).unwrap()
-}
-
-struct Slice<'a>(&'a [World]);
-impl Facets for Slice<'_> {
-    fn facets(&self) -> u64 {
-        self.0.facets()
-    }
-    fn read(&self, range: std::ops::Range<u64>, out: &mut Vec<World>) {
-        self.0.read(range, out);
-    }
+    build_with(&[&soup.to_vec()], root_of(soup), &rules).unwrap()
 }
 
 fn nodes(tree: &MemoryTree) -> Vec<(NodeKey, bool, Brick)> {

@@ -5,6 +5,7 @@
 
 mod bounds;
 mod detect;
+mod facets;
 mod obj;
 mod ply;
 mod polygons;
@@ -17,6 +18,8 @@ mod text;
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
+pub use facets::{Facets, runs};
+
 use bounds::Extent;
 use detect::Family;
 use polygons::Polygons;
@@ -187,4 +190,20 @@ impl Input {
         let hashes: Vec<[u8; 32]> = chunks.map(|chunk| *blake3::hash(chunk).as_bytes()).collect();
         Ok(*blake3::hash(hashes.as_flattened()).as_bytes())
     }
+}
+
+/// Lower and upper corner of the box around several inputs.
+///
+/// # Errors
+/// As [`Input::bounds`], of the first input that fails.
+pub fn bounds_of_all(inputs: &[Input], progress: &dyn Progress) -> Result<([f64; 3], [f64; 3])> {
+    let mut all = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for input in inputs {
+        let (min, max) = input.bounds(progress)?;
+        for a in 0..3 {
+            all.0[a] = all.0[a].min(min[a]);
+            all.1[a] = all.1[a].max(max[a]);
+        }
+    }
+    Ok(all)
 }

@@ -54,14 +54,18 @@ pub struct Source {
 }
 
 /// The criterion by which nodes above the depth limit are divided.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Refine {
-    /// The standard deviation of the samples, or a lattice edge with two or more crossings.
+    /// Where the standard deviation of the samples exceeds the threshold, and wherever facets hide between
+    /// the samples: crossings that cancel on a lattice edge, or facets in a brick whose samples all agree.
+    /// With a threshold of 0 no facet, however small, is missed above the depth limit.
+    #[default]
     Hidden,
-    /// The standard deviation of the samples alone.
+    /// On the standard deviation alone (Peelar et al. 2019).
     Stddev,
-    /// Only where the boundary w = 0.5 may lie.
+    /// Only where the boundary w = 0.5 passes, seen or hidden: the standard deviation is that of the inside
+    /// indicator (0 or 1).
     Surface,
 }
 

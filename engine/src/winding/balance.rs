@@ -3,7 +3,10 @@
 //! Σ over directed edges of ±hash(edge) mod 2^64, the sign by direction, is zero for closed input and
 //! streams at memory speed. Where it is not zero, the edges themselves are matched, bucket by bucket.
 
-use crate::lattice::{Triangle, Units};
+use crate::error::Result;
+use crate::ingest::{Facets, runs};
+use crate::lattice::{RootCube, Triangle, Units};
+use crate::progress::Progress;
 
 /// log₂ of the number of buckets by which open edges are found.
 const BUCKET_BITS: u32 = 12;
@@ -45,10 +48,10 @@ pub struct OpenEdges {
 /// Finds the open edges. `scan` must call its argument with every facet's index and snapped triangle, each
 /// time it is called; it runs once to find the buckets that hold open edges and once per group of buckets
 /// whose edges fit `budget_edges` entries of 40 bytes.
-pub fn open_edges<E>(
+fn open_edges(
     budget_edges: usize,
-    mut scan: impl FnMut(&mut dyn FnMut(u64, &Triangle)) -> Result<(), E>,
-) -> Result<OpenEdges, E> {
+    mut scan: impl FnMut(&mut dyn FnMut(u64, &Triangle)) -> Result<()>,
+) -> Result<OpenEdges> {
     let buckets = 1usize << BUCKET_BITS;
     let mut sums = vec![0u64; buckets];
     let mut sizes = vec![0usize; buckets];
@@ -85,6 +88,30 @@ pub fn open_edges<E>(
         start = end;
     }
     Ok(out)
+}
+
+/// Edges matched at a time in [`open_edges_of`]: 400 MB at most.
+const EDGES_AT_ONCE: usize = 10_000_000;
+
+/// The open edges of several sources as one soup; facets count through all sources.
+///
+/// # Errors
+/// If the user interrupts.
+pub fn open_edges_of(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> Result<OpenEdges> {
+    let snapper = root.snapper();
+    let mut world = Vec::new();
+    open_edges(EDGES_AT_ONCE, |each| {
+        let mut facet = 0;
+        for (source, range) in runs(sources) {
+            progress.check()?;
+            sources[source].read(range, &mut world);
+            for t in &world {
+                each(facet, &t.map(snapper));
+                facet += 1;
+            }
+        }
+        Ok(())
+    })
 }
 
 /// Counts what is left of one undirected edge after cancelling; `same` has forward edges first.
@@ -145,7 +172,6 @@ fn edge_hash(a: u64, b: u64) -> u64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::convert::Infallible;
 
     fn tetrahedron(at: i32) -> Vec<Triangle> {
         let p = [[0, 0, 0], [8, 0, 0], [0, 8, 0], [0, 0, 8]].map(|v: Units| v.map(|c| c + at));
@@ -153,7 +179,7 @@ mod tests {
     }
 
     fn find(soup: &[Triangle], budget: usize) -> OpenEdges {
-        open_edges::<Infallible>(budget, |each| {
+        open_edges(budget, |each| {
             soup.iter().enumerate().for_each(|(i, t)| each(i as u64, t));
             Ok(())
         })
