@@ -2,7 +2,7 @@
 //!
 //! - [`shapes`]: closed pieces with outward orientation,
 //! - [`pile`]: many of them together, from a dozen for property tests to 45 million facets of beads,
-//! - [`write`]: the file formats the program reads,
+//! - [`mod@write`]: the file formats the program reads,
 //! - [`judge`]: an independent check of meshes, and winding numbers by brute force.
 //!
 //! The crate does not depend on the engine, so that a mistake there cannot hide here. Every generator is a

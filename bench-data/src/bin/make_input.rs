@@ -134,7 +134,7 @@ fn run(command: Command) -> Result<ExitCode, String> {
 
 fn check(file: &Path) -> Result<ExitCode, String> {
     let report = judge::mesh::check_file(file).map_err(|e| format!("{}: {e}", file.display()))?;
-    println!("{report}");
+    say(format_args!("{report}"))?;
     Ok(if report.is_closed_manifold() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -146,14 +146,14 @@ fn pile(triangles: u64, seed: u64, size: [f64; 3], to: &Output) -> Result<(), St
         return Err("--size takes three positive lengths".into());
     }
     let pile = bead_pile(seed, triangles, size);
-    println!(
+    say(format_args!(
         "{} beads in {} layers, {:.3} mm wide, {:.3} mm high, {:.2} mm long",
         pile.beads(),
         pile.layers(),
         pile.width(),
         pile.height(),
         pile.length()
-    );
+    ))?;
     written(to, pile.triangles(), |out| {
         let mut writer = StlWriter::new(out, pile.triangles())?;
         pile.into_iter().try_for_each(|bead| writer.mesh(&bead))?;
@@ -163,13 +163,16 @@ fn pile(triangles: u64, seed: u64, size: [f64; 3], to: &Output) -> Result<(), St
 
 fn save(mesh: &Mesh, to: &Output) -> Result<(), String> {
     let kind = ending(&to.output);
+    // Before the file is created, or a mistyped name leaves an empty one.
+    if !["stl", "ply", "obj"].contains(&kind) {
+        return Err(format!("{}: the ending is not .stl, .ply or .obj", to.output.display()));
+    }
     written(to, mesh.triangles.len() as u64, |out| match (kind, to.ascii) {
         ("stl", false) => write::stl(out, mesh),
         ("stl", true) => write::stl_ascii(out, "generated", mesh),
         ("ply", false) => write::ply_binary(out, mesh),
         ("ply", true) => write::ply_ascii(out, mesh),
-        ("obj", _) => write::obj(out, mesh),
-        _ => Err(io::Error::other("the ending is not .stl, .ply or .obj")),
+        _ => write::obj(out, mesh),
     })
 }
 
@@ -188,6 +191,10 @@ fn written(
     let mut out = BufWriter::with_capacity(1 << 20, Hashed::new(file));
     body(&mut out).and_then(|()| out.flush()).map_err(fail)?;
     let hashed = out.get_ref();
-    println!("{facets} facets, {} bytes, FNV-1a {:016x}", hashed.bytes(), hashed.hash());
-    Ok(())
+    say(format_args!("{facets} facets, {} bytes, FNV-1a {:016x}", hashed.bytes(), hashed.hash()))
+}
+
+/// A line on standard output; a reader that went away is an error, not a panic.
+fn say(line: std::fmt::Arguments<'_>) -> Result<(), String> {
+    writeln!(io::stdout(), "{line}").map_err(|e| format!("cannot write to standard output: {e}"))
 }

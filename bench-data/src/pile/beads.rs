@@ -7,12 +7,12 @@
 //!
 //! | facets | beads | width × height, mm | length, mm | layers |
 //! |---|---|---|---|---|
-//! | 1 M | 2,000 | 1.86 × 0.93 | 46.6 | 12 |
-//! | 5 M | 10,000 | 1.09 × 0.54 | 27.3 | 22 |
-//! | 45 M | 90,000 | 0.52 × 0.26 | 13.1 | 46 |
+//! | 1 M | 2,000 | 1.87 × 0.93 | 46.6 | 12 |
+//! | 5 M | 10,000 | 1.09 × 0.55 | 27.3 | 21 |
+//! | 45 M | 90,000 | 0.52 × 0.26 | 13.1 | 45 |
 //!
-//! Headings are random rather than parallel, so with 1.2 box volumes of material about two thirds of the box are
-//! covered, up to six deep, and voids of every size remain between the beads.
+//! Headings are random rather than parallel, so beads cross: of 4,000 random points in the 1 M pile 42 % lie in
+//! no bead, 26 % in one, 16 % in two, the deepest in ten; voids of every size remain between the beads.
 
 use crate::shapes::{Cap, Section, sweep};
 use crate::trig::sin_cos;

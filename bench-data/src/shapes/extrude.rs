@@ -41,7 +41,7 @@ impl Polygon {
         Polygon(points.into_iter().chain([[arm, size], [0.0, size]]).collect())
     }
 
-    /// A rack-and-pinion sort of gear: the rectangle 0..(2·`teeth`+1)·`pitch` by 0..2·`pitch` with `teeth` square
+    /// A toothed rack: the rectangle 0..(2·`teeth`+1)·`pitch` by 0..2·`pitch` with `teeth` square
     /// gaps in its upper side. Every side is parallel to an axis and many lie in common planes.
     pub fn rack(teeth: u32, pitch: f64) -> Polygon {
         let width = f64::from(2 * teeth + 1) * pitch;
