@@ -179,7 +179,7 @@ pub struct IndexEntry {
     pub offset: u64,
     /// Stored bytes of the payload; 0 for a uniform brick.
     pub length: u32,
-    /// [`record_crc`] of the record.
+    /// CRC-32 over format version, key, leaf mark, kind, range and payload.
     pub crc: u32,
     /// True for a leaf.
     pub leaf: bool,

@@ -67,10 +67,15 @@ impl Store {
         self.index.entries()
     }
 
-    /// The stored payload of a node, neither verified nor decoded, for tools that copy records.
-    pub fn payload(&self, entry: &IndexEntry) -> Option<&[u8]> {
-        let end = usize::try_from(entry.end()?).ok()?;
-        self.file.bytes().get(usize::try_from(entry.offset).ok()?..end)
+    /// The payload of a node as stored, its checksum compared, for tools that copy records.
+    ///
+    /// # Errors
+    /// [`Error::Store`] if there is no such node or its record is damaged.
+    pub fn payload(&self, key: NodeKey) -> Result<Vec<u8>> {
+        let entry = self.entry_of(key)?;
+        let mut bytes = Vec::new();
+        self.copy_record(entry, &mut bytes).map_err(|what| self.record_error(key, what))?;
+        Ok(bytes)
     }
 
     /// What the cache of decoded bricks has done and holds. Uniform bricks take no part in it.
@@ -87,16 +92,33 @@ impl Store {
         thread_local! {
             static BUFFERS: RefCell<(Vec<u8>, Scratch)> = RefCell::new((Vec::new(), Scratch::new()));
         }
-        let payload = self.payload(entry).ok_or("the record lies outside the file")?;
         BUFFERS.with_borrow_mut(|(bytes, scratch)| {
-            // A copy first: the file under the map may change between the checksum and the decoder.
-            bytes.clear();
-            bytes.extend_from_slice(payload);
-            if record_crc(entry.key, entry.leaf, entry.head, bytes) != entry.crc {
-                return Err("the checksum differs".to_owned());
-            }
+            self.copy_record(entry, bytes)?;
             decode(entry.head.kind, entry.head.min, bytes, scratch).map_err(|error| error.to_string())
         })
+    }
+
+    /// Copies a record's payload into `bytes` and verifies the copy: the file under the map may change between
+    /// the checksum and the decoder. The error is one phrase.
+    fn copy_record(&self, entry: &IndexEntry, bytes: &mut Vec<u8>) -> std::result::Result<(), &'static str> {
+        let file = self.file.bytes();
+        let end =
+            entry.end().filter(|&end| end <= file.len() as u64).ok_or("the record lies outside the file")?;
+        bytes.clear();
+        bytes.extend_from_slice(&file[entry.offset as usize..end as usize]);
+        let sound = record_crc(entry.key, entry.leaf, entry.head, bytes) == entry.crc;
+        if sound { Ok(()) } else { Err("the checksum differs") }
+    }
+
+    fn entry_of(&self, key: NodeKey) -> Result<&IndexEntry> {
+        let place = || format!("record {key}");
+        let missing =
+            || Error::store(&self.path, place(), "the store has no such node", "ask for another one");
+        self.index.get(key).ok_or_else(missing)
+    }
+
+    fn record_error(&self, key: NodeKey, what: impl ToString) -> Error {
+        Error::store(&self.path, format!("record {key}"), what, REBUILD)
     }
 
     /// As [`Store::load`], and puts the brick into the cache.
@@ -135,16 +157,8 @@ impl BrickTree for Store {
     }
 
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
-        let place = || format!("record {key}");
-        let Some(entry) = self.index.get(key) else {
-            return Err(Error::store(
-                &self.path,
-                place(),
-                "the store has no such node",
-                "ask for another one",
-            ));
-        };
-        self.cached(entry).map_err(|what| Error::store(&self.path, place(), what, REBUILD))
+        let entry = self.entry_of(key)?;
+        self.cached(entry).map_err(|what| self.record_error(key, what))
     }
 }
 

@@ -28,12 +28,16 @@ pub fn meta(depth: u8) -> Meta {
     }
 }
 
-/// Winding number at a lattice position: two boxes, the second counted 200 times.
+/// Winding number at a lattice position: two boxes, the second counted 200 times, so that differences need 16
+/// bits; a box beside them, and one around a single sample, whose nodes need 8.
 pub fn count_at(units: [i32; 3]) -> i16 {
     let inside = |min: [i32; 3], max: [i32; 3]| (0..3).all(|a| (min[a]..max[a]).contains(&units[a]));
     let first = inside([1 << 20, 1 << 20, 1 << 20], [7 << 20, 5 << 20, 6 << 20]);
     let second = inside([5 << 20, 3 << 20, 2 << 20], [9 << 20, 7 << 20, 4 << 20]);
-    i16::from(first) + 200 * i16::from(second)
+    let third = inside([13 << 20, 1 << 20, 1 << 20], [15 << 20, 3 << 20, 2 << 20]);
+    let corner = [9 << 20, 5 << 20, 5 << 20];
+    let single = inside(corner, corner.map(|c| c + (1 << 17)));
+    i16::from(first) + 200 * i16::from(second) + i16::from(third) + i16::from(single)
 }
 
 /// The brick of a node by formula.
@@ -55,7 +59,7 @@ pub fn brick_at(key: NodeKey, leaf: bool) -> Brick {
             let mut normal = [0; 3];
             normal[axis.index()] = 1;
             let normal = OctNormal::from_integer(normal);
-            let edge = |i| HermiteEdge { offset: (i as u16 / 32) * 257, normal };
+            let edge = |i| HermiteEdge { offset: (i / 32 * 257 + i % 2 * 7919) as u16, normal };
             hermite.edges[axis.index()] = (0..counts[axis.index()]).map(edge).collect();
         }
     }
