@@ -20,6 +20,7 @@ use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, edge_lower, face_cuts};
 use crate::brick::{SignChanges, point_index};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+use std::sync::LazyLock;
 
 /// Rows of cells along x in a leaf.
 pub(super) const CELL_ROWS: usize = BRICK_CELLS * BRICK_CELLS;
@@ -206,14 +207,51 @@ fn mark_active(signs: &SignChanges, rows: &mut [CellRow]) {
 /// A sign change on the boundary of a cell: where it lies in cell coordinates and the normal there.
 pub(super) type Plane = ([f64; 3], [f64; 3]);
 
+/// A decoded Hermite edge.
+#[derive(Clone, Copy)]
+struct EdgePlane {
+    fraction: f32,
+    normal: [f32; 3],
+}
+
+/// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
+/// along z, of which a cell has the ones at its own index and at the next.
+struct EdgeStreams {
+    /// Sign-changing edges by index of the lower sample.
+    bits: [u64; 8],
+    /// Place in the decoded planes of the first edge of the row.
+    first: [u32; 8],
+}
+
+/// For each of a cell's 12 edges the stream it belongs to, whether it starts at the next index, and its
+/// lower end and direction.
+struct EdgePlace {
+    stream: usize,
+    step: u32,
+    lower: [f64; 3],
+    direction: [f64; 3],
+}
+
+static EDGE_PLACES: LazyLock<[EdgePlace; 12]> = LazyLock::new(|| {
+    std::array::from_fn(|edge| {
+        let (axis, [i, j, k]) = edge_lower(edge);
+        let stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
+        let mut direction = [0.0; 3];
+        direction[axis.index()] = 1.0;
+        EdgePlace { stream, step: i as u32, lower: [i, j, k].map(|c| c as f64), direction }
+    })
+});
+
 /// Fills a [`BrickCells`] cell by cell.
 pub(super) struct Builder<'a> {
     key: NodeKey,
     frame: Frame,
     around: &'a Around,
     changes: Option<&'a Changes>,
-    /// Decoded normals of the leaf's Hermite edges: each one serves up to four cells.
-    normals: [Vec<[f32; 3]>; 3],
+    /// The leaf's Hermite edges decoded, those along x first: each one serves up to four cells.
+    planes: Vec<EdgePlane>,
+    /// Where the edges along each axis start in `planes`.
+    axis_start: [usize; 3],
     cells: BrickCells,
     /// Extra vertices come after all others: (face, the two edges, position).
     splits: Vec<(u32, [u64; 2], [f32; 3])>,
@@ -228,9 +266,15 @@ impl<'a> Builder<'a> {
         rows: Vec<CellRow>,
         active: usize,
     ) -> Builder<'a> {
-        let normals = std::array::from_fn(|a| {
+        let mut planes = Vec::with_capacity(changes.map_or(0, |c| c.hermite.len()));
+        let axis_start = std::array::from_fn(|a| {
+            let start = planes.len();
             let edges = changes.map_or(&[][..], |c| &c.hermite.edges[a]);
-            edges.iter().map(|e| e.normal.to_vector().map(|c| c as f32)).collect()
+            planes.extend(edges.iter().map(|e| EdgePlane {
+                fraction: e.fraction() as f32,
+                normal: e.normal.to_vector().map(|c| c as f32),
+            }));
+            start
         });
         let cells = BrickCells {
             signs: changes.map(|c| c.signs.clone()),
@@ -240,24 +284,45 @@ impl<'a> Builder<'a> {
             positions: Vec::with_capacity(active + active / 16),
             ..BrickCells::default()
         };
-        Builder { key, frame, around, changes, normals, cells, splits: Vec::new() }
+        Builder { key, frame, around, changes, planes, axis_start, cells, splits: Vec::new() }
     }
 
     fn fill(&mut self, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
         for n in 0..CELL_ROWS {
             let row = self.cells.rows[n];
+            if row.active == 0 {
+                continue;
+            }
+            let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
+            let streams = self.streams(j, k);
             let mut bits = row.active;
             while bits != 0 {
                 let i = bits.trailing_zeros() as usize;
                 bits &= bits - 1;
-                let cell = [i, n % BRICK_CELLS, n / BRICK_CELLS];
                 match &mut surroundings {
-                    Some(surroundings) if row.mixed >> i & 1 == 1 => self.mixed_cell(cell, surroundings)?,
-                    _ => self.plain_cell(cell),
+                    Some(surroundings) if row.mixed >> i & 1 == 1 => {
+                        self.mixed_cell([i, j, k], surroundings)?
+                    }
+                    _ => self.plain_cell([i, j, k], &streams),
                 }
             }
         }
         Ok(())
+    }
+
+    fn streams(&self, j: usize, k: usize) -> EdgeStreams {
+        let mut streams = EdgeStreams { bits: [0; 8], first: [0; 8] };
+        let Some(changes) = self.changes else { return streams };
+        for stream in 0..8 {
+            let (axis, j, k) = match stream {
+                0..4 => (Axis::X, j + stream % 2, k + stream / 2),
+                4..6 => (Axis::Y, j, k + stream - 4),
+                _ => (Axis::Z, j + stream - 6, k),
+            };
+            streams.bits[stream] = changes.signs.edges(axis, j, k);
+            streams.first[stream] = (self.axis_start[axis.index()] + changes.slot(axis, [0, j, k])) as u32;
+        }
+        streams
     }
 
     /// Corner mask from the leaf's own samples.
@@ -267,45 +332,43 @@ impl<'a> Builder<'a> {
         pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
     }
 
-    fn plain_cell(&mut self, cell: [usize; 3]) {
+    #[inline]
+    fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) {
         let mask = self.mask(cell);
         let loops = &CELL_LOOPS[mask as usize];
         let first = self.cells.positions.len();
         self.cells.masks.push(mask);
         self.cells.first.push(first as u32);
         for l in 0..loops.count as usize {
-            let mut planes = [([0.0; 3], [0.0; 3]); 12];
-            let mut count = 0;
+            let mut qef = Qef::default();
             let mut edges = loops.edges[l];
             while edges != 0 {
-                planes[count] = self.plane(cell, edges.trailing_zeros() as usize);
+                let (point, normal) = self.plane(cell[0], edges.trailing_zeros() as usize, streams);
+                qef.add(point, normal);
                 edges &= edges - 1;
-                count += 1;
             }
-            self.push_vertex(cell, first, &planes[..count]);
+            self.push_vertex(cell, first, &qef);
         }
         if loops.ambiguous != 0 {
-            self.split_plain_faces(cell, mask, loops);
+            self.split_plain_faces(cell, mask, loops, streams);
         }
     }
 
-    /// The crossing on edge `edge` of a cell, which changes sign.
+    /// The crossing on edge `edge` of cell `i` in a row, which changes sign.
     #[inline]
-    fn plane(&self, cell: [usize; 3], edge: usize) -> Plane {
-        let (axis, offset) = edge_lower(edge);
-        let Some(changes) = self.changes else { return ([0.5; 3], [0.0, 0.0, 1.0]) };
-        let low = std::array::from_fn(|a| cell[a] + offset[a]);
-        let slot = changes.slot(axis, low);
-        let mut at = offset.map(|o| o as f64);
-        at[axis.index()] = changes.hermite.edges[axis.index()][slot].fraction();
-        (at, self.normals[axis.index()][slot].map(f64::from))
+    fn plane(&self, i: usize, edge: usize, streams: &EdgeStreams) -> Plane {
+        let place = &EDGE_PLACES[edge];
+        let before = streams.bits[place.stream] & ((1 << (i as u32 + place.step)) - 1);
+        let plane = self.planes[(streams.first[place.stream] + before.count_ones()) as usize];
+        let fraction = f64::from(plane.fraction);
+        (std::array::from_fn(|a| place.lower[a] + fraction * place.direction[a]), plane.normal.map(f64::from))
     }
 
     /// Places the vertex of a loop; `first` is the cell's first vertex.
     #[inline]
-    fn push_vertex(&mut self, cell: [usize; 3], first: usize, planes: &[Plane]) {
+    fn push_vertex(&mut self, cell: [usize; 3], first: usize, qef: &Qef) {
         let margin = self.frame.margin;
-        let mut at = Qef::new(planes).solve(margin);
+        let mut at = qef.solve(margin);
         let mut position = self.frame.world(cell, at);
         // Loops of one cell can have the same minimiser, as on a needle thinner than the cell.
         let mut tries = 0;
@@ -321,7 +384,7 @@ impl<'a> Builder<'a> {
 
     /// Extra vertices on the faces of a plain cell that this leaf owns and that need them.
     #[cold]
-    fn split_plain_faces(&mut self, cell: [usize; 3], mask: u8, loops: &CellLoops) {
+    fn split_plain_faces(&mut self, cell: [usize; 3], mask: u8, loops: &CellLoops, streams: &EdgeStreams) {
         for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
             let (axis, side) = (Axis::ALL[face / 2], face % 2);
             if !self.splits_plain_face(cell, loops, axis, side) {
@@ -337,7 +400,7 @@ impl<'a> Builder<'a> {
                     offset[axis.index()] = 0;
                     edge_key(offset.map(|o| (o as i32) << self.key.spacing_bits()), along, level)
                 });
-                let (p, q) = (self.plane(cell, enter).0, self.plane(cell, leave).0);
+                let (p, q) = (self.plane(cell[0], enter, streams).0, self.plane(cell[0], leave, streams).0);
                 let middle = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
                 self.splits.push((face_key(axis, corner), edges, self.frame.world(cell, middle)));
             }
@@ -372,11 +435,12 @@ impl<'a> Builder<'a> {
         }
         self.cells.masks.push(self.mask(cell));
         self.cells.first.push(self.cells.mixed.len() as u32 - 1);
-        let mut planes = Vec::new();
         for l in 0..mixed.loops {
-            planes.clear();
-            planes.extend(mixed.crossings.iter().filter(|c| c.in_loop == l).map(|c| c.plane));
-            self.push_vertex(cell, first, &planes);
+            let mut qef = Qef::default();
+            for crossing in mixed.crossings.iter().filter(|c| c.in_loop == l) {
+                qef.add(crossing.plane.0, crossing.plane.1);
+            }
+            self.push_vertex(cell, first, &qef);
         }
         let edges = mixed.crossings.iter().map(|c| (c.key, first as u32 + c.in_loop));
         self.cells.mixed_edges.extend(edges);

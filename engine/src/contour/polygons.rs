@@ -166,16 +166,14 @@ impl Maker<'_> {
             return false;
         }
         let first = self.first_vertex[self.leaf as usize];
-        let p = polygon.map(|vertex| cells.positions[vertex as usize]);
-        let order = if shorter(&p, true, true) { [0, 1, 2, 0, 2, 3] } else { [1, 2, 3, 1, 3, 0] };
-        for triangle in order.chunks_exact(3) {
-            let [a, mut b, mut c] = [triangle[0], triangle[1], triangle[2]];
-            if !inside {
-                std::mem::swap(&mut b, &mut c);
-            }
-            let ids = [a, b, c].map(|n| first + polygon[n]);
-            self.facets.push(Facet { ids, corners: [p[a], p[b], p[c]] });
-        }
+        let corners = polygon.map(|vertex| (first + vertex, cells.positions[vertex as usize]));
+        let [a, b, c, d] = corners;
+        let is_first = shorter(&corners.map(|corner| corner.1), true, true);
+        // From here on the quadrilateral is cut from its first corner to its third.
+        let [a, b, c, d] = if is_first { [a, b, c, d] } else { [b, c, d, a] };
+        let (b, d) = if inside { (b, d) } else { (d, b) };
+        self.facets.push(Facet { ids: [a.0, b.0, c.0], corners: [a.1, b.1, c.1] });
+        self.facets.push(Facet { ids: [a.0, c.0, d.0], corners: [a.1, c.1, d.1] });
         true
     }
 

@@ -86,8 +86,18 @@ fn rotate(a: &mut [[f64; 3]; 3], vectors: &mut [Vector; 3], p: usize, q: usize) 
     }
 }
 
-/// The sum of squared distances from planes, about the mass point of their base points.
+/// The sum of squared distances from planes, gathered about the cell's centre.
+#[derive(Default)]
 pub(super) struct Qef {
+    matrix: Symmetric,
+    rhs: Vector,
+    point_sum: Vector,
+    normal_sum: Vector,
+    count: f64,
+}
+
+/// The same about the mass point of the planes' base points.
+struct Centred {
     mass: Vector,
     matrix: Symmetric,
     rhs: Vector,
@@ -96,35 +106,44 @@ pub(super) struct Qef {
 }
 
 impl Qef {
-    /// From points and unit normals in cell coordinates, 0..1 an axis; at least one.
+    /// Adds the plane through the point `p`, in cell coordinates 0..1 an axis, with the unit normal `n`.
     #[inline]
-    pub(super) fn new(planes: &[(Vector, Vector)]) -> Qef {
-        let count = planes.len() as f64;
-        let mut mass = [0.0; 3];
-        for (p, _) in planes {
-            mass = std::array::from_fn(|a| mass[a] + p[a]);
+    pub(super) fn add(&mut self, p: Vector, n: Vector) {
+        let p = p.map(|c| c - 0.5);
+        let d = dot(n, p);
+        let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[1] * n[2], n[2] * n[0]];
+        for (sum, product) in self.matrix.0.iter_mut().zip(products) {
+            *sum += product;
         }
-        mass = mass.map(|m| m / count);
-        let (mut m, mut rhs, mut normal_sum) = ([0.0; 6], [0.0; 3], [0.0; 3]);
-        for (p, n) in planes {
-            let d = dot(*n, [p[0] - mass[0], p[1] - mass[1], p[2] - mass[2]]);
-            let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[1] * n[2], n[2] * n[0]];
-            for (sum, product) in m.iter_mut().zip(products) {
-                *sum += product;
-            }
-            for a in 0..3 {
-                rhs[a] += n[a] * d;
-                normal_sum[a] += n[a];
-            }
+        for a in 0..3 {
+            self.rhs[a] += n[a] * d;
+            self.point_sum[a] += p[a];
+            self.normal_sum[a] += n[a];
         }
-        Qef { mass, matrix: Symmetric(m), rhs, normal_sum, count }
+        self.count += 1.0;
     }
 
     /// The point of the box `margin..1 − margin` with the least error, nearest to the mass point where the
-    /// error does not tell.
+    /// error does not tell. At least one plane must have been added.
     #[inline]
     pub(super) fn solve(&self, margin: f64) -> Vector {
-        let x = self.flat().unwrap_or_else(|| self.truncated(self.matrix, self.rhs, self.largest()));
+        let mean = self.point_sum.map(|c| c / self.count);
+        let moved = self.matrix.times(mean);
+        let centred = Centred {
+            mass: mean.map(|c| c + 0.5),
+            matrix: self.matrix,
+            rhs: std::array::from_fn(|a| self.rhs[a] - moved[a]),
+            normal_sum: self.normal_sum,
+            count: self.count,
+        };
+        centred.solve(margin)
+    }
+}
+
+impl Centred {
+    #[inline]
+    fn solve(&self, margin: f64) -> Vector {
+        let x = self.flat().unwrap_or_else(|| truncated(self.matrix, self.rhs, None));
         let free = std::array::from_fn(|a| self.mass[a] + x[a]);
         let inside = |v: f64| v >= margin && v <= 1.0 - margin;
         if free.into_iter().all(inside) { free } else { self.constrained(margin) }
@@ -144,29 +163,11 @@ impl Qef {
         Some(v.map(|c| c * scale))
     }
 
-    fn largest(&self) -> f64 {
-        let (values, _) = self.matrix.eigen();
-        values.into_iter().fold(0.0, f64::max)
-    }
-
-    /// Pseudo-inverse of `matrix` times `rhs` without the eigenvalues that are small next to `largest`.
-    fn truncated(&self, matrix: Symmetric, rhs: Vector, largest: f64) -> Vector {
-        let (values, vectors) = matrix.eigen();
-        let mut x = [0.0; 3];
-        for (value, vector) in values.into_iter().zip(vectors) {
-            if value > TRUNCATION_SQUARED * largest {
-                let along = dot(vector, rhs) / value;
-                x = std::array::from_fn(|a| x[a] + along * vector[a]);
-            }
-        }
-        x
-    }
-
     /// The minimiser over the box, known to lie on its boundary: every face, edge and corner is tried with
     /// the remaining variables free.
     #[cold]
     fn constrained(&self, margin: f64) -> Vector {
-        let largest = self.largest();
+        let largest = self.matrix.eigen().0.into_iter().fold(0.0, f64::max);
         let bounds = [margin, 1.0 - margin];
         let mut best = (OrderedFloat(f64::INFINITY), [0.5; 3]);
         // Per axis a base-3 digit: at the lower bound, at the upper bound, free.
@@ -177,7 +178,7 @@ impl Qef {
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] - self.mass[a] } else { 0.0 });
             let moved = self.matrix.times(at);
             let rhs = std::array::from_fn(|a| if fixed[a] { 0.0 } else { self.rhs[a] - moved[a] });
-            let y = self.truncated(self.matrix.without(fixed), rhs, largest);
+            let y = truncated(self.matrix.without(fixed), rhs, Some(largest));
             let x: Vector = std::array::from_fn(|a| if fixed[a] { at[a] } else { y[a] });
             let point: Vector =
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] } else { self.mass[a] + x[a] });
@@ -194,10 +195,31 @@ impl Qef {
     }
 }
 
+/// Pseudo-inverse of `matrix` times `rhs` without the eigenvalues that are small next to `largest`, the
+/// matrix's own largest one by default.
+fn truncated(matrix: Symmetric, rhs: Vector, largest: Option<f64>) -> Vector {
+    let (values, vectors) = matrix.eigen();
+    let largest = largest.unwrap_or_else(|| values.into_iter().fold(0.0, f64::max));
+    let mut x = [0.0; 3];
+    for (value, vector) in values.into_iter().zip(vectors) {
+        if value > TRUNCATION_SQUARED * largest {
+            let along = dot(vector, rhs) / value;
+            x = std::array::from_fn(|a| x[a] + along * vector[a]);
+        }
+    }
+    x
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    fn gather(planes: &[(Vector, Vector)]) -> Qef {
+        let mut qef = Qef::default();
+        planes.iter().for_each(|&(p, n)| qef.add(p, n));
+        qef
+    }
 
     fn unit(v: Vector) -> Vector {
         let length = dot(v, v).sqrt();
@@ -228,10 +250,10 @@ mod tests {
         ) {
             prop_assume!(planes.iter().all(|(_, n)| dot(*n, *n) > 0.01));
             let planes: Vec<_> = planes.into_iter().map(|(p, n)| (p, unit(n))).collect();
-            let qef = Qef::new(&planes);
+            let qef = gather(&planes);
             let (values, _) = qef.matrix.eigen();
             // Where nothing is truncated the solution is the box-constrained least-squares one.
-            prop_assume!(values.into_iter().fold(f64::INFINITY, f64::min) > 0.1 * qef.largest());
+            prop_assume!(values.into_iter().fold(f64::INFINITY, f64::min) > 0.1 * values.into_iter().fold(0.0, f64::max));
             let error = |x: Vector| planes.iter().map(|(p, n)| dot(*n, std::array::from_fn(|a| x[a] - p[a])).powi(2)).sum::<f64>();
             let x = qef.solve(1.0 / 256.0);
             for t in tries {
@@ -246,14 +268,14 @@ mod tests {
         let plane = |x: f64, y: f64| ([x, y, 0.9 - (x + 2.0 * y) / 3.0], n);
         let planes = [plane(0.0, 0.0), plane(1.0, 0.0), plane(0.0, 1.0), plane(1.0, 0.5)];
         let mass = std::array::from_fn(|a| planes.iter().map(|p| p.0[a]).sum::<f64>() / 4.0);
-        assert!(distance(Qef::new(&planes).solve(1.0 / 256.0), mass) < 1e-12);
+        assert!(distance(gather(&planes).solve(1.0 / 256.0), mass) < 1e-12);
         let corner = [0.3, 0.6, 0.7];
         let planes = [[1.0, 0.0, 0.1], [0.0, 1.0, 0.2], [-0.2, 0.1, 1.0]].map(|n| {
             let n = unit(n);
             let t = unit([n[1] - n[2], n[2] - n[0], n[0] - n[1]]);
             (std::array::from_fn(|a| corner[a] + 0.2 * t[a]), n)
         });
-        assert!(distance(Qef::new(&planes).solve(1.0 / 256.0), corner) < 1e-9);
+        assert!(distance(gather(&planes).solve(1.0 / 256.0), corner) < 1e-9);
     }
 
     #[test]
@@ -262,7 +284,7 @@ mod tests {
         let (a, b) = (unit([-0.6, 1.0, 0.3]), unit([-0.6, -1.0, 0.3]));
         let crease = |z: f64| [0.5 * (z - 0.6), 0.5, z];
         let planes = [(crease(0.9), a), (crease(0.2), a), (crease(0.8), b), (crease(0.1), b)];
-        let x = Qef::new(&planes).solve(1.0 / 256.0);
+        let x = gather(&planes).solve(1.0 / 256.0);
         for (p, n) in planes {
             assert!(dot(n, std::array::from_fn(|k| x[k] - p[k])).abs() < 0.01, "{x:?}");
         }
