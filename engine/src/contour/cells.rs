@@ -372,10 +372,10 @@ impl<'a> Builder<'a> {
         let mut position = self.frame.world(cell, at);
         // Loops of one cell can have the same minimiser, as on a needle thinner than the cell.
         let mut tries = 0;
-        while self.cells.positions[first..].contains(&position) {
+        while tries < 48 && self.cells.positions[first..].contains(&position) {
             let axis = tries % 3;
             let step = (1.0 / 64.0f64).max(margin) * (1 + tries / 3) as f64;
-            at[axis] += if at[axis] < 0.5 { step } else { -step };
+            at[axis] = (at[axis] + if at[axis] < 0.5 { step } else { -step }).clamp(margin, 1.0 - margin);
             position = self.frame.world(cell, at);
             tries += 1;
         }

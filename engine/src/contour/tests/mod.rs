@@ -401,15 +401,17 @@ fn speed() {
         for (name, tree) in [("uniform", &whole), ("adaptive", &thin), ("chequered", &chequered)] {
             let dir = tempfile::tempdir().unwrap();
             for ending in ["none", "stl", "ply"] {
-                let mut none = Count(0);
-                let mut file = create_sink(&dir.path().join("a.ply")).unwrap();
-                if ending == "stl" {
-                    file = create_sink(&dir.path().join("a.stl")).unwrap();
+                // The best of several: the machine may have other work.
+                let (mut seconds, mut summary) = (f64::INFINITY, MeshSummary::default());
+                for _ in 0..8 {
+                    let mut sink: Box<dyn MeshSink> = match ending {
+                        "none" => Box::new(Count(0)),
+                        _ => create_sink(&dir.path().join("a").with_extension(ending)).unwrap(),
+                    };
+                    let start = std::time::Instant::now();
+                    summary = contour(tree, &ContourOptions::default(), &mut *sink, &Silent).unwrap();
+                    seconds = seconds.min(start.elapsed().as_secs_f64());
                 }
-                let sink: &mut dyn MeshSink = if ending == "none" { &mut none } else { &mut *file };
-                let start = std::time::Instant::now();
-                let summary = contour(tree, &ContourOptions::default(), sink, &Silent).unwrap();
-                let seconds = start.elapsed().as_secs_f64();
                 println!(
                     "level {level} {name} {ending}: {} triangles, {} mixed cells, {seconds:.3} s, {:.1} M/s",
                     summary.triangles,
