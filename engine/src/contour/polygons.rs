@@ -104,11 +104,11 @@ impl Polygon {
 }
 
 /// One of the four cells around an edge.
-struct Quadrant {
+struct Quadrant<'a> {
     leaf: u32,
     key: NodeKey,
     cell: [usize; 3],
-    cells: Arc<BrickCells>,
+    cells: &'a BrickCells,
 }
 
 /// Makes the facets of one leaf.
@@ -216,14 +216,17 @@ impl Maker<'_> {
         best.1
     }
 
-    fn quadrant(&mut self, cell: [i32; 3]) -> Result<Quadrant> {
-        let d = direction(cell);
-        let n = direction_index(d);
+    /// The leaf in whose cells `cell` lies and its place among the directions.
+    fn neighbour(&self, cell: [i32; 3]) -> Result<(u32, usize)> {
+        let n = direction_index(direction(cell));
         let (Side::Same(leaf) | Side::Coarser(leaf)) = self.around[n] else { return Err(broken(self.key)) };
-        let cells = match &self.neighbours[n] {
-            Some(cells) => Arc::clone(cells),
-            None => Arc::clone(self.neighbours[n].insert(self.field.cells(leaf)?)),
-        };
+        Ok((leaf, n))
+    }
+
+    /// The cell of the tree that holds `cell`; its neighbour's cells must have been fetched.
+    fn quadrant(&self, cell: [i32; 3]) -> Result<Quadrant<'_>> {
+        let (leaf, n) = self.neighbour(cell)?;
+        let cells = self.neighbours[n].as_deref().ok_or_else(|| broken(self.key))?;
         let key = self.field.leaves.get(leaf).key;
         let shift = self.key.level() - key.level();
         let (own_first, first) = (self.key.first_sample(), key.first_sample());
@@ -236,10 +239,15 @@ impl Maker<'_> {
     fn polygon(&mut self, axis: Axis, low: [usize; 3]) -> Result<Polygon> {
         let bits = self.key.spacing_bits();
         let lower: Units = std::array::from_fn(|a| self.key.base()[a] + ((low[a] as i32) << bits));
-        let mut quadrants = Vec::with_capacity(4);
-        for quadrant in SQUARE {
-            quadrants.push(self.quadrant(Self::quadrant_cell(axis, low, quadrant))?);
+        let places = SQUARE.map(|quadrant| Self::quadrant_cell(axis, low, quadrant));
+        for place in places {
+            let (leaf, n) = self.neighbour(place)?;
+            if self.neighbours[n].is_none() {
+                self.neighbours[n] = Some(self.field.cells(leaf)?);
+            }
         }
+        let [a, b, c, d] = places.map(|place| self.quadrant(place));
+        let quadrants = [a?, b?, c?, d?];
         let is_same = |a: &Quadrant, b: &Quadrant| a.leaf == b.leaf && a.cell == b.cell;
         let mut polygon = Polygon::default();
         for n in 0..4 {
@@ -260,20 +268,20 @@ impl Maker<'_> {
         Ok(polygon)
     }
 
-    fn corner(&self, quadrant: &Quadrant, vertex: u32, is_extra: bool, is_finest: bool) -> Corner {
+    fn corner(&self, quadrant: &Quadrant<'_>, vertex: u32, is_extra: bool, is_finest: bool) -> Corner {
         let id = self.first_vertex[quadrant.leaf as usize] + vertex;
         Corner { id, position: quadrant.cells.positions[vertex as usize], is_finest, is_extra }
     }
 
     /// The extra vertex on the face between quadrant `n` and the next, with the leaf that owns the face.
-    fn extra<'q>(
+    fn extra<'q, 'a>(
         &self,
         axis: Axis,
         n: usize,
-        this: &'q Quadrant,
-        after: &'q Quadrant,
+        this: &'q Quadrant<'a>,
+        after: &'q Quadrant<'a>,
         lower: Units,
-    ) -> Option<(&'q Quadrant, u32)> {
+    ) -> Option<(&'q Quadrant<'a>, u32)> {
         let (u, v) = axis.others();
         // Quadrants 0, 1 and 2, 3 differ along u, the others along v; 0 → 1 and 1 → 2 go up.
         let across = if n % 2 == 0 { u } else { v };

@@ -117,7 +117,7 @@ fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64) -> Noise {
             [at.map(|c| c - spacing * cells), at.map(|c| c + spacing * cells)]
         })
         .collect();
-    Noise { seed, boxes, density, radius }
+    Noise { seed, boxes, density, radius, quiet_bits: 24 }
 }
 
 #[test]
@@ -125,7 +125,8 @@ fn noise_on_uniform_trees_is_manifold() {
     let mut splits = 0;
     for seed in 0..6 {
         let density = 40 + 30 * seed;
-        let everywhere = Noise { seed, boxes: vec![[[1 << 19; 3], [31 << 19; 3]]], density, radius: 0.0 };
+        let everywhere =
+            Noise { seed, boxes: vec![[[1 << 19; 3], [31 << 19; 3]]], density, radius: 0.0, quiet_bits: 24 };
         splits += checked(&tree(&everywhere, &uniform(0))).1.split_faces;
         splits += checked(&tree(&noise(seed, 2, 6, density, 3.9), &uniform(2))).1.split_faces;
     }
@@ -142,6 +143,21 @@ fn noise_on_random_trees_is_manifold() {
         let (_, summary) = checked(&tree(&shape, &random_divide(seed, (top, bottom), 90)));
         splits += summary.split_faces;
         mixed += summary.mixed_cells;
+    }
+    assert!(splits > 1000 && mixed > 1000, "{splits} {mixed}");
+}
+
+#[test]
+fn noise_that_only_fine_leaves_see_is_manifold() {
+    let (mut mixed, mut splits) = (0, 0);
+    for seed in 0..32 {
+        let radius = if seed % 2 == 0 { 0.0 } else { 4.1 };
+        // Samples of levels 0 and 1, or 0 to 2, see nothing of it.
+        let quiet_bits = 18 - (seed % 2) as u32;
+        let shape = Noise { quiet_bits, ..noise(seed, 1, 2, 100 + 4 * seed, radius) };
+        let (_, summary) = checked(&tree(&shape, &random_divide(seed, (1, 3 + (seed % 4 == 0) as u8), 110)));
+        mixed += summary.mixed_cells;
+        splits += summary.split_faces;
     }
     assert!(splits > 1000 && mixed > 1000, "{splits} {mixed}");
 }
