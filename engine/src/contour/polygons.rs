@@ -284,7 +284,7 @@ impl Maker<'_> {
     ) -> Option<(&'q Quadrant<'a>, u32)> {
         let (u, v) = axis.others();
         // Quadrants 0, 1 and 2, 3 differ along u, the others along v; 0 → 1 and 1 → 2 go up.
-        let across = if n % 2 == 0 { u } else { v };
+        let across = if n.is_multiple_of(2) { u } else { v };
         let (below, above) = if n < 2 { (this, after) } else { (after, this) };
         let owner = if below.key.level() > above.key.level() { below } else { above };
         let mut corner = owner.cell;

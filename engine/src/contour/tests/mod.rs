@@ -403,7 +403,7 @@ fn speed() {
         let shape = sphere(6.5);
         let cut = |key: NodeKey| {
             let half = root().spacing(key.level()) * 16.0;
-            let centre = world(key.base().map(|b| f64::from(b))).map(|c| c + half);
+            let centre = world(key.base().map(f64::from)).map(|c| c + half);
             let r = centre.iter().map(|c| c * c).sum::<f64>().sqrt();
             (r - 6.5).abs() < 1.8 * half + 0.3
         };
@@ -452,4 +452,29 @@ impl MeshSink for Count {
     fn finish(&mut self) -> Result<()> {
         Ok(())
     }
+}
+
+/// Hundreds of trees more; two minutes.
+#[test]
+#[ignore = "long"]
+fn noise_on_many_more_trees_is_manifold() {
+    let (mut welded, mut total) = (0, 0);
+    for seed in 1000..1400 {
+        let top = (seed % 3 == 0) as u8;
+        let quiet_bits = [24, 24, 18, 17][(seed / 3 % 4) as usize];
+        let radius = [0.0, 4.1, 3.99][(seed / 12 % 3) as usize];
+        let shape =
+            Noise { quiet_bits, ..noise(seed, 1, 1 + (seed % 3) as i32, 20 + hash(seed) % 200, radius) };
+        let tree = tree(
+            &shape,
+            &random_divide(seed, (top, top + 3 + (seed % 7 == 0) as u8), 70 + hash(seed ^ 1) % 100),
+        );
+        let (m, _) = checked(&tree);
+        welded += check(&m.welded()).is_ok() as u32;
+        total += 1;
+        for level in 0..2 {
+            mesh(&tree, &ContourOptions { level: Some(level), ..Default::default() }).0.check();
+        }
+    }
+    println!("{welded} of {total} stay manifold when welded");
 }
