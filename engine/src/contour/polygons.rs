@@ -14,7 +14,7 @@
 use super::cells::{BrickCells, CellRow, edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Side, broken, direction_index};
-use super::topology::{CellLoops, SQUARE, edge_index};
+use super::topology::{CELL_LOOPS, CellLoops, SQUARE, edge_index};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Units};
@@ -46,7 +46,16 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, first_vertex: &[u32]) -> Res
     let key = field.leaves.get(leaf).key;
     let around = field.leaves.around(leaf);
     let facets = Vec::with_capacity(2 * cells.len() + cells.len() / 8);
-    let mut maker = Maker { field, leaf, key, around, first_vertex, neighbours: Default::default(), facets };
+    let mut maker = Maker {
+        field,
+        leaf,
+        key,
+        around,
+        first_vertex,
+        table: &CELL_LOOPS,
+        neighbours: Default::default(),
+        facets,
+    };
     for axis in Axis::ALL {
         for k in 0..BRICK_POINTS {
             for j in 0..BRICK_POINTS {
@@ -118,6 +127,8 @@ struct Maker<'a> {
     key: NodeKey,
     around: Around,
     first_vertex: &'a [u32],
+    /// The loops of plain cells by corner mask.
+    table: &'static [CellLoops; 256],
     /// Cells of the leaf itself and of its neighbours by direction, fetched when needed.
     neighbours: [Option<Arc<BrickCells>>; 27],
     facets: Vec<Facet>,
@@ -157,8 +168,9 @@ impl Maker<'_> {
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
             let at = i - usize::from((u == Axis::X && qu == 0) || (v == Axis::X && qv == 0));
             let edge = edge_index(axis, 1 - qu, 1 - qv);
-            let Some((vertex, loops)) = cells.plain_vertex(rows[n], at, edge) else { return false };
-            let loops: &CellLoops = loops;
+            let Some((vertex, loops)) = cells.plain_vertex(self.table, rows[n], at, edge) else {
+                return false;
+            };
             ambiguous |= loops.ambiguous;
             polygon[n] = vertex;
         }
