@@ -16,11 +16,10 @@ use super::leaves::{Around, Side, direction_index};
 use super::mixed::Surroundings;
 use super::qef::Qef;
 use super::surface::{Changes, Surface};
-use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, edge_lower, face_cuts};
+use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, derive_edge, edge_lower, face_cuts};
 use crate::brick::{SignChanges, point_index};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
-use std::sync::LazyLock;
 
 /// Rows of cells along x in a leaf.
 pub(super) const CELL_ROWS: usize = BRICK_CELLS * BRICK_CELLS;
@@ -145,20 +144,21 @@ impl BrickCells {
         self.rows.get(k * BRICK_CELLS + j).copied().unwrap_or_default()
     }
 
-    /// The vertex of a plain active cell's loop through edge `edge`, with the cell's loops; `None` if the
-    /// cell is mixed.
+    /// The vertex of a plain active cell's loop through edge `edge`, with the cell's loops, looked
+    /// up in `table`, the dereferenced [`CELL_LOOPS`]; `None` if the cell is mixed.
     #[inline]
-    pub(super) fn plain_vertex(
+    pub(super) fn plain_vertex<'t>(
         &self,
+        table: &'t [CellLoops; 256],
         row: CellRow,
         i: usize,
         edge: usize,
-    ) -> Option<(u32, &'static CellLoops)> {
+    ) -> Option<(u32, &'t CellLoops)> {
         if row.mixed >> i & 1 == 1 {
             return None;
         }
         let slot = row.slot(i);
-        let loops = &CELL_LOOPS[*self.masks.get(slot)? as usize];
+        let loops = &table[*self.masks.get(slot)? as usize];
         let of_edge = loops.of_edge[edge];
         (of_edge != NO_LOOP).then(|| (self.first[slot] + u32::from(of_edge), loops))
     }
@@ -168,7 +168,7 @@ impl BrickCells {
     pub(super) fn vertex(&self, cell: [usize; 3], edge: usize, key: u64) -> Option<u32> {
         let row = self.row(cell[1], cell[2]);
         if row.mixed >> cell[0] & 1 == 0 {
-            return self.plain_vertex(row, cell[0], edge).map(|(vertex, _)| vertex);
+            return self.plain_vertex(&CELL_LOOPS, row, cell[0], edge).map(|(vertex, _)| vertex);
         }
         let place = self.first[row.slot(cell[0])] as usize;
         let edges = &self.mixed_edges[self.mixed[place] as usize..self.mixed[place + 1] as usize];
@@ -232,15 +232,20 @@ struct EdgePlace {
     direction: [f64; 3],
 }
 
-static EDGE_PLACES: LazyLock<[EdgePlace; 12]> = LazyLock::new(|| {
-    std::array::from_fn(|edge| {
-        let (axis, [i, j, k]) = edge_lower(edge);
-        let stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
-        let mut direction = [0.0; 3];
-        direction[axis.index()] = 1.0;
-        EdgePlace { stream, step: i as u32, lower: [i, j, k].map(|c| c as f64), direction }
-    })
-});
+static EDGE_PLACES: [EdgePlace; 12] = {
+    const NONE: EdgePlace = EdgePlace { stream: 0, step: 0, lower: [0.0; 3], direction: [0.0; 3] };
+    let mut places = [NONE; 12];
+    let mut edge = 0;
+    while edge < 12 {
+        let (axis, [i, j, k]) = derive_edge(edge);
+        places[edge].stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
+        places[edge].step = i as u32;
+        places[edge].lower = [i as f64, j as f64, k as f64];
+        places[edge].direction[axis.index()] = 1.0;
+        edge += 1;
+    }
+    places
+};
 
 /// Fills a [`BrickCells`] cell by cell.
 pub(super) struct Builder<'a> {
@@ -372,10 +377,10 @@ impl<'a> Builder<'a> {
         let mut position = self.frame.world(cell, at);
         // Loops of one cell can have the same minimiser, as on a needle thinner than the cell.
         let mut tries = 0;
-        while self.cells.positions[first..].contains(&position) {
+        while tries < 48 && self.cells.positions[first..].contains(&position) {
             let axis = tries % 3;
             let step = (1.0 / 64.0f64).max(margin) * (1 + tries / 3) as f64;
-            at[axis] += if at[axis] < 0.5 { step } else { -step };
+            at[axis] = (at[axis] + if at[axis] < 0.5 { step } else { -step }).clamp(margin, 1.0 - margin);
             position = self.frame.world(cell, at);
             tries += 1;
         }

@@ -142,33 +142,44 @@ impl<'a> Surroundings<'a> {
         let shift = fine.key.level() - self.own.key.level();
         let first = fine.key.first_sample();
         let own_first = self.own.key.first_sample();
-        // The fine leaf's samples on the common border, and the own cells at it.
+        // The fine leaf's samples on the common border.
         let range = |axis: usize| match d[axis] {
             1 => 0..1,
             0 => 0..BRICK_POINTS,
             _ => BRICK_POINTS - 1..BRICK_POINTS,
         };
+        let columns = range(0).fold(0u64, |bits, i| bits | 1 << i);
         for along in Axis::ALL.into_iter().filter(|axis| d[axis.index()] == 0) {
+            // The own cells, first and last along an axis, at the fine sample `at`.
+            let span = |a: usize, at: usize| match d[a] {
+                -1 => [0, 0],
+                1 => [BRICK_CELLS - 1; 2],
+                _ => {
+                    let at = first[a] + at as u32;
+                    let cell = ((at >> shift) - own_first[a]) as usize;
+                    let on_line = a != along.index() && at & ((1 << shift) - 1) == 0;
+                    [cell.saturating_sub(usize::from(on_line)), cell.min(BRICK_CELLS - 1)]
+                }
+            };
             for (j, k) in range(2).flat_map(|k| range(1).map(move |j| (j, k))) {
-                let edges = signs.edges(along, j, k);
-                for i in range(0).filter(|i| edges >> i & 1 == 1) {
-                    let spans: [[usize; 2]; 3] = std::array::from_fn(|a| match d[a] {
-                        -1 => [0, 0],
-                        1 => [BRICK_CELLS - 1; 2],
-                        _ => {
-                            let at = first[a] + [i, j, k][a] as u32;
-                            let cell = ((at >> shift) - own_first[a]) as usize;
-                            let on_line = a != along.index() && at & ((1 << shift) - 1) == 0;
-                            [cell.saturating_sub(usize::from(on_line)), cell.min(BRICK_CELLS - 1)]
-                        }
-                    });
-                    for z in spans[2][0]..=spans[2][1] {
-                        for y in spans[1][0]..=spans[1][1] {
-                            for x in spans[0][0]..=spans[0][1] {
-                                rows[z * BRICK_CELLS + y].mixed |= 1 << x;
-                            }
-                        }
-                    }
+                let mut edges = signs.edges(along, j, k) & columns;
+                let mut cells = 0u32;
+                while edges != 0 {
+                    let [low, high] = span(0, edges.trailing_zeros() as usize);
+                    cells |= 1 << low | 1 << high;
+                    edges &= edges - 1;
+                }
+                if cells == 0 {
+                    continue;
+                }
+                let ([y0, y1], [z0, z1]) = (span(1, j), span(2, k));
+                for row in [
+                    z0 * BRICK_CELLS + y0,
+                    z0 * BRICK_CELLS + y1,
+                    z1 * BRICK_CELLS + y0,
+                    z1 * BRICK_CELLS + y1,
+                ] {
+                    rows[row].mixed |= cells;
                 }
             }
         }

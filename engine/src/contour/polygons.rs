@@ -14,7 +14,7 @@
 use super::cells::{BrickCells, CellRow, edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Side, broken, direction_index};
-use super::topology::{CellLoops, SQUARE, edge_index};
+use super::topology::{CELL_LOOPS, CellLoops, SQUARE, edge_index};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Units};
@@ -46,7 +46,16 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, first_vertex: &[u32]) -> Res
     let key = field.leaves.get(leaf).key;
     let around = field.leaves.around(leaf);
     let facets = Vec::with_capacity(2 * cells.len() + cells.len() / 8);
-    let mut maker = Maker { field, leaf, key, around, first_vertex, neighbours: Default::default(), facets };
+    let mut maker = Maker {
+        field,
+        leaf,
+        key,
+        around,
+        first_vertex,
+        table: &CELL_LOOPS,
+        neighbours: Default::default(),
+        facets,
+    };
     for axis in Axis::ALL {
         for k in 0..BRICK_POINTS {
             for j in 0..BRICK_POINTS {
@@ -104,11 +113,11 @@ impl Polygon {
 }
 
 /// One of the four cells around an edge.
-struct Quadrant {
+struct Quadrant<'a> {
     leaf: u32,
     key: NodeKey,
     cell: [usize; 3],
-    cells: Arc<BrickCells>,
+    cells: &'a BrickCells,
 }
 
 /// Makes the facets of one leaf.
@@ -118,6 +127,8 @@ struct Maker<'a> {
     key: NodeKey,
     around: Around,
     first_vertex: &'a [u32],
+    /// The loops of plain cells by corner mask.
+    table: &'static [CellLoops; 256],
     /// Cells of the leaf itself and of its neighbours by direction, fetched when needed.
     neighbours: [Option<Arc<BrickCells>>; 27],
     facets: Vec<Facet>,
@@ -157,8 +168,9 @@ impl Maker<'_> {
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
             let at = i - usize::from((u == Axis::X && qu == 0) || (v == Axis::X && qv == 0));
             let edge = edge_index(axis, 1 - qu, 1 - qv);
-            let Some((vertex, loops)) = cells.plain_vertex(rows[n], at, edge) else { return false };
-            let loops: &CellLoops = loops;
+            let Some((vertex, loops)) = cells.plain_vertex(self.table, rows[n], at, edge) else {
+                return false;
+            };
             ambiguous |= loops.ambiguous;
             polygon[n] = vertex;
         }
@@ -216,14 +228,17 @@ impl Maker<'_> {
         best.1
     }
 
-    fn quadrant(&mut self, cell: [i32; 3]) -> Result<Quadrant> {
-        let d = direction(cell);
-        let n = direction_index(d);
+    /// The leaf in whose cells `cell` lies and its place among the directions.
+    fn neighbour(&self, cell: [i32; 3]) -> Result<(u32, usize)> {
+        let n = direction_index(direction(cell));
         let (Side::Same(leaf) | Side::Coarser(leaf)) = self.around[n] else { return Err(broken(self.key)) };
-        let cells = match &self.neighbours[n] {
-            Some(cells) => Arc::clone(cells),
-            None => Arc::clone(self.neighbours[n].insert(self.field.cells(leaf)?)),
-        };
+        Ok((leaf, n))
+    }
+
+    /// The cell of the tree that holds `cell`; its neighbour's cells must have been fetched.
+    fn quadrant(&self, cell: [i32; 3]) -> Result<Quadrant<'_>> {
+        let (leaf, n) = self.neighbour(cell)?;
+        let cells = self.neighbours[n].as_deref().ok_or_else(|| broken(self.key))?;
         let key = self.field.leaves.get(leaf).key;
         let shift = self.key.level() - key.level();
         let (own_first, first) = (self.key.first_sample(), key.first_sample());
@@ -236,10 +251,15 @@ impl Maker<'_> {
     fn polygon(&mut self, axis: Axis, low: [usize; 3]) -> Result<Polygon> {
         let bits = self.key.spacing_bits();
         let lower: Units = std::array::from_fn(|a| self.key.base()[a] + ((low[a] as i32) << bits));
-        let mut quadrants = Vec::with_capacity(4);
-        for quadrant in SQUARE {
-            quadrants.push(self.quadrant(Self::quadrant_cell(axis, low, quadrant))?);
+        let places = SQUARE.map(|quadrant| Self::quadrant_cell(axis, low, quadrant));
+        for place in places {
+            let (leaf, n) = self.neighbour(place)?;
+            if self.neighbours[n].is_none() {
+                self.neighbours[n] = Some(self.field.cells(leaf)?);
+            }
         }
+        let [a, b, c, d] = places.map(|place| self.quadrant(place));
+        let quadrants = [a?, b?, c?, d?];
         let is_same = |a: &Quadrant, b: &Quadrant| a.leaf == b.leaf && a.cell == b.cell;
         let mut polygon = Polygon::default();
         for n in 0..4 {
@@ -260,23 +280,23 @@ impl Maker<'_> {
         Ok(polygon)
     }
 
-    fn corner(&self, quadrant: &Quadrant, vertex: u32, is_extra: bool, is_finest: bool) -> Corner {
+    fn corner(&self, quadrant: &Quadrant<'_>, vertex: u32, is_extra: bool, is_finest: bool) -> Corner {
         let id = self.first_vertex[quadrant.leaf as usize] + vertex;
         Corner { id, position: quadrant.cells.positions[vertex as usize], is_finest, is_extra }
     }
 
     /// The extra vertex on the face between quadrant `n` and the next, with the leaf that owns the face.
-    fn extra<'q>(
+    fn extra<'q, 'a>(
         &self,
         axis: Axis,
         n: usize,
-        this: &'q Quadrant,
-        after: &'q Quadrant,
+        this: &'q Quadrant<'a>,
+        after: &'q Quadrant<'a>,
         lower: Units,
-    ) -> Option<(&'q Quadrant, u32)> {
+    ) -> Option<(&'q Quadrant<'a>, u32)> {
         let (u, v) = axis.others();
         // Quadrants 0, 1 and 2, 3 differ along u, the others along v; 0 → 1 and 1 → 2 go up.
-        let across = if n % 2 == 0 { u } else { v };
+        let across = if n.is_multiple_of(2) { u } else { v };
         let (below, above) = if n < 2 { (this, after) } else { (after, this) };
         let owner = if below.key.level() > above.key.level() { below } else { above };
         let mut corner = owner.cell;

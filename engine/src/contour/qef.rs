@@ -79,11 +79,9 @@ fn rotate(a: &mut [[f64; 3]; 3], vectors: &mut [Vector; 3], p: usize, q: usize) 
     (a[p][q], a[q][p]) = (0.0, 0.0);
     (a[r][p], a[p][r]) = (c * arp - s * arq, c * arp - s * arq);
     (a[r][q], a[q][r]) = (s * arp + c * arq, s * arp + c * arq);
-    for axis in 0..3 {
-        let (vp, vq) = (vectors[p][axis], vectors[q][axis]);
-        vectors[p][axis] = c * vp - s * vq;
-        vectors[q][axis] = s * vp + c * vq;
-    }
+    let (vp, vq) = (vectors[p], vectors[q]);
+    vectors[p] = std::array::from_fn(|axis| c * vp[axis] - s * vq[axis]);
+    vectors[q] = std::array::from_fn(|axis| s * vp[axis] + c * vq[axis]);
 }
 
 /// The sum of squared distances from planes, gathered about the cell's centre.

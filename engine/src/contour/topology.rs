@@ -33,7 +33,8 @@ static EDGE_LOWER: [(Axis, [usize; 3]); 12] = {
     all
 };
 
-const fn derive_edge(edge: usize) -> (Axis, [usize; 3]) {
+/// What [`edge_lower`] tabulates.
+pub(super) const fn derive_edge(edge: usize) -> (Axis, [usize; 3]) {
     let axis = Axis::ALL[edge / 4];
     let (u, v) = axis.others();
     let mut offset = [0; 3];

@@ -80,7 +80,7 @@ pub fn check(triangles: &[[u32; 3]]) -> std::result::Result<usize, String> {
         }
     }
     let mut seen = std::collections::HashSet::new();
-    for (&(centre, start), _) in &halves {
+    for &(centre, start) in halves.keys() {
         if !seen.insert(centre) {
             continue;
         }

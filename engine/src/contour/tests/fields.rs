@@ -84,6 +84,9 @@ pub struct Noise {
     pub density: u64,
     /// Radius in world units of a sphere about the root's centre that is solid outside the boxes.
     pub radius: f64,
+    /// Positions that are multiples of two to this power along all axes are not noisy: what only finer
+    /// lattices see.
+    pub quiet_bits: u32,
 }
 
 impl Noise {
@@ -97,7 +100,10 @@ impl Shape for Noise {
         if at.iter().any(|&c| c <= 0 || c >= 1 << 24) {
             return 0;
         }
-        if self.boxes.iter().any(|[low, high]| (0..3).all(|a| at[a] >= low[a] && at[a] <= high[a])) {
+        let is_quiet = at.iter().all(|c| c & ((1 << self.quiet_bits) - 1) == 0);
+        if !is_quiet
+            && self.boxes.iter().any(|[low, high]| (0..3).all(|a| at[a] >= low[a] && at[a] <= high[a]))
+        {
             return i16::from(self.random(at, 0) & 255 < self.density);
         }
         let p = world(at.map(f64::from));

@@ -117,7 +117,7 @@ fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64) -> Noise {
             [at.map(|c| c - spacing * cells), at.map(|c| c + spacing * cells)]
         })
         .collect();
-    Noise { seed, boxes, density, radius }
+    Noise { seed, boxes, density, radius, quiet_bits: 24 }
 }
 
 #[test]
@@ -125,7 +125,8 @@ fn noise_on_uniform_trees_is_manifold() {
     let mut splits = 0;
     for seed in 0..6 {
         let density = 40 + 30 * seed;
-        let everywhere = Noise { seed, boxes: vec![[[1 << 19; 3], [31 << 19; 3]]], density, radius: 0.0 };
+        let everywhere =
+            Noise { seed, boxes: vec![[[1 << 19; 3], [31 << 19; 3]]], density, radius: 0.0, quiet_bits: 24 };
         splits += checked(&tree(&everywhere, &uniform(0))).1.split_faces;
         splits += checked(&tree(&noise(seed, 2, 6, density, 3.9), &uniform(2))).1.split_faces;
     }
@@ -142,6 +143,21 @@ fn noise_on_random_trees_is_manifold() {
         let (_, summary) = checked(&tree(&shape, &random_divide(seed, (top, bottom), 90)));
         splits += summary.split_faces;
         mixed += summary.mixed_cells;
+    }
+    assert!(splits > 1000 && mixed > 1000, "{splits} {mixed}");
+}
+
+#[test]
+fn noise_that_only_fine_leaves_see_is_manifold() {
+    let (mut mixed, mut splits) = (0, 0);
+    for seed in 0..32 {
+        let radius = if seed % 2 == 0 { 0.0 } else { 4.1 };
+        // Samples of levels 0 and 1, or 0 to 2, see nothing of it.
+        let quiet_bits = 18 - (seed % 2) as u32;
+        let shape = Noise { quiet_bits, ..noise(seed, 1, 2, 100 + 4 * seed, radius) };
+        let (_, summary) = checked(&tree(&shape, &random_divide(seed, (1, 3 + (seed % 4 == 0) as u8), 110)));
+        mixed += summary.mixed_cells;
+        splits += summary.split_faces;
     }
     assert!(splits > 1000 && mixed > 1000, "{splits} {mixed}");
 }
@@ -387,7 +403,7 @@ fn speed() {
         let shape = sphere(6.5);
         let cut = |key: NodeKey| {
             let half = root().spacing(key.level()) * 16.0;
-            let centre = world(key.base().map(|b| f64::from(b))).map(|c| c + half);
+            let centre = world(key.base().map(f64::from)).map(|c| c + half);
             let r = centre.iter().map(|c| c * c).sum::<f64>().sqrt();
             (r - 6.5).abs() < 1.8 * half + 0.3
         };
@@ -401,15 +417,17 @@ fn speed() {
         for (name, tree) in [("uniform", &whole), ("adaptive", &thin), ("chequered", &chequered)] {
             let dir = tempfile::tempdir().unwrap();
             for ending in ["none", "stl", "ply"] {
-                let mut none = Count(0);
-                let mut file = create_sink(&dir.path().join("a.ply")).unwrap();
-                if ending == "stl" {
-                    file = create_sink(&dir.path().join("a.stl")).unwrap();
+                // The best of several: the machine may have other work.
+                let (mut seconds, mut summary) = (f64::INFINITY, MeshSummary::default());
+                for _ in 0..8 {
+                    let mut sink: Box<dyn MeshSink> = match ending {
+                        "none" => Box::new(Count(0)),
+                        _ => create_sink(&dir.path().join("a").with_extension(ending)).unwrap(),
+                    };
+                    let start = std::time::Instant::now();
+                    summary = contour(tree, &ContourOptions::default(), &mut *sink, &Silent).unwrap();
+                    seconds = seconds.min(start.elapsed().as_secs_f64());
                 }
-                let sink: &mut dyn MeshSink = if ending == "none" { &mut none } else { &mut *file };
-                let start = std::time::Instant::now();
-                let summary = contour(tree, &ContourOptions::default(), sink, &Silent).unwrap();
-                let seconds = start.elapsed().as_secs_f64();
                 println!(
                     "level {level} {name} {ending}: {} triangles, {} mixed cells, {seconds:.3} s, {:.1} M/s",
                     summary.triangles,
@@ -434,4 +452,29 @@ impl MeshSink for Count {
     fn finish(&mut self) -> Result<()> {
         Ok(())
     }
+}
+
+/// Hundreds of trees more; two minutes.
+#[test]
+#[ignore = "long"]
+fn noise_on_many_more_trees_is_manifold() {
+    let (mut welded, mut total) = (0, 0);
+    for seed in 1000..1400 {
+        let top = (seed % 3 == 0) as u8;
+        let quiet_bits = [24, 24, 18, 17][(seed / 3 % 4) as usize];
+        let radius = [0.0, 4.1, 3.99][(seed / 12 % 3) as usize];
+        let shape =
+            Noise { quiet_bits, ..noise(seed, 1, 1 + (seed % 3) as i32, 20 + hash(seed) % 200, radius) };
+        let tree = tree(
+            &shape,
+            &random_divide(seed, (top, top + 3 + (seed % 7 == 0) as u8), 70 + hash(seed ^ 1) % 100),
+        );
+        let (m, _) = checked(&tree);
+        welded += check(&m.welded()).is_ok() as u32;
+        total += 1;
+        for level in 0..2 {
+            mesh(&tree, &ContourOptions { level: Some(level), ..Default::default() }).0.check();
+        }
+    }
+    println!("{welded} of {total} stay manifold when welded");
 }
