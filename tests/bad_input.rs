@@ -91,17 +91,17 @@ fn outputs_that_cannot_be() {
     let store = dir.path("box.brf");
     run(&[&"build", &input, &"-o", &store, &"--depth", &"1"]).ok();
     let before = (dir.names(), std::fs::read(&input).unwrap(), std::fs::read(&store).unwrap());
-    let no_dir = dir.path("nowhere/x");
-    let folder = dir.path(".");
-    for out in [&no_dir, &folder, &input, Path::new("/proc/x"), &dir.path("./box.stl")] as [&Path; 5] {
+    let (new, nowhere, folder) = (dir.path("new.brf"), dir.path("nowhere/x"), dir.path("folder.ply"));
+    std::fs::create_dir(&folder).unwrap();
+    for out in [&nowhere, &folder, Path::new("/proc/x"), &input, &dir.path("./box.stl")] as [&Path; 5] {
         let name = out.to_str().unwrap();
         let line = run(&[&"build", &input, &"-o", &out, &"--depth", &"1"]).failed();
         assert!(line.contains(name), "{name}: {line}");
-        let mesh = if out == input { out.to_owned() } else { out.join("y.ply") };
-        let line = run(&[&"build", &input, &"-o", &dir.path("new.brf"), &"--depth", &"1", &"--mesh", &mesh]);
-        assert!(line.failed().contains(mesh.to_str().unwrap()) || out == folder);
-        std::fs::remove_file(dir.path("y.ply")).ok();
+        let mesh = if out.extension().is_none() { out.with_extension("ply") } else { out.to_owned() };
+        let line = run(&[&"build", &input, &"-o", &new, &"--depth", &"1", &"--mesh", &mesh]).failed();
+        assert!(line.contains(mesh.to_str().unwrap()), "{name}: {line}");
     }
+    std::fs::remove_dir(&folder).unwrap();
     let same = dir.path("same.ply");
     let line = run(&[&"build", &input, &"-o", &same, &"--mesh", &same]).failed();
     assert!(line.contains("overwrite"), "{line}");
@@ -110,8 +110,7 @@ fn outputs_that_cannot_be() {
     let line = run(&[&"mesh", &store, &"-o", &link]).failed();
     assert!(line.contains("link.ply"), "{line}");
     std::fs::remove_file(link).unwrap();
-    for out in ["nowhere/w.npy", "/proc/w.npy"] {
-        let out = dir.path(out);
+    for out in [dir.path("nowhere/w.npy"), "/proc/w.npy".into()] {
         let line = run(&[&"export", &store, &"--level", &"0", &"-o", &out]).failed();
         assert!(line.contains(out.to_str().unwrap()), "{line}");
     }

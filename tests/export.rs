@@ -25,7 +25,7 @@ fn points(array: &Array, description: &Value) -> (Vec<[usize; 3]>, String) {
     let (origin, spacing) = (&description["origin"], number(&description["spacing"]));
     let total = array.axis.pow(3);
     let at = |n: usize| [n % array.axis, n / array.axis % array.axis, n / array.axis / array.axis];
-    let chosen: Vec<[usize; 3]> = (0..total).step_by(total / 5000 | 1).map(at).collect();
+    let chosen: Vec<[usize; 3]> = (0..total).step_by((total / 5000) | 1).map(at).collect();
     let mut csv = String::from("x,y,z\n");
     for ijk in &chosen {
         let p: [f64; 3] = std::array::from_fn(|a| number(&origin[a]) + ijk[a] as f64 * spacing);
@@ -62,20 +62,14 @@ fn every_level_holds_the_exact_winding_numbers() {
 #[test]
 fn floats_are_what_sample_says_above_coarser_leaves_too() {
     let dir = Scratch::new();
+    // A large box is refined, a small one in the opposite corner deviates too little.
+    let mut facets = cuboid([0.0; 3], [10.0; 3]);
+    facets.extend(cuboid([17.0; 3], [19.0; 3]));
+    let input = dir.file("boxes.stl", binary_stl(24, &facets));
     let store = dir.path("o.brf");
-    run(&[
-        &"build",
-        &stl("overlap_boxes"),
-        &"-o",
-        &store,
-        &"--depth",
-        &"2",
-        &"--stddev",
-        &"0.3",
-        &"--refine",
-        &"stddev",
-    ])
-    .ok();
+    let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"build", &input, &"-o", &store, &"--depth", &"2"];
+    args.extend([&"--refine" as &dyn AsRef<_>, &"stddev", &"--stddev", &"0.2"]);
+    run(&args).ok();
     let (array, description) = export(&dir, &store, 2, "f4");
     let (chosen, csv) = points(&array, &description);
     let sampled = values(&run_with(&[&"sample", &store, &"--points", &"-"], &csv).ok());
@@ -89,7 +83,7 @@ fn floats_are_what_sample_says_above_coarser_leaves_too() {
     let cell = description["spacing"].as_f64().unwrap().powi(3);
     for array in [array, integers] {
         let sum = array.sum() * cell;
-        assert!((sum / truth("overlap_boxes", "sum_volume") - 1.0).abs() < 0.03, "{sum}");
+        assert!((sum / 1008.0 - 1.0).abs() < 0.05, "{sum}");
     }
 }
 
