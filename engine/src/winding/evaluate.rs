@@ -26,7 +26,17 @@ pub(super) struct Hit {
     pub facet: u32,
 }
 
+/// [`Hit::facet`] of a triangle's position in the list and the jump at its crossings.
+fn hit_code(position: u32, jump: i32) -> u32 {
+    position << 1 | u32::from(jump < 0)
+}
+
 impl Hit {
+    /// The triangle's position in the brick's list.
+    pub fn position(self) -> usize {
+        (self.facet >> 1) as usize
+    }
+
     pub fn jump(self) -> i32 {
         1 - 2 * (self.facet & 1) as i32
     }
@@ -47,7 +57,9 @@ pub struct Evaluator {
     face: Vec<i32>,
     /// Jumps along z in the column x = y = 0.
     column: [i32; C],
-    /// Crossings along one axis.
+    /// Crossings along x.
+    hits_x: Vec<Hit>,
+    /// Crossings along one axis, those asked for.
     hits: Vec<Hit>,
     resolver: Resolver,
 }
@@ -60,6 +72,7 @@ impl Default for Evaluator {
             touched: [0; P],
             face: vec![0; P * C],
             column: [0; C],
+            hits_x: Vec::new(),
             hits: Vec::new(),
             resolver: Resolver::default(),
         }
@@ -128,6 +141,7 @@ impl Evaluator {
         let block = block(key);
         let origin = key.base().map(|b| b + 1);
         self.facets.clear();
+        self.hits_x.clear();
         for position in 0..list.indices.len() {
             let Some(facet) = Facet::new(list.get(position), origin, block) else { continue };
             let jump = [0, 1, 2].map(|axis| facet.jump(axis));
@@ -135,9 +149,13 @@ impl Evaluator {
             facet.scan::<1>(block, [block.last, 0], |c| {
                 self.face[c.u as usize * C + c.lower as usize] += jump[1];
             });
+            let code = hit_code(position as u32, jump[0]);
             facet.scan::<0>(block, [block.last; 2], |c| {
-                self.rows[(c.v as usize * P + c.u as usize) * C + c.lower as usize] += jump[0];
+                let row = c.v as usize * P + c.u as usize;
+                self.rows[row * C + c.lower as usize] += jump[0];
                 self.touched[c.v as usize] |= 1 << c.u;
+                let lower = (row * P + c.lower as usize) as u16;
+                self.hits_x.push(Hit { lower, offset: c.offset, facet: code });
             });
             self.facets.push((position as u32, facet));
         }
@@ -149,8 +167,13 @@ impl Evaluator {
         let block = block(key);
         let hits = &mut self.hits;
         hits.clear();
+        if axis == Axis::X {
+            let wants = |lower: usize| wanted[lower / P] >> (lower % P) & 1 != 0;
+            hits.extend(self.hits_x.iter().filter(|hit| wants(usize::from(hit.lower))));
+            return;
+        }
         for (position, facet) in &self.facets {
-            let code = position << 1 | u32::from(facet.jump(axis.index()) < 0);
+            let code = hit_code(*position, facet.jump(axis.index()));
             let mut add = |[i, j, k]: [i32; 3], offset| {
                 let row = k as usize * P + j as usize;
                 if wanted[row] >> i & 1 != 0 {
@@ -159,7 +182,7 @@ impl Evaluator {
             };
             let all = [block.last; 2];
             match axis {
-                Axis::X => facet.scan::<0>(block, all, |c| add([c.lower, c.u, c.v], c.offset)),
+                Axis::X => {}
                 Axis::Y => facet.scan::<1>(block, all, |c| add([c.v, c.lower, c.u], c.offset)),
                 Axis::Z => facet.scan::<2>(block, all, |c| add([c.u, c.v, c.lower], c.offset)),
             }
@@ -271,6 +294,7 @@ impl Evaluation<'_> {
         }
         let Evaluation { samples, signs, key, list, evaluator } = self;
         let mut edges: [Vec<HermiteEdge>; 3] = Default::default();
+        evaluator.resolver.begin(list.indices.len());
         for axis in Axis::ALL {
             // The edges' scratch leaves the evaluator while that scans.
             let mut resolver = std::mem::take(&mut evaluator.resolver);
