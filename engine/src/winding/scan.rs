@@ -63,6 +63,13 @@ impl Facet {
         (normal != [0; 3]).then_some(Facet { vertices, normal, first, last })
     }
 
+    /// The box, in lattice indices, that holds the lower sample of every edge the triangle crosses: (first,
+    /// last) per axis.
+    #[inline]
+    pub fn lower_samples(&self) -> [(i32, i32); 3] {
+        std::array::from_fn(|a| ((self.first[a] - 1).max(0), self.last[a].max(0)))
+    }
+
     /// The change of the winding number along `axis` at a crossing: entering through a facet whose outward
     /// normal points back adds one.
     #[inline]
@@ -194,9 +201,13 @@ impl Edges {
     fn span(&self, row: i32, last: i32) -> (i32, i32) {
         let k = f64::from(row);
         let cut = |(at, slope): (f64, f64)| at + slope * k;
+        // One instruction each, where `f64::max` and `min` also look after NaN.
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        let smaller = |a: f64, b: f64| if a < b { a } else { b };
         // Far cuts are brought near, off the integers.
-        let from = cut(self.lower[0]).max(cut(self.lower[1])).clamp(-1.25, 64.25);
-        let to = cut(self.upper[0]).min(cut(self.upper[1])).clamp(-1.25, 64.25);
+        let near = |c: f64| smaller(larger(c, -1.25), 64.25);
+        let from = near(larger(cut(self.lower[0]), cut(self.lower[1])));
+        let to = near(smaller(cut(self.upper[0]), cut(self.upper[1])));
         let (shifted_from, shifted_to) = (from + ROUND, to + ROUND);
         let (rest_from, rest_to) = (from - (shifted_from - ROUND), to - (shifted_to - ROUND));
         if rest_from.abs() <= self.error || rest_to.abs() <= self.error || self.error > 0.001 {
