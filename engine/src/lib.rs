@@ -2,12 +2,13 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → `winding`, [`store`] → `build` → `contour`.
+//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod brick;
 pub mod build;
+pub mod contour;
 mod error;
 pub mod ingest;
 pub mod lattice;

@@ -173,10 +173,6 @@ impl Evaluator {
             return;
         }
         for (position, facet) in &self.facets {
-            // Most facets of a pile lie inside other pieces.
-            if resolver.is_some_and(|r| !r.any_change_near(facet.lower_samples())) {
-                continue;
-            }
             let code = hit_code(*position, facet.jump(axis.index()));
             let mut add = |[i, j, k]: [i32; 3], offset| {
                 let (row, i) = (k as usize * P + j as usize, i as usize);

@@ -6,19 +6,13 @@ use crate::brick::{HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_POINTS, normal};
 
-/// Blocks of [`BLOCK`] samples along an axis.
-const BLOCKS: usize = BRICK_POINTS.div_ceil(BLOCK);
-/// Samples along a block: 4 tell apart what a facet of a bead, some 30 cells long, passes through.
-const BLOCK: usize = 4;
-
 /// Working memory for one axis after the other, kept from brick to brick.
+#[derive(Default)]
 pub(super) struct Resolver {
     /// Per row: the sign-changing edges.
     changes: Vec<u64>,
     /// Per row: how many sign-changing edges the rows before hold.
     ranks: Vec<u32>,
-    /// Whether a block of 4³ lower samples holds a sign-changing edge: bit x of word z·9 + y.
-    blocks: [u16; BLOCKS * BLOCKS],
     /// Per sign-changing edge: the number of its last crossing, [`NONE`] before that.
     last: Vec<u32>,
     /// Per crossing: the number of the one before it on the same edge, or [`NONE`].
@@ -42,20 +36,6 @@ struct Candidate {
     jump: i32,
 }
 
-impl Default for Resolver {
-    fn default() -> Self {
-        Resolver {
-            changes: Vec::new(),
-            ranks: Vec::new(),
-            blocks: [0; BLOCKS * BLOCKS],
-            last: Vec::new(),
-            before: Vec::new(),
-            normals: Vec::new(),
-            shared: Vec::new(),
-        }
-    }
-}
-
 impl Resolver {
     /// Begins a brick with this many triangles.
     pub fn begin(&mut self, triangles: usize) {
@@ -68,19 +48,13 @@ impl Resolver {
         self.changes.clear();
         self.ranks.clear();
         let mut count = 0;
-        let mut blocks = [0u64; BLOCKS * BLOCKS];
         for k in 0..BRICK_POINTS {
             for j in 0..BRICK_POINTS {
                 let word = signs.edges(axis, j, k);
                 self.changes.push(word);
                 self.ranks.push(count);
                 count += word.count_ones();
-                blocks[k / BLOCK * BLOCKS + j / BLOCK] |= word;
             }
-        }
-        for (packed, word) in self.blocks.iter_mut().zip(blocks) {
-            let any = |b: usize| u16::from(word >> (b * BLOCK) & ((1 << BLOCK) - 1) != 0) << b;
-            *packed = (0..BLOCKS).fold(0, |bits, b| bits | any(b));
         }
         self.last.clear();
         self.last.resize(count as usize, NONE);
@@ -90,17 +64,6 @@ impl Resolver {
     #[inline]
     pub fn changes(&self, row: usize, i: usize) -> bool {
         self.changes[row] >> i & 1 != 0
-    }
-
-    /// Whether an edge changes sign whose lower sample lies in or near the box, (first, last) per axis.
-    #[inline]
-    pub fn any_change_near(&self, [x, y, z]: [(i32, i32); 3]) -> bool {
-        let block = |c: i32| c as usize / BLOCK;
-        let along_x = (2u16 << block(x.1)) - (1 << block(x.0));
-        (block(z.0)..=block(z.1)).any(|k| {
-            let rows = &self.blocks[k * BLOCKS..][block(y.0)..=block(y.1)];
-            rows.iter().fold(0, |all, row| all | row) & along_x != 0
-        })
     }
 
     /// One Hermite edge per sign-changing edge, from the crossings on those edges.

@@ -63,13 +63,6 @@ impl Facet {
         (normal != [0; 3]).then_some(Facet { vertices, normal, first, last })
     }
 
-    /// The box, in lattice indices, that holds the lower sample of every edge the triangle crosses: (first,
-    /// last) per axis.
-    #[inline]
-    pub fn lower_samples(&self) -> [(i32, i32); 3] {
-        std::array::from_fn(|a| ((self.first[a] - 1).max(0), self.last[a].max(0)))
-    }
-
     /// The change of the winding number along `axis` at a crossing: entering through a facet whose outward
     /// normal points back adds one.
     #[inline]
@@ -109,7 +102,7 @@ impl Facet {
         let depth = Depth::new::<A, SWAP>(self, block, steps.0);
         let count = steps.1 - steps.0;
         for row in rows.0..=rows.1 {
-            let (from, to) = edges.span(row - rows.0, count);
+            let (from, to) = edges.span::<A, SWAP>(row - rows.0, count);
             if from > to {
                 continue;
             }
@@ -134,15 +127,14 @@ const fn sweep_axes<const A: usize, const SWAP: bool>() -> (usize, usize) {
 /// Adding this rounds to an integer, which then stands in the low mantissa bits.
 const ROUND: f64 = (1u64 << 52) as f64 * 1.5;
 
-/// The three edges of a projected triangle: exact edge functions, and where each edge cuts a row, as a
-/// linear function in f64.
+/// The three edges of a projected triangle: where each cuts a row, as a linear function in f64.
 ///
-/// A line is inside when no edge function is negative; ties are folded in by subtracting one where the
-/// perturbed value is negative.
-struct Edges {
-    start: [i64; 3],
-    step: [i64; 3],
-    next_row: [i64; 3],
+/// A line is inside when no edge function is negative; a tie counts as its perturbed value.
+struct Edges<'a> {
+    facet: &'a Facet,
+    block: Block,
+    /// First step and first row.
+    origin: (i32, i32),
     /// (cut at the first row, change per row) of edges that bound the span from below and from above.
     lower: [(f64, f64); 2],
     upper: [(f64, f64); 2],
@@ -150,86 +142,120 @@ struct Edges {
     error: f64,
 }
 
-impl Edges {
+impl<'a> Edges<'a> {
     #[inline(always)]
-    fn new<const A: usize, const SWAP: bool>(facet: &Facet, block: Block, step0: i32, row0: i32) -> Edges {
+    fn new<const A: usize, const SWAP: bool>(
+        facet: &'a Facet,
+        block: Block,
+        step0: i32,
+        row0: i32,
+    ) -> Edges<'a> {
         let (s, r) = sweep_axes::<A, SWAP>();
-        let sign = if SWAP { -facet.normal[A].signum() } else { facet.normal[A].signum() };
-        let (ps, pr) = (i64::from(step0) << block.shift, i64::from(row0) << block.shift);
-        let mut out = Edges {
-            start: [0; 3],
-            step: [0; 3],
-            next_row: [0; 3],
-            lower: [(-2.0, 0.0); 2],
-            upper: [(f64::from(1 << 7), 0.0); 2],
-            error: 0.0,
-        };
+        let (ps, pr) = (step0 << block.shift, row0 << block.shift);
+        let per_step = power_of_two(-(block.shift as i32));
+        let spacing = power_of_two(block.shift as i32);
+        let mut lower = [(-2.0, 0.0); 2];
+        let mut upper = [(f64::from(1 << 7), 0.0); 2];
+        let mut size = 0.0;
         let (mut lowers, mut uppers) = (0, 0);
+        // A lower bound is an edge that runs along the rows' order one way, an upper one the other way.
+        let ascends = (facet.normal[A] > 0) != SWAP;
         for i in 0..3 {
             let (a, b) = (facet.vertices[i], facet.vertices[(i + 1) % 3]);
-            let along_s = -sign * i64::from(b[r] - a[r]);
-            let along_r = sign * i64::from(b[s] - a[s]);
-            // ε belongs to the axis that comes first in x, y, z.
-            let (first, second) = if s < r { (along_s, along_r) } else { (along_r, along_s) };
-            let tie = i64::from(first < 0 || (first == 0 && second < 0));
-            let start = along_r * (pr - i64::from(a[r])) + along_s * (ps - i64::from(a[s])) - tie;
-            (out.start[i], out.step[i], out.next_row[i]) =
-                (start, along_s << block.shift, along_r << block.shift);
+            let across = b[r] - a[r];
             // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows
             // within the bounding box lie strictly on its inner side.
-            if along_s != 0 {
-                let inverse = -1.0 / out.step[i] as f64;
-                let cut = (start as f64 * inverse, out.next_row[i] as f64 * inverse);
-                out.error = out.error.max(cut.0.abs() + cut.1.abs() * 64.0);
-                if along_s > 0 {
-                    out.lower[lowers & 1] = cut;
-                    lowers += 1;
-                } else {
-                    out.upper[uppers & 1] = cut;
-                    uppers += 1;
-                }
+            if across == 0 {
+                continue;
+            }
+            let slope = f64::from(b[s] - a[s]) / f64::from(across);
+            let at = (f64::from(a[s] - ps) + slope * f64::from(pr - a[r])) * per_step;
+            size = larger(size, f64::from((a[s] - ps).abs()) + slope.abs() * f64::from((pr - a[r]).abs()));
+            size = larger(size, slope.abs() * 64.0 * spacing);
+            if (across < 0) == ascends {
+                lower[lowers & 1] = (at, slope);
+                lowers += 1;
+            } else {
+                upper[uppers & 1] = (at, slope);
+                uppers += 1;
             }
         }
-        // Three roundings of 2^-53 in each term, and two more: 2^-50 covers them.
-        out.error *= f64::from_bits((1023 - 50) << 52);
-        out
+        // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
+        let error = size * per_step * power_of_two(-49);
+        Edges { facet, block, origin: (step0, row0), lower, upper, error }
     }
 
-    /// First and last step in 0..=last of a row at which no edge function is negative; an empty range if
-    /// there is none.
+    /// First and last step in 0..=last of a row, counted from the first one, whose lines lie inside; an
+    /// empty range if there is none.
     #[inline(always)]
-    fn span(&self, row: i32, last: i32) -> (i32, i32) {
+    fn span<const A: usize, const SWAP: bool>(&self, row: i32, last: i32) -> (i32, i32) {
         let k = f64::from(row);
         let cut = |(at, slope): (f64, f64)| at + slope * k;
-        // One instruction each, where `f64::max` and `min` also look after NaN.
-        let larger = |a: f64, b: f64| if a > b { a } else { b };
-        let smaller = |a: f64, b: f64| if a < b { a } else { b };
         // Far cuts are brought near, off the integers.
         let near = |c: f64| smaller(larger(c, -1.25), 64.25);
         let from = near(larger(cut(self.lower[0]), cut(self.lower[1])));
         let to = near(smaller(cut(self.upper[0]), cut(self.upper[1])));
         let (shifted_from, shifted_to) = (from + ROUND, to + ROUND);
         let (rest_from, rest_to) = (from - (shifted_from - ROUND), to - (shifted_to - ROUND));
-        if rest_from.abs() <= self.error || rest_to.abs() <= self.error || self.error > 0.001 {
-            return self.span_exactly(row, last);
+        if smaller(rest_from.abs(), rest_to.abs()) <= self.error || self.error > 0.001 {
+            return self.span_exactly(sweep_axes::<A, SWAP>(), (facet_sign(self.facet, A), SWAP), row, last);
         }
         let first = shifted_from.to_bits() as i32 + i32::from(rest_from > 0.0);
         let end = shifted_to.to_bits() as i32 - i32::from(rest_to < 0.0);
         (first.max(0), end.min(last))
     }
 
+    /// [`Edges::span`] by exact edge functions at every step.
     #[cold]
     #[inline(never)]
-    fn span_exactly(&self, row: i32, last: i32) -> (i32, i32) {
+    fn span_exactly(
+        &self,
+        (s, r): (usize, usize),
+        (sign, swap): (i64, bool),
+        row: i32,
+        last: i32,
+    ) -> (i32, i32) {
+        let sign = if swap { -sign } else { sign };
+        let at = |index: i32| i64::from(index) << self.block.shift;
+        let pr = at(self.origin.1 + row);
         let inside = |step: i32| {
+            let ps = at(self.origin.0 + step);
             (0..3).all(|i| {
-                self.start[i] + self.next_row[i] * i64::from(row) + self.step[i] * i64::from(step) >= 0
+                let (a, b) = (self.facet.vertices[i], self.facet.vertices[(i + 1) % 3]);
+                let along_s = -sign * i64::from(b[r] - a[r]);
+                let along_r = sign * i64::from(b[s] - a[s]);
+                let value = along_r * (pr - i64::from(a[r])) + along_s * (ps - i64::from(a[s]));
+                // ε belongs to the axis that comes first in x, y, z.
+                let (first, second) = if s < r { (along_s, along_r) } else { (along_r, along_s) };
+                value > 0 || (value == 0 && (first > 0 || (first == 0 && second > 0)))
             })
         };
         let Some(first) = (0..=last).find(|&step| inside(step)) else { return (1, 0) };
         let end = (first..=last).take_while(|&step| inside(step)).last();
         (first, end.unwrap_or(first))
     }
+}
+
+fn facet_sign(facet: &Facet, axis: usize) -> i64 {
+    facet.normal[axis].signum()
+}
+
+/// 2^exponent.
+#[inline(always)]
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((1023 + exponent) as u64) << 52)
+}
+
+/// One instruction, where `f64::max` also looks after NaN.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// One instruction, where `f64::min` also looks after NaN.
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 /// Where a line crosses the triangle's plane, in 1/65536 of the spacing, as a linear function in f64.
@@ -243,8 +269,6 @@ struct Depth {
     step: f64,
     /// Bound on the rounding error of the whole expression.
     error: f64,
-    /// Depth of the last sample.
-    beyond: f64,
 }
 
 impl Depth {
@@ -252,8 +276,8 @@ impl Depth {
     fn new<const A: usize, const SWAP: bool>(facet: &Facet, block: Block, step0: i32) -> Depth {
         let (s, r) = sweep_axes::<A, SWAP>();
         // Powers of two, so the scaling is exact.
-        let spacing = f64::from_bits((1023 + u64::from(block.shift)) << 52);
-        let scale = f64::from_bits((1023 + 16 - u64::from(block.shift)) << 52);
+        let spacing = power_of_two(block.shift as i32);
+        let scale = power_of_two(16 - block.shift as i32);
         let scaled = scale / facet.normal[A] as f64;
         let slope_s = facet.normal[s] as f64 * scaled;
         let slope_r = facet.normal[r] as f64 * scaled;
@@ -271,8 +295,7 @@ impl Depth {
             row_origin: facet.vertices[0][r],
             row_slope: slope_r,
             step: slope_s * spacing,
-            error: size * f64::from_bits((1023 - 48) << 52),
-            beyond: f64::from(block.last << 16),
+            error: size * power_of_two(-48),
         }
     }
 
@@ -294,29 +317,31 @@ impl Depth {
         line: (i32, i32),
     ) -> Option<(i32, u16)> {
         let depth = along - self.step * f64::from(step);
-        if depth < -1.0 - self.error || depth > self.beyond + 1.0 + self.error {
-            return None;
-        }
         let shifted = depth + ROUND;
-        let rounded = shifted.to_bits() as i32;
+        let rounded = (shifted.to_bits() as i64) - (ROUND.to_bits() as i64);
         let rest = depth - (shifted - ROUND);
-        let near_sample = rounded & 0xffff == 0;
-        let doubtful = rest.abs() > 0.5 - self.error || (near_sample && rest.abs() <= self.error);
-        let (lower, offset) = if doubtful {
-            locate_exactly(facet, block, A, line.0, line.1)
-        } else {
-            let lower = (rounded - i32::from(near_sample && rest < 0.0)) >> 16;
-            (lower, rounded - (lower << 16))
-        };
-        (lower >= 0 && lower < block.last).then(|| (lower, offset.min(65535) as u16))
+        // A bound that reaches half a step settles nothing, wherever the depth seems to be.
+        let doubtful = rest.abs() > 0.5 - self.error;
+        if !doubtful {
+            let mut lower = rounded >> 16;
+            if rounded & 0xffff == 0 {
+                // At a sample, so near that only the exact quotient tells the side.
+                if rest.abs() <= self.error {
+                    return locate_exactly(facet, block, A, line.0, line.1);
+                }
+                lower -= i64::from(rest < 0.0);
+            }
+            let offset = (rounded - (lower << 16)).min(65535);
+            return (0..i64::from(block.last)).contains(&lower).then_some((lower as i32, offset as u16));
+        }
+        locate_exactly(facet, block, A, line.0, line.1)
     }
 }
 
-/// [`Depth::locate`] in 128-bit integers: the sample before the crossing, -1 or the last one where that is
-/// outside the block, and the offset in 0..=65536.
+/// [`Depth::locate`] in 128-bit integers.
 #[cold]
 #[inline(never)]
-fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> (i32, i32) {
+fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> Option<(i32, u16)> {
     let (au, av) = ((axis + 1) % 3, (axis + 2) % 3);
     let n = facet.normal.map(i128::from);
     let a = facet.vertices[0].map(i128::from);
@@ -336,7 +361,7 @@ fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> (
     }
     let rest = numerator - lower * denominator;
     let offset = (rest * (65536 * 2) + denominator).div_euclid(2 * denominator);
-    (lower.clamp(-1, i128::from(block.last)) as i32, offset as i32)
+    (0..i128::from(block.last)).contains(&lower).then_some((lower as i32, offset.min(65535) as u16))
 }
 
 #[cfg(test)]
@@ -420,8 +445,8 @@ mod tests {
                 facet.scan::<1>(block, [32, 32], |c| checked.push((1, c)));
                 facet.scan::<2>(block, [32, 32], |c| checked.push((2, c)));
                 for (axis, c) in checked {
-                    let (lower, offset) = locate_exactly(&facet, block, axis, c.u, c.v);
-                    prop_assert_eq!((c.lower, i32::from(c.offset)), (lower, offset.min(65535)));
+                    let exact = locate_exactly(&facet, block, axis, c.u, c.v);
+                    prop_assert_eq!(Some((c.lower, c.offset)), exact);
                 }
             }
         }

@@ -1,0 +1,99 @@
+//! A cache under a byte budget that makes again what it had to drop.
+
+use crate::error::Result;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Values by leaf number, the least recently used ones dropped first.
+pub(super) struct Cache<V> {
+    budget_bytes: usize,
+    state: Mutex<State<V>>,
+}
+
+struct State<V> {
+    entries: HashMap<u32, Entry<V>>,
+    /// Leaf numbers by the time of their last use.
+    order: BTreeMap<u64, u32>,
+    now: u64,
+    used_bytes: usize,
+}
+
+struct Entry<V> {
+    value: Arc<V>,
+    bytes: usize,
+    used_at: u64,
+}
+
+impl<V> Cache<V> {
+    pub(super) fn new(budget_bytes: usize) -> Cache<V> {
+        let state = State { entries: HashMap::new(), order: BTreeMap::new(), now: 0, used_bytes: 0 };
+        Cache { budget_bytes, state: Mutex::new(state) }
+    }
+
+    /// The value of `leaf`, made now if it is not there. Two threads may make the same value at the same
+    /// time; both get equal ones.
+    pub(super) fn get_or_make(&self, leaf: u32, make: impl FnOnce() -> Result<(V, usize)>) -> Result<Arc<V>> {
+        if let Some(value) = self.lock().get(leaf) {
+            return Ok(value);
+        }
+        let (value, bytes) = make()?;
+        let value = Arc::new(value);
+        self.lock().insert(leaf, Arc::clone(&value), bytes, self.budget_bytes);
+        Ok(value)
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, State<V>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<V> State<V> {
+    fn get(&mut self, leaf: u32) -> Option<Arc<V>> {
+        self.now += 1;
+        let entry = self.entries.get_mut(&leaf)?;
+        self.order.remove(&entry.used_at);
+        entry.used_at = self.now;
+        self.order.insert(self.now, leaf);
+        Some(Arc::clone(&entry.value))
+    }
+
+    fn insert(&mut self, leaf: u32, value: Arc<V>, bytes: usize, budget_bytes: usize) {
+        if bytes > budget_bytes || self.entries.contains_key(&leaf) {
+            return;
+        }
+        self.now += 1;
+        self.used_bytes += bytes;
+        self.entries.insert(leaf, Entry { value, bytes, used_at: self.now });
+        self.order.insert(self.now, leaf);
+        while self.used_bytes > budget_bytes {
+            let Some((_, oldest)) = self.order.pop_first() else { break };
+            if let Some(entry) = self.entries.remove(&oldest) {
+                self.used_bytes -= entry.bytes;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_recently_used_value_goes_first() {
+        let cache = Cache::new(2);
+        let made = std::cell::Cell::new(0);
+        let get = |leaf: u32| {
+            let make = || {
+                made.set(made.get() + 1);
+                Ok((leaf * 10, 1))
+            };
+            assert_eq!(*cache.get_or_make(leaf, make).unwrap(), leaf * 10);
+        };
+        [1, 2, 1, 3].into_iter().for_each(get);
+        assert_eq!(made.get(), 3);
+        get(1);
+        assert_eq!(made.get(), 3);
+        get(2);
+        assert_eq!(made.get(), 4);
+    }
+}

@@ -1,0 +1,469 @@
+//! The active cells of one leaf, their loops and the vertices of these: what pass 1 makes and pass 2 reads.
+//!
+//! Cells whose surroundings have their own level or a lower one are found by bit arithmetic on the sign rows
+//! and looped by a table; those next to finer leaves go to [`super::mixed`]. Vertices are numbered within the
+//! leaf: cells in the order x, y, z from fast to slow, the loops of a cell in the order of their first edge,
+//! then the extra vertices on split faces.
+//!
+//! *Split faces.* Where the same two loops meet across two cuts of one face, the mesh edge between their
+//! vertices would have four triangles, so each cut gets a vertex of its own on the face. Whether that happens
+//! is decided from the two cells where both are plain cells of one leaf; other faces that are cut twice are
+//! always split, so that every leaf around knows from the face's signs alone. A face belongs to the finer of
+//! its two cells, and to the upper one where they have the same size.
+
+use super::field::{Field, Frame};
+use super::leaves::{Around, Side, direction_index};
+use super::mixed::Surroundings;
+use super::qef::Qef;
+use super::surface::{Changes, Surface};
+use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, derive_edge, edge_lower, face_cuts};
+use crate::brick::{SignChanges, point_index};
+use crate::error::Result;
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+
+/// Rows of cells along x in a leaf.
+pub(super) const CELL_ROWS: usize = BRICK_CELLS * BRICK_CELLS;
+
+/// Bits of one row of cells along x.
+#[derive(Clone, Copy, Default)]
+pub(super) struct CellRow {
+    /// Cells with a loop.
+    pub active: u32,
+    /// Active cells whose boundary has edges of finer leaves.
+    pub mixed: u32,
+    /// Active cells in the rows before.
+    rank: u32,
+}
+
+/// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
+/// its lower end minus the corner in units.
+#[inline]
+pub(super) fn edge_key(relative: [i32; 3], axis: Axis, level: u8) -> u64 {
+    // Spacings are multiples of 8 units, and no cell is larger than 2^19.
+    let [x, y, z] = relative.map(|r| (r >> 3) as u64);
+    x | y << 17 | z << 34 | (axis.index() as u64) << 51 | u64::from(level) << 53
+}
+
+/// Name within a leaf of the face across `axis` with this lower corner.
+#[inline]
+pub(super) fn face_key(axis: Axis, corner: [usize; 3]) -> u32 {
+    (axis.index() * crate::brick::POINTS + point_index(corner)) as u32
+}
+
+/// The vertex on one cut of a split face, found from either edge that the cut joins.
+struct Extra {
+    face: u32,
+    edge: u64,
+    vertex: u32,
+}
+
+/// Cells and vertices of a leaf.
+#[derive(Default)]
+pub(super) struct BrickCells {
+    /// Signs of the leaf's own samples; `None` if they are all alike.
+    pub signs: Option<SignChanges>,
+    /// Row k·32 + j; empty if no cell is active.
+    rows: Vec<CellRow>,
+    /// Corner mask of each active cell.
+    masks: Vec<u8>,
+    /// For each active cell its first vertex or, if it is mixed, its place in `mixed`.
+    first: Vec<u32>,
+    /// Where the edges of each mixed cell end in `mixed_edges`, after a leading zero.
+    mixed: Vec<u32>,
+    /// Minimal edges of mixed cells with the vertex of their loop, sorted within a cell.
+    mixed_edges: Vec<(u64, u32)>,
+    /// Sorted by face and edge.
+    extras: Vec<Extra>,
+    /// World positions of the vertices.
+    pub positions: Vec<[f32; 3]>,
+    /// Faces with extra vertices.
+    pub split_faces: u64,
+}
+
+impl BrickCells {
+    /// Finds the active cells of a leaf and places their vertices.
+    pub(super) fn build(field: &Field, leaf: u32) -> Result<BrickCells> {
+        let around = field.leaves.around(leaf);
+        let has_finer = around.contains(&Side::Finer);
+        if !field.leaves.get(leaf).changes && !has_finer {
+            return Ok(BrickCells::default());
+        }
+        let surface = field.surface(leaf)?;
+        let changes = match &*surface {
+            Surface::Changes(changes) => Some(&**changes),
+            Surface::Uniform(_) => None,
+        };
+        let mut rows = vec![CellRow::default(); CELL_ROWS];
+        if let Some(changes) = changes {
+            mark_active(&changes.signs, &mut rows);
+        }
+        let mut surroundings = has_finer.then(|| Surroundings::new(field, leaf, &around));
+        if let Some(surroundings) = &mut surroundings {
+            surroundings.mark(&mut rows)?;
+        }
+        let mut rank = 0;
+        for row in &mut rows {
+            row.rank = rank;
+            rank += row.active.count_ones();
+        }
+        if rank == 0 {
+            return Ok(BrickCells { signs: changes.map(|c| c.signs.clone()), ..BrickCells::default() });
+        }
+        let key = field.leaves.get(leaf).key;
+        let mut builder = Builder::new(key, field.frame(key), &around, changes, rows, rank as usize);
+        builder.fill(surroundings.as_mut())?;
+        Ok(builder.finish())
+    }
+
+    /// Number of vertices.
+    pub(super) fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Number of mixed cells.
+    pub(super) fn mixed_cells(&self) -> u64 {
+        self.mixed.len().saturating_sub(1) as u64
+    }
+
+    /// Heap bytes.
+    pub(super) fn heap_bytes(&self) -> usize {
+        let signs = self.signs.as_ref().map_or(0, |_| 33 * 33 * 8);
+        signs
+            + self.rows.capacity() * size_of::<CellRow>()
+            + self.masks.capacity()
+            + 4 * (self.first.capacity() + self.mixed.capacity())
+            + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
+            + self.extras.capacity() * size_of::<Extra>()
+            + self.positions.capacity() * size_of::<[f32; 3]>()
+            + size_of::<BrickCells>()
+    }
+
+    /// The row of cells at (j, k); all zero if no cell is active.
+    #[inline]
+    pub(super) fn row(&self, j: usize, k: usize) -> CellRow {
+        self.rows.get(k * BRICK_CELLS + j).copied().unwrap_or_default()
+    }
+
+    /// The vertex of a plain active cell's loop through edge `edge`, with the cell's loops, looked
+    /// up in `table`, the dereferenced [`CELL_LOOPS`]; `None` if the cell is mixed.
+    #[inline]
+    pub(super) fn plain_vertex<'t>(
+        &self,
+        table: &'t [CellLoops; 256],
+        row: CellRow,
+        i: usize,
+        edge: usize,
+    ) -> Option<(u32, &'t CellLoops)> {
+        if row.mixed >> i & 1 == 1 {
+            return None;
+        }
+        let slot = row.slot(i);
+        let loops = &table[*self.masks.get(slot)? as usize];
+        let of_edge = loops.of_edge[edge];
+        (of_edge != NO_LOOP).then(|| (self.first[slot] + u32::from(of_edge), loops))
+    }
+
+    /// The vertex of the loop of `cell` through a minimal edge: number `edge` of the cell's own 12 if the
+    /// cell is plain, named `key` relative to the cell's lower corner.
+    pub(super) fn vertex(&self, cell: [usize; 3], edge: usize, key: u64) -> Option<u32> {
+        let row = self.row(cell[1], cell[2]);
+        if row.mixed >> cell[0] & 1 == 0 {
+            return self.plain_vertex(&CELL_LOOPS, row, cell[0], edge).map(|(vertex, _)| vertex);
+        }
+        let place = self.first[row.slot(cell[0])] as usize;
+        let edges = &self.mixed_edges[self.mixed[place] as usize..self.mixed[place + 1] as usize];
+        edges.binary_search_by_key(&key, |e| e.0).ok().map(|n| edges[n].1)
+    }
+
+    /// The extra vertex on the cut of a face of this leaf that ends at a minimal edge, if the face is split.
+    pub(super) fn extra(&self, face: u32, edge: u64) -> Option<u32> {
+        if self.extras.is_empty() {
+            return None;
+        }
+        let found = self.extras.binary_search_by_key(&(face, edge), |e| (e.face, e.edge));
+        found.ok().map(|n| self.extras[n].vertex)
+    }
+}
+
+impl CellRow {
+    /// Place among all active cells of the one at `i`, or of the next.
+    #[inline]
+    fn slot(self, i: usize) -> usize {
+        (self.rank + (self.active & ((1 << i) - 1)).count_ones()) as usize
+    }
+}
+
+/// A cell is active when its eight corners are not all alike.
+fn mark_active(signs: &SignChanges, rows: &mut [CellRow]) {
+    for (n, row) in rows.iter_mut().enumerate() {
+        let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
+        let corners = [signs.row(j, k), signs.row(j + 1, k), signs.row(j, k + 1), signs.row(j + 1, k + 1)];
+        let any = corners.iter().fold(0, |or, r| or | r);
+        let all = corners.iter().fold(u64::MAX, |and, r| and & r);
+        row.active = ((any | any >> 1) & !(all & all >> 1)) as u32;
+    }
+}
+
+/// A sign change on the boundary of a cell: where it lies in cell coordinates and the normal there.
+pub(super) type Plane = ([f64; 3], [f64; 3]);
+
+/// A decoded Hermite edge.
+#[derive(Clone, Copy)]
+struct EdgePlane {
+    fraction: f32,
+    normal: [f32; 3],
+}
+
+/// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
+/// along z, of which a cell has the ones at its own index and at the next.
+struct EdgeStreams {
+    /// Sign-changing edges by index of the lower sample.
+    bits: [u64; 8],
+    /// Place in the decoded planes of the first edge of the row.
+    first: [u32; 8],
+}
+
+/// For each of a cell's 12 edges the stream it belongs to, whether it starts at the next index, and its
+/// lower end and direction.
+struct EdgePlace {
+    stream: usize,
+    step: u32,
+    lower: [f64; 3],
+    direction: [f64; 3],
+}
+
+static EDGE_PLACES: [EdgePlace; 12] = {
+    const NONE: EdgePlace = EdgePlace { stream: 0, step: 0, lower: [0.0; 3], direction: [0.0; 3] };
+    let mut places = [NONE; 12];
+    let mut edge = 0;
+    while edge < 12 {
+        let (axis, [i, j, k]) = derive_edge(edge);
+        places[edge].stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
+        places[edge].step = i as u32;
+        places[edge].lower = [i as f64, j as f64, k as f64];
+        places[edge].direction[axis.index()] = 1.0;
+        edge += 1;
+    }
+    places
+};
+
+/// Fills a [`BrickCells`] cell by cell.
+pub(super) struct Builder<'a> {
+    key: NodeKey,
+    frame: Frame,
+    around: &'a Around,
+    changes: Option<&'a Changes>,
+    /// The leaf's Hermite edges decoded, those along x first: each one serves up to four cells.
+    planes: Vec<EdgePlane>,
+    /// Where the edges along each axis start in `planes`.
+    axis_start: [usize; 3],
+    cells: BrickCells,
+    /// Extra vertices come after all others: (face, the two edges, position).
+    splits: Vec<(u32, [u64; 2], [f32; 3])>,
+}
+
+impl<'a> Builder<'a> {
+    fn new(
+        key: NodeKey,
+        frame: Frame,
+        around: &'a Around,
+        changes: Option<&'a Changes>,
+        rows: Vec<CellRow>,
+        active: usize,
+    ) -> Builder<'a> {
+        let mut planes = Vec::with_capacity(changes.map_or(0, |c| c.hermite.len()));
+        let axis_start = std::array::from_fn(|a| {
+            let start = planes.len();
+            let edges = changes.map_or(&[][..], |c| &c.hermite.edges[a]);
+            planes.extend(edges.iter().map(|e| EdgePlane {
+                fraction: e.fraction() as f32,
+                normal: e.normal.to_vector().map(|c| c as f32),
+            }));
+            start
+        });
+        let cells = BrickCells {
+            signs: changes.map(|c| c.signs.clone()),
+            rows,
+            masks: Vec::with_capacity(active),
+            first: Vec::with_capacity(active),
+            positions: Vec::with_capacity(active + active / 16),
+            ..BrickCells::default()
+        };
+        Builder { key, frame, around, changes, planes, axis_start, cells, splits: Vec::new() }
+    }
+
+    fn fill(&mut self, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
+        for n in 0..CELL_ROWS {
+            let row = self.cells.rows[n];
+            if row.active == 0 {
+                continue;
+            }
+            let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
+            let streams = self.streams(j, k);
+            let mut bits = row.active;
+            while bits != 0 {
+                let i = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                match &mut surroundings {
+                    Some(surroundings) if row.mixed >> i & 1 == 1 => {
+                        self.mixed_cell([i, j, k], surroundings)?
+                    }
+                    _ => self.plain_cell([i, j, k], &streams),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn streams(&self, j: usize, k: usize) -> EdgeStreams {
+        let mut streams = EdgeStreams { bits: [0; 8], first: [0; 8] };
+        let Some(changes) = self.changes else { return streams };
+        for stream in 0..8 {
+            let (axis, j, k) = match stream {
+                0..4 => (Axis::X, j + stream % 2, k + stream / 2),
+                4..6 => (Axis::Y, j, k + stream - 4),
+                _ => (Axis::Z, j + stream - 6, k),
+            };
+            streams.bits[stream] = changes.signs.edges(axis, j, k);
+            streams.first[stream] = (self.axis_start[axis.index()] + changes.slot(axis, [0, j, k])) as u32;
+        }
+        streams
+    }
+
+    /// Corner mask from the leaf's own samples.
+    fn mask(&self, [i, j, k]: [usize; 3]) -> u8 {
+        let Some(changes) = self.changes else { return 0 };
+        let pair = |j, k| (changes.signs.row(j, k) >> i) as u8 & 3;
+        pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
+    }
+
+    #[inline]
+    fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) {
+        let mask = self.mask(cell);
+        let loops = &CELL_LOOPS[mask as usize];
+        let first = self.cells.positions.len();
+        self.cells.masks.push(mask);
+        self.cells.first.push(first as u32);
+        for l in 0..loops.count as usize {
+            let mut qef = Qef::default();
+            let mut edges = loops.edges[l];
+            while edges != 0 {
+                let (point, normal) = self.plane(cell[0], edges.trailing_zeros() as usize, streams);
+                qef.add(point, normal);
+                edges &= edges - 1;
+            }
+            self.push_vertex(cell, first, &qef);
+        }
+        if loops.ambiguous != 0 {
+            self.split_plain_faces(cell, mask, loops, streams);
+        }
+    }
+
+    /// The crossing on edge `edge` of cell `i` in a row, which changes sign.
+    #[inline]
+    fn plane(&self, i: usize, edge: usize, streams: &EdgeStreams) -> Plane {
+        let place = &EDGE_PLACES[edge];
+        let before = streams.bits[place.stream] & ((1 << (i as u32 + place.step)) - 1);
+        let plane = self.planes[(streams.first[place.stream] + before.count_ones()) as usize];
+        let fraction = f64::from(plane.fraction);
+        (std::array::from_fn(|a| place.lower[a] + fraction * place.direction[a]), plane.normal.map(f64::from))
+    }
+
+    /// Places the vertex of a loop; `first` is the cell's first vertex.
+    #[inline]
+    fn push_vertex(&mut self, cell: [usize; 3], first: usize, qef: &Qef) {
+        let margin = self.frame.margin;
+        let mut at = qef.solve(margin);
+        let mut position = self.frame.world(cell, at);
+        // Loops of one cell can have the same minimiser, as on a needle thinner than the cell.
+        let mut tries = 0;
+        while tries < 48 && self.cells.positions[first..].contains(&position) {
+            let axis = tries % 3;
+            let step = (1.0 / 64.0f64).max(margin) * (1 + tries / 3) as f64;
+            at[axis] = (at[axis] + if at[axis] < 0.5 { step } else { -step }).clamp(margin, 1.0 - margin);
+            position = self.frame.world(cell, at);
+            tries += 1;
+        }
+        self.cells.positions.push(position);
+    }
+
+    /// Extra vertices on the faces of a plain cell that this leaf owns and that need them.
+    #[cold]
+    fn split_plain_faces(&mut self, cell: [usize; 3], mask: u8, loops: &CellLoops, streams: &EdgeStreams) {
+        for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
+            let (axis, side) = (Axis::ALL[face / 2], face % 2);
+            if !self.splits_plain_face(cell, loops, axis, side) {
+                continue;
+            }
+            self.cells.split_faces += 1;
+            let mut corner = cell;
+            corner[axis.index()] += side;
+            let level = self.key.level();
+            for (enter, leave) in face_cuts(mask, axis, side) {
+                let edges = [enter, leave].map(|edge| {
+                    let (along, mut offset) = edge_lower(edge);
+                    offset[axis.index()] = 0;
+                    edge_key(offset.map(|o| (o as i32) << self.key.spacing_bits()), along, level)
+                });
+                let (p, q) = (self.plane(cell[0], enter, streams).0, self.plane(cell[0], leave, streams).0);
+                let middle = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
+                self.splits.push((face_key(axis, corner), edges, self.frame.world(cell, middle)));
+            }
+        }
+    }
+
+    fn splits_plain_face(&self, cell: [usize; 3], loops: &CellLoops, axis: Axis, side: usize) -> bool {
+        let a = axis.index();
+        if side == 1 {
+            let mut up = [0; 3];
+            up[a] = 1;
+            return cell[a] == BRICK_CELLS - 1
+                && matches!(self.around[direction_index(up)], Side::Coarser(_));
+        }
+        if cell[a] == 0 {
+            return true;
+        }
+        let mut below = cell;
+        below[a] -= 1;
+        if self.cells.row(below[1], below[2]).mixed >> below[0] & 1 == 1 {
+            return true;
+        }
+        let other = &CELL_LOOPS[self.mask(below) as usize];
+        loops.rejoined >> (2 * a) & other.rejoined >> (2 * a + 1) & 1 == 1
+    }
+
+    fn mixed_cell(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {
+        let mixed = surroundings.loops(cell)?;
+        let first = self.cells.positions.len();
+        if self.cells.mixed.is_empty() {
+            self.cells.mixed.push(0);
+        }
+        self.cells.masks.push(self.mask(cell));
+        self.cells.first.push(self.cells.mixed.len() as u32 - 1);
+        for l in 0..mixed.loops {
+            let mut qef = Qef::default();
+            for crossing in mixed.crossings.iter().filter(|c| c.in_loop == l) {
+                qef.add(crossing.plane.0, crossing.plane.1);
+            }
+            self.push_vertex(cell, first, &qef);
+        }
+        let edges = mixed.crossings.iter().map(|c| (c.key, first as u32 + c.in_loop));
+        self.cells.mixed_edges.extend(edges);
+        self.cells.mixed.push(self.cells.mixed_edges.len() as u32);
+        self.cells.split_faces += mixed.split_faces;
+        for split in mixed.splits {
+            self.splits.push((split.face, split.edges, self.frame.world(cell, split.at)));
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> BrickCells {
+        for (face, edges, position) in self.splits {
+            let vertex = self.cells.positions.len() as u32;
+            self.cells.positions.push(position);
+            self.cells.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
+        }
+        self.cells.extras.sort_unstable_by_key(|e| (e.face, e.edge));
+        self.cells
+    }
+}

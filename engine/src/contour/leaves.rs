@@ -1,0 +1,167 @@
+//! The leaves that are contoured, in Morton order, and who lies next to whom.
+
+use crate::error::{Error, Result};
+use crate::lattice::{MAX_LEVEL, NodeKey, Octant, ROOT_BITS, Units};
+use crate::store::BrickTree;
+
+/// A leaf of the tree, or an interior node that stands for its descendants where the tree is truncated.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leaf {
+    pub key: NodeKey,
+    /// False where an interior node stands for its descendants.
+    pub is_tree_leaf: bool,
+    /// True if the leaf has samples inside and samples outside.
+    pub changes: bool,
+    /// The sign of all samples unless the leaf `changes`.
+    pub inside: bool,
+}
+
+/// What lies next to a leaf in one of 26 directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    /// Nothing: the root ends here.
+    Outside,
+    /// A leaf of a lower level.
+    Coarser(u32),
+    /// A leaf of the same level.
+    Same(u32),
+    /// Leaves of higher levels.
+    Finer,
+}
+
+/// The sides of a leaf by [`direction_index`]; the middle one is the leaf itself.
+pub(super) type Around = [Side; 27];
+
+/// Index of a direction with components −1, 0 or 1 in [`Around`].
+#[inline]
+pub(super) fn direction_index(d: [i32; 3]) -> usize {
+    ((d[2] + 1) * 9 + (d[1] + 1) * 3 + d[0] + 1) as usize
+}
+
+/// The 18 directions across faces and edges; across a corner nothing is shared but a point.
+pub(super) fn directions() -> impl Iterator<Item = [i32; 3]> {
+    (0..27)
+        .map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1])
+        .filter(|d: &[i32; 3]| (1..=2).contains(&d.iter().filter(|&&c| c != 0).count()))
+}
+
+/// All leaves, found by place.
+pub(super) struct Leaves {
+    leaves: Vec<Leaf>,
+    /// Code of each leaf's last descendant at the deepest level; ascending.
+    last: Vec<u64>,
+}
+
+impl Leaves {
+    /// The leaves of `tree` truncated at `level`; a sample is inside from `threshold` on.
+    pub(super) fn new(tree: &dyn BrickTree, level: Option<u8>, threshold: i32) -> Result<Leaves> {
+        let limit = level.unwrap_or(MAX_LEVEL);
+        let mut leaves = Vec::new();
+        for key in tree.keys() {
+            let Some(info) = tree.node(key) else { continue };
+            if key.level() > limit || (!info.leaf && key.level() < limit) {
+                continue;
+            }
+            let changes = i32::from(info.max) >= threshold && i32::from(info.min) < threshold;
+            let inside = i32::from(info.min) >= threshold;
+            leaves.push(Leaf { key, is_tree_leaf: info.leaf, changes, inside });
+        }
+        leaves.sort_by_key(|leaf| leaf.key.post_order());
+        let last: Vec<u64> = leaves.iter().map(|leaf| leaf.key.post_order().0).collect();
+        let this = Leaves { leaves, last };
+        this.check_cover()?;
+        Ok(this)
+    }
+
+    /// Leaves must follow each other without gap or overlap, or no closed surface could come out.
+    fn check_cover(&self) -> Result<()> {
+        let mut next = first_descendant(NodeKey::ROOT);
+        for (leaf, &last) in self.leaves.iter().zip(&self.last) {
+            if first_descendant(leaf.key) != next {
+                return Err(broken(leaf.key));
+            }
+            next = last + 1;
+        }
+        if next != NodeKey::ROOT.post_order().0 + 1 {
+            return Err(broken(NodeKey::ROOT));
+        }
+        Ok(())
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.leaves.len()
+    }
+
+    #[inline]
+    pub(super) fn get(&self, leaf: u32) -> &Leaf {
+        &self.leaves[leaf as usize]
+    }
+
+    /// The leaf that covers a node, or the first of the leaves below the node.
+    fn covering(&self, key: NodeKey) -> u32 {
+        let code = first_descendant(key);
+        self.last.partition_point(|&last| last < code) as u32
+    }
+
+    /// The leaf whose cells hold the lattice position `at`, counted from the root's first sample; `None`
+    /// outside the root.
+    pub(super) fn at(&self, at: Units) -> Option<u32> {
+        if at.iter().any(|&c| c < 0 || c >> ROOT_BITS != 0) {
+            return None;
+        }
+        let deepest = at.map(|c| c as u32 >> (ROOT_BITS - u32::from(MAX_LEVEL)));
+        NodeKey::new(MAX_LEVEL, deepest).map(|key| self.covering(key))
+    }
+
+    /// What lies around a leaf.
+    pub(super) fn around(&self, leaf: u32) -> Around {
+        let key = self.get(leaf).key;
+        let mut sides = [Side::Outside; 27];
+        sides[direction_index([0; 3])] = Side::Same(leaf);
+        for d in directions() {
+            let Some(neighbour) = key.neighbour(d) else { continue };
+            let other = self.covering(neighbour);
+            sides[direction_index(d)] = match self.get(other).key.level().cmp(&key.level()) {
+                std::cmp::Ordering::Less => Side::Coarser(other),
+                std::cmp::Ordering::Equal => Side::Same(other),
+                std::cmp::Ordering::Greater => Side::Finer,
+            };
+        }
+        sides
+    }
+
+    /// The leaves below the neighbour of `key` in direction `d` that touch `key`, in Morton order.
+    pub(super) fn touching(&self, key: NodeKey, d: [i32; 3], found: &mut Vec<u32>) {
+        if let Some(neighbour) = key.neighbour(d) {
+            self.descend(neighbour, d, found);
+        }
+    }
+
+    fn descend(&self, node: NodeKey, d: [i32; 3], found: &mut Vec<u32>) {
+        let leaf = self.covering(node);
+        if self.get(leaf).key.level() <= node.level() {
+            found.push(leaf);
+            return;
+        }
+        // A neighbour above touches with its lower children.
+        let touches = |octant: &Octant| {
+            octant.offset().iter().zip(d).all(|(&half, d)| d == 0 || (half == 0) == (d > 0))
+        };
+        for octant in Octant::all().filter(touches) {
+            self.descend(node.child(octant), d, found);
+        }
+    }
+}
+
+/// Code of a node's first descendant at the deepest level.
+fn first_descendant(key: NodeKey) -> u64 {
+    key.code() << (3 * u32::from(MAX_LEVEL - key.level()))
+}
+
+/// The error of a tree that contradicts itself at `key`.
+pub(super) fn broken(key: NodeKey) -> Error {
+    Error::setting(
+        format!("the tree contradicts itself at brick {key}"),
+        "check the store with `brickfield verify` and build it again",
+    )
+}

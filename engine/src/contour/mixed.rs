@@ -1,0 +1,380 @@
+//! Cells next to finer leaves: the general form of the rules that the table of [`super::topology`] holds for
+//! plain cells.
+//!
+//! The boundary of such a cell consists of *minimal faces*: its own faces, each replaced by the neighbours'
+//! where these are finer. Minimal faces are bounded by *minimal edges*: a cell's edge is halved wherever a
+//! leaf around it is finer. Every lattice point has one sign, every face is cut by the one rule of
+//! [`cut_runs`], and every sign-changing minimal edge belongs to exactly two faces of the cell, so the cuts
+//! link into closed loops whatever the levels are; and both cells at a face cut it alike, so the mesh closes.
+
+use super::cells::{CellRow, Plane, edge_key, face_key};
+use super::field::Field;
+use super::leaves::{Around, Leaf, Side, broken, direction_index, directions};
+use super::surface::{Changes, Surface};
+use super::topology::cut_runs;
+use crate::brick::SignChanges;
+use crate::error::Result;
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, Units};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A sign-changing minimal edge on the boundary of a cell.
+#[derive(Clone, Copy)]
+pub(super) struct Crossing {
+    /// Name relative to the cell's lower corner.
+    pub key: u64,
+    /// In cell coordinates.
+    pub plane: Plane,
+    /// Number of the loop through the edge.
+    pub in_loop: u32,
+    /// The edge itself: lower end, counted from the root's first sample, axis and level.
+    lower: Units,
+    axis: Axis,
+    level: u8,
+}
+
+/// An extra vertex on one cut of a face.
+pub(super) struct Split {
+    /// Name of the face within the leaf.
+    pub face: u32,
+    /// The two edges that the cut joins, named relative to the face's lower corner.
+    pub edges: [u64; 2],
+    /// In cell coordinates.
+    pub at: [f64; 3],
+}
+
+/// The loops of one mixed cell.
+#[derive(Default)]
+pub(super) struct MixedCell {
+    /// Sorted by key.
+    pub crossings: Vec<Crossing>,
+    /// Number of loops.
+    pub loops: u32,
+    /// Extra vertices on the split faces that the cell owns.
+    pub splits: Vec<Split>,
+    /// Number of these faces.
+    pub split_faces: u64,
+}
+
+const NOT_LOOPED: u32 = u32::MAX;
+
+/// A leaf with finer leaves around it.
+pub(super) struct Surroundings<'a> {
+    field: &'a Field<'a>,
+    leaf: u32,
+    own: Leaf,
+    around: &'a Around,
+    /// The leaf found last: queries come in clusters.
+    last: u32,
+    surfaces: HashMap<u32, Arc<Surface>>,
+}
+
+/// What is gathered while walking round one cell.
+struct Walk {
+    /// Lower corner of the cell.
+    base: Units,
+    cell: MixedCell,
+    /// Cuts of all faces: keys of the edges that enter and leave the run.
+    cuts: Vec<(u64, u64)>,
+    /// Edges round the current face with the sign of the point where each starts.
+    ring: Vec<(Option<Crossing>, bool)>,
+}
+
+/// A face of a cell or a part of it.
+#[derive(Clone, Copy)]
+struct Face {
+    axis: Axis,
+    side: usize,
+    corner: Units,
+    level: u8,
+}
+
+impl<'a> Surroundings<'a> {
+    pub(super) fn new(field: &'a Field<'a>, leaf: u32, around: &'a Around) -> Surroundings<'a> {
+        let own = *field.leaves.get(leaf);
+        Surroundings { field, leaf, own, around, last: leaf, surfaces: HashMap::new() }
+    }
+
+    fn surface(&mut self, leaf: u32) -> Result<Arc<Surface>> {
+        if let Some(surface) = self.surfaces.get(&leaf) {
+            return Ok(Arc::clone(surface));
+        }
+        let surface = self.field.surface(leaf)?;
+        self.surfaces.insert(leaf, Arc::clone(&surface));
+        Ok(surface)
+    }
+
+    /// Sets the bits of mixed cells: those at a border with finer leaves that have a sign change at their own
+    /// corners or on any finer edge of their boundary.
+    pub(super) fn mark(&mut self, rows: &mut [CellRow]) -> Result<()> {
+        let mut touching = Vec::new();
+        for d in directions().filter(|&d| self.around[direction_index(d)] == Side::Finer) {
+            let range = |axis: usize| match d[axis] {
+                -1 => 0..1,
+                0 => 0..BRICK_CELLS,
+                _ => BRICK_CELLS - 1..BRICK_CELLS,
+            };
+            let columns = range(0).fold(0u32, |bits, i| bits | 1 << i);
+            for k in range(2) {
+                for j in range(1) {
+                    let row = &mut rows[k * BRICK_CELLS + j];
+                    row.mixed |= row.active & columns;
+                }
+            }
+            touching.clear();
+            self.field.leaves.touching(self.own.key, d, &mut touching);
+            for &fine in &touching {
+                let leaf = *self.field.leaves.get(fine);
+                if let (true, Surface::Changes(changes)) = (leaf.changes, &*self.surface(fine)?) {
+                    self.mark_next_to(&leaf, &changes.signs, d, rows);
+                }
+            }
+        }
+        for row in rows {
+            row.active |= row.mixed;
+        }
+        Ok(())
+    }
+
+    /// Marks the cells that have a sign-changing edge of the leaf `fine`, which lies in direction `d`, on
+    /// their boundary.
+    fn mark_next_to(&self, fine: &Leaf, signs: &SignChanges, d: [i32; 3], rows: &mut [CellRow]) {
+        let shift = fine.key.level() - self.own.key.level();
+        let first = fine.key.first_sample();
+        let own_first = self.own.key.first_sample();
+        // The fine leaf's samples on the common border.
+        let range = |axis: usize| match d[axis] {
+            1 => 0..1,
+            0 => 0..BRICK_POINTS,
+            _ => BRICK_POINTS - 1..BRICK_POINTS,
+        };
+        let columns = range(0).fold(0u64, |bits, i| bits | 1 << i);
+        for along in Axis::ALL.into_iter().filter(|axis| d[axis.index()] == 0) {
+            // The own cells, first and last along an axis, at the fine sample `at`.
+            let span = |a: usize, at: usize| match d[a] {
+                -1 => [0, 0],
+                1 => [BRICK_CELLS - 1; 2],
+                _ => {
+                    let at = first[a] + at as u32;
+                    let cell = ((at >> shift) - own_first[a]) as usize;
+                    let on_line = a != along.index() && at & ((1 << shift) - 1) == 0;
+                    [cell.saturating_sub(usize::from(on_line)), cell.min(BRICK_CELLS - 1)]
+                }
+            };
+            for (j, k) in range(2).flat_map(|k| range(1).map(move |j| (j, k))) {
+                let mut edges = signs.edges(along, j, k) & columns;
+                let mut cells = 0u32;
+                while edges != 0 {
+                    let [low, high] = span(0, edges.trailing_zeros() as usize);
+                    cells |= 1 << low | 1 << high;
+                    edges &= edges - 1;
+                }
+                if cells == 0 {
+                    continue;
+                }
+                let ([y0, y1], [z0, z1]) = (span(1, j), span(2, k));
+                for row in [
+                    z0 * BRICK_CELLS + y0,
+                    z0 * BRICK_CELLS + y1,
+                    z1 * BRICK_CELLS + y0,
+                    z1 * BRICK_CELLS + y1,
+                ] {
+                    rows[row].mixed |= cells;
+                }
+            }
+        }
+    }
+
+    /// The loops of a mixed cell.
+    pub(super) fn loops(&mut self, cell: [usize; 3]) -> Result<MixedCell> {
+        let bits = self.own.key.spacing_bits();
+        let base: Units = std::array::from_fn(|a| self.own.key.base()[a] + ((cell[a] as i32) << bits));
+        let mut walk = Walk { base, cell: MixedCell::default(), cuts: Vec::new(), ring: Vec::new() };
+        for axis in Axis::ALL {
+            for side in 0..2 {
+                let mut corner = base;
+                corner[axis.index()] += (side as i32) << bits;
+                self.face(Face { axis, side, corner, level: self.own.key.level() }, &mut walk)?;
+            }
+        }
+        self.link(walk)
+    }
+
+    /// The leaf at a position, `None` outside the root.
+    fn leaf_at(&mut self, at: Units) -> Option<u32> {
+        for leaf in [self.leaf, self.last] {
+            let key = self.field.leaves.get(leaf).key;
+            let base = key.base();
+            let side = (BRICK_CELLS as u32) << key.spacing_bits();
+            if (0..3).all(|a| (at[a].wrapping_sub(base[a]) as u32) < side) {
+                return Some(leaf);
+            }
+        }
+        let found = self.field.leaves.at(at)?;
+        self.last = found;
+        Some(found)
+    }
+
+    /// Cuts a face, or the finer faces that replace it.
+    fn face(&mut self, face: Face, walk: &mut Walk) -> Result<()> {
+        let (u, v) = face.axis.others();
+        let mut probe = face.corner;
+        probe[face.axis.index()] -= i32::from(face.side == 0);
+        let other = self.leaf_at(probe);
+        let other_level = other.map_or(0, |leaf| self.field.leaves.get(leaf).key.level());
+        if other_level > face.level {
+            let half = 1 << (crate::lattice::spacing_bits(face.level) - 1);
+            for quarter in 0..4 {
+                let mut corner = face.corner;
+                corner[u.index()] += half * (quarter & 1);
+                corner[v.index()] += half * (quarter >> 1);
+                self.face(Face { corner, level: face.level + 1, ..face }, walk)?;
+            }
+            return Ok(());
+        }
+        self.ring(face, walk)?;
+        let mut runs = Vec::new();
+        cut_runs(&walk.ring, |enter, leave| runs.extend(enter.zip(leave)));
+        walk.cuts.extend(runs.iter().map(|(enter, leave)| (enter.key, leave.key)));
+        walk.cell.crossings.extend(walk.ring.iter().filter_map(|(crossing, _)| *crossing));
+        // As the finer cell this one owns the face, as an equal one only if it is the upper cell.
+        let is_own = face.level == self.own.key.level()
+            && (face.side == 0 || other.is_none() || other_level < face.level);
+        if is_own && runs.len() > 1 {
+            self.split(face, &runs, walk);
+        }
+        Ok(())
+    }
+
+    /// Walks the minimal edges round a minimal face, counter-clockwise seen from outside the cell.
+    fn ring(&mut self, face: Face, walk: &mut Walk) -> Result<()> {
+        let (u, v) = face.axis.others();
+        let size = 1 << crate::lattice::spacing_bits(face.level);
+        walk.ring.clear();
+        // Seen from above the ring runs along u, then v, then back; seen from below the other way round.
+        let (first, second) = if face.side == 1 { (u, v) } else { (v, u) };
+        for (axis, across, forward) in
+            [(first, second, true), (second, first, true), (first, second, false), (second, first, false)]
+        {
+            let mut lower = face.corner;
+            // Backward along the first axis at the far end of the second; forward along the second axis at
+            // the far end of the first.
+            let is_far = (axis == first) != forward;
+            lower[across.index()] += if is_far { size } else { 0 };
+            let start = walk.ring.len();
+            self.edge(lower, axis, face.level, walk)?;
+            if !forward {
+                reverse(&mut walk.ring[start..]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Appends the minimal edges along an edge, in ascending order.
+    fn edge(&mut self, lower: Units, axis: Axis, level: u8, walk: &mut Walk) -> Result<()> {
+        let (u, v) = axis.others();
+        let mut finest = None;
+        for quadrant in 0..4 {
+            let mut probe = lower;
+            probe[u.index()] -= quadrant & 1;
+            probe[v.index()] -= quadrant >> 1;
+            if let Some(leaf) = self.leaf_at(probe) {
+                let leaf_level = self.field.leaves.get(leaf).key.level();
+                if finest.is_none_or(|(best, _)| leaf_level > best) {
+                    finest = Some((leaf_level, leaf));
+                }
+            }
+        }
+        let Some((finest_level, leaf)) = finest else { return Err(broken(self.own.key)) };
+        if finest_level > level {
+            self.edge(lower, axis, level + 1, walk)?;
+            let mut middle = lower;
+            middle[axis.index()] += 1 << crate::lattice::spacing_bits(level + 1);
+            return self.edge(middle, axis, level + 1, walk);
+        }
+        let key = self.field.leaves.get(leaf).key;
+        let base = key.base();
+        let low: [usize; 3] = std::array::from_fn(|a| ((lower[a] - base[a]) >> key.spacing_bits()) as usize);
+        let mut high = low;
+        high[axis.index()] += 1;
+        let surface = self.surface(leaf)?;
+        let starts = surface.is_inside(low);
+        let crossing = match &*surface {
+            Surface::Changes(changes) if changes.signs.is_inside(high) != starts => {
+                Some(self.crossing(changes, low, (lower, axis, level), walk.base))
+            }
+            _ => None,
+        };
+        walk.ring.push((crossing, starts));
+        Ok(())
+    }
+
+    fn crossing(
+        &self,
+        changes: &Changes,
+        low: [usize; 3],
+        (lower, axis, level): (Units, Axis, u8),
+        base: Units,
+    ) -> Crossing {
+        let hermite = changes.hermite.edges[axis.index()][changes.slot(axis, low)];
+        let relative: Units = std::array::from_fn(|a| lower[a] - base[a]);
+        let spacing = f64::from(1 << self.own.key.spacing_bits());
+        let mut at = relative.map(f64::from);
+        at[axis.index()] += hermite.fraction() * f64::from(1 << crate::lattice::spacing_bits(level));
+        let plane = (at.map(|c| c / spacing), hermite.normal.to_vector());
+        Crossing { key: edge_key(relative, axis, level), plane, in_loop: NOT_LOOPED, lower, axis, level }
+    }
+
+    /// Gives every cut of a face that is cut more than once a vertex of its own.
+    fn split(&self, face: Face, runs: &[(Crossing, Crossing)], walk: &mut Walk) {
+        let own = self.own.key;
+        let corner =
+            std::array::from_fn(|a| ((face.corner[a] - own.base()[a]) >> own.spacing_bits()) as usize);
+        walk.cell.split_faces += 1;
+        for (enter, leave) in runs {
+            let edges = [enter, leave]
+                .map(|c| edge_key(std::array::from_fn(|a| c.lower[a] - face.corner[a]), c.axis, c.level));
+            let (p, q) = (enter.plane.0, leave.plane.0);
+            let mut at = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
+            // A run within one side of the face: its middle must not lie on the side, where the other faces
+            // at that side would have the same point. 1/64 of the face towards its centre.
+            let equal = (0..3).filter(|&a| p[a] == q[a]).count();
+            if equal > 1 {
+                for a in (0..3).filter(|&a| a != face.axis.index() && p[a] == q[a]) {
+                    at[a] += (0.5 - at[a]) / 32.0;
+                }
+            }
+            walk.cell.splits.push(Split { face: face_key(face.axis, corner), edges, at });
+        }
+    }
+
+    /// Links the cuts into loops.
+    fn link(&self, mut walk: Walk) -> Result<MixedCell> {
+        let crossings = &mut walk.cell.crossings;
+        crossings.sort_by_key(|c| c.key);
+        crossings.dedup_by_key(|c| c.key);
+        walk.cuts.sort_unstable();
+        for start in 0..crossings.len() {
+            let mut at = start;
+            while crossings[at].in_loop == NOT_LOOPED {
+                crossings[at].in_loop = walk.cell.loops;
+                let cut = walk.cuts.binary_search_by_key(&crossings[at].key, |c| c.0);
+                let leave = cut.map(|n| walk.cuts[n].1).map_err(|_| broken(self.own.key))?;
+                let next = crossings.binary_search_by_key(&leave, |c| c.key);
+                at = next.map_err(|_| broken(self.own.key))?;
+            }
+            if crossings[start].in_loop == walk.cell.loops {
+                walk.cell.loops += 1;
+            }
+        }
+        Ok(walk.cell)
+    }
+}
+
+/// Turns a part of a ring round: each edge then starts where it ended.
+fn reverse(part: &mut [(Option<Crossing>, bool)]) {
+    for (crossing, starts) in part.iter_mut() {
+        *starts ^= crossing.is_some();
+    }
+    part.reverse();
+}

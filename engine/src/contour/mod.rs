@@ -1,0 +1,205 @@
+//! Contouring: from the octree of winding numbers to a closed, oriented, manifold triangle mesh.
+//!
+//! Dual contouring (Ju, Losasso, Schaefer & Warren 2002) in its manifold form (Schaefer, Ju & Warren 2007),
+//! over leaves of any levels next to each other: one vertex per surface component in a leaf cell, one polygon
+//! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one rule for
+//! cutting a face, so the mesh is closed, oriented, edge-manifold and vertex-manifold by construction, for
+//! any signs and any tree. Two passes over the leaves in Morton order: the first makes the vertices, the
+//! second the triangles; the mesh is never in memory as a whole.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `topology` | how a face is cut, the loops of a plain cell |
+//! | `leaves` | which leaf lies where |
+//! | `surface` | signs and Hermite edges of a leaf |
+//! | `qef` | where a vertex goes |
+//! | `cells` | pass 1: active cells and vertices of a leaf |
+//! | `mixed` | cells next to finer leaves |
+//! | `polygons` | pass 2: triangles of a leaf |
+//! | `sink` | STL, PLY and OBJ files |
+
+mod cache;
+mod cells;
+mod field;
+mod leaves;
+mod mixed;
+mod polygons;
+mod qef;
+mod sink;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod topology;
+
+pub use polygons::Facet;
+pub use sink::{MeshSink, create_sink};
+
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::store::BrickTree;
+use cells::BrickCells;
+use field::Field;
+use rayon::prelude::*;
+use std::sync::Arc;
+use surface::Level;
+
+/// What to contour, and how.
+#[derive(Clone, Copy, Debug)]
+pub struct ContourOptions {
+    /// The winding number at the surface, above 0; inside means w ≥ `iso`. Up to 1 the surface is the
+    /// boundary that the Hermite data describe. Above 1 the crossings are placed where the samples at the
+    /// two ends of an edge interpolate to `iso`, and normals are central differences of the samples.
+    pub iso: f64,
+    /// Deepest level to use; interior nodes there stand for their descendants. `None` for all.
+    pub level: Option<u8>,
+    /// Bytes for decoded bricks and cells that several leaves ask for. Less costs time, not correctness.
+    pub cache_bytes: usize,
+}
+
+impl Default for ContourOptions {
+    fn default() -> ContourOptions {
+        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20 }
+    }
+}
+
+/// What came out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeshSummary {
+    /// Vertices handed to the sink.
+    pub vertices: u64,
+    /// Triangles handed to the sink.
+    pub triangles: u64,
+    /// Area in square world units.
+    pub area: f64,
+    /// Enclosed volume in cubic world units.
+    pub volume: f64,
+    /// Least and greatest coordinates in world units; `None` for an empty mesh.
+    pub bounds: Option<[[f32; 3]; 2]>,
+    /// Faces on which two cuts of the same two components were kept apart by extra vertices.
+    pub split_faces: u64,
+    /// Cells whose boundary has edges of finer leaves.
+    pub mixed_cells: u64,
+}
+
+/// Leaves per batch and thread: enough to even out their cost, few enough to stay small in memory.
+const LEAVES_PER_THREAD: usize = 16;
+
+/// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
+/// finished. The same tree gives the same calls for any number of threads.
+///
+/// # Errors
+///
+/// [`Error::Setting`] if `iso` is not a finite number above 0, if the tree contradicts itself or if there are
+/// more than 2^32 − 1 vertices; [`Error::Interrupted`] when `progress` says so; what reading the tree and
+/// writing to the sink give.
+pub fn contour(
+    tree: &dyn BrickTree,
+    options: &ContourOptions,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+) -> Result<MeshSummary> {
+    let level = level(options.iso)?;
+    let field = Field::new(tree, level, options.level, options.cache_bytes)?;
+    let mut summary = MeshSummary::default();
+    let first_vertex = vertices(&field, sink, progress, &mut summary)?;
+    triangles(&field, &first_vertex, sink, progress, &mut summary)?;
+    sink.finish()?;
+    Ok(summary)
+}
+
+fn level(iso: f64) -> Result<Level> {
+    if !(iso > 0.0 && iso <= f64::from(i16::MAX)) {
+        return Err(Error::setting(
+            format!("no surface at the winding number {iso}"),
+            "choose one above 0, such as 0.5 for the boundary",
+        ));
+    }
+    Ok(Level { threshold: iso.ceil() as i32, iso })
+}
+
+/// Pass 1: hands all vertices to the sink and returns the number of each leaf's first one, with the number
+/// of all at the end.
+fn vertices(
+    field: &Field,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+    summary: &mut MeshSummary,
+) -> Result<Vec<u32>> {
+    let mut first_vertex = Vec::with_capacity(field.leaves.len() + 1);
+    first_vertex.push(0u32);
+    progress.phase("vertices", Some(field.leaves.len() as u64), "bricks");
+    in_order(
+        field.leaves.len(),
+        progress,
+        |leaf| field.cells(leaf),
+        |cells: Arc<BrickCells>| {
+            sink.vertices(&cells.positions)?;
+            summary.vertices += cells.len() as u64;
+            summary.split_faces += cells.split_faces;
+            summary.mixed_cells += cells.mixed_cells();
+            for p in &cells.positions {
+                let [low, high] = summary.bounds.get_or_insert([*p; 2]);
+                for a in 0..3 {
+                    low[a] = low[a].min(p[a]);
+                    high[a] = high[a].max(p[a]);
+                }
+            }
+            first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
+                Error::setting(
+                    "the mesh has more than 2^32 - 1 vertices",
+                    "choose a coarser level with --level",
+                )
+            })?);
+            Ok(())
+        },
+    )?;
+    Ok(first_vertex)
+}
+
+/// Pass 2: hands all triangles to the sink.
+fn triangles(
+    field: &Field,
+    first_vertex: &[u32],
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+    summary: &mut MeshSummary,
+) -> Result<()> {
+    progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
+    let facets = |leaf| polygons::leaf_facets(field, leaf, first_vertex);
+    in_order(field.leaves.len(), progress, facets, |leaf| {
+        sink.triangles(&leaf.facets)?;
+        summary.triangles += leaf.facets.len() as u64;
+        summary.area += leaf.area;
+        summary.volume += leaf.volume;
+        Ok(())
+    })
+}
+
+/// Makes one item per leaf in parallel and uses them in order; while one batch is used the next is made.
+fn in_order<T: Send>(
+    leaves: usize,
+    progress: &dyn Progress,
+    make: impl Fn(u32) -> Result<T> + Sync,
+    mut use_item: impl FnMut(T) -> Result<()> + Send,
+) -> Result<()> {
+    let batch = LEAVES_PER_THREAD * rayon::current_num_threads();
+    let make_batch = |start: usize| -> Vec<Result<T>> {
+        let leaves = start as u32..(start + batch).min(leaves) as u32;
+        leaves.into_par_iter().with_max_len(1).map(&make).collect()
+    };
+    let mut made = make_batch(0);
+    let mut start = 0;
+    while start < leaves {
+        progress.check()?;
+        let count = made.len() as u64;
+        let ready = std::mem::take(&mut made);
+        let next = start + batch;
+        let use_batch = || ready.into_iter().try_for_each(|item| use_item(item?));
+        let (used, following) = rayon::join(use_batch, || make_batch(next.min(leaves)));
+        used?;
+        made = following;
+        progress.advance(count);
+        start = next;
+    }
+    Ok(())
+}

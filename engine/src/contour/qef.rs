@@ -1,0 +1,290 @@
+//! The quadratic error function of a cell: where its vertex goes.
+//!
+//! Ju, Losasso, Schaefer & Warren 2002, *Dual Contouring of Hermite Data*, with the truncation about the mass
+//! point of Lindstrom 2000. A minimiser outside the cell is replaced by the minimiser over the cell, found on
+//! its faces, edges and corners, because clamping would take a vertex off a crease that only clips the cell.
+
+use ordered_float::OrderedFloat;
+
+/// Singular values below this share of the largest count as zero, so that a vertex moves along no direction
+/// in which the surface is flat. 0.1 takes creases sharper than 11° for creases.
+const TRUNCATION: f64 = 0.1;
+/// The same for eigenvalues of NᵀN, which are squared singular values.
+const TRUNCATION_SQUARED: f64 = TRUNCATION * TRUNCATION;
+/// Weight of the squared distance from the mass point when two boundary candidates have the same error.
+const PULL: f64 = 1e-6;
+
+type Vector = [f64; 3];
+
+#[inline]
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// A symmetric 3×3 matrix: xx, yy, zz, xy, yz, zx.
+#[derive(Clone, Copy, Default)]
+struct Symmetric([f64; 6]);
+
+impl Symmetric {
+    #[inline]
+    fn times(&self, x: Vector) -> Vector {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        [
+            xx * x[0] + xy * x[1] + zx * x[2],
+            xy * x[0] + yy * x[1] + yz * x[2],
+            zx * x[0] + yz * x[1] + zz * x[2],
+        ]
+    }
+
+    /// Rows and columns of the axes in `fixed` set to zero.
+    fn without(&self, fixed: [bool; 3]) -> Symmetric {
+        let pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
+        Symmetric(std::array::from_fn(|n| {
+            let (a, b) = pairs[n];
+            if fixed[a] || fixed[b] { 0.0 } else { self.0[n] }
+        }))
+    }
+
+    /// Eigenvalues and eigenvectors by cyclic Jacobi rotations.
+    fn eigen(&self) -> ([f64; 3], [Vector; 3]) {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        let mut a = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]];
+        let mut vectors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        // Convergence is quadratic: a normal matrix of unit vectors is diagonal to f64 after four sweeps.
+        for _ in 0..6 {
+            let off = a[0][1] * a[0][1] + a[1][2] * a[1][2] + a[0][2] * a[0][2];
+            if off <= 1e-28 * (xx + yy + zz).powi(2) {
+                break;
+            }
+            for (p, q) in [(0, 1), (1, 2), (0, 2)] {
+                if a[p][q] != 0.0 {
+                    rotate(&mut a, &mut vectors, p, q);
+                }
+            }
+        }
+        ([a[0][0], a[1][1], a[2][2]], vectors)
+    }
+}
+
+/// One Jacobi rotation that makes `a[p][q]` zero; `vectors` holds the eigenvectors as rows.
+fn rotate(a: &mut [[f64; 3]; 3], vectors: &mut [Vector; 3], p: usize, q: usize) {
+    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    let c = 1.0 / (t * t + 1.0).sqrt();
+    let s = t * c;
+    let r = 3 - p - q;
+    let (apq, arp, arq) = (a[p][q], a[r][p], a[r][q]);
+    a[p][p] -= t * apq;
+    a[q][q] += t * apq;
+    (a[p][q], a[q][p]) = (0.0, 0.0);
+    (a[r][p], a[p][r]) = (c * arp - s * arq, c * arp - s * arq);
+    (a[r][q], a[q][r]) = (s * arp + c * arq, s * arp + c * arq);
+    let (vp, vq) = (vectors[p], vectors[q]);
+    vectors[p] = std::array::from_fn(|axis| c * vp[axis] - s * vq[axis]);
+    vectors[q] = std::array::from_fn(|axis| s * vp[axis] + c * vq[axis]);
+}
+
+/// The sum of squared distances from planes, gathered about the cell's centre.
+#[derive(Default)]
+pub(super) struct Qef {
+    matrix: Symmetric,
+    rhs: Vector,
+    point_sum: Vector,
+    normal_sum: Vector,
+    count: f64,
+}
+
+/// The same about the mass point of the planes' base points.
+struct Centred {
+    mass: Vector,
+    matrix: Symmetric,
+    rhs: Vector,
+    normal_sum: Vector,
+    count: f64,
+}
+
+impl Qef {
+    /// Adds the plane through the point `p`, in cell coordinates 0..1 an axis, with the unit normal `n`.
+    #[inline]
+    pub(super) fn add(&mut self, p: Vector, n: Vector) {
+        let p = p.map(|c| c - 0.5);
+        let d = dot(n, p);
+        let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[1] * n[2], n[2] * n[0]];
+        for (sum, product) in self.matrix.0.iter_mut().zip(products) {
+            *sum += product;
+        }
+        for a in 0..3 {
+            self.rhs[a] += n[a] * d;
+            self.point_sum[a] += p[a];
+            self.normal_sum[a] += n[a];
+        }
+        self.count += 1.0;
+    }
+
+    /// The point of the box `margin..1 − margin` with the least error, nearest to the mass point where the
+    /// error does not tell. At least one plane must have been added.
+    #[inline]
+    pub(super) fn solve(&self, margin: f64) -> Vector {
+        let mean = self.point_sum.map(|c| c / self.count);
+        let moved = self.matrix.times(mean);
+        let centred = Centred {
+            mass: mean.map(|c| c + 0.5),
+            matrix: self.matrix,
+            rhs: std::array::from_fn(|a| self.rhs[a] - moved[a]),
+            normal_sum: self.normal_sum,
+            count: self.count,
+        };
+        centred.solve(margin)
+    }
+}
+
+impl Centred {
+    #[inline]
+    fn solve(&self, margin: f64) -> Vector {
+        let x = self.flat().unwrap_or_else(|| truncated(self.matrix, self.rhs, None));
+        let free = std::array::from_fn(|a| self.mass[a] + x[a]);
+        let inside = |v: f64| v >= margin && v <= 1.0 - margin;
+        if free.into_iter().all(inside) { free } else { self.constrained(margin) }
+    }
+
+    /// Offset from the mass point if all normals agree so well that two eigenvalues are truncated anyway:
+    /// with s = Σn the largest one is at least |s|²/k, and the sum of all is k.
+    #[inline]
+    fn flat(&self) -> Option<Vector> {
+        let largest = dot(self.normal_sum, self.normal_sum) / self.count;
+        if self.count - largest > TRUNCATION_SQUARED * largest {
+            return None;
+        }
+        // One step of the power method: the error of the direction shrinks a hundredfold.
+        let v = self.matrix.times(self.normal_sum);
+        let scale = dot(v, self.rhs) / dot(v, self.matrix.times(v));
+        Some(v.map(|c| c * scale))
+    }
+
+    /// The minimiser over the box, known to lie on its boundary: every face, edge and corner is tried with
+    /// the remaining variables free.
+    #[cold]
+    fn constrained(&self, margin: f64) -> Vector {
+        let largest = self.matrix.eigen().0.into_iter().fold(0.0, f64::max);
+        let bounds = [margin, 1.0 - margin];
+        let mut best = (OrderedFloat(f64::INFINITY), [0.5; 3]);
+        // Per axis a base-3 digit: at the lower bound, at the upper bound, free.
+        for code in 0..26 {
+            let digits = [code % 3, code / 3 % 3, code / 9];
+            let fixed = digits.map(|d| d < 2);
+            let at: Vector =
+                std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] - self.mass[a] } else { 0.0 });
+            let moved = self.matrix.times(at);
+            let rhs = std::array::from_fn(|a| if fixed[a] { 0.0 } else { self.rhs[a] - moved[a] });
+            let y = truncated(self.matrix.without(fixed), rhs, Some(largest));
+            let x: Vector = std::array::from_fn(|a| if fixed[a] { at[a] } else { y[a] });
+            let point: Vector =
+                std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] } else { self.mass[a] + x[a] });
+            if point.into_iter().any(|p| p < bounds[0] || p > bounds[1]) {
+                continue;
+            }
+            let error =
+                OrderedFloat(dot(x, self.matrix.times(x)) - 2.0 * dot(x, self.rhs) + PULL * dot(x, x));
+            if error < best.0 {
+                best = (error, point);
+            }
+        }
+        best.1
+    }
+}
+
+/// Pseudo-inverse of `matrix` times `rhs` without the eigenvalues that are small next to `largest`, the
+/// matrix's own largest one by default.
+fn truncated(matrix: Symmetric, rhs: Vector, largest: Option<f64>) -> Vector {
+    let (values, vectors) = matrix.eigen();
+    let largest = largest.unwrap_or_else(|| values.into_iter().fold(0.0, f64::max));
+    let mut x = [0.0; 3];
+    for (value, vector) in values.into_iter().zip(vectors) {
+        if value > TRUNCATION_SQUARED * largest {
+            let along = dot(vector, rhs) / value;
+            x = std::array::from_fn(|a| x[a] + along * vector[a]);
+        }
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn gather(planes: &[(Vector, Vector)]) -> Qef {
+        let mut qef = Qef::default();
+        planes.iter().for_each(|&(p, n)| qef.add(p, n));
+        qef
+    }
+
+    fn unit(v: Vector) -> Vector {
+        let length = dot(v, v).sqrt();
+        v.map(|c| c / length)
+    }
+
+    fn distance(a: Vector, b: Vector) -> f64 {
+        (0..3).map(|n| (a[n] - b[n]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    proptest! {
+        #[test]
+        fn eigenvectors_rebuild_the_matrix(m in prop::array::uniform6(-1.0f64..1.0)) {
+            let matrix = Symmetric(m);
+            let (values, vectors) = matrix.eigen();
+            for x in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.3, -0.4, 0.5]] {
+                let rebuilt: Vector = std::array::from_fn(|a| {
+                    (0..3).map(|n| values[n] * dot(vectors[n], x) * vectors[n][a]).sum()
+                });
+                prop_assert!(distance(rebuilt, matrix.times(x)) < 1e-12);
+            }
+        }
+
+        #[test]
+        fn no_sampled_point_of_the_box_beats_the_solution(
+            planes in prop::collection::vec((prop::array::uniform3(0.0f64..1.0), prop::array::uniform3(-1.0f64..1.0)), 3..8),
+            tries in prop::collection::vec(prop::array::uniform3(0.004f64..0.996), 64),
+        ) {
+            prop_assume!(planes.iter().all(|(_, n)| dot(*n, *n) > 0.01));
+            let planes: Vec<_> = planes.into_iter().map(|(p, n)| (p, unit(n))).collect();
+            let qef = gather(&planes);
+            let (values, _) = qef.matrix.eigen();
+            // Where nothing is truncated the solution is the box-constrained least-squares one.
+            prop_assume!(values.into_iter().fold(f64::INFINITY, f64::min) > 0.1 * values.into_iter().fold(0.0, f64::max));
+            let error = |x: Vector| planes.iter().map(|(p, n)| dot(*n, std::array::from_fn(|a| x[a] - p[a])).powi(2)).sum::<f64>();
+            let x = qef.solve(1.0 / 256.0);
+            for t in tries {
+                prop_assert!(error(x) <= error(t) + 1e-5, "{x:?} {t:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn flat_cells_keep_the_mass_point_and_corners_are_found() {
+        let n = unit([1.0, 2.0, 3.0]);
+        let plane = |x: f64, y: f64| ([x, y, 0.9 - (x + 2.0 * y) / 3.0], n);
+        let planes = [plane(0.0, 0.0), plane(1.0, 0.0), plane(0.0, 1.0), plane(1.0, 0.5)];
+        let mass = std::array::from_fn(|a| planes.iter().map(|p| p.0[a]).sum::<f64>() / 4.0);
+        assert!(distance(gather(&planes).solve(1.0 / 256.0), mass) < 1e-12);
+        let corner = [0.3, 0.6, 0.7];
+        let planes = [[1.0, 0.0, 0.1], [0.0, 1.0, 0.2], [-0.2, 0.1, 1.0]].map(|n| {
+            let n = unit(n);
+            let t = unit([n[1] - n[2], n[2] - n[0], n[0] - n[1]]);
+            (std::array::from_fn(|a| corner[a] + 0.2 * t[a]), n)
+        });
+        assert!(distance(gather(&planes).solve(1.0 / 256.0), corner) < 1e-9);
+    }
+
+    #[test]
+    fn a_crease_that_only_clips_the_cell_keeps_its_vertex() {
+        // Creased along z through (-0.1, 0.5) tilted so that it enters the cell at z > 0.6.
+        let (a, b) = (unit([-0.6, 1.0, 0.3]), unit([-0.6, -1.0, 0.3]));
+        let crease = |z: f64| [0.5 * (z - 0.6), 0.5, z];
+        let planes = [(crease(0.9), a), (crease(0.2), a), (crease(0.8), b), (crease(0.1), b)];
+        let x = gather(&planes).solve(1.0 / 256.0);
+        for (p, n) in planes {
+            assert!(dot(n, std::array::from_fn(|k| x[k] - p[k])).abs() < 0.01, "{x:?}");
+        }
+    }
+}

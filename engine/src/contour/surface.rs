@@ -1,0 +1,178 @@
+//! The surface as one leaf sees it: signs at its 33³ samples and a Hermite edge on every sign change.
+
+use super::leaves::Leaf;
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
+use crate::error::Result;
+use crate::lattice::{Axis, BRICK_POINTS, Octant};
+use crate::store::BrickTree;
+
+/// Rows of samples along x in a brick.
+const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
+
+/// Signs and Hermite edges of a leaf.
+pub(super) enum Surface {
+    /// All samples lie inside, or all outside.
+    Uniform(bool),
+    /// Samples of both kinds.
+    Changes(Box<Changes>),
+}
+
+/// Signs and Hermite edges of a leaf with sign changes.
+pub(super) struct Changes {
+    pub signs: SignChanges,
+    pub hermite: Hermite,
+    ranks: [Box<[u32; ROWS + 1]>; 3],
+}
+
+/// Which level set of the samples is contoured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Level {
+    /// A sample is inside from this value on.
+    pub threshold: i32,
+    pub iso: f64,
+}
+
+impl Level {
+    /// Stored Hermite edges belong to w = 0.5. Samples being integers, every level above 0 and up to 1 is
+    /// the same surface.
+    fn has_hermite(self) -> bool {
+        self.threshold == 1
+    }
+}
+
+impl Surface {
+    /// Reads a leaf's surface.
+    pub(super) fn load(tree: &dyn BrickTree, leaf: &Leaf, level: Level) -> Result<Surface> {
+        if !leaf.changes {
+            return Ok(Surface::Uniform(leaf.inside));
+        }
+        let brick = tree.brick(leaf.key)?;
+        let Brick::Counts { samples, hermite } = &*brick else { return Ok(Surface::Uniform(leaf.inside)) };
+        let signs = signs(samples, level.threshold);
+        let ranks = Axis::ALL.map(|axis| signs.ranks(axis));
+        let is_complete = (0..3).all(|a| hermite.edges[a].len() == ranks[a][ROWS] as usize);
+        let hermite = if !level.has_hermite() || (leaf.is_tree_leaf && !is_complete) {
+            from_samples(&signs, samples, level.iso)
+        } else if leaf.is_tree_leaf {
+            hermite.clone()
+        } else {
+            from_children(tree, leaf, &signs, level)?
+        };
+        Ok(Surface::Changes(Box::new(Changes { signs, hermite, ranks })))
+    }
+
+    /// True if the sample lies inside.
+    pub(super) fn is_inside(&self, ijk: [usize; 3]) -> bool {
+        match self {
+            Surface::Uniform(inside) => *inside,
+            Surface::Changes(changes) => changes.signs.is_inside(ijk),
+        }
+    }
+
+    /// Heap bytes.
+    pub(super) fn heap_bytes(&self) -> usize {
+        match self {
+            Surface::Uniform(_) => 0,
+            Surface::Changes(c) => ROWS * 8 + 3 * (ROWS + 1) * 4 + c.hermite.heap_bytes(),
+        }
+    }
+}
+
+impl Changes {
+    /// Place in the Hermite array of the edge along `axis` that starts at sample (i, j, k).
+    #[inline]
+    pub(super) fn slot(&self, axis: Axis, [i, j, k]: [usize; 3]) -> usize {
+        let before = self.signs.edges(axis, j, k) & ((1 << i) - 1);
+        (self.ranks[axis.index()][k * BRICK_POINTS + j] + before.count_ones()) as usize
+    }
+}
+
+fn signs(samples: &Samples, threshold: i32) -> SignChanges {
+    if threshold == 1 {
+        return SignChanges::of(samples);
+    }
+    SignChanges::from_fn(|index| i32::from(samples.0[index]) >= threshold)
+}
+
+/// Calls `edge` for every sign-changing edge along `axis` in the order of the Hermite arrays.
+fn for_each_edge(signs: &SignChanges, axis: Axis, mut edge: impl FnMut([usize; 3])) {
+    for row in 0..ROWS {
+        let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+        let mut bits = signs.edges(axis, j, k);
+        while bits != 0 {
+            edge([bits.trailing_zeros() as usize, j, k]);
+            bits &= bits - 1;
+        }
+    }
+}
+
+/// Hermite edges of a level set that the store keeps none for: the crossing where the samples interpolate
+/// to `iso`, the normal from −∇w by central differences, one-sided at the border of the brick.
+fn from_samples(signs: &SignChanges, samples: &Samples, iso: f64) -> Hermite {
+    let edges = Axis::ALL.map(|axis| {
+        let mut edges = Vec::new();
+        for_each_edge(signs, axis, |low| {
+            let mut high = low;
+            high[axis.index()] += 1;
+            let (w0, w1) = (f64::from(samples.at(low)), f64::from(samples.at(high)));
+            let fraction = ((iso - w0) / (w1 - w0)).clamp(0.0, 1.0);
+            let offset = (fraction * 65536.0).min(65535.0) as u16;
+            let mut normal =
+                std::array::from_fn(|a| -(gradient(samples, low, a) + gradient(samples, high, a)));
+            if normal == [0; 3] {
+                normal[axis.index()] = if w0 > w1 { 1 } else { -1 };
+            }
+            edges.push(HermiteEdge { offset, normal: OctNormal::from_integer(normal) });
+        });
+        edges
+    });
+    Hermite { edges }
+}
+
+/// Twice ∂w/∂axis at a sample, per sample spacing.
+fn gradient(samples: &Samples, at: [usize; 3], axis: usize) -> i64 {
+    let (mut low, mut high) = (at, at);
+    low[axis] = at[axis].saturating_sub(1);
+    high[axis] = (at[axis] + 1).min(BRICK_POINTS - 1);
+    let difference = i64::from(samples.at(high)) - i64::from(samples.at(low));
+    if high[axis] - low[axis] == 2 { difference } else { 2 * difference }
+}
+
+/// Hermite edges of an interior node from its children's: an edge consists of two edges of the child that
+/// owns its lower end, of which exactly one changes sign.
+fn from_children(tree: &dyn BrickTree, leaf: &Leaf, signs: &SignChanges, level: Level) -> Result<Hermite> {
+    const HALF: usize = BRICK_POINTS / 2;
+    let mut children = Vec::with_capacity(8);
+    for octant in Octant::all() {
+        let key = leaf.key.child(octant);
+        let info = tree.node(key).ok_or_else(|| super::leaves::broken(key))?;
+        let changes = i32::from(info.max) >= level.threshold && i32::from(info.min) < level.threshold;
+        let inside = i32::from(info.min) >= level.threshold;
+        children.push(Surface::load(tree, &Leaf { key, is_tree_leaf: info.leaf, changes, inside }, level)?);
+    }
+    let mut hermite = Hermite::default();
+    let mut is_sound = true;
+    for axis in Axis::ALL {
+        for_each_edge(signs, axis, |at| {
+            let upper = at.map(|c| usize::from(c >= HALF));
+            let mut low = std::array::from_fn(|a| 2 * (at[a] - HALF * upper[a]));
+            let Surface::Changes(child) = &children[upper[0] | upper[1] << 1 | upper[2] << 2] else {
+                is_sound = false;
+                return;
+            };
+            let mut middle = low;
+            middle[axis.index()] += 1;
+            let second = child.signs.is_inside(low) == child.signs.is_inside(middle);
+            if second {
+                low = middle;
+            }
+            let Some(fine) = child.hermite.edges[axis.index()].get(child.slot(axis, low)) else {
+                is_sound = false;
+                return;
+            };
+            let offset = (u32::from(fine.offset) + u32::from(second) * 65536) / 2;
+            hermite.edges[axis.index()].push(HermiteEdge { offset: offset as u16, normal: fine.normal });
+        });
+    }
+    if is_sound { Ok(hermite) } else { Err(super::leaves::broken(leaf.key)) }
+}

@@ -1,0 +1,118 @@
+//! An independent judge of meshes: closed, oriented, edge- and vertex-manifold.
+
+use crate::contour::{Facet, MeshSink};
+use crate::error::Result;
+use std::collections::HashMap;
+
+/// A mesh kept in memory.
+#[derive(Default, PartialEq, Debug)]
+pub struct Mesh {
+    pub positions: Vec<[f32; 3]>,
+    pub facets: Vec<Facet>,
+    pub is_finished: bool,
+}
+
+impl MeshSink for Mesh {
+    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+        assert!(self.facets.is_empty() && !self.is_finished);
+        self.positions.extend_from_slice(positions);
+        Ok(())
+    }
+
+    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+        self.facets.extend_from_slice(facets);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.is_finished = true;
+        Ok(())
+    }
+}
+
+impl Mesh {
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        self.facets.iter().map(|f| f.ids).collect()
+    }
+
+    /// Corners identified by position, as a reader of STL does.
+    pub fn welded(&self) -> Vec<[u32; 3]> {
+        let mut ids = HashMap::new();
+        let mut id = |p: [f32; 3]| {
+            let next = ids.len() as u32;
+            *ids.entry(p.map(|c| (c + 0.0).to_bits())).or_insert(next)
+        };
+        self.facets.iter().map(|f| f.corners.map(&mut id)).collect()
+    }
+
+    /// Checks the mesh by index, and that every vertex is used and every corner is its vertex.
+    pub fn check(&self) {
+        assert!(self.is_finished);
+        for f in &self.facets {
+            for (id, corner) in f.ids.iter().zip(f.corners) {
+                assert_eq!(self.positions[*id as usize], corner);
+            }
+        }
+        let used = check(&self.triangles()).unwrap();
+        assert_eq!(used, self.positions.len(), "vertices without triangles");
+    }
+}
+
+/// Checks half-edges and vertex fans; returns the number of vertices used.
+pub fn check(triangles: &[[u32; 3]]) -> std::result::Result<usize, String> {
+    // Half-edge (from, to) → the third corner.
+    let mut halves = HashMap::new();
+    let mut degree: HashMap<u32, usize> = HashMap::new();
+    for &[a, b, c] in triangles {
+        if a == b || b == c || c == a {
+            return Err(format!("degenerate triangle {:?}", [a, b, c]));
+        }
+        for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b)] {
+            if halves.insert((from, to), third).is_some() {
+                return Err(format!("half-edge {from} -> {to} twice"));
+            }
+            *degree.entry(from).or_default() += 1;
+        }
+    }
+    for &(from, to) in halves.keys() {
+        if !halves.contains_key(&(to, from)) {
+            return Err(format!("half-edge {from} -> {to} has no partner"));
+        }
+    }
+    let mut seen = std::collections::HashSet::new();
+    for &(centre, start) in halves.keys() {
+        if !seen.insert(centre) {
+            continue;
+        }
+        let (mut at, mut steps) = (start, 0);
+        loop {
+            // The triangle centre → at → third is followed by the one that holds centre → third.
+            at = halves[&(centre, at)];
+            steps += 1;
+            if at == start || steps > degree[&centre] {
+                break;
+            }
+        }
+        if steps != degree[&centre] {
+            return Err(format!("vertex {centre} has more than one fan"));
+        }
+    }
+    Ok(degree.len())
+}
+
+#[test]
+fn the_judge_can_say_no() {
+    let tetrahedron = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    assert_eq!(check(&tetrahedron), Ok(4));
+    assert!(check(&tetrahedron[..3]).is_err());
+    assert!(check(&[[0, 1, 1]]).is_err());
+    let mut flipped = tetrahedron;
+    flipped[0] = [0, 1, 2];
+    assert!(check(&flipped).is_err());
+    // Two tetrahedra that share vertex 3.
+    let pinched: Vec<_> = tetrahedron
+        .into_iter()
+        .chain(tetrahedron.map(|t| t.map(|v| if v == 3 { 3 } else { v + 10 })))
+        .collect();
+    assert!(check(&pinched).unwrap_err().contains("fan"));
+}
