@@ -2,7 +2,8 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`], [`analysis`].
+//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
+//! [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 

@@ -26,7 +26,17 @@ pub(super) struct Hit {
     pub facet: u32,
 }
 
+/// [`Hit::facet`] of a triangle's position in the list and the jump at its crossings.
+fn hit_code(position: u32, jump: i32) -> u32 {
+    position << 1 | u32::from(jump < 0)
+}
+
 impl Hit {
+    /// The triangle's position in the brick's list.
+    pub fn position(self) -> usize {
+        (self.facet >> 1) as usize
+    }
+
     pub fn jump(self) -> i32 {
         1 - 2 * (self.facet & 1) as i32
     }
@@ -41,13 +51,15 @@ pub struct Evaluator {
     facets: Vec<(u32, Facet)>,
     /// Jumps along x, [row][edge]; all zero between bricks.
     rows: Vec<i32>,
-    /// Which rows of `rows` hold a jump: bit j of word k.
-    touched: [u64; P],
+    /// Per row, which edges hold a jump in `rows`; all zero between bricks.
+    touched: Vec<u32>,
     /// Jumps along y in the face x = 0: [k][edge].
     face: Vec<i32>,
     /// Jumps along z in the column x = y = 0.
     column: [i32; C],
-    /// Crossings along one axis.
+    /// Crossings along x.
+    hits_x: Vec<Hit>,
+    /// Crossings along one axis, those asked for.
     hits: Vec<Hit>,
     resolver: Resolver,
 }
@@ -57,9 +69,10 @@ impl Default for Evaluator {
         Evaluator {
             facets: Vec::new(),
             rows: vec![0; P * P * C],
-            touched: [0; P],
+            touched: vec![0; P * P],
             face: vec![0; P * C],
             column: [0; C],
+            hits_x: Vec::new(),
             hits: Vec::new(),
             resolver: Resolver::default(),
         }
@@ -113,7 +126,6 @@ impl Evaluator {
         let mut samples = Samples::filled(corner);
         let mut signs = SignChanges::outside();
         let fits = self.walk(corner, &mut samples, &mut signs);
-        self.clear();
         if !fits {
             return Err(Error::setting(
                 format!("more than {} shells overlap in brick {key}", i16::MAX),
@@ -128,6 +140,7 @@ impl Evaluator {
         let block = block(key);
         let origin = key.base().map(|b| b + 1);
         self.facets.clear();
+        self.hits_x.clear();
         for position in 0..list.indices.len() {
             let Some(facet) = Facet::new(list.get(position), origin, block) else { continue };
             let jump = [0, 1, 2].map(|axis| facet.jump(axis));
@@ -135,85 +148,104 @@ impl Evaluator {
             facet.scan::<1>(block, [block.last, 0], |c| {
                 self.face[c.u as usize * C + c.lower as usize] += jump[1];
             });
+            let code = hit_code(position as u32, jump[0]);
             facet.scan::<0>(block, [block.last; 2], |c| {
-                self.rows[(c.v as usize * P + c.u as usize) * C + c.lower as usize] += jump[0];
-                self.touched[c.v as usize] |= 1 << c.u;
+                let row = c.v as usize * P + c.u as usize;
+                self.rows[row * C + c.lower as usize] += jump[0];
+                self.touched[row] |= 1 << c.lower;
+                let lower = (row * P + c.lower as usize) as u16;
+                self.hits_x.push(Hit { lower, offset: c.offset, facet: code });
             });
             self.facets.push((position as u32, facet));
         }
     }
 
-    /// Fills `hits` with the crossings along `axis`, those on lattice edges that `wanted` names: bit `i` of
-    /// word `row` for the edge whose lower sample is the i-th of that row.
-    fn collect_hits(&mut self, key: NodeKey, axis: Axis, wanted: &[u64]) {
+    /// Fills `hits` with the crossings along `axis`: all of them, or those on the edges that `resolver`
+    /// names.
+    fn collect_hits(&mut self, key: NodeKey, axis: Axis, resolver: Option<&Resolver>) {
         let block = block(key);
         let hits = &mut self.hits;
+        let wants = |row, i| resolver.is_none_or(|r| r.changes(row, i));
         hits.clear();
+        if axis == Axis::X {
+            let lower = |hit: &&Hit| (usize::from(hit.lower) / P, usize::from(hit.lower) % P);
+            hits.extend(self.hits_x.iter().filter(|hit| wants(lower(hit).0, lower(hit).1)));
+            return;
+        }
         for (position, facet) in &self.facets {
-            let code = position << 1 | u32::from(facet.jump(axis.index()) < 0);
+            let code = hit_code(*position, facet.jump(axis.index()));
             let mut add = |[i, j, k]: [i32; 3], offset| {
-                let row = k as usize * P + j as usize;
-                if wanted[row] >> i & 1 != 0 {
-                    hits.push(Hit { lower: (row * P + i as usize) as u16, offset, facet: code });
+                let (row, i) = (k as usize * P + j as usize, i as usize);
+                if wants(row, i) {
+                    hits.push(Hit { lower: (row * P + i) as u16, offset, facet: code });
                 }
             };
             let all = [block.last; 2];
             match axis {
-                Axis::X => facet.scan::<0>(block, all, |c| add([c.lower, c.u, c.v], c.offset)),
+                Axis::X => {}
                 Axis::Y => facet.scan::<1>(block, all, |c| add([c.v, c.lower, c.u], c.offset)),
                 Axis::Z => facet.scan::<2>(block, all, |c| add([c.u, c.v, c.lower], c.offset)),
             }
         }
     }
 
-    /// Prefix sums from the corner; false if a value does not fit 16 bits.
-    fn walk(&self, corner: i16, samples: &mut Samples, signs: &mut SignChanges) -> bool {
+    /// Prefix sums from the corner; false if a value does not fit 16 bits. Zeroes the jumps for the next
+    /// brick.
+    fn walk(&mut self, corner: i16, samples: &mut Samples, signs: &mut SignChanges) -> bool {
         let mut fits = true;
         let mut at_k = i32::from(corner);
         for k in 0..P {
             let mut at_j = at_k;
             for j in 0..P {
-                let row = &mut samples.0[(k * P + j) * P..][..P];
-                let mut bits = if at_j >= 1 { (1u64 << P) - 1 } else { 0 };
-                fits &= i32::from(at_j as i16) == at_j;
-                if self.touched[k] >> j & 1 == 0 {
-                    row.fill(at_j as i16);
-                } else {
-                    let jumps = &self.rows[(k * P + j) * C..][..C];
-                    row[0] = at_j as i16;
-                    bits &= 1;
-                    let mut w = at_j;
-                    for (i, jump) in jumps.iter().enumerate() {
-                        w += jump;
-                        row[i + 1] = w as i16;
-                        fits &= i32::from(w as i16) == w;
-                        bits |= u64::from(w >= 1) << (i + 1);
-                    }
-                }
-                signs.set_row(j, k, bits);
+                let row = k * P + j;
+                fits &= self.walk_row(row, at_j, samples, signs);
                 if j < C {
-                    at_j += self.face[k * C + j];
+                    at_j += std::mem::take(&mut self.face[k * C + j]);
                 }
             }
             if k < C {
-                at_k += self.column[k];
+                at_k += std::mem::take(&mut self.column[k]);
             }
         }
         fits
     }
 
-    /// Zeroes the jumps that `collect` made.
-    fn clear(&mut self) {
-        for (k, touched) in self.touched.iter_mut().enumerate() {
-            let mut bits = std::mem::take(touched);
-            while bits != 0 {
-                let j = bits.trailing_zeros() as usize;
-                self.rows[(k * P + j) * C..][..C].fill(0);
-                bits &= bits - 1;
-            }
+    /// The samples and signs of one row from its first sample, stepping from jump to jump.
+    #[inline]
+    fn walk_row(&mut self, row: usize, first: i32, samples: &mut Samples, signs: &mut SignChanges) -> bool {
+        let mut w = first;
+        let mut fits = i32::from(w as i16) == w;
+        let mut inside = inside_from(w, 0);
+        fill_row(samples, row * P, w as i16);
+        let mut touched = std::mem::take(&mut self.touched[row]);
+        while touched != 0 {
+            let edge = touched.trailing_zeros() as usize;
+            touched &= touched - 1;
+            inside ^= inside_from(w, edge + 1);
+            w += std::mem::take(&mut self.rows[row * C + edge]);
+            inside ^= inside_from(w, edge + 1);
+            fits &= i32::from(w as i16) == w;
+            fill_row(samples, row * P + edge + 1, w as i16);
         }
-        self.face.fill(0);
-        self.column.fill(0);
+        signs.set_row(row % P, row / P, inside);
+        fits
+    }
+}
+
+/// The inside bits, from sample `from` to the end of the row, of samples that are all `w`.
+#[inline]
+fn inside_from(w: i32, from: usize) -> u64 {
+    let all = ((1u64 << P) - 1) >> from << from;
+    if w >= 1 { all } else { 0 }
+}
+
+/// Sets the samples from `at` to the end of its row, and beyond: always a row's length, which is a few wide
+/// stores, where the exact length would be a call. The rows after it are not walked yet.
+#[inline]
+fn fill_row(samples: &mut Samples, at: usize, w: i16) {
+    match samples.0[at..].first_chunk_mut::<P>() {
+        Some(row) => *row = [w; P],
+        None => samples.0[at..].fill(w),
     }
 }
 
@@ -251,9 +283,8 @@ impl Evaluation<'_> {
     /// Whether the predicate holds for an edge with two crossings or more, given its lower sample and the
     /// crossings in order.
     fn any_edge(&mut self, mut predicate: impl FnMut(usize, &[Hit]) -> bool) -> bool {
-        let every = [u64::MAX; P * P];
         Axis::ALL.into_iter().any(|axis| {
-            self.evaluator.collect_hits(self.key, axis, &every);
+            self.evaluator.collect_hits(self.key, axis, None);
             let hits = &mut self.evaluator.hits;
             hits.sort_unstable_by_key(|h| (h.lower, h.offset));
             hits.chunk_by(|a, b| a.lower == b.lower)
@@ -271,11 +302,12 @@ impl Evaluation<'_> {
         }
         let Evaluation { samples, signs, key, list, evaluator } = self;
         let mut edges: [Vec<HermiteEdge>; 3] = Default::default();
+        evaluator.resolver.begin(list.indices.len());
         for axis in Axis::ALL {
             // The edges' scratch leaves the evaluator while that scans.
             let mut resolver = std::mem::take(&mut evaluator.resolver);
             resolver.index(axis, &signs);
-            evaluator.collect_hits(key, axis, resolver.changes());
+            evaluator.collect_hits(key, axis, Some(&resolver));
             let resolved = resolver.resolve(&samples, &evaluator.hits, list);
             evaluator.resolver = resolver;
             edges[axis.index()] = resolved?;

@@ -6,8 +6,6 @@ use crate::brick::{HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_POINTS, normal};
 
-const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
-
 /// Working memory for one axis after the other, kept from brick to brick.
 #[derive(Default)]
 pub(super) struct Resolver {
@@ -15,46 +13,57 @@ pub(super) struct Resolver {
     changes: Vec<u64>,
     /// Per row: how many sign-changing edges the rows before hold.
     ranks: Vec<u32>,
-    /// Per sign-changing edge: its first crossing, [`NONE`] before that.
-    first: Vec<u32>,
-    /// Crossings on edges that hold several.
+    /// Per sign-changing edge: the number of its last crossing, [`NONE`] before that.
+    last: Vec<u32>,
+    /// Per crossing: the number of the one before it on the same edge, or [`NONE`].
+    before: Vec<u32>,
+    /// Per triangle of the brick: its normal, once needed.
+    normals: Vec<Option<OctNormal>>,
+    /// Crossings of one edge that holds several.
     shared: Vec<Candidate>,
 }
 
-/// No crossing yet.
+/// No crossing.
 const NONE: u32 = u32::MAX;
-/// Several crossings: all are in `shared`.
-const SEVERAL: u32 = u32::MAX - 1;
 
-/// A crossing on an edge that holds several.
+/// A crossing on an edge that holds several; in the order in which they are passed. Crossings with the same
+/// offset count as one step, and the rest of the order makes the choice among them independent of the
+/// order of the triangles.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Candidate {
-    slot: u32,
     offset: u16,
     normal: OctNormal,
     jump: i32,
-    lower: u16,
 }
 
 impl Resolver {
+    /// Begins a brick with this many triangles.
+    pub fn begin(&mut self, triangles: usize) {
+        self.normals.clear();
+        self.normals.resize(triangles, None);
+    }
+
     /// Finds the sign-changing edges along `axis`.
     pub fn index(&mut self, axis: Axis, signs: &SignChanges) {
         self.changes.clear();
         self.ranks.clear();
         let mut count = 0;
-        for row in 0..ROWS {
-            let word = signs.edges(axis, row % BRICK_POINTS, row / BRICK_POINTS);
-            self.changes.push(word);
-            self.ranks.push(count);
-            count += word.count_ones();
+        for k in 0..BRICK_POINTS {
+            for j in 0..BRICK_POINTS {
+                let word = signs.edges(axis, j, k);
+                self.changes.push(word);
+                self.ranks.push(count);
+                count += word.count_ones();
+            }
         }
-        self.first.clear();
-        self.first.resize(count as usize, NONE);
+        self.last.clear();
+        self.last.resize(count as usize, NONE);
     }
 
-    /// Per row of samples, which edges change sign.
-    pub fn changes(&self) -> &[u64] {
-        &self.changes
+    /// Whether the edge changes sign whose lower sample is the `i`-th of `row`.
+    #[inline]
+    pub fn changes(&self, row: usize, i: usize) -> bool {
+        self.changes[row] >> i & 1 != 0
     }
 
     /// One Hermite edge per sign-changing edge, from the crossings on those edges.
@@ -64,44 +73,26 @@ impl Resolver {
         hits: &[Hit],
         list: Triangles<'_>,
     ) -> Result<Vec<HermiteEdge>> {
-        self.shared.clear();
-        let candidate = |slot: u32, hit: &Hit| {
-            let normal = OctNormal::from_integer(normal(list.get((hit.facet >> 1) as usize)));
-            Candidate { slot, offset: hit.offset, normal, jump: hit.jump(), lower: hit.lower }
-        };
+        self.before.clear();
         for (number, hit) in hits.iter().enumerate() {
             let slot = self.slot(hit.lower);
-            let first = &mut self.first[slot];
-            match *first {
-                NONE => *first = number as u32,
-                SEVERAL => self.shared.push(candidate(slot as u32, hit)),
-                earlier => {
-                    self.shared.push(candidate(slot as u32, &hits[earlier as usize]));
-                    self.shared.push(candidate(slot as u32, hit));
-                    *first = SEVERAL;
-                }
-            }
+            self.before.push(std::mem::replace(&mut self.last[slot], number as u32));
         }
-        let mut last = (NONE, OctNormal(0));
-        let mut edges = Vec::with_capacity(self.first.len());
-        for &first in &self.first {
-            let Some(hit) = hits.get(first as usize) else {
-                if first == NONE {
-                    return Err(Error::setting(
-                        "internal error: a sign change without a crossing",
-                        "report this with the input",
-                    ));
-                }
-                edges.push(HermiteEdge { offset: 0, normal: OctNormal(0) });
-                continue;
+        let mut edges = Vec::with_capacity(self.last.len());
+        for slot in 0..self.last.len() {
+            let number = self.last[slot] as usize;
+            let Some(hit) = hits.get(number) else {
+                return Err(Error::setting(
+                    "internal error: a sign change without a crossing",
+                    "report this with the input",
+                ));
             };
-            if last.0 != hit.facet >> 1 {
-                let position = hit.facet >> 1;
-                last = (position, OctNormal::from_integer(normal(list.get(position as usize))));
-            }
-            edges.push(HermiteEdge { offset: hit.offset, normal: last.1 });
+            edges.push(if self.before[number] == NONE {
+                HermiteEdge { offset: hit.offset, normal: self.normal(*hit, list) }
+            } else {
+                self.settle_shared(number as u32, samples, hits, list)
+            });
         }
-        self.settle_shared(samples, &mut edges);
         Ok(edges)
     }
 
@@ -113,14 +104,33 @@ impl Resolver {
         self.ranks[row] as usize + before.count_ones() as usize
     }
 
-    /// Decides the edges that hold several crossings. Sorting makes the choice independent of the order of
-    /// the triangles; crossings at one offset count as one step.
-    fn settle_shared(&mut self, samples: &Samples, edges: &mut [HermiteEdge]) {
-        self.shared.sort_unstable();
-        for edge in self.shared.chunk_by(|a, b| a.slot == b.slot) {
-            let start = i32::from(samples.0[usize::from(edge[0].lower)]);
-            edges[edge[0].slot as usize] = first_passage(start, edge);
+    #[inline]
+    fn normal(&mut self, hit: Hit, list: Triangles<'_>) -> OctNormal {
+        *self.normals[hit.position()]
+            .get_or_insert_with(|| OctNormal::from_integer(normal(list.get(hit.position()))))
+    }
+
+    /// Decides an edge that holds several crossings, given the number of the last one.
+    fn settle_shared(
+        &mut self,
+        last: u32,
+        samples: &Samples,
+        hits: &[Hit],
+        list: Triangles<'_>,
+    ) -> HermiteEdge {
+        let mut shared = std::mem::take(&mut self.shared);
+        shared.clear();
+        let mut number = last;
+        while number != NONE {
+            let hit = hits[number as usize];
+            shared.push(Candidate { offset: hit.offset, normal: self.normal(hit, list), jump: hit.jump() });
+            number = self.before[number as usize];
         }
+        shared.sort_unstable();
+        let start = i32::from(samples.0[usize::from(hits[last as usize].lower)]);
+        let edge = first_passage(start, &shared);
+        self.shared = shared;
+        edge
     }
 }
 
