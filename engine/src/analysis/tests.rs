@@ -1,21 +1,38 @@
 //! Small trees with a known field.
 
 use super::*;
-use crate::build::{TreeOptions, build_in_memory};
-use crate::ingest::Facet;
-use crate::lattice::{NodeKey, RootCube};
+use crate::brick::{Brick, Hermite, POINTS, Samples};
+use crate::lattice::{BRICK_POINTS, NodeKey, Octant, RootCube};
 use crate::progress::Silent;
-use crate::store::{BrickTree, MemoryTree, Refine};
+use crate::store::{BrickTree, MemoryTree};
 use std::sync::Mutex;
 
-/// The box from (1, 1, 1) to (3, 3, 3) in a root from 0 to 4, with outward faces.
-fn tree(depth: u8, refine: Refine) -> MemoryTree {
-    let p = |c: usize| -> [f64; 3] { std::array::from_fn(|a| if c >> a & 1 == 1 { 3.0 } else { 1.0 }) };
-    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let split = |q: &[usize; 4]| [[p(q[0]), p(q[1]), p(q[2])], [p(q[0]), p(q[2]), p(q[3])]];
-    let soup: Vec<Facet> = quads.iter().flat_map(split).collect();
-    let root = RootCube { origin: [0.0; 3], edge: 4.0 };
-    build_in_memory(&[&soup], root, TreeOptions { depth, refine, stddev: 0.0 }).unwrap()
+/// The box from (1, 1, 1) to (3, 3, 3) in a root from 0 to 4, in a tree of full depth.
+fn tree(depth: u8) -> MemoryTree {
+    let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 4.0 });
+    let mut level = vec![NodeKey::ROOT];
+    for _ in 0..=depth {
+        for &key in &level {
+            let brick = brick(tree.root(), key);
+            tree.insert(key, key.level() == depth, brick);
+        }
+        level = level.iter().flat_map(|key| Octant::all().map(|octant| key.child(octant))).collect();
+    }
+    tree
+}
+
+fn brick(root: RootCube, key: NodeKey) -> Brick {
+    let mut samples = Samples::filled(0);
+    for n in 0..POINTS {
+        let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+        let unit = |a: usize| f64::from(key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1);
+        let point = root.to_world([0, 1, 2].map(unit));
+        samples.0[n] = i16::from(point.iter().all(|c| (1.0..3.0).contains(c)));
+    }
+    match samples.range() {
+        (low, high) if low == high => Brick::Uniform(low),
+        _ => Brick::Counts { samples, hermite: Hermite::default() },
+    }
 }
 
 fn dense(tree: &MemoryTree, level: u8, element: Element) -> Vec<u8> {
@@ -38,7 +55,7 @@ fn grid_points(grid: &Dense<'_>) -> Vec<[f64; 3]> {
 
 #[test]
 fn samples_and_grid_agree_and_are_the_box() {
-    let tree = tree(1, Refine::Hidden);
+    let tree = tree(1);
     let (bytes, floats) = (dense(&tree, 1, Element::I16), dense(&tree, 1, Element::F32));
     let points = grid_points(&Dense::new(&tree, 1, Element::I16).unwrap());
     let sampled = sample_at(&tree, &points).unwrap();
@@ -57,7 +74,7 @@ fn samples_and_grid_agree_and_are_the_box() {
 
 #[test]
 fn leaves_above_the_level_are_filled_as_documented() {
-    let full = tree(2, Refine::Hidden);
+    let full = tree(2);
     // The first child of the root becomes a leaf.
     let cut = NodeKey::new(1, [0; 3]).unwrap();
     let mut coarse = MemoryTree::new(full.root());
@@ -84,7 +101,7 @@ fn leaves_above_the_level_are_filled_as_documented() {
 
 #[test]
 fn between_samples_it_is_linear_and_outside_nothing() {
-    let tree = tree(1, Refine::Hidden);
+    let tree = tree(1);
     let step = tree.root().spacing(1);
     let grid = Dense::new(&tree, 1, Element::I16).unwrap();
     // The last sample below x = 1 is 0, the next one is 1.

@@ -68,7 +68,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
     let inputs = open_inputs(&plan.inputs, &outputs, &bars)?;
     let open_seconds = started.elapsed().as_secs_f64();
-    memory::require_room(&inputs, plan.memory)?;
+    memory::require_room(&inputs, &plan.options, plan.memory)?;
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(mesh_sink).transpose()?;
     let mut summary = build_opened(&inputs, &plan.output, &plan.options, &bars)?;

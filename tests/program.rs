@@ -1,0 +1,16 @@
+//! The program as its users run it.
+
+mod support;
+
+mod program {
+    mod bad_input;
+    mod build;
+    mod determinism;
+    mod export;
+    mod mesh;
+    mod points;
+    mod shell;
+    mod signals;
+    mod store;
+    mod usage;
+}
