@@ -32,7 +32,7 @@ pub struct WorkArgs {
     /// Threads to work with; all processors by default. Results do not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Show no progress
+    /// Show no progress and no summary; results are printed
     #[arg(long, short)]
     pub quiet: bool,
 }

@@ -2,12 +2,12 @@
 
 use crate::interrupt;
 use brickfield_engine::Progress;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::sync::{PoisonError, RwLock};
 use std::time::Duration;
 
-const COUNTED: &str = "{prefix:>18} [{bar:30}] {human_pos}/{human_len} {msg} {per_sec} {eta} left";
-const UNCOUNTED: &str = "{prefix:>18} {spinner} {human_pos} {msg} {per_sec} {elapsed}";
+const COUNTED: &str = "{prefix:>18} [{bar:30}] {human_pos}/{human_len} {msg} {rate} {eta} left";
+const UNCOUNTED: &str = "{prefix:>18} {spinner} {human_pos} {msg} {rate} {elapsed}";
 /// Redraws of a bar that does not move.
 const TICK: Duration = Duration::from_millis(200);
 
@@ -35,12 +35,18 @@ impl Bars {
         if !bar.is_hidden() {
             let template = if total.is_some() { COUNTED } else { UNCOUNTED };
             if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style.progress_chars("=> "));
+                bar.set_style(style.with_key("rate", write_rate).progress_chars("=> "));
             }
             bar.enable_steady_tick(TICK);
         }
         bar.with_prefix(name.to_owned()).with_message(unit.to_owned())
     }
+}
+
+/// Steps a second, without the fractions that indicatif's own key shows.
+fn write_rate(state: &ProgressState, out: &mut dyn std::fmt::Write) {
+    // A failed write only spoils the bar.
+    let _ = write!(out, "{}/s", HumanCount(state.per_sec() as u64));
 }
 
 impl Progress for Bars {

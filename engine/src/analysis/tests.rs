@@ -84,10 +84,12 @@ fn leaves_above_the_level_are_filled_as_documented() {
     }
     let grid = Dense::new(&coarse, 2, Element::I16).unwrap();
     let (integers, floats) = (dense(&coarse, 2, Element::I16), dense(&coarse, 2, Element::F32));
-    let sampled = sample_at(&coarse, &grid_points(&grid)).unwrap();
+    // Every 13th: a tree in memory looks for the range of a brick at each step down.
+    let points: Vec<_> = grid_points(&grid).into_iter().enumerate().step_by(13).collect();
+    let sampled = sample_at(&coarse, &points.iter().map(|(_, point)| *point).collect::<Vec<_>>()).unwrap();
     let brick = coarse.brick(cut).unwrap();
     let mut between = 0;
-    for (i, &w) in sampled.iter().enumerate() {
+    for ((i, _), w) in points.into_iter().zip(sampled) {
         let at = [i % 128, i / 128 % 128, i / 128 / 128];
         let expected =
             if at.iter().all(|&c| c < 64) { f64::from(brick.sample(at.map(|c| c / 2))) } else { w };
@@ -95,7 +97,7 @@ fn leaves_above_the_level_are_filled_as_documented() {
         assert_eq!(f64::from(f32::from_le_bytes(floats[4 * i..][..4].try_into().unwrap())), w, "{at:?}");
         between += usize::from(w.fract() != 0.0);
     }
-    assert!(between > 1000);
+    assert!(between > 100);
     assert!(Dense::new(&coarse, 3, Element::I16).is_err());
 }
 
