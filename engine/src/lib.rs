@@ -2,10 +2,12 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`].
+//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
+//! [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod analysis;
 pub mod brick;
 pub mod build;
 pub mod contour;

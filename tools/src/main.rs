@@ -1,1 +1,67 @@
-fn main() {}
+//! The program `brickfield`: triangle soups to brick stores, and answers from them.
+
+#![forbid(unsafe_code)]
+
+mod args;
+mod commands;
+mod failure;
+mod interrupt;
+mod memory;
+mod output;
+mod points;
+mod progress;
+mod units;
+
+use args::{Cli, Command};
+use clap::Parser;
+use failure::Failure;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    if let Err(lacking) = check_processor() {
+        eprintln!("brickfield: {lacking}");
+        return ExitCode::FAILURE;
+    }
+    match run(Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever read the results has seen enough.
+        Err(Failure::ClosedPipe) => ExitCode::SUCCESS,
+        Err(Failure::Usage(message)) => {
+            eprintln!("brickfield: {}\n\nFor more information, try '--help'.", one_line(&message));
+            ExitCode::from(2)
+        }
+        Err(Failure::Run(error)) => {
+            eprintln!("brickfield: {}", one_line(&format!("{error:#}")));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: Cli) -> Result<(), Failure> {
+    interrupt::install()?;
+    match cli.command {
+        Command::Build(args) => commands::build::run(args),
+        Command::Mesh(args) => commands::mesh::run(args),
+        Command::Info(args) => commands::info::run(&args),
+        Command::Sample(args) => commands::sample::run(&args),
+        Command::Winding(args) => commands::winding::run(&args),
+        Command::Export(args) => commands::export::run(&args),
+        Command::Verify(args) => commands::verify::run(&args),
+        Command::Completions(args) => commands::shell::completions(&args),
+        Command::Man(args) => commands::shell::man(&args),
+    }
+}
+
+/// File names may hold line breaks; messages must not.
+fn one_line(message: &str) -> String {
+    message.replace(['\n', '\r'], " ")
+}
+
+/// A program compiled for newer processors dies of an illegal instruction on older ones; better to say why.
+fn check_processor() -> Result<(), &'static str> {
+    #[cfg(all(target_arch = "x86_64", target_feature = "avx2"))]
+    if !std::is_x86_feature_detected!("avx2") {
+        return Err("this build needs a processor with AVX2; use a build for plain x86-64");
+    }
+    Ok(())
+}

@@ -2,6 +2,7 @@
 //! all threads, record them in order.
 
 mod bins;
+mod closed;
 mod jobs;
 mod memory;
 mod ordered;
@@ -13,6 +14,7 @@ mod subtree;
 #[cfg(test)]
 mod tests;
 
+pub use closed::require_closed;
 pub use memory::build_in_memory;
-pub use pipeline::{BuildOptions, Resolution, Summary, build};
+pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use rules::TreeOptions;

@@ -1,5 +1,6 @@
 //! The main job: mesh files in, store out.
 
+use super::closed::open_input;
 use super::jobs::{build_tree, sort_level};
 use super::records::EncodedBricks;
 use super::rules::{Rules, TreeOptions};
@@ -9,7 +10,6 @@ use crate::ingest::{Facets, Input, bounds_of_all};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
 use crate::store::{Meta, Numbers, Refine, Source, Stats, StoreWriter};
-use crate::winding::open_edges_of;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -75,11 +75,24 @@ pub fn build(
     options: &BuildOptions,
     progress: &dyn Progress,
 ) -> Result<Summary> {
-    let mut clock = Clock::default();
     let opened: Vec<Input> = inputs.iter().map(|path| Input::open(path, progress)).collect::<Result<_>>()?;
+    build_opened(&opened, output, options, progress)
+}
+
+/// As [`build`], of inputs that are open already.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_opened(
+    opened: &[Input],
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<Summary> {
+    let mut clock = Clock::default();
     progress.phase("measuring", Some(opened.iter().map(Input::facets).sum()), "facets");
-    let (min, max) = bounds_of_all(&opened, progress)?;
-    let (root, depth) = place(min, max, options.resolution)?;
+    let (min, max) = bounds_of_all(opened, progress)?;
+    let (root, depth) = place(opened, min, max, options.resolution)?;
     let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
     clock.lap("measure");
     let mut meta = Meta {
@@ -100,7 +113,10 @@ pub fn build(
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
     let sources: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
     let soup = snap(&sources, root, sort_level(&rules), progress)?;
-    require_closed(&soup, &opened, root, progress)?;
+    require_area(&soup, opened)?;
+    if !soup.balance.is_closed() {
+        return Err(open_input(opened, root, progress));
+    }
     meta.numbers.facets = sources.iter().map(|s| s.facets()).sum();
     meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
@@ -125,7 +141,7 @@ pub fn build(
 }
 
 /// The root cube and the deepest level.
-fn place(min: [f64; 3], max: [f64; 3], resolution: Resolution) -> Result<(RootCube, u8)> {
+fn place(opened: &[Input], min: [f64; 3], max: [f64; 3], resolution: Resolution) -> Result<(RootCube, u8)> {
     let placed = match resolution {
         Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
         Resolution::Cell(cell) => {
@@ -141,10 +157,13 @@ fn place(min: [f64; 3], max: [f64; 3], resolution: Resolution) -> Result<(RootCu
         }
     };
     placed.ok_or_else(|| {
-        Error::setting(
-            format!("the input spans {min:?} to {max:?}, which fits no lattice"),
-            "it must have an extent, and lie no farther than some millions of its size from the origin",
-        )
+        let (place, what) = ("bounds", format!("the input spans {min:?} to {max:?}, which fits no lattice"));
+        let remedy =
+            "it must have an extent, and lie no farther than some millions of its size from the origin";
+        match opened.first() {
+            Some(input) => Error::input(input.path(), place, what, remedy),
+            None => Error::setting("there is no input", "give at least one mesh"),
+        }
     })
 }
 
@@ -158,44 +177,17 @@ fn describe(input: &Input) -> Result<Source> {
     })
 }
 
-/// Fails with the number of open edges and the first of them unless the soup is closed.
-fn require_closed(
-    soup: &SnappedSoup,
-    inputs: &[Input],
-    root: RootCube,
-    progress: &dyn Progress,
-) -> Result<()> {
-    if soup.balance.is_closed() {
-        return Ok(());
+/// Fails if no facet has an area.
+fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
+    match opened.first() {
+        Some(first) if soup.degenerate == opened.iter().map(Input::facets).sum::<u64>() => Err(Error::input(
+            first.path(),
+            "facets",
+            format!("none of the {} facets has an area", soup.degenerate),
+            "export the mesh again, in a unit in which its details are not lost",
+        )),
+        _ => Ok(()),
     }
-    progress.phase("finding open edges", None, "facets");
-    let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
-    let open = open_edges_of(&sources, root, progress)?;
-    let Some((mut facet, from, to)) = open.first else {
-        // A closed soup whose hashes do not cancel: no chance of that is left.
-        return Err(Error::setting("internal error: the edge balance is off", "report this with the input"));
-    };
-    let mut input = &inputs[0];
-    for candidate in inputs {
-        input = candidate;
-        if facet < candidate.facets() {
-            break;
-        }
-        facet -= candidate.facets();
-    }
-    let [from, to] = [from, to].map(|p| root.to_world(p.map(f64::from)));
-    let point = |p: [f64; 3]| format!("({:.6}, {:.6}, {:.6})", p[0], p[1], p[2]);
-    Err(Error::input(
-        input.path(),
-        format!("facet {}", facet + 1),
-        format!(
-            "the input is not closed: {} open edges, the first from {} to {}",
-            open.count,
-            point(from),
-            point(to)
-        ),
-        "close the mesh or orient its facets alike; this version builds from closed input only",
-    ))
 }
 
 /// Time by phase.

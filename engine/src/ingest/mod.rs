@@ -110,6 +110,18 @@ impl Input {
         self.facets
     }
 
+    /// Memory that the parsed facets take; none for a binary STL, which stays in the file.
+    pub fn heap_bytes(&self) -> u64 {
+        let bytes = match &self.soup {
+            Soup::Mapped => 0,
+            Soup::Facets(facets) => size_of_val(facets.as_slice()),
+            Soup::Polygons(polygons) => {
+                size_of_val(polygons.triangles.as_slice()) + size_of_val(polygons.vertices.as_slice())
+            }
+        };
+        bytes as u64
+    }
+
     /// Number of faces with fewer than three corners, which were left out.
     pub fn skipped_faces(&self) -> u64 {
         match &self.soup {

@@ -1,0 +1,9 @@
+//! Questions answered from a finished octree: w at points, a level as one dense grid.
+
+mod export;
+mod sample;
+#[cfg(test)]
+mod tests;
+
+pub use export::{Dense, Element};
+pub use sample::{sample_at, winding_range};

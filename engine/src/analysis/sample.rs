@@ -1,0 +1,84 @@
+//! The field at arbitrary points, and its range, from the octree.
+
+use crate::brick::Brick;
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, ROOT_BITS, Units};
+use crate::store::BrickTree;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Points are resolved to 2^-10 of a lattice unit: a sample's own position, having gone through decimal or
+/// binary fractions of the world's unit, is that sample again, and the weights below are exact.
+const STEPS_PER_UNIT: f64 = 1024.0;
+/// Points that a thread takes at once.
+const POINTS_AT_ONCE: usize = 1024;
+
+/// w at each point of `points` (world coordinates): trilinear between the eight samples around it in the
+/// finest brick there. 0 outside the root cube, and for points that are not numbers. Continuous within a
+/// leaf; where a leaf meets finer ones the two sides may differ by what the coarser one does not resolve.
+///
+/// # Errors
+/// What reading the tree gives.
+pub fn sample_at(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
+    let parts: Vec<Vec<f64>> =
+        points.par_chunks(POINTS_AT_ONCE).map(|chunk| sample_chunk(tree, chunk)).collect::<Result<_>>()?;
+    Ok(parts.concat())
+}
+
+/// One thread's share: neighbours in the list are often neighbours in space, so the last brick is kept.
+fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
+    let root = tree.root();
+    let mut last: Option<(NodeKey, Arc<Brick>)> = None;
+    let mut sample = |point: &[f64; 3]| {
+        // Relative to the root's first sample, which stands at (1, 1, 1).
+        let from_first = root.to_units(*point).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT);
+        let Some(leaf) = leaf_at(tree, from_first) else { return Ok(0.0) };
+        let brick = match &last {
+            Some((key, brick)) if *key == leaf => Arc::clone(brick),
+            _ => tree.brick(leaf)?,
+        };
+        last = Some((leaf, Arc::clone(&brick)));
+        let spacing = f64::from(1u32 << leaf.spacing_bits());
+        let base = leaf.base();
+        Ok(trilinear(&brick, std::array::from_fn(|a| (from_first[a] - f64::from(base[a])) / spacing)))
+    };
+    points.iter().map(&mut sample).collect()
+}
+
+/// The leaf whose cells hold the position, given in units from the root's first sample; `None` outside.
+fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
+    let edge = f64::from(1u32 << ROOT_BITS);
+    if !from_first.iter().all(|u| (0.0..edge).contains(u)) {
+        return None;
+    }
+    let at: Units = from_first.map(|u| u as i32);
+    for level in 0..=MAX_LEVEL {
+        let key = NodeKey::new(level, at.map(|u| (u >> (ROOT_BITS - u32::from(level))) as u32))?;
+        if tree.node(key)?.leaf {
+            return Some(key);
+        }
+    }
+    None
+}
+
+/// Interpolates between the samples around `at`, which counts samples from the brick's first one and lies in
+/// 0..=32 along each axis.
+pub(super) fn trilinear(brick: &Brick, at: [f64; 3]) -> f64 {
+    if let Brick::Uniform(w) = brick {
+        return f64::from(*w);
+    }
+    let low: [usize; 3] = at.map(|a| (a as usize).min(BRICK_CELLS - 1));
+    let part: [f64; 3] = std::array::from_fn(|a| at[a] - low[a] as f64);
+    let corner =
+        |dx: usize, dy: usize, dz: usize| f64::from(brick.sample([low[0] + dx, low[1] + dy, low[2] + dz]));
+    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+    let row = |dy, dz| mix(corner(0, dy, dz), corner(1, dy, dz), part[0]);
+    let face = |dz| mix(row(0, dz), row(1, dz), part[1]);
+    mix(face(0), face(1), part[2])
+}
+
+/// Smallest and largest sample of all nodes. Reads no brick.
+pub fn winding_range(tree: &dyn BrickTree) -> (i16, i16) {
+    let nodes = tree.keys().into_iter().filter_map(|key| tree.node(key));
+    nodes.fold((i16::MAX, i16::MIN), |(low, high), node| (low.min(node.min), high.max(node.max)))
+}

@@ -1,0 +1,140 @@
+//! What cannot be read or written: status 1, one line that names the file, nothing left behind.
+
+use crate::support::*;
+use std::ffi::OsStr;
+use std::path::Path;
+
+/// Builds from `input` and expects the one line to name it and to contain `why`.
+#[track_caller]
+fn refused(dir: &Scratch, input: &Path, why: &str) {
+    let before = dir.names();
+    let (out, mesh) = (dir.path("out.brf"), dir.path("out.ply"));
+    let line = run(&[&"build", &input, &"-o", &out, &"--mesh", &mesh, &"--depth", &"2"]).failed();
+    let name = input.file_name().and_then(OsStr::to_str).unwrap();
+    assert!(line.contains(name) && line.contains(why), "{line}");
+    assert_eq!(dir.names(), before);
+    // The other reader of meshes is no more lenient.
+    let points = dir.file("points.csv", "0,0,0\n");
+    let line = run(&[&"winding", &input, &"--points", &points]);
+    if line.status != Some(0) {
+        let line = line.failed();
+        assert!(line.contains(name), "{line}");
+    }
+    std::fs::remove_file(points).unwrap();
+}
+
+#[test]
+fn files_that_are_no_meshes() {
+    let dir = Scratch::new();
+    refused(&dir, &dir.path("missing.stl"), "No such file");
+    refused(&dir, &dir.file("empty.stl", ""), "is empty");
+    refused(&dir, &dir.file("notes.txt", "Dear diary,\n"), "neither STL nor OBJ nor PLY");
+    refused(&dir, &dir.file("noise.stl", [0xa5; 100]), "");
+    std::fs::create_dir(dir.path("folder")).unwrap();
+    refused(&dir, &dir.path("folder"), "directory");
+    refused(&dir, Path::new("/dev/zero"), "not a regular file");
+}
+
+#[test]
+fn damaged_meshes() {
+    let dir = Scratch::new();
+    refused(&dir, &stl("truncated"), "5240 facets");
+    let facets = cuboid([0.0; 3], [1.0; 3]);
+    refused(&dir, &dir.file("liar.stl", binary_stl(u32::MAX, &facets)), "4294967295 facets");
+    refused(&dir, &dir.file("none.stl", binary_stl(0, &[])), "");
+    refused(&dir, &dir.file("none.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "");
+    refused(&dir, &dir.file("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"), "line 4");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n0\n";
+    refused(&dir, &dir.file("liar.ply", ply), "");
+}
+
+#[test]
+fn coordinates_that_are_no_numbers() {
+    let dir = Scratch::new();
+    refused(&dir, &stl("degenerate_mix"), "facet 15");
+    for (name, value) in [("nan.stl", f32::NAN), ("inf.stl", f32::NEG_INFINITY)] {
+        let mut facets = cuboid([0.0; 3], [1.0; 3]);
+        facets[7][1][2] = value;
+        refused(&dir, &dir.file(name, binary_stl(12, &facets)), "facet 8");
+    }
+}
+
+#[test]
+fn soups_without_area() {
+    let dir = Scratch::new();
+    let point = [[1.0, 2.0, 3.0]; 3];
+    refused(&dir, &dir.file("point.stl", binary_stl(2, &[point; 2])), "fits no lattice");
+    let needle = [[0.0; 3], [1.0, 2.0, 3.0], [1.0, 2.0, 3.0]];
+    refused(&dir, &dir.file("needles.stl", binary_stl(2, &[needle; 2])), "has an area");
+    let line = [[0.0; 3], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]];
+    refused(&dir, &dir.file("line.stl", binary_stl(1, &[line])), "has an area");
+}
+
+#[test]
+fn open_meshes_say_where() {
+    let dir = Scratch::new();
+    refused(&dir, &stl("open_box_no_lid"), "4 open edges, the first from");
+    let mut facets = cuboid([0.0; 3], [1.0; 3]);
+    facets[5].swap(0, 1);
+    let path = dir.file("flipped.stl", binary_stl(12, &facets));
+    refused(&dir, &path, "6 open edges");
+    // Within several files, the one that holds the facet is named, and its own facet counted.
+    let sound = dir.file("sound.stl", binary_stl(12, &cuboid([5.0; 3], [6.0; 3])));
+    let line = run(&[&"build", &sound, &path, &"-o", &dir.path("out.brf")]).failed();
+    assert!(line.contains("flipped.stl: facet "), "{line}");
+}
+
+#[test]
+fn outputs_that_cannot_be() {
+    let dir = Scratch::new();
+    let input = dir.file("box.stl", binary_stl(12, &cuboid([0.0; 3], [1.0; 3])));
+    let store = dir.path("box.brf");
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"1"]).ok();
+    let before = (dir.names(), std::fs::read(&input).unwrap(), std::fs::read(&store).unwrap());
+    let (new, nowhere, folder) = (dir.path("new.brf"), dir.path("nowhere/x"), dir.path("folder.ply"));
+    std::fs::create_dir(&folder).unwrap();
+    for out in [&nowhere, &folder, Path::new("/proc/x"), &input, &dir.path("./box.stl")] as [&Path; 5] {
+        let name = out.to_str().unwrap();
+        let line = run(&[&"build", &input, &"-o", &out, &"--depth", &"1"]).failed();
+        assert!(line.contains(name), "{name}: {line}");
+        let mesh = if out.extension().is_none() { out.with_extension("ply") } else { out.to_owned() };
+        let line = run(&[&"build", &input, &"-o", &new, &"--depth", &"1", &"--mesh", &mesh]).failed();
+        assert!(line.contains(mesh.to_str().unwrap()), "{name}: {line}");
+    }
+    std::fs::remove_dir(&folder).unwrap();
+    let same = dir.path("same.ply");
+    let line = run(&[&"build", &input, &"-o", &same, &"--mesh", &same]).failed();
+    assert!(line.contains("overwrite"), "{line}");
+    let link = dir.path("link.ply");
+    std::os::unix::fs::symlink(&store, &link).unwrap();
+    let line = run(&[&"mesh", &store, &"-o", &link]).failed();
+    assert!(line.contains("link.ply"), "{line}");
+    std::fs::remove_file(link).unwrap();
+    for out in [dir.path("nowhere/w.npy"), "/proc/w.npy".into()] {
+        let line = run(&[&"export", &store, &"--level", &"0", &"-o", &out]).failed();
+        assert!(line.contains(out.to_str().unwrap()), "{line}");
+    }
+    assert_eq!((dir.names(), std::fs::read(&input).unwrap(), std::fs::read(&store).unwrap()), before);
+}
+
+#[test]
+fn a_full_disk_is_an_error_and_leaves_nothing() {
+    let dir = Scratch::new();
+    let input = stl("clover_model");
+    // A limit on the size of files does what a full disk does, and needs no rights.
+    let limited = |command: &str| -> Run {
+        let script = format!("ulimit -f 64; exec \"$0\" {command}");
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-c", &script, env!("CARGO_BIN_EXE_brickfield")]);
+        shell.env("IN", &input).env("DIR", dir.path("")).output().unwrap().into()
+    };
+    let line = limited("build \"$IN\" -o \"$DIR/x.brf\" --depth 4").failed();
+    assert!(line.contains("x.brf") && line.contains("cannot write"), "{line}");
+    let store = dir.store("overlap_boxes", 2);
+    for (out, command) in [("x.stl", "mesh"), ("x.npy", "export --level 2")] {
+        let (command, more) = command.split_once(' ').unwrap_or((command, ""));
+        let line = limited(&format!("{command} '{}' {more} -o \"$DIR/{out}\"", store.display())).failed();
+        assert!(line.contains(out) && line.contains("cannot write"), "{line}");
+    }
+    assert_eq!(dir.names(), ["overlap_boxes-2.brf"]);
+}

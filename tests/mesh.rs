@@ -1,0 +1,66 @@
+//! `brickfield mesh` and `build --mesh`, judged by code that shares none with the engine.
+
+use crate::support::*;
+use brickfield_bench_data::judge::mesh::{Report, check_file};
+
+/// Closed, oriented, manifold, and of the volume expected.
+#[track_caller]
+fn judged(path: &std::path::Path, volume: f64, tolerance: f64) -> Report {
+    let report = check_file(path).unwrap();
+    let name = path.display();
+    assert!(report.is_balanced(), "{name}: {report:?}");
+    assert!(report.is_edge_manifold() && report.is_vertex_manifold(), "{name}: {report:?}");
+    let deviation = report.signed_volume / volume - 1.0;
+    assert!(deviation.abs() < tolerance, "{name}: {} is not {volume}", report.signed_volume);
+    report
+}
+
+#[test]
+fn the_boundary_has_the_known_volume_in_every_format() {
+    let dir = Scratch::new();
+    for (name, field, depth, ending) in [
+        ("overlap_boxes", "union_volume", "3", "stl"),
+        ("overlap_boxes", "union_volume", "3", "ply"),
+        ("overlap_boxes", "union_volume", "3", "obj"),
+        ("box_with_cavity", "volume", "3", "ply"),
+        ("duplicate_box", "union_volume", "2", "ply"),
+        ("touching_layers", "union_volume", "3", "ply"),
+        ("ascii_two_solids", "volume", "3", "ply"),
+        ("thinwall_ladder", "volume", "4", "ply"),
+        ("void_ladder", "volume", "4", "obj"),
+    ] {
+        let mesh = dir.path(&format!("{name}.{ending}"));
+        let store = dir.path(&format!("{name}.brf"));
+        let json =
+            run(&[&"build", &stl(name), &"-o", &store, &"--depth", &depth, &"--mesh", &mesh, &"--json"])
+                .json();
+        let expected = truth(name, field);
+        judged(&mesh, expected, 0.01);
+        let reported = json["mesh"]["volume"].as_f64().unwrap();
+        assert!((reported / expected - 1.0).abs() < 0.01, "{name}: {reported}");
+        // The same by the other command.
+        let again = dir.path(&format!("again.{ending}"));
+        run(&[&"mesh", &store, &"-o", &again]).ok();
+        assert!(std::fs::read(&again).unwrap() == std::fs::read(&mesh).unwrap(), "{name}");
+    }
+    assert!(dir.names().iter().all(|name| !name.ends_with(".part")));
+}
+
+#[test]
+fn iso_and_level() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 3);
+    let overlap = dir.path("overlap.ply");
+    run(&[&"mesh", &store, &"-o", &overlap, &"--iso", &"1.5", &"--memory", &"8MiB"]).ok();
+    judged(&overlap, truth("overlap_boxes", "overlap_volume"), 0.05);
+    let [fine, coarse] = ["3", "1"].map(|level| {
+        let out = dir.path(&format!("{level}.stl"));
+        run(&[&"mesh", &store, &"-o", &out, &"--level", &level]).ok();
+        judged(&out, truth("overlap_boxes", "union_volume"), 0.05);
+        facets_of(&out).len()
+    });
+    assert!(fine > 10 * coarse, "{fine} {coarse}");
+    let empty = dir.path("empty.obj");
+    let text = run(&[&"mesh", &store, &"-o", &empty, &"--iso", &"2.5"]).ok();
+    assert!(text.contains("empty"), "{text}");
+}

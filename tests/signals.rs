@@ -1,0 +1,60 @@
+//! Being interrupted, and being no longer listened to.
+
+use crate::support::*;
+use std::io::Read;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Waits until the program has begun to write and sends it a signal.
+fn interrupt(mut child: Child, dir: &Scratch, part: &str, signal: &str) -> Run {
+    let started = Instant::now();
+    while !dir.names().iter().any(|name| name == part) {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it began to write");
+        assert!(started.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    child.wait_with_output().unwrap().into()
+}
+
+#[test]
+fn an_interrupted_build_leaves_nothing() {
+    let dir = Scratch::new();
+    for signal in ["-INT", "-TERM"] {
+        let mut command = program();
+        command.arg("build").arg(stl("clover_beads")).arg("-o").arg(dir.path("o.brf"));
+        command.args(["--depth", "8", "--threads", "2", "--mesh"]).arg(dir.path("o.ply"));
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let line = interrupt(child, &dir, "o.brf.part", signal).failed();
+        assert!(line.contains("interrupted"), "{line}");
+        assert!(dir.names().is_empty(), "{:?}", dir.names());
+    }
+}
+
+#[test]
+fn an_interrupted_export_leaves_nothing() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 5);
+    let mut command = program();
+    command.arg("export").arg(store).args(["--level", "5", "--dtype", "f4", "-o"]).arg(dir.path("w.npy"));
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let line = interrupt(child, &dir, "w.npy.part", "-INT").failed();
+    assert!(line.contains("interrupted"), "{line}");
+    assert_eq!(dir.names(), ["overlap_boxes-5.brf"]);
+}
+
+#[test]
+fn a_closed_pipe_ends_quietly() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 1);
+    let points = dir.file("p.csv", "1,2,3\n".repeat(300_000));
+    let mut command = program();
+    command.arg("sample").arg(store).arg("--points").arg(points);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut first = [0; 8];
+    child.stdout.take().unwrap().read_exact(&mut first).unwrap();
+    assert_eq!(&first, b"x,y,z,w\n");
+    let ran = Run::from(child.wait_with_output().unwrap());
+    assert_eq!((ran.status, ran.stderr.as_str()), (Some(0), ""));
+}

@@ -1,0 +1,167 @@
+//! Runs the program and reads what it writes.
+
+mod npy;
+
+pub use npy::Array;
+
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// One facet as STL has it.
+pub type Facet = [[f32; 3]; 3];
+
+/// What a run gave.
+pub struct Run {
+    pub status: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+impl From<Output> for Run {
+    fn from(output: Output) -> Run {
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("output is text");
+        Run { status: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+}
+
+impl Run {
+    /// Standard output of a run that did well and had nothing to complain about.
+    #[track_caller]
+    pub fn ok(self) -> String {
+        assert_eq!((self.status, self.stderr.as_str()), (Some(0), ""), "{}", self.stdout);
+        self.stdout
+    }
+
+    /// As [`Run::ok`], read as JSON.
+    #[track_caller]
+    pub fn json(self) -> Value {
+        let text = self.ok();
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
+    }
+
+    /// The only line on standard error of a run that failed and said nothing else.
+    #[track_caller]
+    pub fn failed(self) -> String {
+        assert_eq!(self.status, Some(1), "{}{}", self.stdout, self.stderr);
+        assert_eq!(self.stdout, "");
+        let lines: Vec<&str> = self.stderr.lines().collect();
+        assert_eq!(lines.len(), 1, "{}", self.stderr);
+        assert!(lines[0].starts_with("brickfield: "), "{}", self.stderr);
+        self.stderr
+    }
+
+    /// Standard error of a run that was refused as wrong usage.
+    #[track_caller]
+    pub fn misused(self) -> String {
+        assert_eq!((self.status, self.stdout.as_str()), (Some(2), ""), "{}", self.stderr);
+        self.stderr
+    }
+}
+
+/// The program, to be given arguments.
+pub fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_brickfield"))
+}
+
+/// Runs the program.
+pub fn run(args: &[&dyn AsRef<OsStr>]) -> Run {
+    program().args(args.iter().map(AsRef::as_ref)).stdin(Stdio::null()).output().expect("it runs").into()
+}
+
+/// Runs the program with `input` on its standard input.
+pub fn run_with(args: &[&dyn AsRef<OsStr>], input: &str) -> Run {
+    let mut command = program();
+    command.args(args.iter().map(AsRef::as_ref));
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("it runs");
+    // It may stop reading at an error.
+    let _ = child.stdin.take().expect("it is piped").write_all(input.as_bytes());
+    child.wait_with_output().expect("it ends").into()
+}
+
+fn data() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data")
+}
+
+/// An example mesh.
+pub fn stl(name: &str) -> PathBuf {
+    data().join("stl").join(name).with_extension("stl")
+}
+
+/// What is known of the example meshes.
+pub fn truth(name: &str, field: &str) -> f64 {
+    let text = fs::read_to_string(data().join("stl_truth.json")).expect("the truth is there");
+    let all: Value = serde_json::from_str(&text).expect("the truth is JSON");
+    all[format!("{name}.stl")][field].as_f64().expect("the truth is a number")
+}
+
+/// A folder for one test.
+pub struct Scratch(tempfile::TempDir);
+
+impl Scratch {
+    pub fn new() -> Scratch {
+        Scratch(tempfile::tempdir().expect("a folder can be made"))
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Writes a file.
+    pub fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        fs::write(self.path(name), content).expect("it can be written");
+        self.path(name)
+    }
+
+    /// Names in the folder, sorted.
+    pub fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).expect("it can be listed");
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.expect("it is there").file_name().into_string().expect("text"))
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// A store of an example.
+    #[track_caller]
+    pub fn store(&self, name: &str, depth: u8) -> PathBuf {
+        let path = self.path(&format!("{name}-{depth}.brf"));
+        run(&[&"build", &stl(name), &"-o", &path, &"--depth", &depth.to_string(), &"--quiet"]).ok();
+        path
+    }
+}
+
+/// A binary STL that claims to have `count` facets.
+pub fn binary_stl(count: u32, facets: &[Facet]) -> Vec<u8> {
+    let mut bytes = vec![b' '; 80];
+    bytes.extend(count.to_le_bytes());
+    for facet in facets {
+        bytes.extend([0; 12]);
+        facet.iter().flatten().for_each(|c| bytes.extend(c.to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+/// The facets of a binary STL.
+pub fn facets_of(path: &Path) -> Vec<Facet> {
+    let bytes = fs::read(path).expect("it can be read");
+    let float = |b: &[u8]| f32::from_le_bytes(b.try_into().expect("four bytes"));
+    let facet = |record: &[u8]| -> Facet {
+        std::array::from_fn(|v| std::array::from_fn(|a| float(&record[12 + 12 * v + 4 * a..][..4])))
+    };
+    bytes[84..].chunks_exact(50).map(facet).collect()
+}
+
+/// A box with outward faces.
+pub fn cuboid(low: [f32; 3], high: [f32; 3]) -> Vec<Facet> {
+    let p =
+        |c: usize| -> [f32; 3] { std::array::from_fn(|a| if c >> a & 1 == 1 { high[a] } else { low[a] }) };
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    quads.iter().flat_map(|q| [[p(q[0]), p(q[1]), p(q[2])], [p(q[0]), p(q[2]), p(q[3])]]).collect()
+}

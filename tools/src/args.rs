@@ -1,0 +1,276 @@
+//! What the user types. The commands turn it into checked plans.
+
+use crate::units::{Length, Size, Unit};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Winding numbers of huge triangle soups: build a brick store once, answer from it
+#[derive(Parser)]
+#[command(name = "brickfield", version, max_term_width = 110)]
+#[command(after_help = "Exit status: 0 done, 1 failed (one line on standard error says why), 2 wrong usage.")]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    Build(BuildArgs),
+    Mesh(MeshArgs),
+    Info(InfoArgs),
+    Sample(SampleArgs),
+    Winding(WindingArgs),
+    Export(ExportArgs),
+    Verify(VerifyArgs),
+    Completions(CompletionsArgs),
+    Man(ManArgs),
+}
+
+/// Where and how loudly the work is done.
+#[derive(Args, Clone, Copy)]
+pub struct WorkArgs {
+    /// Threads to work with; all processors by default. Results do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Show no progress
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Build a store from meshes, all of them together as one soup
+#[derive(Args)]
+#[command(after_help = "\
+Without --depth and --cell the store gets depth 4: 512 cells along the longest side. Each level more has twice \
+the cells along a side and takes about four times the time and space.
+
+Examples:
+  brickfield build part.stl -o part.brf
+  brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl")]
+pub struct BuildArgs {
+    /// Mesh files: STL (binary, ASCII), OBJ, PLY. They must be closed
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The store to write
+    #[arg(long, short, value_name = "PART.brf")]
+    pub output: PathBuf,
+    /// Levels below the root: 32·2^L cells along the longest side [default: 4]
+    #[arg(long, value_name = "L", conflicts_with = "cell",
+          value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
+    pub depth: Option<u8>,
+    /// Size of the finest cells instead, as in 0.05mm; a bare number is in the input's own unit
+    #[arg(long, value_name = "LENGTH")]
+    pub cell: Option<Length>,
+    /// Keep a brick undivided if its samples deviate no more than this from their mean
+    #[arg(long, value_name = "T", default_value_t = 0.0)]
+    pub stddev: f64,
+    /// Where to divide bricks
+    #[arg(long, value_enum, default_value_t)]
+    pub refine: RefineArg,
+    /// What computes. Automatic choice takes the best that this build has
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+    /// The unit of the input's coordinates
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    pub units: Unit,
+    /// Memory to stay within, as in 4GiB: a build that needs more is refused before it starts, and --mesh
+    /// keeps its cache within half of it. This version holds all facets in memory, about 60 bytes each. By
+    /// default, what the machine has
+    #[arg(long, value_name = "SIZE")]
+    pub memory: Option<Size>,
+    /// Also write the boundary mesh, w = 0.5, as .stl, .ply or .obj
+    #[arg(long, value_name = "OUT")]
+    pub mesh: Option<PathBuf>,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Threads to work with; all processors by default. The store does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Show no progress and no summary (--json still prints)
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// The criterion by which bricks are divided.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum RefineArg {
+    /// Where samples deviate, and where facets hide between them: no wall or gap is missed
+    #[default]
+    Hidden,
+    /// On the deviation of the samples alone
+    Stddev,
+    /// Only where the boundary w = 0.5 passes
+    Surface,
+}
+
+/// The backends of this build.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum BackendArg {
+    /// The best there is
+    #[default]
+    Auto,
+    /// All processor cores
+    Cpu,
+}
+
+/// Write a mesh of the surface where the winding number passes a value
+#[derive(Args)]
+#[command(after_help = "The mesh is closed, manifold and oriented: manifold dual contouring of w = ISO.")]
+pub struct MeshArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The mesh to write; its ending decides the format: .stl (binary), .ply (binary), .obj
+    #[arg(long, short, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Winding number at the surface: 0.5 is the boundary, 1.5 that of where two bodies overlap
+    #[arg(long, value_name = "W", default_value_t = 0.5)]
+    pub iso: f64,
+    /// Deepest level to use; a coarser mesh
+    #[arg(long, value_name = "L")]
+    pub level: Option<u8>,
+    /// Memory for caches, as in 512MiB
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// Say what is in a store
+#[derive(Args)]
+pub struct InfoArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// Print it as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Print w at points, from a store
+#[derive(Args)]
+#[command(after_help = "\
+w is interpolated trilinearly between the samples of the finest brick at the point, and is 0 outside the root \
+cube. Printed as the lines x,y,z,w under a header.")]
+pub struct SampleArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// Points as lines x,y,z in the store's unit; - reads standard input. A header line, empty lines and lines
+    /// that begin with # are skipped
+    #[arg(long, value_name = "P.csv")]
+    pub points: PathBuf,
+    /// Print a JSON object a line instead of CSV
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// Print the exact w at points, straight from meshes
+#[derive(Args)]
+#[command(after_help = "\
+Counts crossings, so w is an integer and the meshes must be closed. Facets and points are snapped to the lattice \
+that `build` uses. --brute takes open meshes too.")]
+pub struct WindingArgs {
+    /// Mesh files: STL (binary, ASCII), OBJ, PLY
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// Points as lines x,y,z in the input's unit; - reads standard input. A header line, empty lines and lines
+    /// that begin with # are skipped
+    #[arg(long, value_name = "P.csv")]
+    pub points: PathBuf,
+    /// Sum the solid angles of all facets in double precision instead; slow, for any soup
+    #[arg(long)]
+    pub brute: bool,
+    /// Print a JSON object a line instead of CSV
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// Write a level as one dense NumPy array
+#[derive(Args)]
+#[command(after_help = "\
+The array is indexed [z,y,x] and has 32·2^L samples an axis. Beside W.npy, W.json says where it lies: `origin` \
+are the world coordinates of the sample [0,0,0], `spacing` the step along every axis, `units` their unit.
+
+Bricks that end above the level fill it from their own samples: exactly where all of them are equal, otherwise \
+the nearest lower sample for i2 and trilinear interpolation for f4.")]
+pub struct ExportArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The level, 0 being the root's 32 samples an axis
+    #[arg(long, value_name = "L")]
+    pub level: u8,
+    /// The array to write; its name ends in .npy
+    #[arg(long, short, value_name = "W.npy")]
+    pub output: PathBuf,
+    /// Type of the elements
+    #[arg(long, value_enum, default_value_t)]
+    pub dtype: DtypeArg,
+    /// Print what was written as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// NumPy's names of the element types.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum DtypeArg {
+    /// 16-bit integers
+    #[default]
+    I2,
+    /// 32-bit floats
+    F4,
+}
+
+/// Read every record of a store; status 0 only if all is sound
+#[derive(Args)]
+pub struct VerifyArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// Print the report as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// Print a completion script for a shell
+#[derive(Args)]
+#[command(
+    after_help = "For bash: brickfield completions bash > ~/.local/share/bash-completion/completions/brickfield"
+)]
+pub struct CompletionsArgs {
+    /// The shell
+    #[arg(value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+/// Print a manual page
+#[derive(Args)]
+#[command(after_help = "To read it: brickfield man build | man -l -")]
+pub struct ManArgs {
+    /// The command to describe; the program as a whole by default
+    #[arg(value_name = "COMMAND")]
+    pub command: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+}

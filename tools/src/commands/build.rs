@@ -1,0 +1,213 @@
+//! `brickfield build`: meshes to a store, and its boundary on request.
+
+use super::mesh::{MeshReport, mesh_sink, write_mesh};
+use super::{open_inputs, start, unit_of};
+use crate::args::{BuildArgs, RefineArg, WorkArgs};
+use crate::failure::Failure;
+use crate::memory;
+use crate::output::{print, print_json, warn};
+use crate::units::Size;
+use brickfield_engine::analysis::winding_range;
+use brickfield_engine::build::{BuildOptions, Resolution, Summary, build_opened};
+use brickfield_engine::contour::ContourOptions;
+use brickfield_engine::ingest::Input;
+use brickfield_engine::store::{Refine, Store};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// 512 cells along the longest side: seconds for a million facets, and half a millimetre on a quarter metre.
+const DEFAULT_DEPTH: u8 = 4;
+/// Caches of --mesh where no --memory is given.
+const MESH_CACHE_BYTES: u64 = 1 << 30;
+
+/// A checked command line.
+struct Plan {
+    inputs: Vec<PathBuf>,
+    output: PathBuf,
+    options: BuildOptions,
+    memory: Option<Size>,
+    mesh: Option<PathBuf>,
+    json: bool,
+    work: WorkArgs,
+}
+
+impl TryFrom<BuildArgs> for Plan {
+    type Error = Failure;
+
+    fn try_from(args: BuildArgs) -> Result<Plan, Failure> {
+        if !(args.stddev >= 0.0 && args.stddev.is_finite()) {
+            return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
+        }
+        let options = BuildOptions {
+            resolution: match args.cell {
+                Some(cell) => Resolution::Cell(cell.in_unit(args.units)),
+                None => Resolution::Depth(args.depth.unwrap_or(DEFAULT_DEPTH)),
+            },
+            refine: match args.refine {
+                RefineArg::Hidden => Refine::Hidden,
+                RefineArg::Stddev => Refine::Stddev,
+                RefineArg::Surface => Refine::Surface,
+            },
+            stddev: args.stddev,
+            unit: args.units.symbol().to_owned(),
+            program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
+        };
+        let work = WorkArgs { threads: args.threads, quiet: args.quiet };
+        let BuildArgs { inputs, output, memory, mesh, json, .. } = args;
+        Ok(Plan { inputs, output, options, memory, mesh, json, work })
+    }
+}
+
+/// Runs the command.
+pub fn run(args: BuildArgs) -> Result<(), Failure> {
+    let plan = Plan::try_from(args)?;
+    let started = Instant::now();
+    let bars = start(plan.work)?;
+    let outputs: Vec<&Path> =
+        [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+    let inputs = open_inputs(&plan.inputs, &outputs, &bars)?;
+    let open_seconds = started.elapsed().as_secs_f64();
+    memory::require_room(&inputs, plan.memory)?;
+    // Made before the long work, so that a name that cannot be written costs no time.
+    let mut sink = plan.mesh.as_deref().map(mesh_sink).transpose()?;
+    let mut summary = build_opened(&inputs, &plan.output, &plan.options, &bars)?;
+    drop::<Vec<Input>>(inputs);
+    summary.phases.insert(0, ("open", open_seconds));
+    let store = Store::open(&plan.output, plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 2))?;
+    let mesh = match (&plan.mesh, &mut sink) {
+        (Some(path), Some(sink)) => {
+            let begun = Instant::now();
+            let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 2) as usize / 2;
+            let options = ContourOptions { cache_bytes, ..ContourOptions::default() };
+            let report = write_mesh(&store, &options, path, sink.as_mut(), &bars)?;
+            summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
+            Some(report)
+        }
+        _ => None,
+    };
+    bars.clear();
+    let report = Report::new(&plan, summary, &store, mesh, started.elapsed().as_secs_f64());
+    report.warn();
+    if plan.json {
+        print_json(&report)
+    } else if !plan.work.quiet {
+        print(&report.text())
+    } else {
+        Ok(())
+    }
+}
+
+/// What is printed in the end.
+#[derive(Serialize)]
+struct Report {
+    output: String,
+    unit: String,
+    #[serde(flatten)]
+    summary: Numbers,
+    /// Seconds by phase.
+    phases: serde_json::Map<String, serde_json::Value>,
+    seconds: f64,
+    facets_per_second: f64,
+    peak_memory_bytes: Option<u64>,
+    winding_min: i16,
+    winding_max: i16,
+    warnings: Vec<String>,
+    mesh: Option<MeshReport>,
+}
+
+/// The engine's summary but for the phases.
+#[derive(Serialize)]
+struct Numbers {
+    facets: u64,
+    degenerate_facets: u64,
+    skipped_faces: u64,
+    depth: u8,
+    cell: f64,
+    nodes: u64,
+    leaves: u64,
+    file_bytes: u64,
+}
+
+impl Report {
+    fn new(plan: &Plan, summary: Summary, store: &Store, mesh: Option<MeshReport>, seconds: f64) -> Report {
+        let (winding_min, winding_max) = winding_range(store);
+        let Summary {
+            facets,
+            degenerate_facets,
+            skipped_faces,
+            depth,
+            cell,
+            nodes,
+            leaves,
+            file_bytes,
+            phases,
+        } = summary;
+        let phases = phases.into_iter().map(|(name, seconds)| (name.to_owned(), seconds.into())).collect();
+        Report {
+            output: plan.output.display().to_string(),
+            unit: unit_of(store.meta()).to_owned(),
+            summary: Numbers {
+                facets,
+                degenerate_facets,
+                skipped_faces,
+                depth,
+                cell,
+                nodes,
+                leaves,
+                file_bytes,
+            },
+            phases,
+            seconds,
+            facets_per_second: facets as f64 / seconds,
+            peak_memory_bytes: memory::peak().map(|size| size.0),
+            winding_min,
+            winding_max,
+            warnings: warnings(winding_min, winding_max),
+            mesh,
+        }
+    }
+
+    fn warn(&self) {
+        self.warnings.iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
+    }
+
+    fn text(&self) -> String {
+        let Numbers { facets, degenerate_facets, skipped_faces, depth, cell, nodes, leaves, file_bytes } =
+            &self.summary;
+        let mut text = String::new();
+        let mut line = |line: String| text += &format!("{line}\n");
+        let kept = format!("{} nodes, {} leaves, {}", nodes, leaves, Size(*file_bytes));
+        line(format!("{}: {kept}", self.output));
+        line(format!(
+            "  facets   {facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"
+        ));
+        line(format!("  depth    {depth}, cells of {cell:.6} {}", self.unit));
+        line(format!("  winding  {} to {}", self.winding_min, self.winding_max));
+        self.warnings.iter().for_each(|message| line(format!("  warning  {message}")));
+        let phases: Vec<String> = self
+            .phases
+            .iter()
+            .map(|(name, seconds)| format!("{name} {:.2} s", seconds.as_f64().unwrap_or_default()))
+            .collect();
+        line(format!("  time     {:.2} s: {}", self.seconds, phases.join(", ")));
+        line(format!("  rate     {:.0} facets/s", self.facets_per_second));
+        if let Some(peak) = self.peak_memory_bytes {
+            line(format!("  memory   {} at most, maps of files included", Size(peak)));
+        }
+        if let Some(mesh) = &self.mesh {
+            line(mesh.text());
+        }
+        text
+    }
+}
+
+/// What the user should know of a field with this range.
+fn warnings(min: i16, max: i16) -> Vec<String> {
+    let message = match (min, max) {
+        (min, max) if min < 0 && max <= 0 => "nothing lies inside: the facets face inwards",
+        (0, 0) => "nothing lies inside: no body is large enough for a sample",
+        _ => return Vec::new(),
+    };
+    vec![message.to_owned()]
+}

@@ -1,0 +1,117 @@
+//! `brickfield export`: a level as a NumPy array with a description beside it.
+
+use super::{CACHE_BYTES, require_level, start};
+use crate::args::{DtypeArg, ExportArgs};
+use crate::failure::Failure;
+use crate::output::{PartFile, print, print_json, require_distinct};
+use crate::units::Size;
+use anyhow::Context;
+use brickfield_engine::analysis::{Dense, Element};
+use brickfield_engine::store::Store;
+use brickfield_engine::{Error, Progress};
+use serde_json::{Value, json};
+use std::io::Write;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+
+/// NumPy asks for a header of a multiple of this.
+const HEADER_ALIGN_BYTES: usize = 64;
+/// Magic, version and length before the header's text.
+const HEADER_PREFIX_BYTES: usize = 10;
+
+/// A checked command line.
+struct Plan<'a> {
+    args: &'a ExportArgs,
+    element: Element,
+    dtype: &'static str,
+    description: PathBuf,
+}
+
+impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
+    type Error = Failure;
+
+    fn try_from(args: &ExportArgs) -> Result<Plan<'_>, Failure> {
+        if args.output.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("npy")) {
+            let name = args.output.display();
+            return Err(Failure::Usage(format!("{name}: the array's name must end in .npy")));
+        }
+        let (element, dtype) = match args.dtype {
+            DtypeArg::I2 => (Element::I16, "<i2"),
+            DtypeArg::F4 => (Element::F32, "<f4"),
+        };
+        Ok(Plan { args, element, dtype, description: args.output.with_extension("json") })
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &ExportArgs) -> Result<(), Failure> {
+    let plan = Plan::try_from(args)?;
+    let bars = start(args.work)?;
+    let store = Store::open(&args.store, CACHE_BYTES)?;
+    require_level(&store, args.level)?;
+    require_distinct(&[&args.output, &plan.description], &[&args.store])?;
+    let grid = Dense::new(&store, args.level, plan.element)?;
+    let description = describe(&plan, &store, &grid);
+    let array = PartFile::create(&args.output)?;
+    let text = PartFile::create(&plan.description)?;
+    write_array(&plan, &grid, &array, &bars)?;
+    let json = serde_json::to_string_pretty(&description).context("cannot write JSON")?;
+    writeln!(text.file(), "{json}").with_context(|| format!("{}: cannot write", text.path().display()))?;
+    // The description first: whoever finds the array finds it described.
+    text.finish()?;
+    array.finish()?;
+    bars.clear();
+    if args.json {
+        print_json(&description)
+    } else if args.work.quiet {
+        Ok(())
+    } else {
+        let (name, axis) = (args.output.display(), grid.axis());
+        let size = Size(grid.bytes().try_into().unwrap_or(u64::MAX));
+        print(&format!("{name}: {axis} × {axis} × {axis} {}, {size}", plan.dtype))
+    }
+}
+
+fn describe(plan: &Plan<'_>, store: &Store, grid: &Dense<'_>) -> Value {
+    json!({
+        "array": plan.args.output.file_name().map(|name| name.to_string_lossy().into_owned()),
+        "store": plan.args.store.display().to_string(),
+        "level": plan.args.level,
+        "order": "zyx",
+        "shape": [grid.axis(), grid.axis(), grid.axis()],
+        "dtype": plan.dtype,
+        "origin": grid.origin(),
+        "spacing": grid.spacing(),
+        "units": store.meta().unit,
+    })
+}
+
+fn write_array(
+    plan: &Plan<'_>,
+    grid: &Dense<'_>,
+    array: &PartFile,
+    progress: &dyn Progress,
+) -> Result<(), Failure> {
+    let path = array.path();
+    let header = header(plan.dtype, grid.axis());
+    let write_at = |offset: u64, bytes: &[u8]| {
+        array.file().write_all_at(bytes, offset).map_err(Error::io(path, "write"))
+    };
+    write_at(0, &header)?;
+    Ok(grid.write(progress, &|offset, bytes| write_at(header.len() as u64 + offset, bytes))?)
+}
+
+/// The header of an `.npy` file, version 1.0.
+fn header(dtype: &str, axis: usize) -> Vec<u8> {
+    let mut text =
+        format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({axis}, {axis}, {axis}), }}");
+    let bytes = (HEADER_PREFIX_BYTES + text.len() + 1).next_multiple_of(HEADER_ALIGN_BYTES);
+    while HEADER_PREFIX_BYTES + text.len() + 1 < bytes {
+        text.push(' ');
+    }
+    text.push('\n');
+    let mut header = b"\x93NUMPY\x01\x00".to_vec();
+    header.extend((text.len() as u16).to_le_bytes());
+    header.extend(text.bytes());
+    header
+}

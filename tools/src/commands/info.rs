@@ -1,0 +1,90 @@
+//! `brickfield info`: what is in a store.
+
+use super::unit_of;
+use crate::args::InfoArgs;
+use crate::failure::Failure;
+use crate::output::{print, print_json};
+use crate::units::Size;
+use brickfield_engine::analysis::winding_range;
+use brickfield_engine::store::{Meta, Source, Store, Summary};
+use serde_json::{Value, json};
+
+/// Runs the command.
+pub fn run(args: &InfoArgs) -> Result<(), Failure> {
+    // No brick is read, so none is kept.
+    let store = Store::open(&args.store, 0)?;
+    if args.json { print_json(&as_json(&store)) } else { print(&as_text(&store)) }
+}
+
+fn hex(hash: &[u8]) -> String {
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn as_json(store: &Store) -> Value {
+    let Meta { program, sources, unit, root, bounds_min, bounds_max, depth, refine, stddev, numbers, .. } =
+        store.meta();
+    let source = |Source { path, bytes, facets, format, blake3 }: &Source| json!({ "path": path, "bytes": bytes, "facets": facets, "format": format, "blake3": hex(blake3) });
+    let (winding_min, winding_max) = winding_range(store);
+    json!({
+        "path": store.path().display().to_string(),
+        "program": program,
+        "sources": sources.iter().map(source).collect::<Vec<_>>(),
+        "units": unit,
+        "bounds": [bounds_min, bounds_max],
+        "root": { "origin": root.origin, "edge": root.edge },
+        "depth": depth,
+        "refine": refine,
+        "stddev": stddev,
+        "facets": numbers.facets,
+        "degenerate_facets": numbers.degenerate_facets,
+        "winding_min": winding_min,
+        "winding_max": winding_max,
+        "store": store.summary(),
+    })
+}
+
+fn as_text(store: &Store) -> String {
+    let meta = store.meta();
+    let unit = unit_of(meta);
+    let Summary { levels, total, file_bytes, dense_bytes, dense_ratio } = store.summary();
+    let mut text = String::new();
+    let mut line = |line: String| text += &format!("{line}\n");
+    line(format!("{}: brick store, written by {}", store.path().display(), meta.program));
+    for Source { path, bytes, facets, format, blake3 } in &meta.sources {
+        let hash = &hex(blake3)[..16];
+        line(format!("  source   {path}: {format}, {facets} facets, {}, blake3 {hash}…", Size(*bytes)));
+    }
+    let degenerate = meta.numbers.degenerate_facets;
+    line(format!("  facets   {} ({degenerate} without area)", meta.numbers.facets));
+    line(format!("  units    {unit}"));
+    line(format!("  bounds   {} to {}", point(meta.bounds_min), point(meta.bounds_max)));
+    line(format!("  root     {} with an edge of {}", point(meta.root.origin), meta.root.edge));
+    line(format!("  refined  {:?}, standard deviation {}, depth {}", meta.refine, meta.stddev, meta.depth));
+    let (min, max) = winding_range(store);
+    line(format!("  winding  {min} to {max}"));
+    line(format!(
+        "  size     {}, {dense_ratio:.1} times smaller than a dense grid of 16-bit samples ({:.1} MiB)",
+        Size(file_bytes),
+        dense_bytes as f64 / f64::from(1u32 << 20)
+    ));
+    line(format!(
+        "  {:>5} {:>12} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10}",
+        "level", "cell", "bricks", "leaves", "uniform", "counts", "hermite", "payload"
+    ));
+    let row = |name: String, cell: String, n: &brickfield_engine::store::NodeNumbers| {
+        let payload = Size(n.counts_bytes + n.hermite_bytes).to_string();
+        format!(
+            "  {name:>5} {cell:>12} {:>9} {:>9} {:>9} {:>9} {:>9} {payload:>10}",
+            n.nodes, n.leaves, n.uniform, n.counts, n.hermite
+        )
+    };
+    for level in &levels {
+        line(row(level.level.to_string(), format!("{:.6}", level.spacing), &level.numbers));
+    }
+    line(row("all".to_owned(), String::new(), &total));
+    text
+}
+
+fn point(p: [f64; 3]) -> String {
+    format!("({:.6}, {:.6}, {:.6})", p[0], p[1], p[2])
+}

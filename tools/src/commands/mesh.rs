@@ -1,0 +1,103 @@
+//! `brickfield mesh`: a level set of the field as a mesh file.
+
+use super::{require_level, start};
+use crate::args::MeshArgs;
+use crate::failure::Failure;
+use crate::output::{print, print_json, require_distinct};
+use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
+use brickfield_engine::store::Store;
+use brickfield_engine::{Error, Progress};
+use serde::Serialize;
+use std::path::Path;
+use std::time::Instant;
+
+/// Runs the command.
+pub fn run(args: MeshArgs) -> Result<(), Failure> {
+    if !(args.iso > 0.0 && args.iso <= f64::from(i16::MAX)) {
+        return Err(Failure::Usage("--iso takes a winding number above 0, such as 0.5".to_owned()));
+    }
+    let bars = start(args.work)?;
+    // Half for the store's bricks, half for the contourer's.
+    let cache_bytes = args.memory.0 / 2;
+    let store = Store::open(&args.store, cache_bytes)?;
+    if let Some(level) = args.level {
+        require_level(&store, level)?;
+    }
+    require_distinct(&[&args.output], &[&args.store])?;
+    let mut sink = mesh_sink(&args.output)?;
+    let options = ContourOptions { iso: args.iso, level: args.level, cache_bytes: cache_bytes as usize };
+    let report = write_mesh(&store, &options, &args.output, sink.as_mut(), &bars)?;
+    bars.clear();
+    if args.json {
+        print_json(&report)
+    } else if args.work.quiet {
+        Ok(())
+    } else {
+        print(&report.text())
+    }
+}
+
+/// The file for a mesh; a name whose format is unknown is wrong usage.
+pub fn mesh_sink(path: &Path) -> Result<Box<dyn MeshSink>, Failure> {
+    if path.is_dir() {
+        return Err(
+            anyhow::anyhow!("{}: this is a directory; give the mesh a name in it", path.display()).into()
+        );
+    }
+    create_sink(path).map_err(|error| match error {
+        Error::Setting { .. } => Failure::Usage(error.to_string()),
+        error => error.into(),
+    })
+}
+
+/// What was written.
+#[derive(Serialize)]
+pub struct MeshReport {
+    output: String,
+    unit: String,
+    iso: f64,
+    vertices: u64,
+    triangles: u64,
+    area: f64,
+    volume: f64,
+    bounds: Option<[[f32; 3]; 2]>,
+    seconds: f64,
+}
+
+impl MeshReport {
+    /// For people.
+    pub fn text(&self) -> String {
+        let MeshReport { output, unit, vertices, triangles, area, volume, seconds, .. } = self;
+        if *triangles == 0 {
+            return format!("{output}: empty, no sample reaches w = {}", self.iso);
+        }
+        format!(
+            "{output}: {triangles} triangles, {vertices} vertices, area {area:.6} {unit}², volume {volume:.6} \
+             {unit}³, {seconds:.2} s"
+        )
+    }
+}
+
+/// Contours the store into `sink`, which was made for `path`.
+pub fn write_mesh(
+    store: &Store,
+    options: &ContourOptions,
+    path: &Path,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+) -> Result<MeshReport, Failure> {
+    let started = Instant::now();
+    let MeshSummary { vertices, triangles, area, volume, bounds, .. } =
+        contour(store, options, sink, progress)?;
+    Ok(MeshReport {
+        output: path.display().to_string(),
+        unit: super::unit_of(store.meta()).to_owned(),
+        iso: options.iso,
+        vertices,
+        triangles,
+        area,
+        volume,
+        bounds,
+        seconds: started.elapsed().as_secs_f64(),
+    })
+}

@@ -1,0 +1,55 @@
+//! One file a command: what was typed becomes a checked plan, the plan is run.
+
+pub mod build;
+pub mod export;
+pub mod info;
+pub mod mesh;
+pub mod sample;
+pub mod shell;
+pub mod verify;
+pub mod winding;
+
+use crate::args::WorkArgs;
+use crate::failure::Failure;
+use crate::output::require_distinct;
+use crate::progress::Bars;
+use anyhow::Context;
+use brickfield_engine::store::{Meta, Store};
+use brickfield_engine::{Error, Progress, ingest::Input};
+use std::path::{Path, PathBuf};
+
+/// Decoded bricks that commands keep whose user cannot choose.
+const CACHE_BYTES: u64 = 512 << 20;
+
+/// Sets the number of threads and makes the progress bars.
+fn start(work: WorkArgs) -> Result<Bars, Failure> {
+    let threads = work.threads.map_or(0, usize::from);
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
+    Ok(Bars::new(work.quiet))
+}
+
+/// Opens all inputs, having checked that none of them would be overwritten.
+fn open_inputs(
+    inputs: &[PathBuf],
+    outputs: &[&Path],
+    progress: &dyn Progress,
+) -> Result<Vec<Input>, Failure> {
+    let paths: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+    require_distinct(outputs, &paths)?;
+    Ok(inputs.iter().map(|path| Input::open(path, progress)).collect::<Result<_, Error>>()?)
+}
+
+/// The store's unit for messages, or the word for an unknown one.
+fn unit_of(meta: &Meta) -> &str {
+    if meta.unit.is_empty() { "units" } else { &meta.unit }
+}
+
+/// Checks a level against the store's deepest.
+fn require_level(store: &Store, level: u8) -> Result<(), Failure> {
+    let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+    if level <= deepest {
+        return Ok(());
+    }
+    let path = store.path().display();
+    Err(anyhow::anyhow!("{path}: there is no level {level}; choose one from 0 to {deepest}").into())
+}

@@ -1,0 +1,34 @@
+//! `brickfield verify`: is a store sound?
+
+use super::{CACHE_BYTES, start};
+use crate::args::VerifyArgs;
+use crate::failure::Failure;
+use crate::output::{print, print_json};
+use crate::units::Size;
+use brickfield_engine::store::{Damage, Store, VerifyReport};
+use serde_json::json;
+
+/// Runs the command.
+pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
+    let bars = start(args.work)?;
+    let store = Store::open(&args.store, CACHE_BYTES)?;
+    let report = store.verify(&bars)?;
+    bars.clear();
+    if args.json {
+        let damage = |Damage { key, offset, what }: &Damage| json!({ "record": key.to_string(), "offset": offset, "what": what });
+        print_json(&json!({
+            "path": args.store.display().to_string(),
+            "sound": report.damaged == 0,
+            "records": report.records,
+            "payload_bytes": report.payload_bytes,
+            "damaged": report.damaged,
+            "first_damage": report.first_damage.as_ref().map(damage),
+        }))?;
+    }
+    let VerifyReport { records, payload_bytes, .. } = report.into_result(&store)?;
+    if args.json || args.work.quiet {
+        return Ok(());
+    }
+    let path = args.store.display();
+    print(&format!("{path}: sound, {records} records with {} of payload", Size(payload_bytes)))
+}

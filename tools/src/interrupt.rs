@@ -1,0 +1,28 @@
+//! Ctrl-C and its relatives: the first asks the work to stop, the second ends the program at once.
+
+use crate::failure::Failure;
+use anyhow::Context;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::flag;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
+
+static REQUESTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+
+/// Takes over the signals.
+pub fn install() -> Result<(), Failure> {
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        // In this order: the first signal finds the flag unset, passes the first handler and sets the flag.
+        flag::register_conditional_shutdown(signal, 1, Arc::clone(&REQUESTED))
+            .and_then(|_| flag::register(signal, Arc::clone(&REQUESTED)))
+            .context("cannot handle signals")?;
+    }
+    // Without a handler a file size limit kills; with one, writing fails and the error names the file.
+    flag::register(SIGXFSZ, Arc::default()).context("cannot handle signals")?;
+    Ok(())
+}
+
+/// True once the user asked to stop.
+pub fn requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
+}

@@ -1,0 +1,134 @@
+//! Points from CSV, and their winding numbers back.
+
+use crate::failure::Failure;
+use crate::output::Lines;
+use anyhow::{Context, anyhow};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader};
+use std::path::Path;
+
+/// Longest line that makes sense; keeps a file without line breaks from filling the memory.
+const LINE_BYTES_MAX: usize = 4096;
+
+/// Reads points a batch at a time.
+pub struct PointReader {
+    name: String,
+    input: Box<dyn BufRead>,
+    line: usize,
+    /// Columns a line must have: those of the header, of which the first three count, or three.
+    columns: Option<usize>,
+}
+
+impl PointReader {
+    /// Opens a file, or standard input for `-`.
+    pub fn open(path: &Path) -> Result<PointReader, Failure> {
+        let (name, input): (String, Box<dyn BufRead>) = if path == Path::new("-") {
+            ("standard input".to_owned(), Box::new(io::stdin().lock()))
+        } else {
+            let name = path.display().to_string();
+            let cannot_open = || format!("{name}: cannot open");
+            if path.is_dir() {
+                return Err(anyhow!("{name}: is a directory; give a CSV file of points").into());
+            }
+            let file = File::open(path).with_context(cannot_open)?;
+            (name, Box::new(BufReader::with_capacity(1 << 16, file)))
+        };
+        Ok(PointReader { name, input, line: 0, columns: None })
+    }
+
+    /// At most `count` more points; none at the end.
+    pub fn batch(&mut self, count: usize) -> Result<Vec<[f64; 3]>, Failure> {
+        let mut points = Vec::new();
+        let mut buffer = Vec::new();
+        while points.len() < count {
+            buffer.clear();
+            let mut limited = io::Read::take(&mut self.input, LINE_BYTES_MAX as u64);
+            let cannot_read = || format!("{}: cannot read", self.name);
+            if limited.read_until(b'\n', &mut buffer).with_context(cannot_read)? == 0 {
+                break;
+            }
+            self.line += 1;
+            if buffer.len() == LINE_BYTES_MAX {
+                return Err(self.malformed("the line is too long"));
+            }
+            points.extend(self.parse(&buffer)?);
+        }
+        Ok(points)
+    }
+
+    /// All remaining points.
+    pub fn all(mut self) -> Result<Vec<[f64; 3]>, Failure> {
+        self.batch(usize::MAX)
+    }
+
+    /// The point on a line, if it holds one.
+    fn parse(&mut self, line: &[u8]) -> Result<Option<[f64; 3]>, Failure> {
+        let line = if self.line == 1 { line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line) } else { line };
+        let line = line.trim_ascii();
+        if line.is_empty() || line[0] == b'#' {
+            return Ok(None);
+        }
+        let fields: Vec<&[u8]> = line.split(|&byte| byte == b',').map(<[u8]>::trim_ascii).collect();
+        let numbers: Vec<Option<f64>> = fields.iter().map(|field| fast_float2::parse(field).ok()).collect();
+        let Some(columns) = self.columns else {
+            let is_header = fields.len() >= 3 && numbers.iter().all(Option::is_none);
+            self.columns = Some(if is_header { fields.len() } else { 3 });
+            return if is_header { Ok(None) } else { self.point(&fields, &numbers, 3) };
+        };
+        self.point(&fields, &numbers, columns)
+    }
+
+    fn point(
+        &self,
+        fields: &[&[u8]],
+        numbers: &[Option<f64>],
+        columns: usize,
+    ) -> Result<Option<[f64; 3]>, Failure> {
+        if fields.len() != columns {
+            return Err(self.malformed(&format!("{columns} values separated by commas were expected")));
+        }
+        let mut point = [0.0; 3];
+        for (axis, value) in point.iter_mut().enumerate() {
+            *value = numbers[axis].filter(|v| v.is_finite()).ok_or_else(|| {
+                let field = String::from_utf8_lossy(fields[axis]);
+                self.malformed(&format!("\"{field}\" is no finite number"))
+            })?;
+        }
+        Ok(Some(point))
+    }
+
+    fn malformed(&self, what: &str) -> Failure {
+        anyhow!("{}: line {}: {what}; write a point as x,y,z", self.name, self.line).into()
+    }
+}
+
+/// Writes points with their winding numbers to standard output.
+pub struct PointWriter {
+    lines: Lines,
+    json: bool,
+}
+
+impl PointWriter {
+    /// CSV with its header, or JSON lines.
+    pub fn new(json: bool) -> Result<PointWriter, Failure> {
+        let mut lines = Lines::new();
+        if !json {
+            lines.line(format_args!("x,y,z,w"))?;
+        }
+        Ok(PointWriter { lines, json })
+    }
+
+    /// One line.
+    pub fn write(&mut self, [x, y, z]: [f64; 3], w: impl std::fmt::Display) -> Result<(), Failure> {
+        if self.json {
+            self.lines.line(format_args!("{{\"x\":{x:?},\"y\":{y:?},\"z\":{z:?},\"w\":{w}}}"))
+        } else {
+            self.lines.line(format_args!("{x:?},{y:?},{z:?},{w}"))
+        }
+    }
+
+    /// Hands on what is buffered.
+    pub fn flush(&mut self) -> Result<(), Failure> {
+        self.lines.flush()
+    }
+}

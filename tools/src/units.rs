@@ -1,0 +1,203 @@
+//! Lengths and sizes as people type them.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Unit {
+    /// Micrometre
+    Um,
+    /// Millimetre
+    Mm,
+    /// Centimetre
+    Cm,
+    /// Metre
+    M,
+    /// Thousandth of an inch
+    Mil,
+    /// Inch
+    In,
+    /// Foot
+    Ft,
+}
+
+impl Unit {
+    const ALL: [Unit; 7] = [Unit::Um, Unit::Mm, Unit::Cm, Unit::M, Unit::Mil, Unit::In, Unit::Ft];
+
+    /// The unit's length in nanometres, which are whole for all of them.
+    fn nanometres(self) -> f64 {
+        match self {
+            Unit::Um => 1e3,
+            Unit::Mm => 1e6,
+            Unit::Cm => 1e7,
+            Unit::M => 1e9,
+            Unit::Mil => 25_400.0,
+            Unit::In => 25_400_000.0,
+            Unit::Ft => 304_800_000.0,
+        }
+    }
+
+    /// As typed and as stored.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Unit::Um => "um",
+            Unit::Mm => "mm",
+            Unit::Cm => "cm",
+            Unit::M => "m",
+            Unit::Mil => "mil",
+            Unit::In => "in",
+            Unit::Ft => "ft",
+        }
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.symbol())
+    }
+}
+
+/// A positive length; without a unit it is in the input's own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Length {
+    value: f64,
+    unit: Option<Unit>,
+}
+
+impl Length {
+    /// The number of `unit`s, the input's own.
+    pub fn in_unit(self, unit: Unit) -> f64 {
+        match self.unit {
+            Some(own) if own != unit => self.value * own.nanometres() / unit.nanometres(),
+            _ => self.value,
+        }
+    }
+}
+
+impl FromStr for Length {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Length, String> {
+        let (number, suffix) = split(text);
+        let unit = match suffix {
+            "" => None,
+            "µm" | "μm" => Some(Unit::Um),
+            _ => match Unit::ALL.into_iter().find(|unit| unit.symbol() == suffix) {
+                Some(unit) => Some(unit),
+                None => {
+                    return Err(format!(
+                        "no unit \"{suffix}\"; use {}",
+                        Unit::ALL.map(Unit::symbol).join(", ")
+                    ));
+                }
+            },
+        };
+        match number.parse::<f64>() {
+            Ok(value) if value > 0.0 && value.is_finite() => Ok(Length { value, unit }),
+            Ok(_) => Err("a length must be above 0".to_owned()),
+            Err(_) => Err("expected a number and a unit, as in 0.05mm".to_owned()),
+        }
+    }
+}
+
+/// A number of bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Size(pub u64);
+
+impl Size {
+    const UNITS: [(&'static str, u64); 9] = [
+        ("KiB", 1 << 10),
+        ("MiB", 1 << 20),
+        ("GiB", 1 << 30),
+        ("TiB", 1 << 40),
+        ("kB", 1_000),
+        ("MB", 1_000_000),
+        ("GB", 1_000_000_000),
+        ("TB", 1_000_000_000_000),
+        ("B", 1),
+    ];
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Size, String> {
+        let (number, suffix) = split(text);
+        let unit = match suffix {
+            "" => 1,
+            _ => match Size::UNITS.into_iter().find(|(name, _)| *name == suffix) {
+                Some((_, bytes)) => bytes,
+                None => return Err(format!("no unit \"{suffix}\"; use KiB, MiB, GiB or TiB")),
+            },
+        };
+        match number.parse::<f64>() {
+            Ok(value) if value > 0.0 && value * (unit as f64) < u64::MAX as f64 => {
+                Ok(Size((value * unit as f64) as u64))
+            }
+            Ok(_) => Err("a size must be above 0 and below 16 EiB".to_owned()),
+            Err(_) => Err("expected a number and a unit, as in 4GiB".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let fits = |(_, unit): &&(&str, u64)| self.0 >= *unit;
+        match Size::UNITS[..4].iter().rev().find(fits) {
+            Some((name, unit)) => write!(f, "{:.1} {name}", self.0 as f64 / *unit as f64),
+            None => write!(f, "{} B", self.0),
+        }
+    }
+}
+
+/// Splits a number from its unit. An "e" belongs to the number where a digit or a sign follows it.
+fn split(text: &str) -> (&str, &str) {
+    let text = text.trim();
+    let bytes = text.as_bytes();
+    let in_number = |(at, byte): (usize, &u8)| match byte {
+        b'0'..=b'9' | b'.' | b'+' | b'-' => true,
+        b'e' | b'E' => at > 0 && bytes.get(at + 1).is_some_and(|b| b.is_ascii_digit() || b"+-".contains(b)),
+        _ => false,
+    };
+    let end = bytes.iter().enumerate().position(|item| !in_number(item)).unwrap_or(bytes.len());
+    (&text[..end], text[end..].trim_start())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_converted() {
+        let mm = |text: &str| text.parse::<Length>().map(|length| length.in_unit(Unit::Mm));
+        assert_eq!(mm("0.05mm"), Ok(0.05));
+        assert_eq!(mm("2um"), Ok(0.002));
+        assert_eq!(mm("2 µm"), Ok(0.002));
+        assert_eq!(mm("0.1in"), Ok(2.54));
+        assert_eq!(mm("1cm"), Ok(10.0));
+        assert_eq!(mm("0.3m"), Ok(300.0));
+        assert_eq!(mm("1e-3m"), Ok(1.0));
+        assert_eq!(mm("0.25"), Ok(0.25));
+        assert_eq!("0.25".parse::<Length>().unwrap().in_unit(Unit::In), 0.25);
+        assert_eq!("25.4mm".parse::<Length>().unwrap().in_unit(Unit::In), 1.0);
+        for bad in ["", "mm", "-1mm", "0", "nan", "inf", "1e999", "1 parsec", "1,5mm", "1mm2"] {
+            assert!(bad.parse::<Length>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sizes_are_read_and_written() {
+        let bytes = |text: &str| text.parse::<Size>().map(|size| size.0);
+        assert_eq!(bytes("512KiB"), Ok(512 << 10));
+        assert_eq!(bytes("4GiB"), Ok(4 << 30));
+        assert_eq!(bytes("1.5 MiB"), Ok(3 << 19));
+        assert_eq!(bytes("2GB"), Ok(2_000_000_000));
+        assert_eq!(bytes("123"), Ok(123));
+        for bad in ["", "0", "-1GiB", "4gigs", "GiB", "1e30GiB"] {
+            assert!(bad.parse::<Size>().is_err(), "{bad}");
+        }
+        assert_eq!(Size(1536).to_string(), "1.5 KiB");
+        assert_eq!(Size(7).to_string(), "7 B");
+    }
+}
