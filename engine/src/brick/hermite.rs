@@ -2,11 +2,10 @@
 
 use super::{POINTS, Samples};
 use crate::lattice::{Axis, BRICK_POINTS};
-use bytemuck::{Pod, Zeroable};
 
 /// A unit vector in octahedral coordinates (Cigolle et al. 2014): the first in the low 16 bits, the second
 /// in the high ones, each a two's complement fixed-point number with 32767 for 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(transparent)]
 pub struct OctNormal(pub u32);
 

@@ -22,17 +22,12 @@ impl Recorder for KeptBricks {
 }
 
 /// Bricks encoded for a store.
+#[derive(Default)]
 pub(super) struct EncodedBricks {
     /// Key, leaf or not, head and end of the payload in `bytes`.
     nodes: Vec<(NodeKey, bool, PayloadHead, usize)>,
     bytes: Vec<u8>,
     scratch: Scratch,
-}
-
-impl Default for EncodedBricks {
-    fn default() -> Self {
-        EncodedBricks { nodes: Vec::new(), bytes: Vec::new(), scratch: Scratch::new() }
-    }
 }
 
 impl Recorder for EncodedBricks {

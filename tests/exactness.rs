@@ -1,0 +1,24 @@
+//! Every number in the tree against oracles that share no code with the engine.
+//!
+//! The sampled winding numbers are held against `judge::crossing_number` (a ray count in 128-bit integers) and
+//! `judge::solid_angle_sum` (floating point, another formula altogether); the Hermite edges against a count of
+//! all crossings of their lattice edge, written for these tests.
+
+#[path = "exactness/files.rs"]
+mod files;
+#[path = "exactness/hermite.rs"]
+mod hermite;
+#[path = "exactness/limits.rs"]
+mod limits;
+#[path = "exactness/oracle.rs"]
+mod oracle;
+#[path = "exactness/piles.rs"]
+mod piles;
+#[path = "exactness/points.rs"]
+mod points;
+#[path = "exactness/refine.rs"]
+mod refine;
+#[path = "exactness/scene.rs"]
+mod scene;
+#[path = "exactness/tree.rs"]
+mod tree;

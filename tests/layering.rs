@@ -1,0 +1,273 @@
+//! The order of the rooms, and a few other promises about the source text.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What everything may use, and what these four may use of each other.
+const BOTTOM: [&str; 4] = ["lattice", "mmap", "error", "progress"];
+
+/// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
+/// have their place already.
+const ROOMS: [(&str, &[&str]); 11] = [
+    ("gpu", &[]),
+    ("ingest", &[]),
+    ("brick", &[]),
+    ("winding", &["ingest", "brick"]),
+    ("store", &["brick"]),
+    ("backend", &["gpu", "brick", "winding"]),
+    ("build", &["gpu", "ingest", "brick", "winding", "store", "backend"]),
+    ("contour", &["brick", "store"]),
+    ("analysis", &["brick", "store"]),
+    ("csg", &["brick", "store"]),
+    ("render", &["gpu", "brick", "store"]),
+];
+
+/// Names that `lib.rs` re-exports from the bottom rooms.
+const RE_EXPORTED: [&str; 4] = ["Error", "Result", "Progress", "Silent"];
+
+/// Longest file, in lines.
+const LINES_MAX: usize = 600;
+
+fn top() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// All `.rs` files below a folder, sorted.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Engine files with their path below `engine/src` and their text.
+fn engine() -> Vec<(String, String)> {
+    let root = top().join("engine/src");
+    let file = |path: PathBuf| {
+        let name = path.strip_prefix(&root).expect("below the root").to_str().expect("UTF-8").to_owned();
+        (name, fs::read_to_string(&path).expect("readable"))
+    };
+    sources(&root).into_iter().map(file).collect()
+}
+
+/// A line without its comment and without what stands in string literals.
+fn code_of(line: &str) -> String {
+    let mut out = String::with_capacity(line.len());
+    let mut in_string = false;
+    let mut chars = line.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '\\' if in_string => drop(chars.next()),
+            // A quotation mark as a character literal opens no string.
+            '\'' if !in_string && chars.peek() == Some(&'"') => drop(chars.next()),
+            '"' => in_string = !in_string,
+            '/' if !in_string && chars.peek() == Some(&'/') => break,
+            c if !in_string => out.push(c),
+            _ => {}
+        }
+    }
+    out
+}
+
+/// The module path of a file: `build/jobs.rs` is build::jobs.
+fn module_of(file: &str) -> Vec<String> {
+    let mut parts: Vec<String> = file.trim_end_matches(".rs").split('/').map(str::to_owned).collect();
+    if parts.last().is_some_and(|last| ["mod", "lib", "main"].contains(&last.as_str())) {
+        parts.pop();
+    }
+    parts
+}
+
+fn identifier(text: &str) -> &str {
+    let end = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
+    &text[..end]
+}
+
+/// The first segments of what follows a `::`: one name, or those of a group in braces.
+fn heads(text: &str) -> Vec<String> {
+    if !text.starts_with('{') {
+        return vec![identifier(text).to_owned()];
+    }
+    let mut depth = 0;
+    let mut heads = Vec::new();
+    let mut expects_name = false;
+    for (at, c) in text.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 {
+            break;
+        }
+        if depth == 1 && (c == '{' || c == ',') {
+            expects_name = true;
+        } else if expects_name && !c.is_whitespace() {
+            heads.push(identifier(&text[at..]).to_owned());
+            expects_name = false;
+        }
+    }
+    heads
+}
+
+/// Where `word` stands as a whole word.
+fn places_of<'a>(text: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    text.match_indices(word)
+        .map(|(at, _)| at)
+        .filter(move |&at| !text[..at].ends_with(is_part) && !text[at + word.len()..].starts_with(is_part))
+}
+
+/// The top-level names that a file's code refers to by `crate::` or by enough `super::`.
+fn used_names(file: &str, text: &str) -> BTreeSet<String> {
+    let module = module_of(file);
+    let mut names = BTreeSet::new();
+    // Depth of inline modules, by their indentation: the formatter sees to it.
+    let mut inline: Vec<usize> = Vec::new();
+    let lines: Vec<String> = text.lines().map(code_of).collect();
+    for (number, line) in lines.iter().enumerate() {
+        let indent = line.len() - line.trim_start().len();
+        if line.trim() == "}" && inline.last() == Some(&indent) {
+            inline.pop();
+        }
+        let words: Vec<&str> = line.split_whitespace().collect();
+        if words.contains(&"mod") && words.last() == Some(&"{") {
+            inline.push(indent);
+        }
+        // Groups may run over several lines.
+        let rest = lines[number..(number + 12).min(lines.len())].join("\n");
+        for at in places_of(line, "crate") {
+            if let Some(path) = rest[at..].strip_prefix("crate::") {
+                names.extend(heads(path));
+            }
+        }
+        for at in places_of(line, "super").filter(|&at| !line[..at].ends_with("super::")) {
+            let mut path = &rest[at..];
+            let mut up = 0;
+            while let Some(tail) = path.strip_prefix("super::") {
+                path = tail;
+                up += 1;
+            }
+            if up > 0 && up == module.len() + inline.len() {
+                names.extend(heads(path));
+            }
+        }
+    }
+    // A glob of the crate's root names no room.
+    names.remove("");
+    names
+}
+
+fn may_use(room: &str, used: &str) -> bool {
+    if room == used {
+        return true;
+    }
+    match room {
+        "lattice" | "error" => false,
+        "mmap" | "progress" => used == "error",
+        _ => {
+            let (_, allowed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap_or_else(|| {
+                panic!("the room `{room}` has no place in the order yet: give it one in tests/layering.rs")
+            });
+            BOTTOM.contains(&used) || allowed.contains(&used)
+        }
+    }
+}
+
+#[test]
+fn no_arrow_between_rooms_goes_upward() {
+    let mut wrong = Vec::new();
+    let mut arrows = BTreeSet::new();
+    for (file, text) in engine() {
+        let Some(room) = module_of(&file).first().cloned() else { continue };
+        for used in used_names(&file, &text) {
+            let used = if RE_EXPORTED.contains(&used.as_str()) { "error".to_owned() } else { used };
+            if !may_use(&room, &used) {
+                wrong.push(format!("engine/src/{file}: {room} uses {used}"));
+            }
+            arrows.insert((room.clone(), used));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    for (room, used) in [("build", "winding"), ("winding", "lattice"), ("store", "brick")] {
+        assert!(arrows.contains(&(room.to_owned(), used.to_owned())), "the search finds nothing: {arrows:?}");
+    }
+}
+
+#[test]
+fn uses_are_found_in_every_form() {
+    let text = "use crate::{\n    brick::{Brick, Samples},\n    lattice::*,\n};\nuse super::super::store::Store;\n\
+                fn f() -> crate::error::Result<()> {}\n// crate::contour::X\nmod tests {\n    \
+                use super::super::super::winding;\n    use super::super::own;\n}\n";
+    let names = used_names("build/jobs.rs", text);
+    assert_eq!(names.into_iter().collect::<Vec<_>>(), ["brick", "error", "lattice", "store", "winding"]);
+    assert!(used_names("build/mod.rs", "use super::gpu;").contains("gpu"));
+    assert!(used_names("build/jobs.rs", "use super::bins; let s = \"crate::x\";").is_empty());
+    assert!(!may_use("ingest", "brick") && !may_use("contour", "build") && !may_use("lattice", "error"));
+}
+
+#[test]
+fn unsafe_code_stands_in_its_rooms_and_says_why() {
+    for (file, text) in engine() {
+        let lines: Vec<&str> = text.lines().collect();
+        for (number, line) in lines.iter().enumerate() {
+            if places_of(&code_of(line), "unsafe").next().is_none() {
+                continue;
+            }
+            let place = format!("engine/src/{file}:{}", number + 1);
+            assert!(file == "mmap.rs" || file.starts_with("gpu/"), "{place}: unsafe code");
+            let above = lines[..number].iter().rev().map(|l| l.trim());
+            let mut comment = above.skip_while(|l| l.starts_with("#[")).take_while(|l| l.starts_with("//"));
+            assert!(comment.any(|l| l.starts_with("// SAFETY:")), "{place}: no SAFETY comment above");
+        }
+    }
+    let lib = fs::read_to_string(top().join("engine/src/lib.rs")).expect("lib.rs");
+    assert!(lib.lines().any(|l| l == "#![deny(unsafe_code)]"));
+    let lines: Vec<&str> = lib.lines().collect();
+    for pair in lines.windows(2).filter(|pair| pair[0].contains("allow(unsafe_code)")) {
+        let opened = pair[1].trim_start_matches("pub ").trim_end_matches(';');
+        assert!(["mod mmap", "mod gpu"].contains(&opened), "unsafe code allowed in `{opened}`");
+    }
+    for crate_root in ["tools/src/main.rs", "bench-data/src/lib.rs"] {
+        let text = fs::read_to_string(top().join(crate_root)).expect("a crate root");
+        assert!(text.lines().all(|l| places_of(&code_of(l), "unsafe").next().is_none()), "{crate_root}");
+    }
+}
+
+#[test]
+fn bincode_is_used_in_one_file() {
+    for (file, text) in engine() {
+        let used = text.lines().any(|l| places_of(&code_of(l), "bincode").next().is_some());
+        assert_eq!(used, file == "store/meta.rs", "engine/src/{file}");
+    }
+}
+
+#[test]
+fn files_stay_readable() {
+    for folder in ["engine/src", "tools/src"] {
+        for path in sources(&top().join(folder)) {
+            let lines = fs::read_to_string(&path).expect("readable").lines().count();
+            assert!(lines <= LINES_MAX, "{} has {lines} lines: split it", path.display());
+        }
+    }
+}
+
+#[test]
+fn every_room_has_its_line_in_the_architecture() {
+    let text = fs::read_to_string(top().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
+    let section = text.split("\n## ").find(|s| s.starts_with("Rooms\n")).expect("a section `## Rooms`");
+    let rooms: BTreeSet<String> =
+        engine().iter().filter_map(|(f, _)| module_of(f).first().cloned()).collect();
+    for room in rooms {
+        let named = |line: &str| line.contains(&format!("`{room}`")) || line.contains(&format!("`{room}/`"));
+        assert!(section.lines().any(named), "the section on rooms does not name `{room}`");
+    }
+}
