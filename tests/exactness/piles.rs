@@ -6,7 +6,8 @@ use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::{Polygon, cuboid, extrude, slant, spiked_cube};
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::brick::Brick;
-use brickfield_engine::lattice::{NodeKey, ROOT_BITS, spacing_bits};
+use brickfield_engine::lattice::{NodeKey, Octant, ROOT_BITS, spacing_bits};
+use brickfield_engine::store::BrickTree;
 use proptest::prelude::*;
 
 /// Where a pile on the lattice stands, so that its faces meet samples at one level.
@@ -159,6 +160,34 @@ fn faces_at_45_degrees_through_samples_in_every_orientation() {
         }
     }
     assert!(on_facets > 5_000, "only {on_facets} samples tested the ties");
+}
+
+/// A 45° face through the corner of eight bricks, in each orientation: it touches some of them along an edge or
+/// in a corner alone, and a sample of their apron may lie behind it. All samples of these eight.
+#[test]
+fn faces_that_touch_bricks_in_an_edge_or_a_corner_only() {
+    let wedge = extrude(&Polygon(vec![[0.0, 0.0], [8.0, 0.0], [8.0, 8.0]]), -8.0, 8.0);
+    for turn in 0..48usize {
+        for shift in 0..4usize {
+            let level = [2, 5, 16][(turn + shift) % 3];
+            let spacing = f64::from(1u32 << spacing_bits(level));
+            // Half the root is a corner of bricks at every level.
+            let corner =
+                [0, 1, 2].map(|a| f64::from(1 << (ROOT_BITS - 1)) + f64::from(shift as u32 >> a & 1) * 2.0);
+            let mesh = oriented(wedge.clone(), turn).scaled([spacing; 3]).translated(corner);
+            let scene = Scene::in_units(&mesh);
+            let oracle = scene.oracle();
+            let tree = scene.at_depth(level);
+            for octant in Octant::all() {
+                let middle = (1u32 << level) / 2;
+                let at = octant.offset().map(|o| middle - 1 + o as u32);
+                let key = NodeKey::new(level, at).expect("inside");
+                if tree.node(key).is_some() {
+                    compare_brick(&oracle, key, &tree.brick(key).expect("in memory"));
+                }
+            }
+        }
+    }
 }
 
 /// One of the 48 symmetries of the cube.
