@@ -73,7 +73,7 @@ pub struct BuildArgs {
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub units: Unit,
     /// Memory to stay within, as in 4GiB: a build that needs more is refused before it starts, and --mesh
-    /// keeps its cache within half of it. This version holds all facets in memory: 60 bytes each, 100 with
+    /// keeps its caches within half of it. This version holds all facets in memory: 60 bytes each, 100 with
     /// --stddev or another --refine. By
     /// default, what the machine has
     #[arg(long, value_name = "SIZE")]

@@ -18,8 +18,8 @@ use std::time::Instant;
 
 /// 512 cells along the longest side: seconds for a million facets, and half a millimetre on a quarter metre.
 const DEFAULT_DEPTH: u8 = 4;
-/// Caches of --mesh where no --memory is given.
-const MESH_CACHE_BYTES: u64 = 1 << 30;
+/// Each of the two caches of --mesh, decoded bricks and contoured cells, where no --memory is given.
+const MESH_CACHE_BYTES: u64 = 512 << 20;
 
 /// A checked command line.
 struct Plan {
@@ -74,12 +74,12 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut summary = build_opened(&inputs, &plan.output, &plan.options, &bars)?;
     drop::<Vec<Input>>(inputs);
     summary.phases.insert(0, ("open", open_seconds));
-    let store = Store::open(&plan.output, plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 2))?;
+    let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4);
+    let store = Store::open(&plan.output, cache_bytes)?;
     let mesh = match (&plan.mesh, &mut sink) {
         (Some(path), Some(sink)) => {
             let begun = Instant::now();
-            let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 2) as usize / 2;
-            let options = ContourOptions { cache_bytes, ..ContourOptions::default() };
+            let options = ContourOptions { cache_bytes: cache_bytes as usize, ..ContourOptions::default() };
             let report = write_mesh(&store, &options, path, sink.as_mut(), &bars)?;
             summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
             Some(report)
