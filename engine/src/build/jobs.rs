@@ -187,9 +187,11 @@ fn run_jobs<R: Recorder>(
         let node = builder.build(job.key, job.corner, triangles)?;
         Ok((std::mem::take(&mut builder.records), node))
     };
+    progress.phase("building", Some(jobs.len() as u64), "subtrees");
     let window = 2 * rayon::current_num_threads();
     run_ordered(jobs.len(), window, local, work, |(records, node)| {
         done.lock().expect("no thread panicked").push(node);
+        progress.advance(1);
         consume(records)
     })?;
     Ok(done.into_inner().expect("no thread panicked"))

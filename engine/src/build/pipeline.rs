@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, bounds_of_all};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
-use crate::store::{Meta, Numbers, Refine, Source, Stats, StoreWriter};
+use crate::store::{Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -90,6 +90,7 @@ pub fn build_opened(
     progress: &dyn Progress,
 ) -> Result<Summary> {
     let mut clock = Clock::default();
+    check_target(output)?;
     progress.phase("measuring", Some(opened.iter().map(Input::facets).sum()), "facets");
     let (min, max) = bounds_of_all(opened, progress)?;
     let (root, depth) = place(opened, min, max, options.resolution)?;
@@ -120,7 +121,6 @@ pub fn build_opened(
     meta.numbers.facets = sources.iter().map(|s| s.facets()).sum();
     meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
-    progress.phase("building", None, "bricks");
     build_tree(soup, &rules, progress, |bricks: EncodedBricks| bricks.write(&mut writer))?;
     clock.lap("build");
     progress.phase("finishing", None, "bytes");

@@ -55,7 +55,6 @@ impl<'a, R: Recorder> SubtreeBuilder<'a, R> {
     fn leaf(&mut self, key: NodeKey, corner: i16, list: Triangles<'_>) -> Result<Node> {
         self.progress.check()?;
         let brick = self.evaluator.evaluate(key, corner, list)?.into_leaf()?;
-        self.progress.advance(1);
         self.records.push(key, true, &brick);
         Ok(Node::Stored(brick))
     }

@@ -20,7 +20,7 @@ pub use reader::Store;
 pub use summary::{LevelSummary, NodeNumbers, Summary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};
-pub use writer::{Stats, StoreWriter};
+pub use writer::{Stats, StoreWriter, check_target};
 
 pub use crate::brick::codec::{Payload, PayloadHead, PayloadKind, Scratch, encode, encode_into};
 

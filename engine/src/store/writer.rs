@@ -263,7 +263,10 @@ fn directory_of(path: &Path) -> &Path {
 }
 
 /// Refuses names that can never become a store, before any work is spent on one.
-fn check_target(final_path: &Path) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Store`] if `final_path` is no name of a file, a directory or the like, or in no directory.
+pub fn check_target(final_path: &Path) -> Result<()> {
     let refuse = |what: &str, remedy: &str| Err(Error::store(final_path, "output", what, remedy));
     if final_path.file_name().is_none() {
         return refuse("this is not the name of a file", "give the store a name such as part.brf");
