@@ -2,7 +2,7 @@
 //!
 //! Walking along a lattice line, w jumps by ±1 where the line crosses a triangle. From the brick's corner
 //! the walk goes up the z column, from there along the y lines of the face x = 0, from there along all
-//! 33 × 33 rows in x (design: closed part of the field). Cost: triangles that touch the brick plus crossings.
+//! 33 × 33 rows in x. Cost: triangles that touch the brick plus crossings.
 
 use super::hermite::Resolver;
 use super::scan::{Block, Facet};

@@ -98,6 +98,7 @@ impl Facet {
         rows: (i32, i32),
         mut hit: impl FnMut(Crossing),
     ) {
+        debug_assert!(block.last < 64, "cuts beyond 64 are cut off");
         let edges = Edges::new::<A, SWAP>(self, block, steps.0, rows.0);
         let depth = Depth::new::<A, SWAP>(self, block, steps.0);
         let count = steps.1 - steps.0;
@@ -198,7 +199,12 @@ impl<'a> Edges<'a> {
         let (shifted_from, shifted_to) = (from + ROUND, to + ROUND);
         let (rest_from, rest_to) = (from - (shifted_from - ROUND), to - (shifted_to - ROUND));
         if smaller(rest_from.abs(), rest_to.abs()) <= self.error || self.error > 0.001 {
-            return self.span_exactly(sweep_axes::<A, SWAP>(), (facet_sign(self.facet, A), SWAP), row, last);
+            return self.span_exactly(
+                sweep_axes::<A, SWAP>(),
+                (self.facet.normal[A].signum(), SWAP),
+                row,
+                last,
+            );
         }
         let first = shifted_from.to_bits() as i32 + i32::from(rest_from > 0.0);
         let end = shifted_to.to_bits() as i32 - i32::from(rest_to < 0.0);
@@ -234,10 +240,6 @@ impl<'a> Edges<'a> {
         let end = (first..=last).take_while(|&step| inside(step)).last();
         (first, end.unwrap_or(first))
     }
-}
-
-fn facet_sign(facet: &Facet, axis: usize) -> i64 {
-    facet.normal[axis].signum()
 }
 
 /// 2^exponent.
