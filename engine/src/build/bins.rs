@@ -54,12 +54,14 @@ impl Binner {
         let surely = within && (0..3).filter(|&a| from[a] < to[a]).count() == 1;
         let (first, last) = (from.map(|c| c.max(0)), to.map(|c| c.min(self.last)));
         let size = 1 << self.shift;
+        let corners: [Units; 3] = t.map(|p| std::array::from_fn(|a| (p[a] - self.origin[a]) >> self.shift));
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
                 for x in first[0]..=last[0] {
                     let at = [x, y, z];
                     let low = std::array::from_fn(|a| self.origin[a] + (at[a] << self.shift));
-                    if surely || touches_cube(t, low, size) {
+                    // A cube that holds a vertex needs no test; for a small facet that is most of them.
+                    if surely || corners.contains(&at) || touches_cube(t, low, size) {
                         cell(self.morton(at));
                     }
                 }
