@@ -239,7 +239,7 @@ fn rotated_boxes_keep_their_edges_and_corners() {
         corners[corners.len() - 1]
     );
     assert!(creased > 1000 && off_crease == 0, "{off_crease} of {creased}");
-    // A corner is met where the edges of its cell are crossed by all three faces. The tips of the others lie
-    // between the lattice lines, and their vertices stay in the cells next to them.
-    assert!(median < 0.01 && 2 * sharp > corners.len() && corners[corners.len() - 1] < 0.5, "{corners:?}");
+    // 94 corners are met. The two others are tips within 0.12 cells of a brick's border, beyond which corners
+    // are not looked for; they stay cut off by 0.127 cells.
+    assert!(median < 0.001 && sharp >= 94 && corners[corners.len() - 1] < 0.15, "{corners:?}");
 }

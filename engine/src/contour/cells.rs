@@ -65,9 +65,9 @@ pub(super) struct BrickCells {
     /// Row k·32 + j; empty if no cell is active.
     rows: Vec<CellRow>,
     /// Corner mask of each active cell.
-    masks: Vec<u8>,
+    pub masks: Vec<u8>,
     /// For each active cell its first vertex or, if it is mixed, its place in `mixed`.
-    first: Vec<u32>,
+    pub first: Vec<u32>,
     /// Where the edges of each mixed cell end in `mixed_edges`, after a leading zero.
     mixed: Vec<u32>,
     /// Minimal edges of mixed cells with the vertex of their loop, sorted within a cell.
@@ -112,6 +112,7 @@ impl BrickCells {
         let key = field.leaves.get(leaf).key;
         let mut builder = Builder::new(key, field.frame(key), &around, changes, rows, rank as usize);
         builder.fill(surroundings.as_mut())?;
+        builder.complete_corners();
         Ok(builder.finish())
     }
 
@@ -188,7 +189,7 @@ impl BrickCells {
 impl CellRow {
     /// Place among all active cells of the one at `i`, or of the next.
     #[inline]
-    fn slot(self, i: usize) -> usize {
+    pub(super) fn slot(self, i: usize) -> usize {
         (self.rank + (self.active & ((1 << i) - 1)).count_ones()) as usize
     }
 }
@@ -209,9 +210,9 @@ pub(super) type Plane = ([f64; 3], [f64; 3]);
 
 /// A decoded Hermite edge.
 #[derive(Clone, Copy)]
-struct EdgePlane {
-    fraction: f32,
-    normal: [f32; 3],
+pub(super) struct EdgePlane {
+    pub fraction: f32,
+    pub normal: [f32; 3],
 }
 
 /// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
@@ -250,14 +251,16 @@ static EDGE_PLACES: [EdgePlace; 12] = {
 /// Fills a [`BrickCells`] cell by cell.
 pub(super) struct Builder<'a> {
     key: NodeKey,
-    frame: Frame,
+    pub frame: Frame,
     around: &'a Around,
-    changes: Option<&'a Changes>,
+    pub changes: Option<&'a Changes>,
     /// The leaf's Hermite edges decoded, those along x first: each one serves up to four cells.
-    planes: Vec<EdgePlane>,
+    pub planes: Vec<EdgePlane>,
     /// Where the edges along each axis start in `planes`.
-    axis_start: [usize; 3],
-    cells: BrickCells,
+    pub axis_start: [usize; 3],
+    pub cells: BrickCells,
+    /// Plain cells with one loop that is not flat, for [`super::corner`].
+    pub creased: Vec<[usize; 3]>,
     /// Extra vertices come after all others: (face, the two edges, position).
     splits: Vec<(u32, [u64; 2], [f32; 3])>,
 }
@@ -289,7 +292,17 @@ impl<'a> Builder<'a> {
             positions: Vec::with_capacity(active + active / 16),
             ..BrickCells::default()
         };
-        Builder { key, frame, around, changes, planes, axis_start, cells, splits: Vec::new() }
+        Builder {
+            key,
+            frame,
+            around,
+            changes,
+            planes,
+            axis_start,
+            cells,
+            creased: Vec::new(),
+            splits: Vec::new(),
+        }
     }
 
     fn fill(&mut self, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
@@ -353,6 +366,9 @@ impl<'a> Builder<'a> {
                 edges &= edges - 1;
             }
             self.push_vertex(cell, first, &qef);
+            if loops.count == 1 && !qef.is_flat() {
+                self.creased.push(cell);
+            }
         }
         if loops.ambiguous != 0 {
             self.split_plain_faces(cell, mask, loops, streams);

@@ -14,12 +14,14 @@
 //! | `surface` | signs and Hermite edges of a leaf |
 //! | `qef` | where a vertex goes |
 //! | `cells` | pass 1: active cells and vertices of a leaf |
+//! | `corner` | vertices at corners that no single cell sees |
 //! | `mixed` | cells next to finer leaves |
 //! | `polygons` | pass 2: triangles of a leaf |
 //! | `sink` | STL, PLY and OBJ files |
 
 mod cache;
 mod cells;
+mod corner;
 mod field;
 mod leaves;
 mod mixed;

@@ -17,7 +17,7 @@ const PULL: f64 = 1e-6;
 type Vector = [f64; 3];
 
 #[inline]
-fn dot(a: Vector, b: Vector) -> f64 {
+pub(super) fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -84,6 +84,12 @@ fn rotate(a: &mut [[f64; 3]; 3], vectors: &mut [Vector; 3], p: usize, q: usize) 
     vectors[q] = std::array::from_fn(|axis| s * vp[axis] + c * vq[axis]);
 }
 
+#[inline]
+fn is_flat(normal_sum: Vector, count: f64) -> bool {
+    let largest = dot(normal_sum, normal_sum) / count;
+    count - largest <= TRUNCATION_SQUARED * largest
+}
+
 /// The sum of squared distances from planes, gathered about the cell's centre.
 #[derive(Default)]
 pub(super) struct Qef {
@@ -121,6 +127,23 @@ impl Qef {
         self.count += 1.0;
     }
 
+    /// True if all normals agree so well that two eigenvalues are truncated anyway: with s = Σn the largest one
+    /// is at least |s|²/k, and the sum of all is k.
+    #[inline]
+    pub(super) fn is_flat(&self) -> bool {
+        is_flat(self.normal_sum, self.count)
+    }
+
+    /// The point with the least error anywhere, if every singular value of the normals exceeds `least`.
+    pub(super) fn meeting_point(&self, least: f64) -> Option<Vector> {
+        let (values, vectors) = self.matrix.eigen();
+        if values.into_iter().any(|value| value <= least * least) {
+            return None;
+        }
+        let along: Vector = std::array::from_fn(|n| dot(vectors[n], self.rhs) / values[n]);
+        Some(std::array::from_fn(|a| 0.5 + (0..3).map(|n| along[n] * vectors[n][a]).sum::<f64>()))
+    }
+
     /// The point of the box `margin..1 − margin` with the least error, nearest to the mass point where the
     /// error does not tell. At least one plane must have been added.
     #[inline]
@@ -147,12 +170,10 @@ impl Centred {
         if free.into_iter().all(inside) { free } else { self.constrained(margin) }
     }
 
-    /// Offset from the mass point if all normals agree so well that two eigenvalues are truncated anyway:
-    /// with s = Σn the largest one is at least |s|²/k, and the sum of all is k.
+    /// Offset from the mass point if the planes are as good as one, as in [`Qef::is_flat`].
     #[inline]
     fn flat(&self) -> Option<Vector> {
-        let largest = dot(self.normal_sum, self.normal_sum) / self.count;
-        if self.count - largest > TRUNCATION_SQUARED * largest {
+        if !is_flat(self.normal_sum, self.count) {
             return None;
         }
         // One step of the power method: the error of the direction shrinks a hundredfold.
