@@ -17,6 +17,7 @@ use super::cells::{Builder, Plane};
 use super::qef::{Qef, dot};
 use super::topology::CELL_LOOPS;
 use crate::lattice::{Axis, BRICK_CELLS};
+use glam::DVec3;
 use std::collections::HashSet;
 
 /// How far, in cells, a plane may pass by the corner: a hundred times what the rounding of offsets and
@@ -29,6 +30,14 @@ const SAME_NORMAL: f64 = 0.998_629_534_754_573_9;
 const LEAST_SPREAD: f64 = 0.3;
 /// Faces at a corner at most. More are a curved surface, on which the search ends early.
 const MOST_FACES: usize = 8;
+/// Triple product from which on three normals count as spread, and their planes' meeting point as roughly the
+/// corner: planes that pass a corner within [`MISS`] then meet within 20 misses or so of it. The facets of a
+/// faceted cylinder, whose normals lie in a plane, stay below.
+const WELL_SPREAD: f64 = 0.1;
+/// How far a plane may pass by that point: [`MISS`] from the corner, and the point's own distance.
+const ROUGH_MISS: f64 = 21.0 * MISS;
+/// Cosine of the angle, 8°, below which a second face is not looked for, because a triple product would be small.
+const ROUGHLY_SAME: f64 = 0.99;
 /// Crossings per face, on average: three lone planes always meet somewhere.
 const EVIDENCE: usize = 2;
 
@@ -39,7 +48,11 @@ impl Builder<'_> {
         let (mut homes, mut moved) = (HashSet::new(), HashSet::new());
         let mut planes = Vec::new();
         for cell in std::mem::take(&mut self.creased) {
-            self.gather(cell.map(|c| c.max(1) - 1), cell.map(|c| (c + 2).min(BRICK_CELLS)), &mut planes);
+            let (low, high) = (cell.map(|c| c.max(1) - 1), cell.map(|c| (c + 2).min(BRICK_CELLS)));
+            if !self.may_meet(cell, low, high) {
+                continue;
+            }
+            self.gather(low, high, &mut planes);
             let Some(corner) = meeting_point(cell, &planes) else { continue };
             let home = corner.map(|c| c.floor());
             if (0..3).any(|a| {
@@ -107,11 +120,53 @@ impl Builder<'_> {
         (loops.count == 1).then(|| self.cells.first[slot] as usize)
     }
 
+    /// A quick look at the block about a cell: its first three faces whose normals are spread must meet nearby,
+    /// and every crossing's plane must roughly pass there. Creases are many and corners few: without it
+    /// contouring a pile of beads takes nearly twice as long.
+    fn may_meet(&self, cell: [usize; 3], low: [usize; 3], high: [usize; 3]) -> bool {
+        let mut faces: [Option<Plane>; 2] = [None; 2];
+        let mut point = None;
+        self.any_plane(low, high, |plane| match faces {
+            [None, _] => {
+                faces[0] = Some(plane);
+                false
+            }
+            [Some(first), None] => {
+                if dot(first.1, plane.1) < ROUGHLY_SAME {
+                    faces[1] = Some(plane);
+                }
+                false
+            }
+            [Some(first), Some(second)] => {
+                let across = cross(first.1, second.1);
+                let volume = dot(across, plane.1);
+                if volume.abs() > WELL_SPREAD {
+                    point = Some(intersection([first, second, plane], volume));
+                }
+                point.is_some()
+            }
+        });
+        let Some(point) = point else { return false };
+        let near = (0..3).all(|a| (point[a] - cell[a] as f64 - 0.5).abs() <= 1.5 + ROUGH_MISS);
+        let off =
+            |(at, normal): Plane| dot(normal, std::array::from_fn(|a| point[a] - at[a])).abs() > ROUGH_MISS;
+        near && !self.any_plane(low, high, off)
+    }
+
     /// The leaf's crossings on the lattice edges between the samples `low` and `high`, both included, in
     /// cells from the leaf's first sample.
     fn gather(&self, low: [usize; 3], high: [usize; 3], planes: &mut Vec<Plane>) {
         planes.clear();
-        let Some(changes) = self.changes else { return };
+        self.any_plane(low, high, |plane| {
+            planes.push(plane);
+            false
+        });
+    }
+
+    /// Whether the predicate holds for one of those crossings; those after it are not looked at.
+    #[inline]
+    fn any_plane(&self, low: [usize; 3], high: [usize; 3], mut holds: impl FnMut(Plane) -> bool) -> bool {
+        let Some(changes) = self.changes else { return false };
         for axis in Axis::ALL {
             let mut last = high;
             last[axis.index()] -= 1;
@@ -124,11 +179,25 @@ impl Builder<'_> {
                     let edge = self.planes[self.axis_start[axis.index()] + changes.slot(axis, start)];
                     let mut point = start.map(|c| c as f64);
                     point[axis.index()] += f64::from(edge.fraction);
-                    planes.push((point, edge.normal.map(f64::from)));
+                    if holds((point, edge.normal.map(f64::from))) {
+                        return true;
+                    }
                 }
             }
         }
+        false
     }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    DVec3::from(a).cross(DVec3::from(b)).to_array()
+}
+
+/// The point that three planes share; `volume` is the triple product of their normals.
+fn intersection(planes: [Plane; 3], volume: f64) -> [f64; 3] {
+    let [n0, n1, n2] = planes.map(|(_, normal)| DVec3::from(normal));
+    let [d0, d1, d2] = planes.map(|(point, normal)| dot(point, normal));
+    ((d0 * n1.cross(n2) + d1 * n2.cross(n0) + d2 * n0.cross(n1)) / volume).to_array()
 }
 
 /// True if the corner is not on a crossing's plane.
