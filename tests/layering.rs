@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What everything may use, and what these four may use of each other.
-const BOTTOM: [&str; 4] = ["lattice", "mmap", "error", "progress"];
+/// What everything may use, and what these may use of each other.
+const BOTTOM: [&str; 5] = ["lattice", "mmap", "error", "progress", "part"];
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.

@@ -100,7 +100,7 @@ fn every_closed_file_gives_a_closed_manifold_at_three_depths() {
 }
 
 #[test]
-fn volumes_are_true_and_get_better_as_cells_shrink() {
+fn volumes_are_true_at_every_depth() {
     let truth = [
         ("overlap_boxes", 1600.0),
         ("box_with_cavity", 936.0),

@@ -16,6 +16,7 @@ pub mod ingest;
 pub mod lattice;
 #[allow(unsafe_code)] // maps; nothing else is
 pub mod mmap;
+pub mod part;
 mod progress;
 pub mod store;
 pub mod winding;

@@ -29,7 +29,7 @@ fn files_that_are_no_meshes() {
     refused(&dir, &dir.path("missing.stl"), "No such file");
     refused(&dir, &dir.file("empty.stl", ""), "is empty");
     refused(&dir, &dir.file("notes.txt", "Dear diary,\n"), "neither STL nor OBJ nor PLY");
-    refused(&dir, &dir.file("noise.stl", [0xa5; 100]), "");
+    refused(&dir, &dir.file("noise.stl", [0xa5; 100]), "line 1");
     std::fs::create_dir(dir.path("folder")).unwrap();
     refused(&dir, &dir.path("folder"), "directory");
     refused(&dir, Path::new("/dev/zero"), "not a regular file");
@@ -41,11 +41,12 @@ fn damaged_meshes() {
     refused(&dir, &stl("truncated"), "5240 facets");
     let facets = cuboid([0.0; 3], [1.0; 3]);
     refused(&dir, &dir.file("liar.stl", binary_stl(u32::MAX, &facets)), "4294967295 facets");
-    refused(&dir, &dir.file("none.stl", binary_stl(0, &[])), "");
-    refused(&dir, &dir.file("none.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "");
+    refused(&dir, &dir.file("none.stl", binary_stl(0, &[])), "no facets");
+    refused(&dir, &dir.file("none.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "no facets");
     refused(&dir, &dir.file("index.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n"), "line 4");
-    let ply = "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n0\n";
-    refused(&dir, &dir.file("liar.ply", ply), "");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n\
+               property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n";
+    refused(&dir, &dir.file("liar.ply", ply), "4000000000");
 }
 
 #[test]
@@ -137,4 +138,38 @@ fn a_full_disk_is_an_error_and_leaves_nothing() {
         assert!(line.contains(out) && line.contains("cannot write"), "{line}");
     }
     assert_eq!(dir.names(), ["overlap_boxes-2.brf"]);
+}
+
+#[test]
+fn an_input_with_the_name_of_an_unfinished_output_is_safe() {
+    let dir = Scratch::new();
+    let soup = binary_stl(12, &cuboid([0.0; 3], [1.0; 3]));
+    for (input, mesh) in [("c.brf.part", None), ("m.stl.part", Some("m.stl"))] {
+        let input = dir.file(input, &soup);
+        let mut arguments: Vec<std::path::PathBuf> =
+            vec!["build".into(), input.clone(), "-o".into(), dir.path("c.brf")];
+        if let Some(mesh) = mesh {
+            arguments.extend(["--mesh".into(), dir.path(mesh)]);
+        }
+        let arguments: Vec<&dyn AsRef<OsStr>> = arguments.iter().map(|a| a as _).collect();
+        let line = run(&arguments).failed();
+        assert!(line.contains("would overwrite"), "{line}");
+        assert!(std::fs::read(&input).unwrap() == soup);
+    }
+}
+
+#[test]
+fn meshes_beyond_32_bit_coordinates_are_refused() {
+    let dir = Scratch::new();
+    let mut text = String::from("solid far\n");
+    for [a, b, c] in cuboid([0.0; 3], [1.0; 3]) {
+        let at = |p: [f32; 3]| format!("vertex {} {} {}\n", 1e7 + f64::from(p[0]), p[1], p[2]);
+        text += &format!("facet normal 0 0 0\nouter loop\n{}{}{}endloop\nendfacet\n", at(a), at(b), at(c));
+    }
+    let input = dir.file("far.stl", text + "endsolid far\n");
+    let (store, mesh) = (dir.path("far.brf"), dir.path("far.obj"));
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"2"]).ok();
+    let line = run(&[&"mesh", &store, &"-o", &mesh]).failed();
+    assert!(line.contains("32 bits"), "{line}");
+    assert!(!mesh.exists());
 }

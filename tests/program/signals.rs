@@ -58,3 +58,24 @@ fn a_closed_pipe_ends_quietly() {
     let ran = Run::from(child.wait_with_output().unwrap());
     assert_eq!((ran.status, ran.stderr.as_str()), (Some(0), ""));
 }
+
+#[test]
+fn waiting_for_points_ends_at_the_first_signal() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 1);
+    let mut command = program();
+    command.arg("sample").arg(store).args(["--points", "-"]);
+    let mut child =
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let kept_open = child.stdin.take();
+    // Time to reach the read; a signal that comes earlier ends the program as well.
+    std::thread::sleep(Duration::from_millis(300));
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let started = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        assert!(started.elapsed() < Duration::from_secs(20), "it still waits");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    drop(kept_open);
+}

@@ -8,18 +8,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock};
 
 static REQUESTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// Takes over the signals.
 pub fn install() -> Result<(), Failure> {
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         // In this order: the first signal finds the flag unset, passes the first handler and sets the flag.
-        flag::register_conditional_shutdown(signal, 1, Arc::clone(&REQUESTED))
+        flag::register_conditional_shutdown(signal, 1, Arc::clone(&AT_ONCE))
+            .and_then(|_| flag::register_conditional_shutdown(signal, 1, Arc::clone(&REQUESTED)))
             .and_then(|_| flag::register(signal, Arc::clone(&REQUESTED)))
             .context("cannot handle signals")?;
     }
     // Without a handler a file size limit kills; with one, writing fails and the error names the file.
     flag::register(SIGXFSZ, Arc::default()).context("cannot handle signals")?;
     Ok(())
+}
+
+/// Whether even the first signal ends the program at once: while it waits for input that may never come and has
+/// nothing to lose.
+pub fn end_at_once(yes: bool) {
+    AT_ONCE.store(yes, Ordering::Relaxed);
 }
 
 /// True once the user asked to stop.

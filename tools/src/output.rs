@@ -3,8 +3,7 @@
 use crate::failure::Failure;
 use anyhow::{Context, anyhow};
 use serde::Serialize;
-use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufWriter, StdoutLock, Write};
 use std::path::{Path, PathBuf};
 
@@ -48,8 +47,9 @@ impl Lines {
 pub fn require_distinct(outputs: &[&Path], inputs: &[&Path]) -> Result<(), Failure> {
     for (number, output) in outputs.iter().enumerate() {
         for other in inputs.iter().chain(&outputs[..number]) {
-            let same = identity(output);
-            if same.is_some() && same == identity(other) {
+            let part = brickfield_engine::part::part_path(output);
+            let taken = [identity(output), identity(&part)];
+            if taken.iter().flatten().any(|name| Some(name) == identity(other).as_ref()) {
                 let what = "this output would overwrite another file of this command";
                 return Err(anyhow!("{}: {what}; choose another name", output.display()).into());
             }
@@ -63,53 +63,4 @@ fn identity(path: &Path) -> Option<PathBuf> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let unborn = || Some(fs::canonicalize(parent).ok()?.join(path.file_name()?));
     fs::canonicalize(path).ok().or_else(unborn)
-}
-
-/// A file named `<name>.part` until it is finished; removed if it never is.
-pub struct PartFile {
-    path: PathBuf,
-    part: PathBuf,
-    file: File,
-    finished: bool,
-}
-
-impl PartFile {
-    /// Creates the `.part` file.
-    pub fn create(path: &Path) -> Result<PartFile, Failure> {
-        if path.is_dir() {
-            return Err(anyhow!("{}: this is a directory; give the file a name in it", path.display()).into());
-        }
-        let mut part = OsString::from(path);
-        part.push(".part");
-        let part = PathBuf::from(part);
-        let file = File::create(&part).with_context(|| format!("{}: cannot create", path.display()))?;
-        Ok(PartFile { path: path.to_owned(), part, file, finished: false })
-    }
-
-    /// The final name.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// The open file.
-    pub fn file(&self) -> &File {
-        &self.file
-    }
-
-    /// Gives the file its name.
-    pub fn finish(mut self) -> Result<(), Failure> {
-        fs::rename(&self.part, &self.path)
-            .with_context(|| format!("{}: cannot rename to", self.path.display()))?;
-        self.finished = true;
-        Ok(())
-    }
-}
-
-impl Drop for PartFile {
-    fn drop(&mut self) {
-        if !self.finished {
-            // The error that led here is the one to report.
-            let _ = fs::remove_file(&self.part);
-        }
-    }
 }

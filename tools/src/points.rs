@@ -1,6 +1,7 @@
 //! Points from CSV, and their winding numbers back.
 
 use crate::failure::Failure;
+use crate::interrupt;
 use crate::output::Lines;
 use anyhow::{Context, anyhow};
 use std::fs::File;
@@ -38,6 +39,13 @@ impl PointReader {
 
     /// At most `count` more points; none at the end.
     pub fn batch(&mut self, count: usize) -> Result<Vec<[f64; 3]>, Failure> {
+        interrupt::end_at_once(true);
+        let points = self.read(count);
+        interrupt::end_at_once(false);
+        points
+    }
+
+    fn read(&mut self, count: usize) -> Result<Vec<[f64; 3]>, Failure> {
         let mut points = Vec::new();
         let mut buffer = Vec::new();
         while points.len() < count {

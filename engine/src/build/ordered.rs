@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
-use std::sync::{Condvar, Mutex, MutexGuard};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 struct State<T> {
     next_claimed: usize,
@@ -32,6 +32,7 @@ pub(super) fn run_ordered<L, T: Send>(
     let moved = Condvar::new();
     let consume = Mutex::new(consume);
     rayon::broadcast(|_| {
+        let guard = PanicGuard(&state, &moved);
         let mut local = local();
         while let Some(number) = claim(&state, &moved, count, window) {
             match work(&mut local, number) {
@@ -39,12 +40,25 @@ pub(super) fn run_ordered<L, T: Send>(
                 Err(error) => fail(&state, &moved, error),
             }
         }
+        drop(guard);
     });
     state.into_inner().expect("no thread panicked").failure.map_or(Ok(()), Err)
 }
 
 fn lock<'a, T>(state: &'a Mutex<State<T>>) -> MutexGuard<'a, State<T>> {
     state.lock().expect("no thread panicked")
+}
+
+/// Lets the other threads end if this one panics, so that the panic is passed on and nobody waits for ever.
+struct PanicGuard<'a, T>(&'a Mutex<State<T>>, &'a Condvar);
+
+impl<T> Drop for PanicGuard<'_, T> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).failure.get_or_insert(Error::Interrupted);
+            self.1.notify_all();
+        }
+    }
 }
 
 /// The next number to work on; `None` when there is none left or something failed.
@@ -123,6 +137,14 @@ mod tests {
             pool.install(|| run_ordered(200, 4, || (), work, consume)).unwrap();
             assert_eq!(seen, (0..200).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    #[should_panic(expected = "number 9")]
+    fn a_panic_is_passed_on_and_nobody_waits() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        let work = |_: &mut (), n: usize| if n == 9 { panic!("number {n}") } else { Ok(n) };
+        let _ = pool.install(|| run_ordered(1000, 4, || (), work, |_| Ok(())));
     }
 
     #[test]

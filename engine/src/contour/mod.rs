@@ -102,11 +102,30 @@ pub fn contour(
 ) -> Result<MeshSummary> {
     let level = level(options.iso)?;
     let field = Field::new(tree, level, options.level, options.cache_bytes)?;
+    require_resolution(tree, options.level)?;
     let mut summary = MeshSummary::default();
     let first_vertex = vertices(&field, sink, progress, &mut summary)?;
     triangles(&field, &first_vertex, sink, progress, &mut summary)?;
     sink.finish()?;
     Ok(summary)
+}
+
+/// Vertices are 32-bit world coordinates: refuses trees whose cells those cannot tell apart.
+fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Result<()> {
+    let root = tree.root();
+    let deepest = tree.keys().last().map_or(0, |key| key.level());
+    let cell = root.spacing(level.unwrap_or(deepest).min(deepest));
+    let farthest = root.origin.iter().fold(0.0f64, |m, c| m.max(c.abs()).max((c + root.edge).abs()));
+    let step = (farthest * f64::from(f32::EPSILON)).max(f64::from(f32::MIN_POSITIVE));
+    if step * 8.0 > cell || farthest > f64::from(f32::MAX) {
+        return Err(Error::setting(
+            format!(
+                "cells of {cell:e} at a distance of {farthest:e} from the origin are too fine for a mesh file"
+            ),
+            "its coordinates have 32 bits; move the part nearer to the origin or scale it",
+        ));
+    }
+    Ok(())
 }
 
 fn level(iso: f64) -> Result<Level> {

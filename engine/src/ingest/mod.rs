@@ -142,7 +142,7 @@ impl Input {
                 out.extend(stl::records(self.file.bytes(), from, to).iter().map(stl::corners));
             }
             Soup::Facets(facets) => {
-                out.extend(facets[from..to].iter().map(|facet| facet.map(|corner| corner.map(f64::from))));
+                out.extend_from_slice(&facets[from..to]);
             }
             Soup::Polygons(polygons) => {
                 let corners = |triangle: &[u32; 3]| triangle.map(|v| polygons.vertices[v as usize]);

@@ -18,8 +18,8 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use std::path::Path;
 
-/// The corners of one facet, in the precision that the format has in its binary form.
-pub(super) type Facet = [[f32; 3]; 3];
+/// The corners of one facet: a text may hold more digits than 32 bits do.
+pub(super) type Facet = [[f64; 3]; 3];
 
 /// Reads all facets. What is allocated is less than twice the size of `bytes`.
 ///
@@ -109,7 +109,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    fn number(&mut self) -> Result<f32> {
+    fn number(&mut self) -> Result<f64> {
         let word = self.next()?;
         word.and_then(text::number).ok_or_else(|| self.unexpected("a number", word))
     }

@@ -10,8 +10,9 @@ use crate::brick::Brick;
 use crate::brick::codec::{PayloadHead, PayloadKind, Scratch, encode_into};
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::os::unix::fs::{FileExt, MetadataExt};
+use crate::part::{lock, part_path};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Records are gathered into writes of at least this size, so that the cost of a system call is spread over
@@ -69,7 +70,7 @@ impl StoreWriter {
     pub fn create(final_path: &Path, meta: &Meta) -> Result<StoreWriter> {
         check_target(final_path)?;
         let part_path = part_path(final_path);
-        let file = lock_part(final_path, &part_path)?;
+        let file = lock(final_path, &part_path)?;
         // From here on dropping the writer removes the file.
         let mut writer = StoreWriter {
             file,
@@ -251,13 +252,6 @@ impl Drop for StoreWriter {
     }
 }
 
-/// Where the store lies until it is finished.
-fn part_path(final_path: &Path) -> PathBuf {
-    let mut name = final_path.as_os_str().to_owned();
-    name.push(".part");
-    name.into()
-}
-
 fn directory_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -284,28 +278,6 @@ pub fn check_target(final_path: &Path) -> Result<()> {
         return refuse("its directory does not exist", "create the directory first");
     }
     Ok(())
-}
-
-/// Opens or creates the unfinished file and takes its lock.
-fn lock_part(final_path: &Path, part_path: &Path) -> Result<File> {
-    // Another writer may finish or give up between opening and locking: the name then belongs to another
-    // file, or to none, and the lock is worth nothing. Each turn that is lost so means that one was done.
-    for _ in 0..64 {
-        let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
-        let file = options.open(part_path).map_err(Error::io(part_path, "create"))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => break,
-            Err(TryLockError::Error(error)) => return Err(Error::io(part_path, "lock")(error)),
-        }
-        let ours = file.metadata().map_err(Error::io(part_path, "inspect"))?;
-        let named = std::fs::metadata(part_path);
-        if named.is_ok_and(|named| (named.dev(), named.ino()) == (ours.dev(), ours.ino())) {
-            return Ok(file);
-        }
-    }
-    let what = "another process is writing this store";
-    Err(Error::store(final_path, "output", what, "wait for it or choose another name"))
 }
 
 #[cfg(test)]

@@ -152,6 +152,10 @@ pub fn brute_at(
 }
 
 fn angle_sum(soup: &[[[f64; 3]; 3]], p: [f64; 3]) -> f64 {
+    // From a million root cubes away the soup covers less than 1e-12 of the view; farther out f64 overflows.
+    if p.iter().any(|c| c.abs() > 1e6 * f64::from(1u32 << ROOT_BITS)) {
+        return 0.0;
+    }
     let from_p = |v: [f64; 3]| std::array::from_fn(|a| v[a] - p[a]);
     soup.iter().map(|t| solid_angle(from_p(t[0]), from_p(t[1]), from_p(t[2]))).sum()
 }

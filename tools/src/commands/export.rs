@@ -3,10 +3,11 @@
 use super::{CACHE_BYTES, require_level, start};
 use crate::args::{DtypeArg, ExportArgs};
 use crate::failure::Failure;
-use crate::output::{PartFile, print, print_json, require_distinct};
+use crate::output::{print, print_json, require_distinct};
 use crate::units::Size;
 use anyhow::Context;
 use brickfield_engine::analysis::{Dense, Element};
+use brickfield_engine::part::PartFile;
 use brickfield_engine::store::Store;
 use brickfield_engine::{Error, Progress};
 use serde_json::{Value, json};
@@ -52,8 +53,8 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     require_distinct(&[&args.output, &plan.description], &[&args.store])?;
     let grid = Dense::new(&store, args.level, plan.element)?;
     let description = describe(&plan, &store, &grid);
-    let array = PartFile::create(&args.output)?;
-    let text = PartFile::create(&plan.description)?;
+    let mut array = PartFile::create(&args.output)?;
+    let mut text = PartFile::create(&plan.description)?;
     write_array(&plan, &grid, &array, &bars)?;
     let json = serde_json::to_string_pretty(&description).context("cannot write JSON")?;
     writeln!(text.file(), "{json}").with_context(|| format!("{}: cannot write", text.path().display()))?;

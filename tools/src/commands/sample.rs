@@ -8,7 +8,7 @@ use brickfield_engine::Progress;
 use brickfield_engine::analysis::sample_at;
 use brickfield_engine::store::Store;
 
-/// Points read before their samples are printed: a pipe is answered as it goes, and memory is bounded.
+/// Points read before their samples are printed, which bounds memory.
 const BATCH_POINTS: usize = 1 << 16;
 
 /// Runs the command.

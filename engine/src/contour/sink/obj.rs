@@ -2,18 +2,18 @@
 
 use super::super::polygons::Facet;
 use super::MeshSink;
-use super::part::PartFile;
+use super::part::MeshFile;
 use crate::error::Result;
 use std::io::Write;
 use std::path::Path;
 
 pub(super) struct ObjSink {
-    file: PartFile,
+    file: MeshFile,
 }
 
 impl ObjSink {
     pub(super) fn create(path: &Path) -> Result<ObjSink> {
-        let mut file = PartFile::create(path)?;
+        let mut file = MeshFile::create(path)?;
         file.write(|w| w.write_all(b"# written by Brickfield\n"))?;
         Ok(ObjSink { file })
     }

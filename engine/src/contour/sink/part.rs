@@ -1,6 +1,7 @@
-//! A file that gets its name only when it is complete.
+//! A mesh file that gets its name only when it is complete.
 
 use crate::error::{Error, Result};
+use crate::part::PartFile;
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -8,24 +9,19 @@ use std::path::{Path, PathBuf};
 /// Large enough that a system call is rare next to the encoding.
 const BUFFER_BYTES: usize = 1 << 20;
 
-/// A buffered file named `<name>.part` until it is finished; removed if it never is.
-pub(super) struct PartFile {
+/// A buffered [`PartFile`].
+pub(super) struct MeshFile {
     path: PathBuf,
-    part: PathBuf,
-    writer: Option<BufWriter<File>>,
+    /// `None` once it is finished. What is still buffered when it is dropped goes with the file.
+    open: Option<(BufWriter<File>, PartFile)>,
 }
 
-impl PartFile {
-    pub(super) fn create(path: &Path) -> Result<PartFile> {
-        let mut name = path.as_os_str().to_owned();
-        name.push(".part");
-        let part = PathBuf::from(name);
-        let file = File::create(&part).map_err(Error::io(path, "create"))?;
-        Ok(PartFile {
-            path: path.to_owned(),
-            part,
-            writer: Some(BufWriter::with_capacity(BUFFER_BYTES, file)),
-        })
+impl MeshFile {
+    pub(super) fn create(path: &Path) -> Result<MeshFile> {
+        let part = PartFile::create(path)?;
+        let file = part.file().try_clone().map_err(Error::io(path, "create"))?;
+        let writer = BufWriter::with_capacity(BUFFER_BYTES, file);
+        Ok(MeshFile { path: path.to_owned(), open: Some((writer, part)) })
     }
 
     /// Runs `write` on the open file and names the file in its error.
@@ -33,8 +29,8 @@ impl PartFile {
         &mut self,
         write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
     ) -> Result<()> {
-        match &mut self.writer {
-            Some(writer) => write(writer).map_err(Error::io(&self.path, "write")),
+        match &mut self.open {
+            Some((writer, _)) => write(writer).map_err(Error::io(&self.path, "write")),
             None => Err(Error::io(&self.path, "write")(std::io::Error::other("the file is finished"))),
         }
     }
@@ -50,12 +46,10 @@ impl PartFile {
     /// Flushes the file and gives it its name.
     pub(super) fn finish(&mut self) -> Result<()> {
         self.write(|writer| writer.flush())?;
-        self.writer = None;
-        std::fs::rename(&self.part, &self.path).map_err(|error| {
-            // Nobody would look for the temporary name; what cannot be removed either stays.
-            let _ = std::fs::remove_file(&self.part);
-            Error::io(&self.path, "rename the finished mesh to")(error)
-        })
+        match self.open.take() {
+            Some((_, mut part)) => part.finish(),
+            None => Ok(()),
+        }
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -63,12 +57,10 @@ impl PartFile {
     }
 }
 
-impl Drop for PartFile {
+impl Drop for MeshFile {
     fn drop(&mut self) {
-        if let Some(writer) = self.writer.take() {
-            // What is still buffered goes with the file.
-            drop(writer.into_parts().0);
-            let _ = std::fs::remove_file(&self.part);
+        if let Some((writer, _)) = self.open.take() {
+            drop(writer.into_parts());
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::polygons::Facet;
 use super::MeshSink;
-use super::part::PartFile;
+use super::part::MeshFile;
 use crate::error::Result;
 use std::io::Write;
 use std::path::Path;
@@ -11,7 +11,7 @@ use std::path::Path;
 const FACE_BYTES: usize = 13;
 
 pub(super) struct PlySink {
-    file: PartFile,
+    file: MeshFile,
     vertices: u64,
     faces: u64,
     buffer: Vec<u8>,
@@ -19,7 +19,7 @@ pub(super) struct PlySink {
 
 impl PlySink {
     pub(super) fn create(path: &Path) -> Result<PlySink> {
-        let mut file = PartFile::create(path)?;
+        let mut file = MeshFile::create(path)?;
         file.write(|w| w.write_all(header(0, 0).as_bytes()))?;
         Ok(PlySink { file, vertices: 0, faces: 0, buffer: Vec::new() })
     }

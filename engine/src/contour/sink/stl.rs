@@ -2,7 +2,7 @@
 
 use super::super::polygons::Facet;
 use super::MeshSink;
-use super::part::PartFile;
+use super::part::MeshFile;
 use crate::error::{Error, Result};
 use std::io::Write;
 use std::path::Path;
@@ -12,14 +12,14 @@ const FACET_BYTES: usize = 50;
 const TITLE: &[u8] = b"binary STL, written by Brickfield";
 
 pub(super) struct StlSink {
-    file: PartFile,
+    file: MeshFile,
     count: u32,
     buffer: Vec<u8>,
 }
 
 impl StlSink {
     pub(super) fn create(path: &Path) -> Result<StlSink> {
-        let mut file = PartFile::create(path)?;
+        let mut file = MeshFile::create(path)?;
         // Readers take a file that starts with "solid" for the text form.
         let mut header = [b' '; HEADER_BYTES + 4];
         header[..TITLE.len()].copy_from_slice(TITLE);

@@ -60,7 +60,8 @@ impl Mesh {
         let mut text = String::from("solid of facets and such\r\n");
         for (i, facet) in self.facets().iter().enumerate() {
             text += " FACET normal 0 -nan(ind) 1e0\r\n  outer Loop\r\n";
-            for [x, y, z] in facet.map(|c| c.map(|c| c as f32)) {
+            // The shortest text of the f64 that equals the f32, for text is read in double precision.
+            for [x, y, z] in *facet {
                 writeln!(text, "\tvertex {x:e} +{y:e} {z}").unwrap();
             }
             text += "endloop endfacet\n";
@@ -75,7 +76,6 @@ impl Mesh {
     fn obj(&self) -> Vec<u8> {
         let mut text = String::from("# c:\\models\\\nmtllib a\nvn 0 0 1\nvt 0 0\n");
         for (i, [x, y, z]) in self.vertices.iter().enumerate() {
-            // The shortest text of the f64 that equals the f32, for OBJ is read in double precision.
             let [x, y, z] = [x, y, z].map(|c| f64::from(*c));
             writeln!(text, "v {x:e} {y} {z}{}", ["", " 1.0", " 0.5 0.5 0.5"][i % 3]).unwrap();
         }
