@@ -19,7 +19,7 @@
 //! The first two lines leave out the range check and the sign classification that the others include. Normals
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
-use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
+use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, inside_from};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
 
@@ -270,12 +270,12 @@ fn split_rows(samples: &Samples, scratch: &mut Scratch) -> bool {
         wide |= needs_16_bits(first);
         scratch.firsts[row] = first;
         scratch.masks[row] = mask;
-        let mut inside = inside_from(ws[0], 0);
+        let mut inside = inside_from(i32::from(ws[0]), 0);
         for i in bits_of(mask) {
             let step = ws[i + 1].wrapping_sub(ws[i]);
             wide |= needs_16_bits(step);
             scratch.steps.push(step);
-            inside ^= inside_from(ws[i], i + 1) ^ inside_from(ws[i + 1], i + 1);
+            inside ^= inside_from(i32::from(ws[i]), i + 1) ^ inside_from(i32::from(ws[i + 1]), i + 1);
         }
         scratch.signs.set_row(row % BRICK_POINTS, row / BRICK_POINTS, inside);
     }
@@ -303,13 +303,6 @@ fn bits_of(mut mask: u32) -> impl Iterator<Item = usize> {
         mask &= mask - 1;
         Some(i)
     })
-}
-
-/// The inside bits, from sample `from` to the end of the row, of samples that are all `w`.
-#[inline]
-fn inside_from(w: i16, from: usize) -> u64 {
-    let all = ((1u64 << BRICK_POINTS) - 1) >> from << from;
-    if w >= 1 { all } else { 0 }
 }
 
 /// Not zero if `difference` does not fit 8 bits.
@@ -357,28 +350,18 @@ fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result
         let mut w = before.wrapping_add(word_at(firsts, ROWS, row));
         before = w;
         let at = row * BRICK_POINTS;
-        fill_row(&mut samples, at, w);
-        let mut inside = inside_from(w, 0);
+        samples.fill_row_from(at, w);
+        let mut inside = inside_from(i32::from(w), 0);
         for i in bits_of(mask_at(row)) {
-            inside ^= inside_from(w, i + 1);
+            inside ^= inside_from(i32::from(w), i + 1);
             w = w.wrapping_add(word_at(steps, steps_count, step));
-            inside ^= inside_from(w, i + 1);
+            inside ^= inside_from(i32::from(w), i + 1);
             step += 1;
-            fill_row(&mut samples, at + i + 1, w);
+            samples.fill_row_from(at + i + 1, w);
         }
         signs.set_row(row % BRICK_POINTS, row / BRICK_POINTS, inside);
     }
     Ok(samples)
-}
-
-/// Sets the samples from `at` to the end of its row, and beyond: always a row's length, which is a few wide
-/// stores, where the exact length would be a call. The rows after it are not decoded yet.
-#[inline]
-fn fill_row(samples: &mut Samples, at: usize, w: i16) {
-    match samples.0[at..].first_chunk_mut::<BRICK_POINTS>() {
-        Some(row) => *row = [w; BRICK_POINTS],
-        None => samples.0[at..].fill(w),
-    }
 }
 
 /// Lays the Hermite edges of the three axes out in `plain`: the offsets' low bytes, their high bytes, then

@@ -96,6 +96,13 @@ pub struct SignChanges {
     inside: Box<[u64; BRICK_POINTS * BRICK_POINTS]>,
 }
 
+/// The inside bits, from sample `from` to the end of the row, of samples that are all `w`.
+#[inline]
+pub(crate) fn inside_from(w: i32, from: usize) -> u64 {
+    let all = ((1u64 << BRICK_POINTS) - 1) >> from << from;
+    if w >= 1 { all } else { 0 }
+}
+
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 

@@ -4,6 +4,7 @@ pub mod codec;
 mod hermite;
 mod samples;
 
+pub(crate) use hermite::inside_from;
 pub use hermite::{Hermite, HermiteEdge, OctNormal, SignChanges};
 pub use samples::{POINTS, Samples, point_index};
 

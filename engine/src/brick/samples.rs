@@ -28,6 +28,17 @@ impl Samples {
         self.0[point_index(ijk)]
     }
 
+    /// Sets the samples from linear index `at` to the end of its row, and beyond: always a row's length, which is
+    /// a few wide stores, where the exact length would be a call. For rows filled in order, the ones after it
+    /// are not made yet.
+    #[inline]
+    pub(crate) fn fill_row_from(&mut self, at: usize, w: i16) {
+        match self.0[at..].first_chunk_mut::<BRICK_POINTS>() {
+            Some(row) => *row = [w; BRICK_POINTS],
+            None => self.0[at..].fill(w),
+        }
+    }
+
     /// Smallest and largest sample, apron included.
     pub fn range(&self) -> (i16, i16) {
         self.0.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &w| (lo.min(w), hi.max(w)))

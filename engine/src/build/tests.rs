@@ -6,7 +6,7 @@ use super::*;
 use crate::brick::Brick;
 use crate::lattice::{NodeKey, RootCube};
 use crate::store::{BrickTree, MemoryTree, Refine};
-use crate::winding::brute_winding;
+use crate::winding::solid_angle;
 
 type World = [[f64; 3]; 3];
 
@@ -63,10 +63,12 @@ fn samples_equal_the_solid_angle_sum() {
     for (key, _, brick) in nodes(&tree) {
         for n in (0..crate::brick::POINTS).step_by(if key.level() == 0 { 1 } else { 53 }) {
             let ijk = [n % 33, n / 33 % 33, n / 1089];
-            let p = std::array::from_fn(|a| {
+            let p: [f64; 3] = std::array::from_fn(|a| {
                 f64::from(key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)
             });
-            let exact = brute_winding(&snapped, p);
+            let from_p = |v: [f64; 3]| std::array::from_fn(|a| v[a] - p[a]);
+            let angle = |t: &World| solid_angle(from_p(t[0]), from_p(t[1]), from_p(t[2]));
+            let exact = snapped.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI);
             assert!((exact - f64::from(brick.sample(ijk))).abs() < 1e-6, "{key} {ijk:?}: {exact} {brick:?}");
             checked += 1;
         }

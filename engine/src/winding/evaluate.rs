@@ -6,7 +6,7 @@
 
 use super::hermite::Resolver;
 use super::scan::{Block, Facet};
-use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, inside_from};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
 
@@ -216,7 +216,7 @@ impl Evaluator {
         let mut w = first;
         let mut fits = i32::from(w as i16) == w;
         let mut inside = inside_from(w, 0);
-        fill_row(samples, row * P, w as i16);
+        samples.fill_row_from(row * P, w as i16);
         let mut touched = std::mem::take(&mut self.touched[row]);
         while touched != 0 {
             let edge = touched.trailing_zeros() as usize;
@@ -225,27 +225,10 @@ impl Evaluator {
             w += std::mem::take(&mut self.rows[row * C + edge]);
             inside ^= inside_from(w, edge + 1);
             fits &= i32::from(w as i16) == w;
-            fill_row(samples, row * P + edge + 1, w as i16);
+            samples.fill_row_from(row * P + edge + 1, w as i16);
         }
         signs.set_row(row % P, row / P, inside);
         fits
-    }
-}
-
-/// The inside bits, from sample `from` to the end of the row, of samples that are all `w`.
-#[inline]
-fn inside_from(w: i32, from: usize) -> u64 {
-    let all = ((1u64 << P) - 1) >> from << from;
-    if w >= 1 { all } else { 0 }
-}
-
-/// Sets the samples from `at` to the end of its row, and beyond: always a row's length, which is a few wide
-/// stores, where the exact length would be a call. The rows after it are not walked yet.
-#[inline]
-fn fill_row(samples: &mut Samples, at: usize, w: i16) {
-    match samples.0[at..].first_chunk_mut::<P>() {
-        Some(row) => *row = [w; P],
-        None => samples.0[at..].fill(w),
     }
 }
 

@@ -9,7 +9,7 @@ mod points;
 mod scan;
 
 pub use balance::{EdgeBalance, OpenEdges, open_edges_of};
-pub use brute::{brute_winding, solid_angle};
+pub use brute::solid_angle;
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};
 pub use points::{brute_at, winding_at};
