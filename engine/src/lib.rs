@@ -2,7 +2,7 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
+//! [`lattice`], [`mmap`] → [`toolpath`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
 //! [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
@@ -19,6 +19,7 @@ pub mod mmap;
 pub mod part;
 mod progress;
 pub mod store;
+pub mod toolpath;
 pub mod winding;
 
 pub use error::{Error, Result};
