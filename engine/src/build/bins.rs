@@ -1,8 +1,9 @@
-//! Sorting triangles into the cubes they touch.
+//! Sorting pieces into the cubes they touch.
 
-use crate::lattice::{NodeKey, ROOT_BITS, Triangle, Units, bounds, normal, touches_cube};
+use super::field::Field;
+use crate::lattice::{NodeKey, ROOT_BITS, Units};
 
-/// Finds the descendants of a node, `stride` levels below it, that a triangle touches. A descendant's cube
+/// Finds the descendants of a node, `stride` levels below it, that a piece touches. A descendant's cube
 /// is the closed one from its sample 0 to its sample 32.
 #[derive(Clone, Copy)]
 pub(super) struct Binner {
@@ -21,6 +22,11 @@ impl Binner {
         Binner { origin: node.base().map(|b| b + 1), shift, last: (1 << stride) - 1, stride }
     }
 
+    /// Levels from the node to its descendants.
+    pub fn stride(&self) -> u8 {
+        self.stride as u8
+    }
+
     /// Number of descendants.
     pub fn cells(&self) -> usize {
         1 << (3 * self.stride)
@@ -28,40 +34,45 @@ impl Binner {
 
     /// Calls `cell` with the Morton number, within the node, of every descendant touched.
     #[inline]
-    pub fn for_touched(&self, t: &Triangle, mut cell: impl FnMut(usize)) {
-        let (min, max) = bounds(t);
-        // Vertices are even and cube faces odd, so no coordinate lies on a face.
+    pub fn for_touched<F: Field>(&self, field: &F, piece: &F::Piece, mut cell: impl FnMut(usize)) {
+        // Bounds of triangles are even and cube faces odd, so none lies on a face; those of solids have a margin.
+        let (min, max) = field.bounds(piece);
         let from: Units = std::array::from_fn(|a| (min[a] - self.origin[a]) >> self.shift);
         let to: Units = std::array::from_fn(|a| (max[a] - self.origin[a]) >> self.shift);
         let within = (0..3).all(|a| from[a] >= 0 && to[a] <= self.last);
         if within && from == to {
             return cell(self.morton(from));
         }
-        self.for_touched_of_many(t, from, to, within, &mut cell);
+        self.for_touched_of_many(field, piece, from, to, within, &mut cell);
     }
 
     #[inline(never)]
-    fn for_touched_of_many(
+    fn for_touched_of_many<F: Field>(
         &self,
-        t: &Triangle,
+        field: &F,
+        piece: &F::Piece,
         from: Units,
         to: Units,
         within: bool,
         cell: &mut dyn FnMut(usize),
     ) {
-        // A triangle that leaves the node may miss a cube that its bounding box meets. One that stays inside
+        // A piece that leaves the node may miss a cube that its bounding box meets. One that stays inside
         // and spans cubes along one axis only touches them all, because it is connected.
         let surely = within && (0..3).filter(|&a| from[a] < to[a]).count() == 1;
         let (first, last) = (from.map(|c| c.max(0)), to.map(|c| c.min(self.last)));
         let size = 1 << self.shift;
-        let corners: [Units; 3] = t.map(|p| std::array::from_fn(|a| (p[a] - self.origin[a]) >> self.shift));
+        let points = field.points(piece);
+        let holds_point = |at: Units| {
+            let cube_of = |p: &Units| [0, 1, 2].map(|a| (p[a] - self.origin[a]) >> self.shift);
+            points.as_ref().iter().any(|p| cube_of(p) == at)
+        };
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
                 for x in first[0]..=last[0] {
                     let at = [x, y, z];
                     let low = std::array::from_fn(|a| self.origin[a] + (at[a] << self.shift));
                     // A cube that holds a vertex needs no test; for a small facet that is most of them.
-                    if surely || corners.contains(&at) || touches_cube(t, low, size) {
+                    if surely || holds_point(at) || field.touches_cube(piece, low, size) {
                         cell(self.morton(at));
                     }
                 }
@@ -77,15 +88,15 @@ impl Binner {
         })
     }
 
-    /// Indices of `triangles` by descendant. Triangles without area are left out: they cross nothing.
-    pub fn sort_indices(&self, triangles: &[Triangle]) -> CellLists {
-        let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(triangles.len() * 3 / 2);
+    /// Indices of `pieces` by descendant. Void ones are left out.
+    pub fn sort_indices<F: Field>(&self, field: &F, pieces: &[F::Piece]) -> CellLists {
+        let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(pieces.len() * 3 / 2);
         let mut starts = vec![0u32; self.cells() + 1];
-        for (index, t) in triangles.iter().enumerate() {
-            if normal(t) == [0; 3] {
+        for (index, piece) in pieces.iter().enumerate() {
+            if field.is_void(piece) {
                 continue;
             }
-            self.for_touched(t, |cell| {
+            self.for_touched(field, piece, |cell| {
                 pairs.push((cell as u32, index as u32));
                 starts[cell + 1] += 1;
             });
@@ -101,7 +112,7 @@ impl Binner {
     }
 }
 
-/// For each descendant, in Morton order, the indices of the triangles that touch it.
+/// For each descendant, in Morton order, the indices of the pieces that touch it.
 pub(super) struct CellLists {
     starts: Vec<u32>,
     indices: Vec<u32>,
@@ -113,22 +124,21 @@ impl CellLists {
     }
 }
 
-/// A run of snapped triangles sorted by the job that needs them; one that touches several jobs' cubes is
-/// repeated.
-pub(super) struct SortedRun {
+/// A run of pieces sorted by the job that needs them; one that touches several jobs' cubes is repeated.
+pub(super) struct SortedRun<P> {
     starts: Vec<u32>,
-    triangles: Vec<Triangle>,
+    pieces: Vec<P>,
 }
 
-impl SortedRun {
-    /// Sorts `triangles`; those without area are left out.
-    pub fn new(binner: &Binner, triangles: &[Triangle]) -> SortedRun {
-        let lists = binner.sort_indices(triangles);
-        let triangles = lists.indices.iter().map(|&i| triangles[i as usize]).collect();
-        SortedRun { starts: lists.starts, triangles }
+impl<P: Copy> SortedRun<P> {
+    /// Sorts `pieces`; void ones are left out.
+    pub fn new<F: Field<Piece = P>>(field: &F, binner: &Binner, pieces: &[P]) -> SortedRun<P> {
+        let lists = binner.sort_indices(field, pieces);
+        let pieces = lists.indices.iter().map(|&i| pieces[i as usize]).collect();
+        SortedRun { starts: lists.starts, pieces }
     }
 
-    pub fn of(&self, cell: usize) -> &[Triangle] {
-        &self.triangles[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    pub fn of(&self, cell: usize) -> &[P] {
+        &self.pieces[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 }

@@ -1,5 +1,6 @@
 //! Small trees in memory, without a store.
 
+use super::field::Soup;
 use super::jobs::{build_tree, sort_level};
 use super::records::KeptBricks;
 use super::rules::{Rules, TreeOptions};
@@ -24,7 +25,7 @@ pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules)
         return Err(Error::setting("the soup has open edges", "close it"));
     }
     let mut tree = MemoryTree::new(root);
-    build_tree(soup, rules, &Silent, |records: KeptBricks| {
+    build_tree(&Soup, soup.sorted, rules, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
         Ok(())
     })?;

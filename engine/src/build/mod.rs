@@ -3,6 +3,7 @@
 
 mod bins;
 mod closed;
+mod field;
 mod jobs;
 mod memory;
 mod ordered;
@@ -10,6 +11,7 @@ mod pipeline;
 mod records;
 mod rules;
 mod snap;
+mod sorted;
 mod subtree;
 #[cfg(test)]
 mod tests;

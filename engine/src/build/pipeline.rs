@@ -1,6 +1,7 @@
 //! The main job: mesh files in, store out.
 
 use super::closed::open_input;
+use super::field::Soup;
 use super::jobs::{build_tree, sort_level};
 use super::records::EncodedBricks;
 use super::rules::{Rules, TreeOptions};
@@ -121,7 +122,7 @@ pub fn build_opened(
     meta.numbers.facets = sources.iter().map(|s| s.facets()).sum();
     meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
-    build_tree(soup, &rules, progress, |bricks: EncodedBricks| bricks.write(&mut writer))?;
+    build_tree(&Soup, soup.sorted, &rules, progress, |bricks: EncodedBricks| bricks.write(&mut writer))?;
     clock.lap("build");
     progress.phase("finishing", None, "bytes");
     let Numbers { facets, degenerate_facets, .. } = meta.numbers;

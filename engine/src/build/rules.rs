@@ -1,10 +1,10 @@
 //! When a node of the tree is kept as a leaf.
 
+use super::field::Evaluated;
 use crate::brick::Samples;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL};
 use crate::store::Refine;
-use crate::winding::Evaluation;
 
 /// How deep and where the tree is refined, as asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,22 +45,22 @@ impl Rules {
         Ok(Rules { depth, refine, stddev, evaluate_interior: false })
     }
 
-    /// True if every node that a facet touches is refined down to the depth limit, whatever its samples.
+    /// True if every node that a piece touches is refined down to the depth limit, whatever its samples.
     pub fn refines_all_touched(&self) -> bool {
         self.refine == Refine::Hidden && self.stddev == 0.0 && !self.evaluate_interior
     }
 
     /// Whether a touched node above the depth limit is kept as a leaf.
-    pub fn keeps(&self, evaluation: &mut Evaluation<'_>) -> bool {
+    pub fn keeps(&self, evaluation: &mut impl Evaluated) -> bool {
         match self.refine {
-            Refine::Stddev => self.varies_little(scaled_variance(&evaluation.samples)),
+            Refine::Stddev => self.varies_little(scaled_variance(evaluation.samples())),
             Refine::Hidden => {
-                let variance = scaled_variance(&evaluation.samples);
-                // A variance of 0 says that the facets in here are hidden.
+                let variance = scaled_variance(evaluation.samples());
+                // A variance of 0 says that what touches the node is hidden.
                 variance > 0 && self.varies_little(variance) && !evaluation.has_hidden_crossings()
             }
             Refine::Surface => {
-                let inside = i128::from(inside_samples(&evaluation.samples));
+                let inside = i128::from(inside_samples(evaluation.samples()));
                 self.varies_little(N * inside - inside * inside) && !evaluation.has_hidden_boundary()
             }
         }

@@ -1,49 +1,30 @@
 //! The pass over the input: snap every vertex, sum the edge balance, sort the triangles by job.
 
-use super::bins::{Binner, SortedRun};
+use super::bins::Binner;
+use super::field::{Field, Soup};
+use super::sorted::SortedPieces;
 use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
-use crate::lattice::{NodeKey, RootCube, Triangle, normal};
+use crate::lattice::{NodeKey, RootCube, Triangle};
 use crate::progress::Progress;
-use crate::winding::{CornerGrid, EdgeBalance};
+use crate::winding::EdgeBalance;
 use rayon::prelude::*;
 
-/// The snapped soup, sorted by the level-`stride` cube that a triangle touches.
+/// The snapped soup.
 #[derive(Default)]
 pub(super) struct SnappedSoup {
-    pub runs: Vec<SortedRun>,
-    /// Corners of those cubes.
-    pub corners: Option<CornerGrid>,
+    pub sorted: SortedPieces<Soup>,
     pub balance: EdgeBalance,
     /// Triangles that have no area on the lattice.
     pub degenerate: u64,
 }
 
 impl SnappedSoup {
-    fn merge(mut self, mut other: SnappedSoup) -> SnappedSoup {
-        self.runs.append(&mut other.runs);
+    fn merge(mut self, other: SnappedSoup) -> SnappedSoup {
+        self.sorted.merge(&Soup, other.sorted);
         self.balance.merge(other.balance);
         self.degenerate += other.degenerate;
-        self.corners = match (self.corners, other.corners) {
-            (Some(mut mine), Some(theirs)) => {
-                mine.merge(&theirs);
-                Some(mine)
-            }
-            (mine, theirs) => mine.or(theirs),
-        };
         self
-    }
-
-    /// All triangles of one cube.
-    pub fn gather(&self, cell: usize, out: &mut Vec<Triangle>) {
-        out.clear();
-        out.reserve_exact(self.count(cell));
-        self.runs.iter().for_each(|run| out.extend_from_slice(run.of(cell)));
-    }
-
-    /// How many triangles touch one cube.
-    pub fn count(&self, cell: usize) -> usize {
-        self.runs.iter().map(|run| run.of(cell).len()).sum()
     }
 }
 
@@ -67,13 +48,11 @@ pub(super) fn snap(
                 sources[source].read(range, &mut world);
                 snapped.clear();
                 snapped.extend(world.iter().map(|t: &Facet| t.map(snapper)));
-                let corners = soup.corners.get_or_insert_with(|| CornerGrid::new(NodeKey::ROOT, stride));
                 for t in &snapped {
                     soup.balance.add(t);
-                    soup.degenerate += u64::from(normal(t) == [0; 3]);
-                    corners.add(t);
+                    soup.degenerate += u64::from(Soup.is_void(t));
                 }
-                soup.runs.push(SortedRun::new(&binner, &snapped));
+                soup.sorted.push(&Soup, &binner, &snapped);
                 progress.advance(world.len() as u64);
                 (soup, world, snapped)
             },

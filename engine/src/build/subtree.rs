@@ -1,22 +1,22 @@
-//! One subtree of the octree: from the triangles that touch a node to the records of the node and all below
+//! One subtree of the octree: from the pieces that touch a node to the records of the node and all below
 //! it, in post-order.
 
 use super::bins::Binner;
+use super::field::{Evaluated, Field, Pieces};
 use super::records::Recorder;
 use super::rules::Rules;
 use crate::brick::{Brick, Samples, point_index};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, Triangle};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant};
 use crate::progress::Progress;
-use crate::winding::{CornerGrid, Evaluator, Triangles};
 
-/// Levels that one sorting of triangles descends: 8³ cells of lists, and their corners in one small grid.
+/// Levels that one sorting of pieces descends: 8³ cells of lists, and their corners in one small grid.
 pub(super) const STRIDE: u8 = 3;
 
 /// What a node turned out to be, for its parent.
 #[derive(Clone, Debug)]
 pub(super) enum Node {
-    /// No triangle touches it; not in the records, because the parent may be as empty.
+    /// No surface touches it; not in the records, because the parent may be as empty.
     Empty(i16),
     /// In the records.
     Stored(Half),
@@ -52,89 +52,86 @@ impl Half {
 }
 
 /// Builds subtrees one after the other; one per thread.
-pub(super) struct SubtreeBuilder<'a, R> {
+pub(super) struct SubtreeBuilder<'a, F: Field, R> {
+    field: &'a F,
     rules: &'a Rules,
     progress: &'a dyn Progress,
-    evaluator: Evaluator,
+    evaluator: F::Evaluator,
     /// What the subtrees so far consist of.
     pub records: R,
 }
 
-impl<'a, R: Recorder> SubtreeBuilder<'a, R> {
-    pub fn new(rules: &'a Rules, progress: &'a dyn Progress) -> Self {
-        SubtreeBuilder { rules, progress, evaluator: Evaluator::default(), records: R::default() }
+impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
+    pub fn new(field: &'a F, rules: &'a Rules, progress: &'a dyn Progress) -> Self {
+        SubtreeBuilder { field, rules, progress, evaluator: F::Evaluator::default(), records: R::default() }
     }
 
-    /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all triangles that touch it.
-    pub fn build(&mut self, key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<Node> {
-        if triangles.is_empty() {
-            return Ok(Node::Empty(corner));
+    /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all pieces that touch it.
+    pub fn build(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
+        let all: Vec<u32> = (0..pieces.len() as u32).collect();
+        let list = Pieces { array: pieces, indices: &all };
+        if let Some(w) = self.field.settled(key, corner, list) {
+            return Ok(Node::Empty(w));
         }
-        let all: Vec<u32> = (0..triangles.len() as u32).collect();
-        let list = Triangles { array: triangles, indices: &all };
         if key.level() == self.rules.depth {
             self.leaf(key, corner, list)
         } else if self.rules.refines_all_touched() {
-            self.descend_to_leaves(key, corner, triangles)
+            self.descend_to_leaves(key, corner, pieces)
         } else {
-            self.decide(key, corner, triangles, list)
+            self.decide(key, corner, list)
         }
     }
 
-    fn leaf(&mut self, key: NodeKey, corner: i16, list: Triangles<'_>) -> Result<Node> {
+    fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
         self.progress.check()?;
-        let brick = self.evaluator.evaluate(key, corner, list)?.into_leaf()?;
+        let brick = self.field.evaluate(&mut self.evaluator, key, corner, list)?.into_leaf()?;
         self.records.push(key, true, &brick);
         Ok(Node::Stored(Half::of(&brick)))
     }
 
     /// Every touched node above the depth limit is refined, so only leaves are evaluated; a node's samples
     /// are a part of its children's.
-    fn descend_to_leaves(&mut self, key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<Node> {
+    fn descend_to_leaves(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
         let stride = STRIDE.min(self.rules.depth - key.level());
-        let mut grid = CornerGrid::new(key, stride);
-        triangles.iter().for_each(|t| grid.add(t));
-        let corners = grid.finish(i64::from(corner));
-        let lists = Binner::new(key, stride).sort_indices(triangles);
+        let mut sums = self.field.corners(key, stride);
+        pieces.iter().for_each(|piece| self.field.add_corners(&mut sums, piece));
+        let corners = self.field.finish_corners(sums, i64::from(corner));
+        let lists = Binner::new(key, stride).sort_indices(self.field, pieces);
         let mut copies = Vec::new();
-        descend(key, stride, &mut |cell, number| {
+        descend(key, stride, &mut |step, number| {
+            let key = match step {
+                Step::Reached(key) => key,
+                Step::Joined(key, children) => return Ok(join(key, children, &mut self.records)),
+            };
             let corner = corner_at(&corners, stride, number);
-            let list = lists.of(number);
-            let indices = Triangles { array: triangles, indices: list };
-            match cell {
-                Step::Reached(_) if list.is_empty() => Ok(Node::Empty(corner)),
-                Step::Reached(key) if key.level() == self.rules.depth => self.leaf(key, corner, indices),
-                Step::Reached(key) => {
-                    copies.clear();
-                    copies.extend(list.iter().map(|&i| triangles[i as usize]));
-                    self.descend_to_leaves(key, corner, &copies)
-                }
-                Step::Joined(key, children) => Ok(join(key, children, &mut self.records)),
+            let list = Pieces { array: pieces, indices: lists.of(number) };
+            if let Some(w) = self.field.settled(key, corner, list) {
+                Ok(Node::Empty(w))
+            } else if key.level() == self.rules.depth {
+                self.leaf(key, corner, list)
+            } else {
+                copies.clear();
+                copies.extend(list.indices.iter().map(|&i| pieces[i as usize]));
+                self.descend_to_leaves(key, corner, &copies)
             }
         })
     }
 
     /// Evaluates the node itself and refines it if its samples or crossings ask for it.
-    fn decide(
-        &mut self,
-        key: NodeKey,
-        corner: i16,
-        triangles: &[Triangle],
-        list: Triangles<'_>,
-    ) -> Result<Node> {
+    fn decide(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
         self.progress.check()?;
-        let mut evaluation = self.evaluator.evaluate(key, corner, list)?;
+        let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
         if self.rules.keeps(&mut evaluation) {
             let brick = evaluation.into_leaf()?;
             self.records.push(key, true, &brick);
             return Ok(Node::Stored(Half::of(&brick)));
         }
-        let samples = evaluation.samples;
-        let lists = Binner::new(key, 1).sort_indices(triangles);
+        let samples = evaluation.into_samples();
+        let lists = Binner::new(key, 1).sort_indices(self.field, list.array);
         for octant in Octant::all() {
             let corner = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
-            let own: Vec<Triangle> =
-                lists.of(octant.index()).iter().map(|&i| triangles[i as usize]).collect();
+            let own: Vec<F::Piece> =
+                lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect();
             let child = key.child(octant);
             if let Node::Empty(w) = self.build(child, corner, &own)? {
                 self.records.push(child, true, &Brick::Uniform(w));

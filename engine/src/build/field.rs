@@ -1,0 +1,167 @@
+//! What a tree is built from, and the view of it that sorting, jobs and subtrees share.
+
+use crate::brick::{Brick, Samples};
+use crate::error::Result;
+use crate::lattice::{NodeKey, Triangle, Units, bounds, normal, touches_cube};
+use crate::winding::{CornerGrid, Evaluation, Evaluator, Triangles};
+
+/// A field of winding numbers made of pieces. The pass over the input sorts the pieces into the cubes that
+/// they touch; a brick follows from those that touch it, and from nothing else.
+pub(super) trait Field: Sync {
+    /// A compact record, copied to every job that needs it.
+    type Piece: Copy + Send + Sync;
+    /// Sums from which the corners of the bricks some levels below a node follow.
+    type Corners: Clone + Send + Sync;
+    /// Working memory for evaluating bricks one after the other; one per thread.
+    type Evaluator: Default;
+    /// The samples of one brick, and what is known of them while its pieces are at hand.
+    type Evaluation<'a>: Evaluated
+    where
+        Self: 'a;
+
+    /// Smallest and largest coordinate along each axis.
+    fn bounds(&self, piece: &Self::Piece) -> (Units, Units);
+    /// Some points of the piece: a cube that holds one needs no further test.
+    fn points(&self, piece: &Self::Piece) -> impl AsRef<[Units]>;
+    /// Whether the piece touches the closed cube `low..low + size`, given that its bounds do. May err towards
+    /// touching.
+    fn touches_cube(&self, piece: &Self::Piece, low: Units, size: i32) -> bool;
+    /// Whether the piece has no part in the field, wherever it lies.
+    fn is_void(&self, piece: &Self::Piece) -> bool;
+
+    /// Sums of nothing, for the bricks `stride` levels below `node`.
+    fn corners(&self, node: NodeKey, stride: u8) -> Self::Corners;
+    /// Adds a piece.
+    fn add_corners(&self, corners: &mut Self::Corners, piece: &Self::Piece);
+    /// Adds another part's sums.
+    fn merge_corners(&self, corners: &mut Self::Corners, other: &Self::Corners);
+    /// The samples at the bricks' corners, x fastest, given the one at the node's own; empty if the field
+    /// needs none.
+    fn finish_corners(&self, corners: Self::Corners, corner: i64) -> Vec<i64>;
+
+    /// The value of all samples of `key`, at whatever level, if it is known without evaluating: no piece of
+    /// the list has its surface there.
+    fn settled(&self, key: NodeKey, corner: i16, list: Pieces<'_, Self::Piece>) -> Option<i16>;
+    /// Evaluates the 33³ samples of `key` from the pieces that touch it and its sample (0, 0, 0).
+    fn evaluate<'a>(
+        &'a self,
+        evaluator: &'a mut Self::Evaluator,
+        key: NodeKey,
+        corner: i16,
+        list: Pieces<'a, Self::Piece>,
+    ) -> Result<Self::Evaluation<'a>>;
+}
+
+/// Some pieces of an array, by index.
+pub(super) struct Pieces<'a, P> {
+    /// All of them.
+    pub array: &'a [P],
+    /// Those meant.
+    pub indices: &'a [u32],
+}
+
+impl<P> Clone for Pieces<'_, P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for Pieces<'_, P> {}
+
+/// What a brick's evaluation knows.
+pub(super) trait Evaluated {
+    /// 33³ winding numbers.
+    fn samples(&self) -> &Samples;
+    /// The same, for good.
+    fn into_samples(self) -> Samples;
+    /// Whether a lattice edge holds a wall or a gap that the samples at its ends do not show.
+    fn has_hidden_crossings(&mut self) -> bool;
+    /// Whether the boundary w = 0.5 crosses a lattice edge more than once.
+    fn has_hidden_boundary(&mut self) -> bool;
+    /// The leaf's brick, with its Hermite edges.
+    fn into_leaf(self) -> Result<Brick>;
+}
+
+/// The field of a closed soup of triangles.
+pub(super) struct Soup;
+
+impl Field for Soup {
+    type Piece = Triangle;
+    type Corners = CornerGrid;
+    type Evaluator = Evaluator;
+    type Evaluation<'a> = Evaluation<'a>;
+
+    #[inline]
+    fn bounds(&self, t: &Triangle) -> (Units, Units) {
+        bounds(t)
+    }
+
+    #[inline]
+    fn points(&self, t: &Triangle) -> impl AsRef<[Units]> {
+        *t
+    }
+
+    #[inline]
+    fn touches_cube(&self, t: &Triangle, low: Units, size: i32) -> bool {
+        touches_cube(t, low, size)
+    }
+
+    /// A triangle without area crosses nothing.
+    #[inline]
+    fn is_void(&self, t: &Triangle) -> bool {
+        normal(t) == [0; 3]
+    }
+
+    fn corners(&self, node: NodeKey, stride: u8) -> CornerGrid {
+        CornerGrid::new(node, stride)
+    }
+
+    #[inline]
+    fn add_corners(&self, corners: &mut CornerGrid, t: &Triangle) {
+        corners.add(t);
+    }
+
+    fn merge_corners(&self, corners: &mut CornerGrid, other: &CornerGrid) {
+        corners.merge(other);
+    }
+
+    fn finish_corners(&self, corners: CornerGrid, corner: i64) -> Vec<i64> {
+        corners.finish(corner)
+    }
+
+    fn settled(&self, _: NodeKey, corner: i16, list: Pieces<'_, Triangle>) -> Option<i16> {
+        list.indices.is_empty().then_some(corner)
+    }
+
+    fn evaluate<'a>(
+        &'a self,
+        evaluator: &'a mut Evaluator,
+        key: NodeKey,
+        corner: i16,
+        list: Pieces<'a, Triangle>,
+    ) -> Result<Evaluation<'a>> {
+        evaluator.evaluate(key, corner, Triangles { array: list.array, indices: list.indices })
+    }
+}
+
+impl Evaluated for Evaluation<'_> {
+    fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    fn into_samples(self) -> Samples {
+        self.samples
+    }
+
+    fn has_hidden_crossings(&mut self) -> bool {
+        Evaluation::has_hidden_crossings(self)
+    }
+
+    fn has_hidden_boundary(&mut self) -> bool {
+        Evaluation::has_hidden_boundary(self)
+    }
+
+    fn into_leaf(self) -> Result<Brick> {
+        Evaluation::into_leaf(self)
+    }
+}
