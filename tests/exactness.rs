@@ -10,6 +10,8 @@ mod files;
 mod hermite;
 #[path = "exactness/limits.rs"]
 mod limits;
+#[path = "exactness/open.rs"]
+mod open;
 #[path = "exactness/oracle.rs"]
 mod oracle;
 #[path = "exactness/piles.rs"]

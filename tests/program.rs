@@ -8,6 +8,7 @@ mod program {
     mod determinism;
     mod export;
     mod mesh;
+    mod open;
     mod points;
     mod shell;
     mod signals;

@@ -50,16 +50,6 @@ fn malformed_points_name_file_and_line() {
 }
 
 #[test]
-fn open_meshes_need_the_brute_sum() {
-    let args: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"winding", &stl("open_box_no_lid"), &"--points", &"-"];
-    let line = run_with(&args, "5,5,5\n").failed();
-    assert!(line.contains("open_box_no_lid.stl") && line.contains("4 open edges"), "{line}");
-    let brute = run_with(&[&args[..], &[&"--brute"]].concat(), "5,5,5\n").ok();
-    let w: f64 = brute.trim().rsplit(',').next().unwrap().parse().unwrap();
-    assert!((w - truth("open_box_no_lid", "winding_centre")).abs() < 1e-6, "{w}");
-}
-
-#[test]
 fn crossings_and_solid_angles_agree() {
     let csv: String = (0..200)
         .map(|i| {

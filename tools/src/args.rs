@@ -1,6 +1,6 @@
 //! What the user types. The commands turn it into checked plans.
 
-use crate::units::{Length, Size, Unit};
+use crate::units::{GwnError, Length, Size, Unit};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -140,12 +140,15 @@ pub struct MeshArgs {
     pub work: WorkArgs,
 }
 
-/// Say what is in a store
+/// Say what is in a store, or whether a mesh is closed
 #[derive(Args)]
+#[command(after_help = "\
+Of a mesh: whether it is closed, and if not, how many open edges there are, into how many loops they fall, and \
+how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).")]
 pub struct InfoArgs {
-    /// The store
-    #[arg(value_name = "PART.brf")]
-    pub store: PathBuf,
+    /// The store, or a mesh that ends in .stl, .obj or .ply
+    #[arg(value_name = "PART.brf|MESH")]
+    pub file: PathBuf,
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
@@ -171,11 +174,12 @@ pub struct SampleArgs {
     pub work: WorkArgs,
 }
 
-/// Print the exact w at points, straight from meshes
+/// Print w at points, straight from meshes
 #[derive(Args)]
 #[command(after_help = "\
-Counts crossings, so w is an integer and the meshes must be closed. Facets and points are snapped to the lattice \
-that `build` uses. --brute takes open meshes too.")]
+For closed meshes crossings are counted, and w is an exact integer. Open ones are closed by caps, whose solid \
+angles are then taken off again, with an error of at most --gwn-error. Facets and points are snapped to the \
+lattice that `build` uses.")]
 pub struct WindingArgs {
     /// Mesh files: STL (binary, ASCII), OBJ, PLY
     #[arg(required = true, value_name = "INPUT")]
@@ -184,7 +188,10 @@ pub struct WindingArgs {
     /// that begin with # are skipped
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
-    /// Sum the solid angles of all facets in double precision instead; slow, for any soup
+    /// Largest error of w where the meshes are open; 1e-6 to 0.1
+    #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
+    pub gwn_error: GwnError,
+    /// Sum the solid angles of all facets in double precision instead; slow
     #[arg(long)]
     pub brute: bool,
     /// Print a JSON object a line instead of CSV

@@ -164,6 +164,25 @@ fn split(text: &str) -> (&str, &str) {
     (&text[..end], text[end..].trim_start())
 }
 
+/// A bound on the error of winding numbers of open input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GwnError(pub f64);
+
+impl FromStr for GwnError {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<GwnError, String> {
+        let value = fast_float2::parse(text).ok().filter(|v| (1e-6..=0.1).contains(v));
+        value.map(GwnError).ok_or_else(|| "write a number from 1e-6 to 0.1".to_owned())
+    }
+}
+
+impl fmt::Display for GwnError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

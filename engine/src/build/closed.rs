@@ -4,15 +4,14 @@ use crate::error::{Error, Result};
 use crate::ingest::{Facet, Facets, Input, runs};
 use crate::lattice::RootCube;
 use crate::progress::Progress;
-use crate::winding::{EdgeBalance, open_edges_of};
+use crate::winding::{Boundary, EdgeBalance, OpenEdge};
 use rayon::prelude::*;
 
-/// Fails with the number of open edges and the first of them unless the soup of all inputs is closed. One
-/// pass over the input if it is, on all threads.
+/// Whether the soup of all inputs is closed. One pass over the input, on all threads.
 ///
 /// # Errors
-/// [`Error::Input`] if it is not closed; [`Error::Interrupted`].
-pub fn require_closed(inputs: &[Input], root: RootCube, progress: &dyn Progress) -> Result<()> {
+/// [`Error::Interrupted`].
+pub fn is_closed(inputs: &[Input], root: RootCube, progress: &dyn Progress) -> Result<bool> {
     progress.phase("checking edges", Some(inputs.iter().map(Input::facets).sum()), "facets");
     let sources = sources(inputs);
     let snapper = root.snapper();
@@ -29,18 +28,17 @@ pub fn require_closed(inputs: &[Input], root: RootCube, progress: &dyn Progress)
         Ok(a)
     };
     let sums = runs(&sources).into_par_iter().map_init(Vec::new, sum_of_run);
-    let balance = sums.try_reduce(EdgeBalance::default, add)?;
-    if balance.is_closed() { Ok(()) } else { Err(open_input(inputs, root, progress)) }
+    Ok(sums.try_reduce(EdgeBalance::default, add)?.is_closed())
 }
 
 /// The error for inputs whose edges do not balance.
 pub(super) fn open_input(inputs: &[Input], root: RootCube, progress: &dyn Progress) -> Error {
     progress.phase("finding open edges", None, "facets");
-    let open = match open_edges_of(&sources(inputs), root, progress) {
+    let open = match Boundary::of(&sources(inputs), root, progress) {
         Ok(open) => open,
         Err(error) => return error,
     };
-    let Some((mut facet, from, to)) = open.first else {
+    let Some(OpenEdge { from, to, mut facet }) = open.first() else {
         // A closed soup whose hashes do not cancel: no chance of that is left.
         return Error::setting("internal error: the edge balance is off", "report this with the input");
     };
@@ -59,7 +57,7 @@ pub(super) fn open_input(inputs: &[Input], root: RootCube, progress: &dyn Progre
         format!("facet {}", facet + 1),
         format!(
             "the input is not closed: {} open edges, the first from {} to {}",
-            open.count,
+            open.edges.len(),
             point(from),
             point(to)
         ),

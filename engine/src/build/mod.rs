@@ -16,7 +16,7 @@ mod subtree;
 #[cfg(test)]
 mod tests;
 
-pub use closed::require_closed;
+pub use closed::is_closed;
 pub use memory::build_in_memory;
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use rules::TreeOptions;

@@ -21,9 +21,20 @@ pub fn winding_at(
     points: &[[f64; 3]],
     progress: &dyn Progress,
 ) -> Result<Vec<i64>> {
+    crossings_at(sources, &[], root, points, progress)
+}
+
+/// The exact winding number, at each point, of the sources and the caps together, which are closed.
+pub(super) fn crossings_at(
+    sources: &[&dyn Facets],
+    caps: &[Triangle],
+    root: RootCube,
+    points: &[[f64; 3]],
+    progress: &dyn Progress,
+) -> Result<Vec<i64>> {
     let columns = Columns::new(root, points);
     let snapper = root.snapper();
-    let counts = runs(sources)
+    let mut counts = runs(sources)
         .into_par_iter()
         .fold(
             || (vec![0i64; points.len()], Vec::new()),
@@ -45,6 +56,7 @@ pub fn winding_at(
             },
         );
     progress.check()?;
+    caps.iter().for_each(|t| columns.add(t, &mut counts));
     Ok(counts)
 }
 

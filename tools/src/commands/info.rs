@@ -1,6 +1,6 @@
-//! `brickfield info`: what is in a store.
+//! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
 
-use super::unit_of;
+use super::{info_mesh, unit_of};
 use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::output::{print, print_json};
@@ -11,8 +11,11 @@ use serde_json::{Value, json};
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
+    if info_mesh::is_mesh(&args.file) {
+        return info_mesh::run(args);
+    }
     // No brick is read, so none is kept.
-    let store = Store::open(&args.store, 0)?;
+    let store = Store::open(&args.file, 0)?;
     if args.json { print_json(&as_json(&store)) } else { print(&as_text(&store)) }
 }
 
@@ -85,6 +88,6 @@ fn as_text(store: &Store) -> String {
     text
 }
 
-fn point(p: [f64; 3]) -> String {
+pub(super) fn point(p: [f64; 3]) -> String {
     format!("({:.6}, {:.6}, {:.6})", p[0], p[1], p[2])
 }

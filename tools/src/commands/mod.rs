@@ -3,6 +3,7 @@
 pub mod build;
 pub mod export;
 pub mod info;
+mod info_mesh;
 pub mod mesh;
 pub mod sample;
 pub mod shell;

@@ -1,0 +1,191 @@
+//! The share of the full view that one cap covers, its side decided as crossings are.
+
+use super::atan::angle_of;
+use super::moments::{Element, Moments, Reach};
+use crate::lattice::{Triangle, Units, normal};
+use std::f64::consts::PI;
+
+/// A triangle, prepared for its solid angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cap {
+    vertices: [[f64; 3]; 3],
+    /// Twice the area vector; integers below 2^50.
+    normal: [f64; 3],
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn exact_dot(a: [f64; 3], b: [f64; 3]) -> i128 {
+    (0..3).map(|i| a[i] as i128 * b[i] as i128).sum()
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Squared, as a share of 1: nearer to an edge than this, seen from there, f64 is not enough.
+const NEAR: f64 = 1.0 / (1u64 << 40) as f64;
+/// The rounding of num, three products and two sums of numbers with exact factors, as a share of Σ|terms|.
+const NUM_ERROR: f64 = 1.0 / (1u64 << 51) as f64;
+
+impl Cap {
+    /// Of a triangle on even lattice positions, with an area.
+    pub fn new(t: &Triangle) -> Cap {
+        Cap { vertices: t.map(|v| v.map(f64::from)), normal: normal(t).map(|c| c as f64) }
+    }
+
+    /// The signed solid angle of the cap over 4π, seen from p + (ε, ε², ε³) for an odd lattice position p
+    /// within 2^26 units of the root, in the limit ε → 0. Positive from behind.
+    ///
+    /// tan(Ω/2) = num/den (Van Oosterom & Strackee 1983, eq. 8), where num = n·(a − p) with the integer normal
+    /// n. The sign of num is that of an integer, and where that is 0 the perturbation decides, as it does for
+    /// a crossing at a sample. num² + den² is small, and the quotient ill-conditioned, only next to an edge;
+    /// there both are taken to twice the digits, and on an edge itself the limit is taken.
+    pub fn share_at(&self, p: Units) -> f64 {
+        // Exact, as are the scalar products of positions in the root.
+        let [a, b, c] = self.vertices.map(|v| std::array::from_fn(|i| v[i] - f64::from(p[i])));
+        let [aa, bb, cc] = [a, b, c].map(|v| dot(v, v));
+        let [la, lb, lc] = [aa, bb, cc].map(f64::sqrt);
+        let (ab, bc, ca) = (dot(a, b), dot(b, c), dot(c, a));
+        let terms: [f64; 3] = std::array::from_fn(|i| self.normal[i] * a[i]);
+        let mut num = terms[0] + terms[1] + terms[2];
+        let mut den = la * lb * lc + ab * lc + bc * la + ca * lb;
+        if num.abs() <= NUM_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs()) {
+            num = exact_dot(self.normal, a) as f64;
+        }
+        if num * num + den * den <= NEAR * (aa * bb * cc) {
+            num = exact_dot(self.normal, a) as f64;
+            den = den_precisely([a, b, c]);
+            if num == 0.0
+                && let Some(edge) = self.edge_under([a, b, c])
+            {
+                return self.share_on_edge(edge);
+            }
+        }
+        self.sign(num) * angle_of(num.abs(), den) / (2.0 * PI)
+    }
+
+    /// Which side of the plane the perturbed point is on: 1 behind it.
+    fn sign(&self, num: f64) -> f64 {
+        if num != 0.0 {
+            return num.signum();
+        }
+        // num falls by the normal's component when the point moves up an axis.
+        -self.normal.iter().find(|&&n| n != 0.0).map_or(0.0, |n| n.signum())
+    }
+
+    /// The edge on which the origin lies, for vertices relative to it: the number of its first vertex.
+    fn edge_under(&self, v: [[f64; 3]; 3]) -> Option<usize> {
+        (0..3).find(|&i| {
+            let (a, b) = (v[i], v[(i + 1) % 3]);
+            // Products of integers below 2^26: exact.
+            cross(a, b) == [0.0; 3] && dot(a, b) < 0.0
+        })
+    }
+
+    /// The limit on an edge: near it the cap is a half-plane, and covers a lune of twice the angle between
+    /// the way in which the point is moved off the edge, and the half-plane's own direction, both reversed
+    /// and seen along the edge.
+    fn share_on_edge(&self, edge: usize) -> f64 {
+        let (from, to) = (self.vertices[edge], self.vertices[(edge + 1) % 3]);
+        let along: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+        // Into the cap, perpendicular to the edge and the normal; rounding cannot make a zero of it, nor
+        // the reverse: products of exact numbers that cancel exactly do so here too.
+        let inward: [i128; 3] = std::array::from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            self.normal[j] as i128 * along[k] as i128 - self.normal[k] as i128 * along[j] as i128
+        });
+        let moved = (0..3).find(|&i| self.normal[i] != 0.0 || inward[i] != 0);
+        let axis = moved.expect("a cap has an area");
+        let height = self.normal[axis].abs() * dot(along, along).sqrt();
+        self.sign(0.0) * angle_of(height, -(inward[axis] as f64)) / (2.0 * PI)
+    }
+}
+
+/// |a||b||c| + (a·b)|c| + (b·c)|a| + (c·a)|b| to some 100 bits, for integer vectors whose scalar products f64
+/// holds.
+fn den_precisely(v: [[f64; 3]; 3]) -> f64 {
+    let [a, b, c] = v;
+    let [la, lb, lc] = v.map(|v| Twofold::sqrt(dot(v, v)));
+    let mut sum = la.times(lb).plus(Twofold(dot(a, b), 0.0)).times(lc);
+    sum = sum.plus(la.times(Twofold(dot(b, c), 0.0)));
+    sum = sum.plus(lb.times(Twofold(dot(c, a), 0.0)));
+    sum.0
+}
+
+/// A number as the sum of two, the second below half an ulp of the first (Dekker 1971).
+#[derive(Clone, Copy)]
+struct Twofold(f64, f64);
+
+impl Twofold {
+    fn sum(a: f64, b: f64) -> Twofold {
+        let s = a + b;
+        let from_b = s - a;
+        Twofold(s, (a - (s - from_b)) + (b - from_b))
+    }
+
+    fn product(a: f64, b: f64) -> Twofold {
+        let p = a * b;
+        Twofold(p, a.mul_add(b, -p))
+    }
+
+    /// The root of an exact number.
+    fn sqrt(x: f64) -> Twofold {
+        let root = x.sqrt();
+        let rest = (-root).mul_add(root, x);
+        Twofold::sum(root, rest / (2.0 * root))
+    }
+
+    fn plus(self, other: Twofold) -> Twofold {
+        let high = Twofold::sum(self.0, other.0);
+        let low = Twofold::sum(self.1, other.1);
+        let first = Twofold::sum(high.0, high.1 + low.0);
+        Twofold::sum(first.0, first.1 + low.1)
+    }
+
+    fn times(self, other: Twofold) -> Twofold {
+        let product = Twofold::product(self.0, other.0);
+        Twofold::sum(product.0, product.1 + (self.0 * other.1 + self.1 * other.0))
+    }
+}
+
+impl Element for Cap {
+    fn position(&self) -> [f64; 3] {
+        let [a, b, c] = self.vertices;
+        std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0)
+    }
+
+    fn area(&self) -> f64 {
+        0.5 * dot(self.normal, self.normal).sqrt()
+    }
+
+    fn reach(&self, center: [f64; 3]) -> Reach {
+        let distances = self.vertices.map(|v| {
+            let d = std::array::from_fn(|i| v[i] - center[i]);
+            dot(d, d).sqrt()
+        });
+        let cubes = distances.map(|d| d * d * d);
+        // A cube of a distance is convex, so its mean over the triangle is at most that over the vertices.
+        Reach {
+            farthest: distances[0].max(distances[1]).max(distances[2]),
+            cubed: self.area() * (cubes[0] + cubes[1] + cubes[2]) / 3.0,
+        }
+    }
+
+    fn add_to(&self, center: [f64; 3], moments: &mut Moments) {
+        let area = self.normal.map(|n| 0.5 * n);
+        let d = self.vertices.map(|v| -> [f64; 3] { std::array::from_fn(|i| v[i] - center[i]) });
+        let sum: [f64; 3] = std::array::from_fn(|i| d[0][i] + d[1][i] + d[2][i]);
+        // Mean of x xᵀ over a triangle: (Σ d dᵀ + s sᵀ)/12.
+        let second = |i: usize, j: usize| {
+            (d[0][i] * d[0][j] + d[1][i] * d[1][j] + d[2][i] * d[2][j] + sum[i] * sum[j]) / 12.0
+        };
+        moments.add(area, sum.map(|s| s / 3.0), second);
+    }
+
+    fn share_at(&self, p: Units) -> f64 {
+        Cap::share_at(self, p)
+    }
+}

@@ -1,0 +1,145 @@
+//! Multipole expansion of the solid angle of oriented surface elements.
+//!
+//! An element with the area vector a at x contributes a·(x − p)/|x − p|³ to the solid angle seen from p. With
+//! r = c − p and d = x − c, and g(r) = r/|r|³ = −∇(1/|r|), Taylor's series about the centre c is
+//! a_i g_i + a_i d_j ∂_j g_i + ½ a_i d_j d_k ∂_j ∂_k g_i + … (Barill et al. 2018, eq. 16 to 20). The derivatives of
+//! 1/|r| are symmetric and without trace, so only that part of each moment counts:
+//!
+//!   w = [ D·r − 3 Q(r,r)/r² + 15 T(r,r,r)/r⁴ ] / (4π |r|³).
+
+use crate::lattice::Units;
+use std::f64::consts::PI;
+
+/// How far an element reaches from a centre.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reach {
+    /// Its farthest point's distance.
+    pub farthest: f64,
+    /// At least the integral of the cubed distance over its area.
+    pub cubed: f64,
+}
+
+/// One oriented piece of surface.
+pub trait Element: Copy + Send + Sync {
+    /// A point to sort by.
+    fn position(&self) -> [f64; 3];
+    /// Area in units².
+    fn area(&self) -> f64;
+    /// How far it reaches from a centre.
+    fn reach(&self, center: [f64; 3]) -> Reach;
+    /// Adds its moments about a centre.
+    fn add_to(&self, center: [f64; 3], moments: &mut Moments);
+    /// Its solid angle over 4π seen from a lattice position.
+    fn share_at(&self, p: Units) -> f64;
+}
+
+/// Sums of symmetrised moments: D = Σa, Q = Σ a⊗d, T = ½ Σ a⊗d⊗d.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Moments {
+    dipole: [f64; 3],
+    /// xx, yy, zz, xy, yz, zx.
+    quadrupole: [f64; 6],
+    /// xxx, yyy, zzz, xxy, xxz, yyx, yyz, zzx, zzy, xyz.
+    octupole: [f64; 10],
+}
+
+/// Indices of [`Moments::quadrupole`].
+const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
+/// Indices of [`Moments::octupole`].
+const TRIPLES: [(usize, usize, usize); 10] = [
+    (0, 0, 0),
+    (1, 1, 1),
+    (2, 2, 2),
+    (0, 0, 1),
+    (0, 0, 2),
+    (1, 1, 0),
+    (1, 1, 2),
+    (2, 2, 0),
+    (2, 2, 1),
+    (0, 1, 2),
+];
+
+impl Moments {
+    /// Adds an element from its area vector and the means over it of d and of d dᵀ.
+    pub fn add(&mut self, area: [f64; 3], mean: [f64; 3], second: impl Fn(usize, usize) -> f64) {
+        self.dipole.iter_mut().zip(area).for_each(|(sum, a)| *sum += a);
+        for (sum, (i, j)) in self.quadrupole.iter_mut().zip(PAIRS) {
+            *sum += 0.5 * (area[i] * mean[j] + area[j] * mean[i]);
+        }
+        let s = [0, 1, 2].map(|i| [0, 1, 2].map(|j| second(i, j)));
+        for (sum, (i, j, k)) in self.octupole.iter_mut().zip(TRIPLES) {
+            *sum += (area[i] * s[j][k] + area[j] * s[i][k] + area[k] * s[i][j]) / 6.0;
+        }
+    }
+}
+
+/// The expansion: the moments without their traces, with all constant factors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Expansion {
+    dipole: [f64; 3],
+    quadrupole: [f64; 6],
+    octupole: [f64; 10],
+}
+
+impl From<&Moments> for Expansion {
+    fn from(m: &Moments) -> Expansion {
+        let view = 1.0 / (4.0 * PI);
+        let q = &m.quadrupole;
+        let trace = (q[0] + q[1] + q[2]) / 3.0;
+        let quadrupole = [q[0] - trace, q[1] - trace, q[2] - trace, 2.0 * q[3], 2.0 * q[4], 2.0 * q[5]];
+        let t = &m.octupole;
+        // A fifth of T_iik.
+        let [x, y, z] =
+            [t[0] + t[5] + t[7], t[1] + t[3] + t[8], t[2] + t[4] + t[6]].map(|component| component / 5.0);
+        let octupole = [
+            t[0] - 3.0 * x,
+            t[1] - 3.0 * y,
+            t[2] - 3.0 * z,
+            3.0 * (t[3] - y),
+            3.0 * (t[4] - z),
+            3.0 * (t[5] - x),
+            3.0 * (t[6] - z),
+            3.0 * (t[7] - x),
+            3.0 * (t[8] - y),
+            6.0 * t[9],
+        ];
+        Expansion {
+            dipole: m.dipole.map(|v| v * view),
+            quadrupole: quadrupole.map(|v| v * (-3.0 * view)),
+            octupole: octupole.map(|v| v * (15.0 * view)),
+        }
+    }
+}
+
+impl Expansion {
+    /// The winding number seen from a point, given the way `r` from there to the centre.
+    #[inline]
+    pub fn at(&self, r: [f64; 3]) -> f64 {
+        let [x, y, z] = r;
+        let (xx, yy, zz) = (x * x, y * y, z * z);
+        let inverse = 1.0 / (xx + yy + zz);
+        let (d, q, t) = (&self.dipole, &self.quadrupole, &self.octupole);
+        let linear = d[0] * x + d[1] * y + d[2] * z;
+        let square = q[0] * xx + q[1] * yy + q[2] * zz + y * (q[3] * x + q[4] * z) + q[5] * z * x;
+        let cube = x * (t[0] * xx + t[5] * yy + t[7] * zz)
+            + y * (t[1] * yy + t[3] * xx + t[8] * zz)
+            + z * (t[2] * zz + t[4] * xx + t[6] * yy)
+            + t[9] * x * y * z;
+        (linear + inverse * (square + inverse * cube)) * inverse * inverse.sqrt()
+    }
+}
+
+/// Bound on the error of an [`Expansion`] at the distance D > R from its centre, R being the distance of its
+/// farthest point and `cubed` the integral of s³ over the area, s being the distance from the centre.
+///
+/// 1/|x − p| = Σ_l s^l P_l(cos γ)/D^{l+1}. The gradient of the solid harmonic s^l P_l is at most l s^{l−1} long
+/// (Bernstein and Szegő: (1 − x²) P_l'² + l² P_l² ≤ l²), and the expansion holds l ≤ 3. What is left is at most
+/// Σ_{l≥4} l ∫s^{l−1} / D^{l+1} ≤ ∫s³ / D⁵ · Σ_m (m + 4) q^m = ∫s³ / D⁵ · (4 − 3q)/(1 − q)², q = R/D.
+pub fn error_bound(reach: Reach, distance: f64) -> f64 {
+    let q = reach.farthest / distance;
+    if q >= 1.0 || distance == 0.0 {
+        return f64::INFINITY;
+    }
+    let squared = distance * distance;
+    reach.cubed / (squared * squared * distance) * (4.0 - 3.0 * q) / ((1.0 - q) * (1.0 - q)) / (4.0 * PI)
+}

@@ -1,0 +1,81 @@
+//! Winding numbers of open soups at arbitrary points.
+
+use super::super::points::crossings_at;
+use super::OpenPart;
+use crate::error::Result;
+use crate::ingest::Facets;
+use crate::lattice::{ROOT_BITS, RootCube, Units};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Points that share a choice of clusters, on average: the choice costs about as much as ten answers.
+const POINTS_A_CELL: usize = 64;
+/// Farther out than this, in units, points have no lattice position.
+const FAR: f64 = (1u64 << (ROOT_BITS + 6)) as f64;
+/// A million of the root's edges away the soup covers less than 1e-12 of the view; farther out f64 overflows.
+const NOWHERE: f64 = FAR / 64.0 * 1e6;
+
+/// The winding number of an open soup at each point, with an error of at most `error`. Input and points are
+/// snapped as [`super::super::winding_at`] does; points outside the root too. The input is streamed once;
+/// memory goes with the number of points and that of the caps.
+///
+/// # Errors
+/// If the user interrupts.
+pub fn open_winding_at(
+    sources: &[&dyn Facets],
+    root: RootCube,
+    open: &OpenPart,
+    points: &[[f64; 3]],
+    error: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>> {
+    let counts = crossings_at(sources, &open.caps, root, points, progress)?;
+    let shares = cap_shares(root, open, points, error, progress)?;
+    Ok(counts.iter().zip(shares).map(|(&count, share)| count as f64 - share).collect())
+}
+
+/// w_C at each point.
+fn cap_shares(
+    root: RootCube,
+    open: &OpenPart,
+    points: &[[f64; 3]],
+    error: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>> {
+    let mut shares = vec![0.0; points.len()];
+    let mut near: Vec<(Units, Units, usize)> = Vec::new();
+    let shift = cell_bits(points.len());
+    for (number, p) in points.iter().enumerate() {
+        let units = root.to_units(*p);
+        if units.iter().all(|c| c.abs() < FAR) {
+            // As in `Columns`: truncation is the floor there, and here the cell is found from the result.
+            let p = units.map(|c| c.floor() as i32 | 1);
+            near.push((p.map(|c| c >> shift), p, number));
+        } else if units.iter().all(|c| c.abs() < NOWHERE) {
+            shares[number] = open.tree.far_at(units);
+        }
+    }
+    near.par_sort_unstable();
+    let cells: Vec<&[(Units, Units, usize)]> = near.chunk_by(|a, b| a.0 == b.0).collect();
+    let found: Vec<Vec<(usize, f64)>> = cells
+        .par_iter()
+        .map(|cell| {
+            if progress.cancelled() {
+                return Vec::new();
+            }
+            // The whole cell, so that a point's answer does not depend on who else asks.
+            let low = cell[0].0.map(|c| f64::from(c << shift));
+            let selection = open.tree.select(low, low.map(|c| c + f64::from(1u32 << shift)), error);
+            cell.iter().map(|&(_, p, number)| (number, open.tree.at(&selection, p))).collect()
+        })
+        .collect();
+    progress.check()?;
+    found.into_iter().flatten().for_each(|(number, share)| shares[number] = share);
+    Ok(shares)
+}
+
+/// log₂ of the edge of the cells in which so many points share a choice.
+fn cell_bits(points: usize) -> u32 {
+    let cells = (points / POINTS_A_CELL).max(1);
+    ROOT_BITS - (cells.ilog2() / 3).min(8)
+}

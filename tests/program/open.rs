@@ -1,0 +1,76 @@
+//! Open meshes: what `info` and `winding` say of them.
+
+use crate::support::*;
+
+fn w_of(text: &str) -> Vec<f64> {
+    text.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect()
+}
+
+#[test]
+fn info_counts_open_edges_loops_and_flipped_patches() {
+    let dir = Scratch::new();
+    let say = |path: &dyn AsRef<std::ffi::OsStr>| run(&[&"info", path, &"--json"]).json();
+    let closed = say(&stl("overlap_boxes"));
+    assert_eq!(
+        (&closed["closed"], &closed["open_edges"], &closed["facets"]),
+        (&true.into(), &0.into(), &24.into())
+    );
+    let open = say(&stl("open_box_no_lid"));
+    assert_eq!((&open["closed"], &open["open_edges"], &open["loops"]), (&false.into(), &4.into(), &1.into()));
+    assert_eq!(open["flipped_patches"], 0);
+    let mut facets = cuboid([0.0; 3], [1.0; 3]);
+    facets[3].swap(0, 1);
+    let flipped = dir.file("flipped.STL", binary_stl(12, &facets));
+    let found = say(&flipped);
+    assert_eq!(
+        (&found["open_edges"], &found["loops"], &found["flipped_patches"]),
+        (&6.into(), &2.into(), &1.into())
+    );
+    let text = run(&[&"info", &flipped]).ok();
+    assert!(text.contains("open: 6 open edges in 2 loops, 1 flipped patches"), "{text}");
+    assert!(run(&[&"info", &stl("overlap_boxes")]).ok().contains("surface  closed"));
+    assert!(run(&[&"info", &stl("truncated")]).failed().contains("truncated.stl"));
+}
+
+#[test]
+fn points_in_open_meshes() {
+    let open = stl("open_box_no_lid");
+    let args: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"winding", &open, &"--points", &"-"];
+    let truth = truth("open_box_no_lid", "winding_centre");
+    for error in ["0.1", "1e-3", "1e-6"] {
+        let out = run_with(&[&args[..], &[&"--gwn-error", &error]].concat(), "5,5,5\n").ok();
+        assert!((w_of(&out)[0] - truth).abs() <= error.parse().unwrap(), "{out}");
+    }
+    let brute = run_with(&[&args[..], &[&"--brute"]].concat(), "5,5,5\n").ok();
+    assert!((w_of(&brute)[0] - truth).abs() < 1e-6, "{brute}");
+    for wrong in ["0", "1", "nan", "much"] {
+        let line = run_with(&[&args[..], &[&"--gwn-error", &wrong]].concat(), "").misused();
+        assert!(line.contains("1e-6 to 0.1"), "{line}");
+    }
+}
+
+/// A file as it comes: beads, one facet in a hundred lost.
+#[test]
+fn beads_with_lost_facets_stay_within_the_bound() {
+    let dir = Scratch::new();
+    let all = facets_of(&stl("clover_beads"));
+    let kept: Vec<Facet> = all.iter().enumerate().filter(|(i, _)| i % 101 != 7).map(|(_, t)| *t).collect();
+    let path = dir.file("lost.stl", binary_stl(kept.len() as u32, &kept));
+    let axis = |a: usize| {
+        kept.iter().flatten().map(move |v| v[a]).fold((f32::MAX, f32::MIN), |(l, h), c| (l.min(c), h.max(c)))
+    };
+    let at = |a: usize, share: usize| axis(a).0 + (axis(a).1 - axis(a).0) * (share as f32 / 101.0);
+    let csv: String = (0..150)
+        .map(|i| format!("{},{},{}\n", at(0, i * 37 % 101), at(1, i * 61 % 101), at(2, i * 83 % 101)))
+        .collect();
+    let args: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"winding", &path, &"--points", &"-"];
+    let one = run_with(&[&args[..], &[&"--threads", &"1"]].concat(), &csv).ok();
+    assert_eq!(run_with(&[&args[..], &[&"--threads", &"3"]].concat(), &csv).ok(), one);
+    let brute = w_of(&run_with(&[&args[..], &[&"--brute"]].concat(), &csv).ok());
+    let mut covered = 0;
+    for (w, b) in w_of(&one).iter().zip(&brute) {
+        assert!((w - b).abs() <= 1e-3, "{w} {b}");
+        covered += usize::from(*b > 0.5);
+    }
+    assert!(covered > 30, "{covered}");
+}

@@ -1,0 +1,65 @@
+//! `brickfield info` of a mesh: how large it is, and whether it is closed.
+
+use super::info::point;
+use super::{open_inputs, start};
+use crate::args::{InfoArgs, WorkArgs};
+use crate::failure::Failure;
+use crate::output::{print, print_json};
+use anyhow::anyhow;
+use brickfield_engine::build::is_closed;
+use brickfield_engine::lattice::RootCube;
+use brickfield_engine::winding::{OpenPart, OpenSummary};
+use serde_json::json;
+use std::path::Path;
+
+/// Whether the name is that of a mesh.
+pub fn is_mesh(path: &Path) -> bool {
+    let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    ending.is_some_and(|e| ["stl", "obj", "ply"].contains(&e.as_str()))
+}
+
+/// Runs the command.
+pub fn run(args: &InfoArgs) -> Result<(), Failure> {
+    let bars = start(WorkArgs { threads: None, quiet: args.json })?;
+    let inputs = open_inputs(std::slice::from_ref(&args.file), &[], &bars)?;
+    let input = &inputs[0];
+    let path = input.path().display().to_string();
+    let (min, max) = input.bounds(&bars)?;
+    let root = RootCube::around(min, max).ok_or_else(|| {
+        anyhow!(
+            "{path}: bounds: the input spans {min:?} to {max:?}, which fits no lattice; give it an extent"
+        )
+    })?;
+    let summary = if is_closed(&inputs, root, &bars)? {
+        OpenSummary::default()
+    } else {
+        OpenPart::of(&[input], root, &bars)?.summary
+    };
+    bars.clear();
+    let OpenSummary { open_edges, loops, flipped_patches, .. } = summary;
+    if args.json {
+        return print_json(&json!({
+            "path": path,
+            "format": input.describe(),
+            "bytes": input.bytes(),
+            "facets": input.facets(),
+            "bounds": [min, max],
+            "closed": open_edges == 0,
+            "open_edges": open_edges,
+            "loops": loops,
+            "flipped_patches": flipped_patches,
+        }));
+    }
+    let closed = if open_edges == 0 {
+        "closed".to_owned()
+    } else {
+        format!("open: {open_edges} open edges in {loops} loops, {flipped_patches} flipped patches")
+    };
+    print(&format!(
+        "{path}: {}, {} facets\n  bounds   {} to {}\n  surface  {closed}\n",
+        input.describe(),
+        input.facets(),
+        point(min),
+        point(max)
+    ))
+}
