@@ -74,3 +74,42 @@ fn beads_with_lost_facets_stay_within_the_bound() {
     }
     assert!(covered > 30, "{covered}");
 }
+
+/// Points of a sphere, as a scan gives them.
+#[test]
+fn point_clouds_with_and_without_normals() {
+    let dir = Scratch::new();
+    let points: Vec<[f64; 3]> = (0..4000)
+        .map(|i| {
+            // Evenly spread: Fibonacci's spiral.
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 4000.0;
+            let (sin, cos) = (f64::from(i) * 2.399_963_229_728_653).sin_cos();
+            [cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z]
+        })
+        .collect();
+    let line = |p: &[f64; 3]| format!("{} {} {}", p[0], p[1], p[2]);
+    let oriented: String = points.iter().map(|p| format!("{} {}\n", line(p), line(p))).collect();
+    let bare: String = points.iter().map(|p| line(p) + "\n").collect();
+    let (oriented, bare) = (dir.file("a.xyz", oriented), dir.file("b.xyz", bare));
+    let asked = "0,0,0\n0.5,0.5,0\n0,0.9,0\n0,0,1.2\n3,4,5\n";
+    let truth = [1.0, 1.0, 1.0, 0.0, 0.0];
+    let runs: [&[&dyn AsRef<std::ffi::OsStr>]; 3] =
+        [&[&oriented], &[&bare, &"--estimate-normals"], &[&oriented, &"--brute"]];
+    for extra in runs {
+        let out = run_with(
+            &[&[&"winding" as &dyn AsRef<std::ffi::OsStr>, &"--points", &"-"], extra].concat(),
+            asked,
+        )
+        .ok();
+        for (w, t) in w_of(&out).iter().zip(truth) {
+            assert!((w - t).abs() < 0.05, "{out}");
+        }
+    }
+    let refused = run_with(&[&"winding", &bare, &"--points", &"-"], asked).failed();
+    assert!(refused.contains("b.xyz") && refused.contains("--estimate-normals"), "{refused}");
+    let mixed = run_with(&[&"winding", &oriented, &stl("overlap_boxes"), &"--points", &"-"], asked).failed();
+    assert!(mixed.contains("overlap_boxes.stl") && mixed.contains("mesh among point clouds"), "{mixed}");
+    let mesh =
+        run_with(&[&"winding", &stl("overlap_boxes"), &"--estimate-normals", &"--points", &"-"], asked);
+    assert!(mesh.misused().contains("is none"));
+}

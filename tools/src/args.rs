@@ -179,9 +179,12 @@ pub struct SampleArgs {
 #[command(after_help = "\
 For closed meshes crossings are counted, and w is an exact integer. Open ones are closed by caps, whose solid \
 angles are then taken off again, with an error of at most --gwn-error. Facets and points are snapped to the \
-lattice that `build` uses.")]
+lattice that `build` uses.
+
+Of a point cloud (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
+counts as a dipole with the area that its nearest neighbours leave it.")]
 pub struct WindingArgs {
-    /// Mesh files: STL (binary, ASCII), OBJ, PLY
+    /// Mesh files: STL (binary, ASCII), OBJ, PLY; or point clouds: PLY, XYZ
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// Points as lines x,y,z in the input's unit; - reads standard input. A header line, empty lines and lines
@@ -191,6 +194,9 @@ pub struct WindingArgs {
     /// Largest error of w where the meshes are open; 1e-6 to 0.1
     #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
     pub gwn_error: GwnError,
+    /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree
+    #[arg(long)]
+    pub estimate_normals: bool,
     /// Sum the solid angles of all facets in double precision instead; slow
     #[arg(long)]
     pub brute: bool,

@@ -4,6 +4,7 @@
 //! formats are parsed into memory once. [`Input::read`] hides the difference.
 
 mod bounds;
+mod cloud;
 mod detect;
 mod facets;
 mod obj;
@@ -18,6 +19,7 @@ mod text;
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
+pub use cloud::PointCloud;
 pub use facets::{Facets, runs};
 
 use bounds::Extent;

@@ -1,7 +1,9 @@
-//! The field: exact winding numbers of closed soups from crossings with lattice lines.
+//! The field: exact winding numbers of closed soups from crossings with lattice lines, those of open soups and
+//! point clouds within a bound.
 
 mod balance;
 mod brute;
+mod cloud;
 mod corners;
 mod evaluate;
 mod hermite;
@@ -11,7 +13,8 @@ mod scan;
 
 pub use balance::EdgeBalance;
 pub use brute::solid_angle;
+pub use cloud::{CloudField, estimate_normals};
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};
-pub use open::{Boundary, ClusterTree, OpenEdge, OpenPart, OpenSummary, Selection, open_winding_at};
+pub use open::{Boundary, ClusterTree, Element, OpenEdge, OpenPart, OpenSummary, Selection, open_winding_at};
 pub use points::{brute_at, winding_at};

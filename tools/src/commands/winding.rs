@@ -1,4 +1,4 @@
-//! `brickfield winding`: w at points, straight from meshes, closed or open.
+//! `brickfield winding`: w at points, straight from meshes, closed or open, or from point clouds.
 
 use super::{open_inputs, start};
 use crate::args::WindingArgs;
@@ -6,49 +6,109 @@ use crate::failure::Failure;
 use crate::points::{PointReader, PointWriter};
 use crate::progress::Bars;
 use anyhow::anyhow;
-use brickfield_engine::Progress;
 use brickfield_engine::build::is_closed;
-use brickfield_engine::ingest::{Facets, Input, bounds_of_all};
+use brickfield_engine::ingest::{Facets, Input, PointCloud, bounds_of_all};
 use brickfield_engine::lattice::RootCube;
-use brickfield_engine::winding::{OpenPart, brute_at, open_winding_at, winding_at};
+use brickfield_engine::winding::{
+    CloudField, OpenPart, brute_at, estimate_normals, open_winding_at, winding_at,
+};
+use brickfield_engine::{Error, Progress};
 use std::fmt::Display;
+use std::path::Path;
 
 /// Runs the command.
 pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let inputs = open_inputs(&args.inputs, &[], &bars)?;
+    if let Some(cloud) = open_clouds(args, &bars)? {
+        return of_cloud(args, cloud, &bars);
+    }
+    if args.estimate_normals {
+        let name = args.inputs[0].display();
+        return Err(Failure::Usage(format!("--estimate-normals is for point clouds; {name} is none")));
+    }
+    of_meshes(args, &bars)
+}
+
+fn of_meshes(args: &WindingArgs, bars: &Bars) -> Result<(), Failure> {
+    let inputs = open_inputs(&args.inputs, &[], bars)?;
     let points = PointReader::open(&args.points)?.all()?;
-    let (min, max) = bounds_of_all(&inputs, &bars)?;
-    let root = RootCube::around(min, max).ok_or_else(|| {
-        let path = inputs[0].path().display();
-        anyhow!(
-            "{path}: bounds: the input spans {min:?} to {max:?}, which fits no lattice; give it an extent"
-        )
-    })?;
+    let (min, max) = bounds_of_all(&inputs, bars)?;
+    let root = root_around(inputs[0].path(), min, max)?;
     let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
     let total = Some(inputs.iter().map(Input::facets).sum());
-    let mut writer = PointWriter::new(args.json)?;
     if args.brute {
         bars.phase("adding up", total, "facets");
-        write(&mut writer, &bars, &points, &brute_at(&sources, root, &points, &bars)?)?;
-    } else if is_closed(&inputs, root, &bars)? {
+        write(args, bars, &points, &brute_at(&sources, root, &points, bars)?)
+    } else if is_closed(&inputs, root, bars)? {
         bars.phase("counting", total, "facets");
-        write(&mut writer, &bars, &points, &winding_at(&sources, root, &points, &bars)?)?;
+        write(args, bars, &points, &winding_at(&sources, root, &points, bars)?)
     } else {
-        let open = OpenPart::of(&sources, root, &bars)?;
+        let open = OpenPart::of(&sources, root, bars)?;
         bars.phase("counting", total, "facets");
-        let values = open_winding_at(&sources, root, &open, &points, args.gwn_error.0, &bars)?;
-        write(&mut writer, &bars, &points, &values)?;
+        let values = open_winding_at(&sources, root, &open, &points, args.gwn_error.0, bars)?;
+        write(args, bars, &points, &values)
     }
-    writer.flush()
+}
+
+/// All inputs as one cloud, if the first is one.
+fn open_clouds(args: &WindingArgs, bars: &Bars) -> Result<Option<PointCloud>, Failure> {
+    let mut all: Option<PointCloud> = None;
+    for (number, path) in args.inputs.iter().enumerate() {
+        match (PointCloud::open(path, bars)?, &mut all) {
+            (None, None) => return Ok(None),
+            (Some(cloud), None) if number == 0 => all = Some(cloud),
+            (Some(cloud), Some(all)) => {
+                if cloud.normals.is_empty() != all.normals.is_empty() {
+                    let what = "has normals or lacks them, unlike the clouds before it";
+                    return Err(Error::input(path, "points", what, "give the clouds alike").into());
+                }
+                all.points.extend(cloud.points);
+                all.normals.extend(cloud.normals);
+            }
+            _ => {
+                let what = "is a mesh among point clouds";
+                return Err(Error::input(path, "points", what, "give meshes and clouds apart").into());
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn of_cloud(args: &WindingArgs, mut cloud: PointCloud, bars: &Bars) -> Result<(), Failure> {
+    let points = PointReader::open(&args.points)?.all()?;
+    if args.estimate_normals {
+        estimate_normals(&mut cloud, bars)?;
+    } else if cloud.normals.is_empty() {
+        let (what, remedy) = ("have no normals", "add --estimate-normals, or export them with normals");
+        return Err(Error::input(&args.inputs[0], "points", what, remedy).into());
+    }
+    let (min, max) = cloud.bounds();
+    let root = root_around(&args.inputs[0], min, max)?;
+    let field = CloudField::new(&cloud, root, bars)?;
+    let values = if args.brute {
+        field.brute_at(root, &points)
+    } else {
+        field.winding_at(root, &points, args.gwn_error.0, bars)?
+    };
+    write(args, bars, &points, &values)
+}
+
+fn root_around(path: &Path, min: [f64; 3], max: [f64; 3]) -> Result<RootCube, Failure> {
+    RootCube::around(min, max).ok_or_else(|| {
+        let path = path.display();
+        let spans = format!("the input spans {min:?} to {max:?}, which fits no lattice");
+        anyhow!("{path}: bounds: {spans}; give it an extent").into()
+    })
 }
 
 fn write(
-    writer: &mut PointWriter,
+    args: &WindingArgs,
     bars: &Bars,
     points: &[[f64; 3]],
     values: &[impl Display + Copy],
 ) -> Result<(), Failure> {
     bars.clear();
-    points.iter().zip(values).try_for_each(|(point, w)| writer.write(*point, *w))
+    let mut writer = PointWriter::new(args.json)?;
+    points.iter().zip(values).try_for_each(|(point, w)| writer.write(*point, *w))?;
+    writer.flush()
 }

@@ -1,7 +1,7 @@
 //! The body of an ASCII PLY: a line per row.
 
 use super::Plan;
-use super::header::{Element, Scalar, Shape};
+use super::header::{Element, Header, Scalar, Shape};
 use crate::error::{Error, Result};
 use crate::ingest::polygons::Polygons;
 use crate::ingest::text::{self, Lines};
@@ -30,6 +30,40 @@ pub(super) fn read(path: &Path, bytes: &[u8], plan: &Plan, progress: &dyn Progre
         None => Ok(polygons),
         Some(_) => Err(rows.error("the text goes on after the last element that the header names".into())),
     }
+}
+
+/// Reads the columns `wanted` of the element `vertex`, calling `row` with their values; elements after it are
+/// left alone.
+pub(super) fn vertex_columns(
+    path: &Path,
+    bytes: &[u8],
+    header: &Header,
+    wanted: &[(usize, Scalar)],
+    progress: &dyn Progress,
+    mut row: impl FnMut(&[f64]),
+) -> Result<()> {
+    let mut rows = Rows { path, lines: Lines::new(&bytes[header.body_byte..], header.lines, progress) };
+    let mut values = vec![0.0; wanted.len()];
+    for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
+        for number in 0..element.count {
+            let mut line = rows.next(element, number)?;
+            if element.name != b"vertex" {
+                continue;
+            }
+            for (column, property) in element.properties.iter().enumerate() {
+                match (property.shape, wanted.iter().position(|(c, _)| *c == column)) {
+                    (Shape::One(scalar), Some(at)) => values[at] = rows.coordinate(&mut line, scalar)?,
+                    (shape, _) => rows.skip(&mut line, shape)?,
+                }
+            }
+            rows.end(line)?;
+            row(&values);
+        }
+        if element.name == b"vertex" {
+            break;
+        }
+    }
+    Ok(())
 }
 
 fn vertices(rows: &mut Rows, element: &Element, plan: &Plan, out: &mut Polygons) -> Result<()> {

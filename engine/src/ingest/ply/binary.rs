@@ -1,7 +1,7 @@
 //! The body of a binary PLY, in either byte order (`BIG`: big-endian).
 
 use super::Plan;
-use super::header::{Element, Scalar, Shape};
+use super::header::{Element, Header, Scalar, Shape};
 use crate::error::{Error, Result};
 use crate::ingest::polygons::Polygons;
 use crate::ingest::text;
@@ -69,6 +69,41 @@ fn load<const BIG: bool>(scalar: Scalar, bytes: &[u8]) -> f64 {
         Scalar::F32 => f32::from_le_bytes(ordered::<BIG, 4>(bytes)).into(),
         Scalar::F64 => f64::from_le_bytes(ordered::<BIG, 8>(bytes)),
     }
+}
+
+/// Reads the columns `wanted` of the element `vertex`, calling `row` with their values; elements after it are
+/// left alone.
+pub(super) fn vertex_columns<const BIG: bool>(
+    path: &Path,
+    bytes: &[u8],
+    header: &Header,
+    wanted: &[(usize, Scalar)],
+    progress: &dyn Progress,
+    mut row: impl FnMut(&[f64]),
+) -> Result<()> {
+    let mut body = Body { path, bytes, at: header.body_byte, progress };
+    let mut values = vec![0.0; wanted.len()];
+    for element in &header.elements {
+        body.check_room(element)?;
+        let before = body.at;
+        for number in 0..element.count {
+            body.row::<BIG>(element, number, |column, value| {
+                if element.name == b"vertex"
+                    && let Some(at) = wanted.iter().position(|(c, _)| *c == column)
+                {
+                    values[at] = load::<BIG>(wanted[at].1, value);
+                }
+            })?;
+            if element.name == b"vertex" {
+                row(&values);
+            }
+        }
+        progress.advance((body.at - before) as u64);
+        if element.name == b"vertex" {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// Reads the element `vertex` if its rows are all of one size.

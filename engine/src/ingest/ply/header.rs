@@ -236,6 +236,15 @@ pub(super) fn corner_list(face: &Element) -> Option<(usize, Scalar)> {
 
 /// The properties of `vertex` that hold x, y and z.
 pub(super) fn coordinates(vertex: &Element) -> Option<[(usize, Scalar); 3]> {
+    columns(vertex, ["x", "y", "z"])
+}
+
+/// The properties of `vertex` that hold its normal.
+pub(super) fn normals(vertex: &Element) -> Option<[(usize, Scalar); 3]> {
+    columns(vertex, ["nx", "ny", "nz"])
+}
+
+fn columns(vertex: &Element, names: [&str; 3]) -> Option<[(usize, Scalar); 3]> {
     let find = |name| {
         let index = vertex.find(name)?;
         match vertex.properties[index].shape {
@@ -243,5 +252,6 @@ pub(super) fn coordinates(vertex: &Element) -> Option<[(usize, Scalar); 3]> {
             Shape::List { .. } => None,
         }
     };
-    Some([find("x")?, find("y")?, find("z")?])
+    let [x, y, z] = names.map(find);
+    Some([x?, y?, z?])
 }

@@ -7,8 +7,10 @@
 
 mod ascii;
 mod binary;
+mod cloud;
 mod header;
 
+pub(super) use cloud::{has_faces, read_cloud};
 pub(super) use header::is_ply;
 
 use super::polygons::Polygons;
@@ -64,10 +66,10 @@ fn plan(path: &Path, header: Header) -> Result<Plan> {
     }
     let Some(face) = header.element("face").filter(|face| face.count > 0) else {
         let what = format!(
-            "is a point cloud ({} vertices, no faces), which this version does not read",
+            "is a point cloud ({} vertices, no faces), which this command does not take",
             vertex.count
         );
-        return Err(error(what, "export it as a triangle mesh"));
+        return Err(error(what, "export it as a triangle mesh; `winding` answers point clouds"));
     };
     let corners = header::corner_list(face).ok_or_else(|| {
         let what = "the element \"face\" lacks a list of integers \"vertex_indices\" (or \"vertex_index\")";

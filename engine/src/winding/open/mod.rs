@@ -19,7 +19,9 @@ mod points;
 mod tree;
 
 pub use boundary::{Boundary, OpenEdge};
+pub use moments::{Element, Moments, Reach};
 pub use points::open_winding_at;
+pub(super) use points::shares_at;
 pub use tree::{ClusterTree, Selection};
 
 use crate::error::Result;

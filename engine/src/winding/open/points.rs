@@ -1,7 +1,7 @@
 //! Winding numbers of open soups at arbitrary points.
 
 use super::super::points::crossings_at;
-use super::OpenPart;
+use super::{ClusterTree, Element, OpenPart};
 use crate::error::Result;
 use crate::ingest::Facets;
 use crate::lattice::{ROOT_BITS, RootCube, Units};
@@ -30,14 +30,14 @@ pub fn open_winding_at(
     progress: &dyn Progress,
 ) -> Result<Vec<f64>> {
     let counts = crossings_at(sources, &open.caps, root, points, progress)?;
-    let shares = cap_shares(root, open, points, error, progress)?;
+    let shares = shares_at(root, &open.tree, points, error, progress)?;
     Ok(counts.iter().zip(shares).map(|(&count, share)| count as f64 - share).collect())
 }
 
-/// w_C at each point.
-fn cap_shares(
+/// The sum over a tree's elements at each point, off by at most `error`. Points are snapped.
+pub(in crate::winding) fn shares_at<E: Element>(
     root: RootCube,
-    open: &OpenPart,
+    tree: &ClusterTree<E>,
     points: &[[f64; 3]],
     error: f64,
     progress: &dyn Progress,
@@ -52,7 +52,7 @@ fn cap_shares(
             let p = units.map(|c| c.floor() as i32 | 1);
             near.push((p.map(|c| c >> shift), p, number));
         } else if units.iter().all(|c| c.abs() < NOWHERE) {
-            shares[number] = open.tree.far_at(units);
+            shares[number] = tree.far_at(units);
         }
     }
     near.par_sort_unstable();
@@ -65,8 +65,8 @@ fn cap_shares(
             }
             // The whole cell, so that a point's answer does not depend on who else asks.
             let low = cell[0].0.map(|c| f64::from(c << shift));
-            let selection = open.tree.select(low, low.map(|c| c + f64::from(1u32 << shift)), error);
-            cell.iter().map(|&(_, p, number)| (number, open.tree.at(&selection, p))).collect()
+            let selection = tree.select(low, low.map(|c| c + f64::from(1u32 << shift)), error);
+            cell.iter().map(|&(_, p, number)| (number, tree.at(&selection, p))).collect()
         })
         .collect();
     progress.check()?;

@@ -1,0 +1,170 @@
+//! Point clouds: PLY without faces, and text with a point a line.
+
+use super::ply;
+use super::text::{self, Lines};
+use crate::error::{Error, Result};
+use crate::mmap::{Access, MappedFile};
+use crate::progress::Progress;
+use std::path::Path;
+
+/// Points of a surface, in the input's own unit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PointCloud {
+    /// Where they are.
+    pub points: Vec<[f64; 3]>,
+    /// Outward normals of any length, one for each point; empty if the file has none.
+    pub normals: Vec<[f64; 3]>,
+}
+
+impl PointCloud {
+    /// Opens `path` if it is a point cloud: a PLY without faces, or text that ends in .xyz with x y z or
+    /// x y z nx ny nz a line, separated by white space or commas. `None` if it is something else.
+    ///
+    /// # Errors
+    /// If the file is missing or damaged, has no points, or has a coordinate that is not finite: the message
+    /// names the line, byte or point.
+    pub fn open(path: &Path, progress: &dyn Progress) -> Result<Option<PointCloud>> {
+        let file = MappedFile::open(path)?;
+        let bytes = file.bytes();
+        let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xyz"));
+        let is_ply = ply::is_ply(bytes);
+        if is_ply && ply::has_faces(path, bytes)? || !is_ply && !is_text {
+            return Ok(None);
+        }
+        file.advise(Access::Sequential);
+        progress.phase("reading", Some(file.len()), "bytes");
+        let cloud =
+            if is_ply { ply::read_cloud(path, bytes, progress)? } else { read_text(path, bytes, progress)? };
+        cloud.check(path)?;
+        Ok(Some(cloud))
+    }
+
+    /// Adds a point from three coordinates, or six with its normal.
+    pub(super) fn push(&mut self, values: &[f64]) {
+        if let Some((point, rest)) = values.split_first_chunk::<3>() {
+            self.points.push(*point);
+            self.normals.extend(rest.first_chunk::<3>());
+        }
+    }
+
+    fn check(&self, path: &Path) -> Result<()> {
+        if self.points.is_empty() {
+            return Err(Error::input(path, "points", "there are none", "give at least one point"));
+        }
+        let finite = |v: &[f64; 3]| v.iter().all(|c| c.is_finite());
+        let bad = |list: &[[f64; 3]]| list.iter().position(|v| !finite(v));
+        match bad(&self.points).or_else(|| bad(&self.normals)) {
+            None => Ok(()),
+            Some(number) => Err(Error::input(
+                path,
+                format!("point {}", number + 1),
+                "has a coordinate that is not finite",
+                "remove the point or export the file again",
+            )),
+        }
+    }
+
+    /// The box around all points.
+    pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        let min = std::array::from_fn(|a| self.points.iter().fold(f64::INFINITY, |m, p| m.min(p[a])));
+        let max = std::array::from_fn(|a| self.points.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[a])));
+        (min, max)
+    }
+}
+
+/// A point a line; every line has as many numbers as the first. Lines that begin with # are skipped.
+fn read_text(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<PointCloud> {
+    let mut lines = Lines::new(text::without_mark(bytes), 0, progress);
+    let mut cloud = PointCloud::default();
+    let mut columns = None;
+    while let Some(line) = lines.next()? {
+        let line = line.trim_ascii();
+        if line.is_empty() || line.starts_with(b"#") {
+            continue;
+        }
+        let error = |what: String| {
+            let place = format!("line {}", lines.number());
+            Error::input(path, place, what, "write a point as x y z or x y z nx ny nz")
+        };
+        let mut values = [0.0; 6];
+        let mut count = 0;
+        let fields = line.split(|b| text::is_space(*b) || *b == b',').filter(|f| !f.is_empty());
+        for field in fields {
+            let value = text::number(field)
+                .ok_or_else(|| error(format!("{} is not a number", text::quote(field))))?;
+            *values.get_mut(count).ok_or_else(|| error("more than 6 numbers".into()))? = value;
+            count += 1;
+        }
+        let expected = *columns.get_or_insert(count);
+        if !matches!(count, 3 | 6) || count != expected {
+            return Err(error(format!("{count} numbers where 3 or 6, on every line alike, were expected")));
+        }
+        cloud.push(&values[..count]);
+    }
+    Ok(cloud)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    fn open(name: &str, content: &[u8]) -> Result<Option<PointCloud>> {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join(name);
+        std::fs::write(&path, content).expect("writable");
+        PointCloud::open(&path, &Silent)
+    }
+
+    #[test]
+    fn text_and_ply_give_the_same_cloud() {
+        let expected = PointCloud {
+            points: vec![[1.0, 2.0, 3.0], [4.0, 5.5, -6.0]],
+            normals: vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
+        };
+        let text = b"# a scan\n1 2 3 0 0 1\r\n\n4, 5.5, -6, 1, 0, 0\n";
+        assert_eq!(open("a.XYZ", text).unwrap().unwrap(), expected);
+        let header = |format: &str| {
+            format!(
+                "ply\nformat {format} 1.0\nelement vertex 2\nproperty float nx\nproperty float ny\nproperty \
+                 float nz\nproperty uchar red\nproperty double x\nproperty double y\nproperty double z\n\
+                 element face 0\nproperty list uchar int vertex_indices\nend_header\n"
+            )
+        };
+        let ascii = header("ascii") + "0 0 1 9 1 2 3\n1 0 0 9 4 5.5 -6\n";
+        assert_eq!(open("a.ply", ascii.as_bytes()).unwrap().unwrap(), expected);
+        for big in [false, true] {
+            let format = if big { "binary_big_endian" } else { "binary_little_endian" };
+            let mut bytes = header(format).into_bytes();
+            for (p, n) in expected.points.iter().zip(&expected.normals) {
+                n.iter().map(|c| *c as f32).for_each(|c| {
+                    bytes.extend(if big { c.to_be_bytes() } else { c.to_le_bytes() });
+                });
+                bytes.push(9);
+                p.iter().for_each(|c| bytes.extend(if big { c.to_be_bytes() } else { c.to_le_bytes() }));
+            }
+            assert_eq!(open("a.ply", &bytes).unwrap().unwrap(), expected);
+            assert!(open("a.ply", &bytes[..bytes.len() - 3]).is_err());
+        }
+        let bare = open("a.xyz", b"1 2 3\n4 5 6\n").unwrap().unwrap();
+        assert_eq!((bare.points.len(), bare.normals.len()), (2, 0));
+    }
+
+    #[test]
+    fn meshes_are_none_and_damage_is_named() {
+        assert_eq!(open("a.stl", b"solid a\nendsolid a\n").unwrap(), None);
+        let mesh = b"ply\nformat ascii 1.0\nelement vertex 0\nelement face 1\nend_header\n";
+        assert_eq!(open("a.ply", mesh).unwrap(), None);
+        for (content, what) in [
+            (&b"1 2 3\n1 2\n"[..], "line 2: 2 numbers"),
+            (b"1 2 3 4\n", "line 1: 4 numbers"),
+            (b"1 2 3 4 5 6 7\n", "line 1: more than 6"),
+            (b"1 2 x\n", "\"x\" is not a number"),
+            (b"1 2 3\n1 nan 3\n", "point 2: has a coordinate that is not finite"),
+            (b"# nothing\n", "there are none"),
+        ] {
+            let message = open("a.xyz", content).unwrap_err().to_string();
+            assert!(message.contains(what), "{message}");
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! The points of a PLY without faces.
+
+use super::header::{self, Encoding};
+use super::{ascii, binary};
+use crate::error::{Error, Result};
+use crate::ingest::cloud::PointCloud;
+use crate::progress::Progress;
+use std::path::Path;
+
+/// Whether the header names faces or triangle strips: otherwise the file is a point cloud.
+///
+/// # Errors
+/// If the header does not follow the format.
+pub(in crate::ingest) fn has_faces(path: &Path, bytes: &[u8]) -> Result<bool> {
+    let header = header::parse(path, bytes)?;
+    Ok(["face", "tristrips"].iter().any(|name| header.element(name).is_some_and(|e| e.count > 0)))
+}
+
+/// Reads the points, and their normals if the file has them. What is allocated is a small multiple of the
+/// size of `bytes`.
+///
+/// # Errors
+/// If the file does not follow the format or ends early.
+pub(in crate::ingest) fn read_cloud(
+    path: &Path,
+    bytes: &[u8],
+    progress: &dyn Progress,
+) -> Result<PointCloud> {
+    let header = header::parse(path, bytes)?;
+    let vertex = header.element("vertex");
+    let positions = vertex.and_then(header::coordinates).ok_or_else(|| {
+        let what = "there is no element \"vertex\" with plain properties x, y and z";
+        Error::input(path, "header", what, "export it as points with normals")
+    })?;
+    let normals = vertex.and_then(header::normals);
+    let wanted: Vec<_> = positions.into_iter().chain(normals.into_iter().flatten()).collect();
+    let mut cloud = PointCloud::default();
+    let row = |values: &[f64]| cloud.push(values);
+    match header.encoding {
+        Encoding::Ascii => ascii::vertex_columns(path, bytes, &header, &wanted, progress, row)?,
+        Encoding::LittleEndian => {
+            binary::vertex_columns::<false>(path, bytes, &header, &wanted, progress, row)?;
+        }
+        Encoding::BigEndian => {
+            binary::vertex_columns::<true>(path, bytes, &header, &wanted, progress, row)?;
+        }
+    }
+    Ok(cloud)
+}
