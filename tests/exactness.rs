@@ -12,6 +12,8 @@ mod hermite;
 mod limits;
 #[path = "exactness/open.rs"]
 mod open;
+#[path = "exactness/open_bricks.rs"]
+mod open_bricks;
 #[path = "exactness/oracle.rs"]
 mod oracle;
 #[path = "exactness/piles.rs"]

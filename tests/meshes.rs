@@ -5,7 +5,7 @@ use brickfield_bench_data::judge::mesh::{Report, check};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
-use brickfield_engine::build::{TreeOptions, build_in_memory};
+use brickfield_engine::build::{TreeOptions, build_in_memory, build_open_in_memory};
 use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour};
 use brickfield_engine::ingest::Input;
 use brickfield_engine::lattice::RootCube;
@@ -242,4 +242,45 @@ fn rotated_boxes_keep_their_edges_and_corners() {
     // 94 corners are met. The two others are tips within 0.12 cells of a brick's border, beyond which corners
     // are not looked for; they stay cut off by 0.127 cells.
     assert!(median < 0.001 && sharp >= 94 && corners[corners.len() - 1] < 0.15, "{corners:?}");
+}
+
+fn meshed_open(soup: &Soup, depth: u8) -> Report {
+    let tree =
+        build_open_in_memory(&[soup], root_of(soup), at_depth(depth), 1e-3).unwrap_or_else(|e| panic!("{e}"));
+    let mut kept = Kept::default();
+    contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let report = check(&kept.vertices, &kept.triangles);
+    assert!(report.is_closed_manifold() && report.is_oriented() && !kept.triangles.is_empty(), "{report}");
+    report
+}
+
+#[test]
+fn open_soups_give_closed_manifolds() {
+    let cube = file("overlap_boxes.stl");
+    let whole = 1600.0;
+    let mut lidless = cube.clone();
+    lidless.remove(3);
+    // What the missing half of a face lets out is made up for by a bulge of some size.
+    let volume = meshed_open(&lidless, 2).signed_volume;
+    assert!((volume / whole - 1.0).abs() < 0.1, "{volume}");
+    let holed: Soup = file("spot40_model.stl")
+        .into_iter()
+        .enumerate()
+        .filter(|(i, _)| i % 50 != 3)
+        .map(|(_, t)| t)
+        .collect();
+    meshed_open(&holed, 1);
+    let flipped: Soup =
+        cube.iter().enumerate().map(|(i, t)| if i == 5 { [t[1], t[0], t[2]] } else { *t }).collect();
+    meshed_open(&flipped, 2);
+}
+
+/// Sheets above each other: behind them w is about 2, beyond the root too, where the surface is cut off.
+#[test]
+fn a_surface_that_leaves_the_root_is_closed_at_its_faces() {
+    let sheet = |z: f64| {
+        [[[0.0, 0.0, z], [10.0, 0.0, z], [10.0, 10.0, z]], [[0.0, 0.0, z], [10.0, 10.0, z], [0.0, 10.0, z]]]
+    };
+    let soup: Soup = (0..5).flat_map(|i| sheet(9.0 + f64::from(i) * 0.25)).collect();
+    assert!(meshed_open(&soup, 2).signed_volume > 100.0);
 }

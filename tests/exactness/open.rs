@@ -8,7 +8,7 @@ use brickfield_engine::ingest::{Facet, Input};
 use brickfield_engine::winding::{OpenPart, open_winding_at};
 use std::path::Path;
 
-fn spot() -> Vec<Facet> {
+pub fn spot() -> Vec<Facet> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl/spot40_model.stl");
     let input = Input::open(&path, &Silent).expect("readable");
     let mut facets = Vec::new();
@@ -54,7 +54,7 @@ fn lost_flipped_and_torn_facets() {
     let mut worst = 0f64;
     for (n, share) in [0.001, 0.01, 0.1, 0.5, 0.9, 0.999].into_iter().enumerate() {
         let mut rng = Rng::new(n as u64);
-        let lost: Vec<Facet> = spot.iter().filter(|_| rng.range(0.0, 1.0) >= share).copied().collect();
+        let lost = without(spot.clone(), share, n as u64);
         worst = worst.max(compare(lost, n as u64, 60, 1e-3));
         let mut flipped = spot.clone();
         flipped.iter_mut().for_each(|t| {
@@ -75,16 +75,20 @@ fn lost_flipped_and_torn_facets() {
 #[test]
 fn overlapping_pieces_with_lost_facets() {
     for seed in 0..4 {
-        let mut rng = Rng::new(seed);
         let pile: Vec<Facet> = Mesh::merged(&random_pile(seed, 10)).facets().collect();
-        let lost = pile.into_iter().filter(|_| rng.range(0.0, 1.0) >= 0.2).collect();
+        let lost = without(pile, 0.2, seed);
         compare(lost, seed, 150, 1e-4);
     }
 }
 
+/// A soup less a share of its facets.
+pub fn without(soup: Vec<Facet>, share: f64, seed: u64) -> Vec<Facet> {
+    let mut rng = Rng::new(seed);
+    soup.into_iter().filter(|_| rng.range(0.0, 1.0) >= share).collect()
+}
+
 /// A band with half a turn has no sides: its edges cancel nowhere along one line across it.
-#[test]
-fn a_moebius_band() {
+pub fn moebius() -> Vec<Facet> {
     let at = |step: i32, side: f64| -> [f64; 3] {
         let angle = f64::from(step) / 60.0 * std::f64::consts::TAU;
         let (radius, height) = (10.0 + side * (angle / 2.0).cos(), side * (angle / 2.0).sin());
@@ -94,6 +98,10 @@ fn a_moebius_band() {
         let quad = [at(i, -3.0), at(i + 1, -3.0), at(i + 1, 3.0), at(i, 3.0)];
         [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]
     };
-    let soup: Vec<Facet> = (0..60).flat_map(band).collect();
-    compare(soup, 1, 400, 1e-3);
+    (0..60).flat_map(band).collect()
+}
+
+#[test]
+fn a_moebius_band() {
+    compare(moebius(), 1, 400, 1e-3);
 }

@@ -72,20 +72,6 @@ fn soups_without_area() {
 }
 
 #[test]
-fn open_meshes_say_where() {
-    let dir = Scratch::new();
-    refused(&dir, &stl("open_box_no_lid"), "4 open edges, the first from");
-    let mut facets = cuboid([0.0; 3], [1.0; 3]);
-    facets[5].swap(0, 1);
-    let path = dir.file("flipped.stl", binary_stl(12, &facets));
-    refused(&dir, &path, "6 open edges");
-    // Within several files, the one that holds the facet is named, and its own facet counted.
-    let sound = dir.file("sound.stl", binary_stl(12, &cuboid([5.0; 3], [6.0; 3])));
-    let line = run(&[&"build", &sound, &path, &"-o", &dir.path("out.brf")]).failed();
-    assert!(line.contains("flipped.stl: facet "), "{line}");
-}
-
-#[test]
 fn outputs_that_cannot_be() {
     let dir = Scratch::new();
     let input = dir.file("box.stl", binary_stl(12, &cuboid([0.0; 3], [1.0; 3])));

@@ -113,3 +113,47 @@ fn point_clouds_with_and_without_normals() {
         run_with(&[&"winding", &stl("overlap_boxes"), &"--estimate-normals", &"--points", &"-"], asked);
     assert!(mesh.misused().contains("is none"));
 }
+
+/// Every command on the store of an open mesh.
+#[test]
+fn stores_of_open_meshes() {
+    let dir = Scratch::new();
+    let all = facets_of(&stl("spot40_model"));
+    let kept: Vec<Facet> = all.iter().enumerate().filter(|(i, _)| i % 37 != 5).map(|(_, t)| *t).collect();
+    let input = dir.file("lost.stl", binary_stl(kept.len() as u32, &kept));
+    let build = |threads: &str| {
+        let store = dir.path(&format!("{threads}.brf"));
+        let args: [&dyn AsRef<std::ffi::OsStr>; 9] =
+            [&"build", &input, &"-o", &store, &"--depth", &"2", &"--json", &"--threads", &threads];
+        (run(&args).json(), store)
+    };
+    let (report, store) = build("1");
+    assert!(report["open_edges"].as_u64() > Some(100) && report["loops"].as_u64() > Some(30), "{report}");
+    assert!(std::fs::read(&store).unwrap() == std::fs::read(build("3").1).unwrap());
+    run(&[&"verify", &store]).ok();
+    run(&[&"info", &store]).ok();
+    let mesh = dir.path("lost.ply");
+    run(&[&"mesh", &store, &"-o", &mesh, &"--quiet"]).ok();
+    let report = brickfield_bench_data::judge::mesh::check_file(&mesh).unwrap();
+    assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
+    let refused = run(&[&"mesh", &store, &"-o", &mesh, &"--iso", &"0.3"]);
+    assert!(refused.failed().contains("0.5, 1.5"));
+    // Samples of the store at its own lattice are those of the mesh.
+    let json = run(&[&"info", &store, &"--json"]).json();
+    let edge = json["root"]["edge"].as_f64().unwrap();
+    let origin: Vec<f64> =
+        json["root"]["origin"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let csv: String = (0..60)
+        .map(|i| {
+            let at = |a: usize, n: usize| origin[a] + edge * ((n % 31 + 1) as f64 / 32.0 + 2f64.powi(-24));
+            format!("{},{},{}\n", at(0, i * 7), at(1, i * 11), at(2, i * 13))
+        })
+        .collect();
+    let sampled = w_of(&run_with(&[&"sample", &store, &"--points", &"-"], &csv).ok());
+    let brute = w_of(&run_with(&[&"winding", &input, &"--brute", &"--points", &"-"], &csv).ok());
+    for (w, b) in sampled.iter().zip(&brute) {
+        assert!((w - b).abs() <= 1e-3, "{w} {b}");
+    }
+    let array = dir.path("w.npy");
+    run(&[&"export", &store, &"--level", &"1", &"--dtype", &"f4", &"-o", &array, &"--quiet"]).ok();
+}

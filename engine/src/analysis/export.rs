@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Type of the grid's elements, little-endian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Element {
-    /// Exact integers. Where a leaf ends above the level: its nearest sample that is not above the position
+    /// Exact integers; of open input the nearest ones. Where a leaf ends above the level: its nearest sample that is not above the position
     /// along any axis.
     #[default]
     I16,

@@ -69,15 +69,14 @@ pub(super) fn trilinear(brick: &Brick, at: [f64; 3]) -> f64 {
     }
     let low: [usize; 3] = at.map(|a| (a as usize).min(BRICK_CELLS - 1));
     let part: [f64; 3] = std::array::from_fn(|a| at[a] - low[a] as f64);
-    let corner =
-        |dx: usize, dy: usize, dz: usize| f64::from(brick.sample([low[0] + dx, low[1] + dy, low[2] + dz]));
+    let corner = |dx: usize, dy: usize, dz: usize| brick.value([low[0] + dx, low[1] + dy, low[2] + dz]);
     let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
     let row = |dy, dz| mix(corner(0, dy, dz), corner(1, dy, dz), part[0]);
     let face = |dz| mix(row(0, dz), row(1, dz), part[1]);
     mix(face(0), face(1), part[2])
 }
 
-/// Smallest and largest sample of all nodes. Reads no brick.
+/// Smallest and largest sample of all nodes, rounded to whole numbers. Reads no brick.
 pub fn winding_range(tree: &dyn BrickTree) -> (i16, i16) {
     let nodes = tree.keys().into_iter().filter_map(|key| tree.node(key));
     nodes.fold((i16::MAX, i16::MIN), |(low, high), node| (low.min(node.min), high.max(node.max)))

@@ -19,6 +19,7 @@
 //! The first two lines leave out the range check and the sign classification that the others include. Normals
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
+use super::fractions;
 use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, inside_from};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
@@ -47,6 +48,8 @@ impl PayloadKind {
     pub(crate) const NARROW: u8 = 1;
     /// Type of counts whose differences need 16 bits.
     pub(crate) const WIDE: u8 = 2;
+    /// Type of samples with binary places.
+    pub(crate) const FRACTIONS: u8 = 3;
     /// Flag: Hermite edges follow the samples.
     pub(crate) const HERMITE: u8 = 0x10;
     /// Flag: the samples part is an LZ4 block.
@@ -58,8 +61,10 @@ impl PayloadKind {
     pub const fn from_bits(bits: u8) -> Option<PayloadKind> {
         let flags = match bits & 0x0f {
             0 => 0,
-            Self::NARROW | Self::WIDE if bits & Self::HERMITE == 0 => Self::LZ4_SAMPLES,
-            Self::NARROW | Self::WIDE => Self::HERMITE | Self::LZ4_SAMPLES | Self::LZ4_HERMITE,
+            Self::NARROW | Self::WIDE | Self::FRACTIONS if bits & Self::HERMITE == 0 => Self::LZ4_SAMPLES,
+            Self::NARROW | Self::WIDE | Self::FRACTIONS => {
+                Self::HERMITE | Self::LZ4_SAMPLES | Self::LZ4_HERMITE
+            }
             _ => return None,
         };
         if bits & 0xf0 & !flags == 0 { Some(PayloadKind(bits)) } else { None }
@@ -85,6 +90,11 @@ impl PayloadKind {
         self.0 & 0x0f == Self::WIDE
     }
 
+    /// True if samples have binary places.
+    pub const fn has_fractions(self) -> bool {
+        self.0 & 0x0f == Self::FRACTIONS
+    }
+
     const fn has(self, flag: u8) -> bool {
         self.0 & flag != 0
     }
@@ -95,7 +105,11 @@ impl std::fmt::Display for PayloadKind {
         if self.is_uniform() {
             return f.write_str("uniform");
         }
-        f.write_str(if self.is_wide() { "counts16" } else { "counts8" })?;
+        f.write_str(match self.0 & 0x0f {
+            Self::FRACTIONS => "fractions",
+            Self::WIDE => "counts16",
+            _ => "counts8",
+        })?;
         f.write_str(if self.has_hermite() { "+hermite" } else { "" })?;
         f.write_str(if self.has(Self::LZ4_SAMPLES | Self::LZ4_HERMITE) { "+lz4" } else { "" })
     }
@@ -193,12 +207,20 @@ pub fn encode(brick: &Brick) -> Payload {
 pub fn encode_into(brick: &Brick, scratch: &mut Scratch, out: &mut Vec<u8>) -> PayloadHead {
     let (min, max) = brick.range();
     let (samples, hermite) = match brick {
-        Brick::Counts { samples, hermite } if min != max || !hermite.is_empty() => (samples, hermite),
+        Brick::Counts { samples, hermite } if min != max || samples.1 > 0 || !hermite.is_empty() => {
+            (samples, hermite)
+        }
         _ => return PayloadHead { kind: PayloadKind::UNIFORM, min, max },
     };
-    let narrow = split_rows(samples, scratch);
-    let mut bits = if narrow { PayloadKind::NARROW } else { PayloadKind::WIDE };
-    samples_plain(narrow, scratch);
+    let mut bits = if samples.1 > 0 {
+        scratch.signs = SignChanges::of(samples);
+        fractions::to_plain(samples, &mut scratch.plain);
+        PayloadKind::FRACTIONS
+    } else {
+        let narrow = split_rows(samples, scratch);
+        samples_plain(narrow, scratch);
+        if narrow { PayloadKind::NARROW } else { PayloadKind::WIDE }
+    };
     let start = out.len();
     if !hermite.is_empty() {
         out.extend_from_slice(&[0; PART_LENGTH_BYTES]);
@@ -243,7 +265,14 @@ pub fn decode(
     };
     let Scratch { plain, signs, .. } = scratch;
     let lz4 = kind.has(PayloadKind::LZ4_SAMPLES);
-    let samples = join_rows(kind, unpack(samples_part, lz4, SAMPLES_PART_MAX, plain)?, signs)?;
+    let plain_samples = unpack(samples_part, lz4, SAMPLES_PART_MAX, plain)?;
+    let samples = if kind.has_fractions() {
+        let samples = fractions::from_plain(plain_samples).ok_or(DecodeError::SamplesSize)?;
+        *signs = SignChanges::of(&samples);
+        samples
+    } else {
+        join_rows(kind, plain_samples, signs)?
+    };
     if !kind.has_hermite() {
         return Ok(Brick::Counts { samples, hermite: Hermite::default() });
     }

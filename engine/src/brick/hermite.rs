@@ -107,11 +107,12 @@ pub(crate) fn inside_from(w: i32, from: usize) -> u64 {
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 
 impl SignChanges {
-    /// Classifies integer samples against 0.5, that is w ≥ 1.
+    /// Classifies samples against 0.5; of whole ones those of 1 and more are inside.
     pub fn of(samples: &Samples) -> SignChanges {
+        let half = (1i16 << samples.1 >> 1).max(1);
         let mut inside = SignChanges::outside();
         for (row, ws) in inside.inside.iter_mut().zip(samples.0.chunks_exact(BRICK_POINTS)) {
-            *row = ws.iter().enumerate().fold(0, |bits, (i, &w)| bits | u64::from(w >= 1) << i);
+            *row = ws.iter().enumerate().fold(0, |bits, (i, &w)| bits | u64::from(w >= half) << i);
         }
         inside
     }

@@ -1,6 +1,7 @@
 //! What one brick holds: samples of the winding number and, on leaves, Hermite edges.
 
 pub mod codec;
+mod fractions;
 mod hermite;
 mod samples;
 
@@ -13,7 +14,7 @@ pub use samples::{POINTS, Samples, point_index};
 pub enum Brick {
     /// Every sample, apron included, has this value.
     Uniform(i16),
-    /// Samples that differ.
+    /// Samples that differ, or have binary places.
     Counts {
         /// 33³ samples: 32³ owned ones and the apron.
         samples: Samples,
@@ -23,21 +24,49 @@ pub enum Brick {
 }
 
 impl Brick {
-    /// The sample at lattice index `(i, j, k)`, each in 0..=32.
+    /// A brick of these samples: uniform if all are the same whole number.
+    pub fn from_samples(samples: Samples, hermite: Hermite) -> Brick {
+        let (min, max) = samples.range();
+        let whole = samples.whole(min);
+        if min == max && i32::from(whole) << samples.1 == i32::from(min) {
+            return Brick::Uniform(whole);
+        }
+        Brick::Counts { samples, hermite }
+    }
+
+    /// The whole winding number nearest to the sample at lattice index `(i, j, k)`, each in 0..=32; of closed
+    /// input the sample itself.
     #[inline]
     pub fn sample(&self, ijk: [usize; 3]) -> i16 {
         match self {
             Brick::Uniform(w) => *w,
-            Brick::Counts { samples, .. } => samples.at(ijk),
+            Brick::Counts { samples, .. } => samples.whole(samples.at(ijk)),
         }
     }
 
-    /// Smallest and largest sample, apron included.
+    /// The sample at lattice index `(i, j, k)`, each in 0..=32.
+    #[inline]
+    pub fn value(&self, ijk: [usize; 3]) -> f64 {
+        match self {
+            Brick::Uniform(w) => f64::from(*w),
+            Brick::Counts { samples, .. } => samples.value(ijk),
+        }
+    }
+
+    /// Smallest and largest of [`Brick::sample`], apron included.
     pub fn range(&self) -> (i16, i16) {
         match self {
             Brick::Uniform(w) => (*w, *w),
-            Brick::Counts { samples, .. } => samples.range(),
+            Brick::Counts { samples, .. } => {
+                let (min, max) = samples.range();
+                (samples.whole(min), samples.whole(max))
+            }
         }
+    }
+
+    /// Whether samples have binary places.
+    pub fn has_fractions(&self) -> bool {
+        matches!(self, Brick::Counts { samples, .. } if samples.1 > 0)
     }
 
     /// Heap bytes, for caches with a byte budget.

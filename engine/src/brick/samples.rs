@@ -11,18 +11,36 @@ pub const fn point_index(ijk: [usize; 3]) -> usize {
     (ijk[2] * BRICK_POINTS + ijk[1]) * BRICK_POINTS + ijk[0]
 }
 
-/// Winding numbers of closed input at the 32³ samples of a brick and its apron, the layers with an index of
-/// 32, which repeat the first samples of the upper neighbours. x fastest, z slowest.
+/// Winding numbers at the 32³ samples of a brick and its apron, the layers with an index of 32, which repeat
+/// the first samples of the upper neighbours. x fastest, z slowest. The second field is the number of binary
+/// places: 0 for closed input, whose samples are whole; of open input a stored s means s·2^-places.
 #[derive(Clone, PartialEq, Eq)]
-pub struct Samples(pub Box<[i16; POINTS]>);
+pub struct Samples(pub Box<[i16; POINTS]>, pub u8);
 
 impl Samples {
     /// All samples equal to `w`.
     pub fn filled(w: i16) -> Samples {
-        Samples(vec![w; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"))
+        Samples(vec![w; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"), 0)
     }
 
-    /// The sample at `(i, j, k)`, each in 0..=32.
+    /// All samples 0, with binary places.
+    pub fn fractions(bits: u8) -> Samples {
+        Samples(Samples::filled(0).0, bits)
+    }
+
+    /// The nearest whole winding number of a stored sample, halves upward: at least 1 exactly where w ≥ 0.5.
+    #[inline]
+    pub fn whole(&self, stored: i16) -> i16 {
+        ((i32::from(stored) + (1 << self.1 >> 1)) >> self.1) as i16
+    }
+
+    /// The winding number at `(i, j, k)`, each in 0..=32.
+    #[inline]
+    pub fn value(&self, ijk: [usize; 3]) -> f64 {
+        f64::from(self.at(ijk)) / f64::from(1u32 << self.1)
+    }
+
+    /// The sample at `(i, j, k)`, each in 0..=32, as stored.
     #[inline]
     pub fn at(&self, ijk: [usize; 3]) -> i16 {
         self.0[point_index(ijk)]
@@ -39,7 +57,7 @@ impl Samples {
         }
     }
 
-    /// Smallest and largest sample, apron included.
+    /// Smallest and largest sample as stored, apron included.
     pub fn range(&self) -> (i16, i16) {
         self.0.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &w| (lo.min(w), hi.max(w)))
     }

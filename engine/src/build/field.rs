@@ -80,6 +80,19 @@ pub(super) trait Evaluated {
     fn has_hidden_boundary(&mut self) -> bool;
     /// The leaf's brick, with its Hermite edges.
     fn into_leaf(self) -> Result<Brick>;
+    /// What else is known of samples with binary places; `None` if they are whole.
+    fn fractions(&self) -> Option<Fractions> {
+        None
+    }
+}
+
+/// What is known of samples with binary places.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fractions {
+    /// How many.
+    pub bits: u8,
+    /// Whether the field between the samples follows from them.
+    pub straight: bool,
 }
 
 /// The field of a closed soup of triangles.

@@ -2,6 +2,7 @@
 
 use super::field::Soup;
 use super::jobs::{build_tree, sort_level};
+use super::open;
 use super::records::KeptBricks;
 use super::rules::{Rules, TreeOptions};
 use super::snap::snap;
@@ -10,6 +11,7 @@ use crate::ingest::Facets;
 use crate::lattice::RootCube;
 use crate::progress::Silent;
 use crate::store::MemoryTree;
+use crate::winding::{OpenField, OpenPart};
 
 /// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
 ///
@@ -17,6 +19,27 @@ use crate::store::MemoryTree;
 /// [`Error::Setting`] if the soup is not closed or overlaps itself more than 32,767-fold.
 pub fn build_in_memory(sources: &[&dyn Facets], root: RootCube, options: TreeOptions) -> Result<MemoryTree> {
     build_with(sources, root, &Rules::new(options)?)
+}
+
+/// Builds the tree of any soup in memory, with samples that are off by at most `error`.
+///
+/// # Errors
+/// [`Error::Setting`] if 16 bits are not enough for the winding numbers with that error.
+pub fn build_open_in_memory(
+    sources: &[&dyn Facets],
+    root: RootCube,
+    options: TreeOptions,
+    error: f64,
+) -> Result<MemoryTree> {
+    let rules = Rules { evaluate_interior: true, ..Rules::new(options)? };
+    let field = OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?;
+    let sorted = open::gather(&field, sources, root, &Silent)?;
+    let mut tree = MemoryTree::new(root);
+    build_tree(&field, sorted, &rules, &Silent, |records: KeptBricks| {
+        records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
+        Ok(())
+    })?;
+    Ok(tree)
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {

@@ -6,6 +6,7 @@ mod closed;
 mod field;
 mod jobs;
 mod memory;
+mod open;
 mod ordered;
 mod pipeline;
 mod records;
@@ -17,6 +18,6 @@ mod subtree;
 mod tests;
 
 pub use closed::is_closed;
-pub use memory::build_in_memory;
+pub use memory::{build_in_memory, build_open_in_memory};
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use rules::TreeOptions;

@@ -1,8 +1,8 @@
 //! The main job: mesh files in, store out.
 
-use super::closed::open_input;
 use super::field::Soup;
 use super::jobs::{build_tree, sort_level};
+use super::open;
 use super::records::EncodedBricks;
 use super::rules::{Rules, TreeOptions};
 use super::snap::{SnappedSoup, snap};
@@ -11,6 +11,7 @@ use crate::ingest::{Facets, Input, bounds_of_all};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
 use crate::store::{Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
+use crate::winding::{OpenField, OpenPart, OpenSummary};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -33,6 +34,8 @@ pub struct BuildOptions {
     pub refine: Refine,
     /// Largest standard deviation of a leaf above the depth limit.
     pub stddev: f64,
+    /// Largest error of samples of open input; those of closed input are exact.
+    pub gwn_error: f64,
     /// Length unit of the input, recorded in the store.
     pub unit: String,
     /// Program name and version, recorded in the store.
@@ -58,6 +61,12 @@ pub struct Summary {
     pub leaves: u64,
     /// Size of the store.
     pub file_bytes: u64,
+    /// Directed edges that no reverse cancels; 0 for closed input.
+    pub open_edges: u64,
+    /// Loops into which they fall.
+    pub loops: u64,
+    /// Borders of patches that face the wrong way.
+    pub flipped_patches: u64,
     /// Seconds by phase, in order.
     pub phases: Vec<(&'static str, f64)>,
 }
@@ -68,7 +77,7 @@ pub struct Summary {
 /// on the threads, nor, but for the inputs' hashes in the metadata, on the order of the facets.
 ///
 /// # Errors
-/// Unreadable, damaged or open input, settings that do not fit it, an output that cannot be written. Nothing
+/// Unreadable or damaged input, settings that do not fit it, an output that cannot be written. Nothing
 /// is left under the final name unless the build succeeds.
 pub fn build(
     inputs: &[PathBuf],
@@ -116,13 +125,22 @@ pub fn build_opened(
     let sources: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
     let soup = snap(&sources, root, sort_level(&rules), progress)?;
     require_area(&soup, opened)?;
-    if !soup.balance.is_closed() {
-        return Err(open_input(opened, root, progress));
-    }
     meta.numbers.facets = sources.iter().map(|s| s.facets()).sum();
     meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
-    build_tree(&Soup, soup.sorted, &rules, progress, |bricks: EncodedBricks| bricks.write(&mut writer))?;
+    let write = |bricks: EncodedBricks| bricks.write(&mut writer);
+    let open_summary = if soup.balance.is_closed() {
+        build_tree(&Soup, soup.sorted, &rules, progress, write)?;
+        OpenSummary::default()
+    } else {
+        drop(soup);
+        let rules = Rules { evaluate_interior: true, ..rules };
+        let field = OpenField::new(OpenPart::of(&sources, root, progress)?, options.gwn_error)?;
+        clock.lap("close");
+        let sorted = open::gather(&field, &sources, root, progress)?;
+        build_tree(&field, sorted, &rules, progress, write)?;
+        field.part().summary
+    };
     clock.lap("build");
     progress.phase("finishing", None, "bytes");
     let Numbers { facets, degenerate_facets, .. } = meta.numbers;
@@ -137,6 +155,9 @@ pub fn build_opened(
         nodes,
         leaves,
         file_bytes,
+        open_edges: open_summary.open_edges,
+        loops: open_summary.loops,
+        flipped_patches: open_summary.flipped_patches,
         phases: clock.laps,
     })
 }

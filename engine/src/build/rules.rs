@@ -1,7 +1,7 @@
 //! When a node of the tree is kept as a leaf.
 
-use super::field::Evaluated;
-use crate::brick::Samples;
+use super::field::{Evaluated, Fractions};
+use crate::brick::{Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL};
 use crate::store::Refine;
@@ -23,7 +23,8 @@ pub(super) struct Rules {
     pub depth: u8,
     pub refine: Refine,
     pub stddev: f64,
-    /// Evaluate every node from its triangles even where its children would give its samples; for tests.
+    /// Evaluate every node from its pieces even where its children would give its samples: for fields that
+    /// change where no piece is, and for tests.
     pub evaluate_interior: bool,
 }
 
@@ -52,6 +53,9 @@ impl Rules {
 
     /// Whether a touched node above the depth limit is kept as a leaf.
     pub fn keeps(&self, evaluation: &mut impl Evaluated) -> bool {
+        if let Some(fractions) = evaluation.fractions() {
+            return self.keeps_fractions(evaluation, fractions);
+        }
         match self.refine {
             Refine::Stddev => self.varies_little(scaled_variance(evaluation.samples())),
             Refine::Hidden => {
@@ -62,6 +66,24 @@ impl Rules {
             Refine::Surface => {
                 let inside = i128::from(inside_samples(evaluation.samples()));
                 self.varies_little(N * inside - inside * inside) && !evaluation.has_hidden_boundary()
+            }
+        }
+    }
+
+    /// Whether a node of a field that changes everywhere is kept.
+    fn keeps_fractions(&self, evaluation: &mut impl Evaluated, fractions: Fractions) -> bool {
+        // Samples are counted in quanta.
+        let quanta = Rules { stddev: self.stddev * f64::from(1u32 << fractions.bits), ..*self };
+        let varies_little = quanta.varies_little(scaled_variance(evaluation.samples()));
+        match self.refine {
+            Refine::Stddev => varies_little,
+            Refine::Hidden => {
+                !evaluation.has_hidden_crossings()
+                    && (fractions.straight || (self.stddev > 0.0 && varies_little))
+            }
+            Refine::Surface => {
+                let changes = SignChanges::of(evaluation.samples()).counts() != [0; 3];
+                !changes && !evaluation.has_hidden_boundary()
             }
         }
     }

@@ -213,8 +213,7 @@ pub(super) fn join(key: NodeKey, children: [Node; 8], records: &mut impl Recorde
 
 /// The brick of an interior node.
 pub(super) fn interior(samples: Samples) -> Brick {
-    let (min, max) = samples.range();
-    if min == max { Brick::Uniform(min) } else { Brick::Counts { samples, hermite: Default::default() } }
+    Brick::from_samples(samples, Default::default())
 }
 
 /// Copies a child's half samples, apron included, to where the parent has them.

@@ -101,6 +101,7 @@ pub fn contour(
     progress: &dyn Progress,
 ) -> Result<MeshSummary> {
     let level = level(options.iso)?;
+    require_half(tree, options.iso)?;
     let field = Field::new(tree, level, options.level, options.cache_bytes)?;
     require_resolution(tree, options.level)?;
     let mut summary = MeshSummary::default();
@@ -123,6 +124,18 @@ fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Result<()> {
                 "cells of {cell:e} at a distance of {farthest:e} from the origin are too fine for a mesh file"
             ),
             "its coordinates have 32 bits; move the part nearer to the origin or scale it",
+        ));
+    }
+    Ok(())
+}
+
+/// Samples with binary places are told apart by their nearest whole numbers.
+fn require_half(tree: &dyn BrickTree, iso: f64) -> Result<()> {
+    let has_fractions = || tree.keys().into_iter().any(|key| tree.node(key).is_some_and(|n| n.fractions));
+    if iso.fract() != 0.5 && has_fractions() {
+        return Err(Error::setting(
+            format!("no surface at {iso} in the store of an open input"),
+            "choose 0.5, 1.5, 2.5 and so on",
         ));
     }
     Ok(())

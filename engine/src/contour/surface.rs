@@ -27,7 +27,7 @@ pub(super) struct Changes {
 /// Which level set of the samples is contoured.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Level {
-    /// A sample is inside from this value on.
+    /// A sample, rounded to a whole number, is inside from this value on.
     pub threshold: i32,
     pub iso: f64,
 }
@@ -48,7 +48,7 @@ impl Surface {
         }
         let brick = tree.brick(leaf.key)?;
         let Brick::Counts { samples, hermite } = &*brick else { return Ok(Surface::Uniform(leaf.inside)) };
-        let signs = signs(samples, level.threshold);
+        let signs = signs(samples, level);
         let ranks = Axis::ALL.map(|axis| signs.ranks(axis));
         let is_complete = (0..3).all(|a| hermite.edges[a].len() == ranks[a][ROWS] as usize);
         let hermite = if !level.has_hermite() || (leaf.is_tree_leaf && !is_complete) {
@@ -87,11 +87,11 @@ impl Changes {
     }
 }
 
-fn signs(samples: &Samples, threshold: i32) -> SignChanges {
-    if threshold == 1 {
+fn signs(samples: &Samples, level: Level) -> SignChanges {
+    if level.threshold == 1 {
         return SignChanges::of(samples);
     }
-    SignChanges::from_fn(|index| i32::from(samples.0[index]) >= threshold)
+    SignChanges::from_fn(|index| i32::from(samples.whole(samples.0[index])) >= level.threshold)
 }
 
 /// Calls `edge` for every sign-changing edge along `axis` in the order of the Hermite arrays.
@@ -109,6 +109,7 @@ fn for_each_edge(signs: &SignChanges, axis: Axis, mut edge: impl FnMut([usize; 3
 /// Hermite edges of a level set that the store keeps none for: the crossing where the samples interpolate
 /// to `iso`, the normal from −∇w by central differences, one-sided at the border of the brick.
 fn from_samples(signs: &SignChanges, samples: &Samples, iso: f64) -> Hermite {
+    let iso = iso * f64::from(1u32 << samples.1);
     let edges = Axis::ALL.map(|axis| {
         let mut edges = Vec::new();
         for_each_edge(signs, axis, |low| {

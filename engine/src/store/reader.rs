@@ -149,7 +149,9 @@ impl BrickTree for Store {
 
     fn node(&self, key: NodeKey) -> Option<NodeInfo> {
         let entry = self.index.get(key)?;
-        Some(NodeInfo { leaf: entry.leaf, min: entry.head.min, max: entry.head.max })
+        let head = entry.head;
+        let fractions = head.kind.has_fractions();
+        Some(NodeInfo { leaf: entry.leaf, min: head.min, max: head.max, fractions })
     }
 
     fn keys(&self) -> Vec<NodeKey> {

@@ -15,6 +15,8 @@ pub struct NodeInfo {
     pub min: i16,
     /// Largest sample, apron included.
     pub max: i16,
+    /// Whether samples have binary places; `min` and `max` are rounded then.
+    pub fractions: bool,
 }
 
 /// A complete brick octree: every node is a leaf or has all eight children.
@@ -55,7 +57,7 @@ impl BrickTree for MemoryTree {
     fn node(&self, key: NodeKey) -> Option<NodeInfo> {
         let (leaf, brick) = self.nodes.get(&key)?;
         let (min, max) = brick.range();
-        Some(NodeInfo { leaf: *leaf, min, max })
+        Some(NodeInfo { leaf: *leaf, min, max, fractions: brick.has_fractions() })
     }
 
     fn keys(&self) -> Vec<NodeKey> {

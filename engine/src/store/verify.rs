@@ -134,7 +134,7 @@ fn nests_in(brick: &Brick, key: NodeKey, parent: &Brick) -> bool {
     both_uniform_and_equal(brick, parent)
         || points([0; 3], [half; 3]).all(|ijk| {
             let at_parent = [0, 1, 2].map(|a| first[a] + ijk[a]);
-            brick.sample(ijk.map(|i| 2 * i)) == parent.sample(at_parent)
+            brick.value(ijk.map(|i| 2 * i)) == parent.value(at_parent)
         })
 }
 
@@ -144,7 +144,7 @@ fn apron_repeats(brick: &Brick, delta: [usize; 3], neighbour: &Brick) -> bool {
     both_uniform_and_equal(brick, neighbour)
         || points([0; 3], last).all(|ijk| {
             let here = [0, 1, 2].map(|a| ijk[a] + delta[a] * BRICK_CELLS);
-            brick.sample(here) == neighbour.sample(ijk)
+            brick.value(here) == neighbour.value(ijk)
         })
 }
 

@@ -16,5 +16,8 @@ pub use brute::solid_angle;
 pub use cloud::{CloudField, estimate_normals};
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};
-pub use open::{Boundary, ClusterTree, Element, OpenEdge, OpenPart, OpenSummary, Selection, open_winding_at};
+pub use open::{
+    Boundary, ClusterTree, Element, OpenBrick, OpenEdge, OpenEvaluator, OpenField, OpenPart, OpenPiece,
+    OpenSummary, Selection, open_winding_at,
+};
 pub use points::{brute_at, winding_at};

@@ -50,6 +50,7 @@ impl TryFrom<BuildArgs> for Plan {
                 RefineArg::Surface => Refine::Surface,
             },
             stddev: args.stddev,
+            gwn_error: args.gwn_error.0,
             unit: args.units.symbol().to_owned(),
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
@@ -127,6 +128,9 @@ struct Numbers {
     nodes: u64,
     leaves: u64,
     file_bytes: u64,
+    open_edges: u64,
+    loops: u64,
+    flipped_patches: u64,
 }
 
 impl Report {
@@ -141,6 +145,9 @@ impl Report {
             nodes,
             leaves,
             file_bytes,
+            open_edges,
+            loops,
+            flipped_patches,
             phases,
         } = summary;
         let phases = phases.into_iter().map(|(name, seconds)| (name.to_owned(), seconds.into())).collect();
@@ -156,6 +163,9 @@ impl Report {
                 nodes,
                 leaves,
                 file_bytes,
+                open_edges,
+                loops,
+                flipped_patches,
             },
             phases,
             seconds,
@@ -173,8 +183,9 @@ impl Report {
     }
 
     fn text(&self) -> String {
-        let Numbers { facets, degenerate_facets, skipped_faces, depth, cell, nodes, leaves, file_bytes } =
-            &self.summary;
+        let Numbers {
+            facets, degenerate_facets, skipped_faces, depth, cell, nodes, leaves, file_bytes, ..
+        } = &self.summary;
         let mut text = String::new();
         let mut line = |line: String| text += &format!("{line}\n");
         let kept = format!("{} nodes, {} leaves, {}", nodes, leaves, Size(*file_bytes));
@@ -182,6 +193,11 @@ impl Report {
         line(format!(
             "  facets   {facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"
         ));
+        let Numbers { open_edges, loops, flipped_patches, .. } = &self.summary;
+        if *open_edges > 0 {
+            let edges = format!("{open_edges} open edges in {loops} loops");
+            line(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
+        }
         line(format!("  depth    {depth}, cells of {cell:.6} {}", self.unit));
         line(format!("  winding  {} to {}", self.winding_min, self.winding_max));
         self.warnings.iter().for_each(|message| line(format!("  warning  {message}")));

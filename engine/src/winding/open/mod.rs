@@ -12,6 +12,7 @@
 mod angle;
 mod atan;
 mod boundary;
+mod brick;
 mod caps;
 mod loops;
 mod moments;
@@ -19,6 +20,7 @@ mod points;
 mod tree;
 
 pub use boundary::{Boundary, OpenEdge};
+pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};
 pub use moments::{Element, Moments, Reach};
 pub use points::open_winding_at;
 pub(super) use points::shares_at;

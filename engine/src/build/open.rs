@@ -1,0 +1,115 @@
+//! The field of an open soup as sorting, jobs and subtrees see it.
+
+use super::bins::Binner;
+use super::field::{Evaluated, Field, Fractions, Pieces};
+use super::sorted::SortedPieces;
+use crate::brick::{Brick, Samples};
+use crate::error::Result;
+use crate::ingest::{Facets, runs};
+use crate::lattice::{NodeKey, RootCube, Triangle, Units, bounds, normal, touches_cube};
+use crate::progress::Progress;
+use crate::winding::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};
+use rayon::prelude::*;
+
+impl Field for OpenField {
+    type Piece = OpenPiece;
+    /// Corners are samples of the parent: every node is evaluated.
+    type Corners = ();
+    type Evaluator = OpenEvaluator;
+    type Evaluation<'a> = OpenBrick;
+
+    fn bounds(&self, piece: &OpenPiece) -> (Units, Units) {
+        bounds(&piece.triangle)
+    }
+
+    fn points(&self, piece: &OpenPiece) -> impl AsRef<[Units]> {
+        piece.triangle
+    }
+
+    fn touches_cube(&self, piece: &OpenPiece, low: Units, size: i32) -> bool {
+        touches_cube(&piece.triangle, low, size)
+    }
+
+    fn is_void(&self, piece: &OpenPiece) -> bool {
+        normal(&piece.triangle) == [0; 3]
+    }
+
+    fn corners(&self, _: NodeKey, _: u8) {}
+
+    fn add_corners(&self, (): &mut (), _: &OpenPiece) {}
+
+    fn merge_corners(&self, (): &mut (), (): &()) {}
+
+    fn finish_corners(&self, (): (), _: i64) -> Vec<i64> {
+        Vec::new()
+    }
+
+    /// The field changes everywhere.
+    fn settled(&self, _: NodeKey, _: i16, _: Pieces<'_, OpenPiece>) -> Option<i16> {
+        None
+    }
+
+    fn evaluate<'a>(
+        &'a self,
+        evaluator: &'a mut OpenEvaluator,
+        key: NodeKey,
+        corner: i16,
+        list: Pieces<'a, OpenPiece>,
+    ) -> Result<OpenBrick> {
+        let pieces = list.indices.iter().map(|&i| list.array[i as usize]);
+        OpenField::evaluate(self, evaluator, key, corner, pieces)
+    }
+}
+
+impl Evaluated for OpenBrick {
+    fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    fn into_samples(self) -> Samples {
+        self.samples
+    }
+
+    fn has_hidden_crossings(&mut self) -> bool {
+        self.is_touched()
+    }
+
+    fn has_hidden_boundary(&mut self) -> bool {
+        self.may_hide_boundary()
+    }
+
+    fn into_leaf(self) -> Result<Brick> {
+        Ok(OpenBrick::into_leaf(self))
+    }
+
+    fn fractions(&self) -> Option<Fractions> {
+        Some(Fractions { bits: self.samples.1, straight: self.is_straight() })
+    }
+}
+
+/// All triangles of the sources and the caps, for a tree whose nodes decide from the root on.
+pub(super) fn gather(
+    field: &OpenField,
+    sources: &[&dyn Facets],
+    root: RootCube,
+    progress: &dyn Progress,
+) -> Result<SortedPieces<OpenField>> {
+    let snapper = root.snapper();
+    let binner = Binner::new(NodeKey::ROOT, 0);
+    let of_run = |(source, range): (usize, std::ops::Range<u64>)| {
+        let mut world = Vec::new();
+        if !progress.cancelled() {
+            sources[source].read(range, &mut world);
+        }
+        let piece = |t: [[f64; 3]; 3]| OpenPiece { triangle: t.map(snapper), cap: false };
+        world.into_iter().map(piece).collect::<Vec<OpenPiece>>()
+    };
+    let snapped: Vec<Vec<OpenPiece>> = runs(sources).into_par_iter().map(of_run).collect();
+    progress.check()?;
+    let mut sorted = SortedPieces::default();
+    snapped.iter().for_each(|pieces| sorted.push(field, &binner, pieces));
+    let caps: Vec<OpenPiece> =
+        field.part().caps.iter().map(|&triangle: &Triangle| OpenPiece { triangle, cap: true }).collect();
+    sorted.push(field, &binner, &caps);
+    Ok(sorted)
+}
