@@ -292,7 +292,8 @@ impl Sharpness {
 
 #[test]
 fn turned_solids_keep_their_edges_and_corners() {
-    let kinds: [(&str, fn(u64) -> Solid, u64); 3] =
+    type Make = fn(u64) -> Solid;
+    let kinds: [(&str, Make, u64); 3] =
         [("boxes", Solid::cuboid, 100), ("wedges", Solid::wedge, 40), ("tetrahedra", Solid::tetrahedron, 40)];
     let mut off = Vec::new();
     for (name, make, solids) in kinds {
