@@ -159,7 +159,9 @@ fn miscellaneous(
         830 => machine.relative_e = Some(true),
         2000 => volumetric(machine, words)?,
         2210 => machine.beads.report.note("a flow factor (M221) is left out", machine.line),
-        _ if tenfold % 10 == 0 && NEUTRAL_M.iter().any(|(a, b)| (*a..=*b).contains(&(tenfold / 10))) => {
+        _ if tenfold.is_multiple_of(10)
+            && NEUTRAL_M.iter().any(|(a, b)| (*a..=*b).contains(&(tenfold / 10))) =>
+        {
             // What follows may be any text.
             return Ok(if first { Effect::LineDone } else { Effect::Modal });
         }

@@ -4,7 +4,10 @@ use super::*;
 use crate::toolpath::Toolpath;
 use std::path::PathBuf;
 
+mod dialect;
 mod files;
+mod laws;
+mod refusals;
 
 /// A file of the repository's data.
 fn data(name: &str) -> PathBuf {
