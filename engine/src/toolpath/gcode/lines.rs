@@ -1,4 +1,4 @@
-//! Lines of a stream, through one buffer of fixed size.
+//! Lines of a stream, through one buffer of bounded size.
 
 use memchr::memchr2;
 use std::io::{self, Read};
@@ -6,6 +6,9 @@ use std::io::{self, Read};
 /// Longest line, in bytes. Slicers write whole scripts and thumbnails into a line of their settings; a megabyte
 /// without an end of line is no G-code.
 pub(super) const LINE_BYTES_MAX: usize = 1 << 20;
+
+/// Bytes that are read at once; the buffer grows where a line needs it.
+const READ_BYTES: usize = 1 << 16;
 
 /// Why there is no next line.
 #[derive(Debug)]
@@ -31,7 +34,7 @@ pub(super) struct Lines<R> {
 
 impl<R: Read> Lines<R> {
     pub(super) fn new(source: R) -> Lines<R> {
-        let buffer = vec![0; LINE_BYTES_MAX + 1];
+        let buffer = vec![0; READ_BYTES];
         Lines { source, buffer, start: 0, end: 0, after_cr: false, exhausted: false, started: false }
     }
 
@@ -72,6 +75,9 @@ impl<R: Read> Lines<R> {
         if self.start > 0 {
             self.buffer.copy_within(self.start..self.end, 0);
             (self.start, self.end) = (0, self.end - self.start);
+        }
+        if self.end == self.buffer.len() {
+            self.buffer.resize((2 * self.end).min(LINE_BYTES_MAX + 1), 0);
         }
         loop {
             match self.source.read(&mut self.buffer[self.end..]) {
