@@ -2,7 +2,7 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`toolpath`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
+//! [`lattice`], [`mmap`] → [`toolpath`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
 //! [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
@@ -21,6 +21,7 @@ mod progress;
 pub mod store;
 pub mod toolpath;
 pub mod winding;
+pub mod x3d;
 
 pub use error::{Error, Result};
 pub use progress::{Progress, Silent};

@@ -14,10 +14,11 @@ pub(super) enum Family {
     AsciiStl,
     Obj,
     Ply,
+    X3d,
 }
 
 /// Beginnings of other files that a user may well try, and what they are.
-const FOREIGN: [(&[u8], &str); 8] = [
+const FOREIGN: [(&[u8], &str); 11] = [
     (b"PK\x03\x04", "a ZIP archive (3MF is one)"),
     (b"glTF", "a binary glTF file"),
     (b"\x1f\x8b", "compressed with gzip"),
@@ -26,6 +27,9 @@ const FOREIGN: [(&[u8], &str); 8] = [
     (b"OFF", "an OFF file"),
     (b"ISO-10303-21", "a STEP file"),
     (b"<?xml", "an XML file"),
+    (b"#X3D", "an X3D file in the ClassicVRML encoding (save it in the XML encoding, .x3d)"),
+    (b"#VRML", "a VRML file (save it as X3D in the XML encoding, .x3d)"),
+    (b"\xe0\0\0\x01", "an X3D file in the binary encoding (save it in the XML encoding, .x3d)"),
 ];
 
 /// Decides by `bytes`, the content of the file `path`.
@@ -48,23 +52,35 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
     if is_text && begins_as_stl(start_text) {
         return Ok(Family::AsciiStl);
     }
+    if is_x3d(start_text) {
+        return Ok(Family::X3d);
+    }
     if is_text && obj::is_plausible(start_text) {
         return Ok(Family::Obj);
     }
-    let remedy = "give a mesh as STL, OBJ or PLY";
+    let remedy = "give a mesh as STL, OBJ or PLY, or beads as X3D";
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if ending == "x3d" && start_text.trim_ascii_start().starts_with(b"<") {
+        return Ok(Family::X3d);
+    }
     if let Some((_, what)) = FOREIGN.iter().find(|(magic, _)| start_text.starts_with(magic)) {
         return Err(Error::input(path, "byte 0", format!("is {what}, not a mesh that can be read"), remedy));
     }
-    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     match ending.to_str() {
         // The reader says what is wrong with it.
         Some("stl") if is_text => Ok(Family::AsciiStl),
         Some("stl") => Ok(Family::BinaryStl),
         Some("obj") if is_text => Ok(Family::Obj),
         Some("obj") => Err(Error::input(path, "byte 0", "is not text, as an OBJ mesh is", remedy)),
+        Some("x3d") => Ok(Family::X3d),
         Some("ply") => Err(Error::input(path, "byte 0", "does not begin with the line \"ply\"", remedy)),
-        _ => Err(Error::input(path, "byte 0", "is neither STL nor OBJ nor PLY", remedy)),
+        _ => Err(Error::input(path, "byte 0", "is neither STL nor OBJ nor PLY nor X3D", remedy)),
     }
+}
+
+/// True if the text begins as XML and its first elements are those of X3D.
+fn is_x3d(start: &[u8]) -> bool {
+    start.trim_ascii_start().starts_with(b"<") && start.windows(4).any(|word| word == b"<X3D")
 }
 
 /// True if the text begins with "solid" and goes on with a facet or the end of the solid.

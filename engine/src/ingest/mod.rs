@@ -1,4 +1,5 @@
-//! Meshes as they come: binary and ASCII STL, OBJ, PLY, each as a numbered list of triangles.
+//! Meshes as they come: binary and ASCII STL, OBJ, PLY, and the sweeps of X3D, each as a numbered list of
+//! triangles.
 //!
 //! A binary STL, the form that huge soups come in, stays mapped and is decoded a range at a time; the other
 //! formats are parsed into memory once. [`Input::read`] hides the difference.
@@ -18,6 +19,7 @@ mod text;
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
+use crate::x3d::Sweeps;
 pub use facets::{Facets, runs};
 
 use bounds::Extent;
@@ -51,6 +53,7 @@ enum Soup {
     Mapped,
     Facets(Vec<stl_text::Facet>),
     Polygons(Polygons),
+    Sweeps(Box<Sweeps>),
 }
 
 impl Input {
@@ -86,6 +89,10 @@ impl Input {
                 let (polygons, format) = ply::read(path, bytes, progress)?;
                 (format, polygons.triangles.len() as u64, Soup::Polygons(polygons))
             }
+            Family::X3d => {
+                let sweeps = Sweeps::read(path, bytes, progress)?;
+                ("X3D", sweeps.facets(), Soup::Sweeps(Box::new(sweeps)))
+            }
         };
         Ok(Input { path: path.to_owned(), file, format, facets, soup })
     }
@@ -95,7 +102,7 @@ impl Input {
         &self.path
     }
 
-    /// The format, as in "STL binary", "STL ASCII", "OBJ", "PLY binary little-endian".
+    /// The format, as in "STL binary", "STL ASCII", "OBJ", "PLY binary little-endian", "X3D".
     pub fn describe(&self) -> &'static str {
         self.format
     }
@@ -118,6 +125,7 @@ impl Input {
             Soup::Polygons(polygons) => {
                 size_of_val(polygons.triangles.as_slice()) + size_of_val(polygons.vertices.as_slice())
             }
+            Soup::Sweeps(sweeps) => return sweeps.heap_bytes(),
         };
         bytes as u64
     }
@@ -127,6 +135,14 @@ impl Input {
         match &self.soup {
             Soup::Polygons(polygons) => polygons.skipped,
             _ => 0,
+        }
+    }
+
+    /// What of the file was left out, and what else the user should know: one line each, with the place.
+    pub fn warnings(&self) -> Vec<String> {
+        match &self.soup {
+            Soup::Sweeps(sweeps) => sweeps.report().warnings(),
+            _ => Vec::new(),
         }
     }
 
@@ -148,6 +164,7 @@ impl Input {
                 let corners = |triangle: &[u32; 3]| triangle.map(|v| polygons.vertices[v as usize]);
                 out.extend(polygons.triangles[from..to].iter().map(corners));
             }
+            Soup::Sweeps(sweeps) => sweeps.append(from as u64..to as u64, out),
         }
     }
 
@@ -174,6 +191,11 @@ impl Input {
             Soup::Polygons(polygons) => Extent::of(
                 polygons.triangles[from..to].iter().map(|t| t.map(|v| polygons.vertices[v as usize])),
             ),
+            Soup::Sweeps(sweeps) => {
+                let mut facets = Vec::with_capacity(to - from);
+                sweeps.append(range, &mut facets);
+                Extent::of(facets.into_iter())
+            }
         }
     }
 
