@@ -2,12 +2,13 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`toolpath`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
-//! [`analysis`].
+//! [`lattice`], [`mmap`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`store`] →
+//! [`build`] → [`contour`], [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod bead;
 pub mod brick;
 pub mod build;
 pub mod contour;

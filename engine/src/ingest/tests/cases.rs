@@ -154,7 +154,7 @@ fn not_a_mesh() {
     let folder = Folder::new();
     for (name, bytes, expected) in [
         ("a.stl", &b""[..], "is empty"),
-        ("a", b"hello\n", "is neither STL nor OBJ nor PLY"),
+        ("a", b"hello\n", "is neither STL nor OBJ nor PLY nor X3D nor G-code"),
         ("a.stl", b"hello\n", "line 1: expected \"solid\""),
         ("a.obj", b"\x7fELF\0\0", "is not text"),
         ("a.ply", b"plywood\n", "does not begin with the line \"ply\""),
