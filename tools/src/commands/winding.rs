@@ -1,4 +1,4 @@
-//! `brickfield winding`: w at points, straight from meshes.
+//! `brickfield winding`: w at points, straight from meshes and toolpaths.
 
 use super::{open_inputs, start};
 use crate::args::WindingArgs;
@@ -14,7 +14,7 @@ use brickfield_engine::winding::{brute_at, winding_at};
 /// Runs the command.
 pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let inputs = open_inputs(&args.inputs, &[], &bars)?;
+    let inputs = open_inputs(&args.inputs, &[], &args.toolpath.options()?, &bars)?;
     let points = PointReader::open(&args.points)?.all()?;
     let (min, max) = bounds_of_all(&inputs, &bars)?;
     let root = RootCube::around(min, max).ok_or_else(|| {
