@@ -12,7 +12,7 @@ pub mod winding;
 
 use crate::args::WorkArgs;
 use crate::failure::Failure;
-use crate::output::require_distinct;
+use crate::output::{require_distinct, warn};
 use crate::progress::Bars;
 use anyhow::Context;
 use brickfield_engine::analysis::Volumes;
@@ -40,7 +40,13 @@ fn open_inputs(
 ) -> Result<Vec<Input>, Failure> {
     let paths: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     require_distinct(outputs, &paths)?;
-    Ok(inputs.iter().map(|path| Input::open_with(path, options, progress)).collect::<Result<_, Error>>()?)
+    let opened: Vec<Input> =
+        inputs.iter().map(|path| Input::open_with(path, options, progress)).collect::<Result<_, Error>>()?;
+    for input in &opened {
+        let told = |message: String| warn(&format!("{}: {message}", input.path().display()));
+        input.warnings().into_iter().for_each(told);
+    }
+    Ok(opened)
 }
 
 /// The store's unit for messages, or the word for an unknown one.
