@@ -7,8 +7,8 @@ use crate::brick::POINTS;
 pub(super) struct Hit {
     /// Number of the crossing before this one in the edge's chain, or [`NONE`].
     before: u32,
-    /// Position of the triangle in the brick's list, times two, plus one where the winding number falls.
-    facet: u32,
+    /// The triangle and the jump.
+    pub cause: Cause,
     /// Linear index of the edge's lower sample.
     pub lower: u16,
     /// Distance from that sample in 1/65536 of the edge.
@@ -21,22 +21,28 @@ pub(super) const NONE: u32 = u32::MAX;
 // A lower sample index fits 16 bits.
 const _: () = assert!(POINTS <= u16::MAX as usize + 1);
 
-impl Hit {
-    /// What crossings of one triangle share, given its position in the brick's list and the jump.
-    pub fn code(position: usize, jump: i32) -> u32 {
-        (position as u32) << 1 | u32::from(jump < 0)
+/// What crossings of one triangle along one axis share: the triangle's position in the brick's list, times two,
+/// plus one where the winding number falls.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cause(pub u32);
+
+impl Cause {
+    pub fn new(position: usize, jump: i32) -> Cause {
+        Cause((position as u32) << 1 | u32::from(jump < 0))
     }
 
     /// The triangle's position in the brick's list.
     pub fn position(self) -> usize {
-        (self.facet >> 1) as usize
+        (self.0 >> 1) as usize
     }
 
     /// The change of the winding number.
     pub fn jump(self) -> i32 {
-        1 - 2 * (self.facet & 1) as i32
+        1 - 2 * (self.0 & 1) as i32
     }
+}
 
+impl Hit {
     /// Whether it is the first of its edge's chain.
     pub fn is_first(self) -> bool {
         self.before == NONE
@@ -48,12 +54,13 @@ impl Hit {
 pub(super) struct Crossings {
     hits: Vec<Hit>,
     /// Per lower sample of an edge: the number of its last crossing. [`NONE`] everywhere between axes.
-    last: Vec<u32>,
+    last: Box<[u32; POINTS]>,
 }
 
 impl Default for Crossings {
     fn default() -> Crossings {
-        Crossings { hits: Vec::new(), last: vec![NONE; POINTS] }
+        let last = vec![NONE; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
+        Crossings { hits: Vec::new(), last }
     }
 }
 
@@ -70,9 +77,9 @@ impl Crossings {
 
     /// Adds a crossing to the chain of the edge that begins at sample `lower`.
     #[inline]
-    pub fn add(&mut self, lower: usize, offset: u16, facet: u32) {
+    pub fn add(&mut self, lower: usize, offset: u16, cause: Cause) {
         let before = std::mem::replace(&mut self.last[lower], self.hits.len() as u32);
-        self.hits.push(Hit { before, facet, lower: lower as u16, offset });
+        self.hits.push(Hit { before, cause, lower: lower as u16, offset });
     }
 
     /// The number of the last crossing of the edge that begins at sample `lower`, or [`NONE`]. Its chain ends.

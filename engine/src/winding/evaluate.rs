@@ -4,7 +4,7 @@
 //! the walk goes up the z column, from there along the y lines of the face x = 0, from there along all
 //! 33 × 33 rows in x. Cost: triangles that touch the brick plus crossings.
 
-use super::crossings::{Crossings, Hit, NONE};
+use super::crossings::{Cause, Crossings, Hit, NONE};
 use super::edges::EdgeMasks;
 use super::hermite::Resolver;
 use super::scan::{Block, Crossing, Facet};
@@ -123,11 +123,11 @@ impl Evaluator {
             facet.scan::<1>(block, [block.last, 0], |c| {
                 self.face[c.u as usize * C + c.lower as usize] += jump[1];
             });
-            let code = Hit::code(position, jump[0]);
+            let cause = Cause::new(position, jump[0]);
             facet.scan::<0>(block, [block.last; 2], |c| {
                 let row = c.v as usize * P + c.u as usize;
                 self.touched[row] |= 1 << c.lower;
-                self.crossings.add(row * P + c.lower as usize, c.offset, code);
+                self.crossings.add(row * P + c.lower as usize, c.offset, cause);
             });
             self.facets.push((position as u32, facet));
         }
@@ -141,9 +141,9 @@ impl Evaluator {
         let Evaluator { facets, crossings, changes, .. } = self;
         crossings.truncate(self.count_x);
         for (position, facet) in facets {
-            let code = Hit::code(*position as usize, facet.jump(axis.index()));
+            let cause = Cause::new(*position as usize, facet.jump(axis.index()));
             let mut add = |[i, j, k]: [i32; 3], offset| {
-                crossings.add(point_index([i as usize, j as usize, k as usize]), offset, code);
+                crossings.add(point_index([i as usize, j as usize, k as usize]), offset, cause);
             };
             let along_y = |c: Crossing| add([c.v, c.lower, c.u], c.offset);
             match (axis, all) {
@@ -190,7 +190,7 @@ impl Evaluator {
             touched &= touched - 1;
             let last = self.crossings.take(lower);
             let before = w;
-            w += self.crossings.chain(last).map(|hit| hit.jump()).sum::<i32>();
+            w += self.crossings.chain(last).map(|hit| hit.cause.jump()).sum::<i32>();
             if (before >= 1) != (w >= 1) {
                 inside ^= inside_from(1, lower + 1 - row * P);
                 self.passages_x.push(last);
@@ -252,7 +252,7 @@ impl Evaluation<'_> {
     /// spacing that the samples alone do not show.
     pub fn has_hidden_crossings(&mut self) -> bool {
         self.any_edge(|_, jumps| {
-            let sum: i32 = jumps.iter().map(|h| h.jump()).sum();
+            let sum: i32 = jumps.iter().map(|h| h.cause.jump()).sum();
             (sum.unsigned_abs() as usize) < jumps.len()
         })
     }
@@ -265,7 +265,7 @@ impl Evaluation<'_> {
             let mut passes = 0;
             hits.chunk_by(|a, b| a.offset == b.offset).for_each(|group| {
                 let before = w;
-                w += group.iter().map(|h| h.jump()).sum::<i32>();
+                w += group.iter().map(|h| h.cause.jump()).sum::<i32>();
                 passes += u32::from((before >= 1) != (w >= 1));
             });
             passes > 1
