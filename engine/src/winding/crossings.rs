@@ -94,6 +94,17 @@ impl Crossings {
         self.hits[number as usize]
     }
 
+    /// The sum of the jumps on an edge, given the number of its last crossing.
+    #[inline]
+    pub fn jump(&self, last: u32) -> i32 {
+        let hit = self.get(last);
+        let mut jump = hit.cause.jump();
+        if !hit.is_first() {
+            jump += self.chain(hit.before).map(|hit| hit.cause.jump()).sum::<i32>();
+        }
+        jump
+    }
+
     /// The crossings of an edge from the last one, whose number is given, to the first.
     #[inline]
     pub fn chain(&self, last: u32) -> impl Iterator<Item = Hit> {

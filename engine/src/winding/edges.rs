@@ -17,14 +17,14 @@ const _: () = assert!(P <= LINES_MAX as usize);
 /// lines. Axes are named as in [`super::scan`]: (axis, u, v) is right-handed.
 pub(crate) struct EdgeMasks {
     /// Rows of equal v: \[v\]\[lower sample along the axis\], a bit for every u.
-    over_u: Vec<u64>,
+    over_u: Box<[[u64; C]; P]>,
     /// Rows of equal u: \[u\]\[lower sample along the axis\], a bit for every v.
-    over_v: Vec<u64>,
+    over_v: Box<[[u64; C]; P]>,
 }
 
 impl Default for EdgeMasks {
     fn default() -> EdgeMasks {
-        EdgeMasks { over_u: vec![0; P * C], over_v: vec![0; P * C] }
+        EdgeMasks { over_u: Box::new([[0; C]; P]), over_v: Box::new([[0; C]; P]) }
     }
 }
 
@@ -37,7 +37,7 @@ impl EdgeMasks {
             Axis::Y => (&mut self.over_v, &mut self.over_u),
             _ => (&mut self.over_u, &mut self.over_v),
         };
-        over_other.fill(0);
+        over_other.fill([0; C]);
         let mut count = 0;
         for other in 0..P {
             for lower in 0..C {
@@ -45,12 +45,12 @@ impl EdgeMasks {
                     Axis::Y => signs.edges(axis, lower, other),
                     _ => signs.edges(axis, other, lower),
                 };
-                over_x[other * C + lower] = bits;
+                over_x[other][lower] = bits;
                 while bits != 0 {
                     let x = bits.trailing_zeros() as usize;
                     bits &= bits - 1;
                     count += 1;
-                    over_other[x * C + lower] |= 1 << other;
+                    over_other[x][lower] |= 1 << other;
                 }
             }
         }
@@ -72,7 +72,6 @@ impl EdgeMasks {
 
     #[inline(always)]
     fn of_row(&self, swap: bool, row: usize) -> &[u64; C] {
-        let rows = if swap { &self.over_v } else { &self.over_u };
-        &rows.as_chunks::<C>().0[row]
+        if swap { &self.over_v[row] } else { &self.over_u[row] }
     }
 }

@@ -22,7 +22,7 @@ pub struct Evaluator {
     /// The triangles that meet lattice lines, with their position in the brick's list.
     facets: Vec<(u32, Facet)>,
     /// Per row, which edges along x hold crossings; all zero between bricks.
-    touched: Vec<u32>,
+    touched: Box<[u32; P * P]>,
     /// Jumps along y in the face x = 0: [k][edge].
     face: Vec<i32>,
     /// Jumps along z in the column x = y = 0.
@@ -42,7 +42,7 @@ impl Default for Evaluator {
     fn default() -> Self {
         Evaluator {
             facets: Vec::new(),
-            touched: vec![0; P * P],
+            touched: Box::new([0; P * P]),
             face: vec![0; P * C],
             column: [0; C],
             crossings: Crossings::default(),
@@ -158,14 +158,14 @@ impl Evaluator {
     /// Prefix sums from the corner; false if a value does not fit 16 bits. Leaves no jumps for the next
     /// brick.
     fn walk(&mut self, corner: i16, samples: &mut Samples, signs: &mut SignChanges) -> bool {
-        let mut fits = true;
+        let mut excess = 0;
         self.passages_x.clear();
         let mut at_k = i32::from(corner);
         for k in 0..P {
             let mut at_j = at_k;
             for j in 0..P {
                 let row = k * P + j;
-                fits &= self.walk_row(row, at_j, samples, signs);
+                excess |= self.walk_row(row, at_j, samples, signs);
                 if j < C {
                     at_j += std::mem::take(&mut self.face[k * C + j]);
                 }
@@ -174,14 +174,15 @@ impl Evaluator {
                 at_k += std::mem::take(&mut self.column[k]);
             }
         }
-        fits
+        excess == 0
     }
 
-    /// The samples and signs of one row from its first sample, stepping from crossed edge to crossed edge.
+    /// The samples and signs of one row from its first sample, stepping from crossed edge to crossed edge. Not
+    /// zero if a value does not fit 16 bits.
     #[inline]
-    fn walk_row(&mut self, row: usize, first: i32, samples: &mut Samples, signs: &mut SignChanges) -> bool {
+    fn walk_row(&mut self, row: usize, first: i32, samples: &mut Samples, signs: &mut SignChanges) -> i32 {
         let mut w = first;
-        let mut fits = i32::from(w as i16) == w;
+        let mut excess = w ^ i32::from(w as i16);
         let mut inside = inside_from(w, 0);
         samples.fill_row_from(row * P, w as i16);
         let mut touched = std::mem::take(&mut self.touched[row]);
@@ -190,16 +191,16 @@ impl Evaluator {
             touched &= touched - 1;
             let last = self.crossings.take(lower);
             let before = w;
-            w += self.crossings.chain(last).map(|hit| hit.cause.jump()).sum::<i32>();
+            w += self.crossings.jump(last);
             if (before >= 1) != (w >= 1) {
                 inside ^= inside_from(1, lower + 1 - row * P);
                 self.passages_x.push(last);
             }
-            fits &= i32::from(w as i16) == w;
+            excess |= w ^ i32::from(w as i16);
             samples.fill_row_from(lower + 1, w as i16);
         }
         signs.set_row(row % P, row / P, inside);
-        fits
+        excess
     }
 }
 

@@ -51,14 +51,13 @@ impl Facet {
         let below = (1 << block.shift) - 1;
         let mut first = [0; 3];
         let mut last = [0; 3];
-        let mut reach = [0; 3];
+        let (mut min, mut max) = ([0; 3], [0; 3]);
         let mut met = 0;
         for a in 0..3 {
-            let min = vertices[0][a].min(vertices[1][a]).min(vertices[2][a]);
-            let max = vertices[0][a].max(vertices[1][a]).max(vertices[2][a]);
-            first[a] = ((min + below) >> block.shift).max(0);
-            last[a] = (max >> block.shift).min(block.last);
-            reach[a] = max.max(-min);
+            min[a] = vertices[0][a].min(vertices[1][a]).min(vertices[2][a]);
+            max[a] = vertices[0][a].max(vertices[1][a]).max(vertices[2][a]);
+            first[a] = ((min[a] + below) >> block.shift).max(0);
+            last[a] = (max[a] >> block.shift).min(block.last);
             met += i32::from(first[a] <= last[a]);
         }
         // A line along one axis needs a line index along both others.
@@ -66,6 +65,7 @@ impl Facet {
             return None;
         }
         let normal = normal(&vertices);
+        let reach = std::array::from_fn(|a| max[a].max(-min[a]));
         (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, reach })
     }
 
@@ -208,15 +208,17 @@ const ROUND: f64 = (1u64 << 52) as f64 * 1.5;
 
 /// The three edges of a projected triangle: where each cuts a row, as a linear function in f64.
 ///
-/// A line is inside when no edge function is negative; a tie counts as its perturbed value.
+/// A line is inside when no edge function is negative; a tie counts as its perturbed value. One edge passes all
+/// rows and bounds the lines on one side, the two others bound them on the other side.
 struct Edges<'a> {
     facet: &'a Facet,
     block: Block,
-    /// Cuts of row 0, counted from line 0 upwards by edges that bound the span from below, from line
-    /// [`LINES_MAX`] − 1 downwards by those that bound it from above: all are lower bounds.
-    cuts: [[f64; 2]; 2],
-    /// Their changes per row.
-    slopes: [[f64; 2]; 2],
+    /// (cut of row 0, change per row) of the long edge and of the short ones. Bounds from below count lines from 0
+    /// upwards, bounds from above count them from [`LINES_MAX`] − 1 downwards, so that both are lower bounds.
+    long: (f64, f64),
+    short: [(f64, f64); 2],
+    /// Whether the short edges bound from above.
+    short_above: bool,
     /// Bound on the rounding error of the cuts.
     error: f64,
 }
@@ -226,53 +228,51 @@ impl<'a> Edges<'a> {
     fn new<const A: usize, const SWAP: bool>(facet: &'a Facet, block: Block) -> Edges<'a> {
         let (s, r) = sweep_axes::<A, SWAP>();
         let per_step = power_of_two(-(block.shift as i32));
-        let mut cuts = [[f64::from(-LINES_MAX); 2]; 2];
-        let mut slopes = [[0.0; 2]; 2];
-        let mut steepest = 0.0;
-        let mut bounds = [0; 2];
-        // A lower bound is an edge that runs along the rows' order one way, an upper one the other way.
-        let ascends = (facet.normal[A] > 0) != SWAP;
-        for i in 0..3 {
-            let (a, b) = (facet.vertices[i], facet.vertices[(i + 1) % 3]);
-            let across = b[r] - a[r];
-            // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows
-            // within the bounding box lie strictly on its inner side.
-            if across == 0 {
-                continue;
-            }
-            let slope = f64::from(b[s] - a[s]) / f64::from(across);
-            let cut = (f64::from(a[s]) - slope * f64::from(a[r])) * per_step;
-            steepest = larger(steepest, slope.abs());
-            let upper = (across < 0) != ascends;
-            let (side, nth) = (usize::from(upper), &mut bounds[usize::from(upper)]);
-            (cuts[*nth & 1][side], slopes[*nth & 1][side]) =
-                if upper { (f64::from(LINES_MAX - 1) - cut, -slope) } else { (cut, slope) };
-            *nth += 1;
-        }
+        // The vertices in the order of rows, and whether the middle one lies beyond the long edge.
+        let [p, q, t] = facet.vertices.map(|p| (p[r], p[s]));
+        let (p, q, pq) = in_order(p, q);
+        let (q, t, qt) = in_order(q, t);
+        let (p, q, again) = in_order(p, q);
+        let short_above = (facet.normal[A] > 0) != (SWAP ^ pq ^ qt ^ again);
+        let line = |a: (i32, i32), b: (i32, i32)| {
+            let slope = f64::from(b.1 - a.1) / f64::from(b.0 - a.0);
+            ((f64::from(a.1) - slope * f64::from(a.0)) * per_step, slope)
+        };
+        let bound = |above: bool, (cut, slope): (f64, f64)| {
+            if above { (f64::from(LINES_MAX - 1) - cut, -slope) } else { (cut, slope) }
+        };
+        let long = bound(!short_above, line(p, t));
+        // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows within the
+        // bounding box lie strictly on its inner side.
+        let none = (f64::from(-LINES_MAX), 0.0);
+        let short = [(p, q), (q, t)].map(|(a, b)| if a.0 < b.0 { bound(short_above, line(a, b)) } else { none });
+        let steepest = larger(long.1.abs(), larger(short[0].1.abs(), short[1].1.abs()));
         // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
         let block_size = f64::from(LINES_MAX + 1) * power_of_two(block.shift as i32);
         let size = f64::from(facet.reach[s]) + block_size + steepest * (f64::from(facet.reach[r]) + block_size);
         let error = size * per_step * power_of_two(-49);
         // What the bound does not cover is decided exactly, row by row.
-        Edges { facet, block, cuts, slopes, error: if error > 0.001 { 1.0 } else { error } }
+        let error = if error > 0.001 { 1.0 } else { error };
+        Edges { facet, block, long, short, short_above, error }
     }
 
     /// The lines of a row that lie inside, as bits.
     #[inline(always)]
     fn span<const A: usize, const SWAP: bool>(&self, row: i32) -> u64 {
         let k = f64::from(row);
+        let cut = |(cut, slope): (f64, f64)| cut + slope * k;
         // Far cuts are brought near, off the integers.
         let near = |c: f64| smaller(larger(c, -0.75), f64::from(LINES_MAX) - 0.25);
-        let cut = |nth: usize, side: usize| self.cuts[nth][side] + self.slopes[nth][side] * k;
-        let bound: [f64; 2] = std::array::from_fn(|side| near(larger(cut(0, side), cut(1, side))));
-        let shifted = bound.map(|c| c + ROUND);
-        let rest: [f64; 2] = std::array::from_fn(|side| bound[side] - (shifted[side] - ROUND));
+        let bounds = [cut(self.long), larger(cut(self.short[0]), cut(self.short[1]))].map(near);
+        let shifted = bounds.map(|c| c + ROUND);
+        let rest: [f64; 2] = std::array::from_fn(|side| bounds[side] - (shifted[side] - ROUND));
         if smaller(rest[0].abs(), rest[1].abs()) <= self.error {
             return self.span_exactly(sweep_axes::<A, SWAP>(), (self.facet.normal[A] > 0) != SWAP, row);
         }
         // Lines outside at either end.
-        let [below, above] =
+        let [long, short] =
             std::array::from_fn(|side| (shifted[side].to_bits() as u32).wrapping_add((rest[side] > 0.0).into()));
+        let (below, above) = if self.short_above { (long, short) } else { (short, long) };
         (u64::MAX << below) & (u64::MAX >> 1 >> above)
     }
 
@@ -296,6 +296,12 @@ impl<'a> Edges<'a> {
         let lines = self.facet.first[s]..=self.facet.last[s];
         lines.filter(inside).fold(0, |bits, line| bits | 1 << line)
     }
+}
+
+/// The two points in order of their first coordinate, and whether that swaps them.
+#[inline(always)]
+fn in_order(a: (i32, i32), b: (i32, i32)) -> ((i32, i32), (i32, i32), bool) {
+    if b.0 < a.0 { (b, a, true) } else { (a, b, false) }
 }
 
 /// 2^exponent.
