@@ -57,6 +57,13 @@ impl EdgeMasks {
         count
     }
 
+    /// The edges whose lower samples are those of the row at (j, k), as bits over x.
+    #[inline]
+    pub fn row(&self, axis: Axis, j: usize, k: usize) -> u64 {
+        let (of_line, lower) = if axis == Axis::Y { (&self.over_v[k], j) } else { (&self.over_u[j], k) };
+        of_line.get(lower).copied().unwrap_or(0)
+    }
+
     /// The lines of a row, of equal u if `swap` and of equal v if not, on which an edge lies that begins at
     /// one of the samples `lowers`.
     #[inline(always)]

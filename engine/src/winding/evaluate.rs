@@ -222,13 +222,13 @@ impl Evaluator {
     ) -> Result<Vec<HermiteEdge>> {
         let count = self.changes.set(axis, signs);
         self.collect_other(key, axis, false);
-        let Evaluator { crossings, resolver, .. } = self;
+        let Evaluator { crossings, resolver, changes, .. } = self;
         let mut edges = Vec::with_capacity(count);
         for row in 0..P * P {
-            let mut changes = signs.edges(axis, row % P, row / P);
-            while changes != 0 {
-                let last = crossings.take(row * P + changes.trailing_zeros() as usize);
-                changes &= changes - 1;
+            let mut bits = changes.row(axis, row % P, row / P);
+            while bits != 0 {
+                let last = crossings.take(row * P + bits.trailing_zeros() as usize);
+                bits &= bits - 1;
                 if last == NONE {
                     return Err(Error::setting(
                         "internal error: a sign change without a crossing",
