@@ -124,3 +124,31 @@ impl Crossings {
         sorted
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chains_hold_what_was_added_to_their_edge() {
+        let mut crossings = Crossings::default();
+        let up = Cause::new(3, 1);
+        let down = Cause::new(70_000, -1);
+        assert_eq!((up.position(), up.jump(), down.position(), down.jump()), (3, 1, 70_000, -1));
+        for (lower, offset, cause) in [(5, 9, up), (POINTS - 1, 1, down), (5, 7, down), (5, 8, down)] {
+            crossings.add(lower, offset, cause);
+        }
+        let last = crossings.take(5);
+        assert_eq!(crossings.chain(last).map(|hit| hit.offset).collect::<Vec<_>>(), [8, 7, 9]);
+        assert_eq!(crossings.jump(last), -1);
+        assert_eq!(crossings.take(5), NONE);
+        assert_eq!(crossings.take(6), NONE);
+        // What is left in chains ends when it is sorted.
+        let sorted = crossings.sorted(0);
+        let order: Vec<_> = sorted.iter().map(|hit| (usize::from(hit.lower), hit.offset)).collect();
+        assert_eq!(order, [(5, 7), (5, 8), (5, 9), (POINTS - 1, 1)]);
+        assert_eq!(crossings.take(POINTS - 1), NONE);
+        crossings.truncate(1);
+        assert_eq!(crossings.len(), 1);
+    }
+}

@@ -82,3 +82,44 @@ impl EdgeMasks {
         if swap { &self.over_v[row] } else { &self.over_u[row] }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brick::{SignChanges, point_index};
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20))]
+        #[test]
+        fn masks_hold_the_sign_changes_in_both_orders(seed in any::<u64>(), sparse in 1u32..6) {
+            // Bits of a hash, fewer inside the larger `sparse` is.
+            let inside = |i: usize| {
+                let h = (i as u64 ^ seed).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                (h >> 32).trailing_zeros() >= sparse
+            };
+            let signs = SignChanges::from_fn(inside);
+            let mut masks = EdgeMasks::default();
+            for axis in [Axis::Y, Axis::Z] {
+                let count = masks.set(axis, &signs);
+                prop_assert_eq!(count, signs.counts()[axis.index()]);
+                for (k, j, i) in (0..P).flat_map(|k| (0..P).flat_map(move |j| (0..P).map(move |i| (k, j, i)))) {
+                    let (u, v, lower) = if axis == Axis::Y { (k, i, j) } else { (i, j, k) };
+                    if lower == C {
+                        prop_assert_eq!(masks.row(axis, j, k), 0);
+                        continue;
+                    }
+                    let next = if axis == Axis::Y { [i, j + 1, k] } else { [i, j, k + 1] };
+                    let changes = inside(point_index([i, j, k])) != inside(point_index(next));
+                    prop_assert_eq!(masks.holds(false, v, u as u32, lower), changes);
+                    prop_assert_eq!(masks.holds(true, u, v as u32, lower), changes);
+                    prop_assert_eq!(masks.row(axis, j, k) >> i & 1 != 0, changes);
+                }
+                for row in 0..P {
+                    let all = (0..C).fold(0, |bits, lower| bits | masks.lines(true, row, lower..lower + 1));
+                    prop_assert_eq!(masks.lines(true, row, 0..C), all);
+                }
+            }
+        }
+    }
+}

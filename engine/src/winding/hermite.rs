@@ -68,7 +68,8 @@ impl Resolver {
             w += causes().map(Cause::jump).sum::<i32>();
             let direction = if w > before { 1 } else { -1 };
             // Of facets that coincide here, the one with the smallest normal, whatever their order.
-            let normals = causes().filter(|cause| cause.jump() == direction).map(|cause| self.normal(cause, list));
+            let normals =
+                causes().filter(|cause| cause.jump() == direction).map(|cause| self.normal(cause, list));
             let passes = (before >= 1) != (w >= 1);
             passes.then(|| HermiteEdge {
                 offset: (step[0] >> 32) as u16,

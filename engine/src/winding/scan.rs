@@ -245,7 +245,8 @@ impl<'a> Edges<'a> {
         // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows within the
         // bounding box lie strictly on its inner side.
         let none = (f64::from(-LINES_MAX), 0.0);
-        let short = [(p, q), (q, t)].map(|(a, b)| if a.0 < b.0 { bound(short_above, line(a, b)) } else { none });
+        let short =
+            [(p, q), (q, t)].map(|(a, b)| if a.0 < b.0 { bound(short_above, line(a, b)) } else { none });
         let steepest = larger(long.1.abs(), larger(short[0].1.abs(), short[1].1.abs()));
         // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
         let size = f64::from(facet.reach[s]) + steepest * f64::from(facet.reach[r]);
@@ -269,8 +270,9 @@ impl<'a> Edges<'a> {
             return self.span_exactly(sweep_axes::<A, SWAP>(), (self.facet.normal[A] > 0) != SWAP, row);
         }
         // Lines outside at either end.
-        let [long, short] =
-            std::array::from_fn(|side| (shifted[side].to_bits() as u32).wrapping_add((rest[side] > 0.0).into()));
+        let [long, short] = std::array::from_fn(|side| {
+            (shifted[side].to_bits() as u32).wrapping_add((rest[side] > 0.0).into())
+        });
         let (below, above) = if self.short_above { (long, short) } else { (short, long) };
         (u64::MAX << below) & (u64::MAX >> 1 >> above)
     }
@@ -440,6 +442,8 @@ fn locate_exactly(facet: &Facet, block: Block, axis: usize, (u, v): (i32, i32)) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brick::SignChanges;
+    use crate::lattice::{Axis, BRICK_POINTS};
     use proptest::prelude::*;
 
     /// Everything in i128 with the perturbation as explicit small numbers: coordinates times 2^60,
@@ -522,6 +526,57 @@ mod tests {
                     prop_assert_eq!((c.lower as u64) << 16 | u64::from(c.offset), exact);
                 }
             }
+        }
+    }
+
+    /// Every row's span against the exact one.
+    fn spans_are_exact<const A: usize, const SWAP: bool>(facet: &Facet, block: Block) -> bool {
+        let (s, r) = sweep_axes::<A, SWAP>();
+        let edges = Edges::new::<A, SWAP>(facet, block);
+        let within = (facet.first[s]..=facet.last[s]).fold(0, |bits, line| bits | 1 << line);
+        facet.normal[A] == 0
+            || (facet.first[r]..=facet.last[r]).all(|row| {
+                let exact = edges.span_exactly((s, r), (facet.normal[A] > 0) != SWAP, row);
+                edges.span::<A, SWAP>(row) & within == exact
+            })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn fast_and_exact_spans_agree(t in prop::array::uniform3(prop::array::uniform3(-(1i32 << 22)..1 << 22)),
+                                      small in 0u32..18, shift in 3u32..19) {
+            let t = t.map(|v| v.map(|c| 2 * (c >> small) + 1));
+            let block = Block { shift, last: 32 };
+            if let Some(facet) = Facet::new(&t, [0; 3], block) {
+                prop_assert!(spans_are_exact::<0, false>(&facet, block) && spans_are_exact::<0, true>(&facet, block));
+                prop_assert!(spans_are_exact::<1, false>(&facet, block) && spans_are_exact::<1, true>(&facet, block));
+                prop_assert!(spans_are_exact::<2, false>(&facet, block) && spans_are_exact::<2, true>(&facet, block));
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn asking_for_edges_finds_those_and_no_others(t in triangle(), shift in 1u32..3, rows in any::<[u64; 8]>()) {
+            let block = Block { shift, last: 32 };
+            let inside = |i: usize| rows[i / BRICK_POINTS % 8].rotate_left(i as u32 / 64) >> (i % BRICK_POINTS) & 1 != 0;
+            let signs = SignChanges::from_fn(inside);
+            let Some(facet) = Facet::new(&t, [0; 3], block) else { return Ok(()) };
+            let mut masks = EdgeMasks::default();
+            let changes = |axis, [i, j, k]: [i32; 3]| signs.edges(axis, j as usize, k as usize) >> i & 1 != 0;
+            let (mut all, mut asked) = (Vec::new(), Vec::new());
+            masks.set(Axis::Y, &signs);
+            facet.scan::<1>(block, [32; 2], |c| all.push((1, c)));
+            facet.scan_edges::<1>(block, &masks, |c| asked.push((1, c)));
+            masks.set(Axis::Z, &signs);
+            facet.scan::<2>(block, [32; 2], |c| all.push((2, c)));
+            facet.scan_edges::<2>(block, &masks, |c| asked.push((2, c)));
+            all.retain(|(axis, c)| match axis {
+                1 => changes(Axis::Y, [c.v, c.lower, c.u]),
+                _ => changes(Axis::Z, [c.u, c.v, c.lower]),
+            });
+            prop_assert_eq!(all, asked);
         }
     }
 
