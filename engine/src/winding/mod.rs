@@ -3,6 +3,8 @@
 mod balance;
 mod brute;
 mod corners;
+mod crossings;
+mod edges;
 mod evaluate;
 mod hermite;
 mod points;
