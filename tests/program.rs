@@ -4,6 +4,7 @@ mod support;
 
 mod program {
     mod bad_input;
+    mod beads;
     mod build;
     mod determinism;
     mod export;

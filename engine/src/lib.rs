@@ -2,12 +2,13 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`toolpath`] → [`ingest`], [`brick`] → [`winding`], [`store`] → [`build`] → [`contour`],
-//! [`analysis`].
+//! [`lattice`], [`mmap`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`store`] →
+//! [`build`] → [`contour`], [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod bead;
 pub mod brick;
 pub mod build;
 pub mod contour;
@@ -21,6 +22,7 @@ mod progress;
 pub mod store;
 pub mod toolpath;
 pub mod winding;
+pub mod x3d;
 
 pub use error::{Error, Result};
 pub use progress::{Progress, Silent};

@@ -28,7 +28,7 @@ fn files_that_are_no_meshes() {
     let dir = Scratch::new();
     refused(&dir, &dir.path("missing.stl"), "No such file");
     refused(&dir, &dir.file("empty.stl", ""), "is empty");
-    refused(&dir, &dir.file("notes.txt", "Dear diary,\n"), "neither STL nor OBJ nor PLY");
+    refused(&dir, &dir.file("notes.txt", "Dear diary,\n"), "neither STL nor OBJ nor PLY nor X3D nor G-code");
     refused(&dir, &dir.file("noise.stl", [0xa5; 100]), "line 1");
     std::fs::create_dir(dir.path("folder")).unwrap();
     refused(&dir, &dir.path("folder"), "directory");

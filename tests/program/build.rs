@@ -106,3 +106,28 @@ fn inward_facets_are_pointed_out() {
     assert_eq!(facets_of(&mesh).len(), 0);
     assert_eq!(dir.names(), ["o.brf", "o.stl"]);
 }
+
+#[test]
+fn x3d_beads_are_an_input_and_what_is_left_out_is_told() {
+    let dir = Scratch::new();
+    let beads = dir.file(
+        "beads.x3d",
+        "<X3D version='3.3'><Scene>\n<Shape><Extrusion spine='0 0 0 0 4 0'/></Shape>\n\
+         <Shape><Extrusion DEF='bad' scale='0 1'/></Shape>\n</Scene></X3D>",
+    );
+    let out = dir.path("o.brf");
+    let output =
+        program().args(["build", "-o"]).args([&out, &beads]).args(["--depth", "1"]).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("beads.x3d: line 3: Extrusion \"bad\": scale holds 0"), "{told}");
+    assert!(run(&[&"info", &out]).ok().contains("X3D"));
+    let points = dir.file("p.csv", "0,2,0\n0,5,0\n");
+    let sound = "<X3D><Scene><Shape><Extrusion spine='0 0 0 0 4 0'/></Shape></Scene></X3D>";
+    let text = run(&[&"winding", &dir.file("sound.x3d", sound), &"--points", &points]).ok();
+    let values: Vec<&str> = text.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
+    assert_eq!(values, ["1", "0"], "{text}");
+    let broken = dir.file("broken.x3d", "<X3D><Scene>\n<Shape>");
+    let told = run(&[&"build", &broken, &"-o", &out]).failed();
+    assert!(told.contains("broken.x3d: line 2: the file ends inside 3 open elements"), "{told}");
+}

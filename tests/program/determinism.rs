@@ -2,38 +2,72 @@
 
 use crate::support::*;
 use brickfield_engine::store::{BrickTree, Store};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-fn build(dir: &Scratch, input: &Path, threads: &str) -> PathBuf {
+/// Rules of refinement: by name, and the deviation from which on they refine.
+const RULES: [[&str; 2]; 4] = [["hidden", "0"], ["hidden", "0.1"], ["surface", "0.1"], ["stddev", "0.2"]];
+
+fn build(dir: &Scratch, input: &Path, [refine, stddev]: [&str; 2], threads: &str) -> PathBuf {
     let out = dir.path(&format!("{threads}.brf"));
-    run(&[&"build", &input, &"-o", &out, &"--depth", &"4", &"--threads", &threads]).ok();
+    let rule: [&dyn AsRef<OsStr>; 4] = [&"--refine", &refine, &"--stddev", &stddev];
+    let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"build", &input, &"-o", &out, &"--depth", &"3"];
+    args.extend(rule);
+    args.extend([&"--threads" as &dyn AsRef<OsStr>, &threads, &"--quiet"]);
+    run(&args).ok();
     out
+}
+
+/// All that the program makes of a store: meshes, an array, samples.
+fn answers(dir: &Scratch, store: &Path, threads: &str) -> Vec<Vec<u8>> {
+    let out = |args: &[&dyn AsRef<OsStr>], name: &str| {
+        let out = dir.path(name);
+        let mut all = args.to_vec();
+        all.extend([&store as &dyn AsRef<OsStr>, &"-o", &out, &"--threads", &threads, &"--quiet"]);
+        run(&all).ok();
+        std::fs::read(out).unwrap()
+    };
+    let points: String = (0..400).map(|n| format!("{},{},{}\n", n % 40 - 20, n / 20 - 10, n % 7)).collect();
+    let points = dir.file("points.csv", points);
+    vec![
+        out(&[&"mesh"], "mesh.stl"),
+        out(&[&"mesh", &"--memory", &"64MB"], "mesh.ply"),
+        out(&[&"mesh", &"--level", &"2"], "mesh.obj"),
+        out(&[&"export", &"--level", &"1"], "w.npy"),
+        run(&[&"sample", &store, &"--points", &points, &"--threads", &threads]).ok().into(),
+    ]
 }
 
 #[test]
 fn threads_do_not_show() {
-    let dir = Scratch::new();
-    let input = stl("featuretype50_model");
-    let one = std::fs::read(build(&dir, &input, "1")).unwrap();
-    for threads in ["2", "3", "8"] {
-        assert!(std::fs::read(build(&dir, &input, threads)).unwrap() == one, "{threads} threads");
-    }
-    for ending in ["stl", "ply", "obj"] {
-        let mesh = |threads: &str| {
-            let out = dir.path(&format!("{threads}.{ending}"));
-            run(&[&"mesh", &dir.path("1.brf"), &"-o", &out, &"--threads", &threads]).ok();
-            std::fs::read(out).unwrap()
-        };
-        assert!(mesh("1") == mesh("3"), "{ending}");
+    for name in ["featuretype50_model", "clover_model"] {
+        for rule in RULES {
+            let dir = Scratch::new();
+            let store = build(&dir, &stl(name), rule, "1");
+            let (bytes, one) = (std::fs::read(&store).unwrap(), answers(&dir, &store, "1"));
+            for threads in ["2", "3", "8"] {
+                let other = build(&dir, &stl(name), rule, threads);
+                assert!(std::fs::read(&other).unwrap() == bytes, "{name}, {rule:?}, {threads} threads");
+                assert!(answers(&dir, &other, threads) == one, "{name}, {rule:?}, {threads} threads");
+            }
+        }
     }
 }
 
 #[test]
 fn the_order_of_facets_shows_in_the_identity_only() {
+    for name in ["featuretype50_model", "clover_model"] {
+        for rule in RULES {
+            shuffled(name, rule);
+        }
+    }
+}
+
+fn shuffled(name: &str, rule: [&str; 2]) {
     let dir = Scratch::new();
-    let mut facets = facets_of(&stl("clover_model"));
-    let plain = dir.file("part.stl", binary_stl(facets.len() as u32, &facets));
-    let before = build(&dir, &plain, "2");
+    let mut facets = facets_of(&stl(name));
+    let part = dir.file("part.stl", binary_stl(facets.len() as u32, &facets));
+    let before = build(&dir, &part, rule, "2");
     // A permutation, and other first corners.
     let mut seed = 1u64;
     for i in (1..facets.len()).rev() {
@@ -41,8 +75,9 @@ fn the_order_of_facets_shows_in_the_identity_only() {
         facets.swap(i, (seed >> 33) as usize % (i + 1));
         facets[i].rotate_left((seed >> 20) as usize % 3);
     }
-    std::fs::write(&plain, binary_stl(facets.len() as u32, &facets)).unwrap();
-    let after = build(&dir, &plain, "3");
+    std::fs::write(&part, binary_stl(facets.len() as u32, &facets)).unwrap();
+    let after = build(&dir, &part, rule, "3");
+    assert!(answers(&dir, &before, "2") == answers(&dir, &after, "3"), "{name}, {rule:?}");
     let [before, after] = [before, after].map(|path| Store::open(&path, 1 << 26).unwrap());
     assert_eq!(before.keys(), after.keys());
     for key in before.keys() {

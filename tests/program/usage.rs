@@ -3,8 +3,8 @@
 use crate::support::*;
 use std::ffi::OsStr;
 
-const COMMANDS: [&str; 9] =
-    ["build", "mesh", "info", "sample", "winding", "export", "verify", "completions", "man"];
+const COMMANDS: [&str; 10] =
+    ["build", "beads", "mesh", "info", "sample", "winding", "export", "verify", "completions", "man"];
 
 #[test]
 fn what_makes_no_sense_is_refused() {

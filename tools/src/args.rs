@@ -1,5 +1,6 @@
 //! What the user types. The commands turn it into checked plans.
 
+use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Size, Unit};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ pub struct Cli {
 #[derive(Subcommand)]
 pub enum Command {
     Build(BuildArgs),
+    Beads(BeadsArgs),
     Mesh(MeshArgs),
     Info(InfoArgs),
     Sample(SampleArgs),
@@ -37,7 +39,7 @@ pub struct WorkArgs {
     pub quiet: bool,
 }
 
-/// Build a store from meshes, all of them together as one soup
+/// Build a store from meshes and toolpaths, all of them together as one soup
 #[derive(Args)]
 #[command(after_help = "\
 Without --depth and --cell the store gets depth 4: 512 cells along the longest side. Each level more has twice \
@@ -45,9 +47,10 @@ the cells along a side and takes about four times the time and space.
 
 Examples:
   brickfield build part.stl -o part.brf
-  brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl")]
+  brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl
+  brickfield build part.gcode -o part.brf --skip Skirt/Brim")]
 pub struct BuildArgs {
-    /// Mesh files: STL (binary, ASCII), OBJ, PLY
+    /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The store to write
@@ -72,7 +75,7 @@ pub struct BuildArgs {
     /// What computes. Automatic choice takes the best that this build has
     #[arg(long, value_enum, default_value_t)]
     pub backend: BackendArg,
-    /// The unit of the input's coordinates
+    /// The unit of the input's coordinates; toolpaths are in mm whatever they say
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub units: Unit,
     /// Memory to stay within, as in 4GiB: a build that needs more is refused before it starts, and --mesh
@@ -93,6 +96,32 @@ pub struct BuildArgs {
     /// Show no progress and no summary (--json still prints)
     #[arg(long, short)]
     pub quiet: bool,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
+}
+
+/// Write the beads of toolpaths as closed tubes: triangles, or X3D Extrusions
+#[derive(Args)]
+#[command(after_help = "\
+Tubes overlap where beads do, and at sharp bends, where two tubes with round ends meet: `build` takes them as they \
+are. Beads pass through one by one, so memory does not grow with the part.
+
+Example:
+  brickfield beads part.gcode -o beads.stl --sides 14 --skip Skirt/Brim")]
+pub struct BeadsArgs {
+    /// Toolpaths: G-code, also compressed as .gz or .xz
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The file to write, in mm: .stl (binary) or .x3d, Extrusions that take a tenth of the space
+    #[arg(long, short, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
 }
 
 /// The criterion by which bricks are divided.
@@ -153,6 +182,9 @@ pub struct InfoArgs {
     /// The store, or a mesh that ends in .stl, .obj or .ply
     #[arg(value_name = "PART.brf|MESH")]
     pub file: PathBuf,
+    /// Also read all leaves for the volume of the union and of what overlaps
+    #[arg(long)]
+    pub volume: bool,
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
@@ -178,7 +210,7 @@ pub struct SampleArgs {
     pub work: WorkArgs,
 }
 
-/// Print w at points, straight from meshes
+/// Print w at points, straight from meshes, toolpaths and point clouds
 #[derive(Args)]
 #[command(after_help = "\
 For closed meshes crossings are counted, and w is an exact integer. Open ones are closed by caps, whose solid \
@@ -188,7 +220,7 @@ lattice that `build` uses.
 Of a point cloud (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
 counts as a dipole with the area that its nearest neighbours leave it.")]
 pub struct WindingArgs {
-    /// Mesh files: STL (binary, ASCII), OBJ, PLY; or point clouds: PLY, XYZ
+    /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz; point clouds: PLY, XYZ
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// Points as lines x,y,z in the input's unit; - reads standard input. A header line, empty lines and lines
@@ -209,6 +241,8 @@ pub struct WindingArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
 }
 
 /// Write a level as one dense NumPy array

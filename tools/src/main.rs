@@ -10,6 +10,7 @@ mod memory;
 mod output;
 mod points;
 mod progress;
+mod toolpaths;
 mod units;
 
 use args::{Cli, Command};
@@ -41,6 +42,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
     interrupt::install()?;
     match cli.command {
         Command::Build(args) => commands::build::run(args),
+        Command::Beads(args) => commands::beads::run(&args),
         Command::Mesh(args) => commands::mesh::run(args),
         Command::Info(args) => commands::info::run(&args),
         Command::Sample(args) => commands::sample::run(&args),

@@ -114,3 +114,33 @@ fn between_samples_it_is_linear_and_outside_nothing() {
     assert!((w[0] - 0.25).abs() < 1e-6, "{w:?}");
     assert_eq!(w[1..], [0.0; 3]);
 }
+
+#[test]
+fn volumes_count_cells_by_their_level() {
+    for depth in 0..2 {
+        let volumes = volume(&tree(depth), &Silent).unwrap();
+        assert_eq!(volumes, Volumes { union: 8.0, overlap: 0.0, negative: 0.0 });
+    }
+    // One child is covered three times, one is inside out, and the leaves are of different levels.
+    let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 4.0 });
+    tree.insert(NodeKey::ROOT, false, Brick::Uniform(9));
+    for (number, octant) in Octant::all().enumerate() {
+        let child = NodeKey::ROOT.child(octant);
+        let w = [3, -2, 0, 1][number.min(3)];
+        if number < 2 {
+            tree.insert(child, false, Brick::Uniform(9));
+            Octant::all().for_each(|o| tree.insert(child.child(o), true, Brick::Uniform(w)));
+        } else {
+            tree.insert(child, true, Brick::Uniform(w));
+        }
+    }
+    let volumes = volume(&tree, &Silent).unwrap();
+    assert_eq!(volumes, Volumes { union: 6.0 * 8.0, overlap: 2.0 * 8.0, negative: 2.0 * 8.0 });
+    let mut mixed = Samples::filled(0);
+    (mixed.0[0], mixed.0[1], mixed.0[2]) = (5, -7, 1);
+    mixed.0[BRICK_POINTS - 1] = 100;
+    let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 32.0 });
+    tree.insert(NodeKey::ROOT, true, Brick::Counts { samples: mixed, hermite: Hermite::default() });
+    let volumes = volume(&tree, &Silent).unwrap();
+    assert_eq!(volumes, Volumes { union: 2.0, overlap: 4.0, negative: 7.0 });
+}

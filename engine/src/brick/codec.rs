@@ -20,7 +20,7 @@
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
 use super::fractions;
-use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, inside_from};
+use super::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, inside_from};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
 
@@ -157,6 +157,8 @@ pub enum DecodeError {
 
 /// Reusable buffers of [`encode_into`] and [`decode`]: some 100 KB for surface bricks, at most 0.8 MB.
 pub struct Scratch {
+    /// 1 where a sample differs from the one before it in memory.
+    differs: Box<[u8; POINTS]>,
     masks: Box<[u32; ROWS]>,
     firsts: Box<[i16; ROWS]>,
     steps: Vec<i16>,
@@ -176,6 +178,7 @@ impl Scratch {
     /// Empty buffers.
     pub fn new() -> Scratch {
         Scratch {
+            differs: vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"),
             masks: vec![0; ROWS].into_boxed_slice().try_into().expect("the length is ROWS"),
             firsts: vec![0; ROWS].into_boxed_slice().try_into().expect("the length is ROWS"),
             steps: Vec::new(),
@@ -288,12 +291,14 @@ pub fn decode(
 /// Splits the samples into first samples, change masks and changes, and classifies them. True if every
 /// difference fits 8 bits.
 fn split_rows(samples: &Samples, scratch: &mut Scratch) -> bool {
+    find_changes(samples, &mut scratch.differs);
     scratch.steps.clear();
     let mut before = 0i16;
     let mut wide = 0u16;
     let rows = samples.0.as_chunks::<BRICK_POINTS>().0;
-    for (row, ws) in rows.iter().enumerate() {
-        let mask = change_mask(ws);
+    let differs = scratch.differs.as_chunks::<BRICK_POINTS>().0;
+    for (row, (ws, differs)) in rows.iter().zip(differs).enumerate() {
+        let mask = change_mask(differs);
         let first = ws[0].wrapping_sub(before);
         before = ws[0];
         wide |= needs_16_bits(first);
@@ -311,16 +316,22 @@ fn split_rows(samples: &Samples, scratch: &mut Scratch) -> bool {
     wide == 0
 }
 
-/// Bit `i` is set where sample `i + 1` of a row differs from sample `i`.
-///
-/// Compares all places at once, which the compiler vectorizes as it does not a loop over bits, and gathers
-/// eight 0/1 bytes at a time with a multiplication.
+/// Compares every sample with the one before it in memory, across rows too: one long loop is vectorized, with the
+/// gathering of bits after it a quarter of the instructions of short loops row by row.
+fn find_changes(samples: &Samples, differs: &mut [u8; POINTS]) {
+    let pairs = samples.0.iter().zip(&samples.0[1..]);
+    for (differs, (before, after)) in differs[1..].iter_mut().zip(pairs) {
+        *differs = u8::from(before != after);
+    }
+}
+
+/// Bit `i` is set where sample `i + 1` of a row differs from sample `i`: eight 0/1 bytes at a time are gathered
+/// with a multiplication.
 #[inline]
-fn change_mask(ws: &[i16; BRICK_POINTS]) -> u32 {
-    let differs: [u8; BRICK_CELLS] = std::array::from_fn(|i| u8::from(ws[i] != ws[i + 1]));
+fn change_mask(differs: &[u8; BRICK_POINTS]) -> u32 {
     let gather =
         |bytes: &[u8; 8]| (u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8;
-    let chunks = differs.as_chunks::<8>().0;
+    let chunks = differs[1..].as_chunks::<8>().0;
     u32::from_le_bytes(std::array::from_fn(|c| gather(&chunks[c])))
 }
 
@@ -397,11 +408,18 @@ fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result
 /// the normals as whole words, since neighbouring edges often lie on one facet.
 fn hermite_plain(hermite: &Hermite, plain: &mut Vec<u8>) {
     plain.clear();
-    let edges = || hermite.edges.iter().flatten();
     for shift in [0, 8] {
-        plain.extend(edges().map(|e| (e.offset >> shift) as u8));
+        for edges in &hermite.edges {
+            plain.extend(edges.iter().map(|e| (e.offset >> shift) as u8));
+        }
     }
-    plain.extend(edges().flat_map(|e| e.normal.0.to_le_bytes()));
+    for edges in &hermite.edges {
+        let start = plain.len();
+        plain.resize(start + 4 * edges.len(), 0);
+        for (word, edge) in plain[start..].as_chunks_mut::<4>().0.iter_mut().zip(edges) {
+            *word = edge.normal.0.to_le_bytes();
+        }
+    }
 }
 
 /// Inverse of [`hermite_plain`]; `part` holds [`EDGE_BYTES`] for each of the `counts`.

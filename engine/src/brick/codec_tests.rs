@@ -131,7 +131,7 @@ fn typical_bricks_round_trip_and_shrink() {
         assert_eq!(encode_into(&brick, &mut scratch, &mut again), payload.head);
         assert_eq!(again[1..], payload.bytes);
     }
-    assert_eq!(round_trip(&Brick::Uniform(-7)).bytes, []);
+    assert!(round_trip(&Brick::Uniform(-7)).bytes.is_empty());
 }
 
 #[test]

@@ -7,17 +7,17 @@
 //!
 //! *Split faces.* Where the same two loops meet across two cuts of one face, the mesh edge between their
 //! vertices would have four triangles, so each cut gets a vertex of its own on the face. Whether that happens
-//! is decided from the two cells where both are plain cells of one leaf; other faces that are cut twice are
-//! always split, so that every leaf around knows from the face's signs alone. A face belongs to the finer of
-//! its two cells, and to the upper one where they have the same size.
+//! is decided from the two cells where both are plain cells of one size; other faces that are cut twice are
+//! always split. A face belongs to the finer of its two cells, and to the upper one where they have the same
+//! size; every leaf around asks the one that owns it.
 
 use super::field::{Field, Frame};
 use super::leaves::{Around, Side, direction_index};
 use super::mixed::Surroundings;
-use super::qef::Qef;
+use super::qef::{PlaneSums, Qef};
 use super::surface::{Changes, Surface};
 use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, derive_edge, edge_lower, face_cuts};
-use crate::brick::{SignChanges, point_index};
+use crate::brick::{HermiteEdge, SignChanges, point_index};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 
@@ -109,10 +109,9 @@ impl BrickCells {
         if rank == 0 {
             return Ok(BrickCells { signs: changes.map(|c| c.signs.clone()), ..BrickCells::default() });
         }
-        let key = field.leaves.get(leaf).key;
-        let mut builder = Builder::new(key, field.frame(key), &around, changes, rows, rank as usize);
+        let mut builder = Builder::new(field, leaf, &around, changes, rows, rank as usize);
         builder.fill(surroundings.as_mut())?;
-        builder.complete_corners();
+        builder.complete_corners()?;
         Ok(builder.finish())
     }
 
@@ -187,10 +186,10 @@ impl BrickCells {
 }
 
 impl CellRow {
-    /// Place among all active cells of the one at `i`, or of the next.
+    /// Place among all active cells of the one at `i`, up to 32, or of the next.
     #[inline]
     pub(super) fn slot(self, i: usize) -> usize {
-        (self.rank + (self.active & ((1 << i) - 1)).count_ones()) as usize
+        (self.rank + (self.active & ((1u64 << i) - 1) as u32).count_ones()) as usize
     }
 }
 
@@ -213,6 +212,13 @@ pub(super) type Plane = ([f64; 3], [f64; 3]);
 pub(super) struct EdgePlane {
     pub fraction: f32,
     pub normal: [f32; 3],
+}
+
+impl EdgePlane {
+    #[inline]
+    pub(super) fn of(edge: &HermiteEdge) -> EdgePlane {
+        EdgePlane { fraction: edge.fraction() as f32, normal: edge.normal.to_vector().map(|c| c as f32) }
+    }
 }
 
 /// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
@@ -250,6 +256,8 @@ static EDGE_PLACES: [EdgePlace; 12] = {
 
 /// Fills a [`BrickCells`] cell by cell.
 pub(super) struct Builder<'a> {
+    pub field: &'a Field<'a>,
+    pub leaf: u32,
     key: NodeKey,
     pub frame: Frame,
     around: &'a Around,
@@ -261,14 +269,17 @@ pub(super) struct Builder<'a> {
     pub cells: BrickCells,
     /// Plain cells with one loop that is not flat, for [`super::corner`].
     pub creased: Vec<[usize; 3]>,
+    /// The sums over the crossings of each active cell, about the leaf's first sample; none where there are
+    /// mixed cells.
+    pub sums: Option<Vec<PlaneSums>>,
     /// Extra vertices come after all others: (face, the two edges, position).
     splits: Vec<(u32, [u64; 2], [f32; 3])>,
 }
 
 impl<'a> Builder<'a> {
     fn new(
-        key: NodeKey,
-        frame: Frame,
+        field: &'a Field<'a>,
+        leaf: u32,
         around: &'a Around,
         changes: Option<&'a Changes>,
         rows: Vec<CellRow>,
@@ -278,10 +289,7 @@ impl<'a> Builder<'a> {
         let axis_start = std::array::from_fn(|a| {
             let start = planes.len();
             let edges = changes.map_or(&[][..], |c| &c.hermite.edges[a]);
-            planes.extend(edges.iter().map(|e| EdgePlane {
-                fraction: e.fraction() as f32,
-                normal: e.normal.to_vector().map(|c| c as f32),
-            }));
+            planes.extend(edges.iter().map(EdgePlane::of));
             start
         });
         let cells = BrickCells {
@@ -292,15 +300,19 @@ impl<'a> Builder<'a> {
             positions: Vec::with_capacity(active + active / 16),
             ..BrickCells::default()
         };
+        let key = field.leaves.get(leaf).key;
         Builder {
+            field,
+            leaf,
             key,
-            frame,
+            frame: field.frame(key),
             around,
             changes,
             planes,
             axis_start,
             cells,
             creased: Vec::new(),
+            sums: (!around.contains(&Side::Finer)).then(|| Vec::with_capacity(active)),
             splits: Vec::new(),
         }
     }
@@ -321,7 +333,7 @@ impl<'a> Builder<'a> {
                     Some(surroundings) if row.mixed >> i & 1 == 1 => {
                         self.mixed_cell([i, j, k], surroundings)?
                     }
-                    _ => self.plain_cell([i, j, k], &streams),
+                    _ => self.plain_cell([i, j, k], &streams)?,
                 }
             }
         }
@@ -344,19 +356,18 @@ impl<'a> Builder<'a> {
     }
 
     /// Corner mask from the leaf's own samples.
-    fn mask(&self, [i, j, k]: [usize; 3]) -> u8 {
-        let Some(changes) = self.changes else { return 0 };
-        let pair = |j, k| (changes.signs.row(j, k) >> i) as u8 & 3;
-        pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
+    fn mask(&self, cell: [usize; 3]) -> u8 {
+        self.changes.map_or(0, |changes| changes.mask(cell))
     }
 
     #[inline]
-    fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) {
+    fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) -> Result<()> {
         let mask = self.mask(cell);
         let loops = &CELL_LOOPS[mask as usize];
         let first = self.cells.positions.len();
         self.cells.masks.push(mask);
         self.cells.first.push(first as u32);
+        let mut sums = PlaneSums::default();
         for l in 0..loops.count as usize {
             let mut qef = Qef::default();
             let mut edges = loops.edges[l];
@@ -365,14 +376,19 @@ impl<'a> Builder<'a> {
                 qef.add(point, normal);
                 edges &= edges - 1;
             }
+            sums.add_all(&qef.sums(cell.map(|c| c as f64)));
             self.push_vertex(cell, first, &qef);
             if loops.count == 1 && !qef.is_flat() {
                 self.creased.push(cell);
             }
         }
-        if loops.ambiguous != 0 {
-            self.split_plain_faces(cell, mask, loops, streams);
+        if let Some(all) = &mut self.sums {
+            all.push(sums);
         }
+        if loops.ambiguous != 0 {
+            self.split_plain_faces(cell, mask, loops, streams)?;
+        }
+        Ok(())
     }
 
     /// The crossing on edge `edge` of cell `i` in a row, which changes sign.
@@ -405,10 +421,16 @@ impl<'a> Builder<'a> {
 
     /// Extra vertices on the faces of a plain cell that this leaf owns and that need them.
     #[cold]
-    fn split_plain_faces(&mut self, cell: [usize; 3], mask: u8, loops: &CellLoops, streams: &EdgeStreams) {
+    fn split_plain_faces(
+        &mut self,
+        cell: [usize; 3],
+        mask: u8,
+        loops: &CellLoops,
+        streams: &EdgeStreams,
+    ) -> Result<()> {
         for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
             let (axis, side) = (Axis::ALL[face / 2], face % 2);
-            if !self.splits_plain_face(cell, loops, axis, side) {
+            if !self.splits_plain_face(cell, loops, axis, side)? {
                 continue;
             }
             self.cells.split_faces += 1;
@@ -426,26 +448,35 @@ impl<'a> Builder<'a> {
                 self.splits.push((face_key(axis, corner), edges, self.frame.world(cell, middle)));
             }
         }
+        Ok(())
     }
 
-    fn splits_plain_face(&self, cell: [usize; 3], loops: &CellLoops, axis: Axis, side: usize) -> bool {
+    fn splits_plain_face(
+        &self,
+        cell: [usize; 3],
+        loops: &CellLoops,
+        axis: Axis,
+        side: usize,
+    ) -> Result<bool> {
         let a = axis.index();
+        let mut step = [0; 3];
+        step[a] = 2 * side as i32 - 1;
+        let beyond = self.around[direction_index(step)];
         if side == 1 {
-            let mut up = [0; 3];
-            up[a] = 1;
-            return cell[a] == BRICK_CELLS - 1
-                && matches!(self.around[direction_index(up)], Side::Coarser(_));
+            return Ok(cell[a] == BRICK_CELLS - 1 && matches!(beyond, Side::Coarser(_)));
         }
-        if cell[a] == 0 {
-            return true;
-        }
-        let mut below = cell;
-        below[a] -= 1;
-        if self.cells.row(below[1], below[2]).mixed >> below[0] & 1 == 1 {
-            return true;
-        }
-        let other = &CELL_LOOPS[self.mask(below) as usize];
-        loops.rejoined >> (2 * a) & other.rejoined >> (2 * a + 1) & 1 == 1
+        let below = std::array::from_fn(|n| cell[n] as i32 + step[n]);
+        let mask = if cell[a] > 0 {
+            self.mask(below.map(|c| c as usize))
+        } else if let Side::Same(other) = beyond {
+            self.field.surface(other)?.mask(below.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize))
+        } else {
+            return Ok(true);
+        };
+        // A cell next to a finer leaf may have loops that its own corners do not tell of.
+        let other = &CELL_LOOPS[mask as usize];
+        Ok(self.field.leaves.touches_finer(self.key, below)
+            || loops.rejoined >> (2 * a) & other.rejoined >> (2 * a + 1) & 1 == 1)
     }
 
     fn mixed_cell(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {

@@ -9,14 +9,19 @@
 //! inactive, the nearest one of the cells around it.
 //!
 //! Only positions change, never the triangles. They stay distinct: a vertex that moves does so within its own
-//! cell, or into an inactive one that gives room to no other.
+//! cell, or into an inactive one that gives room to no other. Across the border of two leaves that holds
+//! because a corner and its vertex follow from the crossings about the corner, which both leaves see alike
+//! through [`super::halo`]. A vertex moves if a creased cell of its own leaf finds the corner.
 //!
-//! A smooth surface is left alone: its planes are many, and they do not pass through one point.
+//! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
+//! found that reaches more than a cell beyond the last sample inside.
 
 use super::cells::{Builder, Plane};
-use super::qef::{Qef, dot};
+use super::halo::{Halo, Named, Place};
+use super::qef::{PlaneSums, Qef, dot};
 use super::topology::CELL_LOOPS;
-use crate::lattice::{Axis, BRICK_CELLS};
+use crate::error::Result;
+use crate::lattice::BRICK_CELLS;
 use glam::DVec3;
 use std::collections::HashSet;
 
@@ -30,174 +35,209 @@ const SAME_NORMAL: f64 = 0.998_629_534_754_573_9;
 const LEAST_SPREAD: f64 = 0.3;
 /// Faces at a corner at most. More are a curved surface, on which the search ends early.
 const MOST_FACES: usize = 8;
-/// Triple product from which on three normals count as spread, and their planes' meeting point as roughly the
-/// corner: planes that pass a corner within [`MISS`] then meet within 20 misses or so of it. The facets of a
-/// faceted cylinder, whose normals lie in a plane, stay below.
-const WELL_SPREAD: f64 = 0.1;
-/// How far a plane may pass by that point: [`MISS`] from the corner, and the point's own distance.
-const ROUGH_MISS: f64 = 21.0 * MISS;
-/// Cosine of the angle, 8°, below which a second face is not looked for, because a triple product would be small.
-const ROUGHLY_SAME: f64 = 0.99;
 /// Crossings per face, on average: three lone planes always meet somewhere.
 const EVIDENCE: usize = 2;
 
 impl Builder<'_> {
     /// Moves vertices to the corners that the creased cells find, which were noted when their own vertices
-    /// were placed. Corners beyond the leaf are left to the leaf that holds them.
-    pub(super) fn complete_corners(&mut self) {
-        let (mut homes, mut moved) = (HashSet::new(), HashSet::new());
-        let mut planes = Vec::new();
-        for cell in std::mem::take(&mut self.creased) {
-            let (low, high) = (cell.map(|c| c.max(1) - 1), cell.map(|c| (c + 2).min(BRICK_CELLS)));
-            if !self.may_meet(cell, low, high) {
+    /// were placed. Where a corner lies and whose vertex goes there is a function of the crossings about it
+    /// alone, so leaves next to each other agree; each moves its own vertices.
+    pub(super) fn complete_corners(&mut self) -> Result<()> {
+        let creased = std::mem::take(&mut self.creased);
+        if creased.is_empty() {
+            return Ok(());
+        }
+        let halo = Halo::new(self.field, self.leaf, &self.planes, self.axis_start)?;
+        let mut search = Search { builder: self, halo, planes: Vec::new() };
+        let mut homes = HashSet::new();
+        let (mut aside, mut moves) = (Vec::new(), Vec::new());
+        for cell in creased {
+            let cell = cell.map(|c| c as i32);
+            let Some(seen) = search.seen_from(cell)? else { continue };
+            let home = home_of(seen);
+            if home != cell
+                && let Some(vertex) = self.lone_vertex(cell)
+                && let Some(point) =
+                    search.on_crease(cell, seen, self.frame.local(self.cells.positions[vertex]))
+            {
+                aside.push((vertex, self.frame.world_within(cell, point)));
+            }
+            if !is_next_to(home, cell) || !homes.insert(home) {
                 continue;
             }
-            self.gather(low, high, &mut planes);
-            let Some(corner) = meeting_point(cell, &planes) else { continue };
-            let home = corner.map(|c| c.floor());
-            if (0..3).any(|a| {
-                home[a] < 0.0 || home[a] >= BRICK_CELLS as f64 || (home[a] - cell[a] as f64).abs() > 1.0
-            }) {
-                continue;
-            }
-            let home = home.map(|c| c as usize);
-            if homes.contains(&home) {
-                continue;
-            }
-            let margin = self.frame.margin;
-            let at = std::array::from_fn(|a| (corner[a] - home[a] as f64).clamp(margin, 1.0 - margin));
-            let position = self.frame.world(home, at);
-            let Some(vertex) = self.taker(home, corner, position, &mut planes) else { continue };
-            if moved.insert(vertex) {
-                homes.insert(home);
-                self.cells.positions[vertex] = position;
+            let Some((corner, taker)) = search.corner_in(home)? else { continue };
+            if let Some(vertex) = self.lone_vertex(taker) {
+                moves.push((vertex, self.frame.world_within(home, corner)));
             }
         }
+        // The first corner that a vertex could go to gets it.
+        moves.reverse();
+        for (vertex, position) in aside.into_iter().chain(moves) {
+            self.cells.positions[vertex] = position;
+        }
+        Ok(())
     }
 
-    /// The vertex that goes to a corner in the cell `home`: its own one if it is active, otherwise the nearest
-    /// of those of the 26 cells around it that have no plane that misses the corner.
-    fn taker(
-        &self,
-        home: [usize; 3],
-        corner: [f64; 3],
-        position: [f32; 3],
-        planes: &mut Vec<Plane>,
-    ) -> Option<usize> {
-        if self.cells.row(home[1], home[2]).active >> home[0] & 1 == 1 {
-            return self.lone_vertex(home);
-        }
-        let mut best: Option<(f64, usize)> = None;
-        for step in 0..27 {
-            let step = [step % 3, step / 3 % 3, step / 9];
-            // Below 0 it wraps round to far beyond the last cell.
-            let next = std::array::from_fn(|a| (home[a] + step[a]).wrapping_sub(1));
-            if next.iter().any(|&c| c >= BRICK_CELLS) {
-                continue;
-            }
-            let Some(vertex) = self.lone_vertex(next) else { continue };
-            self.gather(next, next.map(|c| c + 1), planes);
-            if planes.iter().any(|plane| misses(plane, corner)) {
-                continue;
-            }
-            let from = self.cells.positions[vertex];
-            let distance = (0..3).map(|a| f64::from(from[a] - position[a]).powi(2)).sum();
-            if best.is_none_or(|(least, _)| distance < least) {
-                best = Some((distance, vertex));
-            }
-        }
-        best.map(|(_, vertex)| vertex)
-    }
-
-    /// The vertex of a plain active cell with a single loop.
-    fn lone_vertex(&self, cell: [usize; 3]) -> Option<usize> {
-        let row = self.cells.row(cell[1], cell[2]);
-        if (row.active & !row.mixed) >> cell[0] & 1 == 0 {
+    /// The vertex of a plain active cell of this leaf with a single loop.
+    fn lone_vertex(&self, cell: Place) -> Option<usize> {
+        if cell.iter().any(|&c| c < 0 || c >= BRICK_CELLS as i32) {
             return None;
         }
-        let slot = row.slot(cell[0]);
+        let [i, j, k] = cell.map(|c| c as usize);
+        let row = self.cells.row(j, k);
+        if (row.active & !row.mixed) >> i & 1 == 0 {
+            return None;
+        }
+        let slot = row.slot(i);
         let loops = &CELL_LOOPS[self.cells.masks[slot] as usize];
         (loops.count == 1).then(|| self.cells.first[slot] as usize)
     }
+}
 
-    /// A quick look at the block about a cell: its first three faces whose normals are spread must meet nearby,
-    /// and every crossing's plane must roughly pass there. Creases are many and corners few: without it
-    /// contouring a pile of beads takes nearly twice as long.
-    fn may_meet(&self, cell: [usize; 3], low: [usize; 3], high: [usize; 3]) -> bool {
-        let mut faces: [Option<Plane>; 2] = [None; 2];
-        let mut point = None;
-        self.any_plane(low, high, |plane| match faces {
-            [None, _] => {
-                faces[0] = Some(plane);
-                false
-            }
-            [Some(first), None] => {
-                if dot(first.1, plane.1) < ROUGHLY_SAME {
-                    faces[1] = Some(plane);
-                }
-                false
-            }
-            [Some(first), Some(second)] => {
-                let across = cross(first.1, second.1);
-                let volume = dot(across, plane.1);
-                if volume.abs() > WELL_SPREAD {
-                    point = Some(intersection([first, second, plane], volume));
-                }
-                point.is_some()
-            }
-        });
-        let Some(point) = point else { return false };
-        let near = (0..3).all(|a| (point[a] - cell[a] as f64 - 0.5).abs() <= 1.5 + ROUGH_MISS);
-        let off =
-            |(at, normal): Plane| dot(normal, std::array::from_fn(|a| point[a] - at[a])).abs() > ROUGH_MISS;
-        near && !self.any_plane(low, high, off)
+/// The cell that holds a point.
+fn home_of(point: [f64; 3]) -> Place {
+    point.map(|c| c.floor() as i32)
+}
+
+fn is_next_to(a: Place, b: Place) -> bool {
+    (0..3).all(|n| (a[n] - b[n]).abs() <= 1)
+}
+
+/// A cell and the 26 around it, the cell itself first.
+fn cells_about(cell: Place) -> impl Iterator<Item = Place> {
+    let others = (0..27).filter(|&n| n != 13);
+    std::iter::once(13).chain(others).map(move |n| {
+        let step = [n % 3, n / 3 % 3, n / 9];
+        std::array::from_fn(|a| cell[a] + step[a] - 1)
+    })
+}
+
+/// Looks for corners about one leaf.
+struct Search<'a> {
+    builder: &'a Builder<'a>,
+    halo: Halo<'a>,
+    planes: Vec<Named>,
+}
+
+impl Search<'_> {
+    /// The point where the planes of all crossings of the 27 cells about `cell` meet, if there is just one.
+    fn seen_from(&mut self, cell: Place) -> Result<Option<[f64; 3]>> {
+        let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c + 2));
+        self.halo.fetch(low, high)?;
+        if !self.may_meet(cell, low, high) {
+            return Ok(None);
+        }
+        self.halo.gather(low, high, &mut self.planes);
+        Ok(meeting_point(cell, &self.planes))
     }
 
-    /// The leaf's crossings on the lattice edges between the samples `low` and `high`, both included, in
-    /// cells from the leaf's first sample.
-    fn gather(&self, low: [usize; 3], high: [usize; 3], planes: &mut Vec<Plane>) {
-        planes.clear();
-        self.any_plane(low, high, |plane| {
-            planes.push(plane);
+    /// The corner in the cell `home` as the first of the cells about it that sees one there sees it, and the
+    /// cell whose vertex goes there.
+    fn corner_in(&mut self, home: Place) -> Result<Option<([f64; 3], Place)>> {
+        for cell in cells_about(home) {
+            if let Some(corner) = self.seen_from(cell)?
+                && home_of(corner) == home
+            {
+                return Ok(self.taker(home, corner)?.map(|taker| (corner, taker)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The cell whose vertex goes to a corner in the cell `home`: `home` itself if it is active, otherwise, of
+    /// the cells around it that have no plane that misses the corner, the one with its crossings nearest.
+    fn taker(&mut self, home: Place, corner: [f64; 3]) -> Result<Option<Place>> {
+        self.halo.fetch(home.map(|c| c - 1), home.map(|c| c + 2))?;
+        let Some(mask) = self.halo.plain_mask(home) else { return Ok(None) };
+        if !matches!(mask, 0 | u8::MAX) {
+            return Ok((CELL_LOOPS[mask as usize].count == 1).then_some(home));
+        }
+        let mut best: Option<(f64, Place)> = None;
+        for next in cells_about(home).skip(1) {
+            let loops = self.halo.plain_mask(next).map_or(0, |mask| CELL_LOOPS[mask as usize].count);
+            if loops != 1 {
+                continue;
+            }
+            let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+            let misses_it = self.halo.any_plane(next, next.map(|c| c + 1), |plane| {
+                sum += DVec3::from(plane.0);
+                count += 1.0;
+                misses(&plane, corner)
+            });
+            let distance = (sum / count).distance_squared(DVec3::from(corner));
+            if !misses_it && best.is_none_or(|(least, _)| distance < least) {
+                best = Some((distance, next));
+            }
+        }
+        Ok(best.map(|(_, taker)| taker))
+    }
+
+    /// A better place for the vertex, now at `position`, of a cell beside a corner: the minimiser of the errors
+    /// of more than two planes that meet outside the cell lies on no crease. The point of the cell on one of the
+    /// creases into the corner that is nearest to the cell's crossings.
+    fn on_crease(&self, cell: Place, corner: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
+        let mut faces: Vec<DVec3> = Vec::with_capacity(MOST_FACES);
+        let (mut sum, mut count, mut is_off) = (DVec3::ZERO, 0.0, false);
+        self.halo.any_plane(cell, cell.map(|c| c + 1), |plane| {
+            let normal = DVec3::from(plane.1);
+            if faces.iter().all(|face| face.dot(normal) <= SAME_NORMAL) {
+                faces.push(normal);
+            }
+            sum += DVec3::from(plane.0);
+            count += 1.0;
+            is_off |= misses(&plane, position);
             false
         });
-    }
-
-    /// Whether the predicate holds for one of those crossings; those after it are not looked at.
-    #[inline]
-    fn any_plane(&self, low: [usize; 3], high: [usize; 3], mut holds: impl FnMut(Plane) -> bool) -> bool {
-        let Some(changes) = self.changes else { return false };
-        for axis in Axis::ALL {
-            let mut last = high;
-            last[axis.index()] -= 1;
-            let columns = (2 << last[0]) - (1 << low[0]);
-            for (k, j) in (low[2]..=last[2]).flat_map(|k| (low[1]..=last[1]).map(move |j| (k, j))) {
-                let mut bits = changes.signs.edges(axis, j, k) & columns;
-                while bits != 0 {
-                    let start = [bits.trailing_zeros() as usize, j, k];
-                    bits &= bits - 1;
-                    let edge = self.planes[self.axis_start[axis.index()] + changes.slot(axis, start)];
-                    let mut point = start.map(|c| c as f64);
-                    point[axis.index()] += f64::from(edge.fraction);
-                    if holds((point, edge.normal.map(f64::from))) {
-                        return true;
+        if !is_off {
+            return None;
+        }
+        let (corner, middle) = (DVec3::from(corner), sum / count);
+        let low = DVec3::from(cell.map(f64::from));
+        let mut best: Option<(f64, DVec3)> = None;
+        for (n, first) in faces.iter().enumerate() {
+            for along in faces[..n].iter().map(|second| first.cross(*second)) {
+                if along.length_squared() < LEAST_SPREAD * LEAST_SPREAD {
+                    continue;
+                }
+                // Where the line enters and leaves the cell.
+                let (a, b) = ((low - corner) / along, (low + 1.0 - corner) / along);
+                let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+                if enter <= leave {
+                    let at = ((middle - corner).dot(along) / along.length_squared()).clamp(enter, leave);
+                    let point = corner + at * along;
+                    let distance = point.distance_squared(middle);
+                    if best.is_none_or(|(least, _)| distance < least) {
+                        best = Some((distance, point));
                     }
                 }
             }
         }
-        false
+        best.map(|(_, point)| point.to_array())
     }
-}
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    DVec3::from(a).cross(DVec3::from(b)).to_array()
-}
-
-/// The point that three planes share; `volume` is the triple product of their normals.
-fn intersection(planes: [Plane; 3], volume: f64) -> [f64; 3] {
-    let [n0, n1, n2] = planes.map(|(_, normal)| DVec3::from(normal));
-    let [d0, d1, d2] = planes.map(|(point, normal)| dot(point, normal));
-    ((d0 * n1.cross(n2) + d1 * n2.cross(n0) + d2 * n0.cross(n1)) / volume).to_array()
+    /// Whether the block about a cell may hold a corner, by the sums over its crossings: creases are many and
+    /// corners few. Within the leaf the sums of its cells serve; across its border the crossings are added up.
+    fn may_meet(&self, cell: Place, low: Place, high: Place) -> bool {
+        let mut sums = PlaneSums::default();
+        match &self.builder.sums {
+            Some(all) if (0..3).all(|a| low[a] >= 0 && high[a] <= BRICK_CELLS as i32) => {
+                let low = low.map(|c| c as usize);
+                for (j, k) in (0..9).map(|n| (low[1] + n % 3, low[2] + n / 3)) {
+                    let row = self.builder.cells.row(j, k);
+                    for cell in &all[row.slot(low[0])..row.slot(low[0] + 3)] {
+                        sums.add_all(cell);
+                    }
+                }
+            }
+            _ => {
+                self.halo.any_plane(low, high, |(point, normal)| {
+                    sums.add(point, normal);
+                    false
+                });
+            }
+        }
+        sums.may_meet(cell.map(|c| f64::from(c) + 0.5), 1.5, MISS, LEAST_SPREAD)
+    }
 }
 
 /// True if the corner is not on a crossing's plane.
@@ -206,9 +246,9 @@ fn misses((point, normal): &Plane, corner: [f64; 3]) -> bool {
 }
 
 /// The point where the planes of all crossings about a cell meet, if there is just one.
-fn meeting_point(cell: [usize; 3], planes: &[Plane]) -> Option<[f64; 3]> {
+fn meeting_point(cell: Place, planes: &[Named]) -> Option<[f64; 3]> {
     let mut faces: Vec<&Plane> = Vec::with_capacity(MOST_FACES);
-    for plane in planes {
+    for (_, plane) in planes {
         let is_known = |face: &&Plane| dot(face.1, plane.1) > SAME_NORMAL && !misses(face, plane.0);
         if !faces.iter().any(is_known) {
             if faces.len() == MOST_FACES {
@@ -220,12 +260,12 @@ fn meeting_point(cell: [usize; 3], planes: &[Plane]) -> Option<[f64; 3]> {
     if faces.len() < 3 || planes.len() < EVIDENCE * faces.len() {
         return None;
     }
-    let base = cell.map(|c| c as f64);
+    let base = cell.map(f64::from);
     let mut qef = Qef::default();
     for (point, normal) in faces {
         qef.add(std::array::from_fn(|a| point[a] - base[a]), *normal);
     }
     let corner = qef.meeting_point(LEAST_SPREAD)?;
     let corner = std::array::from_fn(|a| corner[a] + base[a]);
-    (!planes.iter().any(|plane| misses(plane, corner))).then_some(corner)
+    (!planes.iter().any(|(_, plane)| misses(plane, corner))).then_some(corner)
 }

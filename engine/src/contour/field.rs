@@ -68,11 +68,26 @@ impl Frame {
     fn new(root: RootCube, key: NodeKey) -> Frame {
         let spacing = root.spacing(key.level());
         let farthest = root.origin.iter().fold(0.0f64, |m, &o| m.max(o.abs()).max((o + root.edge).abs()));
-        // Two steps of f32 on each side keep vertices of different cells apart; 1/256 does where cells are
-        // large against the distance from the origin.
-        let steps = 2.0 * farthest * f64::from(f32::EPSILON) / spacing;
-        let margin = steps.clamp(1.0 / 256.0, 0.25);
+        // More than one step of f32 on each side keeps the vertices of different cells, and the extra ones on
+        // the faces between them, apart. No more than that: a face of the part that lies on the border of
+        // cells is moved by the margin, and what it encloses grows or shrinks.
+        let step = f64::from((farthest as f32).next_up()) - f64::from(farthest as f32);
+        let margin = (1.01 * step / spacing).min(0.25);
         Frame { origin: root.to_world(key.base().map(|b| f64::from(b) + 1.0)), spacing, margin }
+    }
+
+    /// A point of the world in cells of the brick.
+    pub(super) fn local(&self, position: [f32; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| (f64::from(position[a]) - self.origin[a]) / self.spacing)
+    }
+
+    /// World position of a point, in cells of the brick, moved into the cell `cell` where it is not.
+    pub(super) fn world_within(&self, cell: [i32; 3], point: [f64; 3]) -> [f32; 3] {
+        let [low, high] = [self.margin, 1.0 - self.margin];
+        std::array::from_fn(|a| {
+            let cell = f64::from(cell[a]);
+            (self.origin[a] + (cell + (point[a] - cell).clamp(low, high)) * self.spacing) as f32
+        })
     }
 
     /// World position of the point `at`, 0..1 an axis, of a cell.

@@ -1,7 +1,7 @@
 //! The leaves that are contoured, in Morton order, and who lies next to whom.
 
 use crate::error::{Error, Result};
-use crate::lattice::{MAX_LEVEL, NodeKey, Octant, ROOT_BITS, Units};
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, ROOT_BITS, Units};
 use crate::store::BrickTree;
 
 /// A leaf of the tree, or an interior node that stands for its descendants where the tree is truncated.
@@ -103,6 +103,12 @@ impl Leaves {
         self.last.partition_point(|&last| last < code) as u32
     }
 
+    /// The leaf of exactly this key, if there is one.
+    pub(super) fn exact(&self, key: NodeKey) -> Option<u32> {
+        let leaf = self.covering(key);
+        (self.get(leaf).key == key).then_some(leaf)
+    }
+
     /// The leaf whose cells hold the lattice position `at`, counted from the root's first sample; `None`
     /// outside the root.
     pub(super) fn at(&self, at: Units) -> Option<u32> {
@@ -128,6 +134,19 @@ impl Leaves {
             };
         }
         sides
+    }
+
+    /// True if a leaf across one of a cell's faces or edges is finer than the cell, which is counted from the
+    /// first cell of `key` and may lie beyond it in a leaf of the same level.
+    pub(super) fn touches_finer(&self, key: NodeKey, cell: [i32; 3]) -> bool {
+        const LAST: i32 = BRICK_CELLS as i32 - 1;
+        if cell.iter().all(|c| (1..LAST).contains(&(c & LAST))) {
+            return false;
+        }
+        directions().any(|d| {
+            let at = std::array::from_fn(|a| key.base()[a] + ((cell[a] + d[a]) << key.spacing_bits()));
+            self.at(at).is_some_and(|leaf| self.get(leaf).key.level() > key.level())
+        })
     }
 
     /// The leaves below the neighbour of `key` in direction `d` that touch `key`, in Morton order.

@@ -14,6 +14,7 @@
 //! | `surface` | signs and Hermite edges of a leaf |
 //! | `qef` | where a vertex goes |
 //! | `cells` | pass 1: active cells and vertices of a leaf |
+//! | `halo` | crossings and signs about a leaf |
 //! | `corner` | vertices at corners that no single cell sees |
 //! | `mixed` | cells next to finer leaves |
 //! | `polygons` | pass 2: triangles of a leaf |
@@ -23,6 +24,7 @@ mod cache;
 mod cells;
 mod corner;
 mod field;
+mod halo;
 mod leaves;
 mod mixed;
 mod polygons;

@@ -26,6 +26,15 @@ pub(super) fn dot(a: Vector, b: Vector) -> f64 {
 struct Symmetric([f64; 6]);
 
 impl Symmetric {
+    /// Adds n·nᵀ.
+    #[inline]
+    fn add(&mut self, n: Vector) {
+        let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[1] * n[2], n[2] * n[0]];
+        for (sum, product) in self.0.iter_mut().zip(products) {
+            *sum += product;
+        }
+    }
+
     #[inline]
     fn times(&self, x: Vector) -> Vector {
         let [xx, yy, zz, xy, yz, zx] = self.0;
@@ -97,7 +106,69 @@ pub(super) struct Qef {
     rhs: Vector,
     point_sum: Vector,
     normal_sum: Vector,
+    constant: f64,
     count: f64,
+}
+
+/// The same sums about another origin, as they add up over the cells of a block. A crossing that several cells
+/// share may count several times.
+#[derive(Clone, Copy, Default)]
+pub(super) struct PlaneSums {
+    matrix: Symmetric,
+    rhs: Vector,
+    constant: f64,
+    count: f64,
+}
+
+impl PlaneSums {
+    /// Adds the plane through the point `p` with the unit normal `n`.
+    #[inline]
+    pub(super) fn add(&mut self, p: Vector, n: Vector) {
+        let d = dot(n, p);
+        self.matrix.add(n);
+        self.rhs = std::array::from_fn(|a| self.rhs[a] + n[a] * d);
+        self.constant += d * d;
+        self.count += 1.0;
+    }
+
+    #[inline]
+    pub(super) fn add_all(&mut self, other: &PlaneSums) {
+        for (sum, more) in self.matrix.0.iter_mut().zip(other.matrix.0) {
+            *sum += more;
+        }
+        self.rhs = std::array::from_fn(|a| self.rhs[a] + other.rhs[a]);
+        self.constant += other.constant;
+        self.count += other.count;
+    }
+
+    /// False if there is no point within `reach` of `centre` along every axis that all planes pass within `miss`
+    /// while the least singular value of some of their normals, each taken once, exceeds `spread`.
+    ///
+    /// With λ the least eigenvalue of NᵀN: the other planes only add to it, so λ > spread², and the quotient
+    /// det/(sum of the principal minors) = 1/Σ(1/λᵢ) lies between λ/3 and λ. The sum of squares is least at x;
+    /// at the point p it is count·miss² at most, so |x − p|² ≤ count·miss²/λ.
+    #[inline]
+    pub(super) fn may_meet(&self, centre: Vector, reach: f64, miss: f64, spread: f64) -> bool {
+        let [xx, yy, zz, xy, yz, zx] = self.matrix.0;
+        let minors = Symmetric([
+            yy * zz - yz * yz,
+            xx * zz - zx * zx,
+            xx * yy - xy * xy,
+            yz * zx - xy * zz,
+            xy * zx - xx * yz,
+            xy * yz - yy * zx,
+        ]);
+        let determinant = xx * minors.0[0] + xy * minors.0[3] + zx * minors.0[5];
+        let least = determinant / (minors.0[0] + minors.0[1] + minors.0[2]);
+        // It is not a number where all normals are alike.
+        if least.is_nan() || least <= 0.33 * spread * spread {
+            return false;
+        }
+        let x = minors.times(self.rhs).map(|c| c / determinant);
+        let most = 1.01 * self.count * miss * miss;
+        let slack = reach + (most / least).sqrt();
+        self.constant - dot(self.rhs, x) <= most && (0..3).all(|a| (x[a] - centre[a]).abs() <= slack)
+    }
 }
 
 /// The same about the mass point of the planes' base points.
@@ -115,15 +186,13 @@ impl Qef {
     pub(super) fn add(&mut self, p: Vector, n: Vector) {
         let p = p.map(|c| c - 0.5);
         let d = dot(n, p);
-        let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[1] * n[2], n[2] * n[0]];
-        for (sum, product) in self.matrix.0.iter_mut().zip(products) {
-            *sum += product;
-        }
+        self.matrix.add(n);
         for a in 0..3 {
             self.rhs[a] += n[a] * d;
             self.point_sum[a] += p[a];
             self.normal_sum[a] += n[a];
         }
+        self.constant += d * d;
         self.count += 1.0;
     }
 
@@ -132,6 +201,19 @@ impl Qef {
     #[inline]
     pub(super) fn is_flat(&self) -> bool {
         is_flat(self.normal_sum, self.count)
+    }
+
+    /// The sums about an origin from which the cell's lower corner is seen at `corner`.
+    #[inline]
+    pub(super) fn sums(&self, corner: Vector) -> PlaneSums {
+        let centre = corner.map(|c| c + 0.5);
+        let moved = self.matrix.times(centre);
+        PlaneSums {
+            matrix: self.matrix,
+            rhs: std::array::from_fn(|a| self.rhs[a] + moved[a]),
+            constant: self.constant + 2.0 * dot(self.rhs, centre) + dot(centre, moved),
+            count: self.count,
+        }
     }
 
     /// The point with the least error anywhere, if every singular value of the normals exceeds `least`.

@@ -69,6 +69,14 @@ impl Surface {
         }
     }
 
+    /// Corner mask of a cell: bit `c` is set where corner `c` is inside.
+    pub(super) fn mask(&self, cell: [usize; 3]) -> u8 {
+        match self {
+            Surface::Uniform(inside) => u8::from(*inside) * u8::MAX,
+            Surface::Changes(changes) => changes.mask(cell),
+        }
+    }
+
     /// Heap bytes.
     pub(super) fn heap_bytes(&self) -> usize {
         match self {
@@ -79,6 +87,13 @@ impl Surface {
 }
 
 impl Changes {
+    /// Corner mask of a cell, as in [`Surface::mask`].
+    #[inline]
+    pub(super) fn mask(&self, [i, j, k]: [usize; 3]) -> u8 {
+        let pair = |j, k| (self.signs.row(j, k) >> i) as u8 & 3;
+        pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
+    }
+
     /// Place in the Hermite array of the edge along `axis` that starts at sample (i, j, k).
     #[inline]
     pub(super) fn slot(&self, axis: Axis, [i, j, k]: [usize; 3]) -> usize {

@@ -1,8 +1,11 @@
-//! Meshes as they come: binary and ASCII STL, OBJ, PLY, each as a numbered list of triangles.
+//! Inputs as they come: binary and ASCII STL, OBJ, PLY, G-code and the sweeps of X3D, each as a numbered list
+//! of triangles.
 //!
 //! A binary STL, the form that huge soups come in, stays mapped and is decoded a range at a time; the other
-//! formats are parsed into memory once. [`Input::read`] hides the difference.
+//! formats are parsed into memory once, and the beads of a toolpath are swept a range at a time.
+//! [`Input::read`] hides the difference.
 
+mod beads;
 mod bounds;
 mod cloud;
 mod detect;
@@ -19,6 +22,8 @@ mod text;
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
+use crate::x3d::Sweeps;
+pub use beads::{Beads, OpenOptions, read_beads};
 pub use cloud::PointCloud;
 pub use facets::{Facets, runs};
 
@@ -35,7 +40,7 @@ pub type Facet = [[f64; 3]; 3];
 /// Bytes that [`Input::identity`] hashes at a time.
 const IDENTITY_CHUNK_BYTES: usize = 4 << 20;
 
-/// An opened mesh. Any number of threads may read it at once. The file must not be changed while it is open
+/// An opened mesh or toolpath. Any number of threads may read it at once. The file must not be changed while it is open
 /// (see [`crate::mmap`]).
 #[derive(Debug)]
 pub struct Input {
@@ -53,9 +58,19 @@ enum Soup {
     Mapped,
     Facets(Vec<stl_text::Facet>),
     Polygons(Polygons),
+    Beads(Box<Beads>),
+    Sweeps(Box<Sweeps>),
 }
 
 impl Input {
+    /// Opens `path` with the default options; see [`Self::open_with`].
+    ///
+    /// # Errors
+    /// As [`Self::open_with`].
+    pub fn open(path: &Path, progress: &dyn Progress) -> Result<Input> {
+        Input::open_with(path, &OpenOptions::default(), progress)
+    }
+
     /// Opens `path` and finds out its format, by content first and then by ending; parses it unless it is a
     /// binary STL. Memory taken is bounded by a small multiple of the file's size, whatever the file claims,
     /// and nothing for binary STL.
@@ -64,14 +79,14 @@ impl Input {
     /// than 50 bytes after the last facet, or zeros of any length, are taken for padding.
     ///
     /// # Errors
-    /// If the file is missing, empty, no regular file, not a mesh of a known format, or damaged: the message
-    /// names the line, byte or header. Also if the user interrupts.
-    pub fn open(path: &Path, progress: &dyn Progress) -> Result<Input> {
+    /// If the file is missing, empty, no regular file, not of a known format, or damaged: the message names the
+    /// line, byte or header. Also if an option does not fit or the user interrupts.
+    pub fn open_with(path: &Path, options: &OpenOptions, progress: &dyn Progress) -> Result<Input> {
         let file = MappedFile::open(path)?;
         let bytes = file.bytes();
         let family = detect::family(path, bytes)?;
         file.advise(Access::Sequential);
-        if family != Family::BinaryStl {
+        if !matches!(family, Family::BinaryStl | Family::Gcode) {
             progress.phase("reading", Some(file.len()), "bytes");
         }
         let (format, facets, soup) = match family {
@@ -88,6 +103,14 @@ impl Input {
                 let (polygons, format) = ply::read(path, bytes, progress)?;
                 (format, polygons.triangles.len() as u64, Soup::Polygons(polygons))
             }
+            Family::Gcode => {
+                let beads = beads::read(path, options, progress)?;
+                ("G-code", beads.swept.facets(), Soup::Beads(Box::new(beads)))
+            }
+            Family::X3d => {
+                let sweeps = Sweeps::read(path, bytes, progress)?;
+                ("X3D", sweeps.facets(), Soup::Sweeps(Box::new(sweeps)))
+            }
         };
         Ok(Input { path: path.to_owned(), file, format, facets, soup })
     }
@@ -97,7 +120,8 @@ impl Input {
         &self.path
     }
 
-    /// The format, as in "STL binary", "STL ASCII", "OBJ", "PLY binary little-endian".
+    /// The format, as in "STL binary", "STL ASCII", "OBJ", "PLY binary little-endian", "G-code",
+    /// "X3D".
     pub fn describe(&self) -> &'static str {
         self.format
     }
@@ -112,14 +136,24 @@ impl Input {
         self.facets
     }
 
-    /// Memory that the parsed facets take; none for a binary STL, which stays in the file.
+    /// The toolpath and its sweep, if the input is one.
+    pub fn beads(&self) -> Option<&Beads> {
+        match &self.soup {
+            Soup::Beads(beads) => Some(beads),
+            _ => None,
+        }
+    }
+
+    /// Memory that the parsed facets or beads take; none for a binary STL, which stays in the file.
     pub fn heap_bytes(&self) -> u64 {
         let bytes = match &self.soup {
             Soup::Mapped => 0,
+            Soup::Beads(beads) => return beads.swept.heap_bytes(),
             Soup::Facets(facets) => size_of_val(facets.as_slice()),
             Soup::Polygons(polygons) => {
                 size_of_val(polygons.triangles.as_slice()) + size_of_val(polygons.vertices.as_slice())
             }
+            Soup::Sweeps(sweeps) => return sweeps.heap_bytes(),
         };
         bytes as u64
     }
@@ -129,6 +163,14 @@ impl Input {
         match &self.soup {
             Soup::Polygons(polygons) => polygons.skipped,
             _ => 0,
+        }
+    }
+
+    /// What of the file was left out, and what else the user should know: one line each, with the place.
+    pub fn warnings(&self) -> Vec<String> {
+        match &self.soup {
+            Soup::Sweeps(sweeps) => sweeps.report().warnings(),
+            _ => Vec::new(),
         }
     }
 
@@ -150,6 +192,8 @@ impl Input {
                 let corners = |triangle: &[u32; 3]| triangle.map(|v| polygons.vertices[v as usize]);
                 out.extend(polygons.triangles[from..to].iter().map(corners));
             }
+            Soup::Beads(beads) => beads.swept.read(from as u64..to as u64, out),
+            Soup::Sweeps(sweeps) => sweeps.append(from as u64..to as u64, out),
         }
     }
 
@@ -176,6 +220,16 @@ impl Input {
             Soup::Polygons(polygons) => Extent::of(
                 polygons.triangles[from..to].iter().map(|t| t.map(|v| polygons.vertices[v as usize])),
             ),
+            Soup::Beads(beads) => {
+                let mut facets = Vec::new();
+                beads.swept.read(range, &mut facets);
+                Extent::of(facets.into_iter())
+            }
+            Soup::Sweeps(sweeps) => {
+                let mut facets = Vec::with_capacity(to - from);
+                sweeps.append(range, &mut facets);
+                Extent::of(facets.into_iter())
+            }
         }
     }
 

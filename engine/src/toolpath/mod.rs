@@ -6,7 +6,10 @@
 //!
 //! Lengths are millimetres, volumes cubic millimetres, whatever the file's unit.
 
+pub mod gcode;
+
 use crate::error::Result;
+use std::f64::consts::FRAC_PI_4;
 use std::ops::Range;
 
 /// Outer size of a bead's cross-section: along the layer and across it. The shape between them (stadium,
@@ -17,6 +20,15 @@ pub struct Section {
     pub width: f64,
     /// Extent along the tool's axis: the layer height.
     pub height: f64,
+}
+
+impl Section {
+    /// Area of a stadium of these outer sizes: a rectangle between two half circles, which stand at the sides
+    /// of a wide bead, and at top and bottom of one that is higher than wide.
+    pub fn stadium_area(&self) -> f64 {
+        let (long, short) = (self.width.max(self.height), self.width.min(self.height));
+        short * (long - short) + FRAC_PI_4 * short * short
+    }
 }
 
 /// What is known of a bead besides its shape.

@@ -4,9 +4,11 @@
 //! the walk goes up the z column, from there along the y lines of the face x = 0, from there along all
 //! 33 × 33 rows in x. Cost: triangles that touch the brick plus crossings.
 
+use super::crossings::{Cause, Crossings, Hit, NONE};
+use super::edges::EdgeMasks;
 use super::hermite::Resolver;
-use super::scan::{Block, Facet};
-use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, inside_from};
+use super::scan::{Block, Crossing, Facet};
+use crate::brick::{Brick, Hermite, HermiteEdge, Samples, SignChanges, inside_from, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
 
@@ -15,52 +17,24 @@ const P: usize = BRICK_POINTS;
 /// Edges along a row.
 const C: usize = BRICK_CELLS;
 
-/// One crossing of a lattice edge of a brick.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Hit {
-    /// Linear index of the edge's lower sample.
-    pub lower: u16,
-    /// Distance from that sample in 1/65536 of the edge.
-    pub offset: u16,
-    /// Index of the triangle in the brick's list, times two, plus one where the winding number falls.
-    pub facet: u32,
-}
-
-/// [`Hit::facet`] of a triangle's position in the list and the jump at its crossings.
-fn hit_code(position: u32, jump: i32) -> u32 {
-    position << 1 | u32::from(jump < 0)
-}
-
-impl Hit {
-    /// The triangle's position in the brick's list.
-    pub fn position(self) -> usize {
-        (self.facet >> 1) as usize
-    }
-
-    pub fn jump(self) -> i32 {
-        1 - 2 * (self.facet & 1) as i32
-    }
-}
-
-// A lower sample index fits 16 bits.
-const _: () = assert!(POINTS <= u16::MAX as usize + 1);
-
 /// Working memory for evaluating bricks one after the other; one per thread.
 pub struct Evaluator {
     /// The triangles that meet lattice lines, with their position in the brick's list.
     facets: Vec<(u32, Facet)>,
-    /// Jumps along x, [row][edge]; all zero between bricks.
-    rows: Vec<i32>,
-    /// Per row, which edges hold a jump in `rows`; all zero between bricks.
-    touched: Vec<u32>,
+    /// Per row, which edges along x hold crossings; all zero between bricks.
+    touched: Box<[u32; P * P]>,
     /// Jumps along y in the face x = 0: [k][edge].
     face: Vec<i32>,
     /// Jumps along z in the column x = y = 0.
     column: [i32; C],
-    /// Crossings along x.
-    hits_x: Vec<Hit>,
-    /// Crossings along one axis, those asked for.
-    hits: Vec<Hit>,
+    /// Crossings along x, and along one other axis behind them.
+    crossings: Crossings,
+    /// How many lie along x.
+    count_x: usize,
+    /// The number of the last crossing on each sign-changing edge along x, in the edges' order.
+    passages_x: Vec<u32>,
+    /// The sign-changing edges along the other axis.
+    changes: EdgeMasks,
     resolver: Resolver,
 }
 
@@ -68,12 +42,13 @@ impl Default for Evaluator {
     fn default() -> Self {
         Evaluator {
             facets: Vec::new(),
-            rows: vec![0; P * P * C],
-            touched: vec![0; P * P],
+            touched: Box::new([0; P * P]),
             face: vec![0; P * C],
             column: [0; C],
-            hits_x: Vec::new(),
-            hits: Vec::new(),
+            crossings: Crossings::default(),
+            count_x: 0,
+            passages_x: Vec::new(),
+            changes: EdgeMasks::default(),
             resolver: Resolver::default(),
         }
     }
@@ -135,12 +110,12 @@ impl Evaluator {
         Ok(Evaluation { samples, signs, key, list, evaluator: self })
     }
 
-    /// Adds up the jumps that the walk needs.
+    /// Finds the crossings that the walk needs.
     fn collect(&mut self, key: NodeKey, list: Triangles<'_>) {
         let block = block(key);
         let origin = key.base().map(|b| b + 1);
         self.facets.clear();
-        self.hits_x.clear();
+        self.crossings.truncate(0);
         for position in 0..list.indices.len() {
             let Some(facet) = Facet::new(list.get(position), origin, block) else { continue };
             let jump = [0, 1, 2].map(|axis| facet.jump(axis));
@@ -148,57 +123,49 @@ impl Evaluator {
             facet.scan::<1>(block, [block.last, 0], |c| {
                 self.face[c.u as usize * C + c.lower as usize] += jump[1];
             });
-            let code = hit_code(position as u32, jump[0]);
+            let cause = Cause::new(position, jump[0]);
             facet.scan::<0>(block, [block.last; 2], |c| {
                 let row = c.v as usize * P + c.u as usize;
-                self.rows[row * C + c.lower as usize] += jump[0];
                 self.touched[row] |= 1 << c.lower;
-                let lower = (row * P + c.lower as usize) as u16;
-                self.hits_x.push(Hit { lower, offset: c.offset, facet: code });
+                self.crossings.add(row * P + c.lower as usize, c.offset, cause);
             });
             self.facets.push((position as u32, facet));
         }
+        self.count_x = self.crossings.len();
     }
 
-    /// Fills `hits` with the crossings along `axis`: all of them, or those on the edges that `resolver`
-    /// names.
-    fn collect_hits(&mut self, key: NodeKey, axis: Axis, resolver: Option<&Resolver>) {
+    /// Finds the crossings along y or z, in place of others: all of them, or those of `changes`.
+    fn collect_other(&mut self, key: NodeKey, axis: Axis, all: bool) {
         let block = block(key);
-        let hits = &mut self.hits;
-        let wants = |row, i| resolver.is_none_or(|r| r.changes(row, i));
-        hits.clear();
-        if axis == Axis::X {
-            let lower = |hit: &&Hit| (usize::from(hit.lower) / P, usize::from(hit.lower) % P);
-            hits.extend(self.hits_x.iter().filter(|hit| wants(lower(hit).0, lower(hit).1)));
-            return;
-        }
-        for (position, facet) in &self.facets {
-            let code = hit_code(*position, facet.jump(axis.index()));
+        let limit = [block.last; 2];
+        let Evaluator { facets, crossings, changes, .. } = self;
+        crossings.truncate(self.count_x);
+        for (position, facet) in facets {
+            let cause = Cause::new(*position as usize, facet.jump(axis.index()));
             let mut add = |[i, j, k]: [i32; 3], offset| {
-                let (row, i) = (k as usize * P + j as usize, i as usize);
-                if wants(row, i) {
-                    hits.push(Hit { lower: (row * P + i) as u16, offset, facet: code });
-                }
+                crossings.add(point_index([i as usize, j as usize, k as usize]), offset, cause);
             };
-            let all = [block.last; 2];
-            match axis {
-                Axis::X => {}
-                Axis::Y => facet.scan::<1>(block, all, |c| add([c.v, c.lower, c.u], c.offset)),
-                Axis::Z => facet.scan::<2>(block, all, |c| add([c.u, c.v, c.lower], c.offset)),
+            let along_y = |c: Crossing| add([c.v, c.lower, c.u], c.offset);
+            match (axis, all) {
+                (Axis::Y, true) => facet.scan::<1>(block, limit, along_y),
+                (Axis::Y, false) => facet.scan_edges::<1>(block, changes, along_y),
+                (_, true) => facet.scan::<2>(block, limit, |c| add([c.u, c.v, c.lower], c.offset)),
+                (_, false) => facet.scan_edges::<2>(block, changes, |c| add([c.u, c.v, c.lower], c.offset)),
             }
         }
     }
 
-    /// Prefix sums from the corner; false if a value does not fit 16 bits. Zeroes the jumps for the next
+    /// Prefix sums from the corner; false if a value does not fit 16 bits. Leaves no jumps for the next
     /// brick.
     fn walk(&mut self, corner: i16, samples: &mut Samples, signs: &mut SignChanges) -> bool {
-        let mut fits = true;
+        let mut excess = 0;
+        self.passages_x.clear();
         let mut at_k = i32::from(corner);
         for k in 0..P {
             let mut at_j = at_k;
             for j in 0..P {
                 let row = k * P + j;
-                fits &= self.walk_row(row, at_j, samples, signs);
+                excess |= self.walk_row(row, at_j, samples, signs);
                 if j < C {
                     at_j += std::mem::take(&mut self.face[k * C + j]);
                 }
@@ -207,28 +174,71 @@ impl Evaluator {
                 at_k += std::mem::take(&mut self.column[k]);
             }
         }
-        fits
+        excess == 0
     }
 
-    /// The samples and signs of one row from its first sample, stepping from jump to jump.
+    /// The samples and signs of one row from its first sample, stepping from crossed edge to crossed edge. Not
+    /// zero if a value does not fit 16 bits.
     #[inline]
-    fn walk_row(&mut self, row: usize, first: i32, samples: &mut Samples, signs: &mut SignChanges) -> bool {
+    fn walk_row(&mut self, row: usize, first: i32, samples: &mut Samples, signs: &mut SignChanges) -> i32 {
         let mut w = first;
-        let mut fits = i32::from(w as i16) == w;
+        let mut excess = w ^ i32::from(w as i16);
         let mut inside = inside_from(w, 0);
         samples.fill_row_from(row * P, w as i16);
         let mut touched = std::mem::take(&mut self.touched[row]);
         while touched != 0 {
-            let edge = touched.trailing_zeros() as usize;
+            let lower = row * P + touched.trailing_zeros() as usize;
             touched &= touched - 1;
-            inside ^= inside_from(w, edge + 1);
-            w += std::mem::take(&mut self.rows[row * C + edge]);
-            inside ^= inside_from(w, edge + 1);
-            fits &= i32::from(w as i16) == w;
-            samples.fill_row_from(row * P + edge + 1, w as i16);
+            let last = self.crossings.take(lower);
+            let before = w;
+            w += self.crossings.jump(last);
+            if (before >= 1) != (w >= 1) {
+                inside ^= inside_from(1, lower + 1 - row * P);
+                self.passages_x.push(last);
+            }
+            excess |= w ^ i32::from(w as i16);
+            samples.fill_row_from(lower + 1, w as i16);
         }
         signs.set_row(row % P, row / P, inside);
-        fits
+        excess
+    }
+}
+
+impl Evaluator {
+    /// The Hermite edges along x; the walk has found their crossings.
+    fn hermite_x(&mut self, samples: &Samples, list: Triangles<'_>) -> Vec<HermiteEdge> {
+        let Evaluator { crossings, passages_x, resolver, .. } = self;
+        passages_x.iter().map(|&last| resolver.resolve(last, crossings, samples, list)).collect()
+    }
+
+    /// The Hermite edges along y or z.
+    fn hermite_other(
+        &mut self,
+        axis: Axis,
+        key: NodeKey,
+        samples: &Samples,
+        signs: &SignChanges,
+        list: Triangles<'_>,
+    ) -> Result<Vec<HermiteEdge>> {
+        let count = self.changes.set(axis, signs);
+        self.collect_other(key, axis, false);
+        let Evaluator { crossings, resolver, changes, .. } = self;
+        let mut edges = Vec::with_capacity(count);
+        for row in 0..P * P {
+            let mut bits = changes.row(axis, row % P, row / P);
+            while bits != 0 {
+                let last = crossings.take(row * P + bits.trailing_zeros() as usize);
+                bits &= bits - 1;
+                if last == NONE {
+                    return Err(Error::setting(
+                        "internal error: a sign change without a crossing",
+                        "report this with the input",
+                    ));
+                }
+                edges.push(resolver.resolve(last, crossings, samples, list));
+            }
+        }
+        Ok(edges)
     }
 }
 
@@ -243,7 +253,7 @@ impl Evaluation<'_> {
     /// spacing that the samples alone do not show.
     pub fn has_hidden_crossings(&mut self) -> bool {
         self.any_edge(|_, jumps| {
-            let sum: i32 = jumps.iter().map(|h| h.jump()).sum();
+            let sum: i32 = jumps.iter().map(|h| h.cause.jump()).sum();
             (sum.unsigned_abs() as usize) < jumps.len()
         })
     }
@@ -256,7 +266,7 @@ impl Evaluation<'_> {
             let mut passes = 0;
             hits.chunk_by(|a, b| a.offset == b.offset).for_each(|group| {
                 let before = w;
-                w += group.iter().map(|h| h.jump()).sum::<i32>();
+                w += group.iter().map(|h| h.cause.jump()).sum::<i32>();
                 passes += u32::from((before >= 1) != (w >= 1));
             });
             passes > 1
@@ -267,10 +277,15 @@ impl Evaluation<'_> {
     /// crossings in order.
     fn any_edge(&mut self, mut predicate: impl FnMut(usize, &[Hit]) -> bool) -> bool {
         Axis::ALL.into_iter().any(|axis| {
-            self.evaluator.collect_hits(self.key, axis, None);
-            let hits = &mut self.evaluator.hits;
-            hits.sort_unstable_by_key(|h| (h.lower, h.offset));
-            hits.chunk_by(|a, b| a.lower == b.lower)
+            let mut from = 0;
+            if axis != Axis::X {
+                self.evaluator.collect_other(self.key, axis, true);
+                from = self.evaluator.count_x;
+            }
+            let sorted = self.evaluator.crossings.sorted(from);
+            self.evaluator.crossings.truncate(self.evaluator.count_x);
+            sorted
+                .chunk_by(|a, b| a.lower == b.lower)
                 .any(|edge| edge.len() > 1 && predicate(usize::from(edge[0].lower), edge))
         })
     }
@@ -287,13 +302,10 @@ impl Evaluation<'_> {
         let mut edges: [Vec<HermiteEdge>; 3] = Default::default();
         evaluator.resolver.begin(list.indices.len());
         for axis in Axis::ALL {
-            // The edges' scratch leaves the evaluator while that scans.
-            let mut resolver = std::mem::take(&mut evaluator.resolver);
-            resolver.index(axis, &signs);
-            evaluator.collect_hits(key, axis, Some(&resolver));
-            let resolved = resolver.resolve(&samples, &evaluator.hits, list);
-            evaluator.resolver = resolver;
-            edges[axis.index()] = resolved?;
+            edges[axis.index()] = match axis {
+                Axis::X => evaluator.hermite_x(&samples, list),
+                _ => evaluator.hermite_other(axis, key, &samples, &signs, list)?,
+            };
         }
         Ok(Brick::Counts { samples, hermite: Hermite { edges } })
     }

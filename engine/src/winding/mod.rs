@@ -5,6 +5,8 @@ mod balance;
 mod brute;
 mod cloud;
 mod corners;
+mod crossings;
+mod edges;
 mod evaluate;
 mod hermite;
 mod open;

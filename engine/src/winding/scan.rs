@@ -1,11 +1,13 @@
 //! Crossings of one triangle with the axis-parallel lines of a lattice.
 //!
 //! Every sample p counts as p + (ε, ε², ε³) (simulation of simplicity, Edelsbrunner & Mücke 1990), so a line
-//! meets a triangle or does not, and a crossing lies before a sample or behind it, never on it. Three i64
-//! edge functions decide the first question; the second is a quotient evaluated in f64 under an error bound
-//! and settled in 128-bit integers where the bound does not decide.
+//! meets a triangle or does not, and a crossing lies before a sample or behind it, never on it. Both questions
+//! are answered in f64 under error bounds, row by row of lines, and settled in integers where a bound does not
+//! decide: by three edge functions in 64 bits the first, by a quotient in 128 bits the second.
 
+use super::edges::EdgeMasks;
 use crate::lattice::{Triangle, normal};
+use std::ops::Range;
 
 /// A cubic block of samples `0..=last` along each axis, `1 << shift` units apart, sample 0 at the origin.
 #[derive(Clone, Copy, Debug)]
@@ -37,22 +39,25 @@ pub(crate) struct Facet {
     /// First and last line index that the bounding box meets, per axis, clipped to the block.
     first: [i32; 3],
     last: [i32; 3],
+    /// Largest size of a vertex's coordinate and of a line's together, per axis: bounds rounding errors.
+    reach: [i32; 3],
 }
 
 impl Facet {
     /// `None` if the triangle meets no line of the block or has no area.
-    #[inline]
+    #[inline(always)]
     pub fn new(t: &Triangle, origin: [i32; 3], block: Block) -> Option<Facet> {
         let vertices = t.map(|p| std::array::from_fn(|a| p[a] - origin[a]));
         let below = (1 << block.shift) - 1;
         let mut first = [0; 3];
         let mut last = [0; 3];
+        let (mut min, mut max) = ([0; 3], [0; 3]);
         let mut met = 0;
         for a in 0..3 {
-            let min = vertices[0][a].min(vertices[1][a]).min(vertices[2][a]);
-            let max = vertices[0][a].max(vertices[1][a]).max(vertices[2][a]);
-            first[a] = ((min + below) >> block.shift).max(0);
-            last[a] = (max >> block.shift).min(block.last);
+            min[a] = vertices[0][a].min(vertices[1][a]).min(vertices[2][a]);
+            max[a] = vertices[0][a].max(vertices[1][a]).max(vertices[2][a]);
+            first[a] = ((min[a] + below) >> block.shift).max(0);
+            last[a] = (max[a] >> block.shift).min(block.last);
             met += i32::from(first[a] <= last[a]);
         }
         // A line along one axis needs a line index along both others.
@@ -60,7 +65,8 @@ impl Facet {
             return None;
         }
         let normal = normal(&vertices);
-        (normal != [0; 3]).then_some(Facet { vertices, normal, first, last })
+        let reach = std::array::from_fn(|a| max[a].max(-min[a]) + ((LINES_MAX + 1) << block.shift));
+        (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, reach })
     }
 
     /// The change of the winding number along `axis` at a crossing: entering through a facet whose outward
@@ -74,6 +80,27 @@ impl Facet {
     /// limits and that lies between two samples of the block.
     #[inline(always)]
     pub fn scan<const A: usize>(&self, block: Block, limit: [i32; 2], hit: impl FnMut(Crossing)) {
+        self.scan_chosen::<A>(block, limit, &All, hit);
+    }
+
+    /// Calls `hit` for every crossing along axis `A` of one of the edges.
+    #[inline(always)]
+    pub fn scan_edges<const A: usize>(&self, block: Block, edges: &EdgeMasks, hit: impl FnMut(Crossing)) {
+        // No vertex has the coordinate of a sample, so the bounding box begins behind the sample before its
+        // first one.
+        let end = (self.last[A] + 1).clamp(0, block.last);
+        let lowers = (self.first[A] - 1).clamp(0, end) as usize..end as usize;
+        self.scan_chosen::<A>(block, [block.last; 2], &Near { edges, lowers }, hit);
+    }
+
+    #[inline(always)]
+    fn scan_chosen<const A: usize>(
+        &self,
+        block: Block,
+        limit: [i32; 2],
+        choice: &impl Choice,
+        hit: impl FnMut(Crossing),
+    ) {
         let (u, v) = ((A + 1) % 3, (A + 2) % 3);
         let lines_u = (self.first[u], self.last[u].min(limit[0]));
         let lines_v = (self.first[v], self.last[v].min(limit[1]));
@@ -82,9 +109,9 @@ impl Facet {
         }
         // Fewer, longer rows: a row costs as much as two to three crossings.
         if lines_v.1 - lines_v.0 <= lines_u.1 - lines_u.0 {
-            self.sweep::<A, false>(block, lines_u, lines_v, hit);
+            self.sweep::<A, false>(block, lines_u, lines_v, choice, hit);
         } else {
-            self.sweep::<A, true>(block, lines_v, lines_u, hit);
+            self.sweep::<A, true>(block, lines_v, lines_u, choice, hit);
         }
     }
 
@@ -96,28 +123,79 @@ impl Facet {
         block: Block,
         steps: (i32, i32),
         rows: (i32, i32),
+        choice: &impl Choice,
         mut hit: impl FnMut(Crossing),
     ) {
-        debug_assert!(block.last < 64, "cuts beyond 64 are cut off");
-        let edges = Edges::new::<A, SWAP>(self, block, steps.0, rows.0);
-        let depth = Depth::new::<A, SWAP>(self, block, steps.0);
-        let count = steps.1 - steps.0;
-        for row in rows.0..=rows.1 {
-            let (from, to) = edges.span::<A, SWAP>(row - rows.0, count);
-            if from > to {
+        debug_assert!(block.last < LINES_MAX, "the lines of a row are bits of a word");
+        let within = (u64::MAX >> (63 - steps.1)) & (u64::MAX << steps.0);
+        let lines = |row: i32| choice.lines(SWAP, row as usize) & within;
+        let Some(first) = (rows.0..=rows.1).find(|&row| lines(row) != 0) else { return };
+        let edges = Edges::new::<A, SWAP>(self, block);
+        let depth = Depth::new::<A, SWAP>(self, block);
+        for row in first..=rows.1 {
+            let mut lines = lines(row);
+            if lines == 0 {
                 continue;
             }
-            let along = depth.row(block, row);
-            for step in from..=to {
-                let line = steps.0 + step;
+            lines &= edges.span::<A, SWAP>(row);
+            let along = depth.row(row);
+            while lines != 0 {
+                let line = lines.trailing_zeros() as i32;
+                lines &= lines - 1;
                 let (u, v) = if SWAP { (row, line) } else { (line, row) };
-                if let Some((lower, offset)) = depth.locate::<A>(self, block, along, step, (u, v)) {
-                    hit(Crossing { u, v, lower, offset });
+                let at = depth.locate::<A>(self, block, along, line, (u, v));
+                let lower = (at >> 16) as usize;
+                if lower < block.last as usize && choice.holds(SWAP, row as usize, line as u32, lower) {
+                    hit(Crossing { u, v, lower: lower as i32, offset: at as u16 });
                 }
             }
         }
     }
 }
+
+/// Which edges a scan asks for. A row's lines have equal v, or equal u if `swap`.
+trait Choice {
+    /// The lines of a row that matter, as bits.
+    fn lines(&self, swap: bool, row: usize) -> u64;
+    /// Whether the edge matters that begins at sample `lower` of such a line.
+    fn holds(&self, swap: bool, row: usize, line: u32, lower: usize) -> bool;
+}
+
+/// Every edge.
+struct All;
+
+impl Choice for All {
+    #[inline(always)]
+    fn lines(&self, _: bool, _: usize) -> u64 {
+        u64::MAX
+    }
+
+    #[inline(always)]
+    fn holds(&self, _: bool, _: usize, _: u32, _: usize) -> bool {
+        true
+    }
+}
+
+/// Those of a set that begin at some samples of their lines.
+struct Near<'a> {
+    edges: &'a EdgeMasks,
+    lowers: Range<usize>,
+}
+
+impl Choice for Near<'_> {
+    #[inline(always)]
+    fn lines(&self, swap: bool, row: usize) -> u64 {
+        self.edges.lines(swap, row, self.lowers.clone())
+    }
+
+    #[inline(always)]
+    fn holds(&self, swap: bool, row: usize, line: u32, lower: usize) -> bool {
+        self.edges.holds(swap, row, line, lower)
+    }
+}
+
+/// Lines in a row, at most: a row's lines are the bits of a word, of which [`Edges::span`] keeps one free.
+pub(super) const LINES_MAX: i32 = 63;
 
 /// The axes along which lines step and rows follow each other.
 const fn sweep_axes<const A: usize, const SWAP: bool>() -> (usize, usize) {
@@ -130,116 +208,101 @@ const ROUND: f64 = (1u64 << 52) as f64 * 1.5;
 
 /// The three edges of a projected triangle: where each cuts a row, as a linear function in f64.
 ///
-/// A line is inside when no edge function is negative; a tie counts as its perturbed value.
+/// A line is inside when no edge function is negative; a tie counts as its perturbed value. One edge passes all
+/// rows and bounds the lines on one side, the two others bound them on the other side.
 struct Edges<'a> {
     facet: &'a Facet,
     block: Block,
-    /// First step and first row.
-    origin: (i32, i32),
-    /// (cut at the first row, change per row) of edges that bound the span from below and from above.
-    lower: [(f64, f64); 2],
-    upper: [(f64, f64); 2],
+    /// (cut of row 0, change per row) of the long edge and of the short ones. Bounds from below count lines from 0
+    /// upwards, bounds from above count them from [`LINES_MAX`] − 1 downwards, so that both are lower bounds.
+    long: (f64, f64),
+    short: [(f64, f64); 2],
+    /// Whether the short edges bound from above.
+    short_above: bool,
     /// Bound on the rounding error of the cuts.
     error: f64,
 }
 
 impl<'a> Edges<'a> {
     #[inline(always)]
-    fn new<const A: usize, const SWAP: bool>(
-        facet: &'a Facet,
-        block: Block,
-        step0: i32,
-        row0: i32,
-    ) -> Edges<'a> {
+    fn new<const A: usize, const SWAP: bool>(facet: &'a Facet, block: Block) -> Edges<'a> {
         let (s, r) = sweep_axes::<A, SWAP>();
-        let (ps, pr) = (step0 << block.shift, row0 << block.shift);
         let per_step = power_of_two(-(block.shift as i32));
-        let spacing = power_of_two(block.shift as i32);
-        let mut lower = [(-2.0, 0.0); 2];
-        let mut upper = [(f64::from(1 << 7), 0.0); 2];
-        let mut size = 0.0;
-        let (mut lowers, mut uppers) = (0, 0);
-        // A lower bound is an edge that runs along the rows' order one way, an upper one the other way.
-        let ascends = (facet.normal[A] > 0) != SWAP;
-        for i in 0..3 {
-            let (a, b) = (facet.vertices[i], facet.vertices[(i + 1) % 3]);
-            let across = b[r] - a[r];
-            // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows
-            // within the bounding box lie strictly on its inner side.
-            if across == 0 {
-                continue;
-            }
-            let slope = f64::from(b[s] - a[s]) / f64::from(across);
-            let at = (f64::from(a[s] - ps) + slope * f64::from(pr - a[r])) * per_step;
-            size = larger(size, f64::from((a[s] - ps).abs()) + slope.abs() * f64::from((pr - a[r]).abs()));
-            size = larger(size, slope.abs() * 64.0 * spacing);
-            if (across < 0) == ascends {
-                lower[lowers & 1] = (at, slope);
-                lowers += 1;
-            } else {
-                upper[uppers & 1] = (at, slope);
-                uppers += 1;
-            }
-        }
+        // The vertices in the order of rows, and whether the middle one lies beyond the long edge.
+        let [p, q, t] = facet.vertices.map(|p| (p[r], p[s]));
+        let (p, q, pq) = in_order(p, q);
+        let (q, t, qt) = in_order(q, t);
+        let (p, q, again) = in_order(p, q);
+        let short_above = (facet.normal[A] > 0) != (SWAP ^ pq ^ qt ^ again);
+        let line = |a: (i32, i32), b: (i32, i32)| {
+            let slope = f64::from(b.1 - a.1) / f64::from(b.0 - a.0);
+            ((f64::from(a.1) - slope * f64::from(a.0)) * per_step, slope)
+        };
+        let bound = |above: bool, (cut, slope): (f64, f64)| {
+            if above { (f64::from(LINES_MAX - 1) - cut, -slope) } else { (cut, slope) }
+        };
+        let long = bound(!short_above, line(p, t));
+        // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows within the
+        // bounding box lie strictly on its inner side.
+        let none = (f64::from(-LINES_MAX), 0.0);
+        let short =
+            [(p, q), (q, t)].map(|(a, b)| if a.0 < b.0 { bound(short_above, line(a, b)) } else { none });
+        let steepest = larger(long.1.abs(), larger(short[0].1.abs(), short[1].1.abs()));
         // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
+        let size = f64::from(facet.reach[s]) + steepest * f64::from(facet.reach[r]);
         let error = size * per_step * power_of_two(-49);
-        Edges { facet, block, origin: (step0, row0), lower, upper, error }
+        // What the bound does not cover is decided exactly, row by row.
+        let error = if error > 0.001 { 1.0 } else { error };
+        Edges { facet, block, long, short, short_above, error }
     }
 
-    /// First and last step in 0..=last of a row, counted from the first one, whose lines lie inside; an
-    /// empty range if there is none.
+    /// The lines of a row that lie inside, as bits.
     #[inline(always)]
-    fn span<const A: usize, const SWAP: bool>(&self, row: i32, last: i32) -> (i32, i32) {
+    fn span<const A: usize, const SWAP: bool>(&self, row: i32) -> u64 {
         let k = f64::from(row);
-        let cut = |(at, slope): (f64, f64)| at + slope * k;
+        let cut = |(cut, slope): (f64, f64)| cut + slope * k;
         // Far cuts are brought near, off the integers.
-        let near = |c: f64| smaller(larger(c, -1.25), 64.25);
-        let from = near(larger(cut(self.lower[0]), cut(self.lower[1])));
-        let to = near(smaller(cut(self.upper[0]), cut(self.upper[1])));
-        let (shifted_from, shifted_to) = (from + ROUND, to + ROUND);
-        let (rest_from, rest_to) = (from - (shifted_from - ROUND), to - (shifted_to - ROUND));
-        if smaller(rest_from.abs(), rest_to.abs()) <= self.error || self.error > 0.001 {
-            return self.span_exactly(
-                sweep_axes::<A, SWAP>(),
-                (self.facet.normal[A].signum(), SWAP),
-                row,
-                last,
-            );
+        let near = |c: f64| smaller(larger(c, -0.75), f64::from(LINES_MAX) - 0.25);
+        let bounds = [cut(self.long), larger(cut(self.short[0]), cut(self.short[1]))].map(near);
+        let shifted = bounds.map(|c| c + ROUND);
+        let rest: [f64; 2] = std::array::from_fn(|side| bounds[side] - (shifted[side] - ROUND));
+        if smaller(rest[0].abs(), rest[1].abs()) <= self.error {
+            return self.span_exactly(sweep_axes::<A, SWAP>(), (self.facet.normal[A] > 0) != SWAP, row);
         }
-        let first = shifted_from.to_bits() as i32 + i32::from(rest_from > 0.0);
-        let end = shifted_to.to_bits() as i32 - i32::from(rest_to < 0.0);
-        (first.max(0), end.min(last))
+        // Lines outside at either end.
+        let [long, short] = std::array::from_fn(|side| {
+            (shifted[side].to_bits() as u32).wrapping_add((rest[side] > 0.0).into())
+        });
+        let (below, above) = if self.short_above { (long, short) } else { (short, long) };
+        (u64::MAX << below) & (u64::MAX >> 1 >> above)
     }
 
-    /// [`Edges::span`] by exact edge functions at every step.
+    /// [`Edges::span`] by exact edge functions at every line.
     #[cold]
     #[inline(never)]
-    fn span_exactly(
-        &self,
-        (s, r): (usize, usize),
-        (sign, swap): (i64, bool),
-        row: i32,
-        last: i32,
-    ) -> (i32, i32) {
-        let sign = if swap { -sign } else { sign };
+    fn span_exactly(&self, (s, r): (usize, usize), positive: bool, row: i32) -> u64 {
+        let sign = if positive { 1 } else { -1 };
         let at = |index: i32| i64::from(index) << self.block.shift;
-        let pr = at(self.origin.1 + row);
-        let inside = |step: i32| {
-            let ps = at(self.origin.0 + step);
+        let inside = |line: &i32| {
             (0..3).all(|i| {
                 let (a, b) = (self.facet.vertices[i], self.facet.vertices[(i + 1) % 3]);
                 let along_s = -sign * i64::from(b[r] - a[r]);
                 let along_r = sign * i64::from(b[s] - a[s]);
-                let value = along_r * (pr - i64::from(a[r])) + along_s * (ps - i64::from(a[s]));
+                let value = along_r * (at(row) - i64::from(a[r])) + along_s * (at(*line) - i64::from(a[s]));
                 // ε belongs to the axis that comes first in x, y, z.
                 let (first, second) = if s < r { (along_s, along_r) } else { (along_r, along_s) };
                 value > 0 || (value == 0 && (first > 0 || (first == 0 && second > 0)))
             })
         };
-        let Some(first) = (0..=last).find(|&step| inside(step)) else { return (1, 0) };
-        let end = (first..=last).take_while(|&step| inside(step)).last();
-        (first, end.unwrap_or(first))
+        let lines = self.facet.first[s]..=self.facet.last[s];
+        lines.filter(inside).fold(0, |bits, line| bits | 1 << line)
     }
+}
+
+/// The two points in order of their first coordinate, and whether that swaps them.
+#[inline(always)]
+fn in_order(a: (i32, i32), b: (i32, i32)) -> ((i32, i32), (i32, i32), bool) {
+    if b.0 < a.0 { (b, a, true) } else { (a, b, false) }
 }
 
 /// 2^exponent.
@@ -262,88 +325,94 @@ fn smaller(a: f64, b: f64) -> f64 {
 
 /// Where a line crosses the triangle's plane, in 1/65536 of the spacing, as a linear function in f64.
 struct Depth {
-    /// At the first line, as far as the axis and the steps go.
+    /// At line 0 of row 0.
     at: f64,
-    /// Vertex 0 along the row axis, and the slope there.
-    row_origin: i32,
-    row_slope: f64,
+    /// Change from one row to the next.
+    row: f64,
     /// Change from one line of a row to the next.
     step: f64,
+    /// Largest distance from an integer that says on which side of it the depth is surely rounded.
+    clear: f64,
     /// Bound on the rounding error of the whole expression.
     error: f64,
 }
 
 impl Depth {
     #[inline(always)]
-    fn new<const A: usize, const SWAP: bool>(facet: &Facet, block: Block, step0: i32) -> Depth {
+    fn new<const A: usize, const SWAP: bool>(facet: &Facet, block: Block) -> Depth {
         let (s, r) = sweep_axes::<A, SWAP>();
         // Powers of two, so the scaling is exact.
         let spacing = power_of_two(block.shift as i32);
         let scale = power_of_two(16 - block.shift as i32);
+        let vertex = facet.vertices[0];
         let scaled = scale / facet.normal[A] as f64;
         let slope_s = facet.normal[s] as f64 * scaled;
         let slope_r = facet.normal[r] as f64 * scaled;
-        let along = f64::from(facet.vertices[0][A]) * scale;
-        let extent = |a: usize| {
-            let p = facet.vertices;
-            f64::from((p[1][a] - p[0][a]).abs().max((p[2][a] - p[0][a]).abs()))
-        };
-        // A line that meets the triangle is no farther from vertex 0 than the extent, nor is the first such
-        // line. Each term carries at most six roundings of 2^-53 of its size and the step terms count twice;
-        // 2^-48 leaves a factor of two and more.
-        let size = along.abs() + slope_s.abs() * extent(s) + slope_r.abs() * extent(r);
+        let along = f64::from(vertex[A]) * scale;
+        // Each term carries at most seven roundings of 2^-53 of its size; 2^-48 leaves a factor of four.
+        let size = along.abs()
+            + slope_s.abs() * f64::from(facet.reach[s])
+            + slope_r.abs() * f64::from(facet.reach[r]);
+        let error = size * power_of_two(-48);
         Depth {
-            at: along + slope_s * f64::from(facet.vertices[0][s] - (step0 << block.shift)),
-            row_origin: facet.vertices[0][r],
-            row_slope: slope_r,
+            at: along + slope_s * f64::from(vertex[s]) + slope_r * f64::from(vertex[r]),
+            row: slope_r * spacing,
             step: slope_s * spacing,
-            error: size * power_of_two(-48),
+            clear: 0.5 - error,
+            error,
         }
     }
 
-    /// The depth at the first line of the row.
+    /// The depth at line 0 of the row.
     #[inline(always)]
-    fn row(&self, block: Block, row: i32) -> f64 {
-        self.at + self.row_slope * f64::from(self.row_origin - (row << block.shift))
+    fn row(&self, row: i32) -> f64 {
+        self.at - self.row * f64::from(row)
     }
 
-    /// The sample before the crossing and the offset from it; `None` outside the block. `along` is the
-    /// row's depth, `line` the (u, v) indices for the exact answer.
+    /// The distance of the crossing from sample 0 in 1/65536 of the spacing; what lies before that sample,
+    /// and some of what lies behind the last one, becomes a very large number. `along` is the row's depth,
+    /// `uv` the line's indices for the exact answer.
     #[inline(always)]
     fn locate<const A: usize>(
         &self,
         facet: &Facet,
         block: Block,
         along: f64,
-        step: i32,
-        line: (i32, i32),
-    ) -> Option<(i32, u16)> {
-        let depth = along - self.step * f64::from(step);
+        line: i32,
+        uv: (i32, i32),
+    ) -> u64 {
+        let depth = along - self.step * f64::from(line);
         let shifted = depth + ROUND;
-        let rounded = (shifted.to_bits() as i64) - (ROUND.to_bits() as i64);
         let rest = depth - (shifted - ROUND);
-        // A bound that reaches half a step settles nothing, wherever the depth seems to be.
-        let doubtful = rest.abs() > 0.5 - self.error;
-        if !doubtful {
-            let mut lower = rounded >> 16;
-            if rounded & 0xffff == 0 {
-                // At a sample, so near that only the exact quotient tells the side.
-                if rest.abs() <= self.error {
-                    return locate_exactly(facet, block, A, line.0, line.1);
-                }
-                lower -= i64::from(rest < 0.0);
-            }
-            let offset = (rounded - (lower << 16)).min(65535);
-            return (0..i64::from(block.last)).contains(&lower).then_some((lower as i32, offset as u16));
+        let rounded = shifted.to_bits().wrapping_sub(ROUND.to_bits());
+        // A bound that reaches half a step settles nothing, wherever the depth seems to be. Near a sample, the
+        // depth must be known to lie on one side of it.
+        if rest.abs() > self.clear || rounded as u16 == 0 {
+            return self.locate_slowly(facet, block, A, (rounded, rest), uv);
         }
-        locate_exactly(facet, block, A, line.0, line.1)
+        rounded
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn locate_slowly(
+        &self,
+        facet: &Facet,
+        block: Block,
+        axis: usize,
+        (rounded, rest): (u64, f64),
+        uv: (i32, i32),
+    ) -> u64 {
+        if rest.abs() > self.clear || rest.abs() <= self.error {
+            return locate_exactly(facet, block, axis, uv);
+        }
+        // The offset from the sample before is at most 65535.
+        rounded.wrapping_sub(u64::from(rest < 0.0))
     }
 }
 
 /// [`Depth::locate`] in 128-bit integers.
-#[cold]
-#[inline(never)]
-fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> Option<(i32, u16)> {
+fn locate_exactly(facet: &Facet, block: Block, axis: usize, (u, v): (i32, i32)) -> u64 {
     let (au, av) = ((axis + 1) % 3, (axis + 2) % 3);
     let n = facet.normal.map(i128::from);
     let a = facet.vertices[0].map(i128::from);
@@ -363,12 +432,18 @@ fn locate_exactly(facet: &Facet, block: Block, axis: usize, u: i32, v: i32) -> O
     }
     let rest = numerator - lower * denominator;
     let offset = (rest * (65536 * 2) + denominator).div_euclid(2 * denominator);
-    (0..i128::from(block.last)).contains(&lower).then_some((lower as i32, offset.min(65535) as u16))
+    if (0..i128::from(block.last)).contains(&lower) {
+        (lower << 16 | offset.min(65535)) as u64
+    } else {
+        u64::MAX
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brick::SignChanges;
+    use crate::lattice::{Axis, BRICK_POINTS};
     use proptest::prelude::*;
 
     /// Everything in i128 with the perturbation as explicit small numbers: coordinates times 2^60,
@@ -447,10 +522,61 @@ mod tests {
                 facet.scan::<1>(block, [32, 32], |c| checked.push((1, c)));
                 facet.scan::<2>(block, [32, 32], |c| checked.push((2, c)));
                 for (axis, c) in checked {
-                    let exact = locate_exactly(&facet, block, axis, c.u, c.v);
-                    prop_assert_eq!(Some((c.lower, c.offset)), exact);
+                    let exact = locate_exactly(&facet, block, axis, (c.u, c.v));
+                    prop_assert_eq!((c.lower as u64) << 16 | u64::from(c.offset), exact);
                 }
             }
+        }
+    }
+
+    /// Every row's span against the exact one.
+    fn spans_are_exact<const A: usize, const SWAP: bool>(facet: &Facet, block: Block) -> bool {
+        let (s, r) = sweep_axes::<A, SWAP>();
+        let edges = Edges::new::<A, SWAP>(facet, block);
+        let within = (facet.first[s]..=facet.last[s]).fold(0, |bits, line| bits | 1 << line);
+        facet.normal[A] == 0
+            || (facet.first[r]..=facet.last[r]).all(|row| {
+                let exact = edges.span_exactly((s, r), (facet.normal[A] > 0) != SWAP, row);
+                edges.span::<A, SWAP>(row) & within == exact
+            })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        #[test]
+        fn fast_and_exact_spans_agree(t in prop::array::uniform3(prop::array::uniform3(-(1i32 << 22)..1 << 22)),
+                                      small in 0u32..18, shift in 3u32..19) {
+            let t = t.map(|v| v.map(|c| 2 * (c >> small) + 1));
+            let block = Block { shift, last: 32 };
+            if let Some(facet) = Facet::new(&t, [0; 3], block) {
+                prop_assert!(spans_are_exact::<0, false>(&facet, block) && spans_are_exact::<0, true>(&facet, block));
+                prop_assert!(spans_are_exact::<1, false>(&facet, block) && spans_are_exact::<1, true>(&facet, block));
+                prop_assert!(spans_are_exact::<2, false>(&facet, block) && spans_are_exact::<2, true>(&facet, block));
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn asking_for_edges_finds_those_and_no_others(t in triangle(), shift in 1u32..3, rows in any::<[u64; 8]>()) {
+            let block = Block { shift, last: 32 };
+            let inside = |i: usize| rows[i / BRICK_POINTS % 8].rotate_left(i as u32 / 64) >> (i % BRICK_POINTS) & 1 != 0;
+            let signs = SignChanges::from_fn(inside);
+            let Some(facet) = Facet::new(&t, [0; 3], block) else { return Ok(()) };
+            let mut masks = EdgeMasks::default();
+            let changes = |axis, [i, j, k]: [i32; 3]| signs.edges(axis, j as usize, k as usize) >> i & 1 != 0;
+            let (mut all, mut asked) = (Vec::new(), Vec::new());
+            masks.set(Axis::Y, &signs);
+            facet.scan::<1>(block, [32; 2], |c| all.push((1, c)));
+            facet.scan_edges::<1>(block, &masks, |c| asked.push((1, c)));
+            masks.set(Axis::Z, &signs);
+            facet.scan::<2>(block, [32; 2], |c| all.push((2, c)));
+            facet.scan_edges::<2>(block, &masks, |c| asked.push((2, c)));
+            all.retain(|(axis, c)| match axis {
+                1 => changes(Axis::Y, [c.v, c.lower, c.u]),
+                _ => changes(Axis::Z, [c.u, c.v, c.lower]),
+            });
+            prop_assert_eq!(all, asked);
         }
     }
 

@@ -1,16 +1,17 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
 use super::mesh::{MeshReport, mesh_sink, write_mesh};
-use super::{open_inputs, start, unit_of};
+use super::{open_inputs, start, unit_of, volumes_text};
 use crate::args::{BuildArgs, RefineArg, WorkArgs};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{print, print_json, warn};
-use crate::units::Size;
-use brickfield_engine::analysis::winding_range;
+use crate::toolpaths::ToolpathReport;
+use crate::units::{Size, Unit};
+use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::build::{BuildOptions, Resolution, Summary, build_opened};
 use brickfield_engine::contour::ContourOptions;
-use brickfield_engine::ingest::Input;
+use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -25,6 +26,8 @@ const MESH_CACHE_BYTES: u64 = 512 << 20;
 struct Plan {
     inputs: Vec<PathBuf>,
     output: PathBuf,
+    open: OpenOptions,
+    units: Unit,
     options: BuildOptions,
     memory: Option<Size>,
     mesh: Option<PathBuf>,
@@ -55,8 +58,9 @@ impl TryFrom<BuildArgs> for Plan {
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet };
-        let BuildArgs { inputs, output, memory, mesh, json, .. } = args;
-        Ok(Plan { inputs, output, options, memory, mesh, json, work })
+        let open = args.toolpath.options()?;
+        let BuildArgs { inputs, output, units, memory, mesh, json, .. } = args;
+        Ok(Plan { inputs, output, open, units, options, memory, mesh, json, work })
     }
 }
 
@@ -67,7 +71,11 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
-    let inputs = open_inputs(&plan.inputs, &outputs, &bars)?;
+    let inputs = open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?;
+    let toolpaths = ToolpathReport::of_inputs(&inputs);
+    if !toolpaths.is_empty() && plan.units != Unit::Mm {
+        return Err(Failure::Usage(format!("toolpaths are in mm: leave --units {} out", plan.units)));
+    }
     let open_seconds = started.elapsed().as_secs_f64();
     memory::require_room(&inputs, &plan.options, plan.memory)?;
     // Made before the long work, so that a name that cannot be written costs no time.
@@ -87,8 +95,17 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         }
         _ => None,
     };
+    let audit = match toolpaths.is_empty() {
+        true => None,
+        false => {
+            let begun = Instant::now();
+            let volumes = volume(&store, &bars)?;
+            summary.phases.push(("audit", begun.elapsed().as_secs_f64()));
+            Some(Audit { toolpaths, volumes })
+        }
+    };
     bars.clear();
-    let report = Report::new(&plan, summary, &store, mesh, started.elapsed().as_secs_f64());
+    let report = Report::new(&plan, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
     report.warn();
     if plan.json {
         print_json(&report)
@@ -114,7 +131,17 @@ struct Report {
     winding_min: i16,
     winding_max: i16,
     warnings: Vec<String>,
+    /// Of builds from toolpaths.
+    #[serde(flatten)]
+    audit: Option<Audit>,
     mesh: Option<MeshReport>,
+}
+
+/// Material fed, volume of the beads, and what the field makes of them.
+#[derive(Serialize)]
+struct Audit {
+    toolpaths: Vec<ToolpathReport>,
+    volumes: Volumes,
 }
 
 /// The engine's summary but for the phases.
@@ -134,7 +161,14 @@ struct Numbers {
 }
 
 impl Report {
-    fn new(plan: &Plan, summary: Summary, store: &Store, mesh: Option<MeshReport>, seconds: f64) -> Report {
+    fn new(
+        plan: &Plan,
+        summary: Summary,
+        store: &Store,
+        audit: Option<Audit>,
+        mesh: Option<MeshReport>,
+        seconds: f64,
+    ) -> Report {
         let (winding_min, winding_max) = winding_range(store);
         let Summary {
             facets,
@@ -174,12 +208,15 @@ impl Report {
             winding_min,
             winding_max,
             warnings: warnings(winding_min, winding_max),
+            audit,
             mesh,
         }
     }
 
     fn warn(&self) {
         self.warnings.iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
+        let toolpaths = self.audit.iter().flat_map(|audit| &audit.toolpaths);
+        toolpaths.flat_map(ToolpathReport::warnings).for_each(|message| warn(&message));
     }
 
     fn text(&self) -> String {
@@ -200,6 +237,12 @@ impl Report {
         }
         line(format!("  depth    {depth}, cells of {cell:.6} {}", self.unit));
         line(format!("  winding  {} to {}", self.winding_min, self.winding_max));
+        if let Some(Audit { toolpaths, volumes }) = &self.audit {
+            toolpaths.iter().for_each(|toolpath| line(format!("  source   {}", toolpath.text())));
+            line(format!("  volume   {}", volumes_text(volumes, &self.unit)));
+            let all = toolpaths.iter().flat_map(ToolpathReport::warnings);
+            all.for_each(|message| line(format!("  warning  {message}")));
+        }
         self.warnings.iter().for_each(|message| line(format!("  warning  {message}")));
         let phases: Vec<String> = self
             .phases

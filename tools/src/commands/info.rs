@@ -1,11 +1,12 @@
 //! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
 
-use super::{info_mesh, unit_of};
+use super::{info_mesh, unit_of, volumes_text};
 use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::output::{print, print_json};
+use crate::progress::Bars;
 use crate::units::Size;
-use brickfield_engine::analysis::winding_range;
+use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::store::{Meta, Source, Store, Summary};
 use serde_json::{Value, json};
 
@@ -14,16 +15,23 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     if info_mesh::is_mesh(&args.file) {
         return info_mesh::run(args);
     }
-    // No brick is read, so none is kept.
+    // No brick is read twice, so none is kept.
     let store = Store::open(&args.file, 0)?;
-    if args.json { print_json(&as_json(&store)) } else { print(&as_text(&store)) }
+    let volumes = match args.volume {
+        true => {
+            let bars = Bars::new(false);
+            Some(volume(&store, &bars)?)
+        }
+        false => None,
+    };
+    if args.json { print_json(&as_json(&store, volumes)) } else { print(&as_text(&store, volumes)) }
 }
 
 fn hex(hash: &[u8]) -> String {
     hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn as_json(store: &Store) -> Value {
+fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
     let Meta { program, sources, unit, root, bounds_min, bounds_max, depth, refine, stddev, numbers, .. } =
         store.meta();
     let source = |Source { path, bytes, facets, format, blake3 }: &Source| json!({ "path": path, "bytes": bytes, "facets": facets, "format": format, "blake3": hex(blake3) });
@@ -42,11 +50,12 @@ fn as_json(store: &Store) -> Value {
         "degenerate_facets": numbers.degenerate_facets,
         "winding_min": winding_min,
         "winding_max": winding_max,
+        "volumes": volumes,
         "store": store.summary(),
     })
 }
 
-fn as_text(store: &Store) -> String {
+fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let meta = store.meta();
     let unit = unit_of(meta);
     let Summary { levels, total, file_bytes, dense_bytes, dense_ratio } = store.summary();
@@ -65,6 +74,9 @@ fn as_text(store: &Store) -> String {
     line(format!("  refined  {:?}, standard deviation {}, depth {}", meta.refine, meta.stddev, meta.depth));
     let (min, max) = winding_range(store);
     line(format!("  winding  {min} to {max}"));
+    if let Some(volumes) = volumes {
+        line(format!("  volume   {}", volumes_text(&volumes, unit)));
+    }
     line(format!(
         "  size     {}, {dense_ratio:.1} times smaller than a dense grid of 16-bit samples ({:.1} MiB)",
         Size(file_bytes),

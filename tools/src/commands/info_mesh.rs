@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use crate::output::{print, print_json};
 use anyhow::anyhow;
 use brickfield_engine::build::is_closed;
+use brickfield_engine::ingest::OpenOptions;
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::winding::{OpenPart, OpenSummary};
 use serde_json::json;
@@ -20,8 +21,11 @@ pub fn is_mesh(path: &Path) -> bool {
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
+    if args.volume {
+        return Err(Failure::Usage("--volume takes a store, not a mesh".to_owned()));
+    }
     let bars = start(WorkArgs { threads: None, quiet: args.json })?;
-    let inputs = open_inputs(std::slice::from_ref(&args.file), &[], &bars)?;
+    let inputs = open_inputs(std::slice::from_ref(&args.file), &[], &OpenOptions::default(), &bars)?;
     let input = &inputs[0];
     let path = input.path().display().to_string();
     let (min, max) = input.bounds(&bars)?;

@@ -1,5 +1,6 @@
 //! One file a command: what was typed becomes a checked plan, the plan is run.
 
+pub mod beads;
 pub mod build;
 pub mod export;
 pub mod info;
@@ -12,11 +13,13 @@ pub mod winding;
 
 use crate::args::WorkArgs;
 use crate::failure::Failure;
-use crate::output::require_distinct;
+use crate::output::{require_distinct, warn};
 use crate::progress::Bars;
 use anyhow::Context;
+use brickfield_engine::analysis::Volumes;
+use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Meta, Store};
-use brickfield_engine::{Error, Progress, ingest::Input};
+use brickfield_engine::{Error, Progress};
 use std::path::{Path, PathBuf};
 
 /// Decoded bricks that commands keep whose user cannot choose.
@@ -33,11 +36,18 @@ fn start(work: WorkArgs) -> Result<Bars, Failure> {
 fn open_inputs(
     inputs: &[PathBuf],
     outputs: &[&Path],
+    options: &OpenOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Input>, Failure> {
     let paths: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     require_distinct(outputs, &paths)?;
-    Ok(inputs.iter().map(|path| Input::open(path, progress)).collect::<Result<_, Error>>()?)
+    let opened: Vec<Input> =
+        inputs.iter().map(|path| Input::open_with(path, options, progress)).collect::<Result<_, Error>>()?;
+    for input in &opened {
+        let told = |message: String| warn(&format!("{}: {message}", input.path().display()));
+        input.warnings().into_iter().for_each(told);
+    }
+    Ok(opened)
 }
 
 /// The store's unit for messages, or the word for an unknown one.
@@ -53,4 +63,14 @@ fn require_level(store: &Store, level: u8) -> Result<(), Failure> {
     }
     let path = store.path().display();
     Err(anyhow::anyhow!("{path}: there is no level {level}; choose one from 0 to {deepest}").into())
+}
+
+/// Volumes of a field, for people.
+fn volumes_text(volumes: &Volumes, unit: &str) -> String {
+    let Volumes { union, overlap, negative } = volumes;
+    let mut text = format!("{union:.3} {unit}³ of union, {overlap:.3} {unit}³ of overlap");
+    if *negative > 0.0 {
+        text += &format!(", {negative:.3} {unit}³ inside out");
+    }
+    text
 }

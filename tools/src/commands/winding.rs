@@ -1,4 +1,4 @@
-//! `brickfield winding`: w at points, straight from meshes, closed or open, or from point clouds.
+//! `brickfield winding`: w at points, straight from meshes, closed or open, toolpaths and point clouds.
 
 use super::{open_inputs, start};
 use crate::args::WindingArgs;
@@ -30,7 +30,7 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
 }
 
 fn of_meshes(args: &WindingArgs, bars: &Bars) -> Result<(), Failure> {
-    let inputs = open_inputs(&args.inputs, &[], bars)?;
+    let inputs = open_inputs(&args.inputs, &[], &args.toolpath.options()?, bars)?;
     let points = PointReader::open(&args.points)?.all()?;
     let (min, max) = bounds_of_all(&inputs, bars)?;
     let root = root_around(inputs[0].path(), min, max)?;

@@ -154,7 +154,7 @@ fn not_a_mesh() {
     let folder = Folder::new();
     for (name, bytes, expected) in [
         ("a.stl", &b""[..], "is empty"),
-        ("a", b"hello\n", "is neither STL nor OBJ nor PLY"),
+        ("a", b"hello\n", "is neither STL nor OBJ nor PLY nor X3D nor G-code"),
         ("a.stl", b"hello\n", "line 1: expected \"solid\""),
         ("a.obj", b"\x7fELF\0\0", "is not text"),
         ("a.ply", b"plywood\n", "does not begin with the line \"ply\""),
@@ -209,4 +209,25 @@ fn stops_when_asked() {
         let stopped = Input::open(&path, &Stop).and_then(|input| input.bounds(&Stop).map(drop));
         assert!(matches!(stopped, Err(crate::Error::Interrupted)), "{format}");
     }
+}
+
+#[test]
+fn x3d_by_content_and_ending() {
+    let folder = Folder::new();
+    for (name, bytes, wanted) in [
+        ("a.x3dv", &b"#X3D V3.2 utf8\n"[..], "ClassicVRML encoding (save it in the XML encoding, .x3d)"),
+        ("a.x3d", b"#X3D V3.2 utf8\n", "ClassicVRML"),
+        ("a.wrl", b"#VRML V2.0 utf8\n", "a VRML file"),
+        ("a.x3db", b"\xe0\x00\x00\x01\x00", "binary encoding"),
+        ("a.x3d", b"", "is empty"),
+        ("a.x3d", b"\x1f\x8b\x08", "gzip"),
+        ("a.x3d", b"hello", "no element X3D"),
+    ] {
+        let told = folder.refusal(name, bytes);
+        assert!(told.contains(wanted), "{name}: {told}");
+    }
+    let text = b"<X3D><Scene><Shape><Extrusion/></Shape><Shape><Box/></Shape></Scene></X3D>";
+    let input = folder.open("beads.xml", text).unwrap();
+    assert_eq!((input.describe(), input.facets(), input.warnings().len()), ("X3D", 12, 1));
+    assert_eq!(input.bounds(&Silent).unwrap(), ([-1.0, 0.0, -1.0], [1.0, 1.0, 1.0]));
 }

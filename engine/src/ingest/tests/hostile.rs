@@ -10,6 +10,8 @@ fn exercise(folder: &Folder, name: &str, bytes: &[u8]) {
         Soup::Mapped => 0,
         Soup::Facets(facets) => facets.capacity() * 36,
         Soup::Polygons(p) => p.vertices.capacity() * 24 + p.triangles.capacity() * 12,
+        Soup::Beads(beads) => beads.swept.heap_bytes() as usize,
+        Soup::Sweeps(sweeps) => sweeps.heap_bytes() as usize,
     };
     assert!(held <= 12 * bytes.len(), "{held} bytes for a file of {}", bytes.len());
     all(&input);

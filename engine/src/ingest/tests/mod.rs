@@ -3,6 +3,7 @@
 mod cases;
 mod hostile;
 mod roundtrip;
+mod toolpaths;
 
 use super::{Facet, Input};
 use crate::error::Result;

@@ -1,0 +1,171 @@
+//! The crossings and signs about a leaf: its own, and those of the leaves of its level around it.
+//!
+//! Cells and samples are counted from the leaf's first one, so those below it are negative. What is said of a
+//! place is the same whichever leaf asks: [`super::corner`] rests on that, because two leaves must agree on
+//! whose vertex goes to a corner between them. Leaves of other levels are not looked into; of the border with
+//! them only the own apron is known.
+
+use super::cells::{EdgePlane, Plane};
+use super::field::Field;
+use super::surface::{Changes, Surface};
+use crate::error::Result;
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+use std::sync::Arc;
+
+/// A cell or sample, counted from the leaf's first one.
+pub(super) type Place = [i32; 3];
+
+const SIDE: i32 = BRICK_CELLS as i32;
+
+/// A leaf of the level of the one in the middle, fetched when needed.
+enum Piece {
+    NotFetched,
+    OtherLevel,
+    Fetched(Arc<Surface>),
+}
+
+/// A leaf and its surroundings.
+pub(super) struct Halo<'a> {
+    field: &'a Field<'a>,
+    key: NodeKey,
+    /// The leaf itself in the middle, the 26 around it by direction.
+    pieces: [Piece; 27],
+    /// The leaf's own crossings, decoded, with the start of each axis.
+    planes: &'a [EdgePlane],
+    axis_start: [usize; 3],
+}
+
+/// A crossing with the name of its edge: axis and lower sample, z first, then whether it comes from the apron
+/// of a leaf below.
+pub(super) type Named = ((usize, [i32; 3], bool), Plane);
+
+fn piece_index(d: Place) -> usize {
+    ((d[2] + 1) * 9 + (d[1] + 1) * 3 + d[0] + 1) as usize
+}
+
+impl<'a> Halo<'a> {
+    pub(super) fn new(
+        field: &'a Field<'a>,
+        leaf: u32,
+        planes: &'a [EdgePlane],
+        axis_start: [usize; 3],
+    ) -> Result<Halo<'a>> {
+        let mut pieces = [const { Piece::NotFetched }; 27];
+        pieces[piece_index([0; 3])] = Piece::Fetched(field.surface(leaf)?);
+        Ok(Halo { field, key: field.leaves.get(leaf).key, pieces, planes, axis_start })
+    }
+
+    /// Fetches the leaves that hold the cells between the samples `low` and `high`.
+    #[inline]
+    pub(super) fn fetch(&mut self, low: Place, high: Place) -> Result<()> {
+        if low.iter().all(|&c| c >= 0) && high.iter().all(|&c| c <= SIDE) {
+            return Ok(());
+        }
+        self.fetch_around(low, high)
+    }
+
+    #[cold]
+    fn fetch_around(&mut self, low: Place, high: Place) -> Result<()> {
+        for d in directions(low, high) {
+            let piece = &mut self.pieces[piece_index(d)];
+            if matches!(piece, Piece::NotFetched) {
+                *piece = match self.key.neighbour(d).and_then(|key| self.field.leaves.exact(key)) {
+                    Some(leaf) => Piece::Fetched(self.field.surface(leaf)?),
+                    None => Piece::OtherLevel,
+                };
+            }
+        }
+        Ok(())
+    }
+
+    /// The corner mask of a cell in a fetched leaf of this level that touches no finer leaf.
+    pub(super) fn plain_mask(&self, cell: Place) -> Option<u8> {
+        let d = cell.map(|c| c.div_euclid(SIDE));
+        let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return None };
+        (!self.field.leaves.touches_finer(self.key, cell))
+            .then(|| surface.mask(cell.map(|c| c.rem_euclid(SIDE) as usize)))
+    }
+
+    /// The crossings on the lattice edges between the samples `low` and `high`, both included, in an order that
+    /// does not depend on the leaf that asks.
+    pub(super) fn gather(&self, low: Place, high: Place, found: &mut Vec<Named>) {
+        found.clear();
+        let mut is_sorted = true;
+        for d in directions(low, high) {
+            is_sorted &= d == [0; 3];
+            self.any_of_piece(d, low, high, |axis, start, plane| {
+                let on_apron = (0..3).any(|a| start[a] == (d[a] + 1) * SIDE);
+                let [x, y, z] = start;
+                found.push(((axis.index(), [z, y, x], on_apron), plane));
+                false
+            });
+        }
+        if !is_sorted {
+            found.sort_by_key(|(name, _)| *name);
+            found.dedup_by_key(|((axis, start, _), _)| (*axis, *start));
+        }
+    }
+
+    /// Whether the predicate holds for one of those crossings, of which some may come twice; those after it are
+    /// not looked at.
+    #[inline]
+    pub(super) fn any_plane(&self, low: Place, high: Place, mut holds: impl FnMut(Plane) -> bool) -> bool {
+        directions(low, high).any(|d| self.any_of_piece(d, low, high, |_, _, plane| holds(plane)))
+    }
+
+    #[inline]
+    fn any_of_piece(
+        &self,
+        d: Place,
+        low: Place,
+        high: Place,
+        mut holds: impl FnMut(Axis, Place, Plane) -> bool,
+    ) -> bool {
+        let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return false };
+        let Surface::Changes(changes) = &**surface else { return false };
+        let first = d.map(|d| d * SIDE);
+        let low: [usize; 3] = std::array::from_fn(|a| (low[a] - first[a]).max(0) as usize);
+        let high: [usize; 3] = std::array::from_fn(|a| (high[a] - first[a]).min(SIDE) as usize);
+        for axis in Axis::ALL {
+            let mut last = high;
+            last[axis.index()] -= 1;
+            let columns = (2 << last[0]) - (1 << low[0]);
+            for (k, j) in (low[2]..=last[2]).flat_map(|k| (low[1]..=last[1]).map(move |j| (k, j))) {
+                let mut bits = changes.signs.edges(axis, j, k) & columns;
+                while bits != 0 {
+                    let start = [bits.trailing_zeros() as usize, j, k];
+                    bits &= bits - 1;
+                    let edge = self.plane(d, changes, axis, start);
+                    let start: Place = std::array::from_fn(|a| first[a] + start[a] as i32);
+                    let mut point = start.map(f64::from);
+                    point[axis.index()] += f64::from(edge.fraction);
+                    if holds(axis, start, (point, edge.normal.map(f64::from))) {
+                        return true;
+                    }
+                }
+            }
+        }
+        false
+    }
+
+    #[inline]
+    fn plane(&self, d: Place, changes: &Changes, axis: Axis, start: [usize; 3]) -> EdgePlane {
+        let slot = changes.slot(axis, start);
+        if d == [0; 3] {
+            self.planes[self.axis_start[axis.index()] + slot]
+        } else {
+            EdgePlane::of(&changes.hermite.edges[axis.index()][slot])
+        }
+    }
+}
+
+/// The directions, z slowest, of the leaves that hold the cells between two samples.
+#[inline]
+fn directions(low: Place, high: Place) -> impl Iterator<Item = Place> {
+    let range = |a: usize| low[a].div_euclid(SIDE)..=(high[a] - 1).div_euclid(SIDE);
+    let (x, y, z) = (range(0), range(1), range(2));
+    z.flat_map(move |k| {
+        let x = x.clone();
+        y.clone().flat_map(move |j| x.clone().map(move |i| [i, j, k]))
+    })
+}

@@ -1,0 +1,58 @@
+//! Toolpaths as inputs: beads are read once and kept, their triangles are made when they are asked for.
+
+use super::detect::{self, Family};
+use crate::bead::{Sweep, SweepOptions, Swept};
+use crate::error::{Error, Result};
+use crate::mmap::MappedFile;
+use crate::progress::Progress;
+use crate::toolpath::gcode::{GcodeOptions, GcodeReport, read_gcode};
+use crate::toolpath::{BeadSink, Toolpath};
+use std::path::Path;
+
+/// How inputs are to be understood that are more than triangles.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OpenOptions {
+    /// What the user knows better than the G-code.
+    pub gcode: GcodeOptions,
+    /// How beads become solids.
+    pub sweep: SweepOptions,
+}
+
+/// The toolpath of an input, and what reading it found.
+#[derive(Debug)]
+pub struct Beads {
+    /// The beads and their sweep.
+    pub swept: Swept,
+    /// What reading them found.
+    pub report: GcodeReport,
+}
+
+/// Reads all beads of a file that is known to be G-code.
+pub(super) fn read(path: &Path, options: &OpenOptions, progress: &dyn Progress) -> Result<Beads> {
+    // Before the long work.
+    let sweep = Sweep::new(&options.sweep)?;
+    let mut toolpath = Toolpath::default();
+    let report = read_gcode(path, &options.gcode, progress, &mut |bead| {
+        toolpath.push(bead);
+        Ok(())
+    })?;
+    Ok(Beads { swept: Swept::new(toolpath, sweep), report })
+}
+
+/// Hands the beads of a toolpath's file to `sink` in order, keeping none.
+///
+/// # Errors
+/// If the file is no toolpath or a damaged one; if `sink` fails or the user interrupts.
+pub fn read_beads(
+    path: &Path,
+    options: &GcodeOptions,
+    progress: &dyn Progress,
+    sink: &mut BeadSink<'_>,
+) -> Result<GcodeReport> {
+    let file = MappedFile::open(path)?;
+    if detect::family(path, file.bytes())? != Family::Gcode {
+        let what = "is a mesh, not a toolpath";
+        return Err(Error::input(path, "byte 0", what, "give a G-code file"));
+    }
+    read_gcode(path, options, progress, sink)
+}

@@ -1,0 +1,195 @@
+//! Codes: G, M and T words.
+
+use super::machine::Machine;
+use super::words::{Malformed, Word, Words, token};
+use crate::error::Result;
+
+/// What is to be done after a code.
+pub(super) enum Effect {
+    /// Go on with the line's words.
+    Modal,
+    /// The line moves the tool.
+    Motion,
+    /// The rest of the line does not matter.
+    LineDone,
+    /// The rest of the line says what the position is called (G92).
+    SetPosition,
+}
+
+/// G codes, times ten, that change nothing that matters here: dwell, bed levelling, parking, feed modes.
+const NEUTRAL_G: [u32; 16] = [40, 120, 270, 290, 340, 400, 490, 600, 610, 640, 690, 800, 930, 940, 950, 990];
+
+/// M codes that change nothing that matters here: heat, fans, messages, speeds, acceleration, progress, the
+/// host's business.
+const NEUTRAL_M: [(u32, u32); 34] = [
+    (0, 2),
+    (6, 9),
+    (17, 18),
+    (20, 36),
+    (42, 42),
+    (73, 80),
+    (84, 86),
+    (92, 92),
+    (104, 117),
+    (118, 123),
+    (125, 128),
+    (140, 145),
+    (149, 150),
+    (155, 155),
+    (163, 165),
+    (190, 193),
+    (201, 205),
+    (207, 211),
+    (220, 220),
+    (226, 226),
+    (240, 240),
+    (250, 260),
+    (280, 282),
+    (300, 305),
+    (350, 355),
+    (400, 413),
+    (420, 425),
+    (486, 486),
+    (500, 504),
+    (569, 575),
+    (592, 593),
+    (600, 605),
+    (701, 702),
+    (862, 1002),
+];
+
+/// Klipper's commands that change nothing that matters here.
+const NEUTRAL_EXTENDED: [&str; 7] = [
+    "EXCLUDE_OBJECT_DEFINE",
+    "EXCLUDE_OBJECT_END",
+    "SET_FAN_SPEED",
+    "SET_HEATER_TEMPERATURE",
+    "SET_PRESSURE_ADVANCE",
+    "SET_PRINT_STATS_INFO",
+    "SET_VELOCITY_LIMIT",
+];
+
+/// Whether a command of several letters changes nothing that matters here.
+pub(super) fn is_neutral_extended(name: &[u8]) -> bool {
+    NEUTRAL_EXTENDED.iter().any(|known| name.eq_ignore_ascii_case(known.as_bytes()))
+}
+
+/// Carries out a G, M or T word; `first` if no other code stands before it.
+pub(super) fn code(
+    machine: &mut Machine<'_, '_>,
+    word: &Word<'_>,
+    value: f64,
+    first: bool,
+    words: &mut Words<'_>,
+) -> Result<Effect> {
+    let tenfold = (value * 10.0).round();
+    let is_code = (0.0..100_000.0).contains(&tenfold) && (tenfold / 10.0 - value).abs() < 1e-9;
+    match word.letter {
+        b'T' => tool(machine, word, value),
+        _ if !is_code => {
+            machine.beads.report.unknown(word.text, machine.line);
+            Ok(if first { Effect::LineDone } else { Effect::Modal })
+        }
+        b'G' => general(machine, word, tenfold as u32, first, words),
+        _ => miscellaneous(machine, word, tenfold as u32, first, words),
+    }
+}
+
+fn general(
+    machine: &mut Machine<'_, '_>,
+    word: &Word<'_>,
+    tenfold: u32,
+    first: bool,
+    words: &mut Words<'_>,
+) -> Result<Effect> {
+    match tenfold {
+        0 | 10 | 20 | 30 => {
+            machine.motion = Some((tenfold / 10) as u8);
+            return Ok(Effect::Motion);
+        }
+        50 | 51 => {
+            let what = "is a spline, which is not read: export straight moves or arcs";
+            return Err(machine.malformed(&Malformed { text: word.text, what }));
+        }
+        100 | 110 => {
+            if tenfold == 100 && words.clone().next().is_some_and(|next| next.is_ok_and(|w| w.letter == b'L'))
+            {
+                machine.beads.report.note("offsets set by G10 are left out", machine.line);
+            } else if tenfold == 100 {
+                machine.retract_by_firmware();
+            }
+            return Ok(Effect::LineDone);
+        }
+        170 | 180 | 190 => machine.plane = (tenfold / 10 - 17) as usize,
+        200 => machine.unit = 25.4,
+        210 => machine.unit = 1.0,
+        280 => {
+            machine.home(words.rest())?;
+            return Ok(Effect::LineDone);
+        }
+        530..=599 => machine.beads.report.note("work offsets (G53 to G59) are taken for zero", machine.line),
+        900 => machine.relative = false,
+        910 => machine.relative = true,
+        901 => machine.absolute_centres = true,
+        911 => machine.absolute_centres = false,
+        920 => return Ok(Effect::SetPosition),
+        921 => machine.clear_offset(),
+        _ => {
+            if !NEUTRAL_G.contains(&tenfold) {
+                machine.beads.report.unknown(word.text, machine.line);
+            }
+            // Their words have meanings of their own.
+            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+        }
+    }
+    Ok(Effect::Modal)
+}
+
+fn miscellaneous(
+    machine: &mut Machine<'_, '_>,
+    word: &Word<'_>,
+    tenfold: u32,
+    first: bool,
+    words: &mut Words<'_>,
+) -> Result<Effect> {
+    match tenfold {
+        30 | 40 => machine.depositing = true,
+        50 => machine.depositing = false,
+        820 => machine.relative_e = Some(false),
+        830 => machine.relative_e = Some(true),
+        2000 => volumetric(machine, words)?,
+        2210 => machine.beads.report.note("a flow factor (M221) is left out", machine.line),
+        _ if tenfold.is_multiple_of(10)
+            && NEUTRAL_M.iter().any(|(a, b)| (*a..=*b).contains(&(tenfold / 10))) =>
+        {
+            // What follows may be any text.
+            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+        }
+        _ => {
+            machine.beads.report.unknown(word.text, machine.line);
+            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+        }
+    }
+    let is_switch = matches!(tenfold, 30 | 40 | 50);
+    Ok(if is_switch || !first { Effect::Modal } else { Effect::LineDone })
+}
+
+/// M200: with a diameter above 0, E counts mm³ from now on.
+fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) -> Result<()> {
+    while let Some(word) = words.next() {
+        let word = word.map_err(|malformed| machine.malformed(&malformed))?;
+        if word.letter == b'D' {
+            machine.volumetric = word.value.is_some_and(|value| value > 0.0);
+        }
+    }
+    Ok(())
+}
+
+fn tool(machine: &mut Machine<'_, '_>, word: &Word<'_>, value: f64) -> Result<Effect> {
+    if value.fract() == 0.0 && (0.0..65536.0).contains(&value) {
+        machine.select_tool(value as u16);
+    } else {
+        machine.beads.report.unknown(token(word.text), machine.line);
+    }
+    Ok(Effect::Modal)
+}

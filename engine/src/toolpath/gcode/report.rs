@@ -1,0 +1,213 @@
+//! What reading a G-code file found, assumed and left out.
+
+use serde::Serialize;
+
+/// Most different things that a report lists; what comes after them is only counted.
+const LISTED_MAX: usize = 1000;
+
+/// Findings of a whole file. Lengths in mm, volumes in mm³.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct GcodeReport {
+    /// Lines of the file.
+    pub lines: u64,
+    /// Commands that move the tool from one place to another, depositing or not.
+    pub moves: u64,
+    /// Beads handed over.
+    pub beads: u64,
+    /// Straight pieces of all beads; an arc counts with each of its chords.
+    pub segments: u64,
+    /// Layers: by the slicer's comments if there are any, else by the heights at which beads lie.
+    pub layers: u32,
+    /// Numbers of the tools that deposit, ascending.
+    pub tools: Vec<u16>,
+    /// Kinds of deposition by the slicer's names; [`super::super::Attributes::feature`] is an index into them.
+    pub features: Vec<FeatureReport>,
+    /// Names of the meshes that the file says it prints.
+    pub meshes: Vec<String>,
+    /// Length of all segments.
+    pub length: f64,
+    /// Material fed while beads were deposited; `None` if the file has no E. Primes and blobs are not in it.
+    pub fed_volume: Option<f64>,
+    /// Area times length over all segments, with a stadium as the cross-section: overlaps count twice, ends
+    /// and joints not at all.
+    pub bead_volume: f64,
+    /// Filament diameter of each tool, in mm; empty if E counts volume or the file has no E.
+    pub filament_diameters: Vec<f64>,
+    /// Where the filament diameter comes from.
+    pub filament_source: FilamentSource,
+    /// Where the widths come from.
+    pub widths: SizeReport,
+    /// Where the heights come from.
+    pub heights: SizeReport,
+    /// Arcs and what became of them.
+    pub arcs: ArcReport,
+    /// E without motion beyond what was retracted before: material in one place, which makes no bead.
+    pub blobs: BlobReport,
+    /// Retractions, by E or by the firmware.
+    pub retractions: u64,
+    /// Deposition commands that end where they begin.
+    pub zero_length: u64,
+    /// Steps shorter than [`super::MERGE_MM`] that were joined to the next one.
+    pub merged: u64,
+    /// What was left out because its feature was to be.
+    pub skipped: SkipReport,
+    /// Commands and words that the reader does not know, each once.
+    pub unknown: Vec<Finding>,
+    /// Assumptions, approximations and oddities, each kind once.
+    pub notes: Vec<Finding>,
+}
+
+/// One kind of deposition.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FeatureReport {
+    /// The slicer's name, or [`super::UNNAMED`].
+    pub name: String,
+    /// Beads.
+    pub beads: u64,
+    /// Segments.
+    pub segments: u64,
+    /// Length of the segments.
+    pub length: f64,
+    /// Material fed; 0 if the file has no E.
+    pub fed: f64,
+    /// Area times length, as in [`GcodeReport::bead_volume`].
+    pub volume: f64,
+}
+
+/// Where the filament diameter comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FilamentSource {
+    /// Not needed: nothing is fed by E.
+    #[default]
+    None,
+    /// The caller's option.
+    Option,
+    /// The slicer's settings in the file.
+    Comment,
+    /// 1.75 mm, for want of anything better.
+    Assumed,
+    /// Not needed: E counts mm³.
+    Volumetric,
+}
+
+/// How many segments got their size from where, and what sizes there are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SizeReport {
+    /// From the caller's option.
+    pub option: u64,
+    /// From a comment before the segment.
+    pub comment: u64,
+    /// Widths: from the material fed.
+    pub extrusion: u64,
+    /// Heights: from the next lower beads, or the bed.
+    pub step: u64,
+    /// Heights of beads that do not lie flat: the slicer's setting, or the height of the flat bead before.
+    pub setting: u64,
+    /// Smallest and largest, in mm.
+    pub range: Option<(f64, f64)>,
+}
+
+/// Arcs and what became of them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ArcReport {
+    /// Arcs, depositing or not.
+    pub count: u64,
+    /// Chords that they became.
+    pub chords: u64,
+    /// Largest deviation that was allowed, in mm.
+    pub tolerance: f64,
+    /// By how much the chords of depositing arcs are shorter than the arcs.
+    pub length_lost: f64,
+}
+
+/// Material in one place.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct BlobReport {
+    /// How often.
+    pub count: u64,
+    /// How much.
+    pub volume: f64,
+}
+
+/// What was left out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SkipReport {
+    /// Beads.
+    pub beads: u64,
+    /// Segments.
+    pub segments: u64,
+    /// Their length.
+    pub length: f64,
+    /// Material fed.
+    pub fed: f64,
+}
+
+/// Something found at one line or more.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// What.
+    pub what: String,
+    /// The first line.
+    pub line: u64,
+    /// On how many occasions.
+    pub count: u64,
+}
+
+impl GcodeReport {
+    /// What a user should know, one line each.
+    pub fn warnings(&self) -> Vec<String> {
+        let places = |found: &Finding| match (found.line, found.count) {
+            (0, _) => String::new(),
+            (line, 1) => format!(" (line {line})"),
+            (line, count) => format!(" (line {line} and {} more)", count - 1),
+        };
+        let unknown =
+            self.unknown.iter().map(|f| format!("{} is not known and left out{}", f.what, places(f)));
+        let notes = self.notes.iter().map(|f| format!("{}{}", f.what, places(f)));
+        let mut lines: Vec<String> = notes.chain(unknown).collect();
+        if self.arcs.count > 0 {
+            let ArcReport { count, chords, tolerance, length_lost } = &self.arcs;
+            lines.push(format!(
+                "{count} arcs became {chords} chords within {tolerance:.4} mm; beads are {length_lost:.3} mm shorter"
+            ));
+        }
+        if self.blobs.count > 0 {
+            let BlobReport { count, volume } = &self.blobs;
+            lines.push(format!("{count} blobs (E without motion), {volume:.3} mm³, make no bead"));
+        }
+        if self.skipped.segments > 0 {
+            let SkipReport { beads, fed, .. } = &self.skipped;
+            lines.push(format!("{beads} beads, {fed:.3} mm³ fed, are left out with their features"));
+        }
+        lines
+    }
+
+    /// Counts an assumption, an approximation or an oddity; line 0 stands for the whole file.
+    pub(super) fn note(&mut self, what: &str, line: u64) {
+        count(&mut self.notes, what, line);
+    }
+
+    /// Counts an unknown command or word.
+    pub(super) fn unknown(&mut self, what: &[u8], line: u64) {
+        count(&mut self.unknown, &super::words::quote(what), line);
+    }
+}
+
+fn count(list: &mut Vec<Finding>, what: &str, line: u64) {
+    let listed = list.len();
+    match list.iter_mut().find(|found| found.what == what) {
+        Some(found) => found.count += 1,
+        None if listed < LISTED_MAX => list.push(Finding { what: what.to_owned(), line, count: 1 }),
+        None if listed == LISTED_MAX => list.push(Finding { what: "more".to_owned(), line, count: 1 }),
+        None => list[LISTED_MAX].count += 1,
+    }
+}
+
+impl SizeReport {
+    /// Widens the range.
+    pub(super) fn include(&mut self, size: f64) {
+        let (low, high) = self.range.unwrap_or((size, size));
+        self.range = Some((low.min(size), high.max(size)));
+    }
+}

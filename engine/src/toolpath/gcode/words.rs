@@ -1,0 +1,169 @@
+//! Words of a line: a letter and a number each, as RS-274 has it, with or without spaces between them.
+//!
+//! There are no exponents: in `X1e1` the `e1` is a word of its own.
+
+/// A letter and its number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Word<'a> {
+    /// In upper case.
+    pub(super) letter: u8,
+    /// `None` where the slicer left a placeholder, as in `Y{machine_depth}`.
+    pub(super) value: Option<f64>,
+    /// Digits behind the decimal point.
+    pub(super) decimals: u32,
+    /// As it stands in the line.
+    pub(super) text: &'a [u8],
+}
+
+/// Something that is no word.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Malformed<'a> {
+    pub(super) text: &'a [u8],
+    pub(super) what: &'static str,
+}
+
+/// The words of a line, in order; comments and the checksum are no words.
+#[derive(Clone)]
+pub(super) struct Words<'a> {
+    line: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Words<'a> {
+    pub(super) fn new(line: &'a [u8]) -> Words<'a> {
+        Words { line, at: 0 }
+    }
+
+    /// What is not read yet, from the next thing that is neither space nor comment in parentheses.
+    pub(super) fn rest(&mut self) -> &'a [u8] {
+        while let Some(&byte) = self.line.get(self.at) {
+            match byte {
+                b' ' | b'\t' => self.at += 1,
+                b'(' => {
+                    let rest = &self.line[self.at..];
+                    self.at += rest.iter().position(|b| *b == b')').map_or(rest.len(), |close| close + 1);
+                }
+                _ => break,
+            }
+        }
+        &self.line[self.at..]
+    }
+
+    /// The next word, or `None` where a comment, the checksum or the end of the line follows.
+    #[inline]
+    pub(super) fn next(&mut self) -> Option<Result<Word<'a>, Malformed<'a>>> {
+        let rest = self.rest();
+        let letter = *rest.first()?;
+        if letter == b';' || letter == b'*' {
+            return None;
+        }
+        if !letter.is_ascii_alphabetic() {
+            return Some(Err(Malformed {
+                text: token(rest),
+                what: "is no word: a letter should stand here",
+            }));
+        }
+        // A space between the letter and its number is rare but allowed.
+        let mut from = 1;
+        while matches!(rest.get(from), Some(b' ' | b'\t')) {
+            from += 1;
+        }
+        let found = match number(&rest[from..]) {
+            Some(found) => found,
+            None if rest.get(from) == Some(&b'{') => return Some(self.placeholder(rest, from)),
+            None => return Some(Err(Malformed { text: without_number(rest, from), what: "has no number" })),
+        };
+        let length = from + found.length;
+        let ends = match rest.get(length) {
+            None => true,
+            Some(b) => b.is_ascii_alphabetic() || matches!(b, b' ' | b'\t' | b';' | b'(' | b'*'),
+        };
+        if !ends {
+            let text = &rest[..from + token(&rest[from..]).len()];
+            return Some(Err(Malformed { text, what: "is no letter with a number" }));
+        }
+        self.at += length;
+        let (value, decimals, text) = (Some(found.value), found.decimals, &rest[..length]);
+        Some(Ok(Word { letter: letter.to_ascii_uppercase(), value, decimals, text }))
+    }
+
+    fn placeholder(&mut self, rest: &'a [u8], from: usize) -> Result<Word<'a>, Malformed<'a>> {
+        let Some(close) = rest[from..].iter().position(|b| *b == b'}') else {
+            return Err(Malformed { text: token(rest), what: "opens a brace and does not close it" });
+        };
+        let text = &rest[..=from + close];
+        self.at += text.len();
+        Ok(Word { letter: rest[0].to_ascii_uppercase(), value: None, decimals: 0, text })
+    }
+}
+
+/// Bytes up to the next space, semicolon or checksum; one at least.
+pub(super) fn token(text: &[u8]) -> &[u8] {
+    let ends = |b: &u8| matches!(b, b' ' | b'\t' | b';' | b'*');
+    let end = text.iter().skip(1).position(ends).map_or(text.len(), |end| end + 1);
+    &text[..end]
+}
+
+/// The letter, and what stands in the place of its number unless that is the next word.
+fn without_number(rest: &[u8], from: usize) -> &[u8] {
+    let starts_word = |text: &[u8]| text[0].is_ascii_alphabetic() && number(&text[1..]).is_some();
+    match rest.get(from) {
+        None | Some(b';' | b'*' | b'(') => &rest[..1],
+        Some(_) if from > 1 && starts_word(&rest[from..]) => &rest[..1],
+        Some(_) => &rest[..from + token(&rest[from..]).len()],
+    }
+}
+
+/// A number at the front of a text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Number {
+    pub(super) value: f64,
+    /// Bytes that it takes.
+    pub(super) length: usize,
+    pub(super) decimals: u32,
+}
+
+/// Powers of ten that are exact in binary.
+const TENS: [f64; 16] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+
+/// The number that `text` begins with, rounded correctly: sign, digits, point, digits; at least one digit.
+#[inline]
+pub(super) fn number(text: &[u8]) -> Option<Number> {
+    let signed = usize::from(matches!(text.first(), Some(b'-' | b'+')));
+    let mut at = signed;
+    let mut mantissa: u64 = 0;
+    let mut point = None;
+    while let Some(&byte) = text.get(at) {
+        let digit = byte.wrapping_sub(b'0');
+        if digit <= 9 {
+            mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
+        } else if byte == b'.' && point.is_none() {
+            point = Some(at);
+        } else {
+            break;
+        }
+        at += 1;
+    }
+    let digits = at - signed - usize::from(point.is_some());
+    if digits == 0 {
+        return None;
+    }
+    let decimals = point.map_or(0, |point| at - point - 1);
+    // Up to 15 digits both operands are exact, so that one division rounds correctly.
+    let value = if digits < TENS.len() {
+        let size = mantissa as f64 / TENS[decimals];
+        if text[0] == b'-' { -size } else { size }
+    } else {
+        fast_float2::parse(&text[usize::from(text[0] == b'+')..at]).ok()?
+    };
+    Some(Number { value, length: at, decimals: decimals as u32 })
+}
+
+/// A piece of a file as it may stand in a message: printable, on one line, and short.
+pub(super) fn quote(text: &[u8]) -> String {
+    const SHOWN: usize = 40;
+    let shown = String::from_utf8_lossy(&text[..text.len().min(SHOWN)]);
+    let more = if text.len() > SHOWN { "..." } else { "" };
+    format!("\"{}{more}\"", shown.escape_debug())
+}

@@ -1,0 +1,296 @@
+//! Extrusions as triangles by number.
+//!
+//! Kept are the rings, not the triangles: where the cross-section's origin, X and Z axes come to lie at each
+//! spine point, with scale and orientation in them. A corner of a triangle is then `origin + x·X + z·Z` of one
+//! ring, the same bits in every triangle that has it, so a sweep with caps is closed exactly. An
+//! Extrusion that is shown several times is kept once.
+//!
+//! Beyond the specification's text:
+//! - The first and last point of a cross-section up to [`scp::COINCIDENT`] apart are one, and so are those of
+//!   a spine.
+//! - Caps close the outline also where the cross-section is open; the sweep between its ends stays open.
+//! - A transform that mirrors turns the triangles over, so that what is solid stays solid.
+
+use super::affine::rotation;
+use super::cap;
+use super::fields::Extrusion;
+use super::reader::{self, Piece};
+use super::report::Report;
+use super::scp;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use glam::{DAffine3, DMat3, DVec3};
+use std::collections::HashMap;
+use std::ops::Range;
+use std::path::Path;
+
+/// Most triangles of a file: a long outline along a long spine takes little text for very many.
+const FACETS_MAX: u64 = u32::MAX as u64;
+
+/// The cross-section's place at one spine point.
+#[derive(Clone, Copy, Debug)]
+struct Ring {
+    origin: DVec3,
+    x: DVec3,
+    z: DVec3,
+}
+
+/// An outline and the triangles over it, as ranges of [`Sweeps::outlines`] and [`Sweeps::caps`].
+#[derive(Clone, Debug)]
+struct Section {
+    points: Range<usize>,
+    caps: Range<usize>,
+}
+
+/// One Extrusion.
+#[derive(Clone, Debug)]
+struct Tube {
+    rings: Range<usize>,
+    section: u32,
+    begin_cap: bool,
+    end_cap: bool,
+    flipped: bool,
+}
+
+/// One Extrusion's place in the scene.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    /// Number of its first triangle.
+    first: u64,
+    tube: u32,
+    matrix: u32,
+}
+
+/// All sweeps of a file.
+#[derive(Debug, Default)]
+pub struct Sweeps {
+    outlines: Vec<[f64; 2]>,
+    caps: Vec<[u32; 3]>,
+    sections: Vec<Section>,
+    rings: Vec<Ring>,
+    /// One for each Extrusion, also for those of which nothing shows.
+    tubes: Vec<Tube>,
+    matrices: Vec<DAffine3>,
+    /// In the file's order, only those with triangles.
+    placed: Vec<Placed>,
+    facets: u64,
+    report: Report,
+}
+
+impl Sweeps {
+    /// Reads `bytes`, the content of the X3D file `path`. Memory is a few times that of the text: 72 bytes for
+    /// each spine point, whose text is some 20.
+    ///
+    /// # Errors
+    /// As [`reader::read`]; also if nothing of the file shows, or it shows more than 4,294,967,295 triangles.
+    pub fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Sweeps> {
+        let mut sweeps = Sweeps::default();
+        let mut known = HashMap::new();
+        let mut report = reader::read(path, bytes, progress, &mut |piece| {
+            match piece {
+                Piece::Extrusion(extrusion) => sweeps.add(extrusion, &mut known),
+                Piece::Place { extrusion, to_scene } => sweeps.place(extrusion as usize, to_scene),
+            }
+            if sweeps.facets <= FACETS_MAX && sweeps.tubes.len() < u32::MAX as usize {
+                return Ok(());
+            }
+            let what = format!("its sweeps have more than {FACETS_MAX} triangles");
+            Err(Error::input(path, "file", what, "split it into several files"))
+        })?;
+        report.empty = sweeps.report.empty;
+        report.empty_line = sweeps.report.empty_line;
+        sweeps.report = report;
+        if sweeps.facets == 0 {
+            return Err(sweeps.nothing(path));
+        }
+        sweeps.rings.shrink_to_fit();
+        Ok(sweeps)
+    }
+
+    /// The error for a file that shows nothing.
+    fn nothing(&self, path: &Path) -> Error {
+        let mut warnings = self.report.warnings();
+        let what = match warnings.len() {
+            0 => "it shows no Extrusion".to_owned(),
+            1 => format!("it shows no Extrusion that can be swept ({})", warnings.remove(0)),
+            n => format!(
+                "it shows no Extrusion that can be swept ({}, and {} more)",
+                warnings.remove(0),
+                n - 1
+            ),
+        };
+        Error::input(path, "file", what, "export beads as Extrusion nodes, or the part as STL, OBJ or PLY")
+    }
+
+    /// Keeps one Extrusion.
+    fn add(&mut self, extrusion: &Extrusion, known: &mut HashMap<Vec<u64>, u32>) {
+        let start = self.rings.len();
+        let spine: Vec<DVec3> = extrusion.spine.iter().map(|p| DVec3::from(*p)).collect();
+        self.rings.reserve(spine.len());
+        let one_or_own = |count: usize, i: usize| if count == 1 { 0 } else { i };
+        let turns = &extrusion.orientation;
+        let one_turn = (turns.len() == 1).then(|| rotation(turns[0]));
+        let rings = &mut self.rings;
+        let closed = scp::planes(&spine, |i, frame| {
+            let turn = one_turn.unwrap_or_else(|| rotation(turns[i]));
+            let axes: DMat3 = *frame * turn;
+            let [x, z] = extrusion.scale[one_or_own(extrusion.scale.len(), i)];
+            rings.push(Ring { origin: spine[i], x: axes.x_axis * x, z: axes.z_axis * z });
+        });
+        if closed == Some(true) {
+            let origin = self.rings[start].origin;
+            let is_at_end = |ring: &&mut Ring| ring.origin.distance(origin) <= scp::COINCIDENT;
+            self.rings[start..].iter_mut().rev().take_while(is_at_end).for_each(|r| r.origin = origin);
+        }
+        let section = self.section(&extrusion.cross_section, known);
+        let tube = Tube {
+            rings: start..self.rings.len(),
+            section,
+            begin_cap: extrusion.begin_cap,
+            end_cap: extrusion.end_cap,
+            flipped: !extrusion.ccw,
+        };
+        if self.facets_of(&tube) == 0 {
+            self.report.is_empty(extrusion.line);
+        }
+        self.tubes.push(tube);
+    }
+
+    /// Keeps an outline and its cap once.
+    fn section(&mut self, outline: &[[f64; 2]], known: &mut HashMap<Vec<u64>, u32>) -> u32 {
+        let bits: Vec<u64> = outline.as_flattened().iter().map(|c| c.to_bits()).collect();
+        let next = self.sections.len() as u32;
+        let section = *known.entry(bits).or_insert(next);
+        if section == next {
+            let (points, caps) = (self.outlines.len(), self.caps.len());
+            self.outlines.extend_from_slice(outline);
+            let own = &mut self.outlines[points..];
+            let mut corners = own.len();
+            if let [first, .., last] = own
+                && DVec3::new(first[0] - last[0], 0.0, first[1] - last[1]).length() <= scp::COINCIDENT
+            {
+                *last = *first;
+                corners -= 1;
+            }
+            self.caps.extend(cap::triangles(&self.outlines[points..points + corners]));
+            self.sections.push(Section { points: points..self.outlines.len(), caps: caps..self.caps.len() });
+        }
+        section
+    }
+
+    /// Shows one Extrusion.
+    fn place(&mut self, extrusion: usize, to_scene: DAffine3) {
+        let facets = self.facets_of(&self.tubes[extrusion]);
+        if facets == 0 {
+            return;
+        }
+        if self.matrices.last() != Some(&to_scene) {
+            self.matrices.push(to_scene);
+        }
+        let matrix = self.matrices.len() as u32 - 1;
+        self.placed.push(Placed { first: self.facets, tube: extrusion as u32, matrix });
+        self.facets = self.facets.saturating_add(facets);
+    }
+
+    /// Triangles of the sweep without its caps, and of one cap.
+    fn parts_of(&self, tube: &Tube) -> (u64, u64) {
+        let section = &self.sections[tube.section as usize];
+        let segments = tube.rings.len().saturating_sub(1) as u64;
+        let sides = section.points.len().saturating_sub(1) as u64;
+        let caps = if segments == 0 { 0 } else { section.caps.len() as u64 };
+        (segments.saturating_mul(sides).saturating_mul(2), caps)
+    }
+
+    fn facets_of(&self, tube: &Tube) -> u64 {
+        let (sides, cap) = self.parts_of(tube);
+        sides.saturating_add(cap * (u64::from(tube.begin_cap) + u64::from(tube.end_cap)))
+    }
+
+    /// Number of triangles. The quadrilaterals between two rings are split alike everywhere, also where
+    /// rings coincide, so some have no area; they cancel.
+    pub fn facets(&self) -> u64 {
+        self.facets
+    }
+
+    /// What was read and what was left out.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// Memory taken.
+    pub fn heap_bytes(&self) -> u64 {
+        let bytes = self.outlines.capacity() * size_of::<[f64; 2]>()
+            + self.caps.capacity() * size_of::<[u32; 3]>()
+            + self.sections.capacity() * size_of::<Section>()
+            + self.rings.capacity() * size_of::<Ring>()
+            + self.tubes.capacity() * size_of::<Tube>()
+            + self.matrices.capacity() * size_of::<DAffine3>()
+            + self.placed.capacity() * size_of::<Placed>();
+        bytes as u64
+    }
+
+    /// Appends the triangles of `range`, numbered from 0, to `out`; what lies beyond [`Self::facets`] is left
+    /// out. They are the same however the ranges are cut.
+    pub fn append(&self, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>) {
+        let end = range.end.min(self.facets);
+        let mut at = range.start.min(end);
+        let mut number = self.placed.partition_point(|p| p.first <= at).saturating_sub(1);
+        while at < end {
+            let placed = self.placed[number];
+            number += 1;
+            let after = self.placed.get(number).map_or(self.facets, |next| next.first).min(end);
+            self.append_placed(&placed, at - placed.first..after - placed.first, out);
+            at = after;
+        }
+    }
+
+    /// Triangles of one sweep, numbered within it: segment by segment, then the caps.
+    fn append_placed(&self, placed: &Placed, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>) {
+        let tube = &self.tubes[placed.tube as usize];
+        let section = &self.sections[tube.section as usize];
+        let rings = &self.rings[tube.rings.clone()];
+        let outline = &self.outlines[section.points.clone()];
+        let matrix = self.matrices[placed.matrix as usize];
+        let moves = matrix != DAffine3::IDENTITY;
+        let corner = |ring: &Ring, [x, z]: [f64; 2]| -> [f64; 3] {
+            let local = ring.origin + ring.x * x + ring.z * z;
+            if moves { matrix.transform_point3(local).into() } else { local.into() }
+        };
+        let flipped = tube.flipped != (matrix.matrix3.determinant() < 0.0);
+        let mut push = |[a, b, c]: [[f64; 3]; 3]| out.push(if flipped { [a, c, b] } else { [a, b, c] });
+
+        let (sides_total, cap_total) = self.parts_of(tube);
+        let per_segment = (outline.len() as u64 - 1) * 2;
+        let mut at = range.start;
+        while at < range.end.min(sides_total) {
+            let (segment, offset) = ((at / per_segment) as usize, at % per_segment);
+            let last = (offset + (range.end.min(sides_total) - at)).min(per_segment);
+            let (from, to) = (&rings[segment], &rings[segment + 1]);
+            let first_side = (offset / 2) as usize;
+            let (mut a, mut d) = (corner(from, outline[first_side]), corner(to, outline[first_side]));
+            for side in first_side..last.div_ceil(2) as usize {
+                let (b, c) = (corner(from, outline[side + 1]), corner(to, outline[side + 1]));
+                if offset <= side as u64 * 2 {
+                    push([a, b, c]);
+                }
+                if side as u64 * 2 + 1 < last {
+                    push([a, c, d]);
+                }
+                (a, d) = (b, c);
+            }
+            at += last - offset;
+        }
+        let ends = [(tube.begin_cap, rings.first(), true), (tube.end_cap, rings.last(), false)];
+        let mut first = sides_total;
+        for (_, ring, begins) in ends.into_iter().filter(|end| end.0) {
+            let cut = |at: u64| at.clamp(first, first + cap_total) - first;
+            let wanted = cut(range.start) as usize..cut(range.end) as usize;
+            for &triangle in &self.caps[section.caps.clone()][wanted] {
+                let Some(ring) = ring else { continue };
+                let [a, b, c] = triangle.map(|v| corner(ring, outline[v as usize]));
+                push(if begins { [a, c, b] } else { [a, b, c] });
+            }
+            first += cap_total;
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! `brickfield beads`: toolpaths to the triangles, or the extrusions, swept along them.
+
+use super::start;
+use crate::args::BeadsArgs;
+use crate::failure::Failure;
+use crate::memory;
+use crate::output::{print, print_json, require_distinct, warn};
+use crate::toolpaths::{ToolpathReport, joints_text};
+use crate::units::Size;
+use brickfield_engine::bead::{Joints, StlBeads, Sweep, Written};
+use brickfield_engine::ingest::read_beads;
+use brickfield_engine::part::PartFile;
+use brickfield_engine::toolpath::BeadView;
+use brickfield_engine::x3d::{Style, Writer};
+use brickfield_engine::{Error, Progress};
+use serde::Serialize;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+use std::time::Instant;
+
+/// Bytes of X3D that are written at once.
+const BUFFER_BYTES: usize = 1 << 20;
+
+/// Runs the command. Beads pass through one by one: memory does not grow with the part.
+pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
+    let started = Instant::now();
+    let bars = start(args.work)?;
+    let ending = args.output.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    let is_x3d = ending.as_deref() == Some("x3d");
+    if !(is_x3d || ending.as_deref() == Some("stl")) {
+        let what = "beads are written as .stl or .x3d";
+        return Err(Failure::Usage(format!("{}: {what}", args.output.display())));
+    }
+    let options = args.toolpath.options()?;
+    let sweep = Sweep::new(&options.sweep)?;
+    let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
+    require_distinct(&[&args.output], &inputs)?;
+    let mut sink = if is_x3d {
+        Sink::X3d(X3dBeads::create(&args.output, sweep.clone(), options.sweep.bend)?)
+    } else {
+        Sink::Stl(StlBeads::create(&args.output, sweep.clone())?)
+    };
+    let mut toolpaths = Vec::new();
+    for path in inputs {
+        let mut bead_volume = 0.0;
+        let report = read_beads(path, &options.gcode, &bars, &mut |bead| {
+            bead_volume += sweep.volume(&bead);
+            sink.push(bead, &bars)
+        })?;
+        toolpaths.push(ToolpathReport::new(path.display().to_string(), bead_volume, report));
+    }
+    let written = sink.finish(&bars)?;
+    bars.clear();
+    let report = Report::new(&args.output, written, toolpaths, started.elapsed().as_secs_f64());
+    report.warnings.iter().for_each(|message| warn(message));
+    if args.json {
+        print_json(&report)
+    } else if args.work.quiet {
+        Ok(())
+    } else {
+        print(&report.text())
+    }
+}
+
+/// Where beads go.
+enum Sink {
+    Stl(StlBeads),
+    X3d(X3dBeads),
+}
+
+impl Sink {
+    fn push(&mut self, bead: BeadView<'_>, progress: &dyn Progress) -> Result<(), Error> {
+        match self {
+            Sink::Stl(stl) => stl.push(bead, progress),
+            Sink::X3d(x3d) => {
+                progress.check()?;
+                x3d.push(bead)
+            }
+        }
+    }
+
+    fn finish(self, progress: &dyn Progress) -> Result<Numbers, Error> {
+        match self {
+            Sink::Stl(stl) => Ok(stl.finish(progress)?.into()),
+            Sink::X3d(x3d) => x3d.finish(),
+        }
+    }
+}
+
+/// An X3D file that takes beads one by one.
+struct X3dBeads {
+    part: PartFile,
+    writer: Writer<BufWriter<File>>,
+    sweep: Sweep,
+    beads: u64,
+    segments: u64,
+    bead_volume: f64,
+}
+
+impl X3dBeads {
+    fn create(path: &Path, sweep: Sweep, bend_degrees: f64) -> Result<X3dBeads, Error> {
+        let part = PartFile::create(path)?;
+        let file = part.file().try_clone().map_err(Error::io(path, "create"))?;
+        let style = Style { bend_degrees, ..Style::default() };
+        let writer = Writer::new(BufWriter::with_capacity(BUFFER_BYTES, file), path, style)?;
+        Ok(X3dBeads { part, writer, sweep, beads: 0, segments: 0, bead_volume: 0.0 })
+    }
+
+    /// The outline is that of the bead's first section; where sections vary, it is scaled.
+    fn push(&mut self, bead: BeadView<'_>) -> Result<(), Error> {
+        self.beads += 1;
+        self.segments += bead.sections.len() as u64;
+        self.bead_volume += self.sweep.volume(&bead);
+        self.writer.bead(bead, &self.sweep.profile().outline(bead.sections[0]))
+    }
+
+    fn finish(mut self) -> Result<Numbers, Error> {
+        let tubes = self.writer.extrusions();
+        let file = self.writer.finish()?;
+        let path = self.part.path().to_owned();
+        let bytes = file.get_ref().metadata().map_err(Error::io(&path, "inspect"))?.len();
+        self.part.finish()?;
+        Ok(Numbers {
+            beads: self.beads,
+            segments: self.segments,
+            tubes,
+            facets: None,
+            bytes,
+            joints: None,
+            bead_volume: self.bead_volume,
+            swept_volume: None,
+        })
+    }
+}
+
+/// What was written. Volumes in mm³.
+#[derive(Serialize)]
+struct Numbers {
+    beads: u64,
+    segments: u64,
+    /// Closed surfaces, or Extrusions.
+    tubes: u64,
+    /// Of STL.
+    facets: Option<u64>,
+    bytes: u64,
+    /// Of STL.
+    joints: Option<Joints>,
+    bead_volume: f64,
+    /// Of STL: what all surfaces enclose.
+    swept_volume: Option<f64>,
+}
+
+impl From<Written> for Numbers {
+    fn from(written: Written) -> Numbers {
+        let Written { beads, segments, tubes, facets, bytes, joints, bead_volume, swept_volume } = written;
+        let (facets, joints, swept_volume) = (Some(facets), Some(joints), Some(swept_volume));
+        Numbers { beads, segments, tubes, facets, bytes, joints, bead_volume, swept_volume }
+    }
+}
+
+/// What is printed in the end. Volumes in mm³.
+#[derive(Serialize)]
+struct Report {
+    output: String,
+    unit: &'static str,
+    #[serde(flatten)]
+    written: Numbers,
+    toolpaths: Vec<ToolpathReport>,
+    warnings: Vec<String>,
+    seconds: f64,
+    /// Of STL.
+    facets_per_second: Option<f64>,
+    peak_memory_bytes: Option<u64>,
+}
+
+impl Report {
+    fn new(output: &Path, written: Numbers, toolpaths: Vec<ToolpathReport>, seconds: f64) -> Report {
+        Report {
+            output: output.display().to_string(),
+            unit: "mm",
+            facets_per_second: written.facets.map(|facets| facets as f64 / seconds),
+            written,
+            warnings: toolpaths.iter().flat_map(ToolpathReport::warnings).collect(),
+            toolpaths,
+            seconds,
+            peak_memory_bytes: memory::peak().map(|size| size.0),
+        }
+    }
+
+    fn text(&self) -> String {
+        let Numbers { tubes, facets, bytes, joints, swept_volume, .. } = &self.written;
+        let of = match facets {
+            Some(facets) => format!("{facets} facets of {tubes} tubes"),
+            None => format!("{tubes} extrusions"),
+        };
+        let mut text = format!("{}: {of}, {}\n", self.output, Size(*bytes));
+        let mut line = |line: String| text += &format!("  {line}\n");
+        self.toolpaths.iter().for_each(|toolpath| line(format!("source   {}", toolpath.text())));
+        if let Some(joints) = joints {
+            line(format!("joints   {}", joints_text(joints)));
+        }
+        if let Some(volume) = swept_volume {
+            line(format!("volume   {volume:.3} mm³ enclosed by all tubes, caps and overlaps included"));
+        }
+        self.warnings.iter().for_each(|message| line(format!("warning  {message}")));
+        let rate = self.facets_per_second.map_or_else(String::new, |rate| format!(", {rate:.0} facets/s"));
+        line(format!("time     {:.2} s{rate}", self.seconds));
+        if let Some(peak) = self.peak_memory_bytes {
+            line(format!("memory   {} at most", Size(peak)));
+        }
+        text
+    }
+}
