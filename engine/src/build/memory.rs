@@ -5,11 +5,14 @@ use super::jobs::{build_tree, sort_level};
 use super::records::KeptBricks;
 use super::rules::{Rules, TreeOptions};
 use super::snap::snap;
+use super::solids::sort_segments;
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::RootCube;
 use crate::progress::Silent;
+use crate::solid::{Outline, Solids};
 use crate::store::MemoryTree;
+use crate::toolpath::Toolpath;
 
 /// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
 ///
@@ -17,6 +20,27 @@ use crate::store::MemoryTree;
 /// [`Error::Setting`] if the soup is not closed or overlaps itself more than 32,767-fold.
 pub fn build_in_memory(sources: &[&dyn Facets], root: RootCube, options: TreeOptions) -> Result<MemoryTree> {
     build_with(sources, root, &Rules::new(options)?)
+}
+
+/// Builds the tree of the beads of toolpaths, as analytic solids, in memory.
+///
+/// # Errors
+/// [`Error::Setting`] if more than 32,767 beads overlap.
+pub fn build_beads_in_memory(
+    paths: &[&Toolpath],
+    outline: Outline,
+    root: RootCube,
+    options: TreeOptions,
+) -> Result<MemoryTree> {
+    let rules = Rules::new(options)?;
+    let (solids, segments) = Solids::new(paths, root, outline)?;
+    let sorted = sort_segments(&solids, &segments, sort_level(&rules), &Silent)?;
+    let mut tree = MemoryTree::new(root);
+    build_tree(&solids, sorted, &rules, &Silent, |records: KeptBricks| {
+        records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
+        Ok(())
+    })?;
+    Ok(tree)
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {

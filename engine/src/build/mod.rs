@@ -11,12 +11,13 @@ mod pipeline;
 mod records;
 mod rules;
 mod snap;
+mod solids;
 mod sorted;
 mod subtree;
 #[cfg(test)]
 mod tests;
 
 pub use closed::require_closed;
-pub use memory::build_in_memory;
+pub use memory::{build_beads_in_memory, build_in_memory};
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use rules::TreeOptions;
