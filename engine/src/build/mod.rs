@@ -16,8 +16,10 @@ mod sorted;
 mod subtree;
 #[cfg(test)]
 mod tests;
+mod toolpaths;
 
 pub use closed::require_closed;
 pub use memory::{build_beads_in_memory, build_in_memory};
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use rules::TreeOptions;
+pub use toolpaths::{BeadSource, build_beads};

@@ -1,11 +1,12 @@
 //! The main job: mesh files in, store out.
 
 use super::closed::open_input;
-use super::field::Soup;
+use super::field::{Field, Soup};
 use super::jobs::{build_tree, sort_level};
 use super::records::EncodedBricks;
 use super::rules::{Rules, TreeOptions};
 use super::snap::{SnappedSoup, snap};
+use super::sorted::SortedPieces;
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, bounds_of_all};
 use crate::lattice::{MAX_LEVEL, RootCube};
@@ -94,55 +95,97 @@ pub fn build_opened(
     check_target(output)?;
     progress.phase("measuring", Some(opened.iter().map(Input::facets).sum()), "facets");
     let (min, max) = bounds_of_all(opened, progress)?;
-    let (root, depth) = place(opened, min, max, options.resolution)?;
-    let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
+    let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
     clock.lap("measure");
-    let mut meta = Meta {
-        program: options.program.clone(),
-        sources: opened.iter().map(describe).collect::<Result<_>>()?,
-        unit: options.unit.clone(),
-        root,
-        bounds_min: min,
-        bounds_max: max,
-        depth,
-        refine: options.refine,
-        stddev: options.stddev,
-        tolerance: None,
-        numbers: Numbers::default(),
-    };
-    let mut writer = StoreWriter::create(output, &meta)?;
+    let sources = opened.iter().map(describe).collect::<Result<_>>()?;
+    let mut task = Task::begin(sources, (min, max), root, depth, output, options)?;
     clock.lap("identify");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
-    let sources: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
-    let soup = snap(&sources, root, sort_level(&rules), progress)?;
+    let soups: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let soup = snap(&soups, root, sort_level(&task.rules), progress)?;
     require_area(&soup, opened)?;
     if !soup.balance.is_closed() {
         return Err(open_input(opened, root, progress));
     }
-    meta.numbers.facets = sources.iter().map(|s| s.facets()).sum();
-    meta.numbers.degenerate_facets = soup.degenerate;
+    task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
+    task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
-    build_tree(&Soup, soup.sorted, &rules, progress, |bricks: EncodedBricks| bricks.write(&mut writer))?;
-    clock.lap("build");
-    progress.phase("finishing", None, "bytes");
-    let Numbers { facets, degenerate_facets, .. } = meta.numbers;
-    let Stats { nodes, leaves, file_bytes, .. } = writer.finish(meta)?;
-    clock.lap("finish");
-    Ok(Summary {
-        facets,
-        degenerate_facets,
-        skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
-        depth,
-        cell: root.spacing(depth),
-        nodes,
-        leaves,
-        file_bytes,
-        phases: clock.laps,
-    })
+    let mut summary = task.finish(&Soup, soup.sorted, clock, progress)?;
+    summary.skipped_faces = opened.iter().map(Input::skipped_faces).sum();
+    Ok(summary)
+}
+
+/// A build whose input is known and measured: the store is begun.
+pub(super) struct Task {
+    pub rules: Rules,
+    pub meta: Meta,
+    writer: StoreWriter,
+}
+
+impl Task {
+    /// Checks the settings and begins the store.
+    pub fn begin(
+        sources: Vec<Source>,
+        (bounds_min, bounds_max): ([f64; 3], [f64; 3]),
+        root: RootCube,
+        depth: u8,
+        output: &Path,
+        options: &BuildOptions,
+    ) -> Result<Task> {
+        let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
+        let meta = Meta {
+            program: options.program.clone(),
+            sources,
+            unit: options.unit.clone(),
+            root,
+            bounds_min,
+            bounds_max,
+            depth,
+            refine: options.refine,
+            stddev: options.stddev,
+            tolerance: None,
+            numbers: Numbers::default(),
+        };
+        let writer = StoreWriter::create(output, &meta)?;
+        Ok(Task { rules, meta, writer })
+    }
+
+    /// Builds the tree and completes the store.
+    pub fn finish<F: Field>(
+        mut self,
+        field: &F,
+        sorted: SortedPieces<F>,
+        mut clock: Clock,
+        progress: &dyn Progress,
+    ) -> Result<Summary> {
+        let writer = &mut self.writer;
+        build_tree(field, sorted, &self.rules, progress, |bricks: EncodedBricks| bricks.write(writer))?;
+        clock.lap("build");
+        progress.phase("finishing", None, "bytes");
+        let Meta { root, depth, numbers: Numbers { facets, degenerate_facets, .. }, .. } = self.meta;
+        let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
+        clock.lap("finish");
+        Ok(Summary {
+            facets,
+            degenerate_facets,
+            skipped_faces: 0,
+            depth,
+            cell: root.spacing(depth),
+            nodes,
+            leaves,
+            file_bytes,
+            phases: clock.laps,
+        })
+    }
 }
 
 /// The root cube and the deepest level.
-fn place(opened: &[Input], min: [f64; 3], max: [f64; 3], resolution: Resolution) -> Result<(RootCube, u8)> {
+pub(super) fn place(
+    first: Option<&Path>,
+    min: [f64; 3],
+    max: [f64; 3],
+    resolution: Resolution,
+) -> Result<(RootCube, u8)> {
     let placed = match resolution {
         Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
         Resolution::Cell(cell) => {
@@ -161,8 +204,8 @@ fn place(opened: &[Input], min: [f64; 3], max: [f64; 3], resolution: Resolution)
         let (place, what) = ("bounds", format!("the input spans {min:?} to {max:?}, which fits no lattice"));
         let remedy =
             "it must have an extent, and lie no farther than some millions of its size from the origin";
-        match opened.first() {
-            Some(input) => Error::input(input.path(), place, what, remedy),
+        match first {
+            Some(path) => Error::input(path, place, what, remedy),
             None => Error::setting("there is no input", "give at least one mesh"),
         }
     })
@@ -192,7 +235,7 @@ fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
 }
 
 /// Time by phase.
-struct Clock {
+pub(super) struct Clock {
     last: Instant,
     laps: Vec<(&'static str, f64)>,
 }
@@ -204,7 +247,7 @@ impl Default for Clock {
 }
 
 impl Clock {
-    fn lap(&mut self, phase: &'static str) {
+    pub fn lap(&mut self, phase: &'static str) {
         let elapsed: Duration = self.last.elapsed();
         self.last = Instant::now();
         self.laps.push((phase, elapsed.as_secs_f64()));
