@@ -15,6 +15,8 @@ pub struct Body {
     length: f64,
     /// Unit vectors along the segment, to its side, and upward; rows of a rotation.
     frame: [[f64; 3]; 3],
+    /// Lower and upper end along each axis of space.
+    extent: ([f64; 3], [f64; 3]),
     /// The segment lies in a layer, and the tool stands upright: `frame` is a rotation about z.
     is_flat: bool,
 }
@@ -33,7 +35,13 @@ impl Body {
         let is_upright = profile.axis[0] == 0.0 && profile.axis[1] == 0.0;
         let is_flat = is_upright && segment.a[2] == segment.b[2];
         let (frame, length) = frame(end, profile.axis, is_flat);
-        Body { profile: *profile, end, length, frame, is_flat }
+        let reach = match is_flat {
+            true => [profile.half_width, profile.half_width, profile.half_height],
+            false => frame[2].map(|cosine| profile.reach(cosine)),
+        };
+        let low = [0, 1, 2].map(|a| if end[a] < 0.0 { end[a] - reach[a] } else { -reach[a] });
+        let high = [0, 1, 2].map(|a| if end[a] > 0.0 { end[a] + reach[a] } else { reach[a] });
+        Body { profile: *profile, end, length, frame, extent: (low, high), is_flat }
     }
 
     /// The interval in which the line through `at` along `axis` meets the solid, as coordinates along that
@@ -155,10 +163,9 @@ impl Body {
     }
 
     /// Lower and upper end along an axis of space.
+    #[inline]
     pub fn extent(&self, axis: usize) -> (f64, f64) {
-        let reach = self.profile.reach(self.frame[2][axis]);
-        let end = self.end[axis];
-        (if end < 0.0 { end - reach } else { -reach }, if end > 0.0 { end + reach } else { reach })
+        (self.extent.0[axis], self.extent.1[axis])
     }
 
     /// The left side of [`Profile`]'s inequality minus the right one, and its gradient in the frame.

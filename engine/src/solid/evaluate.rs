@@ -4,8 +4,7 @@
 //! counters: plane p holds bit p of w for every sample. So w counts beads, and a bead's own joints and turns
 //! count once.
 
-use super::body::Body;
-use super::hermite::Boundary;
+use super::hermite::{Boundary, Scene};
 use super::hidden;
 use super::segments::{Segment, Solids};
 use crate::brick::{Brick, Hermite, Samples, SignChanges};
@@ -33,10 +32,10 @@ impl Lattice {
         Lattice { origin: key.base().map(|b| b + 1), shift: key.spacing_bits() }
     }
 
-    /// Coordinate of a sample along an axis, relative to the first end of a segment.
+    /// Coordinate of a sample along an axis, relative to a position.
     #[inline]
-    pub fn offset(&self, segment: &Segment, axis: usize, index: usize) -> f64 {
-        f64::from(self.origin[axis] + ((index as i32) << self.shift) - segment.a[axis])
+    pub fn offset(&self, from: Units, axis: usize, index: usize) -> f64 {
+        f64::from(self.origin[axis] + ((index as i32) << self.shift) - from[axis])
     }
 
     /// Index of the first sample along an axis that is not below the coordinate `t`, relative to the first
@@ -177,14 +176,14 @@ impl SolidEvaluator {
         let bounds = solids.bounds(segment);
         let js = lattice.within(1, bounds);
         for k in lattice.within(2, bounds) {
-            let z = lattice.offset(segment, 2, k);
+            let z = lattice.offset(segment.a, 2, k);
             let half_width = match body.is_flat().then(|| body.half_width_at(z)) {
                 Some(None) => continue,
                 Some(half_width) => half_width,
                 None => None,
             };
             for j in js.clone() {
-                let y = lattice.offset(segment, 1, j);
+                let y = lattice.offset(segment.a, 1, j);
                 let interval = match half_width {
                     Some(half_width) => body.flat_line([0, 1], half_width, y),
                     None => body.line(0, [0.0, y, z]),
@@ -283,18 +282,7 @@ impl SolidEvaluation<'_> {
             return Brick::Uniform(first);
         }
         let SolidEvaluator { spans, boundary, .. } = evaluator;
-        boundary.begin(&signs);
-        for of_segment in spans.chunk_by(|p, q| p.position == q.position) {
-            let segment = list.get(of_segment[0].position);
-            // Most segments are wholly inside others or have no edge here; they need no frame.
-            let mut body: Option<Body> = None;
-            for span in of_segment {
-                boundary.offer(lattice, &signs, segment, span, || {
-                    *body.get_or_insert_with(|| solids.body(segment))
-                });
-            }
-        }
-        let edges = boundary.finish(lattice);
+        let edges = boundary.edges(Scene { lattice, solids, list }, &signs, spans);
         Brick::Counts { samples, hermite: Hermite { edges } }
     }
 }

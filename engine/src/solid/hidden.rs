@@ -32,8 +32,8 @@ fn reaches(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize
         for in_v in lattice.within(v, bounds) {
             for in_u in lattice.within(u, bounds) {
                 let mut at = [0.0; 3];
-                at[u] = lattice.offset(segment, u, in_u);
-                at[v] = lattice.offset(segment, v, in_v);
+                at[u] = lattice.offset(segment.a, u, in_u);
+                at[v] = lattice.offset(segment.a, v, in_v);
                 let Some((from, to)) = body.line(axis, at) else { continue };
                 let shift = f64::from(segment.a[axis] - lattice.origin[axis]);
                 out.push(Reach {
