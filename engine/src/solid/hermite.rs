@@ -71,7 +71,7 @@ impl Boundary {
         let mut edge = |candidate: &Candidate| {
             let Candidate { depth, position, end } = *candidate;
             let a = end.axis.index();
-            let body = bodies[position as usize].expect("its depth came from its body");
+            let body = bodies[position as usize].as_ref().expect("its depth came from its body");
             let mut at = end.at(scene.lattice, scene.list.get(position).a);
             at[a] += if end.upper { -depth } else { depth };
             let inside = depth / spacing;
@@ -162,12 +162,22 @@ impl Boundary {
 
 /// The code of a direction; of the edge's own outward one where the formula has none.
 fn normal_code(gradient: [f64; 3], axis: usize, outward: i64) -> OctNormal {
-    let largest = gradient.iter().fold(0.0f64, |m, c| if c.abs() > m { c.abs() } else { m });
-    if largest > 0.0 && largest.is_finite() {
-        let scale = f64::from(1u32 << 30) / largest;
-        return OctNormal::from_integer(gradient.map(|c| (c * scale) as i64));
+    let [x, y, z] = gradient;
+    let sum = x.abs() + y.abs() + z.abs();
+    if !(sum > 0.0 && sum.is_finite()) {
+        let mut unit = [0; 3];
+        unit[axis] = outward;
+        return OctNormal::from_integer(unit);
     }
-    let mut unit = [0; 3];
-    unit[axis] = outward;
-    OctNormal::from_integer(unit)
+    // As OctNormal::from_integer does, without its divisions of integers.
+    let scale = 32767.0 / sum;
+    let [mut u, mut v] = [x, y].map(|c| {
+        let scaled = c * scale;
+        (if scaled < 0.0 { scaled - 0.5 } else { scaled + 0.5 }) as i32
+    });
+    if z < 0.0 {
+        let sign = |c: f64| if c < 0.0 { -1 } else { 1 };
+        (u, v) = ((32767 - v.abs()) * sign(x), (32767 - u.abs()) * sign(y));
+    }
+    OctNormal(u32::from(u as i16 as u16) | u32::from(v as i16 as u16) << 16)
 }
