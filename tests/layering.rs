@@ -22,7 +22,7 @@ const ROOMS: [(&str, &[&str]); 15] = [
     ("backend", &["gpu", "brick", "winding"]),
     ("build", &["gpu", "toolpath", "bead", "ingest", "brick", "solid", "winding", "store", "backend"]),
     ("contour", &["brick", "store"]),
-    ("analysis", &["brick", "store"]),
+    ("analysis", &["brick", "solid", "store"]),
     ("csg", &["brick", "store"]),
     ("render", &["gpu", "brick", "store"]),
 ];

@@ -4,6 +4,7 @@
 mod bins;
 mod closed;
 mod field;
+mod identity;
 mod jobs;
 mod memory;
 mod ordered;

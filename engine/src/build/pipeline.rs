@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, bounds_of_all};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
-use crate::store::{Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
+use crate::store::{BeadsMeta, Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -34,6 +34,8 @@ pub struct BuildOptions {
     pub refine: Refine,
     /// Largest standard deviation of a leaf above the depth limit.
     pub stddev: f64,
+    /// Record in every leaf which beads it counts, where beads are solids.
+    pub identity: bool,
     /// Length unit of the input, recorded in the store.
     pub unit: String,
     /// Program name and version, recorded in the store.
@@ -45,6 +47,8 @@ pub struct BuildOptions {
 pub struct Summary {
     /// Facets read.
     pub facets: u64,
+    /// Segments of beads read, where beads are solids and no facets are made of them.
+    pub segments: u64,
     /// Facets without area on the lattice.
     pub degenerate_facets: u64,
     /// Faces with fewer than three corners, which were left out.
@@ -98,7 +102,7 @@ pub fn build_opened(
     let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
     clock.lap("measure");
     let sources = opened.iter().map(describe).collect::<Result<_>>()?;
-    let mut task = Task::begin(sources, (min, max), root, depth, output, options)?;
+    let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
     clock.lap("identify");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
     let soups: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
@@ -110,7 +114,9 @@ pub fn build_opened(
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
-    let mut summary = task.finish(&Soup, soup.sorted, clock, progress)?;
+    task.build(&Soup, soup.sorted, progress)?;
+    clock.lap("build");
+    let mut summary = task.finish(clock, progress)?;
     summary.skipped_faces = opened.iter().map(Input::skipped_faces).sum();
     Ok(summary)
 }
@@ -119,7 +125,7 @@ pub fn build_opened(
 pub(super) struct Task {
     pub rules: Rules,
     pub meta: Meta,
-    writer: StoreWriter,
+    pub writer: StoreWriter,
 }
 
 impl Task {
@@ -131,6 +137,7 @@ impl Task {
         depth: u8,
         output: &Path,
         options: &BuildOptions,
+        beads: Option<BeadsMeta>,
     ) -> Result<Task> {
         let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
         let meta = Meta {
@@ -145,28 +152,32 @@ impl Task {
             stddev: options.stddev,
             tolerance: None,
             numbers: Numbers::default(),
+            beads,
         };
         let writer = StoreWriter::create(output, &meta)?;
         Ok(Task { rules, meta, writer })
     }
 
-    /// Builds the tree and completes the store.
-    pub fn finish<F: Field>(
-        mut self,
+    /// Builds the tree.
+    pub fn build<F: Field>(
+        &mut self,
         field: &F,
         sorted: SortedPieces<F>,
-        mut clock: Clock,
         progress: &dyn Progress,
-    ) -> Result<Summary> {
+    ) -> Result<()> {
         let writer = &mut self.writer;
-        build_tree(field, sorted, &self.rules, progress, |bricks: EncodedBricks| bricks.write(writer))?;
-        clock.lap("build");
+        build_tree(field, sorted, &self.rules, progress, |bricks: EncodedBricks| bricks.write(writer))
+    }
+
+    /// Completes the store.
+    pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<Summary> {
         progress.phase("finishing", None, "bytes");
         let Meta { root, depth, numbers: Numbers { facets, degenerate_facets, .. }, .. } = self.meta;
         let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
         clock.lap("finish");
         Ok(Summary {
             facets,
+            segments: 0,
             degenerate_facets,
             skipped_faces: 0,
             depth,

@@ -30,10 +30,7 @@ pub fn beads_at(
         let units = root.to_units(*p);
         units.iter().all(|&c| c >= 0.0 && c < edge).then(|| units.map(|c| c as i32 | 1))
     };
-    let covers = |segment: &Segment, p: Units| {
-        let [x, y, z] = [0, 1, 2].map(|a| f64::from(p[a] - segment.a[a]));
-        solids.body(segment).line(0, [x, y, z]).is_some_and(|(from, to)| from <= x && x < to)
-    };
+    let covers = |segment: &Segment, p: Units| solids.covers(segment, p);
     count(solids, segments, points, progress, on_lattice, covers)
 }
 

@@ -10,6 +10,21 @@ pub enum Outline {
     Ellipse,
 }
 
+impl Outline {
+    /// As stores and the command line have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Outline::Stadium => "stadium",
+            Outline::Ellipse => "ellipse",
+        }
+    }
+
+    /// Inverse of [`Outline::name`].
+    pub fn from_name(name: &str) -> Option<Outline> {
+        [Outline::Stadium, Outline::Ellipse].into_iter().find(|outline| outline.name() == name)
+    }
+}
+
 /// A cross-section with the tool's axis, as the numbers of one inequality. With d the distance from the
 /// segment in the plane perpendicular to n, and n the height above that plane, a point is inside where
 ///

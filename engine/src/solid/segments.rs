@@ -46,9 +46,8 @@ impl Solids {
         Ok((Solids { profiles: table.profiles }, segments))
     }
 
-    /// Segments with these profiles, for tests.
-    #[cfg(test)]
-    pub(super) fn of_profiles(profiles: Vec<Profile>) -> Solids {
+    /// With these cross-sections.
+    pub fn of_profiles(profiles: Vec<Profile>) -> Solids {
         Solids { profiles }
     }
 
@@ -89,6 +88,12 @@ impl Solids {
     pub fn touches_cube(&self, segment: &Segment, low: Units, size: i32) -> bool {
         let from_a = [0, 1, 2].map(|i| f64::from(low[i] - segment.a[i]));
         !self.body(segment).misses_cube(from_a, f64::from(size))
+    }
+
+    /// Whether the segment's solid covers a lattice position, by the rule of the samples.
+    pub fn covers(&self, segment: &Segment, p: Units) -> bool {
+        let at = [0, 1, 2].map(|i| f64::from(p[i] - segment.a[i]));
+        self.body(segment).line(0, at).is_some_and(|(from, to)| from <= at[0] && at[0] < to)
     }
 
     /// Whether the cube lies inside the segment's solid as a whole, by a margin.

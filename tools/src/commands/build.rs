@@ -54,6 +54,7 @@ impl TryFrom<BuildArgs> for Plan {
             },
             stddev: args.stddev,
             unit: args.units.symbol().to_owned(),
+            identity: false,
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet };
