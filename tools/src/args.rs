@@ -56,6 +56,13 @@ pub struct BuildArgs {
     /// The store to write
     #[arg(long, short, value_name = "PART.brf")]
     pub output: PathBuf,
+    /// What beads become: analytic solids, whose samples count beads, or swept triangles. By default solids,
+    /// where all inputs are toolpaths and --section is stadium or ellipse
+    #[arg(long, value_enum)]
+    pub beads: Option<BeadsArg>,
+    /// Record in every leaf which beads touch it, so that `sample --beads` can name those at a point
+    #[arg(long)]
+    pub identity: bool,
     /// Levels below the root: 32·2^L cells along the longest side [default: 4]
     #[arg(long, value_name = "L", conflicts_with = "cell",
           value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
@@ -133,6 +140,15 @@ pub enum RefineArg {
     Surface,
 }
 
+/// What beads become.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BeadsArg {
+    /// Solids with exact formulas and round joints; w counts beads
+    Analytic,
+    /// Triangles swept along the path; w counts tubes, of which a bead with sharp bends has several
+    Mesh,
+}
+
 /// The backends of this build.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub enum BackendArg {
@@ -196,6 +212,10 @@ pub struct SampleArgs {
     /// that begin with # are skipped
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
+    /// Also print which beads cover each point, from a store built with --identity: how many, and of each its
+    /// number, layer, tool, feature and lines in its file
+    #[arg(long)]
+    pub beads: bool,
     /// Print a JSON object a line instead of CSV
     #[arg(long)]
     pub json: bool,
@@ -216,7 +236,11 @@ pub struct WindingArgs {
     /// that begin with # are skipped
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
-    /// Sum the solid angles of all facets in double precision instead; slow, for any soup
+    /// What beads become, as in `build`
+    #[arg(long, value_enum)]
+    pub beads: Option<BeadsArg>,
+    /// Sum the solid angles of all facets in double precision instead; slow, for any soup. For beads as solids:
+    /// evaluate their formulas at the points themselves, off the lattice
     #[arg(long)]
     pub brute: bool,
     /// Print a JSON object a line instead of CSV

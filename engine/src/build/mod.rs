@@ -23,4 +23,4 @@ pub use closed::require_closed;
 pub use memory::{build_beads_in_memory, build_in_memory};
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use rules::TreeOptions;
-pub use toolpaths::{BeadSource, build_beads};
+pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

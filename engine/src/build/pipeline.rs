@@ -7,10 +7,12 @@ use super::records::EncodedBricks;
 use super::rules::{Rules, TreeOptions};
 use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
+use super::toolpaths::{bead_sources, build_beads};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, bounds_of_all};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
+use crate::solid::Outline;
 use crate::store::{BeadsMeta, Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -34,6 +36,9 @@ pub struct BuildOptions {
     pub refine: Refine,
     /// Largest standard deviation of a leaf above the depth limit.
     pub stddev: f64,
+    /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
+    /// triangles, those swept along toolpaths included.
+    pub solids: Option<Outline>,
     /// Record in every leaf which beads it counts, where beads are solids.
     pub identity: bool,
     /// Length unit of the input, recorded in the store.
@@ -95,6 +100,9 @@ pub fn build_opened(
     options: &BuildOptions,
     progress: &dyn Progress,
 ) -> Result<Summary> {
+    if let Some(outline) = options.solids {
+        return build_beads(&bead_sources(opened)?, outline, output, options, progress);
+    }
     let mut clock = Clock::default();
     check_target(output)?;
     progress.phase("measuring", Some(opened.iter().map(Input::facets).sum()), "facets");
@@ -222,7 +230,7 @@ pub(super) fn place(
     })
 }
 
-fn describe(input: &Input) -> Result<Source> {
+pub(super) fn describe(input: &Input) -> Result<Source> {
     Ok(Source {
         path: input.path().display().to_string(),
         bytes: input.bytes(),

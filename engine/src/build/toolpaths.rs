@@ -2,9 +2,10 @@
 
 use super::identity::write_identity;
 use super::jobs::sort_level;
-use super::pipeline::{BuildOptions, Clock, Summary, Task, place};
+use super::pipeline::{BuildOptions, Clock, Summary, Task, describe, place};
 use super::solids::sort_segments;
 use crate::error::{Error, Result};
+use crate::ingest::Input;
 use crate::progress::Progress;
 use crate::solid::{Outline, Profile, Solids, bounds_of_beads};
 use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source, check_target};
@@ -19,7 +20,7 @@ pub struct BeadSource<'a> {
     /// The file, as the store will name it.
     pub source: Source,
     /// Names of the features that the beads refer to.
-    pub features: &'a [String],
+    pub features: Vec<String>,
 }
 
 /// Builds `output` from the beads of all toolpaths together, on the threads of the current rayon pool. A
@@ -40,7 +41,7 @@ pub fn build_beads(
     let mut clock = Clock::default();
     check_target(output)?;
     progress.phase("measuring", None, "beads");
-    let (min, max) = bounds(sources, outline)?;
+    let (min, max) = bounds_of_sources(sources, outline)?;
     let first = sources.first().map(|source| Path::new(&source.source.path));
     let (root, depth) = place(first, min, max, options.resolution)?;
     clock.lap("measure");
@@ -89,8 +90,30 @@ fn tables(sources: &[BeadSource<'_>], solids: &Solids) -> Result<BeadTables> {
     Ok(tables)
 }
 
-/// The box around all beads.
-fn bounds(sources: &[BeadSource<'_>], outline: Outline) -> Result<([f64; 3], [f64; 3])> {
+/// The toolpaths of inputs.
+///
+/// # Errors
+/// [`Error::Input`] if one of them is a mesh.
+pub fn bead_sources(inputs: &[Input]) -> Result<Vec<BeadSource<'_>>> {
+    inputs.iter().map(bead_source).collect()
+}
+
+fn bead_source(input: &Input) -> Result<BeadSource<'_>> {
+    let Some(beads) = input.beads() else {
+        let what = "is a mesh, which has no beads";
+        return Err(Error::input(input.path(), input.describe(), what, "build from triangles instead"));
+    };
+    // No facet is made of the beads.
+    let source = Source { facets: 0, ..describe(input)? };
+    let features = beads.report.features.iter().map(|feature| feature.name.clone()).collect();
+    Ok(BeadSource { toolpath: beads.swept.toolpath(), source, features })
+}
+
+/// The box around all beads, in world coordinates.
+///
+/// # Errors
+/// [`Error::Input`] if a toolpath has no beads, or one that is not finite.
+pub fn bounds_of_sources(sources: &[BeadSource<'_>], outline: Outline) -> Result<([f64; 3], [f64; 3])> {
     let mut all = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for BeadSource { toolpath, source, .. } in sources {
         let path = Path::new(&source.path);

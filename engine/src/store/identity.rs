@@ -24,6 +24,13 @@ pub struct IdentityPlace {
     pub index_crc: u32,
 }
 
+impl IdentityPlace {
+    /// Bytes of the index.
+    pub fn index_bytes(&self) -> u64 {
+        self.index_entries * IDENTITY_ENTRY_BYTES as u64
+    }
+}
+
 /// Where one leaf's record lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IdentityEntry {
