@@ -86,7 +86,8 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     line(format!("{}: brick store, written by {}", store.path().display(), meta.program));
     for Source { path, bytes, facets, format, blake3 } in &meta.sources {
         let hash = &hex(blake3)[..16];
-        line(format!("  source   {path}: {format}, {facets} facets, {}, blake3 {hash}…", Size(*bytes)));
+        let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} facets, ") };
+        line(format!("  source   {path}: {format}, {pieces}{}, blake3 {hash}…", Size(*bytes)));
     }
     let degenerate = meta.numbers.degenerate_facets;
     match &meta.beads {
