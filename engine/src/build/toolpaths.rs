@@ -125,7 +125,8 @@ pub fn bounds_of_sources(sources: &[BeadSource<'_>], outline: Outline) -> Result
                 "correct the line",
             )
         })?;
-        if !(min[0] <= max[0]) {
+        // The box around nothing is inside out.
+        if min[0] > max[0] {
             let remedy = "give a toolpath that deposits something";
             return Err(Error::input(path, &source.format, "has no beads", remedy));
         }
