@@ -40,7 +40,7 @@ pub(crate) struct Facet {
     first: [i32; 3],
     last: [i32; 3],
     /// Largest size of a vertex's coordinate and of a line's together, per axis: bounds rounding errors.
-    reach: [i32; 3],
+    reach: [f64; 3],
 }
 
 impl Facet {
@@ -65,7 +65,8 @@ impl Facet {
             return None;
         }
         let normal = normal(&vertices);
-        let reach = std::array::from_fn(|a| max[a].max(-min[a]) + ((LINES_MAX + 1) << block.shift));
+        let rows_size = f64::from(LINES_MAX + 1) * power_of_two(block.shift as i32);
+        let reach = std::array::from_fn(|a| f64::from(max[a].max(-min[a])) + rows_size);
         (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, reach })
     }
 
@@ -249,7 +250,7 @@ impl<'a> Edges<'a> {
             [(p, q), (q, t)].map(|(a, b)| if a.0 < b.0 { bound(short_above, line(a, b)) } else { none });
         let steepest = larger(long.1.abs(), larger(short[0].1.abs(), short[1].1.abs()));
         // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
-        let size = f64::from(facet.reach[s]) + steepest * f64::from(facet.reach[r]);
+        let size = facet.reach[s] + steepest * facet.reach[r];
         let error = size * per_step * power_of_two(-49);
         // What the bound does not cover is decided exactly, row by row.
         let error = if error > 0.001 { 1.0 } else { error };
@@ -350,9 +351,7 @@ impl Depth {
         let slope_r = facet.normal[r] as f64 * scaled;
         let along = f64::from(vertex[A]) * scale;
         // Each term carries at most seven roundings of 2^-53 of its size; 2^-48 leaves a factor of four.
-        let size = along.abs()
-            + slope_s.abs() * f64::from(facet.reach[s])
-            + slope_r.abs() * f64::from(facet.reach[r]);
+        let size = along.abs() + slope_s.abs() * facet.reach[s] + slope_r.abs() * facet.reach[r];
         let error = size * power_of_two(-48);
         Depth {
             at: along + slope_s * f64::from(vertex[s]) + slope_r * f64::from(vertex[r]),
