@@ -4,6 +4,8 @@
 //! `judge::solid_angle_sum` (floating point, another formula altogether); the Hermite edges against a count of
 //! all crossings of their lattice edge, written for these tests.
 
+#[path = "exactness/beads.rs"]
+mod beads;
 #[path = "exactness/files.rs"]
 mod files;
 #[path = "exactness/hermite.rs"]

@@ -9,19 +9,20 @@ const BOTTOM: [&str; 5] = ["lattice", "mmap", "error", "progress", "part"];
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 14] = [
+const ROOMS: [(&str, &[&str]); 15] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
     ("x3d", &["toolpath", "bead"]),
     ("ingest", &["toolpath", "bead", "x3d"]),
     ("brick", &[]),
+    ("solid", &["toolpath", "brick"]),
     ("winding", &["bead", "ingest", "brick"]),
     ("store", &["brick"]),
     ("backend", &["gpu", "brick", "winding"]),
-    ("build", &["gpu", "toolpath", "bead", "ingest", "brick", "winding", "store", "backend"]),
+    ("build", &["gpu", "toolpath", "bead", "ingest", "brick", "solid", "winding", "store", "backend"]),
     ("contour", &["brick", "store"]),
-    ("analysis", &["brick", "store"]),
+    ("analysis", &["brick", "solid", "store"]),
     ("csg", &["brick", "store"]),
     ("render", &["gpu", "brick", "store"]),
 ];

@@ -103,6 +103,8 @@ fn build_to(input: &Path, output: &Path, depth: u8) -> Result<Summary> {
         resolution: Resolution::Depth(depth),
         refine: Refine::Hidden,
         stddev: 0.0,
+        solids: None,
+        identity: false,
         unit: "mm".into(),
         program: "bench".into(),
     };

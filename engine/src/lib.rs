@@ -2,8 +2,8 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`store`] →
-//! [`build`] → [`contour`], [`analysis`].
+//! [`lattice`], [`mmap`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
+//! [`store`] → [`build`] → [`contour`], [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -19,6 +19,7 @@ pub mod lattice;
 pub mod mmap;
 pub mod part;
 mod progress;
+pub mod solid;
 pub mod store;
 pub mod toolpath;
 pub mod winding;

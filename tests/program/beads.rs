@@ -156,7 +156,46 @@ fn points_are_asked_of_packed_toolpaths_and_of_any_section() {
     let store = dir.path("ladder.brf");
     let packed = gcode("thinwall_ladder_prusaslicer.gcode.gz");
     let json = json_with_warnings(&[&"build", &packed, &"-o", &store, &"--depth", &"1", &"--json"]);
-    assert!(json["facets"].as_u64().unwrap() > 10_000);
+    assert!(json["segments"].as_u64().unwrap() > 10_000);
+}
+
+#[test]
+fn beads_are_solids_unless_triangles_are_asked_for() {
+    let dir = Scratch::new();
+    let store = dir.path("part.brf");
+    // Two beads that cross, each with a joint of its own.
+    let lines =
+        "M83\nG1 X0 Y0 Z1 F600\nG1 X20 E1\nG1 Y10 E1\nG1 X10 Y5 Z3\nG1 X10 Y-5 Z1\nG1 Y-6 E1\nG1 Y5 E1\n";
+    let input = dir.file("cross.gcode", lines);
+    let sizes = ["--width", "2mm", "--height", "1mm"];
+    let build = |more: &[&str]| {
+        let mut args: Vec<&dyn AsRef<OsStr>> =
+            vec![&"build", &input, &"-o", &store, &"--depth", &"3", &"--json"];
+        args.extend(sizes.iter().chain(more).map(|arg| arg as &dyn AsRef<OsStr>));
+        run(&args)
+    };
+    let points = dir.file("p.csv", "5,0,0.5\n10,0,0.5\n20,0,0.5\n15,8,0.5\n");
+    let sampled = build(&["--identity"]);
+    assert_eq!(sampled.status, Some(0), "{}", sampled.stderr);
+    let json: Value = serde_json::from_str(&sampled.stdout).expect("JSON");
+    assert_eq!([&json["facets"], &json["segments"]].map(Value::as_u64), [Some(0), Some(4)]);
+    let out = run(&[&"sample", &store, &"--points", &points, &"--beads"]);
+    assert_eq!(out.status, Some(0), "{}", out.stderr);
+    let counts: Vec<&str> = out.stdout.lines().skip(1).map(|line| line.split(',').nth(4).unwrap()).collect();
+    // The crossing counts two beads, the joint of one bead counts one.
+    assert_eq!(counts, ["1", "2", "1", "0"], "{}", out.stdout);
+    let which = out.stdout.lines().nth(2).unwrap();
+    assert!(which.contains("0:0:0:0:3-4:") && which.contains(";1:0:0:0:7-8:"), "{which}");
+    let info = run(&[&"info", &store]).stdout;
+    assert!(info.contains("2 as solids, stadium section, 4 segments, told apart"), "{info}");
+    assert_eq!(run(&[&"verify", &store]).status, Some(0));
+    assert_eq!(build(&["--identity", "--beads", "mesh"]).status, Some(2));
+    assert_eq!(build(&["--beads", "analytic", "--section", "rectangle"]).status, Some(2));
+    let mesh = build(&["--beads", "mesh"]);
+    let json: Value = serde_json::from_str(&mesh.stdout).expect("JSON");
+    assert_eq!(json["segments"], 0);
+    let refused = run(&[&"sample", &store, &"--points", &points, &"--beads"]).failed();
+    assert!(refused.contains("--identity"), "{refused}");
 }
 
 #[test]

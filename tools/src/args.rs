@@ -56,6 +56,13 @@ pub struct BuildArgs {
     /// The store to write
     #[arg(long, short, value_name = "PART.brf")]
     pub output: PathBuf,
+    /// What beads become: analytic solids, whose samples count beads, or swept triangles. By default solids,
+    /// where all inputs are toolpaths and --section is stadium or ellipse
+    #[arg(long, value_enum)]
+    pub beads: Option<BeadsArg>,
+    /// Record in every leaf which beads touch it, so that `sample --beads` can name those at a point
+    #[arg(long)]
+    pub identity: bool,
     /// Levels below the root: 32·2^L cells along the longest side [default: 4]
     #[arg(long, value_name = "L", conflicts_with = "cell",
           value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
@@ -136,6 +143,15 @@ pub enum RefineArg {
     Surface,
 }
 
+/// What beads become.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BeadsArg {
+    /// Solids with exact formulas and round joints; w counts beads
+    Analytic,
+    /// Triangles swept along the path; w counts tubes, of which a bead with sharp bends has several
+    Mesh,
+}
+
 /// The backends of this build.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub enum BackendArg {
@@ -203,6 +219,10 @@ pub struct SampleArgs {
     /// that begin with # are skipped
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
+    /// Also print which beads cover each point, from a store built with --identity: how many, and of each its
+    /// number, layer, tool, feature and lines in its file
+    #[arg(long)]
+    pub beads: bool,
     /// Print a JSON object a line instead of CSV
     #[arg(long)]
     pub json: bool,
@@ -227,13 +247,17 @@ pub struct WindingArgs {
     /// that begin with # are skipped
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
+    /// What beads become, as in `build`
+    #[arg(long, value_enum)]
+    pub beads: Option<BeadsArg>,
     /// Largest error of w where the meshes are open; 1e-6 to 0.1
     #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
     pub gwn_error: GwnError,
     /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree
     #[arg(long)]
     pub estimate_normals: bool,
-    /// Sum the solid angles of all facets in double precision instead; slow
+    /// Sum the solid angles of all facets in double precision instead; slow. For beads as solids:
+    /// evaluate their formulas at the points themselves, off the lattice
     #[arg(long)]
     pub brute: bool,
     /// Print a JSON object a line instead of CSV

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::output::Lines;
 use anyhow::{Context, anyhow};
+use serde::Serialize;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
@@ -110,6 +111,25 @@ impl PointReader {
     }
 }
 
+/// A bead that covers a point.
+#[derive(Serialize)]
+pub struct PointBead<'a> {
+    pub bead: u32,
+    pub source: u32,
+    pub layer: u32,
+    pub tool: u16,
+    pub feature: &'a str,
+    pub first_line: u64,
+    pub last_line: u64,
+}
+
+impl PointBead<'_> {
+    fn text(&self) -> String {
+        let PointBead { bead, source, layer, tool, feature, first_line, last_line } = self;
+        format!("{bead}:{source}:{layer}:{tool}:{first_line}-{last_line}:{feature}")
+    }
+}
+
 /// Writes points with their winding numbers to standard output.
 pub struct PointWriter {
     lines: Lines,
@@ -124,6 +144,35 @@ impl PointWriter {
             lines.line(format_args!("x,y,z,w"))?;
         }
         Ok(PointWriter { lines, json })
+    }
+
+    /// As [`PointWriter::new`], for lines with beads.
+    pub fn with_beads(json: bool) -> Result<PointWriter, Failure> {
+        let mut lines = Lines::new();
+        if !json {
+            lines.line(format_args!("x,y,z,w,beads,which"))?;
+        }
+        Ok(PointWriter { lines, json })
+    }
+
+    /// One line with the beads that cover the point. In CSV they are one column, `number:source:layer:tool:first
+    /// line-last line:feature` each, separated by semicolons.
+    pub fn write_beads(
+        &mut self,
+        [x, y, z]: [f64; 3],
+        w: f64,
+        beads: &[PointBead<'_>],
+    ) -> Result<(), Failure> {
+        if self.json {
+            let beads = serde_json::to_string(beads).context("cannot print beads")?;
+            return self
+                .lines
+                .line(format_args!("{{\"x\":{x:?},\"y\":{y:?},\"z\":{z:?},\"w\":{w},\"beads\":{beads}}}"));
+        }
+        let which: Vec<String> = beads.iter().map(PointBead::text).collect();
+        // Names come from a file: nothing of them must end the quotation.
+        let which = which.join(";").replace('"', "\"\"");
+        self.lines.line(format_args!("{x:?},{y:?},{z:?},{w},{},\"{which}\"", beads.len()))
     }
 
     /// One line.

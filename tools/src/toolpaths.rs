@@ -1,9 +1,11 @@
 //! How toolpaths are read and swept, as people type it, and what of it they must be told.
 
+use crate::args::BeadsArg;
 use crate::failure::Failure;
 use crate::units::{Length, Unit};
 use brickfield_engine::bead::{Joints, Shape, Sweep, SweepOptions, read_outline};
 use brickfield_engine::ingest::{Input, OpenOptions};
+use brickfield_engine::solid::Outline;
 use brickfield_engine::toolpath::gcode::{GcodeOptions, GcodeReport};
 use clap::Args;
 use serde::Serialize;
@@ -84,6 +86,36 @@ impl ToolpathArgs {
         let sweep = SweepOptions { shape, sides: self.sides, bend: self.bend };
         Sweep::new(&sweep).map_err(|error| Failure::Usage(error.to_string()))?;
         Ok(OpenOptions { gcode, sweep })
+    }
+}
+
+/// The cross-section of beads as solids, or `None` where they become triangles. The text says why, where the
+/// user might have expected solids.
+///
+/// # Errors
+/// If solids were asked for and cannot be made.
+pub fn solids(
+    asked: Option<BeadsArg>,
+    shape: &Shape,
+    inputs: &[Input],
+) -> Result<(Option<Outline>, Option<&'static str>), Failure> {
+    let toolpaths = inputs.iter().filter(|input| input.beads().is_some()).count();
+    let outline = match shape {
+        Shape::Stadium => Ok(Outline::Stadium),
+        Shape::Ellipse => Ok(Outline::Ellipse),
+        Shape::Rectangle | Shape::Outline(_) => Err("only stadium and ellipse sections have solids"),
+    };
+    let possible = match outline {
+        Ok(_) if toolpaths < inputs.len() => Err("there are meshes among the inputs"),
+        outline => outline,
+    };
+    match (asked, possible) {
+        (Some(BeadsArg::Mesh), _) => Ok((None, None)),
+        (Some(BeadsArg::Analytic), Err(why)) => {
+            Err(Failure::Usage(format!("--beads analytic: {why}; use --beads mesh")))
+        }
+        (_, Ok(outline)) => Ok((Some(outline), None)),
+        (None, Err(why)) => Ok((None, Some(why).filter(|_| toolpaths > 0))),
     }
 }
 

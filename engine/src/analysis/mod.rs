@@ -1,11 +1,14 @@
-//! Questions answered from a finished octree: w at points, a level as one dense grid, volumes.
+//! Questions answered from a finished octree: w at points, the beads that make it up, a level as one dense
+//! grid, volumes.
 
+mod beads;
 mod export;
 mod sample;
 #[cfg(test)]
 mod tests;
 mod volume;
 
+pub use beads::beads_at_points;
 pub use export::{Dense, Element};
 pub use sample::{sample_at, winding_range};
 pub use volume::{Volumes, volume};

@@ -46,7 +46,7 @@ fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
 }
 
 /// The leaf whose cells hold the position, given in units from the root's first sample; `None` outside.
-fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
+pub(super) fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
     let edge = f64::from(1u32 << ROOT_BITS);
     if !from_first.iter().all(|u| (0.0..edge).contains(u)) {
         return None;

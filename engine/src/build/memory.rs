@@ -6,11 +6,14 @@ use super::open;
 use super::records::KeptBricks;
 use super::rules::{Rules, TreeOptions};
 use super::snap::snap;
+use super::solids::sort_segments;
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::RootCube;
 use crate::progress::Silent;
+use crate::solid::{Outline, Solids};
 use crate::store::MemoryTree;
+use crate::toolpath::Toolpath;
 use crate::winding::{OpenField, OpenPart};
 
 /// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
@@ -36,6 +39,27 @@ pub fn build_open_in_memory(
     let sorted = open::gather(&field, sources, root, &Silent)?;
     let mut tree = MemoryTree::new(root);
     build_tree(&field, sorted, &rules, &Silent, |records: KeptBricks| {
+        records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
+        Ok(())
+    })?;
+    Ok(tree)
+}
+
+/// Builds the tree of the beads of toolpaths, as analytic solids, in memory.
+///
+/// # Errors
+/// [`Error::Setting`] if more than 32,767 beads overlap.
+pub fn build_beads_in_memory(
+    paths: &[&Toolpath],
+    outline: Outline,
+    root: RootCube,
+    options: TreeOptions,
+) -> Result<MemoryTree> {
+    let rules = Rules::new(options)?;
+    let (solids, segments) = Solids::new(paths, root, outline)?;
+    let sorted = sort_segments(&solids, &segments, sort_level(&rules), &Silent)?;
+    let mut tree = MemoryTree::new(root);
+    build_tree(&solids, sorted, &rules, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
         Ok(())
     })?;

@@ -4,6 +4,7 @@
 mod bins;
 mod closed;
 mod field;
+mod identity;
 mod jobs;
 mod memory;
 mod open;
@@ -12,12 +13,15 @@ mod pipeline;
 mod records;
 mod rules;
 mod snap;
+mod solids;
 mod sorted;
 mod subtree;
 #[cfg(test)]
 mod tests;
+mod toolpaths;
 
 pub use closed::is_closed;
-pub use memory::{build_in_memory, build_open_in_memory};
+pub use memory::{build_beads_in_memory, build_in_memory, build_open_in_memory};
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use rules::TreeOptions;
+pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

@@ -1,16 +1,19 @@
 //! The main job: mesh files in, store out.
 
-use super::field::Soup;
+use super::field::{Field, Soup};
 use super::jobs::{build_tree, sort_level};
 use super::open;
 use super::records::EncodedBricks;
 use super::rules::{Rules, TreeOptions};
 use super::snap::{SnappedSoup, snap};
+use super::sorted::SortedPieces;
+use super::toolpaths::{bead_sources, build_beads};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, bounds_of_all};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
-use crate::store::{Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
+use crate::solid::Outline;
+use crate::store::{BeadsMeta, Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
 use crate::winding::{OpenField, OpenPart, OpenSummary};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -36,6 +39,11 @@ pub struct BuildOptions {
     pub stddev: f64,
     /// Largest error of samples of open input; those of closed input are exact.
     pub gwn_error: f64,
+    /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
+    /// triangles, those swept along toolpaths included.
+    pub solids: Option<Outline>,
+    /// Record in every leaf which beads it counts, where beads are solids.
+    pub identity: bool,
     /// Length unit of the input, recorded in the store.
     pub unit: String,
     /// Program name and version, recorded in the store.
@@ -47,6 +55,8 @@ pub struct BuildOptions {
 pub struct Summary {
     /// Facets read.
     pub facets: u64,
+    /// Segments of beads read, where beads are solids and no facets are made of them.
+    pub segments: u64,
     /// Facets without area on the lattice.
     pub degenerate_facets: u64,
     /// Faces with fewer than three corners, which were left out.
@@ -99,71 +109,126 @@ pub fn build_opened(
     options: &BuildOptions,
     progress: &dyn Progress,
 ) -> Result<Summary> {
+    if let Some(outline) = options.solids {
+        return build_beads(&bead_sources(opened)?, outline, output, options, progress);
+    }
     let mut clock = Clock::default();
     check_target(output)?;
     progress.phase("measuring", Some(opened.iter().map(Input::facets).sum()), "facets");
     let (min, max) = bounds_of_all(opened, progress)?;
-    let (root, depth) = place(opened, min, max, options.resolution)?;
-    let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
+    let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
     clock.lap("measure");
-    let mut meta = Meta {
-        program: options.program.clone(),
-        sources: opened.iter().map(describe).collect::<Result<_>>()?,
-        unit: options.unit.clone(),
-        root,
-        bounds_min: min,
-        bounds_max: max,
-        depth,
-        refine: options.refine,
-        stddev: options.stddev,
-        tolerance: None,
-        numbers: Numbers::default(),
-    };
-    let mut writer = StoreWriter::create(output, &meta)?;
+    let sources = opened.iter().map(describe).collect::<Result<_>>()?;
+    let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
     clock.lap("identify");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
-    let sources: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
-    let soup = snap(&sources, root, sort_level(&rules), progress)?;
+    let soups: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let soup = snap(&soups, root, sort_level(&task.rules), progress)?;
     require_area(&soup, opened)?;
-    meta.numbers.facets = sources.iter().map(|s| s.facets()).sum();
-    meta.numbers.degenerate_facets = soup.degenerate;
+    task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
+    task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
-    let write = |bricks: EncodedBricks| bricks.write(&mut writer);
-    let open_summary = if soup.balance.is_closed() {
-        build_tree(&Soup, soup.sorted, &rules, progress, write)?;
+    let open = if soup.balance.is_closed() {
+        task.build(&Soup, soup.sorted, progress)?;
         OpenSummary::default()
     } else {
         drop(soup);
-        let rules = Rules { evaluate_interior: true, ..rules };
-        let field = OpenField::new(OpenPart::of(&sources, root, progress)?, options.gwn_error)?;
+        task.rules.evaluate_interior = true;
+        let field = OpenField::new(OpenPart::of(&soups, root, progress)?, options.gwn_error)?;
         clock.lap("close");
-        let sorted = open::gather(&field, &sources, root, progress)?;
-        build_tree(&field, sorted, &rules, progress, write)?;
+        task.build(&field, open::gather(&field, &soups, root, progress)?, progress)?;
         field.part().summary
     };
     clock.lap("build");
-    progress.phase("finishing", None, "bytes");
-    let Numbers { facets, degenerate_facets, .. } = meta.numbers;
-    let Stats { nodes, leaves, file_bytes, .. } = writer.finish(meta)?;
-    clock.lap("finish");
+    let summary = task.finish(clock, progress)?;
     Ok(Summary {
-        facets,
-        degenerate_facets,
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
-        depth,
-        cell: root.spacing(depth),
-        nodes,
-        leaves,
-        file_bytes,
-        open_edges: open_summary.open_edges,
-        loops: open_summary.loops,
-        flipped_patches: open_summary.flipped_patches,
-        phases: clock.laps,
+        open_edges: open.open_edges,
+        loops: open.loops,
+        flipped_patches: open.flipped_patches,
+        ..summary
     })
 }
 
+/// A build whose input is known and measured: the store is begun.
+pub(super) struct Task {
+    pub rules: Rules,
+    pub meta: Meta,
+    pub writer: StoreWriter,
+}
+
+impl Task {
+    /// Checks the settings and begins the store.
+    pub fn begin(
+        sources: Vec<Source>,
+        (bounds_min, bounds_max): ([f64; 3], [f64; 3]),
+        root: RootCube,
+        depth: u8,
+        output: &Path,
+        options: &BuildOptions,
+        beads: Option<BeadsMeta>,
+    ) -> Result<Task> {
+        let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
+        let meta = Meta {
+            program: options.program.clone(),
+            sources,
+            unit: options.unit.clone(),
+            root,
+            bounds_min,
+            bounds_max,
+            depth,
+            refine: options.refine,
+            stddev: options.stddev,
+            tolerance: None,
+            numbers: Numbers::default(),
+            beads,
+        };
+        let writer = StoreWriter::create(output, &meta)?;
+        Ok(Task { rules, meta, writer })
+    }
+
+    /// Builds the tree.
+    pub fn build<F: Field>(
+        &mut self,
+        field: &F,
+        sorted: SortedPieces<F>,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let writer = &mut self.writer;
+        build_tree(field, sorted, &self.rules, progress, |bricks: EncodedBricks| bricks.write(writer))
+    }
+
+    /// Completes the store.
+    pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<Summary> {
+        progress.phase("finishing", None, "bytes");
+        let Meta { root, depth, numbers: Numbers { facets, degenerate_facets, .. }, .. } = self.meta;
+        let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
+        clock.lap("finish");
+        Ok(Summary {
+            facets,
+            segments: 0,
+            degenerate_facets,
+            skipped_faces: 0,
+            depth,
+            cell: root.spacing(depth),
+            nodes,
+            leaves,
+            file_bytes,
+            open_edges: 0,
+            loops: 0,
+            flipped_patches: 0,
+            phases: clock.laps,
+        })
+    }
+}
+
 /// The root cube and the deepest level.
-fn place(opened: &[Input], min: [f64; 3], max: [f64; 3], resolution: Resolution) -> Result<(RootCube, u8)> {
+pub(super) fn place(
+    first: Option<&Path>,
+    min: [f64; 3],
+    max: [f64; 3],
+    resolution: Resolution,
+) -> Result<(RootCube, u8)> {
     let placed = match resolution {
         Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
         Resolution::Cell(cell) => {
@@ -182,14 +247,14 @@ fn place(opened: &[Input], min: [f64; 3], max: [f64; 3], resolution: Resolution)
         let (place, what) = ("bounds", format!("the input spans {min:?} to {max:?}, which fits no lattice"));
         let remedy =
             "it must have an extent, and lie no farther than some millions of its size from the origin";
-        match opened.first() {
-            Some(input) => Error::input(input.path(), place, what, remedy),
+        match first {
+            Some(path) => Error::input(path, place, what, remedy),
             None => Error::setting("there is no input", "give at least one mesh"),
         }
     })
 }
 
-fn describe(input: &Input) -> Result<Source> {
+pub(super) fn describe(input: &Input) -> Result<Source> {
     Ok(Source {
         path: input.path().display().to_string(),
         bytes: input.bytes(),
@@ -213,7 +278,7 @@ fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
 }
 
 /// Time by phase.
-struct Clock {
+pub(super) struct Clock {
     last: Instant,
     laps: Vec<(&'static str, f64)>,
 }
@@ -225,7 +290,7 @@ impl Default for Clock {
 }
 
 impl Clock {
-    fn lap(&mut self, phase: &'static str) {
+    pub fn lap(&mut self, phase: &'static str) {
         let elapsed: Duration = self.last.elapsed();
         self.last = Instant::now();
         self.laps.push((phase, elapsed.as_secs_f64()));

@@ -128,13 +128,19 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         }
         let samples = evaluation.into_samples();
         let lists = Binner::new(key, 1).sort_indices(self.field, list.array);
+        let mut children = [const { Node::Empty(0) }; 8];
         for octant in Octant::all() {
             let corner = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
             let own: Vec<F::Piece> =
                 lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect();
-            let child = key.child(octant);
-            if let Node::Empty(w) = self.build(child, corner, &own)? {
-                self.records.push(child, true, &Brick::Uniform(w));
+            children[octant.index()] = self.build(key.child(octant), corner, &own)?;
+        }
+        if let Some(w) = common_empty(&children) {
+            return Ok(Node::Empty(w));
+        }
+        for (octant, child) in Octant::all().zip(&children) {
+            if let Node::Empty(w) = child {
+                self.records.push(key.child(octant), true, &Brick::Uniform(*w));
             }
         }
         let brick = interior(samples);
@@ -191,9 +197,7 @@ pub(super) fn corner_at(corners: &[i64], stride: u8, number: usize) -> i16 {
 /// Makes a node from its children: empty if they all are, else their common interior node, recording the
 /// empty children as uniform leaves.
 pub(super) fn join(key: NodeKey, children: [Node; 8], records: &mut impl Recorder) -> Node {
-    if let Node::Empty(w) = children[0]
-        && children.iter().all(|c| matches!(c, Node::Empty(v) if *v == w))
-    {
+    if let Some(w) = common_empty(&children) {
         return Node::Empty(w);
     }
     let mut samples = Samples::filled(0);
@@ -209,6 +213,12 @@ pub(super) fn join(key: NodeKey, children: [Node; 8], records: &mut impl Recorde
     let brick = interior(samples);
     records.push(key, false, &brick);
     Node::Stored(Half::of(&brick))
+}
+
+/// The value of eight children that are all empty and equal.
+fn common_empty(children: &[Node; 8]) -> Option<i16> {
+    let Node::Empty(w) = children[0] else { return None };
+    children.iter().all(|c| matches!(c, Node::Empty(v) if *v == w)).then_some(w)
 }
 
 /// The brick of an interior node.

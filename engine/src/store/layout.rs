@@ -11,8 +11,8 @@ use std::ops::Range;
 /// First bytes of every store. The first is not ASCII and the line ends differ, so that a transfer in text
 /// mode shows at once.
 pub const MAGIC: [u8; 8] = *b"\x89BRF\r\n\x1a\n";
-/// Version of the format, in the header and in every checksum.
-pub const FORMAT_VERSION: u32 = 1;
+/// The newest version of the format. A store's own version stands in its header and in every checksum.
+pub const FORMAT_VERSION: u32 = 2;
 /// The three header pages; records begin here.
 pub const HEADER_BYTES: usize = 3 * PAGE_BYTES;
 /// One page. The slots lie on pages of their own, since a torn write damages a whole sector of up to 4 KiB.
@@ -68,11 +68,35 @@ fn get<const N: usize>(bytes: &[u8], field: Range<usize>) -> [u8; N] {
     bytes[field].try_into().expect("fields have the size of their type")
 }
 
+/// A version of the format that this program reads and writes. A store has the lowest that says what is in it,
+/// so that older programs read what they can.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Version {
+    /// Triangle soups.
+    One,
+    /// Beads as solids: the metadata has a part about them, and leaves may tell which beads they count.
+    Two,
+}
+
+impl Version {
+    /// As in the file.
+    pub const fn number(self) -> u32 {
+        match self {
+            Version::One => 1,
+            Version::Two => FORMAT_VERSION,
+        }
+    }
+
+    fn from_number(number: u32) -> Option<Version> {
+        [Version::One, Version::Two].into_iter().find(|version| version.number() == number)
+    }
+}
+
 /// The used bytes of the header page.
-pub fn encode_preamble(id: FileId) -> [u8; PREAMBLE_BYTES] {
+pub fn encode_preamble(id: FileId, version: Version) -> [u8; PREAMBLE_BYTES] {
     let mut out = [0; PREAMBLE_BYTES];
     out[..MAGIC.len()].copy_from_slice(&MAGIC);
-    out[VERSION].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+    out[VERSION].copy_from_slice(&version.number().to_le_bytes());
     out[HEADER_SIZE].copy_from_slice(&(HEADER_BYTES as u32).to_le_bytes());
     out[FILE_ID].copy_from_slice(&id);
     let crc = crc32fast::hash(&out[..FILE_ID.end]);
@@ -85,25 +109,23 @@ pub fn encode_preamble(id: FileId) -> [u8; PREAMBLE_BYTES] {
 pub enum PreambleError {
     /// The magic is missing, or the file ends within the header.
     NotAStore,
-    /// A store of another version of the format.
+    /// A store of a version of the format that is unknown here.
     Version(u32),
     /// The header page is damaged.
     Damaged,
 }
 
 /// Reads the header page. `header` is the file's first [`HEADER_BYTES`] bytes, or the whole of a shorter file.
-pub fn decode_preamble(header: &[u8]) -> Result<FileId, PreambleError> {
+pub fn decode_preamble(header: &[u8]) -> Result<(FileId, Version), PreambleError> {
     if header.len() < HEADER_BYTES || !header.starts_with(&MAGIC) {
         return Err(PreambleError::NotAStore);
     }
-    let version = u32::from_le_bytes(get(header, VERSION));
-    if version != FORMAT_VERSION {
-        return Err(PreambleError::Version(version));
-    }
+    let number = u32::from_le_bytes(get(header, VERSION));
+    let version = Version::from_number(number).ok_or(PreambleError::Version(number))?;
     let id = get(header, FILE_ID);
-    let sound = header.starts_with(&encode_preamble(id))
+    let sound = header.starts_with(&encode_preamble(id, version))
         && header[PREAMBLE_BYTES..PAGE_BYTES].iter().all(|&b| b == 0);
-    if sound { Ok(id) } else { Err(PreambleError::Damaged) }
+    if sound { Ok((id, version)) } else { Err(PreambleError::Damaged) }
 }
 
 /// A commit: where the index and the metadata lie.
@@ -257,9 +279,9 @@ impl IndexEntry {
 
 /// CRC-32 of a record: over format version, key, leaf mark, kind, range and payload, so that a sound record
 /// under another key, or read by another version, does not pass.
-pub fn record_crc(key: NodeKey, leaf: bool, head: PayloadHead, payload: &[u8]) -> u32 {
+pub fn record_crc(version: Version, key: NodeKey, leaf: bool, head: PayloadHead, payload: &[u8]) -> u32 {
     let mut crc = crc32fast::Hasher::new();
-    crc.update(&FORMAT_VERSION.to_le_bytes());
+    crc.update(&version.number().to_le_bytes());
     crc.update(&key.code().to_le_bytes());
     crc.update(&[head.kind.bits(), u8::from(leaf)]);
     crc.update(&head.min.to_le_bytes());

@@ -4,7 +4,8 @@
 //! (fixed-width little-endian integers, u64 lengths) are described in `FORMAT.md`, so that another encoder
 //! can take over.
 
-use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX};
+use super::identity::IdentityPlace;
+use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX, Version};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use bincode::Options;
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,23 @@ pub struct Meta {
     pub tolerance: Option<f64>,
     /// Numbers that the build found.
     pub numbers: Numbers,
+    /// What is to be known of beads, if the samples count those. Version 2 of the format has it after all else.
+    #[serde(skip)]
+    pub beads: Option<BeadsMeta>,
+}
+
+/// What version 2 adds: the samples count beads as solids.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BeadsMeta {
+    /// Cross-section: "stadium" or "ellipse".
+    pub section: String,
+    /// Beads of all sources. Known at the end of a build only, like the rest.
+    pub beads: u64,
+    /// Segments of all beads.
+    pub segments: u64,
+    /// Where leaves say which beads they count; place and sizes are filled in by the writer. `None` if that
+    /// was not asked for.
+    pub identity: Option<IdentityPlace>,
 }
 
 /// An input file.
@@ -84,28 +102,49 @@ impl Meta {
     /// What ties the parts of a file together: a hash of everything but [`Meta::numbers`].
     pub fn file_id(&self) -> FileId {
         let meta = Meta { numbers: Numbers::default(), ..self.clone() };
+        let beads = self.beads.clone().map(|beads| BeadsMeta {
+            beads: 0,
+            segments: 0,
+            identity: beads.identity.map(|_| IdentityPlace::default()),
+            ..beads
+        });
         // Serializing plain data into memory fails only at a limit, and none is set here.
-        let bytes = options().serialize(&meta).unwrap_or_default();
+        let bytes = match beads {
+            None => options().serialize(&meta),
+            Some(beads) => options().serialize(&(meta, beads)),
+        }
+        .unwrap_or_default();
         let mut id = [0; FILE_ID_BYTES];
         id.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..FILE_ID_BYTES]);
         id
     }
 
-    /// The stored form; the error is one phrase.
+    /// The lowest version of the format that holds this.
+    pub(super) fn version(&self) -> Version {
+        if self.beads.is_some() { Version::Two } else { Version::One }
+    }
+
+    /// The stored form, that of [`Meta::version`]; the error is one phrase.
     pub(super) fn encode(&self) -> Result<Vec<u8>, String> {
         self.check()?;
-        options()
-            .with_limit(META_BYTES_MAX as u64)
-            .serialize(self)
-            .map_err(|_| format!("the metadata takes more than {META_BYTES_MAX} bytes"))
+        let options = options().with_limit(META_BYTES_MAX as u64);
+        match &self.beads {
+            None => options.serialize(self),
+            Some(beads) => options.serialize(&(self, beads)),
+        }
+        .map_err(|_| format!("the metadata takes more than {META_BYTES_MAX} bytes"))
     }
 
     /// Reads the stored form; the error is one phrase. Takes memory in proportion to `bytes`.
-    pub(super) fn decode(bytes: &[u8]) -> Result<Meta, String> {
-        let meta: Meta = options()
-            .with_limit(META_BYTES_MAX as u64)
-            .deserialize(bytes)
-            .map_err(|_| "the metadata cannot be read".to_owned())?;
+    pub(super) fn decode(bytes: &[u8], version: Version) -> Result<Meta, String> {
+        let options = options().with_limit(META_BYTES_MAX as u64);
+        let meta = match version {
+            Version::One => options.deserialize(bytes),
+            Version::Two => options
+                .deserialize(bytes)
+                .map(|(meta, beads): (Meta, BeadsMeta)| Meta { beads: Some(beads), ..meta }),
+        };
+        let meta = meta.map_err(|_| "the metadata cannot be read".to_owned())?;
         meta.check()?;
         Ok(meta)
     }
@@ -146,7 +185,7 @@ mod tests {
         assert_eq!(other.file_id(), meta(3).file_id());
         other.depth += 1;
         assert_ne!(other.file_id(), meta(3).file_id());
-        assert_eq!(Meta::decode(&other.encode().unwrap()), Ok(other));
+        assert_eq!(Meta::decode(&other.encode().unwrap(), Version::One), Ok(other));
     }
 
     #[test]
@@ -166,10 +205,10 @@ mod tests {
         fn any_bytes_are_read_or_refused(at in any::<prop::sample::Index>(), value in any::<u64>(),
                                          cut in any::<prop::sample::Index>()) {
             let mut bytes = meta(3).encode().unwrap();
-            prop_assert!(Meta::decode(&bytes[..cut.index(bytes.len())]).is_err());
+            prop_assert!(Meta::decode(&bytes[..cut.index(bytes.len())], Version::One).is_err());
             let at = at.index(bytes.len() - 8);
             bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
-            let _ = Meta::decode(&bytes);
+            let _ = (Meta::decode(&bytes, Version::One), Meta::decode(&bytes, Version::Two));
         }
     }
 }

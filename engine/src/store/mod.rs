@@ -4,6 +4,7 @@
 //! octree. The file's layout is described in `FORMAT.md` beside this crate's manifest.
 
 mod cache;
+mod identity;
 mod index;
 mod layout;
 mod meta;
@@ -14,8 +15,11 @@ mod verify;
 mod writer;
 
 pub use cache::CacheStats;
+pub use identity::{
+    BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
+};
 pub use layout::{FORMAT_VERSION, IndexEntry};
-pub use meta::{Meta, Numbers, Refine, Source};
+pub use meta::{BeadsMeta, Meta, Numbers, Refine, Source};
 pub use reader::Store;
 pub use summary::{LevelSummary, NodeNumbers, Summary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};

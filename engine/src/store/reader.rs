@@ -1,10 +1,14 @@
 //! Opens a finished store and answers from it, without trusting a number in it.
 
 use super::cache::{BrickCache, CacheStats};
+use super::identity::{
+    BeadSegment, BeadTables, IDENTITY_ENTRY_BYTES, IdentityEntry, IdentityPlace, decode_segments,
+    identity_crc,
+};
 use super::index::Index;
 use super::layout::{
     ENTRY_BYTES, FileId, HEADER_BYTES, IndexEntry, META_BYTES_MAX, PAGE_BYTES, PreambleError, SLOT_OFFSETS,
-    Slot, decode_preamble, record_crc,
+    Slot, Version, decode_preamble, record_crc,
 };
 use super::meta::Meta;
 use super::{BrickTree, NodeInfo};
@@ -24,8 +28,11 @@ const REBUILD: &str = "restore the file from a copy or build it again";
 pub struct Store {
     path: PathBuf,
     file: MappedFile,
+    version: Version,
     meta: Meta,
     index: Index,
+    /// Which beads leaves count, in key order.
+    identity: Vec<IdentityEntry>,
     cache: BrickCache,
 }
 
@@ -37,9 +44,10 @@ impl Store {
     /// [`Error::Io`] if the file cannot be read, [`Error::Store`] if it is not a sound store of this version.
     pub fn open(path: &Path, cache_bytes: u64) -> Result<Store> {
         let file = MappedFile::open(path)?;
-        let (meta, index) = read_commit(file.bytes())
+        let Commit { version, meta, index, identity } = read_commit(file.bytes())
             .map_err(|fault| Error::store(path, fault.place, fault.what, fault.remedy))?;
-        Ok(Store { path: path.to_owned(), file, meta, index, cache: BrickCache::new(cache_bytes) })
+        let cache = BrickCache::new(cache_bytes);
+        Ok(Store { path: path.to_owned(), file, version, meta, index, identity, cache })
     }
 
     /// The file.
@@ -78,6 +86,62 @@ impl Store {
         Ok(bytes)
     }
 
+    /// The beads of the store, if it tells them apart; reads and checks their tables.
+    ///
+    /// # Errors
+    /// [`Error::Store`] if the tables are damaged.
+    pub fn bead_tables(&self) -> Result<Option<BeadTables>> {
+        let Some(place) = self.identity_place() else { return Ok(None) };
+        let damaged = |what| Error::store(&self.path, "tables of beads", what, REBUILD);
+        let from = place.tables_offset as usize;
+        let bytes = self.file.bytes()[from..from + place.tables_bytes as usize].to_vec();
+        if crc32fast::hash(&bytes) != place.tables_crc {
+            return Err(damaged("the checksum differs"));
+        }
+        let tables = BeadTables::decode(&bytes).map_err(damaged)?;
+        let beads = self.meta.beads.as_ref().map_or(0, |beads| beads.beads);
+        if tables.beads.len() as u64 != beads {
+            return Err(damaged("their number is not that of the metadata"));
+        }
+        Ok(Some(tables))
+    }
+
+    /// The segments of beads that touch a leaf, by bead; none where the store does not tell beads apart.
+    /// `tables` are the store's own.
+    ///
+    /// # Errors
+    /// [`Error::Store`] if the record is damaged.
+    pub fn segments(&self, key: NodeKey, tables: &BeadTables) -> Result<Vec<BeadSegment>> {
+        let Ok(at) = self.identity.binary_search_by_key(&key, |entry| entry.key) else {
+            return Ok(Vec::new());
+        };
+        self.load_segments(&self.identity[at], tables)
+            .map_err(|what| Error::store(&self.path, format!("identity {key}"), what, REBUILD))
+    }
+
+    /// Where leaves say which beads they count, in key order.
+    pub fn identity_entries(&self) -> &[IdentityEntry] {
+        &self.identity
+    }
+
+    fn identity_place(&self) -> Option<&IdentityPlace> {
+        self.meta.beads.as_ref()?.identity.as_ref()
+    }
+
+    /// The error is one phrase.
+    pub(super) fn load_segments(
+        &self,
+        entry: &IdentityEntry,
+        tables: &BeadTables,
+    ) -> std::result::Result<Vec<BeadSegment>, &'static str> {
+        let from = entry.offset as usize;
+        let bytes = self.file.bytes()[from..from + entry.length as usize].to_vec();
+        if identity_crc(self.version, entry.key, &bytes) != entry.crc {
+            return Err("the checksum differs");
+        }
+        decode_segments(&bytes, (tables.beads.len() as u64, tables.sections.len() as u64))
+    }
+
     /// What the cache of decoded bricks has done and holds. Uniform bricks take no part in it.
     pub fn cache_stats(&self) -> CacheStats {
         self.cache.stats()
@@ -106,7 +170,7 @@ impl Store {
             entry.end().filter(|&end| end <= file.len() as u64).ok_or("the record lies outside the file")?;
         bytes.clear();
         bytes.extend_from_slice(&file[entry.offset as usize..end as usize]);
-        let sound = record_crc(entry.key, entry.leaf, entry.head, bytes) == entry.crc;
+        let sound = record_crc(self.version, entry.key, entry.leaf, entry.head, bytes) == entry.crc;
         if sound { Ok(()) } else { Err("the checksum differs") }
     }
 
@@ -175,10 +239,18 @@ fn fault(place: impl ToString, what: impl ToString) -> Fault {
     Fault { place: place.to_string(), what: what.to_string(), remedy: REBUILD.to_owned() }
 }
 
+/// Everything of a file but the records.
+struct Commit {
+    version: Version,
+    meta: Meta,
+    index: Index,
+    identity: Vec<IdentityEntry>,
+}
+
 /// Reads everything but the records.
-fn read_commit(file: &[u8]) -> std::result::Result<(Meta, Index), Fault> {
+fn read_commit(file: &[u8]) -> std::result::Result<Commit, Fault> {
     let header = &file[..file.len().min(HEADER_BYTES)];
-    let file_id = decode_preamble(header).map_err(preamble_fault)?;
+    let (file_id, version) = decode_preamble(header).map_err(preamble_fault)?;
     let slots = [0, 1].map(|which| Slot::decode(&header[SLOT_OFFSETS[which]..][..PAGE_BYTES], which));
     // A valid slot was written after all that it points to was durable. So the newest valid one counts, and
     // where its index is damaged there is no falling back to an older state of the tree.
@@ -191,15 +263,20 @@ fn read_commit(file: &[u8]) -> std::result::Result<(Meta, Index), Fault> {
     if crc32fast::hash(parts.index) != slot.index_crc {
         return Err(fault("index", "the checksum differs"));
     }
-    let meta = Meta::decode(parts.meta).map_err(|what| fault("metadata", what))?;
+    let meta = Meta::decode(parts.meta, version).map_err(|what| fault("metadata", what))?;
     if meta.file_id() != file_id {
         return Err(fault("metadata", "it belongs to another store"));
     }
-    let index = read_index(parts.index, slot.records_end, meta.depth)?;
+    let place = meta.beads.as_ref().and_then(|beads| beads.identity);
+    let identity = match &place {
+        Some(place) => read_identity(file, &slot, place)?,
+        None => Vec::new(),
+    };
+    let index = read_index(parts.index, &identity, slot.records_end, meta.depth)?;
     if meta.numbers.nodes_per_level != index.nodes_per_level() {
         return Err(fault("metadata", "its numbers of nodes are not those of the index"));
     }
-    Ok((meta, index))
+    Ok(Commit { version, meta, index, identity })
 }
 
 fn preamble_fault(error: PreambleError) -> Fault {
@@ -252,7 +329,46 @@ impl Parts<'_> {
     }
 }
 
-fn read_index(bytes: &[u8], records_end: u64, depth: u8) -> std::result::Result<Index, Fault> {
+/// Reads the index of the beads' identity, which lies between the records and the index of bricks, behind the
+/// tables.
+fn read_identity(
+    file: &[u8],
+    slot: &Slot,
+    place: &IdentityPlace,
+) -> std::result::Result<Vec<IdentityEntry>, Fault> {
+    let fault = |what| fault("index of beads", what);
+    let bytes = place.index_entries.checked_mul(IDENTITY_ENTRY_BYTES as u64);
+    let end = bytes.and_then(|bytes| place.index_offset.checked_add(bytes));
+    let tables_end = place.tables_offset.checked_add(place.tables_bytes);
+    let (Some(end), Some(tables_end)) = (end, tables_end) else {
+        return Err(fault("it lies outside the file"));
+    };
+    // The index of bricks is known to lie within the file.
+    let ordered = slot.records_end <= place.tables_offset
+        && tables_end <= place.index_offset
+        && end <= slot.index_offset;
+    if !ordered {
+        return Err(fault("its parts overlap or lie outside the file"));
+    }
+    let bytes = &file[place.index_offset as usize..end as usize];
+    if crc32fast::hash(bytes) != place.index_crc {
+        return Err(fault("the checksum differs"));
+    }
+    let entries = bytes.as_chunks::<IDENTITY_ENTRY_BYTES>().0.iter().map(IdentityEntry::decode);
+    let entries: Vec<IdentityEntry> =
+        entries.collect::<Option<_>>().ok_or_else(|| fault("an illegal key"))?;
+    if !entries.is_sorted_by(|a, b| a.key < b.key) {
+        return Err(fault("its keys are out of order"));
+    }
+    Ok(entries)
+}
+
+fn read_index(
+    bytes: &[u8],
+    identity: &[IdentityEntry],
+    records_end: u64,
+    depth: u8,
+) -> std::result::Result<Index, Fault> {
     let stored = bytes.as_chunks::<ENTRY_BYTES>().0;
     let mut entries = Vec::with_capacity(stored.len());
     for (position, entry) in stored.iter().enumerate() {
@@ -260,22 +376,34 @@ fn read_index(bytes: &[u8], records_end: u64, depth: u8) -> std::result::Result<
             IndexEntry::decode(entry).map_err(|what| fault(format!("index entry {position}"), what))?;
         entries.push(entry);
     }
-    check_places(&entries, records_end)?;
-    Index::new(entries, depth).map_err(|(key, what)| fault(format!("index entry of {key}"), what))
+    check_places(&entries, identity, records_end)?;
+    let index =
+        Index::new(entries, depth).map_err(|(key, what)| fault(format!("index entry of {key}"), what))?;
+    match identity.iter().find(|entry| !index.get(entry.key).is_some_and(|node| node.leaf)) {
+        Some(entry) => Err(fault(format!("index of beads, {}", entry.key), "the tree has no such leaf")),
+        None => Ok(index),
+    }
 }
 
-/// Payloads lie within the records area, and no two of them overlap.
-fn check_places(entries: &[IndexEntry], records_end: u64) -> std::result::Result<(), Fault> {
-    let mut stored: Vec<&IndexEntry> = entries.iter().filter(|entry| entry.length > 0).collect();
-    stored.sort_unstable_by_key(|entry| entry.offset);
+/// Payloads and lists of beads lie within the records area, and no two of them overlap.
+fn check_places(
+    entries: &[IndexEntry],
+    identity: &[IdentityEntry],
+    records_end: u64,
+) -> std::result::Result<(), Fault> {
+    let bricks = entries.iter().map(|entry| (entry.offset, entry.length, entry.key));
+    let lists = identity.iter().map(|entry| (entry.offset, entry.length, entry.key));
+    let mut stored: Vec<(u64, u32, NodeKey)> =
+        bricks.chain(lists).filter(|(_, length, _)| *length > 0).collect();
+    stored.sort_unstable();
     let mut free = HEADER_BYTES as u64;
-    for entry in stored {
-        let place = || format!("index entry of {}", entry.key);
-        if entry.offset < free {
+    for (offset, length, key) in stored {
+        let place = || format!("index entry of {key}");
+        if offset < free {
             return Err(fault(place(), "its record overlaps another one"));
         }
-        free = entry
-            .end()
+        free = offset
+            .checked_add(u64::from(length))
             .filter(|&end| end <= records_end)
             .ok_or_else(|| fault(place(), "its record lies outside the file's records"))?;
     }

@@ -1,6 +1,9 @@
 //! A small tree, given by a formula, for the tests of the store.
 
-use super::{BrickTree, MemoryTree, Meta, Numbers, Refine, Source, StoreWriter};
+use super::{
+    BeadRow, BeadSegment, BeadTables, BeadsMeta, BrickTree, IdentityPlace, MemoryTree, Meta, Numbers, Refine,
+    SectionRow, Source, StoreWriter, encode_segments,
+};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
 use std::path::Path;
@@ -25,6 +28,7 @@ pub fn meta(depth: u8) -> Meta {
         stddev: 0.0,
         tolerance: None,
         numbers: Numbers { facets: 24, degenerate_facets: 0, nodes_per_level: vec![1, 8, 8] },
+        beads: None,
     }
 }
 
@@ -87,13 +91,58 @@ pub fn tree() -> MemoryTree {
 
 /// Writes the small tree, the children before their parents.
 pub fn write(path: &Path) {
+    let mut writer = StoreWriter::create(path, &meta(2)).expect("a writable directory");
+    append_all(&mut writer);
+    writer.finish(meta(2)).expect("a complete tree");
+}
+
+fn append_all(writer: &mut StoreWriter) {
     let tree = tree();
     let mut keys = tree.keys();
     keys.sort_by_key(|key| key.post_order());
-    let mut writer = StoreWriter::create(path, &meta(2)).expect("a writable directory");
     for key in keys {
         let leaf = tree.node(key).expect("its own key").leaf;
         writer.append_brick(key, leaf, &tree.brick(key).expect("its own key")).expect("room on the disk");
     }
-    writer.finish(meta(2)).expect("a complete tree");
+}
+
+/// Metadata of the small tree as one of beads.
+pub fn meta_of_beads() -> Meta {
+    let identity = Some(IdentityPlace::default());
+    let beads = Some(BeadsMeta { section: "stadium".into(), beads: 2, segments: 3, identity });
+    Meta { beads, ..meta(2) }
+}
+
+/// Two beads.
+pub fn tables() -> BeadTables {
+    let bead = |feature, lines| BeadRow { source: 0, layer: 1, tool: 0, feature, lines };
+    BeadTables {
+        beads: vec![bead(0, (10, 12)), bead(1, (13, 13))],
+        sections: vec![SectionRow { half_width: 1e5, half_height: 5e4, axis: [0.0, 0.0, 1.0] }],
+        features: vec!["Perimeter".into(), "Solid infill".into()],
+    }
+}
+
+/// Their segments, as two of the leaves list them.
+pub fn lists() -> Vec<(NodeKey, Vec<BeadSegment>)> {
+    let segment = |a, b, bead| BeadSegment { a, b, section: 0, bead };
+    let turn = [6 << 20, 4 << 20, 3 << 20];
+    let first = segment([2 << 20, 2 << 20, 3 << 20], turn, 0);
+    let second = segment(turn, [7 << 20, 2, 3 << 20], 0);
+    let other = segment([0, 5, (1 << 24) - 1], [3, 2, 1], 1);
+    let leaf = |position| NodeKey::new(1, position).expect("a node");
+    vec![(leaf([0, 0, 0]), vec![first, second, other]), (leaf([0, 0, 1]), vec![other])]
+}
+
+/// Writes the small tree as one of beads.
+pub fn write_beads(path: &Path) {
+    let mut writer = StoreWriter::create(path, &meta_of_beads()).expect("a writable directory");
+    append_all(&mut writer);
+    writer.begin_identity(tables());
+    for (key, list) in lists() {
+        let mut bytes = Vec::new();
+        encode_segments(&list, &mut bytes);
+        writer.append_identity(key, &bytes).expect("room on the disk");
+    }
+    writer.finish(meta_of_beads()).expect("a complete tree");
 }

@@ -1,5 +1,6 @@
 //! Reads every record of a store and checks what records say of each other.
 
+use super::identity::IdentityEntry;
 use super::layout::IndexEntry;
 use super::reader::Store;
 use crate::brick::{Brick, SignChanges};
@@ -72,13 +73,51 @@ impl Store {
     pub fn verify(&self, progress: &dyn Progress) -> Result<VerifyReport> {
         let entries = self.entries();
         progress.phase("verify", Some(entries.len() as u64), "records");
-        entries
+        let identity = self.verify_identity(progress)?;
+        let bricks = entries
             .par_chunks(NODES_AT_ONCE)
             .map(|chunk| {
                 progress.check()?;
                 let report = chunk.iter().map(|e| self.verify_record(e)).reduce(VerifyReport::and);
                 progress.advance(chunk.len() as u64);
                 Ok(report.unwrap_or_default())
+            })
+            .try_reduce(VerifyReport::default, |a, b| Ok(a.and(b)))?;
+        Ok(bricks.and(identity))
+    }
+
+    /// The lists of beads: checksums, and that they name beads of the tables; those themselves.
+    fn verify_identity(&self, progress: &dyn Progress) -> Result<VerifyReport> {
+        let tables = match self.bead_tables() {
+            Ok(Some(tables)) => tables,
+            Ok(None) => return Ok(VerifyReport::default()),
+            Err(error) => {
+                let damage = Damage { key: NodeKey::ROOT, offset: 0, what: error.to_string() };
+                return Ok(VerifyReport {
+                    damaged: 1,
+                    first_damage: Some(damage),
+                    ..VerifyReport::default()
+                });
+            }
+        };
+        let one = |entry: &IdentityEntry| {
+            let damage = self.load_segments(entry, &tables).err();
+            VerifyReport {
+                records: 1,
+                payload_bytes: u64::from(entry.length),
+                damaged: u64::from(damage.is_some()),
+                first_damage: damage.map(|what| Damage {
+                    key: entry.key,
+                    offset: entry.offset,
+                    what: what.to_owned(),
+                }),
+            }
+        };
+        let chunks = self.identity_entries().par_chunks(NODES_AT_ONCE);
+        chunks
+            .map(|chunk| {
+                progress.check()?;
+                Ok(chunk.iter().map(one).reduce(VerifyReport::and).unwrap_or_default())
             })
             .try_reduce(VerifyReport::default, |a, b| Ok(a.and(b)))
     }

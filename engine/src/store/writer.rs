@@ -1,9 +1,10 @@
 //! Writes a store: records first, in the order they are appended, then index, metadata and commit, and at last
 //! the final name.
 
+use super::identity::{BeadTables, IdentityEntry, IdentityPlace, identity_crc};
 use super::index::Index;
 use super::layout::{
-    FileId, HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_OFFSETS, Slot, encode_preamble, record_crc,
+    FileId, HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_OFFSETS, Slot, Version, encode_preamble, record_crc,
 };
 use super::meta::Meta;
 use crate::brick::Brick;
@@ -30,13 +31,22 @@ pub struct StoreWriter {
     part_path: PathBuf,
     final_path: PathBuf,
     file_id: FileId,
+    version: Version,
     entries: Vec<IndexEntry>,
+    /// Which beads leaves count, if the store is to say so.
+    identity: Option<Identity>,
     /// Records not yet written; they belong at `written`.
     buffer: Vec<u8>,
     written: u64,
     state: State,
     scratch: Scratch,
     payload: Vec<u8>,
+}
+
+/// Which beads leaves count.
+struct Identity {
+    tables: BeadTables,
+    entries: Vec<IdentityEntry>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -77,7 +87,9 @@ impl StoreWriter {
             part_path,
             final_path: final_path.to_owned(),
             file_id: meta.file_id(),
+            version: meta.version(),
             entries: Vec::new(),
+            identity: None,
             buffer: Vec::with_capacity(WRITE_BYTES + WRITE_BYTES / 4),
             written: 0,
             state: State::Open,
@@ -86,7 +98,7 @@ impl StoreWriter {
         };
         writer.file.set_len(0).map_err(Error::io(&writer.part_path, "empty"))?;
         let mut header = [0; HEADER_BYTES];
-        let preamble = encode_preamble(writer.file_id);
+        let preamble = encode_preamble(writer.file_id, writer.version);
         header[..preamble.len()].copy_from_slice(&preamble);
         writer.write(&header)?;
         writer.flush()?;
@@ -116,12 +128,43 @@ impl StoreWriter {
         let bug = |what: &str| Error::store(&self.final_path, format!("record {key}"), what, BUG);
         let length = u32::try_from(payload.len()).map_err(|_| bug("the payload is too long"))?;
         let offset = if head.kind == PayloadKind::UNIFORM { 0 } else { self.position() };
-        let crc = record_crc(key, leaf, head, payload);
+        let crc = record_crc(self.version, key, leaf, head, payload);
         let entry = IndexEntry { key, offset, length, crc, leaf, head };
         entry.check().map_err(bug)?;
         self.write(payload)?;
         self.entries.push(entry);
         Ok(())
+    }
+
+    /// The leaves so far, in key order.
+    pub fn leaves(&self) -> Vec<NodeKey> {
+        let mut keys: Vec<NodeKey> = self.entries.iter().filter(|e| e.leaf).map(|e| e.key).collect();
+        keys.sort_unstable();
+        keys
+    }
+
+    /// Begins the identity of beads, for stores whose metadata announces it.
+    pub fn begin_identity(&mut self, tables: BeadTables) {
+        self.identity = Some(Identity { tables, entries: Vec::new() });
+    }
+
+    /// Appends the record of a leaf, made by [`super::encode_segments`].
+    ///
+    /// # Errors
+    /// As [`StoreWriter::append`].
+    pub fn append_identity(&mut self, key: NodeKey, record: &[u8]) -> Result<()> {
+        self.check_usable()?;
+        let bug = |what: &str| Error::store(&self.final_path, format!("identity {key}"), what, BUG);
+        let length = u32::try_from(record.len()).map_err(|_| bug("the record is too long"))?;
+        let entry = IdentityEntry {
+            key,
+            offset: self.position(),
+            length,
+            crc: identity_crc(self.version, key, record),
+        };
+        let identity = self.identity.as_mut().ok_or_else(|| bug("it was not begun"))?;
+        identity.entries.push(entry);
+        self.write(record)
     }
 
     /// Sorts and checks the index, commits, makes the file durable and gives it its final name. The numbers of
@@ -141,10 +184,16 @@ impl StoreWriter {
         let index =
             Index::new(entries, meta.depth).map_err(|(key, what)| bug(format!("record {key}"), what))?;
         meta.numbers.nodes_per_level = index.nodes_per_level();
+        if meta.beads.as_ref().is_some_and(|b| b.identity.is_some()) != self.identity.is_some() {
+            return Err(bug("metadata".into(), "it does not say whether beads are told apart"));
+        }
+        let records_end = self.position();
+        if let (Some(beads), Some(identity)) = (&mut meta.beads, self.identity.take()) {
+            beads.identity = Some(self.write_identity(identity)?);
+        }
         let meta_bytes = meta.encode().map_err(|what| {
             Error::store(&self.final_path, "metadata", what, "give fewer or shorter input paths")
         })?;
-        let records_end = self.position();
         self.commit(&index, &meta_bytes, records_end)?;
         let stats = Stats {
             nodes: index.entries().len() as u64,
@@ -154,6 +203,29 @@ impl StoreWriter {
         };
         self.publish()?;
         Ok(stats)
+    }
+
+    /// Writes tables and index of the beads' identity behind the records.
+    fn write_identity(&mut self, mut identity: Identity) -> Result<IdentityPlace> {
+        let tables = identity.tables.encode();
+        let tables_offset = self.position();
+        self.write(&tables)?;
+        identity.entries.sort_unstable_by_key(|entry| entry.key);
+        let index_offset = self.position();
+        let mut index_crc = crc32fast::Hasher::new();
+        for entry in &identity.entries {
+            let bytes = entry.encode();
+            index_crc.update(&bytes);
+            self.write(&bytes)?;
+        }
+        Ok(IdentityPlace {
+            tables_offset,
+            tables_bytes: tables.len() as u64,
+            tables_crc: crc32fast::hash(&tables),
+            index_offset,
+            index_entries: identity.entries.len() as u64,
+            index_crc: index_crc.finalize(),
+        })
     }
 
     /// Writes index and metadata behind the records, makes them durable, then writes the slot that makes them

@@ -40,7 +40,7 @@ pub(crate) struct Facet {
     first: [i32; 3],
     last: [i32; 3],
     /// Largest size of a vertex's coordinate and of a line's together, per axis: bounds rounding errors.
-    reach: [i32; 3],
+    reach: [f64; 3],
 }
 
 impl Facet {
@@ -65,7 +65,8 @@ impl Facet {
             return None;
         }
         let normal = normal(&vertices);
-        let reach = std::array::from_fn(|a| max[a].max(-min[a]) + ((LINES_MAX + 1) << block.shift));
+        let rows_size = f64::from(LINES_MAX + 1) * power_of_two(block.shift as i32);
+        let reach = std::array::from_fn(|a| f64::from(max[a].max(-min[a])) + rows_size);
         (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, reach })
     }
 
@@ -249,7 +250,7 @@ impl<'a> Edges<'a> {
             [(p, q), (q, t)].map(|(a, b)| if a.0 < b.0 { bound(short_above, line(a, b)) } else { none });
         let steepest = larger(long.1.abs(), larger(short[0].1.abs(), short[1].1.abs()));
         // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
-        let size = f64::from(facet.reach[s]) + steepest * f64::from(facet.reach[r]);
+        let size = facet.reach[s] + steepest * facet.reach[r];
         let error = size * per_step * power_of_two(-49);
         // What the bound does not cover is decided exactly, row by row.
         let error = if error > 0.001 { 1.0 } else { error };
@@ -350,9 +351,7 @@ impl Depth {
         let slope_r = facet.normal[r] as f64 * scaled;
         let along = f64::from(vertex[A]) * scale;
         // Each term carries at most seven roundings of 2^-53 of its size; 2^-48 leaves a factor of four.
-        let size = along.abs()
-            + slope_s.abs() * f64::from(facet.reach[s])
-            + slope_r.abs() * f64::from(facet.reach[r]);
+        let size = along.abs() + slope_s.abs() * facet.reach[s] + slope_r.abs() * facet.reach[r];
         let error = size * power_of_two(-48);
         Depth {
             at: along + slope_s * f64::from(vertex[s]) + slope_r * f64::from(vertex[r]),
@@ -440,162 +439,5 @@ fn locate_exactly(facet: &Facet, block: Block, axis: usize, (u, v): (i32, i32)) 
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::brick::SignChanges;
-    use crate::lattice::{Axis, BRICK_POINTS};
-    use proptest::prelude::*;
-
-    /// Everything in i128 with the perturbation as explicit small numbers: coordinates times 2^60,
-    /// ε = 2^40, ε² = 2^20, ε³ = 1 are far apart for the small triangles used here.
-    fn reference<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)> {
-        const EPS: [i128; 3] = [1 << 40, 1 << 20, 1];
-        let (au, av) = ((A + 1) % 3, (A + 2) % 3);
-        let n = normal(t).map(i128::from);
-        let mut out = Vec::new();
-        let at = |i: i32, a: usize| ((i128::from(i) << block.shift) << 60) + EPS[a];
-        for v in 0..=block.last {
-            for u in 0..=block.last {
-                let inside = (0..3).all(|i| {
-                    let (a, b) = (t[i].map(i128::from), t[(i + 1) % 3].map(i128::from));
-                    let e = (b[au] - a[au]) * (at(v, av) - (a[av] << 60))
-                        - (b[av] - a[av]) * (at(u, au) - (a[au] << 60));
-                    e * n[A].signum() > 0
-                });
-                if n[A] == 0 || !inside {
-                    continue;
-                }
-                let side = |i: i32| {
-                    let mut p = [0i128; 3];
-                    (p[A], p[au], p[av]) = (at(i, A), at(u, au), at(v, av));
-                    (0..3).map(|a| n[a] * (p[a] - (i128::from(t[0][a]) << 60))).sum::<i128>() * n[A].signum()
-                };
-                if let Some(lower) = (0..block.last).find(|&i| side(i) < 0 && side(i + 1) > 0) {
-                    out.push((u, v, lower));
-                }
-            }
-        }
-        out
-    }
-
-    fn scanned<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)> {
-        let mut out = Vec::new();
-        if let Some(facet) = Facet::new(t, [0; 3], block) {
-            facet.scan::<A>(block, [block.last; 2], |c| out.push((c.u, c.v, c.lower)));
-        }
-        out.sort_unstable_by_key(|&(u, v, _)| (v, u));
-        out
-    }
-
-    /// Odd vertices, many on 45° faces through samples, some far outside.
-    fn triangle() -> impl Strategy<Value = Triangle> {
-        let vertex = prop::array::uniform3(-6i32..22).prop_map(|v| v.map(|c| 2 * c + 1));
-        (prop::array::uniform3(vertex.clone()), vertex, 0..4usize).prop_map(|(mut t, d, flatten)| {
-            if flatten < 3 {
-                // Force a 45° plane: one coordinate a copy of another up to an even shift.
-                for p in &mut t {
-                    p[flatten] = p[(flatten + 1) % 3] + 2 * (d[0] / 8);
-                }
-            }
-            t
-        })
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(3000))]
-        #[test]
-        fn crossings_match_the_perturbed_reference(t in triangle(), shift in 1u32..4) {
-            let block = Block { shift, last: 6 };
-            prop_assert_eq!(scanned::<0>(&t, block), reference::<0>(&t, block));
-            prop_assert_eq!(scanned::<1>(&t, block), reference::<1>(&t, block));
-            prop_assert_eq!(scanned::<2>(&t, block), reference::<2>(&t, block));
-        }
-
-        #[test]
-        fn fast_and_exact_location_agree(t in prop::array::uniform3(prop::array::uniform3(-(1i32 << 22)..1 << 22)),
-                                         shift in 3u32..20) {
-            let t = t.map(|v| v.map(|c| 2 * c + 1));
-            let block = Block { shift, last: 32 };
-            if let Some(facet) = Facet::new(&t, [0; 3], block) {
-                let mut checked = Vec::new();
-                facet.scan::<0>(block, [32, 32], |c| checked.push((0, c)));
-                facet.scan::<1>(block, [32, 32], |c| checked.push((1, c)));
-                facet.scan::<2>(block, [32, 32], |c| checked.push((2, c)));
-                for (axis, c) in checked {
-                    let exact = locate_exactly(&facet, block, axis, (c.u, c.v));
-                    prop_assert_eq!((c.lower as u64) << 16 | u64::from(c.offset), exact);
-                }
-            }
-        }
-    }
-
-    /// Every row's span against the exact one.
-    fn spans_are_exact<const A: usize, const SWAP: bool>(facet: &Facet, block: Block) -> bool {
-        let (s, r) = sweep_axes::<A, SWAP>();
-        let edges = Edges::new::<A, SWAP>(facet, block);
-        let within = (facet.first[s]..=facet.last[s]).fold(0, |bits, line| bits | 1 << line);
-        facet.normal[A] == 0
-            || (facet.first[r]..=facet.last[r]).all(|row| {
-                let exact = edges.span_exactly((s, r), (facet.normal[A] > 0) != SWAP, row);
-                edges.span::<A, SWAP>(row) & within == exact
-            })
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(2000))]
-        #[test]
-        fn fast_and_exact_spans_agree(t in prop::array::uniform3(prop::array::uniform3(-(1i32 << 22)..1 << 22)),
-                                      small in 0u32..18, shift in 3u32..19) {
-            let t = t.map(|v| v.map(|c| 2 * (c >> small) + 1));
-            let block = Block { shift, last: 32 };
-            if let Some(facet) = Facet::new(&t, [0; 3], block) {
-                prop_assert!(spans_are_exact::<0, false>(&facet, block) && spans_are_exact::<0, true>(&facet, block));
-                prop_assert!(spans_are_exact::<1, false>(&facet, block) && spans_are_exact::<1, true>(&facet, block));
-                prop_assert!(spans_are_exact::<2, false>(&facet, block) && spans_are_exact::<2, true>(&facet, block));
-            }
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn asking_for_edges_finds_those_and_no_others(t in triangle(), shift in 1u32..3, rows in any::<[u64; 8]>()) {
-            let block = Block { shift, last: 32 };
-            let inside = |i: usize| rows[i / BRICK_POINTS % 8].rotate_left(i as u32 / 64) >> (i % BRICK_POINTS) & 1 != 0;
-            let signs = SignChanges::from_fn(inside);
-            let Some(facet) = Facet::new(&t, [0; 3], block) else { return Ok(()) };
-            let mut masks = EdgeMasks::default();
-            let changes = |axis, [i, j, k]: [i32; 3]| signs.edges(axis, j as usize, k as usize) >> i & 1 != 0;
-            let (mut all, mut asked) = (Vec::new(), Vec::new());
-            masks.set(Axis::Y, &signs);
-            facet.scan::<1>(block, [32; 2], |c| all.push((1, c)));
-            facet.scan_edges::<1>(block, &masks, |c| asked.push((1, c)));
-            masks.set(Axis::Z, &signs);
-            facet.scan::<2>(block, [32; 2], |c| all.push((2, c)));
-            facet.scan_edges::<2>(block, &masks, |c| asked.push((2, c)));
-            all.retain(|(axis, c)| match axis {
-                1 => changes(Axis::Y, [c.v, c.lower, c.u]),
-                _ => changes(Axis::Z, [c.u, c.v, c.lower]),
-            });
-            prop_assert_eq!(all, asked);
-        }
-    }
-
-    #[test]
-    fn an_edge_shared_by_two_triangles_belongs_to_one() {
-        // A square through samples, split along both diagonals: each line crosses exactly once.
-        let block = Block { shift: 1, last: 8 };
-        for flip in [false, true] {
-            let p = [[1, 1, 3], [13, 1, 3], [13, 13, 3], [1, 13, 3]];
-            let (a, b) = if flip {
-                ([p[0], p[1], p[3]], [p[1], p[2], p[3]])
-            } else {
-                ([p[0], p[1], p[2]], [p[0], p[2], p[3]])
-            };
-            let mut all = scanned::<2>(&a, block);
-            all.extend(scanned::<2>(&b, block));
-            all.sort_unstable();
-            let expected: Vec<_> = (1..=6).flat_map(|u| (1..=6).map(move |v| (u, v, 1))).collect();
-            assert_eq!(all, expected);
-        }
-    }
-}
+#[path = "scan_tests.rs"]
+mod tests;

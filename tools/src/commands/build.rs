@@ -2,11 +2,11 @@
 
 use super::mesh::{MeshReport, mesh_sink, write_mesh};
 use super::{open_inputs, start, unit_of, volumes_text};
-use crate::args::{BuildArgs, RefineArg, WorkArgs};
+use crate::args::{BeadsArg, BuildArgs, RefineArg, WorkArgs};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{print, print_json, warn};
-use crate::toolpaths::ToolpathReport;
+use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::build::{BuildOptions, Resolution, Summary, build_opened};
@@ -27,6 +27,7 @@ struct Plan {
     inputs: Vec<PathBuf>,
     output: PathBuf,
     open: OpenOptions,
+    beads: Option<BeadsArg>,
     units: Unit,
     options: BuildOptions,
     memory: Option<Size>,
@@ -55,18 +56,20 @@ impl TryFrom<BuildArgs> for Plan {
             stddev: args.stddev,
             gwn_error: args.gwn_error.0,
             unit: args.units.symbol().to_owned(),
+            solids: None,
+            identity: args.identity,
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet };
         let open = args.toolpath.options()?;
-        let BuildArgs { inputs, output, units, memory, mesh, json, .. } = args;
-        Ok(Plan { inputs, output, open, units, options, memory, mesh, json, work })
+        let BuildArgs { inputs, output, units, memory, mesh, json, beads, .. } = args;
+        Ok(Plan { inputs, output, open, beads, units, options, memory, mesh, json, work })
     }
 }
 
 /// Runs the command.
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
-    let plan = Plan::try_from(args)?;
+    let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
@@ -75,6 +78,15 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     if !toolpaths.is_empty() && plan.units != Unit::Mm {
         return Err(Failure::Usage(format!("toolpaths are in mm: leave --units {} out", plan.units)));
+    }
+    let (solids, note) = solids(plan.beads, &plan.open.sweep.shape, &inputs)?;
+    plan.options.solids = solids;
+    if plan.options.identity && solids.is_none() {
+        let why = note.unwrap_or("it needs toolpaths as solids");
+        return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
+    }
+    if let Some(why) = note {
+        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
     }
     let open_seconds = started.elapsed().as_secs_f64();
     memory::require_room(&inputs, &plan.options, plan.memory)?;
@@ -126,6 +138,7 @@ struct Report {
     /// Seconds by phase.
     phases: serde_json::Map<String, serde_json::Value>,
     seconds: f64,
+    /// Of beads as solids, their segments.
     facets_per_second: f64,
     peak_memory_bytes: Option<u64>,
     winding_min: i16,
@@ -148,6 +161,8 @@ struct Audit {
 #[derive(Serialize)]
 struct Numbers {
     facets: u64,
+    /// Segments of beads as solids, of which no facets are made.
+    segments: u64,
     degenerate_facets: u64,
     skipped_faces: u64,
     depth: u8,
@@ -172,6 +187,7 @@ impl Report {
         let (winding_min, winding_max) = winding_range(store);
         let Summary {
             facets,
+            segments,
             degenerate_facets,
             skipped_faces,
             depth,
@@ -190,6 +206,7 @@ impl Report {
             unit: unit_of(store.meta()).to_owned(),
             summary: Numbers {
                 facets,
+                segments,
                 degenerate_facets,
                 skipped_faces,
                 depth,
@@ -203,7 +220,7 @@ impl Report {
             },
             phases,
             seconds,
-            facets_per_second: facets as f64 / seconds,
+            facets_per_second: (facets + segments) as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
             winding_min,
             winding_max,
@@ -221,15 +238,29 @@ impl Report {
 
     fn text(&self) -> String {
         let Numbers {
-            facets, degenerate_facets, skipped_faces, depth, cell, nodes, leaves, file_bytes, ..
+            facets,
+            segments,
+            degenerate_facets,
+            skipped_faces,
+            depth,
+            cell,
+            nodes,
+            leaves,
+            file_bytes,
+            ..
         } = &self.summary;
         let mut text = String::new();
         let mut line = |line: String| text += &format!("{line}\n");
         let kept = format!("{} nodes, {} leaves, {}", nodes, leaves, Size(*file_bytes));
         line(format!("{}: {kept}", self.output));
-        line(format!(
-            "  facets   {facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"
-        ));
+        let (counted, pieces) = match segments {
+            0 => (
+                format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
+                "facets",
+            ),
+            _ => (format!("{segments} of beads as solids, w counts beads"), "segments"),
+        };
+        line(format!("  {pieces:<8} {counted}"));
         let Numbers { open_edges, loops, flipped_patches, .. } = &self.summary;
         if *open_edges > 0 {
             let edges = format!("{open_edges} open edges in {loops} loops");
@@ -250,7 +281,7 @@ impl Report {
             .map(|(name, seconds)| format!("{name} {:.2} s", seconds.as_f64().unwrap_or_default()))
             .collect();
         line(format!("  time     {:.2} s: {}", self.seconds, phases.join(", ")));
-        line(format!("  rate     {:.0} facets/s", self.facets_per_second));
+        line(format!("  rate     {:.0} {pieces}/s", self.facets_per_second));
         if let Some(peak) = self.peak_memory_bytes {
             line(format!("  memory   {} at most, maps of files included", Size(peak)));
         }

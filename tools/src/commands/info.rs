@@ -7,7 +7,7 @@ use crate::output::{print, print_json};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
-use brickfield_engine::store::{Meta, Source, Store, Summary};
+use brickfield_engine::store::{BeadsMeta, Meta, Source, Store, Summary};
 use serde_json::{Value, json};
 
 /// Runs the command.
@@ -31,9 +31,28 @@ fn hex(hash: &[u8]) -> String {
     hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// What telling beads apart takes of the file.
+fn identity_bytes(store: &Store) -> u64 {
+    let lists: u64 = store.identity_entries().iter().map(|entry| u64::from(entry.length)).sum();
+    let place = store.meta().beads.as_ref().and_then(|beads| beads.identity).unwrap_or_default();
+    lists + place.tables_bytes + place.index_bytes()
+}
+
 fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
-    let Meta { program, sources, unit, root, bounds_min, bounds_max, depth, refine, stddev, numbers, .. } =
-        store.meta();
+    let Meta {
+        program,
+        sources,
+        unit,
+        root,
+        bounds_min,
+        bounds_max,
+        depth,
+        refine,
+        stddev,
+        numbers,
+        beads,
+        ..
+    } = store.meta();
     let source = |Source { path, bytes, facets, format, blake3 }: &Source| json!({ "path": path, "bytes": bytes, "facets": facets, "format": format, "blake3": hex(blake3) });
     let (winding_min, winding_max) = winding_range(store);
     json!({
@@ -48,6 +67,12 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         "stddev": stddev,
         "facets": numbers.facets,
         "degenerate_facets": numbers.degenerate_facets,
+        "beads": beads.as_ref().map(|beads| json!({
+            "section": beads.section,
+            "beads": beads.beads,
+            "segments": beads.segments,
+            "identity_bytes": beads.identity.map(|_| identity_bytes(store)),
+        })),
         "winding_min": winding_min,
         "winding_max": winding_max,
         "volumes": volumes,
@@ -64,10 +89,20 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     line(format!("{}: brick store, written by {}", store.path().display(), meta.program));
     for Source { path, bytes, facets, format, blake3 } in &meta.sources {
         let hash = &hex(blake3)[..16];
-        line(format!("  source   {path}: {format}, {facets} facets, {}, blake3 {hash}…", Size(*bytes)));
+        let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} facets, ") };
+        line(format!("  source   {path}: {format}, {pieces}{}, blake3 {hash}…", Size(*bytes)));
     }
     let degenerate = meta.numbers.degenerate_facets;
-    line(format!("  facets   {} ({degenerate} without area)", meta.numbers.facets));
+    match &meta.beads {
+        None => line(format!("  facets   {} ({degenerate} without area)", meta.numbers.facets)),
+        Some(BeadsMeta { section, beads, segments, identity }) => {
+            let identity = match identity {
+                Some(_) => format!("told apart, {}", Size(identity_bytes(store))),
+                None => "not told apart".to_owned(),
+            };
+            line(format!("  beads    {beads} as solids, {section} section, {segments} segments, {identity}"));
+        }
+    }
     line(format!("  units    {unit}"));
     line(format!("  bounds   {} to {}", point(meta.bounds_min), point(meta.bounds_max)));
     line(format!("  root     {} with an edge of {}", point(meta.root.origin), meta.root.edge));

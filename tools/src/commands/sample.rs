@@ -3,10 +3,10 @@
 use super::{CACHE_BYTES, start};
 use crate::args::SampleArgs;
 use crate::failure::Failure;
-use crate::points::{PointReader, PointWriter};
-use brickfield_engine::Progress;
-use brickfield_engine::analysis::sample_at;
-use brickfield_engine::store::Store;
+use crate::points::{PointBead, PointReader, PointWriter};
+use brickfield_engine::analysis::{beads_at_points, sample_at};
+use brickfield_engine::store::{BeadTables, Store};
+use brickfield_engine::{Error, Progress};
 
 /// Points read before their samples are printed, which bounds memory.
 const BATCH_POINTS: usize = 1 << 16;
@@ -15,8 +15,12 @@ const BATCH_POINTS: usize = 1 << 16;
 pub fn run(args: &SampleArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let store = Store::open(&args.store, CACHE_BYTES)?;
+    let tables = args.beads.then(|| tables_of(&store)).transpose()?;
     let mut points = PointReader::open(&args.points)?;
-    let mut writer = PointWriter::new(args.json)?;
+    let mut writer = match tables {
+        Some(_) => PointWriter::with_beads(args.json)?,
+        None => PointWriter::new(args.json)?,
+    };
     bars.phase("sampling", None, "points");
     loop {
         let batch = points.batch(BATCH_POINTS)?;
@@ -25,8 +29,40 @@ pub fn run(args: &SampleArgs) -> Result<(), Failure> {
         }
         bars.check()?;
         let values = sample_at(&store, &batch)?;
-        batch.iter().zip(values).try_for_each(|(point, w)| writer.write(*point, w))?;
+        match &tables {
+            Some(tables) => {
+                let beads = beads_at_points(&store, tables, &batch)?;
+                for ((point, w), beads) in batch.iter().zip(values).zip(beads) {
+                    writer.write_beads(
+                        *point,
+                        w,
+                        &beads.iter().map(|&b| bead(tables, b)).collect::<Vec<_>>(),
+                    )?;
+                }
+            }
+            None => batch.iter().zip(values).try_for_each(|(point, w)| writer.write(*point, w))?,
+        }
         writer.flush()?;
         bars.advance(batch.len() as u64);
+    }
+}
+
+fn tables_of(store: &Store) -> Result<BeadTables, Failure> {
+    store.bead_tables()?.ok_or_else(|| {
+        let remedy = "build it from toolpaths with --identity";
+        Error::store(store.path(), "metadata", "the store does not tell beads apart", remedy).into()
+    })
+}
+
+fn bead(tables: &BeadTables, number: u32) -> PointBead<'_> {
+    let row = tables.beads[number as usize];
+    PointBead {
+        bead: number,
+        source: row.source,
+        layer: row.layer,
+        tool: row.tool,
+        feature: &tables.features[usize::from(row.feature)],
+        first_line: row.lines.0,
+        last_line: row.lines.1,
     }
 }

@@ -3,12 +3,15 @@
 use super::{open_inputs, start};
 use crate::args::WindingArgs;
 use crate::failure::Failure;
+use crate::output::warn;
 use crate::points::{PointReader, PointWriter};
 use crate::progress::Bars;
+use crate::toolpaths::solids;
 use anyhow::anyhow;
-use brickfield_engine::build::is_closed;
+use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed};
 use brickfield_engine::ingest::{Facets, Input, PointCloud, bounds_of_all};
 use brickfield_engine::lattice::RootCube;
+use brickfield_engine::solid::{Outline, Solids, beads_at, brute_beads_at};
 use brickfield_engine::winding::{
     CloudField, OpenPart, brute_at, estimate_normals, open_winding_at, winding_at,
 };
@@ -26,27 +29,58 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
         let name = args.inputs[0].display();
         return Err(Failure::Usage(format!("--estimate-normals is for point clouds; {name} is none")));
     }
-    of_meshes(args, &bars)
+    let open = args.toolpath.options()?;
+    let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
+    let points = PointReader::open(&args.points)?.all()?;
+    let (outline, note) = solids(args.beads, &open.sweep.shape, &inputs)?;
+    if let Some(why) = note {
+        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
+    }
+    match outline {
+        Some(outline) => of_solids(args, &inputs, outline, &points, &bars),
+        None => of_triangles(args, &inputs, &points, &bars),
+    }
 }
 
-fn of_meshes(args: &WindingArgs, bars: &Bars) -> Result<(), Failure> {
-    let inputs = open_inputs(&args.inputs, &[], &args.toolpath.options()?, bars)?;
-    let points = PointReader::open(&args.points)?.all()?;
-    let (min, max) = bounds_of_all(&inputs, bars)?;
-    let root = root_around(inputs[0].path(), min, max)?;
+fn of_solids(
+    args: &WindingArgs,
+    inputs: &[Input],
+    outline: Outline,
+    points: &[[f64; 3]],
+    bars: &Bars,
+) -> Result<(), Failure> {
+    let sources = bead_sources(inputs)?;
+    let root = root_around(inputs[0].path(), bounds_of_sources(&sources, outline)?)?;
+    let toolpaths: Vec<_> = sources.iter().map(|source| source.toolpath).collect();
+    let (solids, segments) = Solids::new(&toolpaths, root, outline)?;
+    bars.phase("counting", Some(segments.len() as u64), "segments");
+    let values = match args.brute {
+        true => brute_beads_at(&solids, &segments, root, points, bars)?,
+        false => beads_at(&solids, &segments, root, points, bars)?,
+    };
+    write(args, bars, points, &values)
+}
+
+fn of_triangles(
+    args: &WindingArgs,
+    inputs: &[Input],
+    points: &[[f64; 3]],
+    bars: &Bars,
+) -> Result<(), Failure> {
+    let root = root_around(inputs[0].path(), bounds_of_all(inputs, bars)?)?;
     let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
     let total = Some(inputs.iter().map(Input::facets).sum());
     if args.brute {
         bars.phase("adding up", total, "facets");
-        write(args, bars, &points, &brute_at(&sources, root, &points, bars)?)
-    } else if is_closed(&inputs, root, bars)? {
+        write(args, bars, points, &brute_at(&sources, root, points, bars)?)
+    } else if is_closed(inputs, root, bars)? {
         bars.phase("counting", total, "facets");
-        write(args, bars, &points, &winding_at(&sources, root, &points, bars)?)
+        write(args, bars, points, &winding_at(&sources, root, points, bars)?)
     } else {
         let open = OpenPart::of(&sources, root, bars)?;
         bars.phase("counting", total, "facets");
-        let values = open_winding_at(&sources, root, &open, &points, args.gwn_error.0, bars)?;
-        write(args, bars, &points, &values)
+        let values = open_winding_at(&sources, root, &open, points, args.gwn_error.0, bars)?;
+        write(args, bars, points, &values)
     }
 }
 
@@ -82,8 +116,7 @@ fn of_cloud(args: &WindingArgs, mut cloud: PointCloud, bars: &Bars) -> Result<()
         let (what, remedy) = ("have no normals", "add --estimate-normals, or export them with normals");
         return Err(Error::input(&args.inputs[0], "points", what, remedy).into());
     }
-    let (min, max) = cloud.bounds();
-    let root = root_around(&args.inputs[0], min, max)?;
+    let root = root_around(&args.inputs[0], cloud.bounds())?;
     let field = CloudField::new(&cloud, root, bars)?;
     let values = if args.brute {
         field.brute_at(root, &points)
@@ -93,7 +126,7 @@ fn of_cloud(args: &WindingArgs, mut cloud: PointCloud, bars: &Bars) -> Result<()
     write(args, bars, &points, &values)
 }
 
-fn root_around(path: &Path, min: [f64; 3], max: [f64; 3]) -> Result<RootCube, Failure> {
+fn root_around(path: &Path, (min, max): ([f64; 3], [f64; 3])) -> Result<RootCube, Failure> {
     RootCube::around(min, max).ok_or_else(|| {
         let path = path.display();
         let spans = format!("the input spans {min:?} to {max:?}, which fits no lattice");

@@ -1,0 +1,139 @@
+//! The main job straight from toolpaths: beads as analytic solids in, store out.
+
+use super::identity::write_identity;
+use super::jobs::sort_level;
+use super::pipeline::{BuildOptions, Clock, Summary, Task, describe, place};
+use super::solids::sort_segments;
+use crate::error::{Error, Result};
+use crate::ingest::Input;
+use crate::progress::Progress;
+use crate::solid::{Outline, Profile, Solids, bounds_of_beads};
+use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source, check_target};
+use crate::toolpath::{Attributes, Toolpath};
+use std::path::Path;
+
+/// A toolpath and the file that it was read from.
+#[derive(Clone, Debug)]
+pub struct BeadSource<'a> {
+    /// The beads.
+    pub toolpath: &'a Toolpath,
+    /// The file, as the store will name it.
+    pub source: Source,
+    /// Names of the features that the beads refer to.
+    pub features: Vec<String>,
+}
+
+/// Builds `output` from the beads of all toolpaths together, on the threads of the current rayon pool. A
+/// sample counts the beads that cover it.
+///
+/// The file's bytes depend on the toolpaths, their sources and the options; not on the threads.
+///
+/// # Errors
+/// Toolpaths without beads or with positions that are not finite, settings that do not fit them, an output
+/// that cannot be written. Nothing is left under the final name unless the build succeeds.
+pub fn build_beads(
+    sources: &[BeadSource<'_>],
+    outline: Outline,
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<Summary> {
+    let mut clock = Clock::default();
+    check_target(output)?;
+    progress.phase("measuring", None, "beads");
+    let (min, max) = bounds_of_sources(sources, outline)?;
+    let first = sources.first().map(|source| Path::new(&source.source.path));
+    let (root, depth) = place(first, min, max, options.resolution)?;
+    clock.lap("measure");
+    let described = sources.iter().map(|source| source.source.clone()).collect();
+    let identity = options.identity.then(IdentityPlace::default);
+    let beads = BeadsMeta { section: outline.name().to_owned(), beads: 0, segments: 0, identity };
+    let mut task = Task::begin(described, (min, max), root, depth, output, options, Some(beads.clone()))?;
+    let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
+    let (solids, segments) = Solids::new(&paths, root, outline)?;
+    progress.phase("sorting", Some(segments.len() as u64), "segments");
+    let sorted = sort_segments(&solids, &segments, sort_level(&task.rules), progress)?;
+    let count = segments.len() as u64;
+    let all = paths.iter().map(|path| path.len() as u64).sum();
+    task.meta.beads = Some(BeadsMeta { beads: all, segments: count, ..beads });
+    let segments = options.identity.then_some(segments);
+    clock.lap("sort");
+    task.build(&solids, sorted, progress)?;
+    clock.lap("build");
+    if let Some(segments) = segments {
+        task.writer.begin_identity(tables(sources, &solids)?);
+        write_identity(&solids, segments, &mut task.writer, progress)?;
+        clock.lap("identity");
+    }
+    let summary = task.finish(clock, progress)?;
+    Ok(Summary { segments: count, ..summary })
+}
+
+/// What the store says of beads. The names of features are those of all sources, one after the other.
+fn tables(sources: &[BeadSource<'_>], solids: &Solids) -> Result<BeadTables> {
+    let section =
+        |p: &Profile| SectionRow { half_width: p.half_width, half_height: p.half_height, axis: p.axis };
+    let mut tables =
+        BeadTables { sections: solids.profiles().iter().map(section).collect(), ..BeadTables::default() };
+    for (number, BeadSource { toolpath, features, .. }) in sources.iter().enumerate() {
+        let first = tables.features.len();
+        tables.features.extend_from_slice(features);
+        for bead in 0..toolpath.len() {
+            let Attributes { layer, tool, feature, lines, .. } = *toolpath.attributes(bead);
+            let at = first + usize::from(feature);
+            let feature = u16::try_from(at).ok().filter(|_| at < tables.features.len()).ok_or_else(|| {
+                Error::setting("the toolpaths have too many kinds of features", "build them separately")
+            })?;
+            tables.beads.push(BeadRow { source: number as u32, layer, tool, feature, lines });
+        }
+    }
+    Ok(tables)
+}
+
+/// The toolpaths of inputs.
+///
+/// # Errors
+/// [`Error::Input`] if one of them is a mesh.
+pub fn bead_sources(inputs: &[Input]) -> Result<Vec<BeadSource<'_>>> {
+    inputs.iter().map(bead_source).collect()
+}
+
+fn bead_source(input: &Input) -> Result<BeadSource<'_>> {
+    let Some(beads) = input.beads() else {
+        let what = "is a mesh, which has no beads";
+        return Err(Error::input(input.path(), input.describe(), what, "build from triangles instead"));
+    };
+    // No facet is made of the beads.
+    let source = Source { facets: 0, ..describe(input)? };
+    let features = beads.report.features.iter().map(|feature| feature.name.clone()).collect();
+    Ok(BeadSource { toolpath: beads.swept.toolpath(), source, features })
+}
+
+/// The box around all beads, in world coordinates.
+///
+/// # Errors
+/// [`Error::Input`] if a toolpath has no beads, or one that is not finite.
+pub fn bounds_of_sources(sources: &[BeadSource<'_>], outline: Outline) -> Result<([f64; 3], [f64; 3])> {
+    let mut all = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for BeadSource { toolpath, source, .. } in sources {
+        let path = Path::new(&source.path);
+        let (min, max) = bounds_of_beads(toolpath, outline).map_err(|bead| {
+            Error::input(
+                path,
+                format!("line {}", toolpath.attributes(bead).lines.0),
+                "a bead has a position or a section that is not finite",
+                "correct the line",
+            )
+        })?;
+        // The box around nothing is inside out.
+        if min[0] > max[0] {
+            let remedy = "give a toolpath that deposits something";
+            return Err(Error::input(path, &source.format, "has no beads", remedy));
+        }
+        for a in 0..3 {
+            all.0[a] = all.0[a].min(min[a]);
+            all.1[a] = all.1[a].max(max[a]);
+        }
+    }
+    Ok(all)
+}

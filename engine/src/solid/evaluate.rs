@@ -1,0 +1,288 @@
+//! Samples of one brick from the segments that touch it.
+//!
+//! A row of samples is a word of bits. The rows of a bead's segments are united, then added to bit-sliced
+//! counters: plane p holds bit p of w for every sample. So w counts beads, and a bead's own joints and turns
+//! count once.
+
+use super::hermite::{Boundary, Scene};
+use super::hidden;
+use super::segments::{Segment, Solids};
+use crate::brick::{Brick, Hermite, Samples, SignChanges};
+use crate::error::{Error, Result};
+use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Units};
+
+/// Samples along a row.
+const P: usize = BRICK_POINTS;
+/// Rows of a brick.
+const ROWS: usize = P * P;
+/// Planes of the counters: w ≤ 32,767.
+const PLANES_MAX: usize = 15;
+
+/// Where a brick's samples lie.
+#[derive(Clone, Copy)]
+pub(super) struct Lattice {
+    /// Position of sample (0, 0, 0).
+    pub origin: Units,
+    /// log₂ of the spacing.
+    pub shift: u32,
+}
+
+impl Lattice {
+    pub fn of(key: NodeKey) -> Lattice {
+        Lattice { origin: key.base().map(|b| b + 1), shift: key.spacing_bits() }
+    }
+
+    /// Coordinate of a sample along an axis, relative to a position.
+    #[inline]
+    pub fn offset(&self, from: Units, axis: usize, index: usize) -> f64 {
+        f64::from(self.origin[axis] + ((index as i32) << self.shift) - from[axis])
+    }
+
+    /// Index of the first sample along an axis that is not below the coordinate `t`, relative to the first
+    /// end of a segment: from 0 to 33, which stands for none.
+    #[inline]
+    pub fn first_from(&self, segment: &Segment, axis: usize, t: f64) -> usize {
+        self.index_from(ceil(t) + segment.a[axis], axis)
+    }
+
+    /// Index of the first sample along an axis that is not below a position.
+    #[inline]
+    fn index_from(&self, position: i32, axis: usize) -> usize {
+        let steps = (position - self.origin[axis] + (1 << self.shift) - 1) >> self.shift;
+        steps.clamp(0, P as i32) as usize
+    }
+
+    /// Indices along an axis of the samples within bounds.
+    #[inline]
+    pub fn within(&self, axis: usize, (min, max): (Units, Units)) -> std::ops::Range<usize> {
+        self.index_from(min[axis], axis)..self.index_from(max[axis] + 1, axis)
+    }
+}
+
+/// Smallest integer not below `t`, for |t| < 2^30.
+#[inline]
+fn ceil(t: f64) -> i32 {
+    let truncated = t as i32;
+    truncated + i32::from(f64::from(truncated) < t)
+}
+
+/// The samples of one row that a segment covers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Span {
+    /// Position of the segment in the brick's list.
+    pub position: u32,
+    /// k·33 + j.
+    pub row: u16,
+    /// First sample inside and first one beyond.
+    pub first: u8,
+    pub end: u8,
+    /// The interval of the row, relative to the segment's first end.
+    pub interval: (f64, f64),
+}
+
+impl Span {
+    /// Its samples as bits.
+    #[inline]
+    pub fn mask(self) -> u64 {
+        (1 << self.end) - (1 << self.first)
+    }
+}
+
+/// Working memory for evaluating bricks one after the other; one per thread.
+#[derive(Default)]
+pub struct SolidEvaluator {
+    /// Positions in the brick's list, bead by bead.
+    order: Vec<u32>,
+    spans: Vec<Span>,
+    /// Samples of the bead at hand, by row; all zero between beads.
+    bead: Vec<u64>,
+    /// Rows that the bead at hand meets.
+    touched: Vec<u16>,
+    /// Counters: plane by plane, each a word a row.
+    planes: Vec<[u64; ROWS]>,
+    boundary: Boundary,
+}
+
+/// The samples of one brick, and its spans until the evaluator is used again.
+pub struct SolidEvaluation<'a> {
+    /// For each of the 33³ samples, how many beads cover it.
+    pub samples: Samples,
+    signs: SignChanges,
+    lattice: Lattice,
+    solids: &'a Solids,
+    list: SegmentList<'a>,
+    evaluator: &'a mut SolidEvaluator,
+}
+
+/// The segments of a brick: some of an array, by index.
+#[derive(Clone, Copy)]
+pub struct SegmentList<'a> {
+    /// All of them.
+    pub array: &'a [Segment],
+    /// Those that touch the brick.
+    pub indices: &'a [u32],
+}
+
+impl<'a> SegmentList<'a> {
+    #[inline]
+    pub(super) fn get(&self, position: u32) -> &'a Segment {
+        &self.array[self.indices[position as usize] as usize]
+    }
+}
+
+impl SolidEvaluator {
+    /// Evaluates the 33³ samples of `key` from all segments that touch the closed cube from sample 0 to
+    /// sample 32; others are ignored.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if more than 32,767 beads cover a sample.
+    pub fn evaluate<'a>(
+        &'a mut self,
+        solids: &'a Solids,
+        key: NodeKey,
+        list: SegmentList<'a>,
+    ) -> Result<SolidEvaluation<'a>> {
+        let lattice = Lattice::of(key);
+        self.spans.clear();
+        self.planes.clear();
+        self.bead.resize(ROWS, 0);
+        self.order.clear();
+        self.order.extend(0..list.indices.len() as u32);
+        self.order.sort_by_key(|&position| list.get(position).bead);
+        let order = std::mem::take(&mut self.order);
+        let mut fits = true;
+        for bead in order.chunk_by(|&p, &q| list.get(p).bead == list.get(q).bead) {
+            for &position in bead {
+                self.fill(solids, lattice, list.get(position), position);
+            }
+            fits &= self.count();
+        }
+        self.order = order;
+        if !fits {
+            return Err(Error::setting(
+                format!("more than {} beads overlap in brick {key}", i16::MAX),
+                "remove repeated layers from the toolpath",
+            ));
+        }
+        let mut samples = Samples::filled(0);
+        let mut signs = SignChanges::outside();
+        self.expand(&mut samples, &mut signs);
+        Ok(SolidEvaluation { samples, signs, lattice, solids, list, evaluator: self })
+    }
+
+    /// Adds the rows of a segment to those of its bead.
+    fn fill(&mut self, solids: &Solids, lattice: Lattice, segment: &Segment, position: u32) {
+        let body = solids.body(segment);
+        let bounds = solids.bounds(segment);
+        let js = lattice.within(1, bounds);
+        for k in lattice.within(2, bounds) {
+            let z = lattice.offset(segment.a, 2, k);
+            let half_width = match body.is_flat().then(|| body.half_width_at(z)) {
+                Some(None) => continue,
+                Some(half_width) => half_width,
+                None => None,
+            };
+            for j in js.clone() {
+                let y = lattice.offset(segment.a, 1, j);
+                let interval = match half_width {
+                    Some(half_width) => body.flat_line([0, 1], half_width, y),
+                    None => body.line(0, [0.0, y, z]),
+                };
+                if let Some(interval) = interval {
+                    self.add_span(lattice, segment, position, k * P + j, interval);
+                }
+            }
+        }
+    }
+
+    /// The rule that decides every sample: inside from the first end of its row's interval, itself included,
+    /// to the last, itself excluded.
+    #[inline]
+    fn add_span(
+        &mut self,
+        lattice: Lattice,
+        segment: &Segment,
+        position: u32,
+        row: usize,
+        interval: (f64, f64),
+    ) {
+        let first = lattice.first_from(segment, 0, interval.0) as u8;
+        let end = lattice.first_from(segment, 0, interval.1) as u8;
+        if first < end {
+            let span = Span { position, row: row as u16, first, end, interval };
+            if self.bead[row] == 0 {
+                self.touched.push(row as u16);
+            }
+            self.bead[row] |= span.mask();
+            self.spans.push(span);
+        }
+    }
+
+    /// Adds the bead at hand to the counters and forgets it; false if a counter overflows.
+    fn count(&mut self) -> bool {
+        let mut fits = true;
+        for row in self.touched.drain(..).map(usize::from) {
+            let mut carry = std::mem::take(&mut self.bead[row]);
+            for plane in 0.. {
+                if carry == 0 {
+                    break;
+                }
+                if plane == self.planes.len() {
+                    if plane == PLANES_MAX {
+                        fits = false;
+                        break;
+                    }
+                    self.planes.push([0; ROWS]);
+                }
+                let word = &mut self.planes[plane][row];
+                (*word, carry) = (*word ^ carry, *word & carry);
+            }
+        }
+        fits
+    }
+
+    /// The counters as numbers, stepping from change to change.
+    fn expand(&self, samples: &mut Samples, signs: &mut SignChanges) {
+        for row in 0..ROWS {
+            let inside = self.planes.iter().fold(0, |bits, plane| bits | plane[row]);
+            if inside == 0 {
+                continue;
+            }
+            signs.set_row(row % P, row / P, inside);
+            // Bit i is set where sample i differs from the one before; that before the first is 0.
+            let mut changes = self.planes.iter().fold(0, |bits, plane| bits | (plane[row] ^ plane[row] << 1));
+            changes &= (1 << P) - 1;
+            while changes != 0 {
+                let i = changes.trailing_zeros() as usize;
+                changes &= changes - 1;
+                let bit = |(p, plane): (usize, &[u64; ROWS])| (plane[row] >> i & 1) << p;
+                let w = self.planes.iter().enumerate().map(bit).sum::<u64>() as i16;
+                samples.0[row * P + i..(row + 1) * P].fill(w);
+            }
+        }
+    }
+}
+
+impl SolidEvaluation<'_> {
+    /// Whether a bead or a gap between beads lies between two samples of a lattice edge.
+    pub fn has_hidden_crossings(&mut self) -> bool {
+        Axis::ALL.iter().any(|axis| hidden::crossings(self.solids, self.lattice, self.list, axis.index()))
+    }
+
+    /// Whether the boundary of the union crosses a lattice edge more than once.
+    pub fn has_hidden_boundary(&mut self) -> bool {
+        Axis::ALL.iter().any(|axis| hidden::boundary(self.solids, self.lattice, self.list, axis.index()))
+    }
+
+    /// Turns the samples into a leaf's brick with its Hermite edges.
+    pub fn into_leaf(self) -> Brick {
+        let SolidEvaluation { samples, signs, lattice, solids, list, evaluator } = self;
+        let first = samples.0[0];
+        if samples.0.iter().all(|&w| w == first) {
+            return Brick::Uniform(first);
+        }
+        let SolidEvaluator { spans, boundary, .. } = evaluator;
+        let edges = boundary.edges(Scene { lattice, solids, list }, &signs, spans);
+        Brick::Counts { samples, hermite: Hermite { edges } }
+    }
+}

@@ -1,0 +1,102 @@
+//! Walls and gaps between samples, which the samples do not show.
+
+use super::evaluate::{Lattice, SegmentList};
+use super::segments::Solids;
+use crate::lattice::BRICK_POINTS;
+
+/// Samples along a row.
+const P: usize = BRICK_POINTS;
+
+/// What a segment covers of a line, between samples too.
+#[derive(Clone, Copy)]
+struct Reach {
+    /// The line among the 33² of an axis.
+    line: u16,
+    bead: u32,
+    /// Its interval, in units from sample 0.
+    from: f64,
+    to: f64,
+    /// Indices of the first samples that are not below the two ends, 33 for none.
+    first: u8,
+    end: u8,
+}
+
+/// The intervals of all segments on all lines along `axis`.
+fn reaches(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> Vec<Reach> {
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut out = Vec::new();
+    for position in 0..list.indices.len() as u32 {
+        let segment = list.get(position);
+        let body = solids.body(segment);
+        let bounds = solids.bounds(segment);
+        for in_v in lattice.within(v, bounds) {
+            for in_u in lattice.within(u, bounds) {
+                let mut at = [0.0; 3];
+                at[u] = lattice.offset(segment.a, u, in_u);
+                at[v] = lattice.offset(segment.a, v, in_v);
+                let Some((from, to)) = body.line(axis, at) else { continue };
+                let shift = f64::from(segment.a[axis] - lattice.origin[axis]);
+                out.push(Reach {
+                    line: (in_v * P + in_u) as u16,
+                    bead: segment.bead,
+                    from: from + shift,
+                    to: to + shift,
+                    first: lattice.first_from(segment, axis, from) as u8,
+                    end: lattice.first_from(segment, axis, to) as u8,
+                });
+            }
+        }
+    }
+    out
+}
+
+/// Unites overlapping intervals of sorted ones.
+fn unite(sorted: &[Reach], mut each: impl FnMut(Reach)) {
+    let mut united = sorted[0];
+    for next in &sorted[1..] {
+        if next.from <= united.to {
+            if next.to > united.to {
+                (united.to, united.end) = (next.to, next.end);
+            }
+        } else {
+            each(united);
+            united = *next;
+        }
+    }
+    each(united);
+}
+
+/// The bit of the edge that ends at a sample, none for those outside the brick.
+fn edge_before(sample: u8) -> u64 {
+    if (1..P as u8).contains(&sample) { 1 << sample } else { 0 }
+}
+
+/// Whether a lattice edge along `axis` holds both an entry into a bead and an exit from one.
+pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
+    let mut all = reaches(solids, lattice, list, axis);
+    all.sort_unstable_by(|p, q| (p.line, p.bead).cmp(&(q.line, q.bead)).then(p.from.total_cmp(&q.from)));
+    all.chunk_by(|p, q| p.line == q.line).any(|line| {
+        let (mut entries, mut exits) = (0, 0);
+        for bead in line.chunk_by(|p, q| p.bead == q.bead) {
+            unite(bead, |united| {
+                entries |= edge_before(united.first);
+                exits |= edge_before(united.end);
+            });
+        }
+        entries & exits != 0
+    })
+}
+
+/// Whether an edge along `axis` holds a wall of the union with both faces, or a gap.
+pub(super) fn boundary(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
+    let mut all = reaches(solids, lattice, list, axis);
+    all.sort_unstable_by(|p, q| p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)));
+    all.chunk_by(|p, q| p.line == q.line).any(|line| {
+        let (mut entries, mut exits) = (0, 0);
+        unite(line, |united| {
+            entries |= edge_before(united.first);
+            exits |= edge_before(united.end);
+        });
+        entries & exits != 0
+    })
+}

@@ -1,0 +1,23 @@
+//! Beads as analytic solids: the union is sampled straight from the toolpath, without triangles (Peelar et al.
+//! 2019, §7.6).
+//!
+//! A segment of a bead is a convex solid with an exact formula (`body`), so every lattice line meets it in one
+//! interval. *One* rule decides whether a sample is inside: the interval of its x row, a pure function of
+//! integers and of the section. Everything else, the brick, its neighbours, all levels and threads, follows
+//! from that and agrees by construction.
+
+mod body;
+mod evaluate;
+mod hermite;
+mod hidden;
+mod points;
+mod profile;
+mod segments;
+#[cfg(test)]
+mod tests;
+
+pub use body::Body;
+pub use evaluate::{SegmentList, SolidEvaluation, SolidEvaluator};
+pub use points::{beads_at, brute_beads_at};
+pub use profile::{Outline, Profile};
+pub use segments::{Segment, Solids, bounds_of_beads};
