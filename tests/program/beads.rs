@@ -156,7 +156,7 @@ fn points_are_asked_of_packed_toolpaths_and_of_any_section() {
     let store = dir.path("ladder.brf");
     let packed = gcode("thinwall_ladder_prusaslicer.gcode.gz");
     let json = json_with_warnings(&[&"build", &packed, &"-o", &store, &"--depth", &"1", &"--json"]);
-    assert!(json["segments"].as_u64().unwrap() > 10_000);
+    assert!(json["segments"].as_u64().unwrap() > 1000);
 }
 
 #[test]
