@@ -50,7 +50,7 @@ Examples:
   brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl
   brickfield build part.gcode -o part.brf --skip Skirt/Brim")]
 pub struct BuildArgs {
-    /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz
+    /// Toolpaths: G-code, also as .gz or .xz; meshes: STL (binary, ASCII), OBJ, PLY, X3D Extrusions
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The store to write
@@ -87,8 +87,7 @@ pub struct BuildArgs {
     pub units: Unit,
     /// Memory to stay within, as in 4GiB: a build that needs more is refused before it starts, and --mesh
     /// keeps its caches within half of it. This version holds all facets in memory: 60 bytes each, 100 with
-    /// --stddev or another --refine. By
-    /// default, what the machine has
+    /// --stddev or another --refine. By default, what the machine has
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,
     /// Also write the boundary mesh, w = 0.5, as .stl, .ply or .obj

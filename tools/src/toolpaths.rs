@@ -160,24 +160,24 @@ impl ToolpathReport {
             lines.push(format!(
                 "beads have {off:+.1} % of volume against what E feeds; check --filament{}, --width, --height \
                  and --section",
-                self.filament()
+                self.filament(" (now ", ")")
             ));
         }
         lines.into_iter().map(|line| format!("{}: {line}", self.path)).collect()
     }
 
-    /// The diameters in use, in parentheses.
-    fn filament(&self) -> String {
+    /// The diameters in use, between these words; nothing if there are none.
+    fn filament(&self, before: &str, after: &str) -> String {
         let mut diameters: Vec<String> =
             self.details.filament_diameters.iter().map(|d| format!("{d} mm")).collect();
         diameters.dedup();
-        if diameters.is_empty() { String::new() } else { format!(" (now {})", diameters.join(", ")) }
+        if diameters.is_empty() { String::new() } else { format!("{before}{}{after}", diameters.join(", ")) }
     }
 
     /// Volume fed and volume of beads, for people.
     pub fn text(&self) -> String {
         let fed = match self.fed_volume {
-            Some(fed) => format!("{fed:.3} mm³ fed{}", self.filament()),
+            Some(fed) => format!("{fed:.3} mm³ fed{}", self.filament(" by a filament of ", "")),
             None => "no E".to_owned(),
         };
         let GcodeReport { beads, layers, segments, .. } = &self.details;

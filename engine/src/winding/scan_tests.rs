@@ -70,6 +70,16 @@ proptest! {
         prop_assert_eq!(scanned::<2>(&t, block), reference::<2>(&t, block));
     }
 
+    /// One cell twice as large as the root, as for single points, whose lines pass through many edges.
+    #[test]
+    fn a_huge_cell_matches_the_perturbed_reference(t in prop::array::uniform3(prop::array::uniform3(-3i32..3))) {
+        let t = t.map(|v| v.map(|c| 2 * c + 1));
+        let block = Block { shift: 25, last: 1 };
+        prop_assert_eq!(scanned::<0>(&t, block), reference::<0>(&t, block));
+        prop_assert_eq!(scanned::<1>(&t, block), reference::<1>(&t, block));
+        prop_assert_eq!(scanned::<2>(&t, block), reference::<2>(&t, block));
+    }
+
     #[test]
     fn fast_and_exact_location_agree(t in prop::array::uniform3(prop::array::uniform3(-(1i32 << 22)..1 << 22)),
                                      shift in 3u32..26) {
