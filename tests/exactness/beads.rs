@@ -156,6 +156,8 @@ fn samples_are_the_beads_around_them() {
         ("dialect_torture.gcode", 4, 10_000),
         ("large_format.gcode", 4, 10_000),
         ("spot40_relE_prusaslicer.gcode.xz", 3, 1000),
+        ("void_ladder_prusaslicer.gcode.gz", 4, 1000),
+        ("clover_cura.gcode.xz", 3, 300),
     ] {
         let input = open(name);
         let path = toolpath(&input);
@@ -164,6 +166,37 @@ fn samples_are_the_beads_around_them() {
             .unwrap_or_else(|e| panic!("{name}: {e}"));
         let undecided = compare(path, &tree, samples, 1);
         assert!(undecided <= samples / 50, "{name}: {undecided} undecided of {samples}");
+    }
+}
+
+#[test]
+fn every_sample_of_coarse_trees_is_the_beads_around_it() {
+    for (name, depth) in [
+        ("dialect_torture.gcode", 1),
+        ("five_axis_ded.gcode", 1),
+        ("large_format.gcode", 1),
+        ("nonplanar.gcode", 0),
+    ] {
+        let input = open(name);
+        let path = toolpath(&input);
+        let root = root_of(path);
+        let lattice_unit = root.edge / f64::from(1u32 << 24);
+        let options = TreeOptions { depth, ..Default::default() };
+        let tree = build_beads_in_memory(&[path], Outline::Stadium, root, options)
+            .unwrap_or_else(|e| panic!("{name}: {e}"));
+        let (mut all, mut undecided) = (0, 0);
+        for key in nodes(&tree) {
+            let brick = tree.brick(key).unwrap_or_else(|e| panic!("{e}"));
+            for ijk in (0..33 * 33 * 33).map(|i| [i % 33, i / 33 % 33, i / (33 * 33)]) {
+                all += 1;
+                let p = position(root, key, ijk);
+                match oracle(path, p, lattice_unit) {
+                    Some(w) => assert_eq!(i64::from(brick.sample(ijk)), w, "{name} {key} {ijk:?} at {p:?}"),
+                    None => undecided += 1,
+                }
+            }
+        }
+        assert!(undecided <= all / 100, "{name}: {undecided} undecided of {all}");
     }
 }
 
