@@ -5,7 +5,8 @@
 //! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one rule for
 //! cutting a face, so the mesh is closed, oriented, edge-manifold and vertex-manifold by construction, for
 //! any signs and any tree. Two passes over the leaves in Morton order: the first makes the vertices, the
-//! second the triangles; the mesh is never in memory as a whole.
+//! second the triangles; the mesh is never in memory as a whole. A sink that shares no vertices gets by with one
+//! pass, so that cells too many for the cache are not made twice.
 //!
 //! | file | owns |
 //! |---|---|
@@ -43,7 +44,9 @@ use crate::progress::Progress;
 use crate::store::BrickTree;
 use cells::BrickCells;
 use field::Field;
+use polygons::LeafFacets;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 use surface::Level;
 
@@ -89,12 +92,12 @@ pub struct MeshSummary {
 const LEAVES_PER_THREAD: usize = 16;
 
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
-/// finished. The same tree gives the same calls for any number of threads.
+/// finished; without the vertices if it does not share them. The same tree gives the same calls for any number of threads.
 ///
 /// # Errors
 ///
 /// [`Error::Setting`] if `iso` is not a finite number above 0, if the tree contradicts itself or if there are
-/// more than 2^32 − 1 vertices; [`Error::Interrupted`] when `progress` says so; what reading the tree and
+/// more than 2^32 − 1 shared vertices; [`Error::Interrupted`] when `progress` says so; what reading the tree and
 /// writing to the sink give.
 pub fn contour(
     tree: &dyn BrickTree,
@@ -107,8 +110,12 @@ pub fn contour(
     let field = Field::new(tree, level, options.level, options.cache_bytes)?;
     require_resolution(tree, options.level)?;
     let mut summary = MeshSummary::default();
-    let first_vertex = vertices(&field, sink, progress, &mut summary)?;
-    triangles(&field, &first_vertex, sink, progress, &mut summary)?;
+    if sink.shares_vertices() {
+        let first_vertex = vertices(&field, sink, progress, &mut summary)?;
+        triangles(&field, &first_vertex, sink, progress, &mut summary)?;
+    } else {
+        lone_triangles(&field, sink, progress, &mut summary)?;
+    }
     sink.finish()?;
     Ok(summary)
 }
@@ -167,23 +174,14 @@ fn vertices(
     in_order(
         field.leaves.len(),
         progress,
-        |leaf| field.cells(leaf),
+        |leaves| each(leaves, |leaf| field.cells(leaf)),
         |cells: Arc<BrickCells>| {
             sink.vertices(&cells.positions)?;
-            summary.vertices += cells.len() as u64;
-            summary.split_faces += cells.split_faces;
-            summary.mixed_cells += cells.mixed_cells();
-            for p in &cells.positions {
-                let [low, high] = summary.bounds.get_or_insert([*p; 2]);
-                for a in 0..3 {
-                    low[a] = low[a].min(p[a]);
-                    high[a] = high[a].max(p[a]);
-                }
-            }
+            summary.add_cells(&cells);
             first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
                 Error::setting(
                     "the mesh has more than 2^32 - 1 vertices",
-                    "choose a coarser level with --level",
+                    "write .stl, which does not number them, or choose a coarser level with --level",
                 )
             })?);
             Ok(())
@@ -201,28 +199,77 @@ fn triangles(
     summary: &mut MeshSummary,
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
-    let facets = |leaf| polygons::leaf_facets(field, leaf, first_vertex);
-    in_order(field.leaves.len(), progress, facets, |leaf| {
+    let facets = |leaf| polygons::leaf_facets(field, leaf, Some(first_vertex));
+    in_order(
+        field.leaves.len(),
+        progress,
+        |leaves| each(leaves, facets),
+        |leaf| {
+            sink.triangles(&leaf.facets)?;
+            summary.add_facets(&leaf);
+            Ok(())
+        },
+    )
+}
+
+/// Both passes in one, for a sink that shares no vertices. A leaf's polygons need the cells of the leaves below it,
+/// which come before it, and of coarser ones: those of a batch are made before its triangles, so that no two
+/// threads make the same.
+fn lone_triangles(
+    field: &Field,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+    summary: &mut MeshSummary,
+) -> Result<()> {
+    progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
+    let make = |leaves: Range<u32>| {
+        let cells = each(leaves.clone(), |leaf| field.cells(leaf));
+        let facets = each(leaves, |leaf| polygons::leaf_facets(field, leaf, None));
+        cells.into_iter().zip(facets).map(|(cells, facets)| Ok((cells?, facets?))).collect()
+    };
+    in_order(field.leaves.len(), progress, make, |(cells, leaf)| {
         sink.triangles(&leaf.facets)?;
-        summary.triangles += leaf.facets.len() as u64;
-        summary.area += leaf.area;
-        summary.volume += leaf.volume;
+        summary.add_cells(&cells);
+        summary.add_facets(&leaf);
         Ok(())
     })
 }
 
-/// Makes one item per leaf in parallel and uses them in order; while one batch is used the next is made.
+impl MeshSummary {
+    fn add_cells(&mut self, cells: &BrickCells) {
+        self.vertices += cells.len() as u64;
+        self.split_faces += cells.split_faces;
+        self.mixed_cells += cells.mixed_cells();
+        for p in &cells.positions {
+            let [low, high] = self.bounds.get_or_insert([*p; 2]);
+            for a in 0..3 {
+                low[a] = low[a].min(p[a]);
+                high[a] = high[a].max(p[a]);
+            }
+        }
+    }
+
+    fn add_facets(&mut self, leaf: &LeafFacets) {
+        self.triangles += leaf.facets.len() as u64;
+        self.area += leaf.area;
+        self.volume += leaf.volume;
+    }
+}
+
+/// One item per leaf, made in parallel.
+fn each<T: Send>(leaves: Range<u32>, make: impl Fn(u32) -> Result<T> + Sync) -> Vec<Result<T>> {
+    leaves.into_par_iter().with_max_len(1).map(&make).collect()
+}
+
+/// Makes batches of one item per leaf and uses the items in order; while one batch is used the next is made.
 fn in_order<T: Send>(
     leaves: usize,
     progress: &dyn Progress,
-    make: impl Fn(u32) -> Result<T> + Sync,
+    make: impl Fn(Range<u32>) -> Vec<Result<T>> + Sync,
     mut use_item: impl FnMut(T) -> Result<()> + Send,
 ) -> Result<()> {
     let batch = LEAVES_PER_THREAD * rayon::current_num_threads();
-    let make_batch = |start: usize| -> Vec<Result<T>> {
-        let leaves = start as u32..(start + batch).min(leaves) as u32;
-        leaves.into_par_iter().with_max_len(1).map(&make).collect()
-    };
+    let make_batch = |start: usize| make(start as u32..(start + batch).min(leaves) as u32);
     let mut made = make_batch(0);
     let mut start = 0;
     while start < leaves {

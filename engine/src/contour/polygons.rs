@@ -23,7 +23,8 @@ use std::sync::Arc;
 /// One triangle of the mesh, counter-clockwise seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Facet {
-    /// Numbers of the corners in the order in which vertices were handed to the sink.
+    /// Numbers of the corners in the order in which vertices were handed to the sink; without meaning for a
+    /// sink that shares none.
     pub ids: [u32; 3],
     /// World positions of the corners.
     pub corners: [[f32; 3]; 3],
@@ -39,8 +40,8 @@ pub(super) struct LeafFacets {
     pub volume: f64,
 }
 
-/// The triangles of `leaf`; `first_vertex` holds the number of each leaf's first vertex.
-pub(super) fn leaf_facets(field: &Field, leaf: u32, first_vertex: &[u32]) -> Result<LeafFacets> {
+/// The triangles of `leaf`; `first_vertex` holds the number of each leaf's first vertex, if numbers are wanted.
+pub(super) fn leaf_facets(field: &Field, leaf: u32, first_vertex: Option<&[u32]>) -> Result<LeafFacets> {
     let cells = field.cells(leaf)?;
     let Some(signs) = &cells.signs else { return Ok(LeafFacets::default()) };
     let key = field.leaves.get(leaf).key;
@@ -126,7 +127,7 @@ struct Maker<'a> {
     leaf: u32,
     key: NodeKey,
     around: Around,
-    first_vertex: &'a [u32],
+    first_vertex: Option<&'a [u32]>,
     /// The loops of plain cells by corner mask.
     table: &'static [CellLoops; 256],
     /// Cells of the leaf itself and of its neighbours by direction, fetched when needed.
@@ -135,6 +136,11 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
+    #[inline]
+    fn first_vertex(&self, leaf: u32) -> u32 {
+        self.first_vertex.map_or(0, |first| first[leaf as usize])
+    }
+
     /// All edges along `axis` whose lower samples lie in the row (j, k) and that this leaf owns.
     fn row(&mut self, axis: Axis, j: usize, k: usize, cells: &BrickCells, signs: &SignChanges) -> Result<()> {
         let mut bits = signs.edges(axis, j, k);
@@ -177,7 +183,7 @@ impl Maker<'_> {
         if ambiguous != 0 {
             return false;
         }
-        let first = self.first_vertex[self.leaf as usize];
+        let first = self.first_vertex(self.leaf);
         let corners = polygon.map(|vertex| (first + vertex, cells.positions[vertex as usize]));
         let [a, b, c, d] = corners;
         let is_first = shorter(&corners.map(|corner| corner.1), true, true);
@@ -281,7 +287,7 @@ impl Maker<'_> {
     }
 
     fn corner(&self, quadrant: &Quadrant<'_>, vertex: u32, is_extra: bool, is_finest: bool) -> Corner {
-        let id = self.first_vertex[quadrant.leaf as usize] + vertex;
+        let id = self.first_vertex(quadrant.leaf) + vertex;
         Corner { id, position: quadrant.cells.positions[vertex as usize], is_finest, is_extra }
     }
 

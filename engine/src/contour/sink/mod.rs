@@ -11,6 +11,11 @@ use std::path::Path;
 
 /// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`].
 pub trait MeshSink: Send {
+    /// Whether triangles name vertices by number. If not, no vertices are handed over, and the numbers in
+    /// [`Facet::ids`] mean nothing.
+    fn shares_vertices(&self) -> bool {
+        true
+    }
     /// The next vertices, world positions; the first one ever has number 0.
     fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()>;
     /// The next triangles. Their numbers are those of vertices received before.

@@ -30,6 +30,10 @@ impl StlSink {
 }
 
 impl MeshSink for StlSink {
+    fn shares_vertices(&self) -> bool {
+        false
+    }
+
     fn vertices(&mut self, _positions: &[[f32; 3]]) -> Result<()> {
         Ok(())
     }

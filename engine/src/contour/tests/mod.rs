@@ -390,6 +390,29 @@ fn threads_and_cache_do_not_change_the_mesh() {
         let options = ContourOptions { cache_bytes, ..Default::default() };
         let (other, again) = pool.install(|| mesh(&tree, &options));
         assert!(other == expected && again == summary, "{threads} threads");
+        let mut lone = Lone::default();
+        let again = pool.install(|| contour(&tree, &options, &mut lone, &Silent).unwrap());
+        let is_same = lone.0.iter().copied().eq(expected.facets.iter().map(|f| f.corners));
+        assert!(is_same && again == summary, "{threads} threads, vertices not shared");
+    }
+}
+
+/// Triangles of a sink that shares no vertices.
+#[derive(Default)]
+struct Lone(Vec<[[f32; 3]; 3]>);
+impl MeshSink for Lone {
+    fn shares_vertices(&self) -> bool {
+        false
+    }
+    fn vertices(&mut self, _: &[[f32; 3]]) -> Result<()> {
+        unreachable!("none are wanted")
+    }
+    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+        self.0.extend(facets.iter().map(|f| f.corners));
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
     }
 }
 
