@@ -24,6 +24,8 @@ mod piles;
 mod points;
 #[path = "exactness/refine.rs"]
 mod refine;
+#[path = "exactness/resources.rs"]
+mod resources;
 #[path = "exactness/scene.rs"]
 mod scene;
 #[path = "exactness/tree.rs"]

@@ -11,6 +11,7 @@ mod program {
     mod mesh;
     mod open;
     mod points;
+    mod resources;
     mod shell;
     mod signals;
     mod store;

@@ -8,7 +8,7 @@
 use brickfield_bench_data::pile::bead_pile;
 use brickfield_bench_data::write::StlWriter;
 use brickfield_engine::analysis::{Dense, Element};
-use brickfield_engine::build::{BuildOptions, Resolution, Summary, build};
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build};
 use brickfield_engine::contour::{ContourOptions, contour, create_sink};
 use brickfield_engine::ingest::{Facet, Input, runs};
 use brickfield_engine::lattice::RootCube;
@@ -100,6 +100,7 @@ fn read_and_snap(path: &Path) -> Result<i64> {
 fn build_to(input: &Path, output: &Path, depth: u8) -> Result<Summary> {
     let options = BuildOptions {
         gwn_error: 1e-3,
+        resources: Resources::default(),
         resolution: Resolution::Depth(depth),
         refine: Refine::Hidden,
         stddev: 0.0,

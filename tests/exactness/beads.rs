@@ -10,7 +10,7 @@ use brickfield_engine::Silent;
 use brickfield_engine::analysis::{beads_at_points, sample_at, volume};
 use brickfield_engine::bead::{Sweep, SweepOptions, Swept};
 use brickfield_engine::build::{
-    BuildOptions, Resolution, TreeOptions, bead_sources, bounds_of_sources, build_beads_in_memory,
+    BuildOptions, Resolution, Resources, TreeOptions, bead_sources, bounds_of_sources, build_beads_in_memory,
     build_in_memory, build_opened,
 };
 use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour};
@@ -234,6 +234,7 @@ fn points_count_as_samples_do_and_as_formulas_say() {
 fn options(depth: u8) -> BuildOptions {
     BuildOptions {
         gwn_error: 1e-3,
+        resources: Resources::default(),
         resolution: Resolution::Depth(depth),
         refine: Refine::Hidden,
         stddev: 0.0,

@@ -89,7 +89,7 @@ fn too_little_memory_is_said_before_the_work() {
     let dir = Scratch::new();
     let (input, out) = (stl("clover_beads"), dir.path("o.brf"));
     let line = run(&[&"build", &input, &"-o", &out, &"--memory", &"20MiB"]).failed();
-    assert!(line.contains("--memory allows 20.0 MiB"), "{line}");
+    assert!(line.contains("20.0 MiB are allowed; allow more with --memory"), "{line}");
     assert!(dir.names().is_empty());
     run(&[&"build", &input, &"-o", &out, &"--depth", &"2", &"--memory", &"1GiB", &"--threads", &"1"]).ok();
 }

@@ -37,6 +37,20 @@ pub struct WorkArgs {
     /// Show no progress and no summary; results are printed
     #[arg(long, short)]
     pub quiet: bool,
+    /// How to show progress on standard error
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum ProgressArg {
+    /// Bars, where standard error is a terminal
+    #[default]
+    Auto,
+    /// A JSON object a line, as each phase begins and ends and once a second: phase, unit, done, total, seconds,
+    /// rate, left, ended. Messages on standard error never begin with a brace
+    Json,
 }
 
 /// Build a store from meshes and toolpaths, all of them together as one soup
@@ -85,11 +99,14 @@ pub struct BuildArgs {
     /// The unit of the input's coordinates; toolpaths are in mm whatever they say
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub units: Unit,
-    /// Memory to stay within, as in 4GiB: a build that needs more is refused before it starts, and --mesh
-    /// keeps its caches within half of it. This version holds all facets in memory: 60 bytes each, 100 with
-    /// --stddev or another --refine. By default, what the machine has
+    /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
+    /// meshes that do not fit go to a temporary file. Toolpaths as solids, open meshes, and what --stddev or another
+    /// --refine decides stay in memory, and are refused if they do not fit
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,
+    /// Folder of the temporary file, which has no name there and vanishes with the program; the output's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
     /// Also write the boundary mesh, w = 0.5, as .stl, .ply or .obj
     #[arg(long, value_name = "OUT")]
     pub mesh: Option<PathBuf>,
@@ -102,6 +119,9 @@ pub struct BuildArgs {
     /// Show no progress and no summary (--json still prints)
     #[arg(long, short)]
     pub quiet: bool,
+    /// How to show progress on standard error
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }

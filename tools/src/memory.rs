@@ -8,11 +8,8 @@ use brickfield_engine::store::Refine;
 use std::fs;
 use std::path::Path;
 
-/// A build that follows the facets keeps them snapped, 36 bytes each, repeated where they touch several parts
-/// of the tree, and sorted by lists. Measured on 3 million facets of beads: 46 bytes a facet at depth 4.
-const BYTES_A_FACET_FOLLOWED: u64 = 60;
-/// A build that decides brick by brick whether to divide holds the facets of two levels at once: 90 bytes a
-/// facet in the same measurement.
+/// A build that decides brick by brick whether to divide holds the facets of two levels at once: 90 bytes a facet,
+/// measured on 3 million facets of beads at depth 4.
 const BYTES_A_FACET_DECIDED: u64 = 100;
 /// Beads as solids: 32 bytes a segment, twice while they are sorted. Measured on 849,000 segments at depth 6: 60
 /// bytes a segment beside the toolpath.
@@ -21,46 +18,48 @@ const BYTES_A_SEGMENT_FOLLOWED: u64 = 120;
 const BYTES_A_SEGMENT_DECIDED: u64 = 480;
 /// What telling beads apart adds: the segments of two levels again.
 const BYTES_A_SEGMENT_IDENTIFIED: u64 = 120;
-/// What a thread needs beside: bricks in work and one part's facets again.
-const BYTES_A_THREAD: u64 = 24 << 20;
-/// Buffers, the program, its index.
-const BYTES_FIXED: u64 = 64 << 20;
+/// What a thread needs beside pieces and records: a brick in work, its crossings, tables.
+const BYTES_A_THREAD: u64 = 8 << 20;
+/// Buffers, the program, what the allocator cannot return.
+const BYTES_FIXED: u64 = 48 << 20;
+/// Least for pieces and records.
+const BYTES_TO_WORK_WITH: u64 = 16 << 20;
 
-/// Refuses a build that would need more memory than `limit` or, without one, than there is.
-pub fn require_room(inputs: &[Input], options: &BuildOptions, limit: Option<Size>) -> Result<(), Failure> {
-    let need = estimate(inputs, options, rayon::current_num_threads());
-    let (pieces, kind) = match options.solids {
-        Some(_) => (segments(inputs), "segments"),
-        None => (inputs.iter().map(Input::facets).sum(), "facets"),
-    };
-    let refuse = |room: Size, place: &str, remedy: &str| {
-        Err(Failure::Run(anyhow::anyhow!(
-            "{pieces} {kind} need about {need} of memory and {place} {room}; {remedy}"
-        )))
-    };
-    match (limit, available()) {
-        (Some(limit), _) if need > limit => {
-            refuse(limit, "--memory allows", "allow more, or build parts of the input separately")
-        }
-        (None, Some(room)) if need > room => {
-            refuse(room, "this machine has", "use a larger one, or set --memory to build regardless")
-        }
-        _ => Ok(()),
-    }
+/// The memory that a build may take: `limit`, or half of what there is.
+pub fn budget(limit: Option<Size>) -> Option<Size> {
+    limit.or_else(|| available().map(|size| Size(size.0 / 2)))
 }
 
-fn estimate(inputs: &[Input], options: &BuildOptions, threads: usize) -> Size {
-    let follows = options.refine == Refine::Hidden && options.stddev == 0.0;
+/// What is left of `budget` for pieces and records; fails if that is too little.
+pub fn require_room(inputs: &[Input], options: &BuildOptions, budget: Option<Size>) -> Result<u64, Failure> {
+    let Some(budget) = budget else { return Ok(u64::MAX) };
     let parsed: u64 = inputs.iter().map(Input::heap_bytes).sum();
-    let fixed = BYTES_FIXED + threads as u64 * BYTES_A_THREAD + parsed;
+    let beside = BYTES_FIXED + rayon::current_num_threads() as u64 * BYTES_A_THREAD + parsed;
+    let (need, of_what) = pieces(inputs, options);
+    if beside + need <= budget.0 {
+        return Ok(budget.0 - beside);
+    }
+    let parsed =
+        if parsed > 0 { format!(", {} of them for what was parsed", Size(parsed)) } else { String::new() };
+    Err(Failure::Run(anyhow::anyhow!(
+        "{of_what} need at least {}{parsed}, and {budget} are allowed; allow more with --memory, or build parts of the \
+         input separately",
+        Size(beside + need)
+    )))
+}
+
+/// What pieces need that have to be in memory, and what they are.
+fn pieces(inputs: &[Input], options: &BuildOptions) -> (u64, String) {
+    let follows = options.refine == Refine::Hidden && options.stddev == 0.0;
     if options.solids.is_some() {
         let bytes = if follows { BYTES_A_SEGMENT_FOLLOWED } else { BYTES_A_SEGMENT_DECIDED };
         let identity = if options.identity { BYTES_A_SEGMENT_IDENTIFIED } else { 0 };
-        return Size(fixed + segments(inputs) * (bytes + identity));
+        let segments = segments(inputs);
+        return (segments * (bytes + identity) + BYTES_TO_WORK_WITH, format!("{segments} segments"));
     }
-    let bytes_a_facet = if follows { BYTES_A_FACET_FOLLOWED } else { BYTES_A_FACET_DECIDED };
     let facets: u64 = inputs.iter().map(Input::facets).sum();
-    Size(fixed + facets * bytes_a_facet)
+    let bytes = if follows { 0 } else { facets * BYTES_A_FACET_DECIDED };
+    (bytes + BYTES_TO_WORK_WITH, format!("{facets} facets"))
 }
 
 fn segments(inputs: &[Input]) -> u64 {

@@ -13,13 +13,19 @@ pub(super) struct Binner {
     /// Descendants along an axis, minus one.
     last: i32,
     stride: u32,
+    node: NodeKey,
 }
 
 impl Binner {
     pub fn new(node: NodeKey, stride: u8) -> Binner {
         let stride = u32::from(stride);
         let shift = ROOT_BITS - u32::from(node.level()) - stride;
-        Binner { origin: node.base().map(|b| b + 1), shift, last: (1 << stride) - 1, stride }
+        Binner { node, origin: node.base().map(|b| b + 1), shift, last: (1 << stride) - 1, stride }
+    }
+
+    /// The node whose descendants are meant.
+    pub fn node(&self) -> NodeKey {
+        self.node
     }
 
     /// Levels from the node to its descendants.
@@ -30,6 +36,13 @@ impl Binner {
     /// Number of descendants.
     pub fn cells(&self) -> usize {
         1 << (3 * self.stride)
+    }
+
+    /// A bound on the number of descendants that a piece touches, which takes no test of the piece itself.
+    pub fn touched_at_most<F: Field>(&self, field: &F, piece: &F::Piece) -> usize {
+        let (min, max) = field.bounds(piece);
+        let cube = |c: i32, a: usize| ((c - self.origin[a]) >> self.shift).clamp(0, self.last);
+        (0..3).map(|a| (cube(max[a], a) - cube(min[a], a) + 1) as usize).product()
     }
 
     /// Calls `cell` with the Morton number, within the node, of every descendant touched.
@@ -136,6 +149,21 @@ impl<P: Copy> SortedRun<P> {
         let lists = binner.sort_indices(field, pieces);
         let pieces = lists.indices.iter().map(|&i| pieces[i as usize]).collect();
         SortedRun { starts: lists.starts, pieces }
+    }
+
+    /// Memory taken.
+    pub fn heap_bytes(&self) -> u64 {
+        (size_of_val(self.starts.as_slice()) + size_of_val(self.pieces.as_slice())) as u64
+    }
+
+    /// Number of pieces, repeated ones counted as often.
+    pub fn pieces(&self) -> u64 {
+        self.pieces.len() as u64
+    }
+
+    /// The cubes that pieces touch, each with those.
+    pub fn cells(&self) -> impl Iterator<Item = (usize, &[P])> {
+        (0..self.starts.len() - 1).map(|cell| (cell, self.of(cell))).filter(|(_, pieces)| !pieces.is_empty())
     }
 
     pub fn of(&self, cell: usize) -> &[P] {

@@ -1,12 +1,13 @@
 //! The tree as independent subtree jobs below a few top levels.
 
 use super::bins::Binner;
+use super::branches::follow_pieces;
 use super::field::{Evaluated, Field, Pieces};
 use super::ordered::run_ordered;
 use super::records::Recorder;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
-use super::subtree::{Node, Step, SubtreeBuilder, corner_at, descend, interior, join};
+use super::subtree::{Node, SubtreeBuilder, interior};
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
@@ -32,70 +33,31 @@ pub(super) fn sort_level(rules: &Rules) -> u8 {
     if rules.refines_all_touched() { job_level(rules) } else { 0 }
 }
 
-/// One subtree to build.
+/// One subtree to build, with the pieces that touch it.
 struct Job<P> {
     key: NodeKey,
     corner: i16,
-    pieces: JobPieces<P>,
-}
-
-enum JobPieces<P> {
-    /// A cell of the sorted input.
-    Cell(usize),
-    Own(Vec<P>),
+    pieces: Vec<P>,
 }
 
 /// Builds the whole tree of a field. `consume` gets the records of one job after the other in Morton
-/// order, each in post-order, and last those of the levels above the jobs.
+/// order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it keeps for
+/// good, as an index. Trees that follow the pieces are built within `memory` bytes.
 pub(super) fn build_tree<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
     rules: &Rules,
+    memory: u64,
     progress: &dyn Progress,
-    consume: impl FnMut(R) -> Result<()> + Send,
+    consume: impl FnMut(R) -> Result<u64> + Send,
 ) -> Result<()> {
     let mut consume = consume;
     let top = if rules.refines_all_touched() {
-        follow_pieces(field, &sorted, rules, progress, &mut consume)?
+        follow_pieces(field, sorted, rules, memory, progress, &mut consume)?
     } else {
         decide_from_the_top(field, sorted, rules, progress, &mut consume)?
     };
-    consume(top)
-}
-
-/// Jobs are the touched cells of the sorted input; the nodes above are joined from them.
-fn follow_pieces<F: Field, R: Recorder>(
-    field: &F,
-    sorted: &SortedPieces<F>,
-    rules: &Rules,
-    progress: &dyn Progress,
-    consume: &mut (impl FnMut(R) -> Result<()> + Send),
-) -> Result<R> {
-    let level = sort_level(rules);
-    let corners = sorted.corners.clone().map_or(Vec::new(), |sums| field.finish_corners(sums, 0));
-    let mut jobs = Vec::new();
-    let mut touched = vec![usize::MAX; 1 << (3 * u32::from(level))];
-    for (number, job) in touched.iter_mut().enumerate() {
-        if sorted.count(number) > 0 {
-            *job = jobs.len();
-            let key = NodeKey::from_code(1 << (3 * u32::from(level)) | number as u64).expect("a legal key");
-            let corner = corner_at(&corners, level, number);
-            jobs.push(Job { key, corner, pieces: JobPieces::Cell(number) });
-        }
-    }
-    let mut done = run_jobs(field, &jobs, Some(sorted), rules, progress, consume)?;
-    let mut top = R::default();
-    let root = descend(NodeKey::ROOT, level, &mut |step, number| match step {
-        Step::Reached(_) => match done.get_mut(touched[number]) {
-            Some(node) => Ok(std::mem::replace(node, Node::Empty(0))),
-            None => Ok(Node::Empty(corner_at(&corners, level, number))),
-        },
-        Step::Joined(key, children) => Ok(join(key, children, &mut top)),
-    })?;
-    if let Node::Empty(w) = root {
-        top.push(NodeKey::ROOT, true, &Brick::Uniform(w));
-    }
-    Ok(top)
+    consume(top).map(drop)
 }
 
 /// Levels above the jobs are evaluated breadth-first; the nodes that refine down to the job level are jobs.
@@ -104,12 +66,12 @@ fn decide_from_the_top<F: Field, R: Recorder>(
     sorted: SortedPieces<F>,
     rules: &Rules,
     progress: &dyn Progress,
-    consume: &mut (impl FnMut(R) -> Result<()> + Send),
+    consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<R> {
     let mut all = Vec::new();
-    sorted.gather(0, &mut all);
+    sorted.gather(0, &mut all)?;
     drop(sorted);
-    let mut frontier = vec![Job { key: NodeKey::ROOT, corner: 0, pieces: JobPieces::Own(all) }];
+    let mut frontier = vec![Job { key: NodeKey::ROOT, corner: 0, pieces: all }];
     let mut settled: Vec<(NodeKey, bool, Brick)> = Vec::new();
     while frontier.first().is_some_and(|job| job.key.level() < job_level(rules)) {
         let decided: Vec<Decision<F::Piece>> =
@@ -121,7 +83,7 @@ fn decide_from_the_top<F: Field, R: Recorder>(
             frontier.extend(decision.refined);
         }
     }
-    let done = run_jobs(field, &frontier, None, rules, progress, consume)?;
+    let done = run_jobs(field, &frontier, rules, progress, consume)?;
     for (job, node) in frontier.iter().zip(done) {
         if let Node::Empty(w) = node {
             settled.push((job.key, true, Brick::Uniform(w)));
@@ -139,9 +101,7 @@ struct Decision<P> {
 }
 
 fn decide<F: Field>(field: &F, job: Job<F::Piece>, rules: &Rules) -> Result<Decision<F::Piece>> {
-    let Job { key, corner, pieces: JobPieces::Own(pieces) } = job else {
-        unreachable!("top-level nodes own their pieces")
-    };
+    let Job { key, corner, pieces } = job;
     let all: Vec<u32> = (0..pieces.len() as u32).collect();
     let list = Pieces { array: &pieces, indices: &all };
     if let Some(w) = field.settled(key, corner, list) {
@@ -163,7 +123,7 @@ fn children<F: Field>(field: &F, key: NodeKey, samples: &Samples, pieces: &[F::P
     let child = |octant: Octant| {
         let own = lists.of(octant.index()).iter().map(|&i| pieces[i as usize]).collect();
         let corner = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
-        Job { key: key.child(octant), corner, pieces: JobPieces::Own(own) }
+        Job { key: key.child(octant), corner, pieces: own }
     };
     Octant::all().map(child).collect()
 }
@@ -172,23 +132,15 @@ fn children<F: Field>(field: &F, key: NodeKey, samples: &Samples, pieces: &[F::P
 fn run_jobs<F: Field, R: Recorder>(
     field: &F,
     jobs: &[Job<F::Piece>],
-    sorted: Option<&SortedPieces<F>>,
     rules: &Rules,
     progress: &dyn Progress,
-    consume: &mut (impl FnMut(R) -> Result<()> + Send),
+    consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<Vec<Node>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
-    let local = || (SubtreeBuilder::<F, R>::new(field, rules, progress), Vec::new());
-    let work = |(builder, gathered): &mut (SubtreeBuilder<F, R>, Vec<F::Piece>), number: usize| {
-        let job = &jobs[number];
-        let pieces = match &job.pieces {
-            JobPieces::Own(own) => own.as_slice(),
-            JobPieces::Cell(cell) => {
-                sorted.expect("cells come with what they are cells of").gather(*cell, gathered);
-                gathered.as_slice()
-            }
-        };
-        let node = builder.build(job.key, job.corner, pieces)?;
+    let local = || SubtreeBuilder::<F, R>::new(field, rules, progress);
+    let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {
+        let Job { key, corner, pieces } = &jobs[number];
+        let node = builder.build(*key, *corner, pieces)?;
         Ok((std::mem::take(&mut builder.records), node))
     };
     progress.phase("building", Some(jobs.len() as u64), "subtrees");
@@ -196,7 +148,7 @@ fn run_jobs<F: Field, R: Recorder>(
     run_ordered(jobs.len(), window, local, work, |(records, node)| {
         done.lock().expect("no thread panicked").push(node);
         progress.advance(1);
-        consume(records)
+        consume(records).map(drop)
     })?;
     Ok(done.into_inner().expect("no thread panicked"))
 }

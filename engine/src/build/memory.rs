@@ -4,6 +4,7 @@ use super::field::Soup;
 use super::jobs::{build_tree, sort_level};
 use super::open;
 use super::records::KeptBricks;
+use super::resources::Room;
 use super::rules::{Rules, TreeOptions};
 use super::snap::snap;
 use super::solids::sort_segments;
@@ -38,9 +39,9 @@ pub fn build_open_in_memory(
     let field = OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?;
     let sorted = open::gather(&field, sources, root, &Silent)?;
     let mut tree = MemoryTree::new(root);
-    build_tree(&field, sorted, &rules, &Silent, |records: KeptBricks| {
+    build_tree(&field, sorted, &rules, u64::MAX, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
-        Ok(())
+        Ok(0)
     })?;
     Ok(tree)
 }
@@ -59,22 +60,22 @@ pub fn build_beads_in_memory(
     let (solids, segments) = Solids::new(paths, root, outline)?;
     let sorted = sort_segments(&solids, &segments, sort_level(&rules), &Silent)?;
     let mut tree = MemoryTree::new(root);
-    build_tree(&solids, sorted, &rules, &Silent, |records: KeptBricks| {
+    build_tree(&solids, sorted, &rules, u64::MAX, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
-        Ok(())
+        Ok(0)
     })?;
     Ok(tree)
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
-    let soup = snap(sources, root, sort_level(rules), &Silent)?;
+    let soup = snap(sources, root, sort_level(rules), &Room::unbounded(), &Silent)?;
     if !soup.balance.is_closed() {
         return Err(Error::setting("the soup has open edges", "close it"));
     }
     let mut tree = MemoryTree::new(root);
-    build_tree(&Soup, soup.sorted, rules, &Silent, |records: KeptBricks| {
+    build_tree(&Soup, soup.sorted, rules, u64::MAX, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
-        Ok(())
+        Ok(0)
     })?;
     Ok(tree)
 }

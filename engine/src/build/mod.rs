@@ -1,21 +1,29 @@
 //! From triangles to the octree: snap, check that the soup is closed, sort by subtree, build the subtrees on
 //! all threads, record them in order.
 
+mod assemble;
 mod bins;
+mod branches;
 mod closed;
+mod collect;
 mod field;
 mod identity;
 mod jobs;
 mod memory;
 mod open;
 mod ordered;
+mod packed;
+mod packing;
 mod pipeline;
 mod records;
+mod resources;
 mod rules;
+mod schedule;
 mod snap;
 mod solids;
 mod sorted;
 mod subtree;
+mod temporary;
 #[cfg(test)]
 mod tests;
 mod toolpaths;
@@ -23,5 +31,6 @@ mod toolpaths;
 pub use closed::is_closed;
 pub use memory::{build_beads_in_memory, build_in_memory, build_open_in_memory};
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
+pub use resources::Resources;
 pub use rules::TreeOptions;
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

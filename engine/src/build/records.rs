@@ -9,6 +9,10 @@ use crate::store::{PayloadHead, Scratch, StoreWriter, encode_into};
 pub(super) trait Recorder: Default + Send {
     /// Adds a node.
     fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick);
+    /// Whether there are none.
+    fn is_empty(&self) -> bool;
+    /// Memory taken.
+    fn heap_bytes(&self) -> u64;
 }
 
 /// Bricks as they are, for trees in memory.
@@ -19,7 +23,21 @@ impl Recorder for KeptBricks {
     fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
         self.0.push((key, leaf, brick.clone()));
     }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    fn heap_bytes(&self) -> u64 {
+        self.0
+            .iter()
+            .map(|(.., brick)| (size_of::<(NodeKey, bool, Brick)>() + brick.heap_bytes()) as u64)
+            .sum()
+    }
 }
+
+/// What encoding takes beside the records.
+const SCRATCH_BYTES: u64 = 256 << 10;
 
 /// Bricks encoded for a store.
 #[derive(Default)]
@@ -35,16 +53,27 @@ impl Recorder for EncodedBricks {
         let head = encode_into(brick, &mut self.scratch, &mut self.bytes);
         self.nodes.push((key, leaf, head, self.bytes.len()));
     }
+
+    fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    fn heap_bytes(&self) -> u64 {
+        SCRATCH_BYTES
+            + (self.bytes.capacity()
+                + self.nodes.capacity() * size_of::<(NodeKey, bool, PayloadHead, usize)>())
+                as u64
+    }
 }
 
 impl EncodedBricks {
-    /// Appends all of them to the store.
-    pub fn write(&self, writer: &mut StoreWriter) -> Result<()> {
+    /// Appends all of them to the store; returns how much memory its index takes by now.
+    pub fn write(&self, writer: &mut StoreWriter) -> Result<u64> {
         let mut start = 0;
         for &(key, leaf, head, end) in &self.nodes {
             writer.append(key, leaf, head, &self.bytes[start..end])?;
             start = end;
         }
-        Ok(())
+        Ok(writer.index_bytes())
     }
 }

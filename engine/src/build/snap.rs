@@ -1,17 +1,20 @@
 //! The pass over the input: snap every vertex, sum the edge balance, sort the triangles by job.
 
-use super::bins::Binner;
+use super::bins::{Binner, SortedRun};
+use super::collect::Collector;
 use super::field::{Field, Soup};
+use super::packed::PackedRun;
+use super::resources::Room;
 use super::sorted::SortedPieces;
 use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
 use crate::lattice::{NodeKey, RootCube, Triangle};
 use crate::progress::Progress;
 use crate::winding::EdgeBalance;
-use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The snapped soup.
-#[derive(Default)]
 pub(super) struct SnappedSoup {
     pub sorted: SortedPieces<Soup>,
     pub balance: EdgeBalance,
@@ -19,46 +22,113 @@ pub(super) struct SnappedSoup {
     pub degenerate: u64,
 }
 
-impl SnappedSoup {
-    fn merge(mut self, other: SnappedSoup) -> SnappedSoup {
-        self.sorted.merge(&Soup, other.sorted);
-        self.balance.merge(other.balance);
-        self.degenerate += other.degenerate;
-        self
-    }
+/// What one thread has made of its part of the input.
+struct Part {
+    collector: Collector,
+    balance: EdgeBalance,
+    degenerate: u64,
 }
 
-/// Snaps and sorts all sources as one soup, for jobs `stride` levels below the root.
+/// Snaps and sorts all sources as one soup, for jobs `stride` levels below the root. What does not fit in the room
+/// goes to its temporary file.
+///
+/// # Errors
+/// If the disk has too little room for that file, or the user interrupts.
 pub(super) fn snap(
     sources: &[&dyn Facets],
     root: RootCube,
     stride: u8,
+    room: &Room,
     progress: &dyn Progress,
 ) -> Result<SnappedSoup> {
     let binner = Binner::new(NodeKey::ROOT, stride);
+    let runs = runs(sources);
+    let plain = plan(sources, &runs, root, binner, room)?;
+    // Claimed in order, so that all threads together read the input from front to back.
+    let next = AtomicUsize::new(0);
+    let memory = room.sorted_bytes() / rayon::current_num_threads() as u64;
+    let parts = rayon::broadcast(|_| {
+        let collector = Collector::new(binner, memory, plain, room.file());
+        let mut part = Part { collector, balance: EdgeBalance::default(), degenerate: 0 };
+        let (mut world, mut snapped) = (Vec::new(), Vec::new());
+        while let Some((source, range)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            progress.check()?;
+            read(sources[*source], range.clone(), root, &mut world, &mut snapped);
+            let failed = part.add(&snapped);
+            if failed.is_err() {
+                next.store(runs.len(), Ordering::Relaxed);
+            }
+            failed?;
+            progress.advance(snapped.len() as u64);
+        }
+        Ok(part)
+    });
+    let parts: Vec<Part> = parts.into_iter().collect::<Result<_>>()?;
+    let mut balance = EdgeBalance::default();
+    parts.iter().for_each(|part| balance.merge(part.balance));
+    let degenerate = parts.iter().map(|part| part.degenerate).sum();
+    let sorted = Collector::finish(parts.into_iter().map(|part| part.collector).collect())?;
+    Ok(SnappedSoup { sorted, balance, degenerate })
+}
+
+impl Part {
+    fn add(&mut self, triangles: &[Triangle]) -> Result<()> {
+        for t in triangles {
+            self.balance.add(t);
+            self.degenerate += u64::from(Soup.is_void(t));
+        }
+        self.collector.push(triangles)
+    }
+}
+
+/// Reads and snaps some triangles.
+fn read(
+    source: &dyn Facets,
+    range: Range<u64>,
+    root: RootCube,
+    world: &mut Vec<Facet>,
+    snapped: &mut Vec<Triangle>,
+) {
+    source.read(range, world);
     let snapper = root.snapper();
-    let soup = runs(sources)
-        .into_par_iter()
-        .fold(
-            || (SnappedSoup::default(), Vec::new(), Vec::new()),
-            |(mut soup, mut world, mut snapped): (SnappedSoup, _, Vec<Triangle>), (source, range)| {
-                if progress.cancelled() {
-                    return (soup, world, snapped);
-                }
-                sources[source].read(range, &mut world);
-                snapped.clear();
-                snapped.extend(world.iter().map(|t: &Facet| t.map(snapper)));
-                for t in &snapped {
-                    soup.balance.add(t);
-                    soup.degenerate += u64::from(Soup.is_void(t));
-                }
-                soup.sorted.push(&Soup, &binner, &snapped);
-                progress.advance(world.len() as u64);
-                (soup, world, snapped)
-            },
-        )
-        .map(|(soup, ..)| soup)
-        .reduce(SnappedSoup::default, SnappedSoup::merge);
-    progress.check()?;
-    Ok(soup)
+    snapped.clear();
+    snapped.extend(world.iter().map(|t| t.map(snapper)));
+}
+
+/// Runs of which a part is sorted and packed to foresee the size of all.
+const SAMPLED_RUNS: usize = 64;
+/// Triangles of such a part.
+const SAMPLED_TRIANGLES: u64 = 1 << 10;
+
+/// Whether the triangles fit in memory as they are. If they do not, even packed, the disk must have room for them, and
+/// for a quarter more, because the estimate rests on a sample.
+fn plan(
+    sources: &[&dyn Facets],
+    runs: &[(usize, Range<u64>)],
+    root: RootCube,
+    binner: Binner,
+    room: &Room,
+) -> Result<bool> {
+    let all: u64 = sources.iter().map(|source| source.facets()).sum();
+    let (mut sampled, mut plain, mut packed) = (0, 0, 0);
+    let (mut world, mut snapped) = (Vec::new(), Vec::new());
+    for (source, range) in runs.iter().step_by(runs.len().div_ceil(SAMPLED_RUNS).max(1)) {
+        let range = range.start..range.end.min(range.start + SAMPLED_TRIANGLES);
+        read(sources[*source], range, root, &mut world, &mut snapped);
+        let run = SortedRun::new(&Soup, &binner, &snapped);
+        sampled += snapped.len() as u64;
+        plain += run.pieces() * size_of::<Triangle>() as u64;
+        packed += PackedRun::new(&run).heap_bytes();
+    }
+    let of_all = |bytes: u64| (u128::from(bytes) * u128::from(all) / u128::from(sampled.max(1))) as u64;
+    // Every run has a table of the cubes.
+    let plain = of_all(plain).saturating_add(runs.len() as u64 * (binner.cells() as u64 + 1) * 4);
+    let packed = of_all(packed);
+    if plain <= room.sorted_bytes() / 10 * 9 {
+        return Ok(true);
+    }
+    if packed > room.sorted_bytes() / 4 * 3 {
+        room.file().require_room(packed.saturating_add(packed / 4))?;
+    }
+    Ok(false)
 }

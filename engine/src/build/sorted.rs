@@ -2,30 +2,59 @@
 
 use super::bins::{Binner, SortedRun};
 use super::field::Field;
-use crate::lattice::NodeKey;
+use crate::error::Result;
 
-/// Pieces in runs, each sorted by the cube, `stride` levels below the root, that a piece touches.
+/// Pieces that lie elsewhere than in [`SortedPieces`]' own runs, sorted by cube alike.
+pub(super) trait CellStore<F: Field>: Send + Sync {
+    /// How many pieces touch one cube.
+    fn count(&self, cell: usize) -> usize;
+    /// Calls `block` with all pieces of a cube, in parts that fit in memory.
+    fn for_blocks(&self, cell: usize, block: &mut dyn FnMut(&[F::Piece]) -> Result<()>) -> Result<()>;
+    /// Sorts the pieces of a cube by its parts, which the binner names, within `memory` bytes.
+    fn split(&self, cell: usize, binner: &Binner, memory: u64) -> Result<SortedPieces<F>>;
+    /// Memory taken.
+    fn heap_bytes(&self) -> u64;
+}
+
+/// Pieces in runs, each sorted by the cube, `stride` levels below a node, that a piece touches.
 pub(super) struct SortedPieces<F: Field> {
     runs: Vec<SortedRun<F::Piece>>,
+    /// Those that the runs do not hold.
+    pub elsewhere: Option<Box<dyn CellStore<F>>>,
     /// Sums for the corners of those cubes; `None` before the first run.
     pub corners: Option<F::Corners>,
 }
 
 impl<F: Field> Default for SortedPieces<F> {
     fn default() -> Self {
-        SortedPieces { runs: Vec::new(), corners: None }
+        SortedPieces { runs: Vec::new(), elsewhere: None, corners: None }
     }
 }
 
 impl<F: Field> SortedPieces<F> {
-    /// Adds a run; every run comes with the same binner, which starts at the root.
+    /// Adds a run; every run comes with the same binner.
     pub fn push(&mut self, field: &F, binner: &Binner, pieces: &[F::Piece]) {
-        let corners = self.corners.get_or_insert_with(|| field.corners(NodeKey::ROOT, binner.stride()));
-        pieces.iter().for_each(|piece| field.add_corners(corners, piece));
+        self.add_corners(field, binner, pieces);
         self.runs.push(SortedRun::new(field, binner, pieces));
     }
 
-    /// Adds the runs of another part.
+    /// Adds pieces to the sums for the corners only.
+    pub fn add_corners(&mut self, field: &F, binner: &Binner, pieces: &[F::Piece]) {
+        let corners = self.corners.get_or_insert_with(|| field.corners(binner.node(), binner.stride()));
+        pieces.iter().for_each(|piece| field.add_corners(corners, piece));
+    }
+
+    /// Adds a run that is sorted already and whose pieces are in the sums.
+    pub fn push_sorted(&mut self, run: SortedRun<F::Piece>) {
+        self.runs.push(run);
+    }
+
+    /// Takes the runs away; the sums stay.
+    pub fn take_runs(&mut self) -> Vec<SortedRun<F::Piece>> {
+        std::mem::take(&mut self.runs)
+    }
+
+    /// Adds the runs of another part, which must not hold pieces elsewhere.
     pub fn merge(&mut self, field: &F, mut other: SortedPieces<F>) {
         self.runs.append(&mut other.runs);
         match (&mut self.corners, other.corners) {
@@ -34,15 +63,41 @@ impl<F: Field> SortedPieces<F> {
         }
     }
 
+    /// Memory taken.
+    pub fn heap_bytes(&self) -> u64 {
+        let runs: u64 = self.runs.iter().map(SortedRun::heap_bytes).sum();
+        runs + self.elsewhere.as_ref().map_or(0, |store| store.heap_bytes())
+    }
+
     /// All pieces of one cube.
-    pub fn gather(&self, cell: usize, out: &mut Vec<F::Piece>) {
+    ///
+    /// # Errors
+    /// If they are in a file that cannot be read.
+    pub fn gather(&self, cell: usize, out: &mut Vec<F::Piece>) -> Result<()> {
         out.clear();
         out.reserve_exact(self.count(cell));
-        self.runs.iter().for_each(|run| out.extend_from_slice(run.of(cell)));
+        self.for_blocks(cell, &mut |pieces| {
+            out.extend_from_slice(pieces);
+            Ok(())
+        })
+    }
+
+    /// Calls `block` with all pieces of one cube in parts.
+    ///
+    /// # Errors
+    /// As [`Self::gather`], and what `block` gives.
+    pub fn for_blocks(&self, cell: usize, block: &mut dyn FnMut(&[F::Piece]) -> Result<()>) -> Result<()> {
+        self.runs
+            .iter()
+            .map(|run| run.of(cell))
+            .filter(|pieces| !pieces.is_empty())
+            .try_for_each(&mut *block)?;
+        self.elsewhere.as_ref().map_or(Ok(()), |store| store.for_blocks(cell, block))
     }
 
     /// How many pieces touch one cube.
     pub fn count(&self, cell: usize) -> usize {
-        self.runs.iter().map(|run| run.of(cell).len()).sum()
+        let runs: usize = self.runs.iter().map(|run| run.of(cell).len()).sum();
+        runs + self.elsewhere.as_ref().map_or(0, |store| store.count(cell))
     }
 }

@@ -150,7 +150,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
 }
 
 /// What [`descend`] meets.
-pub(super) enum Step {
+enum Step {
     /// A node at the bottom of the stride.
     Reached(NodeKey),
     /// A node whose children are done.
@@ -159,11 +159,7 @@ pub(super) enum Step {
 
 /// Walks the `stride` levels below `top` depth-first in Morton order; `visit` gets every bottom node with
 /// its Morton number within `top`, then, after its children, every node above.
-pub(super) fn descend(
-    top: NodeKey,
-    stride: u8,
-    visit: &mut dyn FnMut(Step, usize) -> Result<Node>,
-) -> Result<Node> {
+fn descend(top: NodeKey, stride: u8, visit: &mut dyn FnMut(Step, usize) -> Result<Node>) -> Result<Node> {
     fn walk(
         key: NodeKey,
         levels: u8,

@@ -136,6 +136,11 @@ impl StoreWriter {
         Ok(())
     }
 
+    /// Memory that the index takes so far.
+    pub fn index_bytes(&self) -> u64 {
+        (self.entries.capacity() * size_of::<IndexEntry>()) as u64
+    }
+
     /// The leaves so far, in key order.
     pub fn leaves(&self) -> Vec<NodeKey> {
         let mut keys: Vec<NodeKey> = self.entries.iter().filter(|e| e.leaf).map(|e| e.key).collect();

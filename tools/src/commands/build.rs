@@ -9,7 +9,8 @@ use crate::output::{print, print_json, warn};
 use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
-use brickfield_engine::build::{BuildOptions, Resolution, Summary, build_opened};
+use brickfield_engine::brick::POINTS;
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
 use brickfield_engine::contour::ContourOptions;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
@@ -57,10 +58,11 @@ impl TryFrom<BuildArgs> for Plan {
             gwn_error: args.gwn_error.0,
             unit: args.units.symbol().to_owned(),
             solids: None,
+            resources: Resources { temp_dir: args.temp_dir, ..Resources::default() },
             identity: args.identity,
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
-        let work = WorkArgs { threads: args.threads, quiet: args.quiet };
+        let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
         let open = args.toolpath.options()?;
         let BuildArgs { inputs, output, units, memory, mesh, json, beads, .. } = args;
         Ok(Plan { inputs, output, open, beads, units, options, memory, mesh, json, work })
@@ -89,7 +91,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
     }
     let open_seconds = started.elapsed().as_secs_f64();
-    memory::require_room(&inputs, &plan.options, plan.memory)?;
+    let budget = memory::budget(plan.memory);
+    plan.options.resources.memory = memory::require_room(&inputs, &plan.options, budget)?;
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(mesh_sink).transpose()?;
     let mut summary = build_opened(&inputs, &plan.output, &plan.options, &bars)?;
@@ -140,6 +143,10 @@ struct Report {
     seconds: f64,
     /// Of beads as solids, their segments.
     facets_per_second: f64,
+    /// Samples of leaves that were evaluated, aprons included; uniform leaves need none.
+    samples: u64,
+    samples_per_second: f64,
+    /// Maps of files included.
     peak_memory_bytes: Option<u64>,
     winding_min: i16,
     winding_max: i16,
@@ -173,6 +180,8 @@ struct Numbers {
     open_edges: u64,
     loops: u64,
     flipped_patches: u64,
+    /// Written to the temporary file; 0 if all fitted in memory.
+    temporary_bytes: u64,
 }
 
 impl Report {
@@ -198,8 +207,10 @@ impl Report {
             open_edges,
             loops,
             flipped_patches,
+            temporary_bytes,
             phases,
         } = summary;
+        let samples = samples_of_leaves(store);
         let phases = phases.into_iter().map(|(name, seconds)| (name.to_owned(), seconds.into())).collect();
         Report {
             output: plan.output.display().to_string(),
@@ -217,10 +228,13 @@ impl Report {
                 open_edges,
                 loops,
                 flipped_patches,
+                temporary_bytes,
             },
             phases,
             seconds,
             facets_per_second: (facets + segments) as f64 / seconds,
+            samples,
+            samples_per_second: samples as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
             winding_min,
             winding_max,
@@ -281,15 +295,27 @@ impl Report {
             .map(|(name, seconds)| format!("{name} {:.2} s", seconds.as_f64().unwrap_or_default()))
             .collect();
         line(format!("  time     {:.2} s: {}", self.seconds, phases.join(", ")));
-        line(format!("  rate     {:.0} {pieces}/s", self.facets_per_second));
+        let rates = (self.facets_per_second, self.samples_per_second / 1e6);
+        line(format!("  rate     {:.0} {pieces}/s, {:.1} million samples/s", rates.0, rates.1));
         if let Some(peak) = self.peak_memory_bytes {
-            line(format!("  memory   {} at most, maps of files included", Size(peak)));
+            let disk = match self.summary.temporary_bytes {
+                0 => String::new(),
+                bytes => format!("; {} in a temporary file", Size(bytes)),
+            };
+            line(format!("  memory   {} at most, maps of files included{disk}", Size(peak)));
         }
         if let Some(mesh) = &self.mesh {
             line(mesh.text());
         }
         text
     }
+}
+
+/// How many samples the leaves that are not uniform have.
+fn samples_of_leaves(store: &Store) -> u64 {
+    let evaluated =
+        store.entries().iter().filter(|entry| entry.leaf && !entry.head.kind.is_uniform()).count();
+    evaluated as u64 * POINTS as u64
 }
 
 /// What the user should know of a field with this range.

@@ -1,7 +1,7 @@
 //! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
 
 use super::{info_mesh, unit_of, volumes_text};
-use crate::args::InfoArgs;
+use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
 use crate::output::{print, print_json};
 use crate::progress::Bars;
@@ -19,7 +19,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let store = Store::open(&args.file, 0)?;
     let volumes = match args.volume {
         true => {
-            let bars = Bars::new(false);
+            let bars = Bars::new(false, ProgressArg::Auto);
             Some(volume(&store, &bars)?)
         }
         false => None,

@@ -2,7 +2,7 @@
 
 use super::info::point;
 use super::{open_inputs, start};
-use crate::args::{InfoArgs, WorkArgs};
+use crate::args::{InfoArgs, ProgressArg, WorkArgs};
 use crate::failure::Failure;
 use crate::output::{print, print_json};
 use anyhow::anyhow;
@@ -24,7 +24,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     if args.volume {
         return Err(Failure::Usage("--volume takes a store, not a mesh".to_owned()));
     }
-    let bars = start(WorkArgs { threads: None, quiet: args.json })?;
+    let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
     let inputs = open_inputs(std::slice::from_ref(&args.file), &[], &OpenOptions::default(), &bars)?;
     let input = &inputs[0];
     let path = input.path().display().to_string();

@@ -29,7 +29,7 @@ const CACHE_BYTES: u64 = 512 << 20;
 fn start(work: WorkArgs) -> Result<Bars, Failure> {
     let threads = work.threads.map_or(0, usize::from);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
-    Ok(Bars::new(work.quiet))
+    Ok(Bars::new(work.quiet, work.progress))
 }
 
 /// Opens all inputs, having checked that none of them would be overwritten.

@@ -1,0 +1,66 @@
+//! What a build may take of the machine.
+
+use super::temporary::TempFile;
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a build may take of the machine. The store is the same whatever it is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Resources {
+    /// Bytes of memory for pieces, subtrees in work, records that wait for their turn, and the index of nodes.
+    /// Beside those a thread takes some 8 MB of its own, and a parsed input what it takes. Soups of triangles that
+    /// are closed, refined where triangles are, obey it; other builds hold their pieces in memory.
+    pub memory: u64,
+    /// Folder of the temporary file that is used if the pieces do not fit in memory; the output's own by default.
+    pub temp_dir: Option<PathBuf>,
+}
+
+impl Default for Resources {
+    /// No bound.
+    fn default() -> Self {
+        Resources { memory: u64::MAX, temp_dir: None }
+    }
+}
+
+/// [`Resources`] with a place.
+pub(super) struct Room {
+    memory: u64,
+    file: Arc<TempFile>,
+}
+
+impl Room {
+    /// For building `output`.
+    ///
+    /// # Errors
+    /// If the folder for temporary files is none.
+    pub fn new(resources: &Resources, output: &Path) -> Result<Room> {
+        let beside = output.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let folder = resources.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            let remedy = "name an existing folder with --temp-dir";
+            return Err(Error::store(folder, "temporary file", "this is not a folder", remedy));
+        }
+        Ok(Room { memory: resources.memory, file: Arc::new(TempFile::new(folder)) })
+    }
+
+    /// Without bound.
+    pub fn unbounded() -> Room {
+        Room { memory: u64::MAX, file: Arc::new(TempFile::new(&std::env::temp_dir())) }
+    }
+
+    /// Bytes for everything.
+    pub fn memory(&self) -> u64 {
+        self.memory
+    }
+
+    /// Bytes for the sorted pieces; jobs need the rest.
+    pub fn sorted_bytes(&self) -> u64 {
+        self.memory / 4 * 3
+    }
+
+    /// The temporary file.
+    pub fn file(&self) -> Arc<TempFile> {
+        Arc::clone(&self.file)
+    }
+}

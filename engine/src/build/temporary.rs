@@ -1,0 +1,117 @@
+//! The temporary file of a build that does not fit in memory.
+
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A file without a name in some folder: however the program ends, killed included, the system removes it. It is made
+/// when it is first written.
+#[derive(Debug)]
+pub(super) struct TempFile {
+    folder: PathBuf,
+    file: OnceLock<File>,
+    end: AtomicU64,
+}
+
+impl TempFile {
+    /// A file to be made in `folder`.
+    pub fn new(folder: &Path) -> TempFile {
+        TempFile { folder: folder.to_owned(), file: OnceLock::new(), end: AtomicU64::new(0) }
+    }
+
+    /// Bytes written so far.
+    pub fn bytes(&self) -> u64 {
+        self.end.load(Ordering::Relaxed)
+    }
+
+    /// Appends bytes, from any thread, and returns where they lie.
+    ///
+    /// # Errors
+    /// If the file cannot be made or written.
+    pub fn append(&self, bytes: &[u8]) -> Result<u64> {
+        let file = match self.file.get() {
+            Some(file) => file,
+            None => {
+                let new = tempfile::tempfile_in(&self.folder)
+                    .map_err(Error::io(&self.folder, "create a temporary file in"))?;
+                // Of two threads that come here at once one wins, and the other's file vanishes.
+                self.file.get_or_init(|| new)
+            }
+        };
+        let offset = self.end.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        file.write_all_at(bytes, offset).map_err(Error::io(&self.folder, "write a temporary file in"))?;
+        Ok(offset)
+    }
+
+    /// Reads `bytes.len()` bytes that were appended at `offset`.
+    ///
+    /// # Errors
+    /// If the system cannot.
+    pub fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
+        let read = self.file.get().ok_or(std::io::ErrorKind::UnexpectedEof.into());
+        read.and_then(|file| file.read_exact_at(bytes, offset))
+            .map_err(Error::io(&self.folder, "read the temporary file in"))
+    }
+
+    /// The error of bytes that are not those written.
+    pub fn damaged(&self) -> Error {
+        let source = std::io::Error::new(
+            std::io::ErrorKind::InvalidData,
+            "the disk returned other bytes than written",
+        );
+        Error::io(&self.folder, "read the temporary file in")(source)
+    }
+
+    /// Fails unless the folder's disk has room for `bytes`.
+    ///
+    /// # Errors
+    /// If it has not, or cannot be asked.
+    pub fn require_room(&self, bytes: u64) -> Result<()> {
+        let disk = rustix::fs::statvfs(&self.folder)
+            .map_err(|errno| Error::io(&self.folder, "find out the free space of")(errno.into()))?;
+        let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+        if bytes <= free {
+            return Ok(());
+        }
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        Err(Error::store(
+            &self.folder,
+            "temporary file",
+            format!("about {} MiB are needed and {} MiB are free", mib(bytes), mib(free)),
+            "make room, choose another folder with --temp-dir, or allow more memory with --memory",
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_has_no_name_and_returns_what_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = TempFile::new(folder.path());
+        assert!(file.read(0, &mut [0]).is_err());
+        let (a, b) = (file.append(b"brick").unwrap(), file.append(b"field").unwrap());
+        let mut bytes = [0; 5];
+        file.read(b, &mut bytes).unwrap();
+        assert_eq!((&bytes, file.bytes()), (b"field", 10));
+        file.read(a, &mut bytes).unwrap();
+        assert_eq!(&bytes, b"brick");
+        assert!(file.read(6, &mut bytes).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn too_little_room_is_known_beforehand() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = TempFile::new(folder.path());
+        file.require_room(1).unwrap();
+        let refused = file.require_room(u64::MAX).unwrap_err().to_string();
+        assert!(refused.contains("are free; make room"), "{refused}");
+        assert!(TempFile::new(&folder.path().join("none")).require_room(1).is_err());
+    }
+}

@@ -1,0 +1,61 @@
+//! Builds within little memory: the same bytes as with much, whatever was packed, written to disk, or split.
+
+use brickfield_engine::Silent;
+use brickfield_engine::bead::SweepOptions;
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::ingest::{Input, OpenOptions};
+use brickfield_engine::store::Refine;
+use std::path::{Path, PathBuf};
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data").join(name)
+}
+
+/// A toolpath as swept triangles, or a mesh.
+fn open(name: &str) -> Input {
+    let mut options = OpenOptions::default();
+    options.sweep = SweepOptions { sides: 8, ..options.sweep };
+    Input::open_with(&data(name), &options, &Silent).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Builds on some threads within some bytes and returns the store's.
+fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, Summary) {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("part.brf");
+    let options = BuildOptions {
+        gwn_error: 1e-3,
+        resolution: Resolution::Depth(depth),
+        refine: Refine::Hidden,
+        stddev: 0.0,
+        solids: None,
+        identity: false,
+        resources: Resources { memory, temp_dir: None },
+        unit: "mm".into(),
+        program: "test".into(),
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let summary =
+        pool.install(|| build_opened(std::slice::from_ref(input), &out, &options, &Silent)).unwrap();
+    let bytes = std::fs::read(&out).unwrap();
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    (bytes, summary)
+}
+
+#[test]
+fn stores_do_not_depend_on_memory() {
+    for (name, depths) in
+        [("clover.gcode", &[3, 5][..]), ("stl/clover_beads.stl", &[4]), ("gcode/nonplanar.gcode", &[6])]
+    {
+        let input = open(name);
+        for &depth in depths {
+            let (expected, plain) = build(&input, depth, 2, u64::MAX);
+            assert_eq!(plain.temporary_bytes, 0);
+            // With the least, everything is on disk, and every leaf a job of its own.
+            for (threads, memory) in [(1, 8 << 20), (2, 2 << 20), (3, 1 << 20), (2, 1 << 16)] {
+                let (bytes, summary) = build(&input, depth, threads, memory);
+                assert!(bytes == expected, "{name}, depth {depth}, {threads} threads, {memory} bytes");
+                assert!(summary.temporary_bytes > 0 || memory > 1 << 16, "{name}, depth {depth}");
+            }
+        }
+    }
+}
