@@ -198,7 +198,8 @@ pub struct MeshArgs {
     /// Deepest level to use; a coarser mesh
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
-    /// Memory for caches, as in 512MiB
+    /// Memory to stay within, as in 512MiB, maps of files not counted; 160 MiB with two threads, and 40 MiB more for
+    /// each further one, are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
     /// Print the summary as JSON

@@ -18,6 +18,8 @@ use std::sync::Arc;
 /// What a piece takes of a job: itself and its places in the lists of cubes, which it touches 1.5 of in the mean, with
 /// room for them to grow.
 const LIST_BYTES: u64 = 40;
+/// What a piece adds to the crossings of a leaf that is a job of its own; for larger jobs a leaf's are nothing.
+const CROSSING_BYTES: u64 = 64;
 /// Encoded records a leaf: twice what those of a part of 50 million facets take, since the buffer doubles.
 const LEAF_BYTES: u64 = 48 << 10;
 /// Levels of a subtree that is built as a whole: 512 leaves, 10 MB of records in the mean.
@@ -107,7 +109,8 @@ impl Shares {
     fn whole<F: Field>(&self, level: u8, pieces: u64) -> u64 {
         let leaves = 1u64.checked_shl(3 * u32::from(self.depth - level)).unwrap_or(u64::MAX);
         let records = leaves.min(pieces.saturating_mul(8)).saturating_mul(LEAF_BYTES);
-        pieces.saturating_mul(size_of::<F::Piece>() as u64 + LIST_BYTES).saturating_add(records)
+        let crossings = if level == self.depth { CROSSING_BYTES } else { 0 };
+        pieces.saturating_mul(size_of::<F::Piece>() as u64 + LIST_BYTES + crossings).saturating_add(records)
     }
 
     /// Levels that a branch at the job's node descends; `None` if the job is built as a whole.

@@ -60,8 +60,10 @@ impl Extent {
 
     /// Of the facets of both.
     fn union(mut self, other: Extent) -> Extent {
-        self.include(other.low);
-        self.include(other.high);
+        for a in 0..3 {
+            self.low[a] = self.low[a].min(other.low[a]);
+            self.high[a] = self.high[a].max(other.high[a]);
+        }
         self.bad = match (self.bad, other.bad) {
             (Some(a), Some(b)) => Some(a.min(b)),
             (a, b) => a.or(b),
@@ -81,8 +83,9 @@ pub(super) fn of_all(
     extent_of: impl Fn(Range<u64>) -> Extent + Sync,
 ) -> Result<Extent> {
     progress.phase("measuring", Some(facets), "triangles");
+    // Handed out in order, so that all threads together read the file from front to back.
     (0..facets.div_ceil(CHUNK))
-        .into_par_iter()
+        .par_bridge()
         .map(|chunk| {
             progress.check()?;
             let range = chunk * CHUNK..facets.min((chunk + 1) * CHUNK);
@@ -92,4 +95,16 @@ pub(super) fn of_all(
             Ok(extent)
         })
         .try_reduce(|| Extent::EMPTY, |a, b| Ok(a.union(b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_facets_add_nothing_from_either_side() {
+        let some = Extent::of([[[1.0, 2.0, 3.0], [4.0, -5.0, 6.0], [0.0; 3]]].into_iter());
+        assert_eq!(some.union(Extent::EMPTY), some);
+        assert_eq!(Extent::EMPTY.union(some), some);
+    }
 }

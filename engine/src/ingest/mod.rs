@@ -254,8 +254,12 @@ impl Input {
     /// # Errors
     /// None so far; a file system that fails under a map ends the program (see [`crate::mmap`]).
     pub fn identity(&self) -> Result<[u8; 32]> {
-        let chunks = self.file.bytes().par_chunks(IDENTITY_CHUNK_BYTES);
-        let hashes: Vec<[u8; 32]> = chunks.map(|chunk| *blake3::hash(chunk).as_bytes()).collect();
+        // Handed out in order, so that all threads together read the file from front to back.
+        let chunks = self.file.bytes().chunks(IDENTITY_CHUNK_BYTES).enumerate().par_bridge();
+        let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
+        let mut hashes: Vec<(usize, [u8; 32])> = chunks.map(hash).collect();
+        hashes.sort_unstable_by_key(|(number, _)| *number);
+        let hashes: Vec<[u8; 32]> = hashes.into_iter().map(|(_, hash)| hash).collect();
         Ok(*blake3::hash(hashes.as_flattened()).as_bytes())
     }
 }

@@ -3,6 +3,7 @@
 use super::{require_level, start};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
+use crate::memory;
 use crate::output::{print, print_json, require_distinct};
 use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
 use brickfield_engine::store::Store;
@@ -18,7 +19,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     let bars = start(args.work)?;
     // Half for the store's bricks, half for the contourer's.
-    let cache_bytes = args.memory.0 / 2;
+    let cache_bytes = memory::mesh_caches(args.memory) / 2;
     let store = Store::open(&args.store, cache_bytes)?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
