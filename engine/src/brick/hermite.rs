@@ -175,10 +175,15 @@ impl SignChanges {
 
     /// Number of sign-changing edges along each axis.
     pub fn counts(&self) -> [usize; 3] {
-        Axis::ALL.map(|axis| {
-            let row = |row| self.edges(axis, row % BRICK_POINTS, row / BRICK_POINTS).count_ones();
-            (0..ROWS).map(row).sum::<u32>() as usize
-        })
+        // Plain loops over slices are vectorized, which counts bits in a third of the instructions.
+        let count = |rows: &[u64], next: &[u64]| -> u64 {
+            rows.iter().zip(next).map(|(row, next)| u64::from((row ^ next).count_ones())).sum()
+        };
+        let rows = &self.inside[..];
+        let along_x = rows.iter().map(|row| u64::from(((row ^ row >> 1) & 0xffff_ffff).count_ones())).sum();
+        let along_y = rows.chunks_exact(BRICK_POINTS).map(|layer| count(layer, &layer[1..])).sum();
+        let along_z = count(rows, &rows[BRICK_POINTS..]);
+        [along_x, along_y, along_z].map(|count: u64| count as usize)
     }
 }
 
