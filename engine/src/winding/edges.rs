@@ -71,10 +71,12 @@ impl EdgeMasks {
     /// The lines of a row, of equal u if `swap` and of equal v if not, on which an edge lies that begins at
     /// one of the samples `lowers`, and perhaps some on which one begins close behind them.
     #[inline(always)]
-    pub fn lines(&self, swap: bool, row: usize, lowers: Range<usize>) -> u64 {
-        let from = &self.of_row(swap, row).from;
-        let last = lowers.start.max(lowers.end.saturating_sub(WINDOW)).min(C - 1);
-        (lowers.start..last).step_by(WINDOW).fold(from[last], |lines, lower| lines | from[lower])
+    pub fn lines(&self, swap: bool, row: usize, lowers: Lowers) -> u64 {
+        let row = self.of_row(swap, row);
+        let Lowers { first, last, few } = lowers;
+        let lines = if few { &row.at } else { &row.from };
+        let ends = lines[first] | lines[last];
+        (first + WINDOW..last).step_by(WINDOW).fold(ends, |all, lower| all | lines[lower])
     }
 
     /// Whether the edge is one of them that begins at sample `lower` of a line of a row.
@@ -86,6 +88,27 @@ impl EdgeMasks {
     #[inline(always)]
     fn of_row(&self, swap: bool, row: usize) -> &Row {
         if swap { &self.over_v[row] } else { &self.over_u[row] }
+    }
+}
+
+/// A range of lower samples, as [`EdgeMasks::lines`] takes it.
+#[derive(Clone, Copy)]
+pub(crate) struct Lowers {
+    first: usize,
+    /// The last sample or, of many, where the last window begins.
+    last: usize,
+    /// Two at most, for which no window is needed.
+    few: bool,
+}
+
+impl Lowers {
+    /// The samples of the range, of which there are [`C`]; those of an empty one do not matter.
+    #[inline(always)]
+    pub fn new(range: Range<usize>) -> Lowers {
+        let first = range.start.min(C - 1);
+        let few = range.end <= first + 2;
+        let back = if few { 1 } else { WINDOW };
+        Lowers { first, last: range.end.saturating_sub(back).max(first), few }
     }
 }
 
@@ -139,7 +162,7 @@ mod tests {
                         .collect();
                     let union = |lowers: Range<usize>| at[lowers].iter().fold(0, |lines, bits| lines | bits);
                     for (start, end) in (0..C).flat_map(|start| (start..=C).map(move |end| (start, end))) {
-                        let lines = masks.lines(swap, row, start..end);
+                        let lines = masks.lines(swap, row, Lowers::new(start..end));
                         let asked = union(start..end);
                         let close = union(start..end.max(start + WINDOW).min(C));
                         prop_assert_eq!(lines & asked, asked);

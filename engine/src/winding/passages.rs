@@ -108,10 +108,11 @@ mod tests {
         let mut passages = Passages::default();
         for round in 0..2 {
             passages.clear();
-            [7, POINTS - 1, 3].map(|lower| passages.ask(lower));
+            [7, POINTS - 1, 3].into_iter().for_each(|lower| passages.ask(lower));
             passages.begin();
             let cause = Cause::new(round, 1);
-            [(3, 10), (7, 20), (3, 5), (3, 5)].map(|(lower, offset)| passages.add(lower, offset, cause));
+            let found = [(3, 10), (7, 20), (3, 5), (3, 5)];
+            found.into_iter().for_each(|(lower, offset)| passages.add(lower, offset, cause));
             let edges: Vec<_> = passages.edges().collect();
             assert_eq!(edges.iter().map(|edge| edge.0).collect::<Vec<_>>(), [7, POINTS - 1, 3]);
             let offsets = |edge: usize| -> Vec<u16> {
