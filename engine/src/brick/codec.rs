@@ -20,6 +20,7 @@
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
 use super::fractions;
+use super::hermite::gather_bits;
 use super::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, inside_from};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
@@ -325,14 +326,11 @@ fn find_changes(samples: &Samples, differs: &mut [u8; POINTS]) {
     }
 }
 
-/// Bit `i` is set where sample `i + 1` of a row differs from sample `i`: eight 0/1 bytes at a time are gathered
-/// with a multiplication.
+/// Bit `i` is set where sample `i + 1` of a row differs from sample `i`.
 #[inline]
 fn change_mask(differs: &[u8; BRICK_POINTS]) -> u32 {
-    let gather =
-        |bytes: &[u8; 8]| (u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8;
     let chunks = differs[1..].as_chunks::<8>().0;
-    u32::from_le_bytes(std::array::from_fn(|c| gather(&chunks[c])))
+    u32::from_le_bytes(std::array::from_fn(|c| gather_bits(&chunks[c])))
 }
 
 /// The set bits of a mask, from low to high.

@@ -43,8 +43,9 @@ impl Half {
         let mut half = Vec::with_capacity(HALF_POINTS.pow(3));
         for k in 0..HALF_POINTS {
             for j in 0..HALF_POINTS {
-                let row = &samples.0[point_index([0, 2 * j, 2 * k])..][..BRICK_POINTS];
-                half.extend(row.iter().step_by(2));
+                let row: &[i16; BRICK_POINTS] =
+                    samples.0[point_index([0, 2 * j, 2 * k])..].first_chunk().expect("a whole row");
+                half.extend_from_slice(&std::array::from_fn::<i16, HALF_POINTS, _>(|i| row[2 * i]));
             }
         }
         Half::Counts(half.into_boxed_slice().try_into().expect("all rows were taken"))

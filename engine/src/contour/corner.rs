@@ -159,7 +159,7 @@ impl Search<'_> {
                 continue;
             }
             let (mut sum, mut count) = (DVec3::ZERO, 0.0);
-            let misses_it = self.halo.any_plane(next, next.map(|c| c + 1), |plane| {
+            let misses_it = self.halo.any_plane(next, next.map(|c| c + 1), false, |plane| {
                 sum += DVec3::from(plane.0);
                 count += 1.0;
                 misses(&plane, corner)
@@ -178,7 +178,7 @@ impl Search<'_> {
     fn on_crease(&self, cell: Place, corner: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
         let mut faces: Vec<DVec3> = Vec::with_capacity(MOST_FACES);
         let (mut sum, mut count, mut is_off) = (DVec3::ZERO, 0.0, false);
-        self.halo.any_plane(cell, cell.map(|c| c + 1), |plane| {
+        self.halo.any_plane(cell, cell.map(|c| c + 1), false, |plane| {
             let normal = DVec3::from(plane.1);
             if faces.iter().all(|face| face.dot(normal) <= SAME_NORMAL) {
                 faces.push(normal);
@@ -216,26 +216,24 @@ impl Search<'_> {
     }
 
     /// Whether the block about a cell may hold a corner, by the sums over its crossings: creases are many and
-    /// corners few. Within the leaf the sums of its cells serve; across its border the crossings are added up.
+    /// corners few. Within the leaf the sums of its cells serve; the crossings beyond its border are added up.
     fn may_meet(&self, cell: Place, low: Place, high: Place) -> bool {
         let mut sums = PlaneSums::default();
-        match &self.builder.sums {
-            Some(all) if (0..3).all(|a| low[a] >= 0 && high[a] <= BRICK_CELLS as i32) => {
-                let low = low.map(|c| c as usize);
-                for (j, k) in (0..9).map(|n| (low[1] + n % 3, low[2] + n / 3)) {
-                    let row = self.builder.cells.row(j, k);
-                    for cell in &all[row.slot(low[0])..row.slot(low[0] + 3)] {
-                        sums.add_all(cell);
-                    }
+        if let Some(all) = &self.builder.sums {
+            let [x, y, z] =
+                [0, 1, 2].map(|a| low[a].max(0) as usize..high[a].min(BRICK_CELLS as i32) as usize);
+            for (j, k) in z.flat_map(|k| y.clone().map(move |j| (j, k))) {
+                let row = self.builder.cells.row(j, k);
+                for cell in &all[row.slot(x.start)..row.slot(x.end)] {
+                    sums.add_all(cell);
                 }
             }
-            _ => {
-                self.halo.any_plane(low, high, |(point, normal)| {
-                    sums.add(point, normal);
-                    false
-                });
-            }
         }
+        let beyond = self.builder.sums.is_some();
+        self.halo.any_plane(low, high, beyond, |(point, normal)| {
+            sums.add(point, normal);
+            false
+        });
         sums.may_meet(cell.map(|c| f64::from(c) + 0.5), 1.5, MISS, LEAST_SPREAD)
     }
 }

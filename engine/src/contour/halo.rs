@@ -106,11 +106,19 @@ impl<'a> Halo<'a> {
         }
     }
 
-    /// Whether the predicate holds for one of those crossings, of which some may come twice; those after it are
-    /// not looked at.
+    /// Whether the predicate holds for one of those crossings, or of those of other leaves if `beyond`; some may come
+    /// twice, and those after it are not looked at.
     #[inline]
-    pub(super) fn any_plane(&self, low: Place, high: Place, mut holds: impl FnMut(Plane) -> bool) -> bool {
-        directions(low, high).any(|d| self.any_of_piece(d, low, high, |_, _, plane| holds(plane)))
+    pub(super) fn any_plane(
+        &self,
+        low: Place,
+        high: Place,
+        beyond: bool,
+        mut holds: impl FnMut(Plane) -> bool,
+    ) -> bool {
+        directions(low, high)
+            .filter(|d| !beyond || *d != [0; 3])
+            .any(|d| self.any_of_piece(d, low, high, |_, _, plane| holds(plane)))
     }
 
     #[inline]

@@ -21,6 +21,9 @@ pub(super) fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// Eigenvalues and eigenvectors.
+type Eigen = ([f64; 3], [Vector; 3]);
+
 /// A symmetric 3×3 matrix: xx, yy, zz, xy, yz, zx.
 #[derive(Clone, Copy, Default)]
 struct Symmetric([f64; 6]);
@@ -55,7 +58,7 @@ impl Symmetric {
     }
 
     /// Eigenvalues and eigenvectors by cyclic Jacobi rotations.
-    fn eigen(&self) -> ([f64; 3], [Vector; 3]) {
+    fn eigen(&self) -> Eigen {
         let [xx, yy, zz, xy, yz, zx] = self.0;
         let mut a = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]];
         let mut vectors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -246,7 +249,10 @@ impl Qef {
 impl Centred {
     #[inline]
     fn solve(&self, margin: f64) -> Vector {
-        let x = self.flat().unwrap_or_else(|| truncated(self.matrix, self.rhs, None));
+        let x = self.flat().unwrap_or_else(|| {
+            let eigen = self.matrix.eigen();
+            truncated(&eigen, self.rhs, largest_of(&eigen))
+        });
         let free = std::array::from_fn(|a| self.mass[a] + x[a]);
         let inside = |v: f64| v >= margin && v <= 1.0 - margin;
         if free.into_iter().all(inside) { free } else { self.constrained(margin) }
@@ -268,7 +274,10 @@ impl Centred {
     /// the remaining variables free.
     #[cold]
     fn constrained(&self, margin: f64) -> Vector {
-        let largest = self.matrix.eigen().0.into_iter().fold(0.0, f64::max);
+        // By which axes are fixed, as bits: the 26 places share seven matrices. With all fixed there is nothing to solve.
+        let eigen: [Eigen; 7] =
+            std::array::from_fn(|code| self.matrix.without([0, 1, 2].map(|a| code >> a & 1 != 0)).eigen());
+        let largest = largest_of(&eigen[0]);
         let bounds = [margin, 1.0 - margin];
         let mut best = (OrderedFloat(f64::INFINITY), [0.5; 3]);
         // Per axis a base-3 digit: at the lower bound, at the upper bound, free.
@@ -279,7 +288,8 @@ impl Centred {
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] - self.mass[a] } else { 0.0 });
             let moved = self.matrix.times(at);
             let rhs = std::array::from_fn(|a| if fixed[a] { 0.0 } else { self.rhs[a] - moved[a] });
-            let y = truncated(self.matrix.without(fixed), rhs, Some(largest));
+            let code = (0..3).fold(0, |code, a| code | usize::from(fixed[a]) << a);
+            let y = eigen.get(code).map_or([0.0; 3], |eigen| truncated(eigen, rhs, largest));
             let x: Vector = std::array::from_fn(|a| if fixed[a] { at[a] } else { y[a] });
             let point: Vector =
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] } else { self.mass[a] + x[a] });
@@ -296,13 +306,14 @@ impl Centred {
     }
 }
 
-/// Pseudo-inverse of `matrix` times `rhs` without the eigenvalues that are small next to `largest`, the
-/// matrix's own largest one by default.
-fn truncated(matrix: Symmetric, rhs: Vector, largest: Option<f64>) -> Vector {
-    let (values, vectors) = matrix.eigen();
-    let largest = largest.unwrap_or_else(|| values.into_iter().fold(0.0, f64::max));
+fn largest_of((values, _): &Eigen) -> f64 {
+    values.iter().copied().fold(0.0, f64::max)
+}
+
+/// Pseudo-inverse of a matrix times `rhs` without the eigenvalues that are small next to `largest`.
+fn truncated((values, vectors): &Eigen, rhs: Vector, largest: f64) -> Vector {
     let mut x = [0.0; 3];
-    for (value, vector) in values.into_iter().zip(vectors) {
+    for (&value, &vector) in values.iter().zip(vectors) {
         if value > TRUNCATION_SQUARED * largest {
             let along = dot(vector, rhs) / value;
             x = std::array::from_fn(|a| x[a] + along * vector[a]);

@@ -4,9 +4,10 @@
 //! the walk goes up the z column, from there along the y lines of the face x = 0, from there along all
 //! 33 × 33 rows in x. Cost: triangles that touch the brick plus crossings.
 
-use super::crossings::{Cause, Crossings, Hit, NONE};
+use super::crossings::{Cause, Crossings, Hit};
 use super::edges::EdgeMasks;
 use super::hermite::Resolver;
+use super::passages::Passages;
 use super::scan::{Block, Crossing, Facet};
 use crate::brick::{Brick, Hermite, HermiteEdge, Samples, SignChanges, inside_from, point_index};
 use crate::error::{Error, Result};
@@ -35,6 +36,8 @@ pub struct Evaluator {
     passages_x: Vec<u32>,
     /// The sign-changing edges along the other axis.
     changes: EdgeMasks,
+    /// Their crossings.
+    passages: Passages,
     resolver: Resolver,
 }
 
@@ -49,6 +52,7 @@ impl Default for Evaluator {
             count_x: 0,
             passages_x: Vec::new(),
             changes: EdgeMasks::default(),
+            passages: Passages::default(),
             resolver: Resolver::default(),
         }
     }
@@ -134,24 +138,35 @@ impl Evaluator {
         self.count_x = self.crossings.len();
     }
 
-    /// Finds the crossings along y or z, in place of others: all of them, or those of `changes`.
-    fn collect_other(&mut self, key: NodeKey, axis: Axis, all: bool) {
-        let block = block(key);
-        let limit = [block.last; 2];
-        let Evaluator { facets, crossings, changes, .. } = self;
+    /// Finds all crossings along y or z, in place of others but those along x.
+    fn collect_other(&mut self, key: NodeKey, axis: Axis) {
+        let (block, limit) = (block(key), [C as i32; 2]);
+        let Evaluator { facets, crossings, .. } = self;
         crossings.truncate(self.count_x);
         for (position, facet) in facets {
             let cause = Cause::new(*position as usize, facet.jump(axis.index()));
-            let mut add = |[i, j, k]: [i32; 3], offset| {
-                crossings.add(point_index([i as usize, j as usize, k as usize]), offset, cause);
+            let mut add = |c: Crossing, ijk: [i32; 3]| {
+                crossings.add(point_index(ijk.map(|i| i as usize)), c.offset, cause);
             };
-            let along_y = |c: Crossing| add([c.v, c.lower, c.u], c.offset);
-            match (axis, all) {
-                (Axis::Y, true) => facet.scan::<1>(block, limit, along_y),
-                (Axis::Y, false) => facet.scan_edges::<1>(block, changes, along_y),
-                (_, true) => facet.scan::<2>(block, limit, |c| add([c.u, c.v, c.lower], c.offset)),
-                (_, false) => facet.scan_edges::<2>(block, changes, |c| add([c.u, c.v, c.lower], c.offset)),
+            match axis {
+                Axis::Y => facet.scan::<1>(block, limit, |c| add(c, [c.v, c.lower, c.u])),
+                _ => facet.scan::<2>(block, limit, |c| add(c, [c.u, c.v, c.lower])),
             }
+        }
+    }
+
+    /// Finds the crossings of the sign-changing edges along axis `A`, y or z.
+    // A function for each axis: their inner loops leave no registers for each other.
+    #[inline(never)]
+    fn collect_changes<const A: usize>(&mut self, key: NodeKey) {
+        let block = block(key);
+        let Evaluator { facets, changes, passages, .. } = self;
+        for (position, facet) in facets {
+            let cause = Cause::new(*position as usize, facet.jump(A));
+            facet.scan_edges::<A>(block, changes, |c| {
+                let ijk = if A == 1 { [c.v, c.lower, c.u] } else { [c.u, c.v, c.lower] };
+                passages.add(point_index(ijk.map(|i| i as usize)), c.offset, cause);
+            });
         }
     }
 
@@ -220,23 +235,23 @@ impl Evaluator {
         signs: &SignChanges,
         list: Triangles<'_>,
     ) -> Result<Vec<HermiteEdge>> {
-        let count = self.changes.set(axis, signs);
-        self.collect_other(key, axis, false);
-        let Evaluator { crossings, resolver, changes, .. } = self;
-        let mut edges = Vec::with_capacity(count);
-        for row in 0..P * P {
-            let mut bits = changes.row(axis, row % P, row / P);
-            while bits != 0 {
-                let last = crossings.take(row * P + bits.trailing_zeros() as usize);
-                bits &= bits - 1;
-                if last == NONE {
-                    return Err(Error::setting(
-                        "internal error: a sign change without a crossing",
-                        "report this with the input",
-                    ));
-                }
-                edges.push(resolver.resolve(last, crossings, samples, list));
-            }
+        self.passages.clear();
+        self.changes.set(axis, signs, |lower| self.passages.ask(point_index(lower)));
+        self.passages.begin();
+        match axis {
+            Axis::Y => self.collect_changes::<1>(key),
+            _ => self.collect_changes::<2>(key),
+        }
+        let Evaluator { passages, resolver, .. } = self;
+        let mut edges = Vec::with_capacity(passages.edges().len());
+        for (lower, first) in passages.edges() {
+            let Some(first) = first else {
+                return Err(Error::setting(
+                    "internal error: a sign change without a crossing",
+                    "report this with the input",
+                ));
+            };
+            edges.push(resolver.resolve_passage(lower, first, passages, samples, list));
         }
         Ok(edges)
     }
@@ -246,7 +261,9 @@ impl Evaluation<'_> {
     /// Whether all 33³ samples agree.
     pub fn is_uniform(&self) -> bool {
         let first = self.samples.0[0];
-        self.samples.0.iter().all(|&w| w == first)
+        // Row by row: a loop that ends at the first difference is not vectorized.
+        let differs = |row: &[i16; P]| row.iter().fold(0, |differs, &w| differs | (w ^ first)) != 0;
+        !self.samples.0.as_chunks().0.iter().any(differs)
     }
 
     /// Whether a lattice edge holds crossings that cancel in part: a wall or a gap thinner than the
@@ -279,7 +296,7 @@ impl Evaluation<'_> {
         Axis::ALL.into_iter().any(|axis| {
             let mut from = 0;
             if axis != Axis::X {
-                self.evaluator.collect_other(self.key, axis, true);
+                self.evaluator.collect_other(self.key, axis);
                 from = self.evaluator.count_x;
             }
             let sorted = self.evaluator.crossings.sorted(from);

@@ -3,6 +3,7 @@
 
 use super::crossings::{Cause, Crossings};
 use super::evaluate::Triangles;
+use super::passages::{Passage, Passages};
 use crate::brick::{HermiteEdge, OctNormal, Samples};
 use crate::lattice::normal;
 
@@ -35,8 +36,46 @@ impl Resolver {
         if hit.is_first() {
             HermiteEdge { offset: hit.offset, normal: self.normal(hit.cause, list) }
         } else {
-            self.resolve_shared(last, crossings, i32::from(samples.0[usize::from(hit.lower)]), list)
+            let start = samples.0[usize::from(hit.lower)];
+            self.resolve_shared(start, crossings.chain(last).map(|hit| (hit.offset, hit.cause)), list)
         }
+    }
+
+    /// The Hermite edge of a sign-changing lattice edge that begins at sample `lower`, given one of its crossings.
+    #[inline(always)]
+    pub fn resolve_passage(
+        &mut self,
+        lower: usize,
+        first: Passage,
+        passages: &Passages,
+        samples: &Samples,
+        list: Triangles<'_>,
+    ) -> HermiteEdge {
+        if first.is_only() {
+            return HermiteEdge { offset: first.offset, normal: self.normal(first.cause, list) };
+        }
+        let start = samples.0[lower];
+        match passages.second_of_two(first).filter(|second| second.offset != first.offset) {
+            Some(second) => {
+                self.resolve_two(start, [first, second].map(|passage| (passage.offset, passage.cause)), list)
+            }
+            None => self.resolve_shared(
+                start,
+                passages.chain(first).map(|passage| (passage.offset, passage.cause)),
+                list,
+            ),
+        }
+    }
+
+    /// [`Resolver::resolve_shared`] for two crossings with different offsets, which most such edges have.
+    #[inline]
+    fn resolve_two(&mut self, start: i16, crossings: [(u16, Cause); 2], list: Triangles<'_>) -> HermiteEdge {
+        let [a, b] = crossings;
+        let (near, far) = if a.0 < b.0 { (a, b) } else { (b, a) };
+        let before = i32::from(start);
+        let passes = (before >= 1) != (before + near.1.jump() >= 1);
+        let (offset, cause) = if passes { near } else { far };
+        HermiteEdge { offset, normal: self.normal(cause, list) }
     }
 
     #[inline]
@@ -50,16 +89,15 @@ impl Resolver {
     #[inline(never)]
     fn resolve_shared(
         &mut self,
-        last: u32,
-        crossings: &Crossings,
-        start: i32,
+        start: i16,
+        crossings: impl Iterator<Item = (u16, Cause)>,
         list: Triangles<'_>,
     ) -> HermiteEdge {
         let mut shared = std::mem::take(&mut self.shared);
         shared.clear();
-        shared.extend(crossings.chain(last).map(|hit| u64::from(hit.offset) << 32 | u64::from(hit.cause.0)));
+        shared.extend(crossings.map(|(offset, cause)| u64::from(offset) << 32 | u64::from(cause.0)));
         shared.sort_unstable();
-        let mut w = start;
+        let mut w = i32::from(start);
         // Crossings with the same offset count as one step.
         let mut steps = shared.chunk_by(|a, b| a >> 32 == b >> 32);
         let edge = steps.find_map(|step| {

@@ -10,6 +10,7 @@ mod edges;
 mod evaluate;
 mod hermite;
 mod open;
+mod passages;
 mod points;
 mod scan;
 

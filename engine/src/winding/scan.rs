@@ -5,9 +5,8 @@
 //! are answered in f64 under error bounds, row by row of lines, and settled in integers where a bound does not
 //! decide: by three edge functions in 64 bits the first, by a quotient in 128 bits the second.
 
-use super::edges::EdgeMasks;
+use super::edges::{EdgeMasks, Lowers};
 use crate::lattice::{Triangle, normal};
-use std::ops::Range;
 
 /// A cubic block of samples `0..=last` along each axis, `1 << shift` units apart, sample 0 at the origin.
 #[derive(Clone, Copy, Debug)]
@@ -90,7 +89,7 @@ impl Facet {
         // No vertex has the coordinate of a sample, so the bounding box begins behind the sample before its
         // first one.
         let end = (self.last[A] + 1).clamp(0, block.last);
-        let lowers = (self.first[A] - 1).clamp(0, end) as usize..end as usize;
+        let lowers = Lowers::new((self.first[A] - 1).clamp(0, end) as usize..end as usize);
         self.scan_chosen::<A>(block, [block.last; 2], &Near { edges, lowers }, hit);
     }
 
@@ -180,13 +179,13 @@ impl Choice for All {
 /// Those of a set that begin at some samples of their lines.
 struct Near<'a> {
     edges: &'a EdgeMasks,
-    lowers: Range<usize>,
+    lowers: Lowers,
 }
 
 impl Choice for Near<'_> {
     #[inline(always)]
     fn lines(&self, swap: bool, row: usize) -> u64 {
-        self.edges.lines(swap, row, self.lowers.clone())
+        self.edges.lines(swap, row, self.lowers)
     }
 
     #[inline(always)]

@@ -137,10 +137,10 @@ proptest! {
         let mut masks = EdgeMasks::default();
         let changes = |axis, [i, j, k]: [i32; 3]| signs.edges(axis, j as usize, k as usize) >> i & 1 != 0;
         let (mut all, mut asked) = (Vec::new(), Vec::new());
-        masks.set(Axis::Y, &signs);
+        masks.set(Axis::Y, &signs, |_| ());
         facet.scan::<1>(block, [32; 2], |c| all.push((1, c)));
         facet.scan_edges::<1>(block, &masks, |c| asked.push((1, c)));
-        masks.set(Axis::Z, &signs);
+        masks.set(Axis::Z, &signs, |_| ());
         facet.scan::<2>(block, [32; 2], |c| all.push((2, c)));
         facet.scan_edges::<2>(block, &masks, |c| asked.push((2, c)));
         all.retain(|(axis, c)| match axis {
