@@ -3,10 +3,12 @@
     pip install libigl numpy
     make-input pile --triangles 1000000 -o pile.stl
     python fast_winding_number.py pile.stl --lose 0.03 --keep lost.stl
-    cargo bench -p brickfield-engine --bench open -- lost.stl
+    brickfield build lost.stl -o lost.brf --depth 2 --refine stddev --gwn-error 0.4 --threads 2 --json
+    brickfield export lost.brf --level 2 --dtype f4 -o lost.npy
+    python fast_winding_number.py lost.stl --array lost.npy
 
 The first writes what is left of the pile when 3 % of its facets are deleted at random, and asks libigl for
-the samples of level 2, 128^3 of them, which the second asks the engine for, in the same places.
+the samples of level 2, 128^3 of them, which the build evaluates in the same places; the last judges these.
 """
 
 import argparse
@@ -59,24 +61,10 @@ def exact(facets, points):
     return found
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("soup")
-    parser.add_argument("--lose", type=float, default=0.0, help="share of facets to delete")
-    parser.add_argument("--keep", help="write what is left to this STL")
-    parser.add_argument("--samples", type=int, default=128, help="samples an axis")
-    parser.add_argument("--check", type=int, default=2000, help="samples compared with the exact sum")
-    asked = parser.parse_args()
-    records = read_stl(asked.soup)
-    chance = np.random.Generator(np.random.PCG64(1))
-    if asked.lose > 0:
-        records = records[chance.random(len(records)) >= asked.lose]
-    if asked.keep:
-        write_stl(asked.keep, records)
-    facets = records["facet"].astype(np.float64)
+def libigl(facets, points):
+    """Samples, and how long they took, the hierarchy apart."""
     vertices, corners = np.unique(facets.reshape(-1, 3), axis=0, return_inverse=True)
     corners = corners.reshape(-1, 3).astype(np.int64)
-    points = samples_of(facets, asked.samples)
 
     def seconds(query):
         start, processor = time.perf_counter(), time.process_time()
@@ -88,10 +76,37 @@ def main():
     wall, processor = both[0] - first[0], both[1] - first[1]
     print(f"{len(facets)} facets, {len(points)} samples, hierarchy {first[0]:.2f} s")
     print(f"{wall:.2f} s, {processor:.2f} s of processor time: {len(points) / wall:.0f} samples/s")
+    return w
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("soup")
+    parser.add_argument("--lose", type=float, default=0.0, help="share of facets to delete")
+    parser.add_argument("--keep", help="write what is left to this STL")
+    parser.add_argument("--samples", type=int, default=128, help="samples an axis")
+    parser.add_argument("--check", type=int, default=2000, help="samples compared with the exact sum")
+    parser.add_argument("--array", help="judge the samples of this export, and leave libigl out")
+    asked = parser.parse_args()
+    records = read_stl(asked.soup)
+    chance = np.random.Generator(np.random.PCG64(1))
+    if asked.lose > 0:
+        records = records[chance.random(len(records)) >= asked.lose]
+    if asked.keep:
+        write_stl(asked.keep, records)
+    facets = records["facet"].astype(np.float64)
+    points = samples_of(facets, asked.samples)
+    if asked.array:
+        n = asked.samples
+        w = np.load(asked.array)[:n, :n, :n].reshape(-1).astype(np.float64)
+    else:
+        w = libigl(facets, points)
     # Half of the checked samples in the soup's own box, where the errors are.
     low, high = facets.min(axis=(0, 1)), facets.max(axis=(0, 1))
     inside = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
     chosen = np.concatenate([chance.choice(len(points), asked.check // 2), chance.choice(inside, asked.check // 2)])
+    # Those on the root's own faces count as outside in a store.
+    chosen = chosen[(np.stack(np.unravel_index(chosen, (asked.samples,) * 3)) > 0).all(axis=0)]
     error = np.abs(w[chosen] - exact(facets, points[chosen]))
     print(f"error: rms {np.sqrt((error**2).mean()):.2e}, 99 % below {np.quantile(error, 0.99):.2e}, worst {error.max():.2e}")
 

@@ -68,7 +68,7 @@ struct Cell {
 /// How the points of a cell are answered beyond the polynomial.
 enum Plan {
     /// By a polynomial, clusters, and elements one by one.
-    Here(Sum),
+    Here(Box<Sum>),
     /// In each eighth of the cell on its own.
     Divide,
 }
@@ -321,7 +321,8 @@ impl<'a, E: Element> Cells<'a, E> {
         if samples > 1 && elements.len() * samples > WORK_MAX && bits > 1 {
             return Plan::Divide;
         }
-        Plan::Here(Sum { center: cell.center, local: cell.local, clusters: choice.taken, elements })
+        let sum = Sum { center: cell.center, local: cell.local, clusters: choice.taken, elements };
+        Plan::Here(Box::new(sum))
     }
 
     /// The sums at points of a cell.

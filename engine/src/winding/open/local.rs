@@ -84,10 +84,10 @@ impl Local {
         let mut found = Local::default();
         let mut factorial = [1.0; C];
         (1..C).for_each(|i| factorial[i] = factorial[i - 1] * i as f64);
-        for z in 0..2 {
-            for y in 0..C - z {
-                for x in 0..C - z - y {
-                    let sum: f64 = sums[z][y][x].iter().sum();
+        for (z, planes) in sums.iter().enumerate() {
+            for (y, rows) in planes[..C - z].iter().enumerate() {
+                for (x, lanes) in rows[..C - z - y].iter().enumerate() {
+                    let sum: f64 = lanes.iter().sum();
                     let sign = if (x + y + z) % 2 == 0 { -1.0 } else { 1.0 };
                     found.0[z][y][x] = sign * sum / (factorial[x] * factorial[y]);
                 }
@@ -195,9 +195,7 @@ fn derivatives(r: &[Lanes; 3]) -> Derivatives {
     }
     for y in 0..=DEGREE - 2 {
         for x in 0..=DEGREE - 2 - y {
-            for l in 0..LANES {
-                d[2][y][x][l] = -(d[0][y][x + 2][l] + d[0][y + 2][x][l]);
-            }
+            d[2][y][x] = std::array::from_fn(|l| -(d[0][y][x + 2][l] + d[0][y + 2][x][l]));
         }
     }
     d
