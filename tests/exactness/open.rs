@@ -9,15 +9,16 @@ use brickfield_engine::winding::{OpenPart, open_winding_at};
 use std::path::Path;
 
 pub fn spot() -> Vec<Facet> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl/spot40_model.stl");
-    let input = Input::open(&path, &Silent).expect("readable");
-    let mut facets = Vec::new();
-    input.read(0..input.facets(), &mut facets);
-    facets
+    file("spot40_model.stl")
 }
 
 /// Compares at random samples in and around the soup, and beside its open edges; returns the largest error.
 fn compare(soup: Vec<Facet>, seed: u64, points: usize, bound: f64) -> f64 {
+    errors(soup, seed, points, bound).into_iter().map(|(error, _)| error).fold(0.0, f64::max)
+}
+
+/// The error and the true winding number at those samples.
+fn errors(soup: Vec<Facet>, seed: u64, points: usize, bound: f64) -> Vec<(f64, f64)> {
     let scene = Scene::around(soup);
     let oracle = scene.oracle();
     let (min, max) = bounds(&scene.soup);
@@ -39,13 +40,85 @@ fn compare(soup: Vec<Facet>, seed: u64, points: usize, bound: f64) -> f64 {
     samples.retain(|p| !oracle.may_lie_on_a_facet(*p));
     let world: Vec<[f64; 3]> = samples.iter().map(|p| scene.root.to_world(p.map(f64::from))).collect();
     let found = open_winding_at(&[&scene.soup], scene.root, &part, &world, bound, &Silent).expect("answers");
-    let mut worst = 0f64;
-    for (w, p) in found.iter().zip(&samples) {
-        let error = (w - oracle.solid_angles(*p)).abs();
+    let compared = found.iter().zip(&samples).map(|(w, p)| {
+        let truth = oracle.solid_angles(*p);
+        let error = (w - truth).abs();
         assert!(error <= bound, "at {p:?}: {w} is off by {error}");
-        worst = worst.max(error);
+        let sides = (*w > 0.5, truth > 0.5);
+        assert!(sides.0 == sides.1 || (truth - 0.5).abs() <= bound, "at {p:?}: {w}, not {truth}");
+        (error, truth)
+    });
+    compared.collect()
+}
+
+/// A file of `bench-data/stl`, less facets with corners that are nowhere, which the program refuses.
+fn file(name: &str) -> Vec<Facet> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl").join(name);
+    let input = Input::open(&path, &Silent).expect("readable");
+    let mut facets = Vec::new();
+    input.read(0..input.facets(), &mut facets);
+    facets.retain(|t| t.iter().flatten().all(|c| c.abs() < 1e6));
+    facets
+}
+
+/// Some facets turned over.
+fn flipped(mut soup: Vec<Facet>, share: f64, seed: u64) -> Vec<Facet> {
+    let mut rng = Rng::new(seed);
+    soup.iter_mut().filter(|_| rng.range(0.0, 1.0) < share).for_each(|t| t.swap(1, 2));
+    soup
+}
+
+/// Open, inside out, doubled and degenerate files, as they are and with facets lost and flipped.
+#[test]
+fn awkward_files() {
+    for (seed, name) in (0..).zip([
+        "open_box_no_lid.stl",
+        "inverted_box.stl",
+        "duplicate_box.stl",
+        "degenerate_mix.stl",
+        "box_with_cavity.stl",
+        "touching_layers.stl",
+        "ascii_two_solids.stl",
+    ]) {
+        compare(file(name), seed, 100, 1e-3);
+        compare(without(file(name), 0.2, seed), seed, 60, 1e-3);
+        compare(flipped(file(name), 0.3, seed), seed, 60, 1e-3);
     }
-    worst
+}
+
+/// Half of the facets of a torus, at random: the sign of w − 0.5 is right wherever the bound says so.
+#[test]
+fn a_torus_of_every_second_facet() {
+    let torus: Vec<Facet> = brickfield_bench_data::shapes::torus(10.0, 3.0, 48, 24).facets().collect();
+    let compared = errors(without(torus, 0.5, 3), 3, 1500, 1e-3);
+    let inside = compared.iter().filter(|(_, w)| *w > 0.5).count();
+    assert!(inside > 20 && inside + 20 < compared.len(), "{inside} of {}", compared.len());
+}
+
+/// How large errors are, by decades: run with `cargo test -p brickfield-engine --test exactness error_histogram --
+/// --ignored --nocapture`.
+#[test]
+#[ignore = "prints the table of the report"]
+fn error_histogram() {
+    let table = |name: &str, cases: Vec<Vec<Facet>>| {
+        let mut counts = [0usize; 8];
+        for (seed, soup) in (0..).zip(cases) {
+            for (error, _) in errors(soup, seed, 1000, 1e-3) {
+                let decade = (0..7).take_while(|n| error < 10f64.powi(-3 - n)).count();
+                counts[decade] += 1;
+            }
+        }
+        println!("{name}: from above 1e-3 to below 1e-9: {counts:?}");
+    };
+    let shares = [0.001, 0.01, 0.1, 0.5, 0.9, 0.999];
+    table("lost", shares.iter().map(|&s| without(spot(), s, 1)).collect());
+    table("flipped", shares.iter().map(|&s| flipped(spot(), f64::min(s, 0.5), 1)).collect());
+    let mut torn = spot();
+    let mut rng = Rng::new(9);
+    torn.iter_mut().flatten().flatten().for_each(|c| *c += rng.range(-3e-6, 3e-6));
+    table("torn", vec![torn]);
+    let files = ["open_box_no_lid.stl", "inverted_box.stl", "duplicate_box.stl", "degenerate_mix.stl"];
+    table("files", files.iter().map(|name| without(file(name), 0.2, 1)).collect());
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn points_in_open_meshes() {
     assert!((w_of(&brute)[0] - truth).abs() < 1e-6, "{brute}");
     for wrong in ["0", "1", "nan", "much"] {
         let line = run_with(&[&args[..], &[&"--gwn-error", &wrong]].concat(), "").misused();
-        assert!(line.contains("1e-6 to 0.1"), "{line}");
+        assert!(line.contains("1e-6 to 0.5"), "{line}");
     }
 }
 

@@ -87,7 +87,7 @@ pub struct BuildArgs {
     /// Keep a brick undivided if its samples deviate no more than this from their mean
     #[arg(long, value_name = "T", default_value_t = 0.0)]
     pub stddev: f64,
-    /// Largest error of the samples where the input is open; 2.5e-4 to 0.1. Those of closed input are exact
+    /// Largest error of the samples where the input is open; 2.5e-4 to 0.5. Those of closed input are exact
     #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
     pub gwn_error: GwnError,
     /// Where to divide bricks
@@ -270,7 +270,7 @@ pub struct WindingArgs {
     /// What beads become, as in `build`
     #[arg(long, value_enum)]
     pub beads: Option<BeadsArg>,
-    /// Largest error of w where the meshes are open; 1e-6 to 0.1
+    /// Largest error of w where the meshes are open; 1e-6 to 0.5
     #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
     pub gwn_error: GwnError,
     /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree

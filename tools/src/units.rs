@@ -172,8 +172,8 @@ impl FromStr for GwnError {
     type Err = String;
 
     fn from_str(text: &str) -> Result<GwnError, String> {
-        let value = fast_float2::parse(text).ok().filter(|v| (1e-6..=0.1).contains(v));
-        value.map(GwnError).ok_or_else(|| "write a number from 1e-6 to 0.1".to_owned())
+        let value = fast_float2::parse(text).ok().filter(|v| (1e-6..=0.5).contains(v));
+        value.map(GwnError).ok_or_else(|| "write a number from 1e-6 to 0.5".to_owned())
     }
 }
 

@@ -21,6 +21,6 @@ pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};
 pub use open::{
     Boundary, ClusterTree, Element, OpenBrick, OpenEdge, OpenEvaluator, OpenField, OpenPart, OpenPiece,
-    OpenSummary, Selection, open_winding_at,
+    OpenSummary, open_winding_at,
 };
 pub use points::{brute_at, winding_at};

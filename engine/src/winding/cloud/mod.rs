@@ -6,7 +6,7 @@ mod normals;
 #[cfg(test)]
 mod tests;
 
-use super::open::{ClusterTree, Element, Moments, Reach, shares_at};
+use super::open::{ClusterTree, Element, GROUP, Moments, Reach, shares_at};
 use crate::error::{Error, Result};
 use crate::ingest::PointCloud;
 use crate::lattice::{RootCube, Units};
@@ -126,7 +126,9 @@ impl Element for Dipole {
     fn reach(&self, center: [f64; 3]) -> Reach {
         let squared = (0..3).map(|a| (self.position[a] - center[a]).powi(2)).sum::<f64>();
         let farthest = squared.sqrt();
-        Reach { farthest, cubed: self.area() * squared * farthest }
+        let area = self.area();
+        let third = area * squared * farthest;
+        Reach { farthest, area, spread: farthest, powers: [third, third * farthest, third * squared] }
     }
 
     fn add_to(&self, center: [f64; 3], moments: &mut Moments) {
@@ -136,5 +138,18 @@ impl Element for Dipole {
 
     fn share_at(&self, p: Units) -> f64 {
         self.seen_from(p.map(f64::from))
+    }
+
+    fn add_shares<'a>(
+        elements: impl Iterator<Item = &'a Dipole>,
+        at: &[[f64; GROUP]; 3],
+        _: impl Fn(usize) -> Units,
+        sums: &mut [f64; GROUP],
+    ) {
+        for dipole in elements {
+            for (l, sum) in sums.iter_mut().enumerate() {
+                *sum += dipole.seen_from([at[0][l], at[1][l], at[2][l]]);
+            }
+        }
     }
 }

@@ -127,3 +127,20 @@ fn parts_are_oriented_on_their_own_and_coinciding_points_have_no_normal() {
     assert!(bare.normals.iter().zip(&two.normals).filter(outward).count() > 7_900);
     assert!(bare.normals[8_000..].iter().all(|n| *n == [0.0; 3]));
 }
+
+/// A million points, with their normals and without: run with `cargo test -p brickfield-engine --lib
+/// a_million_points -- --ignored --nocapture`.
+#[test]
+#[ignore = "a minute"]
+fn a_million_points() {
+    let mut rng = Rng::new(5);
+    let mesh: Vec<Facet> = brickfield_bench_data::shapes::torus(10.0, 4.0, 192, 96).facets().collect();
+    let cloud = scattered(&mesh, 1_000_000, &mut rng);
+    let side = right_share(&mesh, &cloud, &mut rng);
+    let mut bare = PointCloud { points: cloud.points.clone(), normals: Vec::new() };
+    estimate_normals(&mut bare, &Silent).unwrap();
+    let outward = |(a, b): &(&[f64; 3], &[f64; 3])| (0..3).map(|i| a[i] * b[i]).sum::<f64>() > 0.0;
+    let right = bare.normals.iter().zip(&cloud.normals).filter(outward).count() as f64 / 1e6;
+    println!("side of the mesh: {side}, normals: {right}");
+    assert!(side >= 0.999 && right >= 0.995, "{side} {right}");
+}

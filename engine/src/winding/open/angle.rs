@@ -1,6 +1,7 @@
 //! The share of the full view that one cap covers, its side decided as crossings are.
 
 use super::atan::angle_of;
+use super::local::GROUP;
 use super::moments::{Element, Moments, Reach};
 use crate::lattice::{Triangle, Units, normal};
 use std::f64::consts::PI;
@@ -29,6 +30,29 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 const NEAR: f64 = 1.0 / (1u64 << 40) as f64;
 /// The rounding of num, three products and two sums of numbers with exact factors, as a share of Σ|terms|.
 const NUM_ERROR: f64 = 1.0 / (1u64 << 51) as f64;
+
+/// Caps whose angles are added before an arc tangent is taken. Each factor is at least 2^-20 and at most 4 long, and at
+/// that shortest still more exact than the bound needs.
+const CAPS_AN_ANGLE: usize = 8;
+
+/// The vertices of a triangle's 16 equal parts: barycentric coordinates in quarters, and how many parts meet there.
+const PARTS: [(f64, f64, f64); 15] = [
+    (4.0, 0.0, 1.0),
+    (0.0, 4.0, 1.0),
+    (0.0, 0.0, 1.0),
+    (1.0, 3.0, 3.0),
+    (2.0, 2.0, 3.0),
+    (3.0, 1.0, 3.0),
+    (0.0, 1.0, 3.0),
+    (0.0, 2.0, 3.0),
+    (0.0, 3.0, 3.0),
+    (1.0, 0.0, 3.0),
+    (2.0, 0.0, 3.0),
+    (3.0, 0.0, 3.0),
+    (1.0, 1.0, 6.0),
+    (1.0, 2.0, 6.0),
+    (2.0, 1.0, 6.0),
+];
 
 impl Cap {
     /// Of a triangle on even lattice positions, with an area.
@@ -65,6 +89,26 @@ impl Cap {
             }
         }
         self.sign(num) * angle_of(num.abs(), den) / (2.0 * PI)
+    }
+
+    /// Numerators and denominators as in [`Cap::share_at`] at some positions, divided by |a||b||c|, and where f64 is
+    /// not enough for them.
+    #[inline]
+    fn terms(&self, at: &[[f64; GROUP]; 3]) -> ([f64; GROUP], [f64; GROUP], [bool; GROUP]) {
+        let (mut nums, mut dens, mut poor) = ([0.0; GROUP], [0.0; GROUP], [false; GROUP]);
+        for l in 0..GROUP {
+            let [a, b, c] = self.vertices.map(|v| [v[0] - at[0][l], v[1] - at[1][l], v[2] - at[2][l]]);
+            let (aa, bb, cc) = (dot(a, a), dot(b, b), dot(c, c));
+            let (la, lb, lc) = (aa.sqrt(), bb.sqrt(), cc.sqrt());
+            let terms = [self.normal[0] * a[0], self.normal[1] * a[1], self.normal[2] * a[2]];
+            let num = terms[0] + terms[1] + terms[2];
+            let den = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
+            let small = NUM_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs());
+            let size = 1.0 / (la * lb * lc);
+            (nums[l], dens[l]) = (num * size, den * size);
+            poor[l] = (num.abs() <= small) | (num * num + den * den <= NEAR * (aa * bb * cc));
+        }
+        (nums, dens, poor)
     }
 
     /// Which side of the plane the perturbed point is on: 1 behind it.
@@ -162,15 +206,38 @@ impl Element for Cap {
     }
 
     fn reach(&self, center: [f64; 3]) -> Reach {
-        let distances = self.vertices.map(|v| {
-            let d = std::array::from_fn(|i| v[i] - center[i]);
-            dot(d, d).sqrt()
+        let d = self.vertices.map(|v| -> [f64; 3] { std::array::from_fn(|i| v[i] - center[i]) });
+        let squares = d.map(|d| dot(d, d));
+        let farthest = squares[0].max(squares[1]).max(squares[2]);
+        let area = self.area();
+        let [ab, bc, ca] = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| {
+            let edge: [f64; 3] = std::array::from_fn(|k| d[j][k] - d[i][k]);
+            dot(edge, edge)
         });
-        let cubes = distances.map(|d| d * d * d);
-        // A cube of a distance is convex, so its mean over the triangle is at most that over the vertices.
+        // Powers of a distance are convex, so their means over a triangle are at most those over its vertices. That is
+        // close where the triangle is small against its distance; otherwise it is cut in parts.
+        let mut means = [0.0; 4];
+        let mut add = |squared: f64, weight: f64| {
+            let distance = squared.sqrt();
+            let cubed = squared * distance;
+            let powers = [squared, cubed, squared * squared, squared * cubed];
+            means.iter_mut().zip(powers).for_each(|(mean, power)| *mean += weight * power);
+        };
+        if ab.max(bc).max(ca) * 16.0 < farthest {
+            squares.iter().for_each(|&s| add(s, 1.0 / 3.0));
+        } else {
+            for (i, j, parts) in PARTS {
+                let k = 4.0 - i - j;
+                let at: [f64; 3] = std::array::from_fn(|a| 0.25 * (i * d[0][a] + j * d[1][a] + k * d[2][a]));
+                add(dot(at, at), parts / 48.0);
+            }
+        }
+        let [second, powers @ ..] = means;
         Reach {
-            farthest: distances[0].max(distances[1]).max(distances[2]),
-            cubed: self.area() * (cubes[0] + cubes[1] + cubes[2]) / 3.0,
+            farthest: farthest.sqrt(),
+            area,
+            spread: second.sqrt(),
+            powers: powers.map(|mean| area * mean),
         }
     }
 
@@ -187,5 +254,38 @@ impl Element for Cap {
 
     fn share_at(&self, p: Units) -> f64 {
         Cap::share_at(self, p)
+    }
+
+    /// Angles are added by multiplying complex numbers den + i·num, counting how often the product passes the
+    /// negative real axis; an arc tangent is taken once for some caps.
+    fn add_shares<'a>(
+        mut caps: impl Iterator<Item = &'a Cap>,
+        at: &[[f64; GROUP]; 3],
+        position: impl Fn(usize) -> Units,
+        sums: &mut [f64; GROUP],
+    ) {
+        while let Some(first) = caps.next() {
+            let (mut re, mut im, mut turns) = ([1.0; GROUP], [0.0; GROUP], [0.0; GROUP]);
+            for cap in std::iter::once(first).chain(caps.by_ref().take(CAPS_AN_ANGLE - 1)) {
+                let (mut num, mut den, poor) = cap.terms(at);
+                if poor.contains(&true) {
+                    for l in (0..GROUP).filter(|&l| poor[l]) {
+                        (num[l], den[l]) = (0.0, 1.0);
+                        sums[l] += cap.share_at(position(l));
+                    }
+                }
+                for l in 0..GROUP {
+                    let product = (re[l] * den[l] - im[l] * num[l], re[l] * num[l] + im[l] * den[l]);
+                    let up = (im[l] >= 0.0) & (num[l] >= 0.0) & (product.1 < 0.0);
+                    let down = (im[l] < 0.0) & (num[l] < 0.0) & (product.1 >= 0.0);
+                    turns[l] += if up { 1.0 } else { 0.0 } - if down { 1.0 } else { 0.0 };
+                    (re[l], im[l]) = product;
+                }
+            }
+            for l in 0..GROUP {
+                let angle = angle_of(im[l].abs(), re[l]);
+                sums[l] += (if im[l] < 0.0 { -angle } else { angle }) / (2.0 * PI) + turns[l];
+            }
+        }
     }
 }

@@ -2,21 +2,20 @@
 
 use super::super::evaluate::{Evaluator, Triangles};
 use super::super::scan::{Block, Facet};
-use super::{OpenPart, Selection};
+use super::OpenPart;
+use super::cells::{CellCache, Cells, Grain, Points};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal};
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
-/// log₂ of the samples along a block that share a choice of clusters: a choice costs about as much as ten
-/// answers, and a larger block asks for more clusters.
+/// log₂ of the samples along a block, which are answered together.
 const BLOCK_BITS: u32 = 3;
 /// Most binary places of a sample: two shells still fit its 16 bits.
 const BITS_MAX: u8 = 13;
-/// Share of the error that the clusters may take. Rounding to a quantum of at most half the error takes a
-/// quarter of it.
-const CLUSTER_SHARE: f64 = 0.74;
+/// Fewest: where a large error is asked for, samples are still far more exact than that on average.
+const BITS_MIN: u8 = 8;
 
 /// The field of an open soup.
 #[derive(Debug)]
@@ -41,8 +40,23 @@ pub struct OpenEvaluator {
     evaluator: Evaluator,
     triangles: Vec<Triangle>,
     indices: Vec<u32>,
-    /// Samples with the block in which they are answered: coarseness of the block's level, place, sample.
-    order: Vec<(u32, [u32; 3], u16)>,
+    shares: Shares,
+}
+
+/// Memory for w_C at the samples of a brick.
+struct Shares {
+    cells: CellCache,
+    points: Points,
+    /// Which samples these are.
+    numbers: Vec<u16>,
+    values: Box<[f64; POINTS]>,
+}
+
+impl Default for Shares {
+    fn default() -> Self {
+        let values = vec![0.0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
+        Shares { cells: CellCache::default(), points: Points::default(), numbers: Vec::new(), values }
+    }
 }
 
 /// The samples of one brick, and the facets that touch it.
@@ -69,7 +83,7 @@ impl OpenField {
     /// # Errors
     /// [`Error::Setting`] if samples of 16 bits cannot be that exact.
     pub fn new(part: OpenPart, error: f64) -> Result<OpenField> {
-        let bits = (1..=BITS_MAX).find(|&bits| f64::from(1u32 << bits).recip() <= 0.5 * error);
+        let bits = (BITS_MIN..=BITS_MAX).find(|&bits| f64::from(1u32 << bits).recip() <= 0.5 * error);
         let bits = bits.ok_or_else(|| {
             Error::setting(
                 format!("an error of {error} does not fit samples of 16 bits"),
@@ -98,7 +112,7 @@ impl OpenField {
         corner: i16,
         pieces: impl Iterator<Item = OpenPiece>,
     ) -> Result<OpenBrick> {
-        let OpenEvaluator { evaluator, triangles, indices, order } = scratch;
+        let OpenEvaluator { evaluator, triangles, indices, shares } = scratch;
         triangles.clear();
         let mut facets = Vec::new();
         for piece in pieces {
@@ -109,72 +123,92 @@ impl OpenField {
         }
         indices.clear();
         indices.extend(0..triangles.len() as u32);
-        let shares = self.shares(key, order);
+        self.find_shares(key, shares);
+        let shares = &shares.values;
         let scale = f64::from(1u32 << self.bits);
         // Samples are off by far less than a half, so this is the count exactly.
         let count = (f64::from(corner) / scale + shares[0]).round();
-        let count = if key == NodeKey::ROOT || on_root_face(key, 0) { 0.0 } else { count };
+        let count = if key.first_sample().contains(&0) { 0.0 } else { count };
         let list = Triangles { array: triangles, indices };
         let counts = evaluator.evaluate(key, count as i16, list)?.samples;
         let mut samples = Samples::fractions(self.bits);
         let half = 1i16 << (self.bits - 1);
-        for (index, (sample, (count, share))) in
-            samples.0.iter_mut().zip(counts.0.iter().zip(shares)).enumerate()
-        {
+        for (sample, (count, share)) in samples.0.iter_mut().zip(counts.0.iter().zip(shares.iter())) {
             let w = (f64::from(*count) - share) * scale;
-            let rounded = (w + 0.5).floor();
-            if rounded.abs() > f64::from(i16::MAX) {
-                return Err(Error::setting(
+            let rounded = floor(w + 0.5);
+            *sample = i16::try_from(rounded).map_err(|_| {
+                Error::setting(
                     format!(
                         "the winding number reaches {:.1} in brick {key}, too much for its 16 bits",
                         w / scale
                     ),
                     "use a larger --gwn-error",
-                ));
-            }
-            *sample = rounded as i16;
-            if on_root_face(key, index) {
-                *sample = (*sample).min(half - 1);
-            }
+                )
+            })?;
         }
+        for_root_face(key, |index| samples.0[index] = samples.0[index].min(half - 1));
         Ok(OpenBrick { samples, key, facets, error: self.error })
     }
 
     /// w_C at all samples of a brick.
     ///
     /// A sample belongs to the coarsest level whose lattice holds it, and there to a block of 8³ samples of
-    /// that level's lattice. The clusters chosen for the block answer it, whatever brick asks: a brick's own,
-    /// a neighbour for its apron, a parent or a child.
-    fn shares(&self, key: NodeKey, order: &mut Vec<(u32, [u32; 3], u16)>) -> Vec<f64> {
-        let mut shares = vec![0.0; POINTS];
+    /// that level's lattice, which is a cell of the octree over the caps. The cell answers it, whatever brick asks:
+    /// a brick's own, a neighbour for its apron, a parent or a child.
+    fn find_shares(&self, key: NodeKey, shares: &mut Shares) {
+        let Shares { cells, points, numbers, values } = shares;
         if self.part.caps.is_empty() {
-            return shares;
+            values.fill(0.0);
+            return;
         }
-        let first = key.first_sample();
-        let level = u32::from(key.level());
-        order.clear();
-        for index in 0..POINTS {
-            let ijk = [index % P, index / P % P, index / (P * P)];
-            let at: [u32; 3] = std::array::from_fn(|a| first[a] + ijk[a] as u32);
-            let up = (at[0] | at[1] | at[2]).trailing_zeros().min(level);
-            order.push((up, at.map(|c| c >> (up + BLOCK_BITS)), index as u16));
-        }
-        order.sort_unstable();
-        for block in order.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            let (up, place, _) = block[0];
-            let selection = self.select(key.spacing_bits() + up, place);
-            for &(_, _, index) in block {
-                shares[usize::from(index)] = self.part.tree.at(&selection, position(key, usize::from(index)));
+        // Rounding takes half a quantum.
+        let exact = self.error - 0.5 / f64::from(1u32 << self.bits);
+        let tree = Cells::new(&self.part.tree, exact);
+        for up in 0..=u32::from(key.level()) {
+            let axes = key.first_sample().map(|first| blocks_along(first, up));
+            for z in &axes[2] {
+                for y in &axes[1] {
+                    for x in &axes[0] {
+                        points.positions.clear();
+                        numbers.clear();
+                        for_own(key, up, [x, y, z], |index| {
+                            numbers.push(index as u16);
+                            points.positions.push(position(key, index));
+                        });
+                        let spacing = key.spacing_bits() + up;
+                        tree.answer(cells, spacing + BLOCK_BITS, Grain::Lattice(spacing), points);
+                        for (number, value) in numbers.iter().zip(&points.values) {
+                            values[usize::from(*number)] = *value;
+                        }
+                    }
+                }
             }
         }
-        shares
     }
+}
 
-    /// The clusters that answer a block of samples 2^spacing units apart.
-    fn select(&self, spacing: u32, place: [u32; 3]) -> Selection {
-        let low = place.map(|c| f64::from((c << (BLOCK_BITS + spacing)) + 1));
-        let extent = f64::from(((1u32 << BLOCK_BITS) - 1) << spacing);
-        self.part.tree.select(low, low.map(|c| c + extent), CLUSTER_SHARE * self.error)
+/// The samples 0..=32 along an axis, the first of which has the number `first` on its level's lattice, that lie on the
+/// lattice `up` levels above, by the block there.
+fn blocks_along(first: u32, up: u32) -> Vec<Vec<u32>> {
+    let on_lattice: Vec<u32> = (0..P as u32).filter(|i| (first + i) & ((1 << up) - 1) == 0).collect();
+    let block = |i: &u32| (first + i) >> (up + BLOCK_BITS);
+    on_lattice.chunk_by(|a, b| block(a) == block(b)).map(<[u32]>::to_vec).collect()
+}
+
+/// Calls `sample` with the linear index of each sample of a block that lies on no coarser lattice.
+fn for_own(key: NodeKey, up: u32, [xs, ys, zs]: [&[u32]; 3], mut sample: impl FnMut(usize)) {
+    let first = key.first_sample();
+    let is_top = up == u32::from(key.level());
+    let even = |axis: usize, i: u32| ((first[axis] + i) >> up) & 1 == 0;
+    for &k in zs {
+        for &j in ys {
+            let coarser = !is_top && even(2, k) && even(1, j);
+            for &i in xs {
+                if !(coarser && even(0, i)) {
+                    sample(((k as usize * P) + j as usize) * P + i as usize);
+                }
+            }
+        }
     }
 }
 
@@ -185,15 +219,28 @@ fn position(key: NodeKey, index: usize) -> Units {
     std::array::from_fn(|a| base[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)
 }
 
-/// Whether the sample is the root's first or last one along an axis.
-fn on_root_face(key: NodeKey, index: usize) -> bool {
+/// The largest whole number not above `x`, within 32 bits.
+#[inline]
+fn floor(x: f64) -> i32 {
+    let toward_zero = x as i32;
+    toward_zero - i32::from(f64::from(toward_zero) > x)
+}
+
+/// Calls `sample` with the linear index of each sample of a brick that is the root's first or last one along an axis,
+/// those on its edges more than once.
+fn for_root_face(key: NodeKey, mut sample: impl FnMut(usize)) {
     let last = (BRICK_CELLS as u32) << key.level();
-    let first = key.first_sample();
-    let ijk = [index % P, index / P % P, index / (P * P)];
-    (0..3).any(|a| {
-        let at = first[a] + ijk[a] as u32;
-        at == 0 || at == last
-    })
+    for (axis, first) in key.first_sample().into_iter().enumerate() {
+        for at in [0, P - 1] {
+            let on_face = first + at as u32;
+            if on_face == 0 || on_face == last {
+                for (i, j) in (0..P).flat_map(|i| (0..P).map(move |j| (i, j))) {
+                    let [x, y, z] = [[at, i, j], [i, at, j], [i, j, at]][axis];
+                    sample((z * P + y) * P + x);
+                }
+            }
+        }
+    }
 }
 
 impl OpenBrick {

@@ -14,6 +14,8 @@ mod atan;
 mod boundary;
 mod brick;
 mod caps;
+mod cells;
+mod local;
 mod loops;
 mod moments;
 mod points;
@@ -21,10 +23,11 @@ mod tree;
 
 pub use boundary::{Boundary, OpenEdge};
 pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};
+pub use local::GROUP;
 pub use moments::{Element, Moments, Reach};
 pub use points::open_winding_at;
 pub(super) use points::shares_at;
-pub use tree::{ClusterTree, Selection};
+pub use tree::ClusterTree;
 
 use crate::error::Result;
 use crate::ingest::Facets;

@@ -7,6 +7,7 @@
 //!
 //!   w = [ D·r − 3 Q(r,r)/r² + 15 T(r,r,r)/r⁴ ] / (4π |r|³).
 
+use super::local::GROUP;
 use crate::lattice::Units;
 use std::f64::consts::PI;
 
@@ -15,8 +16,12 @@ use std::f64::consts::PI;
 pub struct Reach {
     /// Its farthest point's distance.
     pub farthest: f64,
-    /// At least the integral of the cubed distance over its area.
-    pub cubed: f64,
+    /// Its area.
+    pub area: f64,
+    /// At least the root of the mean of the squared distance over its area.
+    pub spread: f64,
+    /// At least the integrals over its area of the distance to the third, fourth and fifth.
+    pub powers: [f64; 3],
 }
 
 /// One oriented piece of surface.
@@ -31,6 +36,14 @@ pub trait Element: Copy + Send + Sync {
     fn add_to(&self, center: [f64; 3], moments: &mut Moments);
     /// Its solid angle over 4π seen from a lattice position.
     fn share_at(&self, p: Units) -> f64;
+    /// Adds the same of some elements for a group of positions, given as coordinates by axis and one by one.
+    fn add_shares<'a>(
+        elements: impl Iterator<Item = &'a Self>,
+        at: &[[f64; GROUP]; 3],
+        position: impl Fn(usize) -> Units,
+        sums: &mut [f64; GROUP],
+    ) where
+        Self: 'a;
 }
 
 /// Sums of symmetrised moments: D = Σa, Q = Σ a⊗d, T = ½ Σ a⊗d⊗d.
@@ -112,6 +125,31 @@ impl From<&Moments> for Expansion {
 }
 
 impl Expansion {
+    /// Factors of the negative derivatives of 1/r of the first three orders, without those of second or third order in
+    /// z, which are sums of others: x, y, z; xx, yy, xy, yz, zx; xxx, yyy, xxy, xxz, yyx, yyz, xyz.
+    pub fn moments(&self) -> [f64; 15] {
+        let (d, q, t) = (&self.dipole, &self.quadrupole, &self.octupole);
+        let q = q.map(|v| v / -3.0);
+        let t = t.map(|v| v / 15.0);
+        [
+            d[0],
+            d[1],
+            d[2],
+            q[0] - q[2],
+            q[1] - q[2],
+            q[3],
+            q[4],
+            q[5],
+            t[0] - t[7],
+            t[1] - t[8],
+            t[3] - t[8],
+            t[4] - t[2],
+            t[5] - t[7],
+            t[6] - t[2],
+            t[9],
+        ]
+    }
+
     /// The winding number seen from a point, given the way `r` from there to the centre.
     #[inline]
     pub fn at(&self, r: [f64; 3]) -> f64 {
@@ -130,16 +168,21 @@ impl Expansion {
 }
 
 /// Bound on the error of an [`Expansion`] at the distance D > R from its centre, R being the distance of its
-/// farthest point and `cubed` the integral of s³ over the area, s being the distance from the centre.
+/// farthest point and s that of any.
 ///
-/// 1/|x − p| = Σ_l s^l P_l(cos γ)/D^{l+1}. The gradient of the solid harmonic s^l P_l is at most l s^{l−1} long
-/// (Bernstein and Szegő: (1 − x²) P_l'² + l² P_l² ≤ l²), and the expansion holds l ≤ 3. What is left is at most
-/// Σ_{l≥4} l ∫s^{l−1} / D^{l+1} ≤ ∫s³ / D⁵ · Σ_m (m + 4) q^m = ∫s³ / D⁵ · (4 − 3q)/(1 − q)², q = R/D.
+/// 1/|x − p| = Σ_m s^m P_m(cos γ)/D^{m+1}. The gradient of the solid harmonic s^m P_m is at most m s^{m−1} long
+/// (Bernstein and Szegő: (1 − x²) P_m'² + m² P_m² ≤ m²), and the expansion holds m ≤ 3. What is left is at most
+/// Σ_{m≥4} m ∫s^{m−1} / D^{m+1} ≤ 4 ∫s³/D⁵ + 5 ∫s⁴/D⁶ + ∫s⁵/D⁷ · (6 − 5q)/(1 − q)², q = R/D.
 pub fn error_bound(reach: Reach, distance: f64) -> f64 {
-    let q = reach.farthest / distance;
-    if q >= 1.0 || distance == 0.0 {
+    let inverse = 1.0 / distance;
+    let q = reach.farthest * inverse;
+    // Farther in, sums of bounds would lose too many digits.
+    if q > 0.9 || distance <= 0.0 {
         return f64::INFINITY;
     }
-    let squared = distance * distance;
-    reach.cubed / (squared * squared * distance) * (4.0 - 3.0 * q) / ((1.0 - q) * (1.0 - q)) / (4.0 * PI)
+    let [third, fourth, fifth] = reach.powers;
+    let rest = (6.0 - 5.0 * q) / ((1.0 - q) * (1.0 - q));
+    let squared = inverse * inverse;
+    squared * squared * inverse * (4.0 * third + inverse * (5.0 * fourth + inverse * rest * fifth))
+        / (4.0 * PI)
 }

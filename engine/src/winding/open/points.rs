@@ -1,6 +1,7 @@
 //! Winding numbers of open soups at arbitrary points.
 
 use super::super::points::crossings_at;
+use super::cells::{CellCache, Cells, Grain, Points, TOP_BITS};
 use super::{ClusterTree, Element, OpenPart};
 use crate::error::Result;
 use crate::ingest::Facets;
@@ -8,10 +9,12 @@ use crate::lattice::{ROOT_BITS, RootCube, Units};
 use crate::progress::Progress;
 use rayon::prelude::*;
 
-/// Points that share a choice of clusters, on average: the choice costs about as much as ten answers.
+/// Points of a cell, on average: what is far from a cell is summed once for all of them.
 const POINTS_A_CELL: usize = 64;
+/// Levels of cells below the root, at least: few points have cells of their own.
+const LEVELS_MIN: u32 = 4;
 /// Farther out than this, in units, points have no lattice position.
-const FAR: f64 = (1u64 << (ROOT_BITS + 6)) as f64;
+const FAR: f64 = (1u64 << (TOP_BITS - 1)) as f64;
 /// A million of the root's edges away the soup covers less than 1e-12 of the view; farther out f64 overflows.
 const NOWHERE: f64 = FAR / 64.0 * 1e6;
 
@@ -57,18 +60,16 @@ pub(in crate::winding) fn shares_at<E: Element>(
     }
     near.par_sort_unstable();
     let cells: Vec<&[(Units, Units, usize)]> = near.chunk_by(|a, b| a.0 == b.0).collect();
-    let found: Vec<Vec<(usize, f64)>> = cells
-        .par_iter()
-        .map(|cell| {
-            if progress.cancelled() {
-                return Vec::new();
-            }
-            // The whole cell, so that a point's answer does not depend on who else asks.
-            let low = cell[0].0.map(|c| f64::from(c << shift));
-            let selection = tree.select(low, low.map(|c| c + f64::from(1u32 << shift)), error);
-            cell.iter().map(|&(_, p, number)| (number, tree.at(&selection, p))).collect()
-        })
-        .collect();
+    let answered = |(cache, points): &mut (CellCache, Points), cell: &&[(Units, Units, usize)]| {
+        if progress.cancelled() {
+            return Vec::new();
+        }
+        points.positions.clear();
+        points.positions.extend(cell.iter().map(|(_, p, _)| *p));
+        Cells::new(tree, error).answer(cache, shift, Grain::Anywhere, points);
+        cell.iter().map(|(.., number)| *number).zip(points.values.iter().copied()).collect()
+    };
+    let found: Vec<Vec<(usize, f64)>> = cells.par_iter().map_init(Default::default, answered).collect();
     progress.check()?;
     found.into_iter().flatten().for_each(|(number, share)| shares[number] = share);
     Ok(shares)
@@ -77,5 +78,5 @@ pub(in crate::winding) fn shares_at<E: Element>(
 /// log₂ of the edge of the cells in which so many points share a choice.
 fn cell_bits(points: usize) -> u32 {
     let cells = (points / POINTS_A_CELL).max(1);
-    ROOT_BITS - (cells.ilog2() / 3).min(8)
+    ROOT_BITS - (cells.ilog2() / 3).clamp(LEVELS_MIN, 8)
 }

@@ -1,5 +1,7 @@
 //! Boundaries, caps and expansions of small soups against sums of solid angles.
 
+use super::cells::{CellCache, Cells, Grain, Points};
+use super::local::{GROUP, Local, local_bound};
 use super::moments::error_bound;
 use super::*;
 use crate::ingest::Facet;
@@ -294,4 +296,106 @@ fn far_away_nothing_is_seen() {
     let brute = brute_at(&[&sources], units(), &points[..2], &Silent).unwrap();
     (0..2).for_each(|i| assert!((found[i] - brute[i]).abs() < 1e-9, "{} {}", found[i], brute[i]));
     assert!(found[2..].iter().all(|w| *w == 0.0), "{found:?}");
+}
+
+/// Clusters and the points of a ball away from them: the polynomial is as good as its bound, also when moved.
+#[test]
+fn a_local_expansion_keeps_its_bound() {
+    let mut rng = Rng::new(11);
+    let mut nearly = 0.0f64;
+    for round in 0..400 {
+        let triangles = random_triangles(&mut rng, 1 + round % 12, 1 << 18);
+        let caps: Vec<Cap> = triangles.iter().filter(|t| normal(t) != [0; 3]).map(Cap::new).collect();
+        let (center, reach, expansion) = tree::summary_of(&caps);
+        let radius = reach.farthest * rng.range(0.1, 2.0);
+        let away = (reach.farthest + radius) * rng.range(1.1, 4.0);
+        let direction = unit_vector(&mut rng);
+        let at: [f64; 3] = std::array::from_fn(|a| (center[a] + away * direction[a]).round());
+        let bound = local_bound(reach, away - 1.0, radius + 1.0);
+        let mut local = Local::default();
+        local.add(&[(std::array::from_fn(|a| center[a] - at[a]), &expansion)]);
+        let way: [f64; 3] = std::array::from_fn(|_| (0.3 * radius * rng.range(-1.0, 1.0)).round());
+        let moved = local.shifted(way);
+        for _ in 0..GROUP {
+            let direction = unit_vector(&mut rng);
+            let p: Units = std::array::from_fn(|a| (at[a] + 0.99 * radius * direction[a]) as i32 | 1);
+            let seen = |polynomial: &Local, from: [f64; 3]| {
+                let [x, y, z] = [0, 1, 2].map(|a| [f64::from(p[a]) - from[a]; GROUP]);
+                polynomial.at(&x, &y, &z)[0]
+            };
+            let exact: f64 = caps.iter().map(|c| c.share_at(p)).sum();
+            let found = seen(&local, at);
+            assert!((found - exact).abs() <= bound + 1e-12, "{found} {exact} {bound}");
+            let same = seen(&moved, std::array::from_fn(|a| at[a] + way[a]));
+            assert!((found - same).abs() < 1e-9 * (1.0 + found.abs()), "{found} {same}");
+            nearly = nearly.max((found - exact).abs() / bound);
+        }
+    }
+    assert!(nearly > 0.02 && nearly < 1.0, "{nearly}");
+}
+
+fn unit_vector(rng: &mut Rng) -> [f64; 3] {
+    let v: [f64; 3] = std::array::from_fn(|_| rng.range(-1.0, 1.0));
+    let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    v.map(|c| c / length)
+}
+
+/// A group of samples of many caps at once gives the sum of the single ones, samples in planes of caps included.
+#[test]
+fn groups_of_samples_are_answered_as_single_ones() {
+    let mut rng = Rng::new(12);
+    for count in [0, 1, 7, 8, 9, 40] {
+        let caps: Vec<Cap> = random_triangles(&mut rng, count, 6).iter().map(Cap::new).collect();
+        let caps: Vec<Cap> = caps.into_iter().filter(|c| c.area() > 0.0).collect();
+        for _ in 0..50 {
+            let points: [Units; GROUP] =
+                std::array::from_fn(|_| std::array::from_fn(|_| 2 * rng.below(20) as i32 + 1));
+            let at = [0, 1, 2].map(|a| points.map(|p| f64::from(p[a])));
+            let mut sums = [0.0; GROUP];
+            Cap::add_shares(caps.iter(), &at, |l| points[l], &mut sums);
+            for (sum, p) in sums.iter().zip(points) {
+                let single: f64 = caps.iter().map(|c| c.share_at(p)).sum();
+                assert!((sum - single).abs() < 1e-9, "{count} caps at {p:?}: {sum} {single}");
+            }
+        }
+    }
+}
+
+/// What a cell answers depends neither on which points are asked for nor on what was asked before.
+#[test]
+fn a_sample_has_one_value_whoever_asks() {
+    let mut rng = Rng::new(13);
+    let caps: Vec<Cap> = random_triangles(&mut rng, 3000, 1 << 19).iter().map(Cap::new).collect();
+    let tree = ClusterTree::new(caps);
+    let (spacing, bits) = (16, 19);
+    let base = [0, 1 << 19, 0];
+    let all: Vec<Units> = (0..512)
+        .map(|i| {
+            let at = [i % 8, i / 8 % 8, i / 64];
+            std::array::from_fn(|a| base[a] + (at[a] << spacing) + 1)
+        })
+        .collect();
+    let ask = |cells: &Cells<'_, Cap>, cache: &mut CellCache, positions: Vec<Units>| {
+        let mut points = Points { positions, values: Vec::new() };
+        cells.answer(cache, bits, Grain::Lattice(spacing), &mut points);
+        points.values
+    };
+    for error in [0.3, 1e-2, 1e-4] {
+        let cells = Cells::new(&tree, error);
+        let mut cache = CellCache::default();
+        let values = ask(&cells, &mut cache, all.clone());
+        for (p, w) in all.iter().zip(&values) {
+            assert!((w - tree.exact_at(*p)).abs() <= error, "{p:?}");
+        }
+        for i in (0..512).step_by(31) {
+            let some: Vec<usize> = (i..512.min(i + 3)).rev().collect();
+            let positions: Vec<Units> = some.iter().map(|&i| all[i]).collect();
+            let again = ask(&cells, &mut cache, positions.clone());
+            assert_eq!(again, ask(&cells, &mut CellCache::default(), positions));
+            assert!(some.iter().zip(&again).all(|(&i, w)| values[i].to_bits() == w.to_bits()));
+        }
+        // A cache of another tree or error is not used.
+        let other = Cells::new(&tree, 0.5 * error);
+        assert_eq!(ask(&other, &mut cache, all.clone()), ask(&other, &mut CellCache::default(), all.clone()));
+    }
 }

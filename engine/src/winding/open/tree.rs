@@ -1,19 +1,19 @@
-//! The hierarchy of clusters, and the choice of clusters that keeps a bound on the error.
+//! The hierarchy of clusters.
 
-use super::moments::{Element, Expansion, Moments, Reach, error_bound};
+use super::moments::{Element, Expansion, Moments, Reach};
 use crate::lattice::Units;
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Elements of a cluster that is not divided: an expansion costs about as much as two solid angles.
-const LEAF_ELEMENTS: usize = 4;
+/// Elements of a cluster that is not divided: an expansion costs about half as much as a solid angle.
+const LEAF_ELEMENTS: usize = 2;
 
 /// A cluster of neighbouring elements.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cluster {
-    center: [f64; 3],
-    reach: Reach,
-    expansion: Expansion,
+pub(super) struct Cluster {
+    pub center: [f64; 3],
+    pub reach: Reach,
+    pub expansion: Expansion,
     /// Its elements.
     first: u32,
     count: u32,
@@ -22,6 +22,16 @@ struct Cluster {
 }
 
 impl Cluster {
+    /// Its halves, if it is divided; it has the number `own`.
+    pub fn halves(&self, own: u32) -> Option<[u32; 2]> {
+        (self.second != 0).then_some([own + 1, self.second])
+    }
+
+    /// Numbers of its elements.
+    pub fn elements(&self) -> Range<u32> {
+        self.first..self.first + self.count
+    }
+
     fn seen_from(&self, p: [f64; 3]) -> f64 {
         self.expansion.at(std::array::from_fn(|a| self.center[a] - p[a]))
     }
@@ -32,40 +42,8 @@ impl Cluster {
 pub struct ClusterTree<E> {
     elements: Vec<E>,
     clusters: Vec<Cluster>,
+    identity: u64,
 }
-
-/// The clusters and single elements by which all points of a box are answered.
-#[derive(Clone, Debug, Default)]
-pub struct Selection {
-    clusters: Vec<u32>,
-    elements: Vec<u32>,
-}
-
-/// A cluster that may be divided; the one with the largest bound comes first.
-struct Candidate {
-    bound: f64,
-    cluster: u32,
-}
-
-impl Ord for Candidate {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.bound.total_cmp(&other.bound).then(other.cluster.cmp(&self.cluster))
-    }
-}
-
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Candidate {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Candidate {}
 
 impl<E: Element> ClusterTree<E> {
     /// Of any elements; the order matters to nothing but which of two equal ones comes first.
@@ -74,7 +52,8 @@ impl<E: Element> ClusterTree<E> {
         if !elements.is_empty() {
             divide(&mut elements, 0, &mut clusters, 0);
         }
-        ClusterTree { elements, clusters }
+        static MADE: AtomicU64 = AtomicU64::new(1);
+        ClusterTree { elements, clusters, identity: MADE.fetch_add(1, Relaxed) }
     }
 
     /// The elements in the tree's order.
@@ -87,53 +66,14 @@ impl<E: Element> ClusterTree<E> {
         self.elements.iter().map(|e| e.share_at(p)).sum()
     }
 
-    /// Chooses what answers every point of the box `low..high` with an error of at most `budget`: the cluster
-    /// with the largest bound is divided until the bounds of all add up to no more. So the choice takes the
-    /// fewest clusters where they matter least, and the sum of bounds holds whatever the elements are.
-    pub fn select(&self, low: [f64; 3], high: [f64; 3], budget: f64) -> Selection {
-        let mut selection = Selection::default();
-        if self.clusters.is_empty() {
-            return selection;
-        }
-        let candidate = |cluster: u32| {
-            let Cluster { center, reach, .. } = self.clusters[cluster as usize];
-            Candidate { bound: error_bound(reach, distance_to_box(center, low, high)), cluster }
-        };
-        let finite = |bound: f64| if bound.is_finite() { bound } else { 0.0 };
-        let root = candidate(0);
-        // The bounds that are finite; less than a share of 2^-30 for the rounding of the sum.
-        let mut total = finite(root.bound);
-        let enough = budget * (1.0 - 1e-9);
-        let mut heap = BinaryHeap::from([root]);
-        while let Some(worst) = heap.peek() {
-            if worst.bound.is_finite() && total <= enough {
-                break;
-            }
-            let Candidate { bound, cluster } = heap.pop().expect("just seen");
-            total -= finite(bound);
-            let Cluster { first, count, second, .. } = self.clusters[cluster as usize];
-            if second == 0 {
-                selection.elements.extend(first..first + count);
-                continue;
-            }
-            for half in [cluster + 1, second] {
-                let half = candidate(half);
-                total += finite(half.bound);
-                heap.push(half);
-            }
-        }
-        selection.clusters.extend(heap.into_iter().map(|c| c.cluster));
-        // A fixed order of summation, and of memory.
-        selection.clusters.sort_unstable();
-        selection.elements.sort_unstable();
-        selection
+    /// A number that no other tree of this run has.
+    pub(super) fn identity(&self) -> u64 {
+        self.identity
     }
 
-    /// The sum over all elements at a lattice position of the box for which the selection was made.
-    pub fn at(&self, selection: &Selection, p: Units) -> f64 {
-        let near: f64 = selection.elements.iter().map(|&e| self.elements[e as usize].share_at(p)).sum();
-        let p = p.map(f64::from);
-        near + selection.clusters.iter().map(|&c| self.clusters[c as usize].seen_from(p)).sum::<f64>()
+    /// All clusters; the first holds everything.
+    pub(super) fn clusters(&self) -> &[Cluster] {
+        &self.clusters
     }
 
     /// The sum over all elements at a position 64 and more of the root's edges away, where four elements
@@ -197,14 +137,17 @@ fn summarise<E: Element>(elements: &[E]) -> Cluster {
         (0..3).for_each(|a| center[a] += own * at[a]);
     }
     let center = center.map(|c| c / area);
-    let mut reach = Reach::default();
+    let mut reach = Reach { area, ..Reach::default() };
+    let mut squared = 0.0;
     let mut moments = Moments::default();
     for e in elements {
         let own = e.reach(center);
         reach.farthest = reach.farthest.max(own.farthest);
-        reach.cubed += own.cubed;
+        reach.powers.iter_mut().zip(own.powers).for_each(|(sum, own)| *sum += own);
+        squared += own.area * own.spread * own.spread;
         e.add_to(center, &mut moments);
     }
+    reach.spread = (squared / area).sqrt();
     Cluster { center, reach, expansion: Expansion::from(&moments), ..Cluster::default() }
 }
 
@@ -227,11 +170,4 @@ fn longest_axis<E: Element>(elements: &[E]) -> usize {
     }
     let extent = |a: usize| high[a] - low[a];
     (0..3).fold(0, |best, a| if extent(a) > extent(best) { a } else { best })
-}
-
-/// Distance of a point from a box.
-fn distance_to_box(p: [f64; 3], low: [f64; 3], high: [f64; 3]) -> f64 {
-    let outside = |a: usize| (low[a] - p[a]).max(p[a] - high[a]).max(0.0);
-    let [x, y, z] = [0, 1, 2].map(outside);
-    (x * x + y * y + z * z).sqrt()
 }

@@ -1,0 +1,236 @@
+//! Local expansions: the field of far clusters as a polynomial about a cell's centre.
+//!
+//! A cluster at r = c − b from the centre b of a cell gives, at b + t, w = −Σ_α M_α ∂^α φ(r − t) with φ = 1/(4π|r|)
+//! and the moments M_α of degree m = |α| from 1 to 3. Taylor's series in t, cut off where m + |β| exceeds
+//! [`DEGREE`], is Σ_β L_β t^β with L_β = −(−1)^|β|/β! Σ_α M_α ∂^{α+β} φ(r) (Greengard & Rokhlin 1987; in Cartesian
+//! form Duan & Krasny 2001, whose recurrence gives the derivatives). φ is harmonic, and so is the polynomial for
+//! each m and |β|: ∂_z² = −∂_x² − ∂_y² leaves 15 of the 19 moments, and only the coefficients with β_z ≤ 1 need
+//! to be summed.
+
+use super::moments::{Expansion, Reach, error_bound};
+use std::f64::consts::PI;
+
+/// Moments and coefficients are used as far as their degrees add up to this.
+pub(super) const DEGREE: usize = 6;
+/// Coefficients along an axis.
+const C: usize = DEGREE;
+/// Clusters translated at a time, which vectorises.
+pub(super) const LANES: usize = 4;
+/// Samples evaluated at a time.
+pub const GROUP: usize = 8;
+
+/// One number for each of some clusters.
+type Lanes = [f64; LANES];
+/// Derivatives of 1/r by order in z, y, x; those in z to the second.
+type Derivatives = [[[Lanes; DEGREE + 1]; DEGREE + 1]; 3];
+
+/// The moments that count, by degree: orders in x, y, z.
+const MOMENTS: [&[[usize; 3]]; 3] = [
+    &[[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    &[[2, 0, 0], [0, 2, 0], [1, 1, 0], [0, 1, 1], [1, 0, 1]],
+    &[[3, 0, 0], [0, 3, 0], [2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 2, 1], [1, 1, 1]],
+];
+
+/// A polynomial: coefficients by power of z, y, x, where these add up to less than [`DEGREE`].
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Local([[[f64; C]; C]; C]);
+
+impl Default for Local {
+    fn default() -> Self {
+        Local([[[0.0; C]; C]; C])
+    }
+}
+
+/// Bound on the error, anywhere within `radius` of a cell's centre, of what a cluster at the distance r adds to the
+/// cell's polynomial.
+///
+/// With s the way from the cluster's centre to a source and t that from the cell's centre to a point, 1/|r + s − t|
+/// has in degree m of s and n − m of t a part C(n,m) H(s,…,s,t,…,t), H being the symmetric form of the solid
+/// harmonic |u|^n P_n/r^{n+1}. On a Euclidean space such a form is nowhere larger than its polynomial (Banach
+/// 1938), so a dipole of area A has there at most A C(n,m) m s^{m−1} t^{n−m}/r^{n+1}. All parts with m ≥ 4 together
+/// are the error of the cluster's own expansion at r − t. Those with m ≤ 3 and n > N are, with s̄ the root of the
+/// mean of s² and q = (s̄ + t)/r, at most A/r² Σ_{n>N} n q^{n−1} = A/r² · q^N ((N + 1) − N q)/(1 − q)².
+pub(super) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
+    let q = (reach.spread + radius) / distance;
+    // Beyond, the sums of bounds would lose too many digits.
+    if q > 0.9 || distance == 0.0 {
+        return f64::INFINITY;
+    }
+    const N: f64 = DEGREE as f64;
+    let power = q * q * q;
+    let power = power * power;
+    const { assert!(DEGREE == 6, "the power above") };
+    let cut = reach.area / (distance * distance) * power * ((N + 1.0) - N * q)
+        / ((1.0 - q) * (1.0 - q))
+        / (4.0 * PI);
+    cut + error_bound(reach, distance - radius)
+}
+
+impl Local {
+    /// Adds the fields of clusters, each given by the way from the cell's centre to its own.
+    pub fn add(&mut self, clusters: &[([f64; 3], &Expansion)]) {
+        let mut sums = [[[[0.0; LANES]; C]; C]; 2];
+        for some in clusters.chunks(LANES) {
+            // Idle lanes have no moments.
+            let mut way = [[1.0; LANES]; 3];
+            let mut moments = [[0.0; LANES]; 15];
+            for (lane, (r, expansion)) in some.iter().enumerate() {
+                (0..3).for_each(|a| way[a][lane] = r[a]);
+                let own = expansion.moments();
+                moments.iter_mut().zip(own).for_each(|(m, own)| m[lane] = own);
+            }
+            contract(&moments, &derivatives(&way), &mut sums);
+        }
+        let mut found = Local::default();
+        let mut factorial = [1.0; C];
+        (1..C).for_each(|i| factorial[i] = factorial[i - 1] * i as f64);
+        for (z, planes) in sums.iter().enumerate() {
+            for (y, rows) in planes[..C - z].iter().enumerate() {
+                for (x, lanes) in rows[..C - z - y].iter().enumerate() {
+                    let sum: f64 = lanes.iter().sum();
+                    let sign = if (x + y + z) % 2 == 0 { -1.0 } else { 1.0 };
+                    found.0[z][y][x] = sign * sum / (factorial[x] * factorial[y]);
+                }
+            }
+        }
+        for z in 2..C {
+            for y in 0..C - z {
+                for x in 0..C - z - y {
+                    let across = ((x + 2) * (x + 1)) as f64 * found.0[z - 2][y][x + 2]
+                        + ((y + 2) * (y + 1)) as f64 * found.0[z - 2][y + 2][x];
+                    found.0[z][y][x] = -across / (z * (z - 1)) as f64;
+                }
+            }
+        }
+        let all = self.0.as_flattened_mut().as_flattened_mut();
+        all.iter_mut().zip(found.0.as_flattened().as_flattened()).for_each(|(a, b)| *a += b);
+    }
+
+    /// The same polynomial about another centre, `way` from this one.
+    pub fn shifted(&self, way: [f64; 3]) -> Local {
+        let mut to = self.clone();
+        let c = &mut to.0;
+        // Taylor's shift along one axis after the other, a line at a time.
+        for (axis, way) in way.into_iter().enumerate() {
+            for i in 0..C {
+                for j in 0..C - i {
+                    let at = |k: usize| match axis {
+                        0 => [i, j, k],
+                        1 => [i, k, j],
+                        _ => [k, i, j],
+                    };
+                    let last = C - 1 - i - j;
+                    for from in 0..last {
+                        for k in (from..last).rev() {
+                            let ([z, y, x], [w, v, u]) = (at(k), at(k + 1));
+                            c[z][y][x] += way * c[w][v][u];
+                        }
+                    }
+                }
+            }
+        }
+        to
+    }
+
+    /// The values at some points, given by their ways from the centre.
+    #[inline]
+    pub fn at(&self, x: &[f64; GROUP], y: &[f64; GROUP], z: &[f64; GROUP]) -> [f64; GROUP] {
+        let mut value = [0.0; GROUP];
+        for k in (0..C).rev() {
+            let mut plane = [0.0; GROUP];
+            for j in (0..C - k).rev() {
+                let mut row = [self.0[k][j][C - 1 - k - j]; GROUP];
+                for i in (0..C - 1 - k - j).rev() {
+                    let c = self.0[k][j][i];
+                    (0..GROUP).for_each(|l| row[l] = row[l] * x[l] + c);
+                }
+                (0..GROUP).for_each(|l| plane[l] = plane[l] * y[l] + row[l]);
+            }
+            (0..GROUP).for_each(|l| value[l] = value[l] * z[l] + plane[l]);
+        }
+        value
+    }
+}
+
+/// Derivatives of 1/|r|: n r² D_γ = −(2n − 1) Σ γ_i r_i D_{γ−e_i} − (n − 1) Σ γ_i (γ_i − 1) D_{γ−2e_i}, n = |γ|.
+#[inline]
+fn derivatives(r: &[Lanes; 3]) -> Derivatives {
+    let mut d: Derivatives = [[[[0.0; LANES]; DEGREE + 1]; DEGREE + 1]; 3];
+    let mut inverse = [0.0; LANES];
+    for l in 0..LANES {
+        inverse[l] = 1.0 / (r[0][l] * r[0][l] + r[1][l] * r[1][l] + r[2][l] * r[2][l]);
+        d[0][0][0][l] = inverse[l].sqrt();
+    }
+    for z in 0..2 {
+        for y in 0..=DEGREE - z {
+            for x in usize::from(y + z == 0)..=DEGREE - z - y {
+                let n = (x + y + z) as f64;
+                let mut first = [0.0; LANES];
+                let mut second = [0.0; LANES];
+                let add = |sum: &mut Lanes, factor: f64, term: &Lanes| {
+                    (0..LANES).for_each(|l| sum[l] += factor * term[l]);
+                };
+                let times = |a: &Lanes, b: &Lanes| -> Lanes { std::array::from_fn(|l| a[l] * b[l]) };
+                if x > 0 {
+                    add(&mut first, x as f64, &times(&r[0], &d[z][y][x - 1]));
+                }
+                if y > 0 {
+                    add(&mut first, y as f64, &times(&r[1], &d[z][y - 1][x]));
+                }
+                if z > 0 {
+                    add(&mut first, z as f64, &times(&r[2], &d[z - 1][y][x]));
+                }
+                if x > 1 {
+                    add(&mut second, (x * (x - 1)) as f64, &d[z][y][x - 2]);
+                }
+                if y > 1 {
+                    add(&mut second, (y * (y - 1)) as f64, &d[z][y - 2][x]);
+                }
+                let (a, b) = ((2.0 * n - 1.0) / n, (n - 1.0) / n);
+                for l in 0..LANES {
+                    d[z][y][x][l] = -inverse[l] * (a * first[l] + b * second[l]);
+                }
+            }
+        }
+    }
+    for y in 0..=DEGREE - 2 {
+        for x in 0..=DEGREE - 2 - y {
+            d[2][y][x] = std::array::from_fn(|l| -(d[0][y][x + 2][l] + d[0][y + 2][x][l]));
+        }
+    }
+    d
+}
+
+/// Σ_α M_α D_{α+β} for every β with β_z ≤ 1, added to `sums`.
+#[inline]
+fn contract(moments: &[Lanes; 15], d: &Derivatives, sums: &mut [[[Lanes; C]; C]; 2]) {
+    let mut moment = moments.iter();
+    for (degree, orders) in (1..).zip(MOMENTS) {
+        for (&[i, j, k], m) in orders.iter().zip(&mut moment) {
+            let last = DEGREE - degree;
+            for z in 0..2 {
+                for y in 0..=last - z {
+                    let from = &d[k + z][j + y][i..];
+                    let to = &mut sums[z][y];
+                    // Rows of fixed lengths are unrolled: a third of a translation's time.
+                    match last - z - y {
+                        0 => add_row::<1>(to, m, from),
+                        1 => add_row::<2>(to, m, from),
+                        2 => add_row::<3>(to, m, from),
+                        3 => add_row::<4>(to, m, from),
+                        4 => add_row::<5>(to, m, from),
+                        _ => add_row::<C>(to, m, from),
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_row<const N: usize>(sums: &mut [Lanes; C], m: &Lanes, terms: &[Lanes]) {
+    let terms = terms.first_chunk::<N>().expect("orders add up to no more than the degree");
+    for (sum, term) in sums.iter_mut().zip(terms) {
+        (0..LANES).for_each(|l| sum[l] += m[l] * term[l]);
+    }
+}
