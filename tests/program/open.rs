@@ -157,3 +157,22 @@ fn stores_of_open_meshes() {
     let array = dir.path("w.npy");
     run(&[&"export", &store, &"--level", &"1", &"--dtype", &"f4", &"-o", &array, &"--quiet"]).ok();
 }
+
+/// Three boxes in the same place without their lids: above them w falls below 0.5 only beyond the root.
+#[test]
+fn a_surface_that_leaves_the_root_ends_there_in_a_closed_border() {
+    let dir = Scratch::new();
+    let open = stl("open_box_no_lid");
+    let (store, mesh) = (dir.path("bowl.brf"), dir.path("bowl.ply"));
+    for depth in ["1", "2"] {
+        run(&[&"build", &open, &open, &open, &"-o", &store, &"--depth", &depth, &"--quiet"]).ok();
+        let report = run(&[&"mesh", &store, &"-o", &mesh, &"--json"]).json();
+        let judged = brickfield_bench_data::judge::mesh::check_file(&mesh).unwrap();
+        assert!(judged.is_closed_manifold() && judged.is_oriented(), "{judged}");
+        let root = &run(&[&"info", &store, &"--json"]).json()["root"];
+        let top = root["origin"][2].as_f64().unwrap() + root["edge"].as_f64().unwrap();
+        let reached = report["bounds"][1][2].as_f64().unwrap();
+        let cell = root["edge"].as_f64().unwrap() / 32.0 / 2f64.powi(depth.parse().unwrap());
+        assert!(reached < top && reached > top - 2.0 * cell, "{reached} of {top}");
+    }
+}

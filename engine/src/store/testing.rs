@@ -56,18 +56,22 @@ pub fn brick_at(key: NodeKey, leaf: bool) -> Brick {
     if min == max {
         return Brick::Uniform(min);
     }
-    let mut hermite = Hermite::default();
-    if leaf {
-        let counts = SignChanges::of(&samples).counts();
-        for axis in Axis::ALL {
-            let mut normal = [0; 3];
-            normal[axis.index()] = 1;
-            let normal = OctNormal::from_integer(normal);
-            let edge = |i| HermiteEdge { offset: (i / 32 * 257 + i % 2 * 7919) as u16, normal };
-            hermite.edges[axis.index()] = (0..counts[axis.index()]).map(edge).collect();
-        }
-    }
+    let hermite = if leaf { hermite_of(&samples) } else { Hermite::default() };
     Brick::Counts { samples, hermite }
+}
+
+/// As many Hermite edges as the samples need, by formula.
+fn hermite_of(samples: &Samples) -> Hermite {
+    let mut hermite = Hermite::default();
+    let counts = SignChanges::of(samples).counts();
+    for axis in Axis::ALL {
+        let mut normal = [0; 3];
+        normal[axis.index()] = 1;
+        let normal = OctNormal::from_integer(normal);
+        let edge = |i| HermiteEdge { offset: (i / 32 * 257 + i % 2 * 7919) as u16, normal };
+        hermite.edges[axis.index()] = (0..counts[axis.index()]).map(edge).collect();
+    }
+    hermite
 }
 
 /// Nodes of the small tree in key order: the root, its children, the children of child 1.
@@ -104,6 +108,25 @@ fn append_all(writer: &mut StoreWriter) {
         let leaf = tree.node(key).expect("its own key").leaf;
         writer.append_brick(key, leaf, &tree.brick(key).expect("its own key")).expect("room on the disk");
     }
+}
+
+/// A brick of 1/1024ths by formula: a slope, bent along z, with jumps of a whole number and of −3 in x and y.
+pub fn fractions() -> Brick {
+    let mut samples = Samples::fractions(10);
+    for (index, sample) in samples.0.iter_mut().enumerate() {
+        let [x, y, z] = [0, 1, 2].map(|a| (index / BRICK_POINTS.pow(a) % BRICK_POINTS) as i16);
+        *sample = 17 * x - 5 * y + z * z + 1024 * i16::from(x > 20) - 3072 * i16::from(y > 29);
+    }
+    let hermite = hermite_of(&samples);
+    Brick::Counts { samples, hermite }
+}
+
+/// Writes a store of that brick alone.
+pub fn write_fractions(path: &Path) {
+    let meta = Meta { numbers: Numbers { nodes_per_level: vec![1], ..meta(0).numbers }, ..meta(0) };
+    let mut writer = StoreWriter::create(path, &meta).expect("a writable directory");
+    writer.append_brick(NodeKey::ROOT, true, &fractions()).expect("room on the disk");
+    writer.finish(meta).expect("a complete tree");
 }
 
 /// Metadata of the small tree as one of beads.

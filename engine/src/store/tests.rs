@@ -1,5 +1,7 @@
 use super::layout::*;
-use super::testing::{brick_at, lists, meta, nodes, tables, tree, write, write_beads};
+use super::testing::{
+    brick_at, fractions, lists, meta, nodes, tables, tree, write, write_beads, write_fractions,
+};
 use super::*;
 use crate::brick::Brick;
 use crate::lattice::NodeKey;
@@ -405,6 +407,22 @@ fn the_golden_file_reads_and_is_written_alike() {
     );
 }
 
+fn golden_fractions_path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/v1/fractions.brf")
+}
+
+#[test]
+fn the_golden_file_of_fractions_reads_and_is_written_alike() {
+    let store = Store::open(&golden_fractions_path(), 0).unwrap();
+    assert_eq!(*store.brick(NodeKey::ROOT).unwrap(), fractions());
+    assert!(store.node(NodeKey::ROOT).is_some_and(|node| node.fractions && node.leaf));
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("again.brf");
+    write_fractions(&path);
+    let golden = std::fs::read(golden_fractions_path()).unwrap();
+    assert!(std::fs::read(path).unwrap() == golden, "the bytes of fractions have changed");
+}
+
 fn golden_beads_path() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/v2/beads.brf")
 }
@@ -457,12 +475,12 @@ fn store_throughput() {
     println!("verify {:?}", start.elapsed());
 }
 
-/// Makes the golden file of a new format version. Those of old versions are never made again.
+/// Makes the newest golden file. The older ones are never made again.
 #[test]
 #[ignore = "writes into the source tree"]
 fn make_golden_file() {
-    let path = golden_beads_path();
+    let path = golden_fractions_path();
     assert!(!path.exists(), "a golden file is never changed");
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_beads(&path);
+    write_fractions(&path);
 }
