@@ -48,13 +48,84 @@ impl Symmetric {
         ]
     }
 
-    /// Rows and columns of the axes in `fixed` set to zero.
-    fn without(&self, fixed: [bool; 3]) -> Symmetric {
-        let pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
-        Symmetric(std::array::from_fn(|n| {
-            let (a, b) = pairs[n];
-            if fixed[a] || fixed[b] { 0.0 } else { self.0[n] }
-        }))
+    fn trace(&self) -> f64 {
+        self.0[0] + self.0[1] + self.0[2]
+    }
+
+    /// The matrix of the principal minors and their complements: the inverse times the determinant.
+    #[inline]
+    fn adjugate(&self) -> Symmetric {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        Symmetric([
+            yy * zz - yz * yz,
+            xx * zz - zx * zx,
+            xx * yy - xy * xy,
+            yz * zx - xy * zz,
+            xy * zx - xx * yz,
+            xy * yz - yy * zx,
+        ])
+    }
+
+    #[inline]
+    fn determinant(&self, adjugate: &Symmetric) -> f64 {
+        self.0[0] * adjugate.0[0] + self.0[3] * adjugate.0[3] + self.0[5] * adjugate.0[5]
+    }
+
+    /// Pseudo-inverse times `rhs` without the eigenvalues below [`TRUNCATION_SQUARED`] of the largest, and the
+    /// largest.
+    ///
+    /// The least eigenvalue's vector is the limit of the powers of the adjugate, whose eigenvalues are the products
+    /// of two; the other two values follow from trace and minors. Jacobi's rotations take four times as long.
+    fn solve_truncated(&self, rhs: Vector) -> (Vector, f64) {
+        let Some((v, least)) = self.least_eigenvector() else {
+            let eigen = self.eigen();
+            let largest = largest_of(&eigen);
+            return (truncated(&eigen, rhs, largest), largest);
+        };
+        let adjugate = self.adjugate();
+        let sum = self.trace() - least;
+        let product = adjugate.trace() - least * sum;
+        let largest = 0.5 * sum + (0.25 * sum * sum - product).max(0.0).sqrt();
+        let threshold = TRUNCATION_SQUARED * largest;
+        if least > threshold {
+            let determinant = self.determinant(&adjugate);
+            return (adjugate.times(rhs).map(|c| c / determinant), largest);
+        }
+        if product / largest > threshold {
+            // With the least eigenvalue made one as large as the others, and nothing of it in `rhs`.
+            let mut lifted = *self;
+            lifted.add(v.map(|c| c * self.trace().sqrt()));
+            let across = dot(v, rhs);
+            let adjugate = lifted.adjugate();
+            let determinant = lifted.determinant(&adjugate);
+            let x = adjugate.times(std::array::from_fn(|a| rhs[a] - across * v[a])).map(|c| c / determinant);
+            return (x, largest);
+        }
+        let eigen = self.eigen();
+        (truncated(&eigen, rhs, largest), largest)
+    }
+
+    /// The eigenvector, of length one, of an eigenvalue well below the other two, with the value.
+    fn least_eigenvector(&self) -> Option<(Vector, f64)> {
+        let adjugate = self.adjugate();
+        let [a, b, c, d, e, f] = adjugate.0;
+        // Below a thousandth of the products of two, one value stands out and the other two are noise.
+        if a + b + c <= 1e-3 * self.trace() * self.trace() {
+            return None;
+        }
+        let columns = [[a, d, f], [d, b, e], [f, e, c]];
+        let longest = if a >= b && a >= c { 0 } else { 1 + usize::from(c > b) };
+        let scale = 1.0 / (a + b + c);
+        let mut v = columns[longest].map(|c| c * scale);
+        for _ in 0..3 {
+            v = adjugate.times(v).map(|c| c * scale);
+        }
+        let length = dot(v, v).sqrt();
+        let v = v.map(|c| c / length);
+        let image = self.times(v);
+        let value = dot(v, image);
+        let rest: Vector = std::array::from_fn(|n| image[n] - value * v[n]);
+        (dot(rest, rest) <= 1e-12 * self.trace() * self.trace()).then_some((v, value))
     }
 
     /// Eigenvalues and eigenvectors by cyclic Jacobi rotations.
@@ -152,17 +223,9 @@ impl PlaneSums {
     /// at the point p it is count·miss² at most, so |x − p|² ≤ count·miss²/λ.
     #[inline]
     pub(super) fn may_meet(&self, centre: Vector, reach: f64, miss: f64, spread: f64) -> bool {
-        let [xx, yy, zz, xy, yz, zx] = self.matrix.0;
-        let minors = Symmetric([
-            yy * zz - yz * yz,
-            xx * zz - zx * zx,
-            xx * yy - xy * xy,
-            yz * zx - xy * zz,
-            xy * zx - xx * yz,
-            xy * yz - yy * zx,
-        ]);
-        let determinant = xx * minors.0[0] + xy * minors.0[3] + zx * minors.0[5];
-        let least = determinant / (minors.0[0] + minors.0[1] + minors.0[2]);
+        let minors = self.matrix.adjugate();
+        let determinant = self.matrix.determinant(&minors);
+        let least = determinant / minors.trace();
         // It is not a number where all normals are alike.
         if least.is_nan() || least <= 0.33 * spread * spread {
             return false;
@@ -249,48 +312,46 @@ impl Qef {
 impl Centred {
     #[inline]
     fn solve(&self, margin: f64) -> Vector {
-        let x = self.flat().unwrap_or_else(|| {
-            let eigen = self.matrix.eigen();
-            truncated(&eigen, self.rhs, largest_of(&eigen))
-        });
+        let (x, largest) = self.flat().unwrap_or_else(|| self.matrix.solve_truncated(self.rhs));
         let free = std::array::from_fn(|a| self.mass[a] + x[a]);
         let inside = |v: f64| v >= margin && v <= 1.0 - margin;
-        if free.into_iter().all(inside) { free } else { self.constrained(margin) }
+        if free.into_iter().all(inside) { free } else { self.constrained(free, largest, margin) }
     }
 
-    /// Offset from the mass point if the planes are as good as one, as in [`Qef::is_flat`].
+    /// Offset from the mass point if the planes are as good as one, as in [`Qef::is_flat`], and the one eigenvalue
+    /// that counts.
     #[inline]
-    fn flat(&self) -> Option<Vector> {
+    fn flat(&self) -> Option<(Vector, f64)> {
         if !is_flat(self.normal_sum, self.count) {
             return None;
         }
         // One step of the power method: the error of the direction shrinks a hundredfold.
         let v = self.matrix.times(self.normal_sum);
-        let scale = dot(v, self.rhs) / dot(v, self.matrix.times(v));
-        Some(v.map(|c| c * scale))
+        let square = dot(v, self.matrix.times(v));
+        let scale = dot(v, self.rhs) / square;
+        Some((v.map(|c| c * scale), square / dot(v, v)))
     }
 
-    /// The minimiser over the box, known to lie on its boundary: every face, edge and corner is tried with
-    /// the remaining variables free.
+    /// The minimiser over the box where the free one, `free`, lies outside: at the faces that it is beyond, their
+    /// edges and their corners, with the remaining variables free.
+    ///
+    /// Others need not be tried: from a minimiser that is at none of those faces one could go towards the free one
+    /// without leaving the box, and the error, being convex, would shrink.
     #[cold]
-    fn constrained(&self, margin: f64) -> Vector {
-        // By which axes are fixed, as bits: the 26 places share seven matrices. With all fixed there is nothing to solve.
-        let eigen: [Eigen; 7] =
-            std::array::from_fn(|code| self.matrix.without([0, 1, 2].map(|a| code >> a & 1 != 0)).eigen());
-        let largest = largest_of(&eigen[0]);
+    fn constrained(&self, free: Vector, largest: f64, margin: f64) -> Vector {
         let bounds = [margin, 1.0 - margin];
+        let beyond = free.map(|c| [c < bounds[0], c > bounds[1]]);
         let mut best = (OrderedFloat(f64::INFINITY), [0.5; 3]);
         // Per axis a base-3 digit: at the lower bound, at the upper bound, free.
         for code in 0..26 {
             let digits = [code % 3, code / 3 % 3, code / 9];
             let fixed = digits.map(|d| d < 2);
+            if !(0..3).any(|a| fixed[a] && beyond[a][digits[a]]) {
+                continue;
+            }
             let at: Vector =
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] - self.mass[a] } else { 0.0 });
-            let moved = self.matrix.times(at);
-            let rhs = std::array::from_fn(|a| if fixed[a] { 0.0 } else { self.rhs[a] - moved[a] });
-            let code = (0..3).fold(0, |code, a| code | usize::from(fixed[a]) << a);
-            let y = eigen.get(code).map_or([0.0; 3], |eigen| truncated(eigen, rhs, largest));
-            let x: Vector = std::array::from_fn(|a| if fixed[a] { at[a] } else { y[a] });
+            let x = self.with_fixed(fixed, at, TRUNCATION_SQUARED * largest);
             let point: Vector =
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] } else { self.mass[a] + x[a] });
             if point.into_iter().any(|p| p < bounds[0] || p > bounds[1]) {
@@ -304,6 +365,48 @@ impl Centred {
         }
         best.1
     }
+
+    /// The minimiser along the one or two axes that are not fixed, `at` along the others, without the eigenvalues
+    /// up to `threshold`.
+    #[inline]
+    fn with_fixed(&self, fixed: [bool; 3], at: Vector, threshold: f64) -> Vector {
+        let mut x = at;
+        let moved = self.matrix.times(at);
+        let rhs: Vector = std::array::from_fn(|a| self.rhs[a] - moved[a]);
+        let [xx, yy, zz, xy, yz, zx] = self.matrix.0;
+        let diagonal = [xx, yy, zz];
+        match fixed {
+            [true, true, true] => {}
+            [false, false, _] => [x[0], x[1]] = truncated_pair([xx, yy, xy], [rhs[0], rhs[1]], threshold),
+            [false, true, false] => [x[0], x[2]] = truncated_pair([xx, zz, zx], [rhs[0], rhs[2]], threshold),
+            [true, false, false] => [x[1], x[2]] = truncated_pair([yy, zz, yz], [rhs[1], rhs[2]], threshold),
+            _ => {
+                let free = fixed.iter().position(|&fixed| !fixed).unwrap_or(0);
+                if diagonal[free] > threshold {
+                    x[free] = rhs[free] / diagonal[free];
+                }
+            }
+        }
+        x
+    }
+}
+
+/// Pseudo-inverse of the matrix [[a, c], [c, b]] times `rhs` without the eigenvalues up to `threshold`.
+#[inline]
+fn truncated_pair([a, b, c]: [f64; 3], rhs: [f64; 2], threshold: f64) -> [f64; 2] {
+    let half = 0.5 * (a - b);
+    let largest = 0.5 * (a + b) + (half * half + c * c).sqrt();
+    let determinant = a * b - c * c;
+    if largest <= threshold {
+        return [0.0; 2];
+    }
+    if determinant > threshold * largest {
+        return [(b * rhs[0] - c * rhs[1]) / determinant, (a * rhs[1] - c * rhs[0]) / determinant];
+    }
+    // Of the two forms of the larger one's eigenvector the longer.
+    let v = if a >= b { [largest - b, c] } else { [c, largest - a] };
+    let along = (v[0] * rhs[0] + v[1] * rhs[1]) / (largest * (v[0] * v[0] + v[1] * v[1]));
+    v.map(|c| c * along)
 }
 
 fn largest_of((values, _): &Eigen) -> f64 {
@@ -353,6 +456,41 @@ mod tests {
                 });
                 prop_assert!(distance(rebuilt, matrix.times(x)) < 1e-12);
             }
+        }
+
+        #[test]
+        fn closed_forms_truncate_as_rotations_do(
+            normals in prop::collection::vec(prop::array::uniform3(-1.0f64..1.0), 3..8),
+            flatten in prop::array::uniform3(prop::sample::select(vec![1.0, 0.2, 0.02, 1e-5, 0.0])),
+            rhs in prop::array::uniform3(-1.0f64..1.0),
+        ) {
+            let mut matrix = Symmetric::default();
+            for n in &normals {
+                prop_assume!(dot(*n, *n) > 0.01);
+                matrix.add(std::array::from_fn(|a| n[a] * flatten[a]));
+            }
+            prop_assume!(matrix.trace() > 0.1);
+            let eigen = matrix.eigen();
+            let largest = largest_of(&eigen);
+            // Where a value is about to be truncated either answer is right.
+            prop_assume!(eigen.0.iter().all(|v| (v / (TRUNCATION_SQUARED * largest) - 1.0).abs() > 1e-3));
+            let (x, found) = matrix.solve_truncated(rhs);
+            prop_assert!((found - largest).abs() <= 1e-9 * largest);
+            let size = dot(x, x).sqrt();
+            prop_assert!(distance(x, truncated(&eigen, rhs, largest)) <= 1e-4 * size + 1e-12);
+        }
+
+        #[test]
+        fn pairs_truncate_as_rotations_do(
+            m in prop::array::uniform3(-1.0f64..1.0), rhs in prop::array::uniform2(-1.0f64..1.0), threshold in 1e-3f64..0.5,
+        ) {
+            // A matrix times its transpose has no eigenvalue below zero.
+            let pair = [m[0] * m[0] + m[1] * m[1], m[1] * m[1] + m[2] * m[2], m[1] * (m[0] + m[2])];
+            let eigen = Symmetric([pair[0], pair[1], 0.0, pair[2], 0.0, 0.0]).eigen();
+            prop_assume!(eigen.0.iter().all(|v| (v / threshold - 1.0).abs() > 1e-6));
+            let [x, y, _] = truncated(&eigen, [rhs[0], rhs[1], 0.0], threshold / TRUNCATION_SQUARED);
+            let found = truncated_pair(pair, rhs, threshold);
+            prop_assert!(distance([x, y, 0.0], [found[0], found[1], 0.0]) < 1e-6);
         }
 
         #[test]
