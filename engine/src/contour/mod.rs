@@ -44,7 +44,7 @@ use crate::progress::Progress;
 use crate::store::BrickTree;
 use cells::BrickCells;
 use field::Field;
-use polygons::LeafFacets;
+use polygons::{LeafFacets, Spare};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -199,7 +199,8 @@ fn triangles(
     summary: &mut MeshSummary,
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
-    let facets = |leaf| polygons::leaf_facets(field, leaf, Some(first_vertex));
+    let spare = Spare::default();
+    let facets = |leaf| polygons::leaf_facets(field, leaf, Some(first_vertex), &spare);
     in_order(
         field.leaves.len(),
         progress,
@@ -207,6 +208,7 @@ fn triangles(
         |leaf| {
             sink.triangles(&leaf.facets)?;
             summary.add_facets(&leaf);
+            spare.keep(leaf.facets);
             Ok(())
         },
     )
@@ -222,15 +224,17 @@ fn lone_triangles(
     summary: &mut MeshSummary,
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
+    let spare = Spare::default();
     let make = |leaves: Range<u32>| {
         let cells = each(leaves.clone(), |leaf| field.cells(leaf));
-        let facets = each(leaves, |leaf| polygons::leaf_facets(field, leaf, None));
+        let facets = each(leaves, |leaf| polygons::leaf_facets(field, leaf, None, &spare));
         cells.into_iter().zip(facets).map(|(cells, facets)| Ok((cells?, facets?))).collect()
     };
     in_order(field.leaves.len(), progress, make, |(cells, leaf)| {
         sink.triangles(&leaf.facets)?;
         summary.add_cells(&cells);
         summary.add_facets(&leaf);
+        spare.keep(leaf.facets);
         Ok(())
     })
 }
