@@ -21,7 +21,9 @@
 
 use super::fractions;
 use super::hermite::gather_bits;
-use super::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, inside_from};
+use super::{
+    Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SamplesInOrder, SignChanges, inside_from,
+};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
 
@@ -381,25 +383,25 @@ fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result
         1 => i16::from(bytes[index] as i8),
         _ => i16::from_le_bytes([bytes[index], bytes[count + index]]),
     };
-    let mut samples = Samples::filled(0);
+    let mut samples = SamplesInOrder::default();
     let mut before = 0i16;
     let mut step = 0;
     for row in 0..ROWS {
         let mut w = before.wrapping_add(word_at(firsts, ROWS, row));
         before = w;
         let at = row * BRICK_POINTS;
-        samples.fill_row_from(at, w);
+        samples.fill_from(at, w);
         let mut inside = inside_from(i32::from(w), 0);
         for i in bits_of(mask_at(row)) {
             inside ^= inside_from(i32::from(w), i + 1);
             w = w.wrapping_add(word_at(steps, steps_count, step));
             inside ^= inside_from(i32::from(w), i + 1);
             step += 1;
-            samples.fill_row_from(at + i + 1, w);
+            samples.fill_from(at + i + 1, w);
         }
         signs.set_row(row % BRICK_POINTS, row / BRICK_POINTS, inside);
     }
-    Ok(samples)
+    Ok(samples.finish())
 }
 
 /// Lays the Hermite edges of the three axes out in `plain`: the offsets' low bytes, their high bytes, then

@@ -7,6 +7,7 @@ mod samples;
 
 pub(crate) use hermite::inside_from;
 pub use hermite::{Hermite, HermiteEdge, OctNormal, SignChanges};
+pub(crate) use samples::SamplesInOrder;
 pub use samples::{POINTS, Samples, point_index};
 
 /// The content of one node of the tree.

@@ -46,17 +46,6 @@ impl Samples {
         self.0[point_index(ijk)]
     }
 
-    /// Sets the samples from linear index `at` to the end of its row, and beyond: always a row's length, which is
-    /// a few wide stores, where the exact length would be a call. For rows filled in order, the ones after it
-    /// are not made yet.
-    #[inline]
-    pub(crate) fn fill_row_from(&mut self, at: usize, w: i16) {
-        match self.0[at..].first_chunk_mut::<BRICK_POINTS>() {
-            Some(row) => *row = [w; BRICK_POINTS],
-            None => self.0[at..].fill(w),
-        }
-    }
-
     /// Smallest and largest sample as stored, apron included.
     pub fn range(&self) -> (i16, i16) {
         self.0.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &w| (lo.min(w), hi.max(w)))
@@ -79,6 +68,35 @@ impl Samples {
             squares += row.iter().map(|&w| (i64::from(w) * i64::from(w)) as u64).sum::<u64>();
         });
         (sum, squares)
+    }
+}
+
+/// Whole samples that are made from the first to the last.
+pub(crate) struct SamplesInOrder(Vec<i16>);
+
+impl Default for SamplesInOrder {
+    fn default() -> SamplesInOrder {
+        SamplesInOrder(Vec::with_capacity(POINTS))
+    }
+}
+
+impl SamplesInOrder {
+    /// Sets the samples from linear index `at`, before which all are set, to the end of its row, and beyond: always a
+    /// row's length, which is a few wide stores, where the exact length would be a call. What lies beyond is set again
+    /// later, or cut off.
+    #[inline]
+    pub fn fill_from(&mut self, at: usize, w: i16) {
+        self.0.truncate(at);
+        if at + BRICK_POINTS <= POINTS {
+            self.0.extend_from_slice(&[w; BRICK_POINTS]);
+        } else {
+            self.0.resize(POINTS, w);
+        }
+    }
+
+    /// The samples, of which all must be set.
+    pub fn finish(self) -> Samples {
+        Samples(self.0.into_boxed_slice().try_into().expect("all samples are set"), 0)
     }
 }
 

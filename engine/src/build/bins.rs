@@ -38,13 +38,6 @@ impl Binner {
         1 << (3 * self.stride)
     }
 
-    /// A bound on the number of descendants that a piece touches, which takes no test of the piece itself.
-    pub fn touched_at_most<F: Field>(&self, field: &F, piece: &F::Piece) -> usize {
-        let (min, max) = field.bounds(piece);
-        let cube = |c: i32, a: usize| ((c - self.origin[a]) >> self.shift).clamp(0, self.last);
-        (0..3).map(|a| (cube(max[a], a) - cube(min[a], a) + 1) as usize).product()
-    }
-
     /// Calls `cell` with the Morton number, within the node, of every descendant touched.
     #[inline]
     pub fn for_touched<F: Field>(&self, field: &F, piece: &F::Piece, mut cell: impl FnMut(usize)) {
@@ -103,9 +96,19 @@ impl Binner {
 
     /// Indices of `pieces` by descendant. Void ones are left out.
     pub fn sort_indices<F: Field>(&self, field: &F, pieces: &[F::Piece]) -> CellLists {
-        let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(pieces.len() * 3 / 2);
+        self.sort_some(field, pieces, usize::MAX).0
+    }
+
+    /// [`Self::sort_indices`] of the first pieces, until they touch `enough` descendants; and how many pieces that are.
+    fn sort_some<F: Field>(&self, field: &F, pieces: &[F::Piece], enough: usize) -> (CellLists, usize) {
+        let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(enough.min(pieces.len() * 3 / 2));
         let mut starts = vec![0u32; self.cells() + 1];
+        let mut taken = pieces.len();
         for (index, piece) in pieces.iter().enumerate() {
+            if pairs.len() >= enough {
+                taken = index;
+                break;
+            }
             if field.is_void(piece) {
                 continue;
             }
@@ -121,7 +124,7 @@ impl Binner {
             indices[next[cell as usize] as usize] = index;
             next[cell as usize] += 1;
         }
-        CellLists { starts, indices }
+        (CellLists { starts, indices }, taken)
     }
 }
 
@@ -146,9 +149,19 @@ pub(super) struct SortedRun<P> {
 impl<P: Copy> SortedRun<P> {
     /// Sorts `pieces`; void ones are left out.
     pub fn new<F: Field<Piece = P>>(field: &F, binner: &Binner, pieces: &[P]) -> SortedRun<P> {
-        let lists = binner.sort_indices(field, pieces);
+        SortedRun::of_some(field, binner, pieces, usize::MAX).0
+    }
+
+    /// [`Self::new`] of the first pieces, until they touch `enough` cubes; and how many pieces that are.
+    pub fn of_some<F: Field<Piece = P>>(
+        field: &F,
+        binner: &Binner,
+        pieces: &[P],
+        enough: usize,
+    ) -> (SortedRun<P>, usize) {
+        let (lists, taken) = binner.sort_some(field, pieces, enough);
         let pieces = lists.indices.iter().map(|&i| pieces[i as usize]).collect();
-        SortedRun { starts: lists.starts, pieces }
+        (SortedRun { starts: lists.starts, pieces }, taken)
     }
 
     /// Memory taken.

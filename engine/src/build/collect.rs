@@ -40,21 +40,11 @@ impl Collector {
     pub fn push(&mut self, mut triangles: &[Triangle]) -> Result<()> {
         self.sorted.add_corners(&Soup, &self.binner, triangles);
         while !triangles.is_empty() {
-            let (now, later) = triangles.split_at(self.sortable_at_once(triangles));
-            self.keep(SortedRun::new(&Soup, &self.binner, now))?;
-            triangles = later;
+            let (run, taken) = SortedRun::of_some(&Soup, &self.binner, triangles, PAIRS);
+            self.keep(run)?;
+            triangles = &triangles[taken..];
         }
         Ok(())
-    }
-
-    /// How many triangles touch [`PAIRS`] cubes; at least one.
-    fn sortable_at_once(&self, triangles: &[Triangle]) -> usize {
-        let mut pairs = 0;
-        let fits = |t: &Triangle| {
-            pairs += self.binner.touched_at_most(&Soup, t);
-            pairs > PAIRS
-        };
-        triangles.iter().position(fits).unwrap_or(triangles.len()).max(1)
     }
 
     fn keep(&mut self, run: SortedRun<Triangle>) -> Result<()> {

@@ -10,7 +10,7 @@ use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
 use super::toolpaths::{bead_sources, build_beads};
 use crate::error::{Error, Result};
-use crate::ingest::{Facets, Input, bounds_of_all};
+use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
 use crate::solid::Outline;
@@ -120,12 +120,13 @@ pub fn build_opened(
     let mut clock = Clock::default();
     check_target(output)?;
     progress.phase("measuring", Some(opened.iter().map(Input::facets).sum()), "facets");
-    let (min, max) = bounds_of_all(opened, progress)?;
+    let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
+    let (min, max) = Survey::bounds_of_all(&surveys);
     let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
-    clock.lap("measure");
-    let sources = opened.iter().map(describe).collect::<Result<_>>()?;
+    let sources =
+        opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
     let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
-    clock.lap("identify");
+    clock.lap("measure");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
     let soups: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
     let soup = snap(&soups, root, sort_level(&task.rules), &task.room, progress)?;
@@ -266,14 +267,14 @@ pub(super) fn place(
     })
 }
 
-pub(super) fn describe(input: &Input) -> Result<Source> {
-    Ok(Source {
+pub(super) fn describe(input: &Input, identity: [u8; 32]) -> Source {
+    Source {
         path: input.path().display().to_string(),
         bytes: input.bytes(),
         facets: input.facets(),
         format: input.describe().to_owned(),
-        blake3: input.identity()?,
-    })
+        blake3: identity,
+    }
 }
 
 /// Fails if no facet has an area.

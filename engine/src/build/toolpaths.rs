@@ -104,7 +104,7 @@ fn bead_source(input: &Input) -> Result<BeadSource<'_>> {
         return Err(Error::input(input.path(), input.describe(), what, "build from triangles instead"));
     };
     // No facet is made of the beads.
-    let source = Source { facets: 0, ..describe(input)? };
+    let source = Source { facets: 0, ..describe(input, input.identity()?) };
     let features = beads.report.features.iter().map(|feature| feature.name.clone()).collect();
     Ok(BeadSource { toolpath: beads.swept.toolpath(), source, features })
 }

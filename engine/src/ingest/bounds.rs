@@ -40,6 +40,11 @@ impl Extent {
         extent
     }
 
+    /// The same of facets of which `first` come before.
+    pub(super) fn counted_from(self, first: u64) -> Extent {
+        Extent { bad: self.bad.map(|facet| first + facet), ..self }
+    }
+
     /// Lower and upper corner of the box, or the number of the first facet that is not finite.
     pub(super) fn corners(self) -> std::result::Result<([f64; 3], [f64; 3]), u64> {
         match self.bad {
@@ -59,7 +64,7 @@ impl Extent {
     }
 
     /// Of the facets of both.
-    fn union(mut self, other: Extent) -> Extent {
+    pub(super) fn union(mut self, other: Extent) -> Extent {
         for a in 0..3 {
             self.low[a] = self.low[a].min(other.low[a]);
             self.high[a] = self.high[a].max(other.high[a]);
@@ -89,8 +94,7 @@ pub(super) fn of_all(
         .map(|chunk| {
             progress.check()?;
             let range = chunk * CHUNK..facets.min((chunk + 1) * CHUNK);
-            let mut extent = extent_of(range.clone());
-            extent.bad = extent.bad.map(|facet| range.start + facet);
+            let extent = extent_of(range.clone()).counted_from(range.start);
             progress.advance(range.end - range.start);
             Ok(extent)
         })

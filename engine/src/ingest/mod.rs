@@ -15,6 +15,7 @@ mod ply;
 mod polygons;
 mod stl;
 mod stl_text;
+mod survey;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -26,19 +27,16 @@ use crate::x3d::Sweeps;
 pub use beads::{Beads, OpenOptions, read_beads};
 pub use cloud::PointCloud;
 pub use facets::{Facets, runs};
+pub use survey::Survey;
 
 use bounds::Extent;
 use detect::Family;
 use polygons::Polygons;
-use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// One triangle in the input's own unit: three corners, counter-clockwise seen from outside.
 pub type Facet = [[f64; 3]; 3];
-
-/// Bytes that [`Input::identity`] hashes at a time.
-const IDENTITY_CHUNK_BYTES: usize = 4 << 20;
 
 /// An opened mesh or toolpath. Any number of threads may read it at once. The file must not be changed while it is open
 /// (see [`crate::mmap`]).
@@ -246,22 +244,6 @@ impl Input {
             "remove or repair the facet, or export the file again",
         )
     }
-
-    /// Tells the content of the file from any other, to recognise the source of a store: the BLAKE3 hash of
-    /// the concatenated BLAKE3 hashes of its 4 MiB chunks in order, the last one being shorter. Reads the
-    /// whole file on all threads.
-    ///
-    /// # Errors
-    /// None so far; a file system that fails under a map ends the program (see [`crate::mmap`]).
-    pub fn identity(&self) -> Result<[u8; 32]> {
-        // Handed out in order, so that all threads together read the file from front to back.
-        let chunks = self.file.bytes().chunks(IDENTITY_CHUNK_BYTES).enumerate().par_bridge();
-        let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
-        let mut hashes: Vec<(usize, [u8; 32])> = chunks.map(hash).collect();
-        hashes.sort_unstable_by_key(|(number, _)| *number);
-        let hashes: Vec<[u8; 32]> = hashes.into_iter().map(|(_, hash)| hash).collect();
-        Ok(*blake3::hash(hashes.as_flattened()).as_bytes())
-    }
 }
 
 /// Lower and upper corner of the box around several inputs.
@@ -269,13 +251,13 @@ impl Input {
 /// # Errors
 /// As [`Input::bounds`], of the first input that fails.
 pub fn bounds_of_all(inputs: &[Input], progress: &dyn Progress) -> Result<([f64; 3], [f64; 3])> {
-    let mut all = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for input in inputs {
-        let (min, max) = input.bounds(progress)?;
-        for a in 0..3 {
-            all.0[a] = all.0[a].min(min[a]);
-            all.1[a] = all.1[a].max(max[a]);
-        }
-    }
-    Ok(all)
+    let bounds: Vec<_> = inputs.iter().map(|input| input.bounds(progress)).collect::<Result<_>>()?;
+    Ok(bounds_of(bounds.into_iter()))
+}
+
+/// The box around boxes.
+fn bounds_of(boxes: impl Iterator<Item = ([f64; 3], [f64; 3])>) -> ([f64; 3], [f64; 3]) {
+    boxes.fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |all, (min, max)| {
+        (std::array::from_fn(|a| all.0[a].min(min[a])), std::array::from_fn(|a| all.1[a].max(max[a])))
+    })
 }

@@ -87,6 +87,11 @@ pub(super) fn records(bytes: &[u8], from: usize, to: usize) -> &[Record] {
     bytes[HEADER_BYTES + from * RECORD_BYTES..HEADER_BYTES + to * RECORD_BYTES].as_chunks().0
 }
 
+/// How many facets a file has room for that begin before a byte.
+pub(super) fn facets_before(byte: usize) -> usize {
+    byte.saturating_sub(HEADER_BYTES).div_ceil(RECORD_BYTES)
+}
+
 /// The corners of a facet.
 #[inline]
 pub(super) fn corners(record: &Record) -> [[f64; 3]; 3] {

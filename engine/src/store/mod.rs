@@ -12,6 +12,7 @@ mod reader;
 mod summary;
 mod tree;
 mod verify;
+mod write_back;
 mod writer;
 
 pub use cache::CacheStats;

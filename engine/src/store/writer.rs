@@ -7,6 +7,7 @@ use super::layout::{
     FileId, HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_OFFSETS, Slot, Version, encode_preamble, record_crc,
 };
 use super::meta::Meta;
+use super::write_back::WriteBack;
 use crate::brick::Brick;
 use crate::brick::codec::{PayloadHead, PayloadKind, Scratch, encode_into};
 use crate::error::{Error, Result};
@@ -38,6 +39,7 @@ pub struct StoreWriter {
     /// Records not yet written; they belong at `written`.
     buffer: Vec<u8>,
     written: u64,
+    write_back: WriteBack,
     state: State,
     scratch: Scratch,
     payload: Vec<u8>,
@@ -92,6 +94,7 @@ impl StoreWriter {
             identity: None,
             buffer: Vec::with_capacity(WRITE_BYTES + WRITE_BYTES / 4),
             written: 0,
+            write_back: WriteBack::default(),
             state: State::Open,
             scratch: Scratch::new(),
             payload: Vec::new(),
@@ -291,11 +294,12 @@ impl StoreWriter {
         self.or_poison(written, "write")?;
         self.written += self.buffer.len() as u64;
         self.buffer.clear();
+        self.write_back.wrote(&self.file, self.written);
         Ok(())
     }
 
     fn sync(&mut self) -> Result<()> {
-        let synced = self.file.sync_data();
+        let synced = self.write_back.finish().and_then(|()| self.file.sync_data());
         self.or_poison(synced, "make durable")
     }
 
@@ -322,6 +326,8 @@ impl StoreWriter {
 
 impl Drop for StoreWriter {
     fn drop(&mut self) {
+        // The thread holds the file, and with it the lock. What it met was told, or the store is given up.
+        let _ = self.write_back.finish();
         if self.state != State::Finished {
             // Nobody is left to tell; the next writer empties the file.
             let _ = std::fs::remove_file(&self.part_path);

@@ -16,7 +16,7 @@ pub(super) struct Hit {
 }
 
 /// No crossing.
-pub(super) const NONE: u32 = u32::MAX;
+const NONE: u32 = u32::MAX;
 
 // A lower sample index fits 16 bits.
 const _: () = assert!(POINTS <= u16::MAX as usize + 1);

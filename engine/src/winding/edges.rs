@@ -1,7 +1,6 @@
 //! Sets of lattice edges as bits over the lines of a row, so that a scan can leave out what nobody asks for.
 
 use super::scan::LINES_MAX;
-use crate::brick::SignChanges;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use std::ops::Range;
 
@@ -16,7 +15,7 @@ const C: usize = BRICK_CELLS;
 // The lines of a row are bits of a word.
 const _: () = assert!(P <= LINES_MAX as usize);
 
-/// The sign-changing edges of a brick along one axis, by the line (u, v) that they lie on, in both orders of
+/// Edges of a brick along one axis, by the line (u, v) that they lie on, in both orders of
 /// lines. Axes are named as in [`super::scan`]: (axis, u, v) is right-handed.
 pub(crate) struct EdgeMasks {
     /// Rows of equal v, a bit for every u.
@@ -42,11 +41,11 @@ impl Default for EdgeMasks {
 }
 
 impl EdgeMasks {
-    /// Takes the sign-changing edges along `axis`, y or z, and calls `each` with their lower samples (i, j, k), in
-    /// the order of the linear index.
-    pub fn set(&mut self, axis: Axis, signs: &SignChanges, mut each: impl FnMut([usize; 3])) {
+    /// Takes edges along `axis`, y or z, and calls `each` with their lower samples (i, j, k), in the order of the
+    /// linear index. `edges` gives those of the row (j, k) as bits over i.
+    pub fn set(&mut self, axis: Axis, edges: impl Fn(usize, usize) -> u64, mut each: impl FnMut([usize; 3])) {
         debug_assert!(axis != Axis::X, "rows of bits run along x");
-        // Sign changes are bits over x: along y, x is v; along z it is u.
+        // Bits over x: along y, x is v; along z it is u.
         let along_y = axis == Axis::Y;
         let (over_x, over_other) =
             if along_y { (&mut self.over_v, &mut self.over_u) } else { (&mut self.over_u, &mut self.over_v) };
@@ -55,7 +54,7 @@ impl EdgeMasks {
         for k in 0..slow {
             for j in 0..fast {
                 let (other, lower) = if along_y { (k, j) } else { (j, k) };
-                let mut bits = signs.edges(axis, j, k);
+                let mut bits = edges(j, k);
                 over_x[other].at[lower] = bits;
                 while bits != 0 {
                     let x = bits.trailing_zeros() as usize;
@@ -77,12 +76,6 @@ impl EdgeMasks {
         let lines = if few { &row.at } else { &row.from };
         let ends = lines[first] | lines[last];
         (first + WINDOW..last).step_by(WINDOW).fold(ends, |all, lower| all | lines[lower])
-    }
-
-    /// Whether the edge is one of them that begins at sample `lower` of a line of a row.
-    #[inline(always)]
-    pub fn holds(&self, swap: bool, row: usize, line: u32, lower: usize) -> bool {
-        self.of_row(swap, row).at[lower] >> line & 1 != 0
     }
 
     #[inline(always)]
@@ -139,7 +132,7 @@ mod tests {
             let mut masks = EdgeMasks::default();
             for axis in [Axis::Y, Axis::Z] {
                 let mut found = Vec::new();
-                masks.set(axis, &signs, |ijk| found.push(point_index(ijk)));
+                masks.set(axis, |j, k| signs.edges(axis, j, k), |ijk| found.push(point_index(ijk)));
                 let mut expected = Vec::new();
                 for (k, j, i) in (0..P).flat_map(|k| (0..P).flat_map(move |j| (0..P).map(move |i| (k, j, i)))) {
                     let (u, v, lower) = if axis == Axis::Y { (k, i, j) } else { (i, j, k) };
@@ -149,16 +142,15 @@ mod tests {
                     let next = if axis == Axis::Y { [i, j + 1, k] } else { [i, j, k + 1] };
                     let changes = inside(point_index([i, j, k])) != inside(point_index(next));
                     expected.extend(changes.then_some(point_index([i, j, k])));
-                    prop_assert_eq!(masks.holds(false, v, u as u32, lower), changes);
-                    prop_assert_eq!(masks.holds(true, u, v as u32, lower), changes);
+                    let holds = |swap, row, line| {
+                        masks.lines(swap, row, Lowers::new(lower..lower + 1)) >> line & 1 != 0
+                    };
+                    prop_assert_eq!((holds(false, v, u), holds(true, u, v)), (changes, changes));
                 }
                 prop_assert_eq!(found, expected);
                 for (row, swap) in (0..P).flat_map(|row| [(row, false), (row, true)]) {
                     let at: Vec<u64> = (0..C)
-                        .map(|lower| {
-                            let holds = |line: &u32| masks.holds(swap, row, *line, lower);
-                            (0..P as u32).filter(holds).fold(0, |lines, line| lines | 1 << line)
-                        })
+                        .map(|lower| masks.lines(swap, row, Lowers::new(lower..lower + 1)))
                         .collect();
                     let union = |lowers: Range<usize>| at[lowers].iter().fold(0, |lines, bits| lines | bits);
                     for (start, end) in (0..C).flat_map(|start| (start..=C).map(move |end| (start, end))) {

@@ -7,9 +7,11 @@
 use super::crossings::{Cause, Crossings, Hit};
 use super::edges::EdgeMasks;
 use super::hermite::Resolver;
-use super::passages::Passages;
+use super::passages::{Decided, Passages, Passing};
 use super::scan::{Block, Crossing, Facet};
-use crate::brick::{Brick, Hermite, HermiteEdge, Samples, SignChanges, inside_from, point_index};
+use crate::brick::{
+    Brick, Hermite, HermiteEdge, Samples, SamplesInOrder, SignChanges, inside_from, point_index,
+};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
 
@@ -20,8 +22,10 @@ const C: usize = BRICK_CELLS;
 
 /// Working memory for evaluating bricks one after the other; one per thread.
 pub struct Evaluator {
-    /// The triangles that meet lattice lines, with their position in the brick's list.
-    facets: Vec<(u32, Facet)>,
+    /// The triangles that meet lattice lines.
+    facets: Vec<Facet>,
+    /// Their positions in the brick's list.
+    positions: Vec<u32>,
     /// Per row, which edges along x hold crossings; all zero between bricks.
     touched: Box<[u32; P * P]>,
     /// Jumps along y in the face x = 0: [k][edge].
@@ -38,6 +42,8 @@ pub struct Evaluator {
     changes: EdgeMasks,
     /// Their crossings.
     passages: Passages,
+    /// Per axis, whether the last brick needed the list of its passages.
+    listing: [bool; 3],
     resolver: Resolver,
 }
 
@@ -45,6 +51,7 @@ impl Default for Evaluator {
     fn default() -> Self {
         Evaluator {
             facets: Vec::new(),
+            positions: Vec::new(),
             touched: Box::new([0; P * P]),
             face: vec![0; P * C],
             column: [0; C],
@@ -53,6 +60,7 @@ impl Default for Evaluator {
             passages_x: Vec::new(),
             changes: EdgeMasks::default(),
             passages: Passages::default(),
+            listing: [false; 3],
             resolver: Resolver::default(),
         }
     }
@@ -102,9 +110,10 @@ impl Evaluator {
         list: Triangles<'a>,
     ) -> Result<Evaluation<'a>> {
         self.collect(key, list);
-        let mut samples = Samples::filled(corner);
+        let mut samples = SamplesInOrder::default();
         let mut signs = SignChanges::outside();
         let fits = self.walk(corner, &mut samples, &mut signs);
+        let samples = samples.finish();
         if !fits {
             return Err(Error::setting(
                 format!("more than {} shells overlap in brick {key}", i16::MAX),
@@ -119,6 +128,7 @@ impl Evaluator {
         let block = block(key);
         let origin = key.base().map(|b| b + 1);
         self.facets.clear();
+        self.positions.clear();
         self.crossings.truncate(0);
         for position in 0..list.indices.len() {
             let Some(facet) = Facet::new(list.get(position), origin, block) else { continue };
@@ -133,7 +143,8 @@ impl Evaluator {
                 self.touched[row] |= 1 << c.lower;
                 self.crossings.add(row * P + c.lower as usize, c.offset, cause);
             });
-            self.facets.push((position as u32, facet));
+            self.facets.push(facet);
+            self.positions.push(position as u32);
         }
         self.count_x = self.crossings.len();
     }
@@ -141,9 +152,9 @@ impl Evaluator {
     /// Finds all crossings along y or z, in place of others but those along x.
     fn collect_other(&mut self, key: NodeKey, axis: Axis) {
         let (block, limit) = (block(key), [C as i32; 2]);
-        let Evaluator { facets, crossings, .. } = self;
+        let Evaluator { facets, positions, crossings, .. } = self;
         crossings.truncate(self.count_x);
-        for (position, facet) in facets {
+        for (facet, position) in facets.iter().zip(positions) {
             let cause = Cause::new(*position as usize, facet.jump(axis.index()));
             let mut add = |c: Crossing, ijk: [i32; 3]| {
                 crossings.add(point_index(ijk.map(|i| i as usize)), c.offset, cause);
@@ -160,19 +171,22 @@ impl Evaluator {
     #[inline(never)]
     fn collect_changes<const A: usize>(&mut self, key: NodeKey) {
         let block = block(key);
-        let Evaluator { facets, changes, passages, .. } = self;
-        for (position, facet) in facets {
-            let cause = Cause::new(*position as usize, facet.jump(A));
+        let Evaluator { facets, positions, changes, passages, resolver, .. } = self;
+        for (facet, position) in facets.iter().zip(positions) {
+            let position = *position as usize;
+            let mut passing = None;
             facet.scan_edges::<A>(block, changes, |c| {
-                let ijk = if A == 1 { [c.v, c.lower, c.u] } else { [c.u, c.v, c.lower] };
-                passages.add(point_index(ijk.map(|i| i as usize)), c.offset, cause);
+                let passing = passing.get_or_insert_with(|| {
+                    Passing::new(facet.jump(A), resolver.normal(position, || facet.normal))
+                });
+                passages.add(lower_of::<A>(c), c.offset, *passing);
             });
         }
     }
 
     /// Prefix sums from the corner; false if a value does not fit 16 bits. Leaves no jumps for the next
     /// brick.
-    fn walk(&mut self, corner: i16, samples: &mut Samples, signs: &mut SignChanges) -> bool {
+    fn walk(&mut self, corner: i16, samples: &mut SamplesInOrder, signs: &mut SignChanges) -> bool {
         let mut excess = 0;
         self.passages_x.clear();
         let mut at_k = i32::from(corner);
@@ -195,11 +209,17 @@ impl Evaluator {
     /// The samples and signs of one row from its first sample, stepping from crossed edge to crossed edge. Not
     /// zero if a value does not fit 16 bits.
     #[inline]
-    fn walk_row(&mut self, row: usize, first: i32, samples: &mut Samples, signs: &mut SignChanges) -> i32 {
+    fn walk_row(
+        &mut self,
+        row: usize,
+        first: i32,
+        samples: &mut SamplesInOrder,
+        signs: &mut SignChanges,
+    ) -> i32 {
         let mut w = first;
         let mut excess = w ^ i32::from(w as i16);
         let mut inside = inside_from(w, 0);
-        samples.fill_row_from(row * P, w as i16);
+        samples.fill_from(row * P, w as i16);
         let mut touched = std::mem::take(&mut self.touched[row]);
         while touched != 0 {
             let lower = row * P + touched.trailing_zeros() as usize;
@@ -212,7 +232,7 @@ impl Evaluator {
                 self.passages_x.push(last);
             }
             excess |= w ^ i32::from(w as i16);
-            samples.fill_row_from(lower + 1, w as i16);
+            samples.fill_from(lower + 1, w as i16);
         }
         signs.set_row(row % P, row / P, inside);
         excess
@@ -233,28 +253,39 @@ impl Evaluator {
         key: NodeKey,
         samples: &Samples,
         signs: &SignChanges,
-        list: Triangles<'_>,
     ) -> Result<Vec<HermiteEdge>> {
         self.passages.clear();
-        self.changes.set(axis, signs, |lower| self.passages.ask(point_index(lower)));
-        self.passages.begin();
-        match axis {
-            Axis::Y => self.collect_changes::<1>(key),
-            _ => self.collect_changes::<2>(key),
+        let edges = |j, k| signs.edges(axis, j, k);
+        self.changes.set(axis, edges, |lower| self.passages.ask(point_index(lower)));
+        let along_y = axis == Axis::Y;
+        let step = point_index(if along_y { [0, 1, 0] } else { [0, 0, 1] });
+        loop {
+            let listing = self.listing[axis.index()];
+            self.passages.begin(listing);
+            if along_y {
+                self.collect_changes::<1>(key)
+            } else {
+                self.collect_changes::<2>(key)
+            }
+            let decided;
+            (decided, self.listing[axis.index()]) = self.passages.hermite(samples, step);
+            match decided {
+                Decided::All(edges) => return Ok(edges),
+                Decided::ListNeeded => {}
+                Decided::Torn => {
+                    let what = "internal error: a sign change without a crossing";
+                    return Err(Error::setting(what, "report this with the input"));
+                }
+            }
         }
-        let Evaluator { passages, resolver, .. } = self;
-        let mut edges = Vec::with_capacity(passages.edges().len());
-        for (lower, first) in passages.edges() {
-            let Some(first) = first else {
-                return Err(Error::setting(
-                    "internal error: a sign change without a crossing",
-                    "report this with the input",
-                ));
-            };
-            edges.push(resolver.resolve_passage(lower, first, passages, samples, list));
-        }
-        Ok(edges)
     }
+}
+
+/// The index of the lower sample of a crossed edge along axis `A`, y or z.
+#[inline(always)]
+fn lower_of<const A: usize>(c: Crossing) -> usize {
+    let ijk = if A == 1 { [c.v, c.lower, c.u] } else { [c.u, c.v, c.lower] };
+    point_index(ijk.map(|i| i as usize))
 }
 
 impl Evaluation<'_> {
@@ -321,7 +352,7 @@ impl Evaluation<'_> {
         for axis in Axis::ALL {
             edges[axis.index()] = match axis {
                 Axis::X => evaluator.hermite_x(&samples, list),
-                _ => evaluator.hermite_other(axis, key, &samples, &signs, list)?,
+                _ => evaluator.hermite_other(axis, key, &samples, &signs)?,
             };
         }
         Ok(Brick::Counts { samples, hermite: Hermite { edges } })

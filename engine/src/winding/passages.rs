@@ -1,131 +1,254 @@
 //! Crossings of the sign-changing edges of a brick along one axis.
 //!
 //! The edges are known before their crossings are found, so each has its place in the order in which Hermite edges are
-//! kept: a crossing goes where it is needed, into an array that stays in the first cache, and no list of all crossings
-//! is made.
+//! kept. A crossing goes there without a branch: it is counted, and the first one in the direction in which the facets
+//! are passed is kept. That one decides most edges, in most bricks all. For the others all crossings are listed, but
+//! only once a brick has such edges: its neighbours are alike.
 
-use super::crossings::{Cause, NONE};
-use crate::brick::POINTS;
+use crate::brick::{HermiteEdge, OctNormal, POINTS, Samples};
 
-/// One crossing of a sign-changing edge.
+/// What crossings of one facet share: the normal in the low 32 bits, above it 16 ones if the winding number falls.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Passage {
-    /// Number of another crossing of the same edge, or [`NONE`].
-    next: u32,
-    /// The triangle and the jump.
-    pub cause: Cause,
-    /// Distance from the edge's lower sample in 1/65536 of the edge.
-    pub offset: u16,
+pub(super) struct Passing(u64);
+
+impl Passing {
+    /// Of a facet with this normal where the winding number changes by `jump`.
+    pub fn new(jump: i32, normal: OctNormal) -> Passing {
+        Passing(flip(jump < 0) << 32 | u64::from(normal.0))
+    }
+
+    fn normal(self) -> OctNormal {
+        OctNormal(self.0 as u32)
+    }
+
+    fn jump(self) -> i32 {
+        if self.0 >> 32 == 0 { 1 } else { -1 }
+    }
+
+    /// Puts crossings in order of their offset, or of falling offset where the winding number falls, then of their
+    /// normal.
+    #[inline]
+    fn rank(self, offset: u16) -> u64 {
+        self.0 ^ u64::from(offset) << 32
+    }
 }
 
-impl Passage {
-    /// What stands for an edge before its first crossing: no list has room for this number.
-    const MISSING: Passage = Passage { next: NONE - 1, cause: Cause(0), offset: 0 };
+/// What turns the order of offsets round.
+#[inline]
+fn flip(falls: bool) -> u64 {
+    if falls { u64::from(u16::MAX) } else { 0 }
+}
 
-    /// Whether the edge has no other crossing.
-    pub fn is_only(self) -> bool {
-        self.next == NONE
-    }
+/// What is known of an edge's crossings.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    /// The smallest [`Passing::rank`].
+    first: u64,
+    /// How many there are.
+    count: u32,
+}
+
+/// One crossing of an edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Passage {
+    /// The edge's place.
+    pub place: u16,
+    /// Distance from the edge's lower sample in 1/65536 of the edge.
+    pub offset: u16,
+    pub passing: Passing,
 }
 
 /// The edges with their crossings.
 pub(super) struct Passages {
-    /// By the linear index of an edge's lower sample: its place among the edges asked for. Of no meaning for others.
+    /// By the linear index of an edge's lower sample: its place among the edges asked for, from 1; 0 for others.
     places: Box<[u16; POINTS]>,
     /// The lower samples of the edges, in order.
     lowers: Vec<u16>,
-    /// A crossing of each edge.
-    firsts: Vec<Passage>,
-    /// The others.
-    others: Vec<Passage>,
+    /// By place; the first one takes what nobody has asked for.
+    slots: Vec<Slot>,
+    /// All crossings, if they are listed.
+    list: Vec<Passage>,
+    listing: bool,
 }
+
+// A place fits 16 bits.
+const _: () = assert!(POINTS <= u16::MAX as usize);
 
 impl Default for Passages {
     fn default() -> Passages {
         let places = vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Passages { places, lowers: Vec::new(), firsts: Vec::new(), others: Vec::new() }
+        Passages { places, lowers: Vec::new(), slots: Vec::new(), list: Vec::new(), listing: false }
     }
+}
+
+/// What [`Passages::hermite`] can do.
+#[derive(Debug, PartialEq)]
+pub(super) enum Decided {
+    /// The Hermite edges in the order in which they were asked for.
+    All(Vec<HermiteEdge>),
+    /// Begin once more, listing.
+    ListNeeded,
+    /// An edge has no crossings that take it from one end's winding number to the other's.
+    Torn,
 }
 
 impl Passages {
     /// Forgets all edges.
     pub fn clear(&mut self) {
+        self.lowers.iter().for_each(|&lower| self.places[usize::from(lower)] = 0);
         self.lowers.clear();
-        self.firsts.clear();
-        self.others.clear();
     }
 
-    /// Asks for the crossings of the edge that begins at sample `lower`.
+    /// Asks for the crossings of the edge that begins at sample `lower`, once.
     #[inline]
     pub fn ask(&mut self, lower: usize) {
-        self.places[lower] = self.lowers.len() as u16;
         self.lowers.push(lower as u16);
+        self.places[lower] = self.lowers.len() as u16;
     }
 
-    /// Ends the asking: crossings may follow.
-    pub fn begin(&mut self) {
-        self.firsts.resize(self.lowers.len(), Passage::MISSING);
+    /// Ends the asking: crossings may follow, all of them, and are listed or not.
+    pub fn begin(&mut self, listing: bool) {
+        self.slots.clear();
+        self.slots.resize(self.lowers.len() + 1, Slot { first: u64::MAX, count: 0 });
+        self.list.clear();
+        self.listing = listing;
     }
 
-    /// Adds a crossing of an edge asked for.
+    /// Adds a crossing, if it is one of an edge asked for.
     #[inline]
-    pub fn add(&mut self, lower: usize, offset: u16, cause: Cause) {
-        let first = &mut self.firsts[usize::from(self.places[lower])];
-        let mut next = NONE;
-        if first.next != Passage::MISSING.next {
-            next = self.others.len() as u32;
-            self.others.push(*first);
+    pub fn add(&mut self, lower: usize, offset: u16, passing: Passing) {
+        let place = self.places[lower];
+        let slot = &mut self.slots[usize::from(place)];
+        slot.first = slot.first.min(passing.rank(offset));
+        slot.count += 1;
+        if self.listing {
+            self.list.push(Passage { place, offset, passing });
         }
-        *first = Passage { next, cause, offset };
     }
 
-    /// The edges in the order in which they were asked for, as their lower samples and a crossing each; `None` in
-    /// place of that where an edge has none.
-    #[inline]
-    pub fn edges(&self) -> impl ExactSizeIterator<Item = (usize, Option<Passage>)> {
-        let found = |first: &Passage| (first.next != Passage::MISSING.next).then_some(*first);
-        self.lowers.iter().zip(&self.firsts).map(move |(&lower, first)| (usize::from(lower), found(first)))
+    /// The Hermite edges, given the samples and how far apart the ends of an edge are; and whether a list is needed
+    /// for them.
+    pub fn hermite(&mut self, samples: &Samples, step: usize) -> (Decided, bool) {
+        let mut mixed = 0;
+        let edge = |(&lower, slot): (&u16, &mut Slot)| {
+            let [start, end] = [0, step].map(|step| i32::from(samples.0[usize::from(lower) + step]));
+            // As many crossings as the winding number changes by all go one way. If the count begins at 0, it passes
+            // 0.5 at the nearest of them, if it ends at 0, at the farthest; several there are one step.
+            let one_way = slot.count == start.abs_diff(end);
+            let decided = one_way & ((start == 0) | (end == 0));
+            slot.count = u32::from(!decided);
+            mixed += slot.count;
+            let offset = (slot.first >> 32 ^ flip(start >= 1)) as u16;
+            HermiteEdge { offset, normal: OctNormal(slot.first as u32) }
+        };
+        let mut edges: Vec<HermiteEdge> = self.lowers.iter().zip(&mut self.slots[1..]).map(edge).collect();
+        let decided = match mixed {
+            0 => Decided::All(edges),
+            _ if !self.listing => Decided::ListNeeded,
+            _ => self.decide_mixed(samples, &mut edges).map_or(Decided::Torn, |()| Decided::All(edges)),
+        };
+        (decided, mixed > 0)
     }
 
-    /// The other crossing of an edge that has two, given the one that [`Passages::edges`] gives.
-    #[inline]
-    pub fn second_of_two(&self, first: Passage) -> Option<Passage> {
-        self.others.get(first.next as usize).copied().filter(|second| second.is_only())
+    /// Decides the edges whose slots still have a count.
+    fn decide_mixed(&mut self, samples: &Samples, edges: &mut [HermiteEdge]) -> Option<()> {
+        let Passages { lowers, slots, list, .. } = self;
+        slots[0].count = 0;
+        list.retain(|passage| slots[usize::from(passage.place)].count > 0);
+        list.sort_unstable_by_key(|passage| (passage.place, passage.offset));
+        let mut listed = list.chunk_by(|a, b| a.place == b.place);
+        let edges = edges.iter_mut().zip(lowers).zip(&slots[1..]).zip(1u16..);
+        for (((edge, lower), _), place) in edges.filter(|((_, slot), _)| slot.count > 0) {
+            let own = listed.next().filter(|own| own[0].place == place)?;
+            *edge = first_passage(samples.0[usize::from(*lower)], own)?;
+        }
+        Some(())
     }
+}
 
-    /// All crossings of an edge from the one that [`Passages::edges`] gives.
-    pub fn chain(&self, first: Passage) -> impl Iterator<Item = Passage> {
-        std::iter::successors(Some(first), |passage| self.others.get(passage.next as usize).copied())
-    }
+/// The first step at which the running count along an edge passes 0.5, from the winding number at its lower sample
+/// and its crossings in the order of their offsets; `None` if it never does.
+pub(super) fn first_passage(start: i16, passages: &[Passage]) -> Option<HermiteEdge> {
+    let mut w = i32::from(start);
+    // Crossings with the same offset count as one step.
+    passages.chunk_by(|a, b| a.offset == b.offset).find_map(|step| {
+        let before = w;
+        w += step.iter().map(|p| p.passing.jump()).sum::<i32>();
+        let direction = if w > before { 1 } else { -1 };
+        // Of facets that coincide here, the one with the smallest normal, whatever their order.
+        let these = step.iter().map(|p| p.passing).filter(|passing| passing.jump() == direction);
+        let normal = these.map(Passing::normal).min();
+        let passes = (before >= 1) != (w >= 1);
+        passes.then_some(HermiteEdge { offset: step[0].offset, normal: normal? })
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brick::point_index;
+    use proptest::prelude::*;
+
+    fn passage((offset, normal, up): (u16, u32, bool)) -> Passage {
+        Passage { place: 0, offset, passing: Passing::new(if up { 1 } else { -1 }, OctNormal(normal)) }
+    }
+
+    proptest! {
+        /// Edges along y, each with crossings in any order and number, against the steps of each edge.
+        #[test]
+        fn every_edge_gets_its_first_passage(
+            edges in prop::collection::vec(
+                (-2i16..4, prop::collection::vec((0u16..6, 0u32..3, any::<bool>()), 1..7)), 1..40),
+            others in prop::collection::vec((0u16..6, 0u32..3, any::<bool>()), 0..9),
+            turn in any::<usize>(),
+        ) {
+            let lower = |number: usize| point_index([number % 8 + 1, 2 * (number / 8), 3]);
+            let step = point_index([0, 1, 0]);
+            let mut samples = Samples::filled(0);
+            let (mut asked, mut expected, mut added) = (Vec::new(), Vec::new(), Vec::new());
+            let mut all_simple = true;
+            for (number, (start, crossings)) in edges.iter().enumerate() {
+                let mut own: Vec<Passage> = crossings.iter().copied().map(passage).collect();
+                let end = i32::from(*start) + own.iter().map(|p| p.passing.jump()).sum::<i32>();
+                samples.0[lower(number)] = *start;
+                samples.0[lower(number) + step] = end as i16;
+                added.extend(own.iter().map(|&p| (lower(number), p)));
+                if (*start >= 1) != (end >= 1) {
+                    own.sort_by_key(|p| p.offset);
+                    asked.push(lower(number));
+                    expected.push(first_passage(*start, &own).expect("it changes sign"));
+                    all_simple &= own.iter().all(|p| p.passing.jump() == own[0].passing.jump())
+                        && (*start == 0 || end == 0);
+                }
+            }
+            added.extend(others.into_iter().map(|other| (point_index([0, 0, 3]), passage(other))));
+            let turn = turn % added.len();
+            added.rotate_left(turn);
+            let mut passages = Passages::default();
+            for listing in [false, true, false] {
+                passages.clear();
+                asked.iter().for_each(|&lower| passages.ask(lower));
+                passages.begin(listing);
+                added.iter().for_each(|(lower, p)| passages.add(*lower, p.offset, p.passing));
+                let all = Decided::All(expected.clone());
+                let decided = if all_simple || listing { all } else { Decided::ListNeeded };
+                prop_assert_eq!(passages.hermite(&samples, step), (decided, !all_simple));
+            }
+        }
+    }
 
     #[test]
-    fn crossings_are_found_at_their_edges() {
+    fn an_edge_without_its_crossings_is_noticed() {
+        let mut samples = Samples::filled(0);
+        samples.0[1..].fill(1);
         let mut passages = Passages::default();
-        for round in 0..2 {
-            passages.clear();
-            [7, POINTS - 1, 3].into_iter().for_each(|lower| passages.ask(lower));
-            passages.begin();
-            let cause = Cause::new(round, 1);
-            let found = [(3, 10), (7, 20), (3, 5), (3, 5)];
-            found.into_iter().for_each(|(lower, offset)| passages.add(lower, offset, cause));
-            let edges: Vec<_> = passages.edges().collect();
-            assert_eq!(edges.iter().map(|edge| edge.0).collect::<Vec<_>>(), [7, POINTS - 1, 3]);
-            let offsets = |edge: usize| -> Vec<u16> {
-                edges[edge].1.map_or(Vec::new(), |first| passages.chain(first).map(|p| p.offset).collect())
-            };
-            assert_eq!([offsets(0), offsets(1), offsets(2)], [vec![20], vec![], vec![5, 5, 10]]);
-            assert!(edges[0].1.is_some_and(Passage::is_only));
-            assert!(!edges[2].1.is_some_and(Passage::is_only));
-            assert!(edges[2].1.is_some_and(|first| passages.second_of_two(first).is_none()));
-            passages.add(7, 30, cause);
-            let first = passages.edges().next().and_then(|edge| edge.1).expect("two were added");
-            let second = passages.second_of_two(first).expect("one was added before");
-            assert_eq!((first.offset, second.offset), (30, 20));
+        passages.ask(0);
+        for (listing, decided) in [(false, Decided::ListNeeded), (true, Decided::Torn)] {
+            passages.begin(listing);
+            assert_eq!(passages.hermite(&samples, 1), (decided, true));
         }
+        passages.begin(true);
+        (0..3).for_each(|offset| passages.add(0, offset, Passing::new(-1, OctNormal(0))));
+        assert_eq!(passages.hermite(&samples, 1).0, Decided::Torn);
     }
 }

@@ -24,7 +24,8 @@ pub(crate) struct Crossing {
     pub u: i32,
     /// Index of the line along the remaining axis.
     pub v: i32,
-    /// Index of the sample before the crossing; the next one lies behind it.
+    /// Index of the sample before the crossing; the next one lies behind it. Where a function says
+    /// so, the last sample's index stands for a crossing that lies between no two.
     pub lower: i32,
     /// Distance from that sample in 1/65536 of the spacing, rounded to nearest and at most 65535.
     pub offset: u16,
@@ -35,12 +36,15 @@ pub(crate) struct Facet {
     vertices: [[i32; 3]; 3],
     /// Twice the area vector.
     pub normal: [i64; 3],
-    /// First and last line index that the bounding box meets, per axis, clipped to the block.
-    first: [i32; 3],
-    last: [i32; 3],
-    /// Largest size of a vertex's coordinate and of a line's together, per axis: bounds rounding errors.
-    reach: [f64; 3],
+    /// First and last line index that the bounding box meets, per axis, clipped to the block or just outside it.
+    first: [i8; 3],
+    last: [i8; 3],
+    /// Largest size of a vertex's coordinate.
+    size: i32,
 }
+
+// Bricks of few levels have ten thousands of them, scanned once for each axis.
+const _: () = assert!(size_of::<Facet>() == 72);
 
 impl Facet {
     /// `None` if the triangle meets no line of the block or has no area.
@@ -51,22 +55,33 @@ impl Facet {
         let mut first = [0; 3];
         let mut last = [0; 3];
         let (mut min, mut max) = ([0; 3], [0; 3]);
-        let mut met = 0;
+        let (mut met, mut size) = (0, 0);
         for a in 0..3 {
             min[a] = vertices[0][a].min(vertices[1][a]).min(vertices[2][a]);
             max[a] = vertices[0][a].max(vertices[1][a]).max(vertices[2][a]);
-            first[a] = ((min[a] + below) >> block.shift).max(0);
-            last[a] = (max[a] >> block.shift).min(block.last);
+            first[a] = ((min[a] + below) >> block.shift).clamp(0, LINES_MAX) as i8;
+            last[a] = (max[a] >> block.shift).clamp(-1, block.last) as i8;
             met += i32::from(first[a] <= last[a]);
+            size = size.max(max[a]).max(-min[a]);
         }
         // A line along one axis needs a line index along both others.
         if met < 2 {
             return None;
         }
         let normal = normal(&vertices);
-        let rows_size = f64::from(LINES_MAX + 1) * power_of_two(block.shift as i32);
-        let reach = std::array::from_fn(|a| f64::from(max[a].max(-min[a])) + rows_size);
-        (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, reach })
+        (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, size })
+    }
+
+    /// First and last line index along an axis.
+    #[inline(always)]
+    fn lines(&self, axis: usize) -> (i32, i32) {
+        (self.first[axis].into(), self.last[axis].into())
+    }
+
+    /// Largest size of a coordinate of a vertex and of a line together: bounds rounding errors.
+    #[inline(always)]
+    fn reach(&self, block: Block) -> f64 {
+        f64::from(self.size) + f64::from(LINES_MAX + 1) * power_of_two(block.shift as i32)
     }
 
     /// The change of the winding number along `axis` at a crossing: entering through a facet whose outward
@@ -79,17 +94,24 @@ impl Facet {
     /// Calls `hit` for every crossing with a line along axis `A` whose (u, v) indices do not exceed the
     /// limits and that lies between two samples of the block.
     #[inline(always)]
-    pub fn scan<const A: usize>(&self, block: Block, limit: [i32; 2], hit: impl FnMut(Crossing)) {
-        self.scan_chosen::<A>(block, limit, &All, hit);
+    pub fn scan<const A: usize>(&self, block: Block, limit: [i32; 2], mut hit: impl FnMut(Crossing)) {
+        self.scan_chosen::<A>(block, limit, &All, |c| {
+            if c.lower < block.last {
+                hit(c);
+            }
+        });
     }
 
-    /// Calls `hit` for every crossing along axis `A` of one of the edges.
+    /// Calls `hit` for every crossing along axis `A` of one of the edges, and for some others: those close to such
+    /// edges and, as at the last sample, those that lie between no two. To leave them out here would take a branch that
+    /// no processor foresees.
     #[inline(always)]
     pub fn scan_edges<const A: usize>(&self, block: Block, edges: &EdgeMasks, hit: impl FnMut(Crossing)) {
         // No vertex has the coordinate of a sample, so the bounding box begins behind the sample before its
         // first one.
-        let end = (self.last[A] + 1).clamp(0, block.last);
-        let lowers = Lowers::new((self.first[A] - 1).clamp(0, end) as usize..end as usize);
+        let (first, last) = self.lines(A);
+        let end = (last + 1).clamp(0, block.last);
+        let lowers = Lowers::new((first - 1).clamp(0, end) as usize..end as usize);
         self.scan_chosen::<A>(block, [block.last; 2], &Near { edges, lowers }, hit);
     }
 
@@ -102,8 +124,10 @@ impl Facet {
         hit: impl FnMut(Crossing),
     ) {
         let (u, v) = ((A + 1) % 3, (A + 2) % 3);
-        let lines_u = (self.first[u], self.last[u].min(limit[0]));
-        let lines_v = (self.first[v], self.last[v].min(limit[1]));
+        let [lines_u, lines_v] = [(u, limit[0]), (v, limit[1])].map(|(axis, limit)| {
+            let (first, last) = self.lines(axis);
+            (first, last.min(limit))
+        });
         if lines_u.0 > lines_u.1 || lines_v.0 > lines_v.1 || self.normal[A] == 0 {
             return;
         }
@@ -129,26 +153,31 @@ impl Facet {
         debug_assert!(block.last < LINES_MAX, "the lines of a row are bits of a word");
         let within = (u64::MAX >> (63 - steps.1)) & (u64::MAX << steps.0);
         let lines = |row: i32| choice.lines(SWAP, row as usize) & within;
-        let Some(first) = (rows.0..=rows.1).find(|&row| lines(row) != 0) else { return };
+        let mut row = rows.0;
+        while lines(row) == 0 {
+            row += 1;
+            if row > rows.1 {
+                return;
+            }
+        }
         let edges = Edges::new::<A, SWAP>(self, block);
         let depth = Depth::new::<A, SWAP>(self, block);
-        for row in first..=rows.1 {
+        // Ranges cost more than this.
+        while row <= rows.1 {
             let mut lines = lines(row);
-            if lines == 0 {
-                continue;
-            }
-            lines &= edges.span::<A, SWAP>(row);
-            let along = depth.row(row);
-            while lines != 0 {
-                let line = lines.trailing_zeros() as i32;
-                lines &= lines - 1;
-                let (u, v) = if SWAP { (row, line) } else { (line, row) };
-                let at = depth.locate::<A>(self, block, along, line, (u, v));
-                let lower = (at >> 16) as usize;
-                if lower < block.last as usize && choice.holds(SWAP, row as usize, line as u32, lower) {
-                    hit(Crossing { u, v, lower: lower as i32, offset: at as u16 });
+            if lines != 0 {
+                lines &= edges.span::<A, SWAP>(row);
+                let along = depth.row(row);
+                while lines != 0 {
+                    let line = lines.trailing_zeros() as i32;
+                    lines &= lines - 1;
+                    let (u, v) = if SWAP { (row, line) } else { (line, row) };
+                    let at = depth.locate::<A>(self, block, along, line, (u, v));
+                    let lower = (at >> 16).min(block.last as u64) as i32;
+                    hit(Crossing { u, v, lower, offset: at as u16 });
                 }
             }
+            row += 1;
         }
     }
 }
@@ -157,8 +186,6 @@ impl Facet {
 trait Choice {
     /// The lines of a row that matter, as bits.
     fn lines(&self, swap: bool, row: usize) -> u64;
-    /// Whether the edge matters that begins at sample `lower` of such a line.
-    fn holds(&self, swap: bool, row: usize, line: u32, lower: usize) -> bool;
 }
 
 /// Every edge.
@@ -168,11 +195,6 @@ impl Choice for All {
     #[inline(always)]
     fn lines(&self, _: bool, _: usize) -> u64 {
         u64::MAX
-    }
-
-    #[inline(always)]
-    fn holds(&self, _: bool, _: usize, _: u32, _: usize) -> bool {
-        true
     }
 }
 
@@ -186,11 +208,6 @@ impl Choice for Near<'_> {
     #[inline(always)]
     fn lines(&self, swap: bool, row: usize) -> u64 {
         self.edges.lines(swap, row, self.lowers)
-    }
-
-    #[inline(always)]
-    fn holds(&self, swap: bool, row: usize, line: u32, lower: usize) -> bool {
-        self.edges.holds(swap, row, line, lower)
     }
 }
 
@@ -229,27 +246,32 @@ impl<'a> Edges<'a> {
         let (s, r) = sweep_axes::<A, SWAP>();
         let per_step = power_of_two(-(block.shift as i32));
         // The vertices in the order of rows, and whether the middle one lies beyond the long edge.
-        let [p, q, t] = facet.vertices.map(|p| (p[r], p[s]));
+        let [p, q, t] = facet.vertices.map(|p| ordered(p[r], p[s]));
         let (p, q, pq) = in_order(p, q);
         let (q, t, qt) = in_order(q, t);
         let (p, q, again) = in_order(p, q);
+        let [p, q, t] = [p, q, t].map(|p| [(p >> 32) as i32, p as i32].map(f64::from));
         let short_above = (facet.normal[A] > 0) != (SWAP ^ pq ^ qt ^ again);
-        let line = |a: (i32, i32), b: (i32, i32)| {
-            let slope = f64::from(b.1 - a.1) / f64::from(b.0 - a.0);
-            ((f64::from(a.1) - slope * f64::from(a.0)) * per_step, slope)
+        let line = |a: [f64; 2], b: [f64; 2]| {
+            let slope = (b[1] - a[1]) / (b[0] - a[0]);
+            ((a[1] - slope * a[0]) * per_step, slope)
         };
+        // Bounds from above are reflected. Which those are is as good as random: bits are cheaper than a branch.
+        let far = f64::from(LINES_MAX - 1).to_bits();
         let bound = |above: bool, (cut, slope): (f64, f64)| {
-            if above { (f64::from(LINES_MAX - 1) - cut, -slope) } else { (cut, slope) }
+            let mask = u64::from(above).wrapping_neg();
+            let turn = |x: f64| f64::from_bits(x.to_bits() ^ mask << 63);
+            (f64::from_bits(far & mask) + turn(cut), turn(slope))
         };
         let long = bound(!short_above, line(p, t));
         // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows within the
         // bounding box lie strictly on its inner side.
         let none = (f64::from(-LINES_MAX), 0.0);
         let short =
-            [(p, q), (q, t)].map(|(a, b)| if a.0 < b.0 { bound(short_above, line(a, b)) } else { none });
+            [(p, q), (q, t)].map(|(a, b)| if a[0] < b[0] { bound(short_above, line(a, b)) } else { none });
         let steepest = larger(long.1.abs(), larger(short[0].1.abs(), short[1].1.abs()));
         // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
-        let size = facet.reach[s] + steepest * facet.reach[r];
+        let size = facet.reach(block) * (1.0 + steepest);
         let error = size * per_step * power_of_two(-49);
         // What the bound does not cover is decided exactly, row by row.
         let error = if error > 0.001 { 1.0 } else { error };
@@ -294,15 +316,21 @@ impl<'a> Edges<'a> {
                 value > 0 || (value == 0 && (first > 0 || (first == 0 && second > 0)))
             })
         };
-        let lines = self.facet.first[s]..=self.facet.last[s];
-        lines.filter(inside).fold(0, |bits, line| bits | 1 << line)
+        let (first, last) = self.facet.lines(s);
+        (first..=last).filter(inside).fold(0, |bits, line| bits | 1 << line)
     }
 }
 
-/// The two points in order of their first coordinate, and whether that swaps them.
+/// A vertex as a number that puts vertices in the order of their rows; within a row in any order.
 #[inline(always)]
-fn in_order(a: (i32, i32), b: (i32, i32)) -> ((i32, i32), (i32, i32), bool) {
-    if b.0 < a.0 { (b, a, true) } else { (a, b, false) }
+fn ordered(row: i32, step: i32) -> i64 {
+    i64::from(row) << 32 | i64::from(step as u32)
+}
+
+/// The two in order, and whether that swaps them.
+#[inline(always)]
+fn in_order(a: i64, b: i64) -> (i64, i64, bool) {
+    (a.min(b), a.max(b), b < a)
 }
 
 /// 2^exponent.
@@ -350,7 +378,7 @@ impl Depth {
         let slope_r = facet.normal[r] as f64 * scaled;
         let along = f64::from(vertex[A]) * scale;
         // Each term carries at most seven roundings of 2^-53 of its size; 2^-48 leaves a factor of four.
-        let size = along.abs() + slope_s.abs() * facet.reach[s] + slope_r.abs() * facet.reach[r];
+        let size = along.abs() + (slope_s.abs() + slope_r.abs()) * facet.reach(block);
         let error = size * power_of_two(-48);
         Depth {
             at: along + slope_s * f64::from(vertex[s]) + slope_r * f64::from(vertex[r]),
