@@ -29,6 +29,7 @@ pub fn meta(depth: u8) -> Meta {
         tolerance: None,
         numbers: Numbers { facets: 24, degenerate_facets: 0, nodes_per_level: vec![1, 8, 8] },
         beads: None,
+        share: None,
     }
 }
 

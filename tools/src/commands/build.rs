@@ -10,7 +10,7 @@ use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::brick::POINTS;
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, ShareSummary, Summary, build_opened};
 use brickfield_engine::contour::ContourOptions;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
@@ -58,6 +58,7 @@ impl TryFrom<BuildArgs> for Plan {
             gwn_error: args.gwn_error.0,
             unit: args.units.symbol().to_owned(),
             solids: None,
+            share: args.shard.map(|shard| shard.0),
             resources: Resources { temp_dir: args.temp_dir, ..Resources::default() },
             identity: args.identity,
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -99,7 +100,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     drop::<Vec<Input>>(inputs);
     summary.phases.insert(0, ("open", open_seconds));
     let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4);
-    let store = Store::open(&plan.output, cache_bytes)?;
+    let store = Store::open_any(&plan.output, cache_bytes)?;
     let mesh = match (&plan.mesh, &mut sink) {
         (Some(path), Some(sink)) => {
             let begun = Instant::now();
@@ -114,7 +115,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         true => None,
         false => {
             let begun = Instant::now();
-            let volumes = volume(&store, &bars)?;
+            // Of a share they would say nothing about the part.
+            let volumes = summary.share.is_none().then(|| volume(&store, &bars)).transpose()?;
             summary.phases.push(("audit", begun.elapsed().as_secs_f64()));
             Some(Audit { toolpaths, volumes })
         }
@@ -161,7 +163,8 @@ struct Report {
 #[derive(Serialize)]
 struct Audit {
     toolpaths: Vec<ToolpathReport>,
-    volumes: Volumes,
+    /// Of a whole store only.
+    volumes: Option<Volumes>,
 }
 
 /// The engine's summary but for the phases.
@@ -182,6 +185,7 @@ struct Numbers {
     flipped_patches: u64,
     /// Written to the temporary file; 0 if all fitted in memory.
     temporary_bytes: u64,
+    share: Option<ShareSummary>,
 }
 
 impl Report {
@@ -208,8 +212,11 @@ impl Report {
             loops,
             flipped_patches,
             temporary_bytes,
+            share,
             phases,
         } = summary;
+        // Whether something lies inside is for all shares to say.
+        let warnings = if share.is_none() { warnings(winding_min, winding_max) } else { Vec::new() };
         let samples = samples_of_leaves(store);
         let phases = phases.into_iter().map(|(name, seconds)| (name.to_owned(), seconds.into())).collect();
         Report {
@@ -229,6 +236,7 @@ impl Report {
                 loops,
                 flipped_patches,
                 temporary_bytes,
+                share,
             },
             phases,
             seconds,
@@ -238,7 +246,7 @@ impl Report {
             peak_memory_bytes: memory::peak().map(|size| size.0),
             winding_min,
             winding_max,
-            warnings: warnings(winding_min, winding_max),
+            warnings,
             audit,
             mesh,
         }
@@ -267,6 +275,10 @@ impl Report {
         let mut line = |line: String| text += &format!("{line}\n");
         let kept = format!("{} nodes, {} leaves, {}", nodes, leaves, Size(*file_bytes));
         line(format!("{}: {kept}", self.output));
+        if let Some(ShareSummary { id, level, cubes, work }) = &self.summary.share {
+            let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
+            line(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
+        }
         let (counted, pieces) = match segments {
             0 => (
                 format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
@@ -284,7 +296,8 @@ impl Report {
         line(format!("  winding  {} to {}", self.winding_min, self.winding_max));
         if let Some(Audit { toolpaths, volumes }) = &self.audit {
             toolpaths.iter().for_each(|toolpath| line(format!("  source   {}", toolpath.text())));
-            line(format!("  volume   {}", volumes_text(volumes, &self.unit)));
+            let volumes = volumes.as_ref();
+            volumes.inspect(|volumes| line(format!("  volume   {}", volumes_text(volumes, &self.unit))));
             let all = toolpaths.iter().flat_map(ToolpathReport::warnings);
             all.for_each(|message| line(format!("  warning  {message}")));
         }
