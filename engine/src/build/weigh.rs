@@ -43,10 +43,11 @@ impl Work {
 
     fn add<F: Field>(&mut self, field: &F, pieces: &[F::Piece]) {
         let (fine, shift) = (self.fine, ROOT_BITS - u32::from(self.fine));
+        // Most points lie in the same cube as the one before.
+        let mut before: Option<Units> = None;
         for piece in pieces {
-            let (points, (low, high)) = (field.points(piece), field.bounds(piece));
-            let all = || points.as_ref().iter().chain([&low, &high]).flatten();
-            self.sum = self.sum.wrapping_add(all().fold(0, |sum, &c| mix(sum ^ u64::from(c as u32))));
+            let points = field.points(piece);
+            self.sum = self.sum.wrapping_add(hash(points.as_ref(), field.bounds(piece)));
             if field.is_void(piece) {
                 continue;
             }
@@ -54,7 +55,9 @@ impl Work {
             self.binner.for_touched(field, piece, |cell| touching[cell] += 1);
             for point in points.as_ref() {
                 let at: Units = point.map(|c| c.clamp(0, (1 << ROOT_BITS) - 1) >> shift);
-                if let Some(key) = NodeKey::new(fine, at.map(|c| c as u32)) {
+                if before.replace(at) != Some(at)
+                    && let Some(key) = NodeKey::new(fine, at.map(|c| c as u32))
+                {
                     let bit = key.code() ^ (1 << (3 * u32::from(fine)));
                     self.occupied[(bit / 64) as usize] |= 1 << (bit % 64);
                 }
@@ -88,11 +91,19 @@ impl Work {
     }
 }
 
-/// A bijection that spreads every bit over all (Steele, Lea & Flood 2014: the finalizer of SplitMix64).
-fn mix(value: u64) -> u64 {
-    let value = (value ^ value >> 30).wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let value = (value ^ value >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    value ^ value >> 31
+/// A number that pieces with other points or another extent hardly share: a sum of products (multilinear hashing,
+/// Carter & Wegman 1979), because a chain of hashes takes longer than all else that is done with a triangle.
+fn hash(points: &[Units], (low, high): (Units, Units)) -> u64 {
+    let mut factor = 0x9e37_79b9_7f4a_7c15u64;
+    let mut sum = 0u64;
+    for &c in points.iter().chain([&low, &high]).flatten() {
+        sum = sum.wrapping_add((c as u64).wrapping_mul(factor));
+        factor = factor.wrapping_mul(0xd134_2543_de82_ef95);
+    }
+    // So that sums over pieces that exchange corners differ (the finalizer of SplitMix64, Steele, Lea & Flood 2014).
+    let sum = (sum ^ sum >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let sum = (sum ^ sum >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    sum ^ sum >> 31
 }
 
 /// Weighs the triangles of all sources for cubes of `level`; a pass over the input.

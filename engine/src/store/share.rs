@@ -179,3 +179,92 @@ fn check_children(
     }
     expected.next().map_or(Ok(()), |key| Err((key, "the node is missing")))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::index::Index;
+    use super::super::layout::Version;
+    use super::super::meta::Meta;
+    use super::super::testing::{meta_of_share, nodes_of_share};
+    use super::*;
+    use crate::brick::codec::{PayloadHead, PayloadKind};
+    use proptest::prelude::*;
+
+    fn entries() -> Vec<IndexEntry> {
+        let head = PayloadHead { kind: PayloadKind::UNIFORM, min: 0, max: 0 };
+        let entry = |(key, leaf)| IndexEntry { key, offset: 0, length: 0, crc: 0, leaf, head };
+        nodes_of_share().into_iter().map(entry).collect()
+    }
+
+    fn share() -> Share {
+        meta_of_share().share.expect("it is one")
+    }
+
+    #[test]
+    fn cubes_are_counted_along_the_curve() {
+        let key = |level, position| NodeKey::new(level, position).unwrap();
+        assert_eq!(cells_of(NodeKey::ROOT, 3), 0..512);
+        assert_eq!(cells_of(key(1, [1, 0, 1]), 2), 40..48);
+        assert_eq!(cells_of(key(3, [5, 1, 4]), 1), 5..6);
+        for cell in 0..64 {
+            assert_eq!(cells_of(cell_key(2, cell).unwrap(), 2), cell..cell + 1);
+        }
+        assert_eq!((cell_key(2, 64), cell_key(17, 0)), (None, None));
+        assert_eq!(ShareId::new(3, 3).unwrap().to_string(), "3 of 3");
+        assert!([(0, 3), (4, 3), (1, ShareId::MAX + 1)].iter().all(|&(i, n)| ShareId::new(i, n).is_none()));
+    }
+
+    #[test]
+    fn every_other_set_of_nodes_is_refused() {
+        Index::of_share(entries(), 2, &share()).unwrap();
+        for at in 0..entries().len() {
+            let mut other = entries();
+            other.remove(at);
+            assert!(Index::of_share(other, 2, &share()).is_err(), "without {at}");
+            let mut other = entries();
+            other.insert(at, other[at]);
+            assert!(Index::of_share(other, 2, &share()).is_err(), "{at} twice");
+            let mut other = entries();
+            other[at].leaf = !other[at].leaf;
+            assert!(Index::of_share(other, 2, &share()).is_err(), "{at} as another sort of node");
+        }
+        let found = share().found;
+        for found in [
+            ShareNumbers { cells: (0, 4), ..found.clone() },
+            ShareNumbers { cells: (0, 6), ..found.clone() },
+            ShareNumbers { empty: vec![], ..found.clone() },
+            ShareNumbers { empty: vec![(2, 0)], ..found.clone() },
+            ShareNumbers { empty: vec![(2, 0), (3, 0)], ..found.clone() },
+        ] {
+            assert!(Index::of_share(entries(), 2, &Share { found, ..share() }).is_err());
+        }
+        let nothing = ShareNumbers { cells: (5, 5), empty: vec![], ..found };
+        let index = Index::of_share(vec![], 2, &Share { found: nothing, ..share() }).unwrap();
+        assert_eq!((index.level_count(), index.nodes_per_level()), (1, vec![0]));
+    }
+
+    #[test]
+    fn nodes_above_the_cubes_belong_to_shares_that_are_not_joined() {
+        let root = IndexEntry { key: NodeKey::ROOT, leaf: false, ..entries()[0] };
+        let with_root: Vec<IndexEntry> = std::iter::once(root).chain(entries()).collect();
+        assert!(Index::of_share(with_root.clone(), 2, &share()).is_err());
+        let decided = ShareNumbers { joined: false, empty: vec![], ..share().found };
+        let mine = Share { found: decided.clone(), ..share() };
+        assert_eq!(Index::of_share(with_root.clone(), 2, &mine).unwrap().nodes_per_level(), [1, 4, 8]);
+        let other = Share { found: ShareNumbers { cells: (1, 5), ..decided }, ..share() };
+        assert!(Index::of_share(with_root, 2, &other).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_metadata_is_read_or_refused(at in any::<prop::sample::Index>(), value in any::<u64>(), bits in 0u32..64) {
+            let mut bytes = meta_of_share().encode().unwrap();
+            let at = at.index(bytes.len() - 8);
+            bytes[at..at + 8].copy_from_slice(&(value >> bits).to_le_bytes());
+            if let Ok(Meta { depth, share: Some(share), .. }) = Meta::decode(&bytes, Version::Three) {
+                let _ = Index::of_share(entries(), depth, &share);
+            }
+            prop_assert!(Meta::decode(&bytes[..at], Version::Three).is_err());
+        }
+    }
+}

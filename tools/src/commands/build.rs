@@ -150,8 +150,9 @@ struct Report {
     samples_per_second: f64,
     /// Maps of files included.
     peak_memory_bytes: Option<u64>,
-    winding_min: i16,
-    winding_max: i16,
+    /// Null for a share without nodes.
+    winding_min: Option<i16>,
+    winding_max: Option<i16>,
     warnings: Vec<String>,
     /// Of builds from toolpaths.
     #[serde(flatten)]
@@ -197,7 +198,7 @@ impl Report {
         mesh: Option<MeshReport>,
         seconds: f64,
     ) -> Report {
-        let (winding_min, winding_max) = winding_range(store);
+        let winding = winding_range(store);
         let Summary {
             facets,
             segments,
@@ -216,7 +217,7 @@ impl Report {
             phases,
         } = summary;
         // Whether something lies inside is for all shares to say.
-        let warnings = if share.is_none() { warnings(winding_min, winding_max) } else { Vec::new() };
+        let warnings = winding.filter(|_| share.is_none()).map_or(Vec::new(), warnings);
         let samples = samples_of_leaves(store);
         let phases = phases.into_iter().map(|(name, seconds)| (name.to_owned(), seconds.into())).collect();
         Report {
@@ -244,8 +245,8 @@ impl Report {
             samples,
             samples_per_second: samples as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
-            winding_min,
-            winding_max,
+            winding_min: winding.map(|(min, _)| min),
+            winding_max: winding.map(|(_, max)| max),
             warnings,
             audit,
             mesh,
@@ -293,7 +294,9 @@ impl Report {
             line(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
         }
         line(format!("  depth    {depth}, cells of {cell:.6} {}", self.unit));
-        line(format!("  winding  {} to {}", self.winding_min, self.winding_max));
+        if let (Some(min), Some(max)) = (self.winding_min, self.winding_max) {
+            line(format!("  winding  {min} to {max}"));
+        }
         if let Some(Audit { toolpaths, volumes }) = &self.audit {
             toolpaths.iter().for_each(|toolpath| line(format!("  source   {}", toolpath.text())));
             let volumes = volumes.as_ref();
@@ -332,7 +335,7 @@ fn samples_of_leaves(store: &Store) -> u64 {
 }
 
 /// What the user should know of a field with this range.
-fn warnings(min: i16, max: i16) -> Vec<String> {
+fn warnings((min, max): (i16, i16)) -> Vec<String> {
     let message = match (min, max) {
         (min, max) if min < 0 && max <= 0 => "nothing lies inside: the facets face inwards",
         (0, 0) => "nothing lies inside: no body is large enough for a sample",

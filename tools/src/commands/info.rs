@@ -59,7 +59,7 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         ..
     } = store.meta();
     let source = |Source { path, bytes, facets, format, blake3 }: &Source| json!({ "path": path, "bytes": bytes, "facets": facets, "format": format, "blake3": hex(blake3) });
-    let (winding_min, winding_max) = winding_range(store);
+    let winding = winding_range(store);
     json!({
         "path": store.path().display().to_string(),
         "program": program,
@@ -84,8 +84,8 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
             "segments": beads.segments,
             "identity_bytes": beads.identity.map(|_| identity_bytes(store)),
         })),
-        "winding_min": winding_min,
-        "winding_max": winding_max,
+        "winding_min": winding.map(|(min, _)| min),
+        "winding_max": winding.map(|(_, max)| max),
         "volumes": volumes,
         "store": store.summary(),
     })
@@ -123,8 +123,9 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     line(format!("  bounds   {} to {}", point(meta.bounds_min), point(meta.bounds_max)));
     line(format!("  root     {} with an edge of {}", point(meta.root.origin), meta.root.edge));
     line(format!("  refined  {:?}, standard deviation {}, depth {}", meta.refine, meta.stddev, meta.depth));
-    let (min, max) = winding_range(store);
-    line(format!("  winding  {min} to {max}"));
+    if let Some((min, max)) = winding_range(store) {
+        line(format!("  winding  {min} to {max}"));
+    }
     if let Some(volumes) = volumes {
         line(format!("  volume   {}", volumes_text(&volumes, unit)));
     }
