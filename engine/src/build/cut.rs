@@ -93,7 +93,6 @@ mod tests {
         assert_eq!(cells(&[1, 1, 90, 1, 1], 3), [0..2, 2..3, 3..5]);
         assert_eq!(cells(&[0, 5, 0, 0], 3), [0..4, 4..4, 4..4]);
         assert_eq!(cells(&[0, 0], 2), [0..2, 2..2]);
-        assert_eq!(cells(&[7], 1), [0..1]);
     }
 
     #[test]

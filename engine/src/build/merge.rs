@@ -118,6 +118,12 @@ impl Part {
         entries.sort_unstable_by_key(|entry| entry.key.post_order());
         entries
     }
+
+    /// The node of a cube, as its parent sees it.
+    fn top_of(&self, cell: u64) -> Result<Node> {
+        let key = cell_key(self.share.level, cell).unwrap_or(NodeKey::ROOT);
+        Ok(Node::Stored(Half::of(&*self.store.brick(key)?)))
+    }
 }
 
 /// What all shares of a store have in common, by name. Lists of the same names come first, so that the first
@@ -243,14 +249,6 @@ fn join_subtrees(parts: &[Part], writer: &mut StoreWriter, progress: &dyn Progre
         }
     }
     assembler.finish().0.write(writer).map(drop)
-}
-
-impl Part {
-    /// The node of a cube, as its parent sees it.
-    fn top_of(&self, cell: u64) -> Result<Node> {
-        let key = cell_key(self.share.level, cell).unwrap_or(NodeKey::ROOT);
-        Ok(Node::Stored(Half::of(&*self.store.brick(key)?)))
-    }
 }
 
 /// Copies the nodes of a tree that were decided from the root on: subtrees, then those above.
