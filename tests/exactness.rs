@@ -28,5 +28,7 @@ mod refine;
 mod resources;
 #[path = "exactness/scene.rs"]
 mod scene;
+#[path = "exactness/shares.rs"]
+mod shares;
 #[path = "exactness/tree.rs"]
 mod tree;

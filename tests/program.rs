@@ -12,6 +12,7 @@ mod program {
     mod open;
     mod points;
     mod resources;
+    mod shards;
     mod shell;
     mod signals;
     mod store;

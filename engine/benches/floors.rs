@@ -104,6 +104,7 @@ fn read_and_snap(path: &Path) -> Result<i64> {
 fn build_to(input: &Path, output: &Path, depth: u8) -> Result<Summary> {
     let options = BuildOptions {
         gwn_error: 1e-3,
+        share: None,
         resources: Resources::default(),
         resolution: Resolution::Depth(depth),
         refine: Refine::Hidden,

@@ -234,6 +234,7 @@ fn points_count_as_samples_do_and_as_formulas_say() {
 fn options(depth: u8) -> BuildOptions {
     BuildOptions {
         gwn_error: 1e-3,
+        share: None,
         resources: Resources::default(),
         resolution: Resolution::Depth(depth),
         refine: Refine::Hidden,

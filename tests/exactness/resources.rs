@@ -29,6 +29,7 @@ fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, Sum
         stddev: 0.0,
         solids: None,
         identity: false,
+        share: None,
         resources: Resources { memory, temp_dir: None },
         unit: "mm".into(),
         program: "test".into(),

@@ -1,7 +1,7 @@
 //! What the user types. The commands turn it into checked plans.
 
 use crate::toolpaths::ToolpathArgs;
-use crate::units::{GwnError, Length, Size, Unit};
+use crate::units::{GwnError, Length, Shard, Size, Unit};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -24,6 +24,7 @@ pub enum Command {
     Winding(WindingArgs),
     Export(ExportArgs),
     Verify(VerifyArgs),
+    Cache(CacheArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
 }
@@ -62,7 +63,8 @@ the cells along a side and takes about four times the time and space.
 Examples:
   brickfield build part.stl -o part.brf
   brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl
-  brickfield build part.gcode -o part.brf --skip Skirt/Brim")]
+  brickfield build part.gcode -o part.brf --skip Skirt/Brim
+  brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
     /// Toolpaths: G-code, also as .gz or .xz; meshes: STL (binary, ASCII), OBJ, PLY, X3D Extrusions
     #[arg(required = true, value_name = "INPUT")]
@@ -107,6 +109,11 @@ pub struct BuildArgs {
     /// Folder of the temporary file, which has no name there and vanishes with the program; the output's own by default
     #[arg(long, value_name = "DIR")]
     pub temp_dir: Option<PathBuf>,
+    /// Build share I of N of the store, I from 1, to be joined with the others by `cache merge`: the same store, made on
+    /// several machines. Each reads the whole input. Shares have about the same work, foreseen from the input, and
+    /// some may be empty
+    #[arg(long, value_name = "I/N", conflicts_with = "mesh")]
+    pub shard: Option<Shard>,
     /// Also write the boundary mesh, w = 0.5, as .stl, .ply or .obj
     #[arg(long, value_name = "OUT")]
     pub mesh: Option<PathBuf>,
@@ -338,6 +345,45 @@ pub struct VerifyArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// Work on stores as files
+#[derive(Args)]
+pub struct CacheArgs {
+    #[command(subcommand)]
+    pub command: CacheCommand,
+}
+
+#[derive(Subcommand)]
+pub enum CacheCommand {
+    Merge(MergeArgs),
+}
+
+/// Join the shares that several runs of `build --shard` have made
+#[derive(Args)]
+#[command(after_help = "\
+The store has the same bytes as one that was built without --shard, whatever the order of the shares, the machines they \
+were built on, and the threads and memory these had. All shares must be given at once, and be of the same input, \
+named alike, built with the same settings by the same version; every record is checked before it is copied. The shares stay.
+
+Example:
+  brickfield cache merge part-*.brf -o part.brf")]
+pub struct MergeArgs {
+    /// All shares, in any order
+    #[arg(required = true, value_name = "SHARE.brf")]
+    pub shares: Vec<PathBuf>,
+    /// The store to write
+    #[arg(long, short, value_name = "PART.brf")]
+    pub output: PathBuf,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Show no progress and no summary (--json still prints)
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// How to show progress on standard error
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
 }
 
 /// Print a completion script for a shell

@@ -1,5 +1,6 @@
-//! Lengths and sizes as people type them.
+//! Lengths, sizes and other values as people type them.
 
+use brickfield_engine::store::ShareId;
 use std::fmt;
 use std::str::FromStr;
 
@@ -98,6 +99,22 @@ impl FromStr for Length {
             Ok(_) => Err("a length must be above 0".to_owned()),
             Err(_) => Err("expected a number and a unit, as in 0.05mm".to_owned()),
         }
+    }
+}
+
+/// Which share of how many, as in 2/4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard(pub ShareId);
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Shard, String> {
+        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        let (number, of) = numbers.ok_or("expected a share and the number of shares, as in 2/4")?;
+        let range =
+            || format!("shares are numbered from 1 to their number, which is at most {}", ShareId::MAX);
+        ShareId::new(number, of).map(Shard).ok_or_else(range)
     }
 }
 

@@ -76,8 +76,10 @@ pub(super) fn trilinear(brick: &Brick, at: [f64; 3]) -> f64 {
     mix(face(0), face(1), part[2])
 }
 
-/// Smallest and largest sample of all nodes, rounded to whole numbers. Reads no brick.
-pub fn winding_range(tree: &dyn BrickTree) -> (i16, i16) {
+/// Smallest and largest sample of all nodes, rounded to whole numbers; `None` without nodes, as in an empty share of a
+/// store. Reads no brick.
+pub fn winding_range(tree: &dyn BrickTree) -> Option<(i16, i16)> {
     let nodes = tree.keys().into_iter().filter_map(|key| tree.node(key));
-    nodes.fold((i16::MAX, i16::MIN), |(low, high), node| (low.min(node.min), high.max(node.max)))
+    let ranges = nodes.map(|node| (node.min, node.max));
+    ranges.reduce(|(low, high), (min, max)| (low.min(min), high.max(max)))
 }

@@ -4,6 +4,7 @@ use super::records::Recorder;
 use super::subtree::{Node, corner_at, join};
 use crate::brick::Brick;
 use crate::lattice::NodeKey;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A node whose descendants `stride` levels below come one by one.
@@ -27,6 +28,8 @@ struct Open {
     next: usize,
     /// Siblings that wait for the rest of them, by level below the node; the last ones have come, those above are joined.
     siblings: Vec<Vec<Node>>,
+    /// Of the first opening, if its descendants are not joined.
+    apart: Option<Apart>,
 }
 
 /// Joins what comes. Nodes above the jobs are recorded apart, because they stand at the end of a store.
@@ -36,11 +39,26 @@ pub(super) struct Assembler<R> {
     pub top: R,
     /// The root.
     root: Option<Node>,
+    /// If only some of the first opening's descendants are wanted, and the nodes above them are not.
+    apart: Option<Apart>,
+}
+
+/// Descendants of the root that are not joined.
+struct Apart {
+    /// Their numbers.
+    cells: Range<u64>,
+    /// Those that are empty, with the value of their samples.
+    empty: Vec<(u64, i16)>,
 }
 
 impl<R: Recorder> Assembler<R> {
     pub fn new() -> Assembler<R> {
-        Assembler { open: Vec::new(), top: R::default(), root: None }
+        Assembler { open: Vec::new(), top: R::default(), root: None, apart: None }
+    }
+
+    /// For some of the root's descendants, which are left as they are: no node above them is made.
+    pub fn of_cells(cells: Range<u64>) -> Assembler<R> {
+        Assembler { apart: Some(Apart { cells, empty: Vec::new() }), ..Assembler::new() }
     }
 
     /// The descendant number `cell` of the last opening comes next, whose records stand behind what is joined now.
@@ -56,7 +74,7 @@ impl<R: Recorder> Assembler<R> {
         self.reach(opening.cell, records);
         let empty = opening.coming == 0;
         let siblings = (0..=opening.stride).map(|_| Vec::new()).collect();
-        self.open.push(Open { opening, next: 0, siblings });
+        self.open.push(Open { opening, next: 0, siblings, apart: self.apart.take() });
         if empty { self.close(records) } else { 0 }
     }
 
@@ -76,6 +94,10 @@ impl<R: Recorder> Assembler<R> {
         let mut open = self.open.pop().expect("it was opened");
         let to = if self.open.is_empty() { &mut self.top } else { &mut *records };
         open.skip_to(1 << (3 * u32::from(open.opening.stride)), to);
+        if open.apart.is_some() {
+            self.apart = open.apart;
+            return 0;
+        }
         let node = open.siblings[0].pop().expect("all descendants have come");
         if self.open.is_empty() {
             self.root = Some(node);
@@ -84,12 +106,22 @@ impl<R: Recorder> Assembler<R> {
         self.add(node, records)
     }
 
-    /// The records of the nodes above the jobs.
-    pub fn finish(mut self) -> R {
+    /// The records of the nodes above the jobs; and, if these are only some, which of them are empty.
+    pub fn finish(mut self) -> (R, Vec<(u64, i16)>) {
         if let Some(Node::Empty(w)) = self.root {
             self.top.push(NodeKey::ROOT, true, &Brick::Uniform(w));
         }
-        self.top
+        (self.top, self.apart.map_or(Vec::new(), |apart| apart.empty))
+    }
+}
+
+impl Apart {
+    fn take(&mut self, cell: u64, node: &Node) {
+        if let Node::Empty(w) = node
+            && self.cells.contains(&cell)
+        {
+            self.empty.push((cell, *w));
+        }
     }
 }
 
@@ -107,6 +139,9 @@ impl Open {
         let mut level = self.opening.stride;
         let mut number = self.next as u64;
         self.next += 1;
+        if let Some(apart) = &mut self.apart {
+            return apart.take(number, &node);
+        }
         let mut node = node;
         while level > 0 {
             let siblings = &mut self.siblings[usize::from(level)];

@@ -2,6 +2,7 @@
 
 use super::field::Field;
 use crate::lattice::{NodeKey, ROOT_BITS, Units};
+use std::ops::Range;
 
 /// Finds the descendants of a node, `stride` levels below it, that a piece touches. A descendant's cube
 /// is the closed one from its sample 0 to its sample 32.
@@ -14,13 +15,21 @@ pub(super) struct Binner {
     last: i32,
     stride: u32,
     node: NodeKey,
+    /// Numbers of the descendants that pieces are sorted by; the others are left out.
+    kept: (u32, u32),
 }
 
 impl Binner {
     pub fn new(node: NodeKey, stride: u8) -> Binner {
         let stride = u32::from(stride);
         let shift = ROOT_BITS - u32::from(node.level()) - stride;
-        Binner { node, origin: node.base().map(|b| b + 1), shift, last: (1 << stride) - 1, stride }
+        let kept = (0, 1 << (3 * stride));
+        Binner { node, origin: node.base().map(|b| b + 1), shift, last: (1 << stride) - 1, stride, kept }
+    }
+
+    /// The same for sorting by some of the descendants only.
+    pub fn keeping(self, cells: Range<u64>) -> Binner {
+        Binner { kept: (cells.start as u32, cells.end as u32), ..self }
     }
 
     /// The node whose descendants are meant.
@@ -94,7 +103,7 @@ impl Binner {
         })
     }
 
-    /// Indices of `pieces` by descendant. Void ones are left out.
+    /// Indices of `pieces` by descendant. Void ones are left out, and descendants that are not kept.
     pub fn sort_indices<F: Field>(&self, field: &F, pieces: &[F::Piece]) -> CellLists {
         self.sort_some(field, pieces, usize::MAX).0
     }
@@ -113,8 +122,10 @@ impl Binner {
                 continue;
             }
             self.for_touched(field, piece, |cell| {
-                pairs.push((cell as u32, index as u32));
-                starts[cell + 1] += 1;
+                if (self.kept.0..self.kept.1).contains(&(cell as u32)) {
+                    pairs.push((cell as u32, index as u32));
+                    starts[cell + 1] += 1;
+                }
             });
         }
         (1..starts.len()).for_each(|c| starts[c] += starts[c - 1]);

@@ -3,6 +3,7 @@
 
 use super::assemble::{Assembler, Opening};
 use super::bins::Binner;
+use super::cut::Cut;
 use super::field::Field;
 use super::jobs::sort_level;
 use super::records::Recorder;
@@ -136,15 +137,16 @@ impl Shares {
     }
 }
 
-/// Builds the tree below the sorted pieces' cubes; returns the records of the nodes above them.
+/// Builds the tree below the sorted pieces' cubes, or a share of these; returns the records of the nodes above them,
+/// and, of a share, its empty cubes instead.
 pub(super) fn follow_pieces<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    rules: &Rules,
+    (rules, cut): (&Rules, Option<&Cut>),
     memory: u64,
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
-) -> Result<R> {
+) -> Result<(R, Vec<(u64, i16)>)> {
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
     // Of every two jobs a thread one runs and one waits for its turn; one more can always begin.
@@ -153,7 +155,7 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
     let (opening, jobs) = root.open(0);
     progress.phase("building", Some(jobs.len() as u64), "subtrees");
-    let mut assembler = Assembler::new();
+    let mut assembler = cut.map_or_else(Assembler::new, |cut| Assembler::of_cells(cut.cells.clone()));
     let mut joined = R::default();
     assembler.open(opening, &mut joined);
     let work =

@@ -10,39 +10,107 @@ use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
 use crate::solid::{Segment, Solids};
-use crate::store::{BeadSegment, StoreWriter, encode_segments};
+use crate::store::{BeadSegment, Share, StoreWriter, cell_key, cells_of, encode_segments};
 use rayon::prelude::*;
 
 /// Level at which nodes become jobs: at most 4,096 of them.
 const JOB_LEVEL: u8 = 4;
 
+/// The nodes that get lists: the leaves, and in a share those that may become leaves when shares are joined.
+pub(super) struct Leaves<'a> {
+    /// Of the tree, in key order, and which of them are leaves.
+    nodes: Vec<(NodeKey, bool)>,
+    share: Option<&'a Share>,
+    /// Nodes above a share's cubes whose cubes, as far as they are the share's, are empty and alike; sorted.
+    alike: Vec<NodeKey>,
+}
+
+/// What is done with a node that segments touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// It gets a list.
+    Leaf,
+    /// It gets a list, and so may nodes below it.
+    Perhaps,
+    /// Nodes below it may get lists.
+    Interior,
+    /// It is another share's.
+    Elsewhere,
+}
+
+impl Leaves<'_> {
+    /// Of the nodes of a store, in key order, or of a share of one.
+    pub fn of(nodes: Vec<(NodeKey, bool)>, share: Option<&Share>) -> Leaves<'_> {
+        let mut alike: Vec<NodeKey> = share.map_or(Vec::new(), |share| {
+            (0..share.level).flat_map(|level| nodes_that_are_alike(share, level)).collect()
+        });
+        alike.sort_unstable();
+        Leaves { nodes, share, alike }
+    }
+
+    fn role(&self, key: NodeKey) -> Role {
+        if let Ok(at) = self.nodes.binary_search_by_key(&key, |(key, _)| *key) {
+            return if self.nodes[at].1 { Role::Leaf } else { Role::Interior };
+        }
+        let Some(share) = self.share else { return Role::Interior };
+        let (mine, its) = (share.cells(), cells_of(key, share.level));
+        if key.level() < share.level {
+            return match mine.start < its.end && its.start < mine.end {
+                true if self.alike.binary_search(&key).is_ok() => Role::Perhaps,
+                true => Role::Interior,
+                false => Role::Elsewhere,
+            };
+        }
+        let empty = share.found.empty.binary_search_by_key(&its.start, |(cell, _)| *cell).is_ok();
+        if key.level() == share.level && empty { Role::Leaf } else { Role::Elsewhere }
+    }
+}
+
+/// Nodes of a level above the cubes that a share owns, if all their cubes of the share are empty and have one value.
+fn nodes_that_are_alike(share: &Share, level: u8) -> impl Iterator<Item = NodeKey> {
+    let down = 3 * u32::from(share.level - level);
+    let empty = &share.found.empty;
+    let is_alike = move |at: usize| {
+        let (first, w) = empty[at];
+        let count = (1u64 << down).min(share.cells().end - first) as usize;
+        let alike = empty.get(at..at + count);
+        // They are in order and unlike, so as many as there can be are all.
+        alike.is_some_and(|all| {
+            all.iter().all(|(_, other)| *other == w)
+                && all.last().is_some_and(|(c, _)| *c - first + 1 == count as u64)
+        })
+    };
+    let begins_node = move |&at: &usize| empty[at].0 & ((1 << down) - 1) == 0 && is_alike(at);
+    (0..empty.len()).filter(begins_node).filter_map(move |at| cell_key(level, empty[at].0 >> down))
+}
+
 /// A node with the segments that touch it, in the order of the toolpath.
 struct Touched {
     key: NodeKey,
     segments: Vec<Segment>,
+    /// Whether it only gets a list, and what is below it is seen to elsewhere.
+    only_listed: bool,
 }
 
 /// Appends to the store, for each of its leaves, the list of the segments that touch it.
 pub(super) fn write_identity(
     solids: &Solids,
     segments: Vec<Segment>,
+    leaves: &Leaves<'_>,
     writer: &mut StoreWriter,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let leaves = writer.leaves();
-    let is_leaf = |key: NodeKey| leaves.binary_search(&key).is_ok();
     let solid = segments.into_iter().filter(|segment| !solids.is_void(segment)).collect();
-    let mut jobs = vec![Touched { key: NodeKey::ROOT, segments: solid }];
+    let mut jobs = vec![Touched { key: NodeKey::ROOT, segments: solid, only_listed: false }];
     for _ in 0..JOB_LEVEL {
-        let divide = |node: Touched| if is_leaf(node.key) { vec![node] } else { children(solids, &node) };
-        jobs = jobs.into_par_iter().flat_map_iter(divide).collect();
+        jobs = jobs.into_par_iter().flat_map_iter(|node| divide(solids, node, leaves)).collect();
         progress.check()?;
     }
     progress.phase("telling beads apart", Some(jobs.len() as u64), "subtrees");
     let work = |(): &mut (), number: usize| {
         progress.check()?;
         let mut lists = Lists::default();
-        lists.add(solids, &jobs[number], &is_leaf);
+        lists.add(solids, &jobs[number], leaves);
         Ok(lists)
     };
     run_ordered(
@@ -62,14 +130,29 @@ pub(super) fn write_identity(
     )
 }
 
+/// A node's children that segments touch, if it has any.
+fn divide(solids: &Solids, node: Touched, leaves: &Leaves<'_>) -> Vec<Touched> {
+    match leaves.role(node.key) {
+        _ if node.only_listed => vec![node],
+        Role::Leaf => vec![node],
+        Role::Elsewhere => Vec::new(),
+        Role::Interior => children(solids, &node).collect(),
+        Role::Perhaps => {
+            let below: Vec<Touched> = children(solids, &node).collect();
+            std::iter::once(Touched { only_listed: true, ..node }).chain(below).collect()
+        }
+    }
+}
+
 /// The children that segments touch.
-fn children(solids: &Solids, node: &Touched) -> Vec<Touched> {
+fn children(solids: &Solids, node: &Touched) -> impl Iterator<Item = Touched> {
     let lists = Binner::new(node.key, 1).sort_indices(solids, &node.segments);
-    let child = |octant: Octant| Touched {
+    let child = move |octant: Octant| Touched {
         key: node.key.child(octant),
         segments: lists.of(octant.index()).iter().map(|&i| node.segments[i as usize]).collect(),
+        only_listed: false,
     };
-    Octant::all().map(child).filter(|child| !child.segments.is_empty()).collect()
+    Octant::all().map(child).filter(|child| !child.segments.is_empty())
 }
 
 /// Encoded lists of some leaves.
@@ -80,14 +163,16 @@ struct Lists {
 }
 
 impl Lists {
-    fn add(&mut self, solids: &Solids, node: &Touched, is_leaf: &impl Fn(NodeKey) -> bool) {
-        if !is_leaf(node.key) {
-            children(solids, node).iter().for_each(|child| self.add(solids, child, is_leaf));
-            return;
+    fn add(&mut self, solids: &Solids, node: &Touched, leaves: &Leaves<'_>) {
+        let role = if node.only_listed { Role::Leaf } else { leaves.role(node.key) };
+        if matches!(role, Role::Leaf | Role::Perhaps) {
+            let stored = |s: &Segment| BeadSegment { a: s.a, b: s.b, section: s.profile, bead: s.bead };
+            let segments: Vec<BeadSegment> = node.segments.iter().map(stored).collect();
+            encode_segments(&segments, &mut self.bytes);
+            self.ends.push((node.key, self.bytes.len()));
         }
-        let stored = |s: &Segment| BeadSegment { a: s.a, b: s.b, section: s.profile, bead: s.bead };
-        let segments: Vec<BeadSegment> = node.segments.iter().map(stored).collect();
-        encode_segments(&segments, &mut self.bytes);
-        self.ends.push((node.key, self.bytes.len()));
+        if matches!(role, Role::Interior | Role::Perhaps) {
+            children(solids, node).for_each(|child| self.add(solids, &child, leaves));
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::bins::Binner;
 use super::branches::follow_pieces;
+use super::cut::Cut;
 use super::field::{Evaluated, Field, Pieces};
 use super::ordered::run_ordered;
 use super::records::Recorder;
@@ -15,7 +16,7 @@ use crate::progress::Progress;
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-/// The level at which jobs start. The order of the records in a store depends on it, so it depends on
+/// The level at which jobs start, and whose cubes are shared out to machines. The order of the records in a store depends on it, so it depends on
 /// nothing but the depth. Two levels below, a job has 64 leaves: 10 to 20 ms, enough to feed many threads
 /// and not so much that the last job is waited for; at greater depths the count of sorting cells (4,096)
 /// bounds it.
@@ -33,6 +34,11 @@ pub(super) fn sort_level(rules: &Rules) -> u8 {
     if rules.refines_all_touched() { job_level(rules) } else { 0 }
 }
 
+/// The cubes of that level.
+pub(super) fn sort_cubes(rules: &Rules) -> Binner {
+    Binner::new(NodeKey::ROOT, sort_level(rules))
+}
+
 /// One subtree to build, with the pieces that touch it.
 struct Job<P> {
     key: NodeKey,
@@ -40,38 +46,44 @@ struct Job<P> {
     pieces: Vec<P>,
 }
 
-/// Builds the whole tree of a field. `consume` gets the records of one job after the other in Morton
+/// Builds the tree of a field, the whole or the share that `cut` names. `consume` gets the records of one job after the other in Morton
 /// order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it keeps for
-/// good, as an index. Trees that follow the pieces are built within `memory` bytes.
+/// good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of a share
+/// of such a tree, which has no nodes above its jobs.
 pub(super) fn build_tree<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    rules: &Rules,
+    (rules, cut): (&Rules, Option<&Cut>),
     memory: u64,
     progress: &dyn Progress,
     consume: impl FnMut(R) -> Result<u64> + Send,
-) -> Result<()> {
+) -> Result<Vec<(u64, i16)>> {
     let mut consume = consume;
-    let top = if rules.refines_all_touched() {
-        follow_pieces(field, sorted, rules, memory, progress, &mut consume)?
+    let (top, empty) = if rules.refines_all_touched() {
+        follow_pieces(field, sorted, (rules, cut), memory, progress, &mut consume)?
     } else {
-        decide_from_the_top(field, sorted, rules, progress, &mut consume)?
+        (decide_from_the_top(field, sorted, (rules, cut), progress, &mut consume)?, Vec::new())
     };
-    consume(top).map(drop)
+    consume(top)?;
+    Ok(empty)
 }
 
-/// Levels above the jobs are evaluated breadth-first; the nodes that refine down to the job level are jobs.
+/// Levels above the jobs are evaluated breadth-first; the nodes that refine down to the job level are jobs. For a share
+/// this is done of all nodes that it has a part in, and recorded of those that it owns.
 fn decide_from_the_top<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    rules: &Rules,
+    (rules, cut): (&Rules, Option<&Cut>),
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<R> {
+    let meets = |key: NodeKey| cut.is_none_or(|cut| cut.meets(key));
+    let owns = |key: NodeKey| cut.is_none_or(|cut| cut.owns(key));
     let mut all = Vec::new();
     sorted.gather(0, &mut all)?;
     drop(sorted);
     let mut frontier = vec![Job { key: NodeKey::ROOT, corner: 0, pieces: all }];
+    frontier.retain(|job| meets(job.key));
     let mut settled: Vec<(NodeKey, bool, Brick)> = Vec::new();
     while frontier.first().is_some_and(|job| job.key.level() < job_level(rules)) {
         let decided: Vec<Decision<F::Piece>> =
@@ -79,8 +91,8 @@ fn decide_from_the_top<F: Field, R: Recorder>(
         progress.check()?;
         frontier = Vec::new();
         for decision in decided {
-            settled.extend(decision.settled);
-            frontier.extend(decision.refined);
+            settled.extend(decision.settled.filter(|(key, ..)| owns(*key)));
+            frontier.extend(decision.refined.into_iter().filter(|job| meets(job.key)));
         }
     }
     let done = run_jobs(field, &frontier, rules, progress, consume)?;

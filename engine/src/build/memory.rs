@@ -1,7 +1,7 @@
 //! Small trees in memory, without a store.
 
 use super::field::Soup;
-use super::jobs::{build_tree, sort_level};
+use super::jobs::{build_tree, sort_cubes};
 use super::open;
 use super::records::KeptBricks;
 use super::resources::Room;
@@ -39,7 +39,7 @@ pub fn build_open_in_memory(
     let field = OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?;
     let sorted = open::gather(&field, sources, root, &Silent)?;
     let mut tree = MemoryTree::new(root);
-    build_tree(&field, sorted, &rules, u64::MAX, &Silent, |records: KeptBricks| {
+    build_tree(&field, sorted, (&rules, None), u64::MAX, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
         Ok(0)
     })?;
@@ -58,9 +58,9 @@ pub fn build_beads_in_memory(
 ) -> Result<MemoryTree> {
     let rules = Rules::new(options)?;
     let (solids, segments) = Solids::new(paths, root, outline)?;
-    let sorted = sort_segments(&solids, &segments, sort_level(&rules), &Silent)?;
+    let sorted = sort_segments(&solids, &segments, sort_cubes(&rules), &Silent)?;
     let mut tree = MemoryTree::new(root);
-    build_tree(&solids, sorted, &rules, u64::MAX, &Silent, |records: KeptBricks| {
+    build_tree(&solids, sorted, (&rules, None), u64::MAX, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
         Ok(0)
     })?;
@@ -68,12 +68,12 @@ pub fn build_beads_in_memory(
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
-    let soup = snap(sources, root, sort_level(rules), &Room::unbounded(), &Silent)?;
+    let soup = snap(sources, root, sort_cubes(rules), &Room::unbounded(), &Silent)?;
     if !soup.balance.is_closed() {
         return Err(Error::setting("the soup has open edges", "close it"));
     }
     let mut tree = MemoryTree::new(root);
-    build_tree(&Soup, soup.sorted, rules, u64::MAX, &Silent, |records: KeptBricks| {
+    build_tree(&Soup, soup.sorted, (rules, None), u64::MAX, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
         Ok(0)
     })?;

@@ -6,10 +6,12 @@ mod bins;
 mod branches;
 mod closed;
 mod collect;
+mod cut;
 mod field;
 mod identity;
 mod jobs;
 mod memory;
+mod merge;
 mod open;
 mod ordered;
 mod packed;
@@ -27,10 +29,12 @@ mod temporary;
 #[cfg(test)]
 mod tests;
 mod toolpaths;
+mod weigh;
 
 pub use closed::is_closed;
 pub use memory::{build_beads_in_memory, build_in_memory, build_open_in_memory};
-pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
+pub use merge::{MergeSummary, merge};
+pub use pipeline::{BuildOptions, Resolution, ShareSummary, Summary, build, build_opened};
 pub use resources::Resources;
 pub use rules::TreeOptions;
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

@@ -1,7 +1,9 @@
 //! The main job: mesh files in, store out.
 
+use super::bins::Binner;
+use super::cut::Cut;
 use super::field::{Field, Soup};
-use super::jobs::{build_tree, sort_level};
+use super::jobs::{build_tree, job_level, sort_cubes};
 use super::open;
 use super::records::EncodedBricks;
 use super::resources::{Resources, Room};
@@ -9,12 +11,15 @@ use super::rules::{Rules, TreeOptions};
 use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
 use super::toolpaths::{bead_sources, build_beads};
+use super::weigh::{Work, weigh_soup};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
 use crate::solid::Outline;
-use crate::store::{BeadsMeta, Meta, Numbers, Refine, Source, Stats, StoreWriter, check_target};
+use crate::store::{
+    BeadsMeta, Meta, Numbers, Refine, Share, ShareId, ShareNumbers, Source, Stats, StoreWriter, check_target,
+};
 use crate::winding::{OpenField, OpenPart, OpenSummary};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -45,6 +50,8 @@ pub struct BuildOptions {
     pub solids: Option<Outline>,
     /// Record in every leaf which beads it counts, where beads are solids.
     pub identity: bool,
+    /// Build only this share of the tree, to be joined with the others by [`super::merge`].
+    pub share: Option<ShareId>,
     /// What the build may take.
     pub resources: Resources,
     /// Length unit of the input, recorded in the store.
@@ -82,8 +89,24 @@ pub struct Summary {
     pub flipped_patches: u64,
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
+    /// What of the tree was built, if it was a share.
+    pub share: Option<ShareSummary>,
     /// Seconds by phase, in order.
     pub phases: Vec<(&'static str, f64)>,
+}
+
+/// A share of a tree.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShareSummary {
+    /// Which one.
+    #[serde(flatten)]
+    pub id: ShareId,
+    /// Level of the cubes that are shared out.
+    pub level: u8,
+    /// How many the share has, empty ones included.
+    pub cubes: u64,
+    /// The part of all work that was foreseen for it.
+    pub work: f64,
 }
 
 /// Builds `output` from the soup of all `inputs` on the threads of the current rayon pool.
@@ -127,9 +150,11 @@ pub fn build_opened(
         opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
     let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
     clock.lap("measure");
-    progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
     let soups: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
-    let soup = snap(&soups, root, sort_level(&task.rules), &task.room, progress)?;
+    task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
+    clock.lap_if(task.meta.share.is_some(), "weigh");
+    progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
+    let soup = snap(&soups, root, task.cubes(), &task.room, progress)?;
     require_area(&soup, opened)?;
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
     task.meta.numbers.degenerate_facets = soup.degenerate;
@@ -164,6 +189,10 @@ pub(super) struct Task {
     pub writer: StoreWriter,
     /// Memory and temporary file.
     pub room: Room,
+    /// The share to build, if only one is asked for; known when the pieces are.
+    pub cut: Option<Cut>,
+    /// The part of all work that was foreseen for it.
+    work: f64,
 }
 
 impl Task {
@@ -191,10 +220,41 @@ impl Task {
             tolerance: None,
             numbers: Numbers::default(),
             beads,
+            share: options.share.map(|id| Share {
+                id,
+                level: job_level(&rules),
+                gwn_error: options.gwn_error,
+                found: ShareNumbers::default(),
+            }),
         };
         let room = Room::new(&options.resources, output)?;
         let writer = StoreWriter::create(output, &meta)?;
-        Ok(Task { rules, meta, writer, room })
+        Ok(Task { rules, meta, writer, room, cut: None, work: 1.0 })
+    }
+
+    /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
+    /// tree's depth.
+    pub fn cut(&mut self, weigh: impl FnOnce((u8, u8)) -> Result<Work>) -> Result<()> {
+        let Some(share) = &mut self.meta.share else { return Ok(()) };
+        let work = weigh((share.level, self.rules.depth))?;
+        let of_cubes = work.of_cubes();
+        let cut = Cut::new(share.id, share.level, &of_cubes);
+        let (first, end) = (cut.cells.start, cut.cells.end);
+        let of_share: u64 = of_cubes[first as usize..end as usize].iter().sum();
+        self.work = of_share as f64 / of_cubes.iter().sum::<u64>().max(1) as f64;
+        share.found.cells = (first, end);
+        share.found.pieces = work.sum;
+        self.cut = Some(cut);
+        Ok(())
+    }
+
+    /// The cubes that pieces are to be sorted by.
+    pub fn cubes(&self) -> Binner {
+        let cubes = sort_cubes(&self.rules);
+        match &self.cut {
+            Some(cut) if self.rules.refines_all_touched() => cubes.keeping(cut.cells.clone()),
+            _ => cubes,
+        }
     }
 
     /// Builds the tree.
@@ -204,16 +264,26 @@ impl Task {
         sorted: SortedPieces<F>,
         progress: &dyn Progress,
     ) -> Result<()> {
-        let writer = &mut self.writer;
-        build_tree(field, sorted, &self.rules, self.room.memory(), progress, |bricks: EncodedBricks| {
-            bricks.write(writer)
-        })
+        let (writer, plan) = (&mut self.writer, (&self.rules, self.cut.as_ref()));
+        let record = |bricks: EncodedBricks| bricks.write(writer);
+        let empty = build_tree(field, sorted, plan, self.room.memory(), progress, record)?;
+        if let Some(share) = &mut self.meta.share {
+            share.found.joined = self.rules.refines_all_touched();
+            share.found.empty = empty;
+        }
+        Ok(())
     }
 
     /// Completes the store.
     pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<Summary> {
         progress.phase("finishing", None, "bytes");
         let Meta { root, depth, numbers: Numbers { facets, degenerate_facets, .. }, .. } = self.meta;
+        let share = self.meta.share.as_ref().map(|share| ShareSummary {
+            id: share.id,
+            level: share.level,
+            cubes: share.cells().end - share.cells().start,
+            work: self.work,
+        });
         let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
         clock.lap("finish");
         Ok(Summary {
@@ -230,6 +300,7 @@ impl Task {
             loops: 0,
             flipped_patches: 0,
             temporary_bytes: self.room.file().bytes(),
+            share,
             phases: clock.laps,
         })
     }
@@ -327,5 +398,12 @@ impl Clock {
         let elapsed: Duration = self.last.elapsed();
         self.last = Instant::now();
         self.laps.push((phase, elapsed.as_secs_f64()));
+    }
+
+    /// As [`Self::lap`], of a phase that not every build has.
+    pub fn lap_if(&mut self, there: bool, phase: &'static str) {
+        if there {
+            self.lap(phase);
+        }
     }
 }

@@ -71,7 +71,8 @@ struct Shared<T, E> {
 
 /// Runs `work` on `tasks`, and on those into which they are opened, on the threads of the current pool, and passes what
 /// comes out to `consume` in the order of places. `need` bounds the memory that a task takes while it runs; `consume`
-/// returns how much it keeps for good, if that has changed. A task begins when there is memory for it; if nothing else runs, in any case.
+/// returns how much it keeps for good, if that has changed. A task begins when there is memory for it; if
+/// nothing else runs and nothing is being consumed, in any case.
 /// The first error ends everything.
 pub(super) fn run_tasks<L, T: Send, E: Send>(
     tasks: Vec<(Place, T)>,
@@ -147,7 +148,8 @@ impl<T, E> Shared<T, E> {
 
     /// Whether the first waiting task may begin.
     fn admits(&self, state: &State<T, E>, bytes: u64) -> bool {
-        if state.running.is_empty() {
+        // While a result is consumed its memory will be free before long, and who consumes it tells.
+        if state.running.is_empty() && !state.consuming {
             return true;
         }
         let taken = self.held.load(Ordering::Relaxed).saturating_add(state.kept).saturating_add(bytes);
@@ -284,6 +286,21 @@ mod tests {
             Ok(None)
         };
         pool(8).install(|| run_tasks(numbers(200), WIDE, || (), |_| 1, work, consume)).unwrap();
+    }
+
+    #[test]
+    fn a_slow_consumer_is_waited_for() {
+        let held = AtomicUsize::new(0);
+        let work = |_: &mut (), n: u64, of: Held| {
+            assert!(held.fetch_add(1, Ordering::SeqCst) < 5);
+            Ok(Outcome::Done(n, of))
+        };
+        let consume = |_| {
+            std::thread::sleep(std::time::Duration::from_millis(2));
+            held.fetch_sub(1, Ordering::SeqCst);
+            Ok(None)
+        };
+        pool(2).install(|| run_tasks(numbers(50), WIDE, || (), |_| 1, work, consume)).unwrap();
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::resources::Room;
 use super::sorted::SortedPieces;
 use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
-use crate::lattice::{NodeKey, RootCube, Triangle};
+use crate::lattice::{RootCube, Triangle};
 use crate::progress::Progress;
 use crate::winding::EdgeBalance;
 use std::ops::Range;
@@ -29,19 +29,18 @@ struct Part {
     degenerate: u64,
 }
 
-/// Snaps and sorts all sources as one soup, for jobs `stride` levels below the root. What does not fit in the room
-/// goes to its temporary file.
+/// Snaps and sorts all sources as one soup for jobs in the cubes of `binner`. What does not fit in the room goes to its
+/// temporary file.
 ///
 /// # Errors
 /// If the disk has too little room for that file, or the user interrupts.
 pub(super) fn snap(
     sources: &[&dyn Facets],
     root: RootCube,
-    stride: u8,
+    binner: Binner,
     room: &Room,
     progress: &dyn Progress,
 ) -> Result<SnappedSoup> {
-    let binner = Binner::new(NodeKey::ROOT, stride);
     let runs = runs(sources);
     let plain = plan(sources, &runs, root, binner, room)?;
     // Claimed in order, so that all threads together read the input from front to back.
@@ -82,7 +81,7 @@ impl Part {
 }
 
 /// Reads and snaps some triangles.
-fn read(
+pub(super) fn read(
     source: &dyn Facets,
     range: Range<u64>,
     root: RootCube,

@@ -98,14 +98,13 @@ impl Evaluated for SolidEvaluation<'_> {
     }
 }
 
-/// Sorts segments for jobs `stride` levels below the root.
+/// Sorts segments for jobs in the cubes of `binner`.
 pub(super) fn sort_segments(
     solids: &Solids,
     segments: &[Segment],
-    stride: u8,
+    binner: Binner,
     progress: &dyn Progress,
 ) -> Result<SortedPieces<Solids>> {
-    let binner = Binner::new(NodeKey::ROOT, stride);
     let runs: Vec<SortedPieces<Solids>> = segments
         .par_chunks(RUN_SEGMENTS)
         .map(|run| {

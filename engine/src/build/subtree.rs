@@ -35,7 +35,7 @@ pub(super) enum Half {
 }
 
 impl Half {
-    fn of(brick: &Brick) -> Half {
+    pub fn of(brick: &Brick) -> Half {
         let samples = match brick {
             Brick::Uniform(w) => return Half::Uniform(*w),
             Brick::Counts { samples, .. } => samples,

@@ -1,9 +1,9 @@
 //! The main job straight from toolpaths: beads as analytic solids in, store out.
 
-use super::identity::write_identity;
-use super::jobs::sort_level;
+use super::identity::{Leaves, write_identity};
 use super::pipeline::{BuildOptions, Clock, Summary, Task, describe, place};
 use super::solids::sort_segments;
+use super::weigh::weigh_pieces;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
 use crate::progress::Progress;
@@ -51,8 +51,10 @@ pub fn build_beads(
     let mut task = Task::begin(described, (min, max), root, depth, output, options, Some(beads.clone()))?;
     let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
     let (solids, segments) = Solids::new(&paths, root, outline)?;
+    task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress))?;
+    clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("sorting", Some(segments.len() as u64), "segments");
-    let sorted = sort_segments(&solids, &segments, sort_level(&task.rules), progress)?;
+    let sorted = sort_segments(&solids, &segments, task.cubes(), progress)?;
     let count = segments.len() as u64;
     let all = paths.iter().map(|path| path.len() as u64).sum();
     task.meta.beads = Some(BeadsMeta { beads: all, segments: count, ..beads });
@@ -62,7 +64,8 @@ pub fn build_beads(
     clock.lap("build");
     if let Some(segments) = segments {
         task.writer.begin_identity(tables(sources, &solids)?);
-        write_identity(&solids, segments, &mut task.writer, progress)?;
+        let leaves = Leaves::of(task.writer.nodes(), task.meta.share.as_ref());
+        write_identity(&solids, segments, &leaves, &mut task.writer, progress)?;
         clock.lap("identity");
     }
     let summary = task.finish(clock, progress)?;

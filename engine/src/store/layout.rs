@@ -12,7 +12,7 @@ use std::ops::Range;
 /// mode shows at once.
 pub const MAGIC: [u8; 8] = *b"\x89BRF\r\n\x1a\n";
 /// The newest version of the format. A store's own version stands in its header and in every checksum.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 /// The three header pages; records begin here.
 pub const HEADER_BYTES: usize = 3 * PAGE_BYTES;
 /// One page. The slots lie on pages of their own, since a torn write damages a whole sector of up to 4 KiB.
@@ -76,6 +76,8 @@ pub enum Version {
     One,
     /// Beads as solids: the metadata has a part about them, and leaves may tell which beads they count.
     Two,
+    /// One of several shares of a store of version 1 or 2.
+    Three,
 }
 
 impl Version {
@@ -83,12 +85,13 @@ impl Version {
     pub const fn number(self) -> u32 {
         match self {
             Version::One => 1,
-            Version::Two => FORMAT_VERSION,
+            Version::Two => 2,
+            Version::Three => FORMAT_VERSION,
         }
     }
 
     fn from_number(number: u32) -> Option<Version> {
-        [Version::One, Version::Two].into_iter().find(|version| version.number() == number)
+        [Version::One, Version::Two, Version::Three].into_iter().find(|version| version.number() == number)
     }
 }
 

@@ -6,6 +6,7 @@
 
 use super::identity::IdentityPlace;
 use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX, Version};
+use super::share::{Share, ShareNumbers};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use bincode::Options;
 use serde::{Deserialize, Serialize};
@@ -40,6 +41,9 @@ pub struct Meta {
     /// What is to be known of beads, if the samples count those. Version 2 of the format has it after all else.
     #[serde(skip)]
     pub beads: Option<BeadsMeta>,
+    /// Which share of a store the file is, if it is not a whole one. Version 3 of the format has it at the very end.
+    #[serde(skip)]
+    pub share: Option<Share>,
 }
 
 /// What version 2 adds: the samples count beads as solids.
@@ -108,10 +112,12 @@ impl Meta {
             identity: beads.identity.map(|_| IdentityPlace::default()),
             ..beads
         });
+        let share = self.share.clone().map(|share| Share { found: ShareNumbers::default(), ..share });
         // Serializing plain data into memory fails only at a limit, and none is set here.
-        let bytes = match beads {
-            None => options().serialize(&meta),
-            Some(beads) => options().serialize(&(meta, beads)),
+        let bytes = match (beads, share) {
+            (None, None) => options().serialize(&meta),
+            (Some(beads), None) => options().serialize(&(meta, beads)),
+            (beads, Some(share)) => options().serialize(&(meta, beads, share)),
         }
         .unwrap_or_default();
         let mut id = [0; FILE_ID_BYTES];
@@ -121,16 +127,21 @@ impl Meta {
 
     /// The lowest version of the format that holds this.
     pub(super) fn version(&self) -> Version {
-        if self.beads.is_some() { Version::Two } else { Version::One }
+        match (&self.beads, &self.share) {
+            (_, Some(_)) => Version::Three,
+            (Some(_), None) => Version::Two,
+            (None, None) => Version::One,
+        }
     }
 
     /// The stored form, that of [`Meta::version`]; the error is one phrase.
     pub(super) fn encode(&self) -> Result<Vec<u8>, String> {
         self.check()?;
         let options = options().with_limit(META_BYTES_MAX as u64);
-        match &self.beads {
-            None => options.serialize(self),
-            Some(beads) => options.serialize(&(self, beads)),
+        match (&self.beads, &self.share) {
+            (None, None) => options.serialize(self),
+            (Some(beads), None) => options.serialize(&(self, beads)),
+            (beads, Some(share)) => options.serialize(&(self, beads, share)),
         }
         .map_err(|_| format!("the metadata takes more than {META_BYTES_MAX} bytes"))
     }
@@ -143,6 +154,11 @@ impl Meta {
             Version::Two => options
                 .deserialize(bytes)
                 .map(|(meta, beads): (Meta, BeadsMeta)| Meta { beads: Some(beads), ..meta }),
+            Version::Three => {
+                options.deserialize(bytes).map(|(meta, beads, share): (Meta, Option<BeadsMeta>, Share)| {
+                    Meta { beads, share: Some(share), ..meta }
+                })
+            }
         };
         let meta = meta.map_err(|_| "the metadata cannot be read".to_owned())?;
         meta.check()?;
@@ -164,7 +180,7 @@ impl Meta {
         if self.stddev.is_nan() || self.tolerance.is_some_and(f64::is_nan) {
             return Err("a threshold is not a number".into());
         }
-        Ok(())
+        self.share.as_ref().map_or(Ok(()), |share| share.check(self.depth))
     }
 }
 
@@ -208,7 +224,9 @@ mod tests {
             prop_assert!(Meta::decode(&bytes[..cut.index(bytes.len())], Version::One).is_err());
             let at = at.index(bytes.len() - 8);
             bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
-            let _ = (Meta::decode(&bytes, Version::One), Meta::decode(&bytes, Version::Two));
+            for version in [Version::One, Version::Two, Version::Three] {
+                let _ = Meta::decode(&bytes, version);
+            }
         }
     }
 }

@@ -9,6 +9,7 @@ mod index;
 mod layout;
 mod meta;
 mod reader;
+mod share;
 mod summary;
 mod tree;
 mod verify;
@@ -22,6 +23,7 @@ pub use identity::{
 pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, Meta, Numbers, Refine, Source};
 pub use reader::Store;
+pub use share::{Share, ShareId, ShareNumbers, cell_key, cells_of};
 pub use summary::{LevelSummary, NodeNumbers, Summary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};

@@ -37,12 +37,29 @@ pub struct Store {
 }
 
 impl Store {
-    /// Opens a finished store. Decoded bricks are kept in at most `cache_bytes` of memory. Header, index and
-    /// metadata are checked as a whole; records when they are read.
+    /// Opens a finished store, a whole one. Decoded bricks are kept in at most `cache_bytes` of memory. Header, index
+    /// and metadata are checked as a whole; records when they are read.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read, [`Error::Store`] if it is not a sound store of this version.
+    /// [`Error::Io`] if the file cannot be read, [`Error::Store`] if it is not a sound store of this version, or one
+    /// share of a store, which is no complete tree.
     pub fn open(path: &Path, cache_bytes: u64) -> Result<Store> {
+        let store = Store::open_any(path, cache_bytes)?;
+        match &store.meta.share {
+            None => Ok(store),
+            Some(share) => {
+                let what = format!("this is share {} of a store", share.id);
+                let remedy = "join all shares with `brickfield cache merge`";
+                Err(Error::store(path, "header", what, remedy))
+            }
+        }
+    }
+
+    /// As [`Store::open`], but opens a share of a store as well; see [`Meta::share`].
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_any(path: &Path, cache_bytes: u64) -> Result<Store> {
         let file = MappedFile::open(path)?;
         let Commit { version, meta, index, identity } = read_commit(file.bytes())
             .map_err(|fault| Error::store(path, fault.place, fault.what, fault.remedy))?;
@@ -75,15 +92,21 @@ impl Store {
         self.index.entries()
     }
 
-    /// The payload of a node as stored, its checksum compared, for tools that copy records.
+    /// The payload of one of the store's entries as stored, its checksum compared, for tools that copy records.
     ///
     /// # Errors
-    /// [`Error::Store`] if there is no such node or its record is damaged.
-    pub fn payload(&self, key: NodeKey) -> Result<Vec<u8>> {
-        let entry = self.entry_of(key)?;
-        let mut bytes = Vec::new();
-        self.copy_record(entry, &mut bytes).map_err(|what| self.record_error(key, what))?;
-        Ok(bytes)
+    /// [`Error::Store`] if the record is damaged.
+    pub fn read_payload(&self, entry: &IndexEntry, bytes: &mut Vec<u8>) -> Result<()> {
+        self.copy_record(entry, bytes).map_err(|what| self.record_error(entry.key, what))
+    }
+
+    /// The list of one of the store's entries of beads as stored, its checksum compared.
+    ///
+    /// # Errors
+    /// [`Error::Store`] if the list is damaged.
+    pub fn read_identity(&self, entry: &IdentityEntry) -> Result<Vec<u8>> {
+        self.copy_identity(entry)
+            .map_err(|what| Error::store(&self.path, format!("identity {}", entry.key), what, REBUILD))
     }
 
     /// The beads of the store, if it tells them apart; reads and checks their tables.
@@ -134,12 +157,16 @@ impl Store {
         entry: &IdentityEntry,
         tables: &BeadTables,
     ) -> std::result::Result<Vec<BeadSegment>, &'static str> {
+        let bytes = self.copy_identity(entry)?;
+        decode_segments(&bytes, (tables.beads.len() as u64, tables.sections.len() as u64))
+    }
+
+    /// The error is one phrase.
+    fn copy_identity(&self, entry: &IdentityEntry) -> std::result::Result<Vec<u8>, &'static str> {
         let from = entry.offset as usize;
         let bytes = self.file.bytes()[from..from + entry.length as usize].to_vec();
-        if identity_crc(self.version, entry.key, &bytes) != entry.crc {
-            return Err("the checksum differs");
-        }
-        decode_segments(&bytes, (tables.beads.len() as u64, tables.sections.len() as u64))
+        let sound = identity_crc(self.version, entry.key, &bytes) == entry.crc;
+        if sound { Ok(bytes) } else { Err("the checksum differs") }
     }
 
     /// What the cache of decoded bricks has done and holds. Uniform bricks take no part in it.
@@ -272,7 +299,7 @@ fn read_commit(file: &[u8]) -> std::result::Result<Commit, Fault> {
         Some(place) => read_identity(file, &slot, place)?,
         None => Vec::new(),
     };
-    let index = read_index(parts.index, &identity, slot.records_end, meta.depth)?;
+    let index = read_index(parts.index, &identity, slot.records_end, &meta)?;
     if meta.numbers.nodes_per_level != index.nodes_per_level() {
         return Err(fault("metadata", "its numbers of nodes are not those of the index"));
     }
@@ -367,7 +394,7 @@ fn read_index(
     bytes: &[u8],
     identity: &[IdentityEntry],
     records_end: u64,
-    depth: u8,
+    meta: &Meta,
 ) -> std::result::Result<Index, Fault> {
     let stored = bytes.as_chunks::<ENTRY_BYTES>().0;
     let mut entries = Vec::with_capacity(stored.len());
@@ -377,11 +404,23 @@ fn read_index(
         entries.push(entry);
     }
     check_places(&entries, identity, records_end)?;
-    let index =
-        Index::new(entries, depth).map_err(|(key, what)| fault(format!("index entry of {key}"), what))?;
-    match identity.iter().find(|entry| !index.get(entry.key).is_some_and(|node| node.leaf)) {
+    let index = match &meta.share {
+        None => Index::new(entries, meta.depth),
+        Some(share) => Index::of_share(entries, meta.depth, share),
+    };
+    let index = index.map_err(|(key, what)| fault(format!("index entry of {key}"), what))?;
+    match identity.iter().find(|entry| !may_list_beads(&index, meta, entry.key)) {
         Some(entry) => Err(fault(format!("index of beads, {}", entry.key), "the tree has no such leaf")),
         None => Ok(index),
+    }
+}
+
+/// Whether the node is a leaf, or may become one when shares are joined.
+fn may_list_beads(index: &Index, meta: &Meta, key: NodeKey) -> bool {
+    match (index.get(key), &meta.share) {
+        (Some(node), _) => node.leaf,
+        (None, Some(share)) => share.found.joined && key.level() <= share.level && share.owns(key),
+        (None, None) => false,
     }
 }
 

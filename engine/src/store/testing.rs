@@ -2,7 +2,7 @@
 
 use super::{
     BeadRow, BeadSegment, BeadTables, BeadsMeta, BrickTree, IdentityPlace, MemoryTree, Meta, Numbers, Refine,
-    SectionRow, Source, StoreWriter, encode_segments,
+    SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter, cells_of, encode_segments,
 };
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
@@ -29,6 +29,7 @@ pub fn meta(depth: u8) -> Meta {
         tolerance: None,
         numbers: Numbers { facets: 24, degenerate_facets: 0, nodes_per_level: vec![1, 8, 8] },
         beads: None,
+        share: None,
     }
 }
 
@@ -168,4 +169,35 @@ pub fn write_beads(path: &Path) {
         writer.append_identity(key, &bytes).expect("room on the disk");
     }
     writer.finish(meta_of_beads()).expect("a complete tree");
+}
+
+/// Metadata of the first of two shares of the small tree as one of beads: five of the root's children, the fourth of
+/// which is empty.
+pub fn meta_of_share() -> Meta {
+    let found =
+        ShareNumbers { pieces: 0x0123_4567_89ab_cdef, joined: true, cells: (0, 5), empty: vec![(3, 0)] };
+    let share = Share { id: ShareId { number: 1, of: 2 }, level: 1, gwn_error: 1e-3, found };
+    Meta { share: Some(share), ..meta_of_beads() }
+}
+
+/// The nodes of that share, in key order.
+pub fn nodes_of_share() -> Vec<(NodeKey, bool)> {
+    let cell = |key: NodeKey| cells_of(key, 1).start;
+    let is_there = |key: NodeKey| key.level() > 0 && cell(key) < 5 && cell(key) != 3;
+    nodes().into_iter().filter(|(key, _)| is_there(*key)).collect()
+}
+
+/// Writes that share.
+pub fn write_share(path: &Path) {
+    let mut writer = StoreWriter::create(path, &meta_of_share()).expect("a writable directory");
+    for (key, leaf) in nodes_of_share() {
+        writer.append_brick(key, leaf, &brick_at(key, leaf)).expect("room on the disk");
+    }
+    writer.begin_identity(tables());
+    for (key, list) in lists() {
+        let mut bytes = Vec::new();
+        encode_segments(&list, &mut bytes);
+        writer.append_identity(key, &bytes).expect("room on the disk");
+    }
+    writer.finish(meta_of_share()).expect("the nodes of the share");
 }

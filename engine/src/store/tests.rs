@@ -1,6 +1,7 @@
 use super::layout::*;
 use super::testing::{
-    brick_at, fractions, lists, meta, nodes, tables, tree, write, write_beads, write_fractions,
+    brick_at, fractions, lists, meta, meta_of_share, nodes, nodes_of_share, tables, tree, write, write_beads,
+    write_fractions, write_share,
 };
 use super::*;
 use crate::brick::Brick;
@@ -62,7 +63,9 @@ fn a_store_answers_as_the_tree_it_was_made_from() {
     let report = store.verify(&Silent).unwrap().into_result(&store).unwrap();
     assert_eq!((report.records, report.damaged), (17, 0));
     for (key, leaf) in nodes() {
-        assert_eq!(store.payload(key).unwrap(), encode(&brick_at(key, leaf)).bytes);
+        let mut payload = Vec::new();
+        store.read_payload(store.entry(key).unwrap(), &mut payload).unwrap();
+        assert_eq!(payload, encode(&brick_at(key, leaf)).bytes);
     }
     let first = store.cache_stats();
     store.brick(NodeKey::ROOT).unwrap();
@@ -444,6 +447,33 @@ fn the_golden_file_of_beads_reads_and_is_written_alike() {
     assert!(std::fs::read(path).unwrap() == golden, "the bytes of version 2 have changed");
 }
 
+fn golden_share_path() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/v3/share.brf")
+}
+
+#[test]
+fn the_golden_share_reads_and_is_written_alike_and_is_no_store() {
+    let path = golden_share_path();
+    let refused = Store::open(&path, 0).err().unwrap().to_string();
+    assert!(refused.contains("share 1 of 2") && refused.contains("cache merge"), "{refused}");
+    let store = Store::open_any(&path, CACHE_BYTES).unwrap();
+    assert_eq!(store.meta().share, meta_of_share().share);
+    assert_eq!(store.keys(), nodes_of_share().iter().map(|(key, _)| *key).collect::<Vec<_>>());
+    for (key, leaf) in nodes_of_share() {
+        assert!(*store.brick(key).unwrap() == brick_at(key, leaf) && store.node(key).unwrap().leaf == leaf);
+    }
+    assert_eq!(store.identity_entries().len(), lists().len());
+    assert_eq!(store.summary().total.nodes, 12);
+    assert_eq!(store.verify(&Silent).unwrap().damaged, 0);
+    let directory = tempfile::tempdir().unwrap();
+    let again = directory.path().join("again.brf");
+    write_share(&again);
+    assert!(
+        std::fs::read(again).unwrap() == std::fs::read(path).unwrap(),
+        "the bytes of version 3 have changed"
+    );
+}
+
 /// Prints what writing and reading a large store costs.
 #[test]
 #[ignore = "a measurement"]
@@ -479,8 +509,8 @@ fn store_throughput() {
 #[test]
 #[ignore = "writes into the source tree"]
 fn make_golden_file() {
-    let path = golden_fractions_path();
+    let path = golden_share_path();
     assert!(!path.exists(), "a golden file is never changed");
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_fractions(&path);
+    write_share(&path);
 }

@@ -144,11 +144,11 @@ impl StoreWriter {
         (self.entries.capacity() * size_of::<IndexEntry>()) as u64
     }
 
-    /// The leaves so far, in key order.
-    pub fn leaves(&self) -> Vec<NodeKey> {
-        let mut keys: Vec<NodeKey> = self.entries.iter().filter(|e| e.leaf).map(|e| e.key).collect();
-        keys.sort_unstable();
-        keys
+    /// The nodes so far, in key order, and which of them are leaves.
+    pub fn nodes(&self) -> Vec<(NodeKey, bool)> {
+        let mut nodes: Vec<(NodeKey, bool)> = self.entries.iter().map(|e| (e.key, e.leaf)).collect();
+        nodes.sort_unstable();
+        nodes
     }
 
     /// Begins the identity of beads, for stores whose metadata announces it.
@@ -179,8 +179,8 @@ impl StoreWriter {
     /// nodes per level in `meta` are filled in here.
     ///
     /// # Errors
-    /// [`Error::Io`] if writing fails, [`Error::Store`] if the nodes are not one complete octree or the
-    /// metadata is another store's. The final name is untouched then.
+    /// [`Error::Io`] if writing fails, [`Error::Store`] if the nodes are not one complete octree, or not those that a
+    /// share says it holds, or the metadata is another store's. The final name is untouched then.
     pub fn finish(mut self, mut meta: Meta) -> Result<Stats> {
         self.check_usable()?;
         let bug = |place: String, what: &str| Error::store(&self.final_path, place, what, BUG);
@@ -189,8 +189,11 @@ impl StoreWriter {
         }
         let mut entries = std::mem::take(&mut self.entries);
         entries.sort_unstable_by_key(|entry| entry.key);
-        let index =
-            Index::new(entries, meta.depth).map_err(|(key, what)| bug(format!("record {key}"), what))?;
+        let index = match &meta.share {
+            None => Index::new(entries, meta.depth),
+            Some(share) => Index::of_share(entries, meta.depth, share),
+        };
+        let index = index.map_err(|(key, what)| bug(format!("record {key}"), what))?;
         meta.numbers.nodes_per_level = index.nodes_per_level();
         if meta.beads.as_ref().is_some_and(|b| b.identity.is_some()) != self.identity.is_some() {
             return Err(bug("metadata".into(), "it does not say whether beads are told apart"));

@@ -10,7 +10,7 @@ use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::brick::POINTS;
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, ShareSummary, Summary, build_opened};
 use brickfield_engine::contour::ContourOptions;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
@@ -58,6 +58,7 @@ impl TryFrom<BuildArgs> for Plan {
             gwn_error: args.gwn_error.0,
             unit: args.units.symbol().to_owned(),
             solids: None,
+            share: args.shard.map(|shard| shard.0),
             resources: Resources { temp_dir: args.temp_dir, ..Resources::default() },
             identity: args.identity,
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -99,7 +100,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     drop::<Vec<Input>>(inputs);
     summary.phases.insert(0, ("open", open_seconds));
     let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4);
-    let store = Store::open(&plan.output, cache_bytes)?;
+    let store = Store::open_any(&plan.output, cache_bytes)?;
     let mesh = match (&plan.mesh, &mut sink) {
         (Some(path), Some(sink)) => {
             let begun = Instant::now();
@@ -114,7 +115,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         true => None,
         false => {
             let begun = Instant::now();
-            let volumes = volume(&store, &bars)?;
+            // Of a share they would say nothing about the part.
+            let volumes = summary.share.is_none().then(|| volume(&store, &bars)).transpose()?;
             summary.phases.push(("audit", begun.elapsed().as_secs_f64()));
             Some(Audit { toolpaths, volumes })
         }
@@ -148,8 +150,9 @@ struct Report {
     samples_per_second: f64,
     /// Maps of files included.
     peak_memory_bytes: Option<u64>,
-    winding_min: i16,
-    winding_max: i16,
+    /// Null for a share without nodes.
+    winding_min: Option<i16>,
+    winding_max: Option<i16>,
     warnings: Vec<String>,
     /// Of builds from toolpaths.
     #[serde(flatten)]
@@ -161,7 +164,8 @@ struct Report {
 #[derive(Serialize)]
 struct Audit {
     toolpaths: Vec<ToolpathReport>,
-    volumes: Volumes,
+    /// Of a whole store only.
+    volumes: Option<Volumes>,
 }
 
 /// The engine's summary but for the phases.
@@ -182,6 +186,7 @@ struct Numbers {
     flipped_patches: u64,
     /// Written to the temporary file; 0 if all fitted in memory.
     temporary_bytes: u64,
+    share: Option<ShareSummary>,
 }
 
 impl Report {
@@ -193,7 +198,7 @@ impl Report {
         mesh: Option<MeshReport>,
         seconds: f64,
     ) -> Report {
-        let (winding_min, winding_max) = winding_range(store);
+        let winding = winding_range(store);
         let Summary {
             facets,
             segments,
@@ -208,8 +213,11 @@ impl Report {
             loops,
             flipped_patches,
             temporary_bytes,
+            share,
             phases,
         } = summary;
+        // Whether something lies inside is for all shares to say.
+        let warnings = winding.filter(|_| share.is_none()).map_or(Vec::new(), warnings);
         let samples = samples_of_leaves(store);
         let phases = phases.into_iter().map(|(name, seconds)| (name.to_owned(), seconds.into())).collect();
         Report {
@@ -229,6 +237,7 @@ impl Report {
                 loops,
                 flipped_patches,
                 temporary_bytes,
+                share,
             },
             phases,
             seconds,
@@ -236,9 +245,9 @@ impl Report {
             samples,
             samples_per_second: samples as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
-            winding_min,
-            winding_max,
-            warnings: warnings(winding_min, winding_max),
+            winding_min: winding.map(|(min, _)| min),
+            winding_max: winding.map(|(_, max)| max),
+            warnings,
             audit,
             mesh,
         }
@@ -267,6 +276,10 @@ impl Report {
         let mut line = |line: String| text += &format!("{line}\n");
         let kept = format!("{} nodes, {} leaves, {}", nodes, leaves, Size(*file_bytes));
         line(format!("{}: {kept}", self.output));
+        if let Some(ShareSummary { id, level, cubes, work }) = &self.summary.share {
+            let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
+            line(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
+        }
         let (counted, pieces) = match segments {
             0 => (
                 format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
@@ -281,10 +294,13 @@ impl Report {
             line(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
         }
         line(format!("  depth    {depth}, cells of {cell:.6} {}", self.unit));
-        line(format!("  winding  {} to {}", self.winding_min, self.winding_max));
+        if let (Some(min), Some(max)) = (self.winding_min, self.winding_max) {
+            line(format!("  winding  {min} to {max}"));
+        }
         if let Some(Audit { toolpaths, volumes }) = &self.audit {
             toolpaths.iter().for_each(|toolpath| line(format!("  source   {}", toolpath.text())));
-            line(format!("  volume   {}", volumes_text(volumes, &self.unit)));
+            let volumes = volumes.as_ref();
+            volumes.inspect(|volumes| line(format!("  volume   {}", volumes_text(volumes, &self.unit))));
             let all = toolpaths.iter().flat_map(ToolpathReport::warnings);
             all.for_each(|message| line(format!("  warning  {message}")));
         }
@@ -319,7 +335,7 @@ fn samples_of_leaves(store: &Store) -> u64 {
 }
 
 /// What the user should know of a field with this range.
-fn warnings(min: i16, max: i16) -> Vec<String> {
+fn warnings((min, max): (i16, i16)) -> Vec<String> {
     let message = match (min, max) {
         (min, max) if min < 0 && max <= 0 => "nothing lies inside: the facets face inwards",
         (0, 0) => "nothing lies inside: no body is large enough for a sample",

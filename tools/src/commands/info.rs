@@ -16,7 +16,11 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         return info_mesh::run(args);
     }
     // No brick is read twice, so none is kept.
-    let store = Store::open(&args.file, 0)?;
+    let store = Store::open_any(&args.file, 0)?;
+    if let (Some(share), true) = (&store.meta().share, args.volume) {
+        let what = format!("--volume: this is share {} of a store; join all with `cache merge`", share.id);
+        return Err(anyhow::anyhow!("{}: {what}", args.file.display()).into());
+    }
     let volumes = match args.volume {
         true => {
             let bars = Bars::new(false, ProgressArg::Auto);
@@ -51,10 +55,11 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         stddev,
         numbers,
         beads,
+        share,
         ..
     } = store.meta();
     let source = |Source { path, bytes, facets, format, blake3 }: &Source| json!({ "path": path, "bytes": bytes, "facets": facets, "format": format, "blake3": hex(blake3) });
-    let (winding_min, winding_max) = winding_range(store);
+    let winding = winding_range(store);
     json!({
         "path": store.path().display().to_string(),
         "program": program,
@@ -62,6 +67,12 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         "units": unit,
         "bounds": [bounds_min, bounds_max],
         "root": { "origin": root.origin, "edge": root.edge },
+        "share": share.as_ref().map(|share| json!({
+            "number": share.id.number,
+            "of": share.id.of,
+            "level": share.level,
+            "cubes": [share.found.cells.0, share.found.cells.1],
+        })),
         "depth": depth,
         "refine": refine,
         "stddev": stddev,
@@ -73,8 +84,8 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
             "segments": beads.segments,
             "identity_bytes": beads.identity.map(|_| identity_bytes(store)),
         })),
-        "winding_min": winding_min,
-        "winding_max": winding_max,
+        "winding_min": winding.map(|(min, _)| min),
+        "winding_max": winding.map(|(_, max)| max),
         "volumes": volumes,
         "store": store.summary(),
     })
@@ -87,6 +98,11 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let mut text = String::new();
     let mut line = |line: String| text += &format!("{line}\n");
     line(format!("{}: brick store, written by {}", store.path().display(), meta.program));
+    if let Some(share) = &meta.share {
+        let (cubes, all) = (share.cells(), 1u64 << (3 * u32::from(share.level)));
+        let cubes = format!("cubes {} to {} of {all} of level {}", cubes.start, cubes.end, share.level);
+        line(format!("  share    {} of a store, to be joined by `cache merge`: {cubes}", share.id));
+    }
     for Source { path, bytes, facets, format, blake3 } in &meta.sources {
         let hash = &hex(blake3)[..16];
         let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} facets, ") };
@@ -107,8 +123,9 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     line(format!("  bounds   {} to {}", point(meta.bounds_min), point(meta.bounds_max)));
     line(format!("  root     {} with an edge of {}", point(meta.root.origin), meta.root.edge));
     line(format!("  refined  {:?}, standard deviation {}, depth {}", meta.refine, meta.stddev, meta.depth));
-    let (min, max) = winding_range(store);
-    line(format!("  winding  {min} to {max}"));
+    if let Some((min, max)) = winding_range(store) {
+        line(format!("  winding  {min} to {max}"));
+    }
     if let Some(volumes) = volumes {
         line(format!("  volume   {}", volumes_text(&volumes, unit)));
     }

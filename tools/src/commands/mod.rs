@@ -2,6 +2,7 @@
 
 pub mod beads;
 pub mod build;
+pub mod cache;
 pub mod export;
 pub mod info;
 mod info_mesh;

@@ -11,7 +11,8 @@ use serde_json::json;
 /// Runs the command.
 pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = Store::open(&args.store, CACHE_BYTES)?;
+    let store = Store::open_any(&args.store, CACHE_BYTES)?;
+    let share = store.meta().share.as_ref().map(|share| share.id);
     let report = store.verify(&bars)?;
     bars.clear();
     if args.json {
@@ -19,6 +20,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
         print_json(&json!({
             "path": args.store.display().to_string(),
             "sound": report.damaged == 0,
+            "share": share,
             "records": report.records,
             "payload_bytes": report.payload_bytes,
             "damaged": report.damaged,
@@ -30,5 +32,6 @@ pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let path = args.store.display();
-    print(&format!("{path}: sound, {records} records with {} of payload", Size(payload_bytes)))
+    let share = share.map_or(String::new(), |share| format!(", share {share}"));
+    print(&format!("{path}: sound{share}, {records} records with {} of payload", Size(payload_bytes)))
 }

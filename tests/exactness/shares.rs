@@ -1,0 +1,73 @@
+//! Shares of random piles, each built with other threads and another bound of memory, joined, against one build.
+
+use brickfield_bench_data::pile::random_pile;
+use brickfield_bench_data::{Mesh, write};
+use brickfield_engine::Silent;
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, build, merge};
+use brickfield_engine::store::{Refine, ShareId, Store};
+use proptest::prelude::*;
+use std::path::{Path, PathBuf};
+
+fn build_on(threads: usize, input: &Path, output: &Path, options: &BuildOptions) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| build(&[input.to_owned()], output, options, &Silent)).unwrap_or_else(|e| panic!("{e}"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    #[test]
+    fn joined_shares_are_one_build(
+        seed in any::<u64>(),
+        pieces in 1usize..12,
+        is_open in prop::bool::weighted(0.2),
+        depth in 0u8..5,
+        refine in prop_oneof![2 => Just(Refine::Hidden), 1 => Just(Refine::Surface), 1 => Just(Refine::Stddev)],
+        of in prop_oneof![4 => 1u32..9, 1 => 9u32..70],
+        little in any::<bool>(),
+    ) {
+        let dir = tempfile::tempdir().unwrap();
+        let (input, whole, joined) = (dir.path().join("in.stl"), dir.path().join("whole"), dir.path().join("joined"));
+        let mut bytes = Vec::new();
+        write::stl(&mut bytes, &Mesh::merged(&random_pile(seed, pieces))).unwrap();
+        if is_open {
+            let facets = (bytes.len() as u32 - 84) / 50 - 1;
+            bytes.truncate(84 + 50 * facets as usize);
+            bytes[80..84].copy_from_slice(&facets.to_le_bytes());
+        }
+        std::fs::write(&input, bytes).unwrap();
+        let options = BuildOptions {
+            // Open bricks take ten times as long.
+            resolution: Resolution::Depth(if is_open { depth.min(2) } else { depth }),
+            refine,
+            stddev: 0.0,
+            gwn_error: 1e-2,
+            solids: None,
+            identity: false,
+            share: None,
+            resources: Resources::default(),
+            unit: "mm".into(),
+            program: "test".into(),
+        };
+        build_on(2, &input, &whole, &options);
+        let mut shares: Vec<PathBuf> = Vec::new();
+        let mut next = 0;
+        for number in 1..=of {
+            let path = dir.path().join(format!("share {number}"));
+            // So little that every leaf is a job of its own.
+            let memory = if little && !is_open { 1 << 16 } else { Resources::default().memory };
+            let resources = Resources { memory, ..Resources::default() };
+            let options = BuildOptions { share: ShareId::new(number, of), resources, ..options.clone() };
+            build_on(number as usize % 3 + 1, &input, &path, &options);
+            let share = Store::open_any(&path, 0).unwrap().meta().share.clone().unwrap();
+            prop_assert_eq!(share.cells().start, next);
+            next = share.cells().end;
+            shares.insert(seed as usize % (shares.len() + 1), path);
+        }
+        let summary = merge(&shares, &joined, &Silent).unwrap_or_else(|e| panic!("{e}"));
+        prop_assert_eq!(summary.shares, of);
+        prop_assert!(std::fs::read(&joined).unwrap() == std::fs::read(&whole).unwrap());
+        // Shares stay, nothing else is left.
+        prop_assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3 + of as usize);
+    }
+}

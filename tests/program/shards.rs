@@ -1,0 +1,310 @@
+//! `brickfield build --shard` and `brickfield cache merge`.
+
+use crate::support::*;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn example(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data").join(name);
+    path.to_str().expect("text").to_owned()
+}
+
+fn build(input: &[&str], args: &[&str], output: &Path) -> Run {
+    let mut command = program();
+    command.arg("build").args(input).args(args).arg("-o").arg(output).arg("--quiet");
+    command.output().expect("it runs").into()
+}
+
+/// All `of` shares, each with another number of threads.
+#[track_caller]
+fn shares(dir: &Scratch, input: &[&str], args: &[&str], of: usize) -> Vec<PathBuf> {
+    let share = |number: usize| {
+        let path = dir.path(&format!("share-{number}-of-{of}.brf"));
+        let shard = format!("{number}/{of}");
+        let threads = (number % 3 + 1).to_string();
+        let args = [args, &["--shard", &shard, "--threads", &threads]].concat();
+        let run = build(input, &args, &path);
+        assert_eq!(run.status, Some(0), "{}", run.stderr);
+        path
+    };
+    (1..=of).map(share).collect()
+}
+
+fn merge(shares: &[PathBuf], output: &Path) -> Run {
+    let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"cache", &"merge", &"-o", &output, &"--quiet"];
+    args.extend(shares.iter().map(|path| path as &dyn AsRef<OsStr>));
+    run(&args)
+}
+
+/// Another order.
+fn shuffled(shares: &[PathBuf]) -> Vec<PathBuf> {
+    let step = (1..).map(|n| n * 7 + 3).find(|step| shares.len() == 1 || gcd(*step, shares.len()) == 1);
+    (0..shares.len()).map(|n| shares[(n * step.unwrap_or(1) + 1) % shares.len()].clone()).collect()
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[track_caller]
+fn joined_is_whole(input: &[&str], args: &[&str], numbers: &[usize]) {
+    let dir = Scratch::new();
+    let whole = dir.path("whole.brf");
+    assert_eq!(build(input, args, &whole).status, Some(0), "{input:?} {args:?}");
+    let whole = fs::read(whole).unwrap();
+    for &of in numbers {
+        let shares = shares(&dir, input, args, of);
+        for order in [shares.clone(), shuffled(&shares)] {
+            let joined = dir.path("joined.brf");
+            merge(&order, &joined).ok();
+            assert!(fs::read(joined).unwrap() == whole, "{input:?} {args:?}, {of} shares");
+        }
+        shares.iter().for_each(|share| fs::remove_file(share).unwrap());
+    }
+    assert_eq!(dir.names(), ["joined.brf", "whole.brf"]);
+}
+
+#[test]
+fn closed_meshes_are_joined_to_the_bytes_of_one_build() {
+    joined_is_whole(&[&example("stl/clover_beads.stl")], &["--depth", "3"], &[1, 2, 3, 7]);
+    let two = [&*example("stl/overlap_boxes.stl"), &example("stl/box_with_cavity.stl")];
+    joined_is_whole(&two, &["--cell", "0.1"], &[2, 5]);
+}
+
+#[test]
+fn a_hundred_shares_of_anything_are_joined() {
+    joined_is_whole(&[&example("stl/clover_model.stl")], &["--depth", "3"], &[100]);
+    joined_is_whole(&[&example("stl/overlap_boxes.stl")], &["--depth", "0"], &[1, 2, 100]);
+}
+
+#[test]
+fn trees_whose_nodes_decide_are_joined_to_the_bytes_of_one_build() {
+    let beads = example("stl/clover_beads.stl");
+    joined_is_whole(&[&beads], &["--depth", "3", "--refine", "surface"], &[2, 7]);
+    let model = example("stl/clover_model.stl");
+    joined_is_whole(&[&model], &["--depth", "4", "--refine", "stddev", "--stddev", "0.2"], &[7]);
+    joined_is_whole(&[&model], &["--depth", "3", "--stddev", "0.3"], &[1, 3]);
+}
+
+#[test]
+fn toolpaths_are_joined_to_the_bytes_of_one_build() {
+    let part = example("clover.gcode");
+    joined_is_whole(&[&part], &["--depth", "4", "--identity"], &[3]);
+    joined_is_whole(&[&part], &["--depth", "3"], &[2, 7]);
+    joined_is_whole(&[&part], &["--depth", "3", "--identity", "--refine", "surface"], &[2, 5]);
+    joined_is_whole(&[&part], &["--depth", "3", "--beads", "mesh"], &[3]);
+}
+
+/// Beads that fill cubes of several shares: what a leaf is shows only when these are joined.
+#[test]
+fn beads_larger_than_cubes_are_joined_to_the_bytes_of_one_build() {
+    let dir = Scratch::new();
+    let lines = "G21\nM83\nG90\n;WIDTH:60\n;HEIGHT:60\nG1 Z60 F600\nG1 X0 Y0\nG1 X40 Y0 E1\nG1 X40 Y25 E1\nG1 X80 Y90 E1\n\
+                 G0 X90 Y0\nG1 X0 Y80 E1\n";
+    let part = dir.file("fat.gcode", lines);
+    let part = part.to_str().unwrap();
+    let sized = ["--identity", "--width", "60", "--height", "60", "--depth"];
+    joined_is_whole(&[part], &[&sized[..], &["4"]].concat(), &[3, 8]);
+    joined_is_whole(&[part], &[&sized[..], &["2"]].concat(), &[3, 7]);
+}
+
+#[test]
+fn open_meshes_and_extrusions_are_joined_to_the_bytes_of_one_build() {
+    let open = example("stl/open_box_no_lid.stl");
+    joined_is_whole(&[&open], &["--depth", "3"], &[2, 7]);
+    joined_is_whole(&[&open], &["--depth", "3", "--gwn-error", "0.01", "--refine", "surface"], &[3]);
+    joined_is_whole(&[&example("x3d/clover_beads.x3d")], &["--depth", "3"], &[1, 4]);
+}
+
+#[test]
+fn a_bound_on_memory_does_not_show_in_a_share() {
+    let dir = Scratch::new();
+    let beads = example("stl/clover_beads.stl");
+    let [free, bound] =
+        [&["--depth", "4", "--shard", "2/3"][..], &["--depth", "4", "--shard", "2/3", "--memory", "90MiB"]]
+            .map(|args| {
+                let path = dir.path("share.brf");
+                assert_eq!(build(&[&beads], args, &path).status, Some(0));
+                fs::read(path).unwrap()
+            });
+    assert!(free == bound);
+}
+
+#[test]
+fn shares_that_do_not_belong_together_are_refused() {
+    let dir = Scratch::new();
+    let (boxes, cavity) = (example("stl/overlap_boxes.stl"), example("stl/box_with_cavity.stl"));
+    let three = shares(&dir, &[&boxes], &["--depth", "3"], 3);
+    let other = dir.path("other.brf");
+    let refused = |input: &str, args: &[&str], expected: &str| {
+        assert_eq!(build(&[input], &[args, &["--shard", "2/3"]].concat(), &other).status, Some(0));
+        let line =
+            merge(&[three[0].clone(), other.clone(), three[2].clone()], &dir.path("joined.brf")).failed();
+        assert!(
+            line.contains(expected) && line.contains("other.brf") && line.contains("share-1-of-3"),
+            "{line}"
+        );
+    };
+    refused(&cavity, &["--depth", "3"], "BLAKE3 hash of input 1");
+    refused(&boxes, &["--depth", "4"], "depth is 4");
+    refused(&boxes, &["--depth", "3", "--refine", "surface"], "criterion is surface");
+    refused(&boxes, &["--depth", "3", "--gwn-error", "0.01"], "error of samples is 0.01");
+    refused(&boxes, &["--depth", "3", "--units", "in"], "unit is in");
+    let copy = dir.file("copy.stl", fs::read(&boxes).unwrap());
+    refused(copy.to_str().unwrap(), &["--depth", "3"], "path of input 1");
+    assert_eq!(build(&[&boxes], &["--depth", "3", "--shard", "2/4"], &other).status, Some(0));
+    let line = merge(&[three[0].clone(), other.clone()], &dir.path("joined.brf")).failed();
+    assert!(line.contains("number of shares is 4"), "{line}");
+    assert!(!dir.names().iter().any(|name| name.starts_with("joined")), "{:?}", dir.names());
+}
+
+/// Settings of toolpaths leave no trace in the metadata but what they do.
+#[test]
+fn shares_of_other_beads_are_refused() {
+    let dir = Scratch::new();
+    let part = example("clover.gcode");
+    let two = shares(&dir, &[&part], &["--depth", "3"], 2);
+    // A little less wide: the box, the number of segments and all else are the same but for the sections.
+    for args in [&["--filament", "1.74"][..], &["--skip", "External perimeter"]] {
+        let other = dir.path("other.brf");
+        let run = build(&[&part], &[args, &["--depth", "3", "--shard", "2/2"]].concat(), &other);
+        assert_eq!(run.status, Some(0), "{}", run.stderr);
+        let same = fs::read(&other).unwrap() == fs::read(&two[1]).unwrap();
+        let joined = merge(&[two[0].clone(), other], &dir.path("joined.brf"));
+        assert_eq!(joined.status, Some(i32::from(!same)), "{args:?}: {}", joined.stderr);
+    }
+}
+
+#[test]
+fn shares_that_are_missing_repeated_damaged_or_none_are_refused() {
+    let dir = Scratch::new();
+    let boxes = example("stl/overlap_boxes.stl");
+    let all = shares(&dir, &[&boxes], &["--depth", "3"], 7);
+    let joined = dir.path("joined.brf");
+    let some = |numbers: &[usize]| numbers.iter().map(|n| all[n - 1].clone()).collect::<Vec<_>>();
+    let line = merge(&some(&[4, 1, 6]), &joined).failed();
+    assert!(line.contains("of 7 shares 2, 3, 5 and 7 are missing"), "{line}");
+    let line = merge(&some(&[1, 2, 3, 4, 5, 6]), &joined).failed();
+    assert!(line.contains("of 7 shares 7 is missing"), "{line}");
+    let again = dir.file("again.brf", fs::read(&all[2]).unwrap());
+    let line = merge(&[all.clone(), vec![again]].concat(), &joined).failed();
+    assert!(line.contains("again.brf") && line.contains("share-3-of-7.brf is the same share"), "{line}");
+    let whole = dir.store("overlap_boxes", 3);
+    let line = merge(&[all.clone(), vec![whole.clone()]].concat(), &joined).failed();
+    assert!(line.contains("overlap_boxes-3.brf") && line.contains("whole store, not a share"), "{line}");
+    let line = merge(&[all.clone(), vec![dir.path("none.brf")]].concat(), &joined).failed();
+    assert!(line.contains("none.brf"), "{line}");
+    // An output that is one of the shares.
+    let line = merge(&all, &all[3]).failed();
+    assert!(line.contains("would overwrite"), "{line}");
+    let victim = all.iter().max_by_key(|path| fs::metadata(path).unwrap().len()).unwrap();
+    let sound = fs::read(victim).unwrap();
+    // A record, the header, the commit, the metadata, another record.
+    for at in [12_288 + 5, 20, 8192 + 9, sound.len() - 3, 12_288 + 4000] {
+        let mut bytes = sound.clone();
+        bytes[at] ^= 0x10;
+        fs::write(victim, bytes).unwrap();
+        for line in [merge(&all, &joined).failed(), run(&[&"verify", victim]).failed()] {
+            assert!(line.contains(victim.to_str().unwrap()), "{at}: {line}");
+        }
+    }
+    fs::write(victim, sound).unwrap();
+    assert!(!dir.names().iter().any(|name| name.starts_with("joined")), "{:?}", dir.names());
+    merge(&all, &joined).ok();
+    assert!(fs::read(joined).unwrap() == fs::read(whole).unwrap());
+}
+
+#[test]
+fn other_commands_say_what_a_share_is() {
+    let dir = Scratch::new();
+    let share = shares(&dir, &[&example("stl/clover_model.stl")], &["--depth", "3"], 3).remove(1);
+    let points = dir.file("p.csv", "1,2,3\n");
+    for run in [
+        run(&[&"mesh", &share, &"-o", &dir.path("x.stl")]),
+        run(&[&"sample", &share, &"--points", &points]),
+        run(&[&"export", &share, &"--level", &"1", &"-o", &dir.path("x.npy")]),
+        run(&[&"info", &share, &"--volume"]),
+    ] {
+        let line = run.failed();
+        assert!(line.contains("share 2 of 3") && line.contains("cache merge"), "{line}");
+    }
+    assert!(run(&[&"info", &share]).ok().contains("share    2 of 3"));
+    assert!(run(&[&"verify", &share]).ok().contains("sound, share 2 of 3"));
+    assert_eq!(
+        run(&[&"verify", &share, &"--json"]).json()["share"],
+        serde_json::json!({ "number": 2, "of": 3 })
+    );
+    assert!(!dir.names().iter().any(|name| name.starts_with('x')));
+}
+
+#[test]
+fn shares_have_like_work_and_all_cubes_once() {
+    let dir = Scratch::new();
+    let (beads, path) = (example("stl/clover_beads.stl"), dir.path("share.brf"));
+    let (mut next, mut leaves, mut work) = (0, 0, 0.0);
+    for number in 1..=4 {
+        let shard = format!("{number}/4");
+        let built =
+            run(&[&"build", &beads, &"-o", &path, &"--depth", &"4", &"--shard", &shard, &"--json"]).json();
+        let share = &built["share"];
+        assert_eq!((&share["number"], &share["of"], &share["level"]), (&number.into(), &4.into(), &3.into()));
+        let its = share["work"].as_f64().unwrap();
+        assert!((0.2..0.3).contains(&its), "{share}");
+        work += its;
+        leaves += built["leaves"].as_u64().unwrap();
+        let info = run(&[&"info", &path, &"--json"]).json();
+        let cubes = &info["share"]["cubes"];
+        assert_eq!(cubes[0], next);
+        next = cubes[1].as_u64().unwrap();
+        assert_eq!(next - cubes[0].as_u64().unwrap(), share["cubes"]);
+        let text = run(&[&"build", &beads, &"-o", &path, &"--depth", &"4", &"--shard", &shard]).ok();
+        assert!(text.contains(&format!("share    {number} of 4: ")), "{text}");
+    }
+    assert_eq!(next, 512);
+    assert!((work - 1.0).abs() < 1e-9);
+    let whole = run(&[&"info", &dir.store("clover_beads", 4), &"--json"]).json();
+    assert!(whole["share"].is_null());
+    // Uniform leaves above the cubes are not in any share.
+    assert!(leaves > 0 && leaves <= whole["store"]["total"]["leaves"].as_u64().unwrap());
+}
+
+#[test]
+fn an_empty_share_is_a_share() {
+    let dir = Scratch::new();
+    let share = dir.path("share.brf");
+    let boxes = example("stl/overlap_boxes.stl");
+    let built =
+        run(&[&"build", &boxes, &"-o", &share, &"--depth", &"0", &"--shard", &"9/9", &"--json"]).json();
+    assert_eq!((&built["nodes"], &built["share"]["cubes"]), (&0.into(), &0.into()));
+    assert!(built["winding_min"].is_null());
+    assert!(run(&[&"info", &share]).ok().contains("share    9 of 9"));
+    assert!(run(&[&"verify", &share]).ok().contains("0 records"));
+}
+
+#[test]
+fn what_makes_no_sense_is_wrong_usage() {
+    let dir = Scratch::new();
+    let (boxes, out) = (example("stl/overlap_boxes.stl"), dir.path("x.brf"));
+    for shard in ["0/3", "4/3", "1", "1/0", "a/b", "1/2/3", "-1/2", "1/70000"] {
+        let told = run(&[&"build", &boxes, &"-o", &out, &format!("--shard={shard}")]).misused();
+        assert!(told.contains("--shard"), "{told}");
+    }
+    run(&[&"build", &boxes, &"-o", &out, &"--shard", &"1/2", &"--mesh", &dir.path("x.stl")]).misused();
+    run(&[&"cache"]).misused();
+    run(&[&"cache", &"merge", &"-o", &out]).misused();
+    assert!(dir.names().is_empty());
+}
+
+#[test]
+fn joining_tells_what_it_made() {
+    let dir = Scratch::new();
+    let two = shares(&dir, &[&example("stl/overlap_boxes.stl")], &["--depth", "2"], 2);
+    let joined = dir.path("joined.brf");
+    let json = run(&[&"cache", &"merge", &two[1], &two[0], &"-o", &joined, &"--json"]).json();
+    let info = run(&[&"info", &joined, &"--json"]).json();
+    assert_eq!((&json["shares"], &json["nodes"]), (&2.into(), &info["store"]["total"]["nodes"]));
+    assert_eq!(json["file_bytes"], fs::metadata(&joined).unwrap().len());
+    let text = run(&[&"cache", &"merge", &two[0], &two[1], &"-o", &joined]).ok();
+    assert!(text.contains("joined from 2 shares"), "{text}");
+}

@@ -1,0 +1,48 @@
+//! `brickfield cache`: stores as files.
+
+use super::start;
+use crate::args::{CacheArgs, CacheCommand, MergeArgs, WorkArgs};
+use crate::failure::Failure;
+use crate::output::{print, print_json, require_distinct};
+use crate::units::Size;
+use brickfield_engine::build::{MergeSummary, merge};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Runs the command.
+pub fn run(args: &CacheArgs) -> Result<(), Failure> {
+    match &args.command {
+        CacheCommand::Merge(args) => run_merge(args),
+    }
+}
+
+/// What is printed in the end.
+#[derive(Serialize)]
+struct Report {
+    output: String,
+    #[serde(flatten)]
+    summary: MergeSummary,
+    seconds: f64,
+}
+
+/// Joins shares. One thread keeps up with any disk.
+fn run_merge(args: &MergeArgs) -> Result<(), Failure> {
+    let started = Instant::now();
+    let bars = start(WorkArgs { threads: Some(1), quiet: args.quiet, progress: args.progress })?;
+    let shares: Vec<&Path> = args.shares.iter().map(PathBuf::as_path).collect();
+    require_distinct(&[&args.output], &shares)?;
+    let summary = merge(&args.shares, &args.output, &bars)?;
+    bars.clear();
+    let seconds = started.elapsed().as_secs_f64();
+    let output = args.output.display().to_string();
+    if args.json {
+        return print_json(&Report { output, summary, seconds });
+    }
+    if args.quiet {
+        return Ok(());
+    }
+    let MergeSummary { shares, nodes, leaves, file_bytes } = summary;
+    let kept = format!("{nodes} nodes, {leaves} leaves, {}", Size(file_bytes));
+    print(&format!("{output}: {kept}, joined from {shares} shares in {seconds:.2} s"))
+}
