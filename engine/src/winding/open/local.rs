@@ -8,6 +8,7 @@
 //! to be summed.
 
 use super::moments::{Expansion, Reach, error_bound};
+use super::wide::{dispatch, level};
 use std::f64::consts::PI;
 
 /// Moments and coefficients are used as far as their degrees add up to this.
@@ -69,6 +70,11 @@ pub(super) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
 impl Local {
     /// Adds the fields of clusters, each given by the way from the cell's centre to its own.
     pub fn add(&mut self, clusters: &[([f64; 3], &Expansion)]) {
+        dispatch!(level(), _ => self.add_with(clusters));
+    }
+
+    #[inline(always)]
+    fn add_with(&mut self, clusters: &[([f64; 3], &Expansion)]) {
         let mut sums = [[[[0.0; LANES]; C]; C]; 2];
         for some in clusters.chunks(LANES) {
             // Idle lanes have no moments.
@@ -133,7 +139,7 @@ impl Local {
     }
 
     /// The values at some points, given by their ways from the centre.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, x: &[f64; GROUP], y: &[f64; GROUP], z: &[f64; GROUP]) -> [f64; GROUP] {
         let mut value = [0.0; GROUP];
         for k in (0..C).rev() {
@@ -153,7 +159,7 @@ impl Local {
 }
 
 /// Derivatives of 1/|r|: n r² D_γ = −(2n − 1) Σ γ_i r_i D_{γ−e_i} − (n − 1) Σ γ_i (γ_i − 1) D_{γ−2e_i}, n = |γ|.
-#[inline]
+#[inline(always)]
 fn derivatives(r: &[Lanes; 3]) -> Derivatives {
     let mut d: Derivatives = [[[[0.0; LANES]; DEGREE + 1]; DEGREE + 1]; 3];
     let mut inverse = [0.0; LANES];
@@ -202,7 +208,7 @@ fn derivatives(r: &[Lanes; 3]) -> Derivatives {
 }
 
 /// Σ_α M_α D_{α+β} for every β with β_z ≤ 1, added to `sums`.
-#[inline]
+#[inline(always)]
 fn contract(moments: &[Lanes; 15], d: &Derivatives, sums: &mut [[[Lanes; C]; C]; 2]) {
     let mut moment = moments.iter();
     for (degree, orders) in (1..).zip(MOMENTS) {
