@@ -279,8 +279,9 @@ fn each_dot<S: Simd>(a: &[f64x8<S>; 3], b: &[f64x8<S>; 3]) -> f64x8<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// [`Element::add_shares`] of caps in vectors of one kind.
 #[inline(always)]
-fn add_angles<'a, S: Simd>(
+pub(super) fn add_angles<'a, S: Simd>(
     simd: S,
     mut caps: impl Iterator<Item = &'a Cap>,
     at: &[[f64; GROUP]; 3],
