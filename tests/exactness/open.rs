@@ -52,7 +52,7 @@ fn errors(soup: Vec<Facet>, seed: u64, points: usize, bound: f64) -> Vec<(f64, f
 }
 
 /// A file of `bench-data/stl`, less facets with corners that are nowhere, which the program refuses.
-fn file(name: &str) -> Vec<Facet> {
+pub fn file(name: &str) -> Vec<Facet> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl").join(name);
     let input = Input::open(&path, &Silent).expect("readable");
     let mut facets = Vec::new();

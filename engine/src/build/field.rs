@@ -2,7 +2,8 @@
 
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
-use crate::lattice::{NodeKey, Triangle, Units, bounds, normal, touches_cube};
+use crate::lattice::{BRICK_CELLS, NodeKey, Octant, Triangle, Units, bounds, normal, touches_cube};
+use crate::store::Refine;
 use crate::winding::{CornerGrid, Evaluation, Evaluator, Triangles};
 
 /// A field of winding numbers made of pieces. The pass over the input sorts the pieces into the cubes that
@@ -19,6 +20,10 @@ pub(super) trait Field: Sync {
     where
         Self: 'a;
 
+    /// Binary places of all samples.
+    fn binary_places(&self) -> u8 {
+        0
+    }
     /// Smallest and largest coordinate along each axis.
     fn bounds(&self, piece: &Self::Piece) -> (Units, Units);
     /// Some points of the piece: a cube that holds one needs no further test.
@@ -42,7 +47,19 @@ pub(super) trait Field: Sync {
     /// The value of all samples of `key`, at whatever level, if it is known without evaluating: no piece of
     /// the list has its surface there.
     fn settled(&self, key: NodeKey, corner: i16, list: Pieces<'_, Self::Piece>) -> Option<i16>;
-    /// Evaluates the 33³ samples of `key` from the pieces that touch it and its sample (0, 0, 0).
+    /// The corners of the children of `key`, by octant, if the criterion refines it whatever its samples are: then
+    /// they are a part of its children's.
+    fn refined_unseen(
+        &self,
+        _refine: Refine,
+        _key: NodeKey,
+        _corner: i16,
+        _list: Pieces<'_, Self::Piece>,
+    ) -> Option<[i16; 8]> {
+        None
+    }
+    /// Evaluates the 33³ samples of `key` from the pieces that touch it and its corner: the sample (0, 0, 0), or
+    /// what [`Evaluated::corners`] of its parent gives in place of it.
     fn evaluate<'a>(
         &'a self,
         evaluator: &'a mut Self::Evaluator,
@@ -74,6 +91,10 @@ pub(super) trait Evaluated {
     fn samples(&self) -> &Samples;
     /// The same, for good.
     fn into_samples(self) -> Samples;
+    /// The corners of the node's children by octant.
+    fn corners(&self) -> [i16; 8] {
+        corners_of(self.samples())
+    }
     /// Whether a lattice edge holds a wall or a gap that the samples at its ends do not show.
     fn has_hidden_crossings(&mut self) -> bool;
     /// Whether the boundary w = 0.5 crosses a lattice edge more than once.
@@ -84,6 +105,15 @@ pub(super) trait Evaluated {
     fn fractions(&self) -> Option<Fractions> {
         None
     }
+}
+
+/// The samples at the corners of a node's children, by octant.
+pub(super) fn corners_of(samples: &Samples) -> [i16; 8] {
+    let mut corners = [0; 8];
+    for octant in Octant::all() {
+        corners[octant.index()] = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
+    }
+    corners
 }
 
 /// What is known of samples with binary places.

@@ -8,18 +8,19 @@ use super::ordered::run_ordered;
 use super::records::Recorder;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
-use super::subtree::{Node, SubtreeBuilder, interior};
-use crate::brick::{Brick, Samples};
+use super::subtree::{Half, Node, SubtreeBuilder, interior, joined};
+use crate::brick::Brick;
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
+use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::sync::Mutex;
 
-/// The level at which jobs start, and whose cubes are shared out to machines. The order of the records in a store depends on it, so it depends on
-/// nothing but the depth. Two levels below, a job has 64 leaves: 10 to 20 ms, enough to feed many threads
-/// and not so much that the last job is waited for; at greater depths the count of sorting cells (4,096)
-/// bounds it.
+/// The level at which jobs start, and whose cubes are shared out to machines. The order of the records in a store
+/// depends on it, so it depends on nothing but the depth. Two levels below, a job has 64 leaves: 10 to 20 ms, enough to
+/// feed many threads and not so much that the last job is waited for; at greater depths the count of sorting cells
+/// (4,096) bounds it.
 pub(super) fn job_level(rules: &Rules) -> u8 {
     match rules.depth {
         depth @ 0..=3 => depth,
@@ -46,9 +47,9 @@ struct Job<P> {
     pieces: Vec<P>,
 }
 
-/// Builds the tree of a field, the whole or the share that `cut` names. `consume` gets the records of one job after the other in Morton
-/// order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it keeps for
-/// good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of a share
+/// Builds the tree of a field, the whole or the share that `cut` names. `consume` gets the records of one job after the
+/// other in Morton order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it
+/// keeps for good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of a share
 /// of such a tree, which has no nodes above its jobs.
 pub(super) fn build_tree<F: Field, R: Recorder>(
     field: &F,
@@ -85,21 +86,39 @@ fn decide_from_the_top<F: Field, R: Recorder>(
     let mut frontier = vec![Job { key: NodeKey::ROOT, corner: 0, pieces: all }];
     frontier.retain(|job| meets(job.key));
     let mut settled: Vec<(NodeKey, bool, Brick)> = Vec::new();
+    let mut unseen = Vec::new();
     while frontier.first().is_some_and(|job| job.key.level() < job_level(rules)) {
-        let decided: Vec<Decision<F::Piece>> =
-            frontier.into_par_iter().map(|job| decide(field, job, rules)).collect::<Result<_>>()?;
+        let decided: Vec<Decision<F::Piece>> = frontier
+            .into_par_iter()
+            .map(|job| decide(field, job, rules, cut.is_none()))
+            .collect::<Result<_>>()?;
         progress.check()?;
         frontier = Vec::new();
-        for decision in decided {
-            settled.extend(decision.settled.filter(|(key, ..)| owns(*key)));
-            frontier.extend(decision.refined.into_iter().filter(|job| meets(job.key)));
+        for Decision { key, brick, refined } in decided {
+            match brick {
+                Some(brick) if owns(key) => settled.push((key, refined.is_empty(), brick)),
+                Some(_) => {}
+                None => unseen.push(key),
+            }
+            frontier.extend(refined.into_iter().filter(|job| meets(job.key)));
         }
     }
     let done = run_jobs(field, &frontier, rules, progress, consume)?;
-    for (job, node) in frontier.iter().zip(done) {
+    for (job, node) in frontier.iter().zip(&done) {
         if let Node::Empty(w) = node {
-            settled.push((job.key, true, Brick::Uniform(w)));
+            settled.push((job.key, true, Brick::Uniform(*w)));
         }
+    }
+    let halves = settled.iter().map(|(key, _, brick)| (*key, Node::Stored(Half::of(brick))));
+    let jobs = frontier.iter().map(|job| job.key).zip(done);
+    let mut nodes: HashMap<NodeKey, Node> = jobs.chain(halves).collect();
+    // Deepest first.
+    for key in unseen.into_iter().rev() {
+        let child = |octant| nodes.remove(&key.child(octant)).expect("every child was settled or a job");
+        let children: Vec<Node> = Octant::all().map(child).collect();
+        let brick = joined(&children.try_into().expect("there are eight"), field.binary_places());
+        nodes.insert(key, Node::Stored(Half::of(&brick)));
+        settled.push((key, false, brick));
     }
     settled.sort_by_key(|(key, ..)| key.post_order());
     let mut top = R::default();
@@ -107,37 +126,50 @@ fn decide_from_the_top<F: Field, R: Recorder>(
     Ok(top)
 }
 
+/// What a node above the jobs turned out to be.
 struct Decision<P> {
-    settled: Option<(NodeKey, bool, Brick)>,
+    key: NodeKey,
+    /// `None` if it follows from its children.
+    brick: Option<Brick>,
+    /// Its children; none of a leaf.
     refined: Vec<Job<P>>,
 }
 
-fn decide<F: Field>(field: &F, job: Job<F::Piece>, rules: &Rules) -> Result<Decision<F::Piece>> {
+/// A node that is refined whatever its samples are is joined from its children where the tree is built as a whole; a
+/// share, which lacks some of them, evaluates it, which gives the same samples.
+fn decide<F: Field>(
+    field: &F,
+    job: Job<F::Piece>,
+    rules: &Rules,
+    is_whole: bool,
+) -> Result<Decision<F::Piece>> {
     let Job { key, corner, pieces } = job;
     let all: Vec<u32> = (0..pieces.len() as u32).collect();
     let list = Pieces { array: &pieces, indices: &all };
+    let leaf = |brick| Ok(Decision { key, brick: Some(brick), refined: Vec::new() });
     if let Some(w) = field.settled(key, corner, list) {
-        return Ok(Decision { settled: Some((key, true, Brick::Uniform(w))), refined: Vec::new() });
+        return leaf(Brick::Uniform(w));
+    }
+    if is_whole && let Some(corners) = field.refined_unseen(rules.refine, key, corner, list) {
+        return Ok(Decision { key, brick: None, refined: children(field, key, corners, &pieces) });
     }
     let mut evaluator = F::Evaluator::default();
     let mut evaluation = field.evaluate(&mut evaluator, key, corner, list)?;
     if rules.keeps(&mut evaluation) {
-        return Ok(Decision { settled: Some((key, true, evaluation.into_leaf()?)), refined: Vec::new() });
+        return leaf(evaluation.into_leaf()?);
     }
-    let samples = evaluation.into_samples();
-    let refined = children(field, key, &samples, &pieces);
-    Ok(Decision { settled: Some((key, false, interior(samples))), refined })
+    let refined = children(field, key, evaluation.corners(), &pieces);
+    Ok(Decision { key, brick: Some(interior(evaluation.into_samples())), refined })
 }
 
 /// The eight children of a refined node with their corners and pieces.
-fn children<F: Field>(field: &F, key: NodeKey, samples: &Samples, pieces: &[F::Piece]) -> Vec<Job<F::Piece>> {
+fn children<F: Field>(field: &F, key: NodeKey, corners: [i16; 8], pieces: &[F::Piece]) -> Vec<Job<F::Piece>> {
     let lists = Binner::new(key, 1).sort_indices(field, pieces);
     let child = |octant: Octant| {
         let own = lists.of(octant.index()).iter().map(|&i| pieces[i as usize]).collect();
-        let corner = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
-        Job { key: key.child(octant), corner, pieces: own }
+        Job { key: key.child(octant), corner: corners[octant.index()], pieces: own }
     };
-    Octant::all().map(child).collect()
+    Octant::all().collect::<Vec<_>>().into_par_iter().map(child).collect()
 }
 
 /// Runs the jobs on all threads and returns their top nodes.

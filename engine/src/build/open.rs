@@ -1,6 +1,6 @@
 //! The field of an open soup as sorting, jobs and subtrees see it.
 
-use super::bins::Binner;
+use super::bins::{Binner, SortedRun};
 use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::sorted::SortedPieces;
 use crate::brick::{Brick, Samples};
@@ -8,15 +8,20 @@ use crate::error::Result;
 use crate::ingest::{Facets, runs};
 use crate::lattice::{NodeKey, RootCube, Triangle, Units, bounds, normal, touches_cube};
 use crate::progress::Progress;
-use crate::winding::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};
+use crate::store::Refine;
+use crate::winding::{CornerGrid, OpenBrick, OpenEvaluator, OpenField, OpenPiece};
 use rayon::prelude::*;
 
 impl Field for OpenField {
     type Piece = OpenPiece;
-    /// Corners are samples of the parent: every node is evaluated.
+    /// Corners are counts of the parent, or of its pieces: no node is reached but through its parent.
     type Corners = ();
     type Evaluator = OpenEvaluator;
     type Evaluation<'a> = OpenBrick;
+
+    fn binary_places(&self) -> u8 {
+        OpenField::binary_places(self)
+    }
 
     fn bounds(&self, piece: &OpenPiece) -> (Units, Units) {
         bounds(&piece.triangle)
@@ -49,6 +54,25 @@ impl Field for OpenField {
         None
     }
 
+    /// A node that a facet touches has hidden crossings.
+    fn refined_unseen(
+        &self,
+        refine: Refine,
+        key: NodeKey,
+        corner: i16,
+        list: Pieces<'_, OpenPiece>,
+    ) -> Option<[i16; 8]> {
+        let pieces = || list.indices.iter().map(|&i| &list.array[i as usize]);
+        if refine != Refine::Hidden || pieces().all(|piece| piece.cap) {
+            return None;
+        }
+        let mut grid = CornerGrid::new(key, 1);
+        pieces().for_each(|piece| grid.add(&piece.triangle));
+        let counts = grid.finish(i64::from(OpenField::corner_count(key, corner)));
+        // Counts beyond 16 bits are refused where the samples are.
+        Some(std::array::from_fn(|i| counts[i].clamp(i16::MIN.into(), i16::MAX.into()) as i16))
+    }
+
     fn evaluate<'a>(
         &'a self,
         evaluator: &'a mut OpenEvaluator,
@@ -68,6 +92,10 @@ impl Evaluated for OpenBrick {
 
     fn into_samples(self) -> Samples {
         self.samples
+    }
+
+    fn corners(&self) -> [i16; 8] {
+        self.corner_counts
     }
 
     fn has_hidden_crossings(&mut self) -> bool {
@@ -104,10 +132,11 @@ pub(super) fn gather(
         let piece = |t: [[f64; 3]; 3]| OpenPiece { triangle: t.map(snapper), cap: false };
         world.into_iter().map(piece).collect::<Vec<OpenPiece>>()
     };
-    let snapped: Vec<Vec<OpenPiece>> = runs(sources).into_par_iter().map(of_run).collect();
+    let runs: Vec<SortedRun<OpenPiece>> =
+        runs(sources).into_par_iter().map(|run| SortedRun::new(field, &binner, &of_run(run))).collect();
     progress.check()?;
     let mut sorted = SortedPieces::default();
-    snapped.iter().for_each(|pieces| sorted.push(field, &binner, pieces));
+    runs.into_iter().for_each(|run| sorted.push_sorted(run));
     let caps: Vec<OpenPiece> =
         field.part().caps.iter().map(|&triangle: &Triangle| OpenPiece { triangle, cap: true }).collect();
     sorted.push(field, &binner, &caps);

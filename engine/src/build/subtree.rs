@@ -102,7 +102,9 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         descend(key, stride, &mut |step, number| {
             let key = match step {
                 Step::Reached(key) => key,
-                Step::Joined(key, children) => return Ok(join(key, children, &mut self.records)),
+                Step::Joined(key, children) => {
+                    return Ok(join(key, children, self.field.binary_places(), &mut self.records));
+                }
             };
             let corner = corner_at(&corners, stride, number);
             let list = Pieces { array: pieces, indices: lists.of(number) };
@@ -118,35 +120,46 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         })
     }
 
-    /// Evaluates the node itself and refines it if its samples or crossings ask for it.
+    /// Evaluates the node itself and refines it if its samples or crossings ask for it. Where its pieces do so
+    /// already, it is joined from its children.
     fn decide(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
         self.progress.check()?;
+        if let Some(corners) = self.field.refined_unseen(self.rules.refine, key, corner, list) {
+            let children = self.build_children(key, corners, list)?;
+            return Ok(join(key, children, self.field.binary_places(), &mut self.records));
+        }
         let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
         if self.rules.keeps(&mut evaluation) {
             let brick = evaluation.into_leaf()?;
             self.records.push(key, true, &brick);
             return Ok(Node::Stored(Half::of(&brick)));
         }
+        let corners = evaluation.corners();
         let samples = evaluation.into_samples();
-        let lists = Binner::new(key, 1).sort_indices(self.field, list.array);
-        let mut children = [const { Node::Empty(0) }; 8];
-        for octant in Octant::all() {
-            let corner = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
-            let own: Vec<F::Piece> =
-                lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect();
-            children[octant.index()] = self.build(key.child(octant), corner, &own)?;
-        }
+        let children = self.build_children(key, corners, list)?;
         if let Some(w) = common_empty(&children) {
             return Ok(Node::Empty(w));
         }
-        for (octant, child) in Octant::all().zip(&children) {
-            if let Node::Empty(w) = child {
-                self.records.push(key.child(octant), true, &Brick::Uniform(*w));
-            }
-        }
+        record_empty(key, &children, &mut self.records);
         let brick = interior(samples);
         self.records.push(key, false, &brick);
         Ok(Node::Stored(Half::of(&brick)))
+    }
+
+    fn build_children(
+        &mut self,
+        key: NodeKey,
+        corners: [i16; 8],
+        list: Pieces<'_, F::Piece>,
+    ) -> Result<[Node; 8]> {
+        let lists = Binner::new(key, 1).sort_indices(self.field, list.array);
+        let mut children = [const { Node::Empty(0) }; 8];
+        for octant in Octant::all() {
+            let own: Vec<F::Piece> =
+                lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect();
+            children[octant.index()] = self.build(key.child(octant), corners[octant.index()], &own)?;
+        }
+        Ok(children)
     }
 }
 
@@ -192,24 +205,35 @@ pub(super) fn corner_at(corners: &[i64], stride: u8, number: usize) -> i16 {
 }
 
 /// Makes a node from its children: empty if they all are, else their common interior node, recording the
-/// empty children as uniform leaves.
-pub(super) fn join(key: NodeKey, children: [Node; 8], records: &mut impl Recorder) -> Node {
+/// empty children as uniform leaves. Samples have `bits` binary places.
+pub(super) fn join(key: NodeKey, children: [Node; 8], bits: u8, records: &mut impl Recorder) -> Node {
     if let Some(w) = common_empty(&children) {
         return Node::Empty(w);
     }
-    let mut samples = Samples::filled(0);
-    for (octant, child) in Octant::all().zip(children) {
-        match child {
-            Node::Stored(half) => place_half(&mut samples, octant, &half),
-            Node::Empty(w) => {
-                records.push(key.child(octant), true, &Brick::Uniform(w));
-                place_half(&mut samples, octant, &Half::Uniform(w));
-            }
-        }
-    }
-    let brick = interior(samples);
+    record_empty(key, &children, records);
+    let brick = joined(&children, bits);
     records.push(key, false, &brick);
     Node::Stored(Half::of(&brick))
+}
+
+fn record_empty(key: NodeKey, children: &[Node; 8], records: &mut impl Recorder) {
+    for (octant, child) in Octant::all().zip(children) {
+        if let Node::Empty(w) = child {
+            records.push(key.child(octant), true, &Brick::Uniform(*w));
+        }
+    }
+}
+
+/// The interior node of eight children whose samples have so many binary places.
+pub(super) fn joined(children: &[Node; 8], bits: u8) -> Brick {
+    let mut samples = Samples::fractions(bits);
+    for (octant, child) in Octant::all().zip(children) {
+        match child {
+            Node::Stored(half) => place_half(&mut samples, octant, half),
+            Node::Empty(w) => place_half(&mut samples, octant, &Half::Uniform(*w)),
+        }
+    }
+    interior(samples)
 }
 
 /// The value of eight children that are all empty and equal.
@@ -226,11 +250,13 @@ pub(super) fn interior(samples: Samples) -> Brick {
 /// Copies a child's half samples, apron included, to where the parent has them.
 fn place_half(parent: &mut Samples, octant: Octant, child: &Half) {
     let [x, y, z] = octant.offset().map(|o| o * BRICK_CELLS / 2);
+    let bits = parent.1;
     for k in 0..HALF_POINTS {
         for j in 0..HALF_POINTS {
             let to = &mut parent.0[point_index([x, y + j, z + k])..][..HALF_POINTS];
             match child {
-                Half::Uniform(w) => to.fill(*w),
+                // A winding number that leaves no 16 bits beside its binary places was refused.
+                Half::Uniform(w) => to.fill(*w << bits),
                 Half::Counts(half) => {
                     to.copy_from_slice(&half[(k * HALF_POINTS + j) * HALF_POINTS..][..HALF_POINTS]);
                 }

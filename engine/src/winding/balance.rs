@@ -6,11 +6,6 @@
 
 use crate::lattice::{Triangle, Units};
 
-/// log₂ of the number of buckets by which open edges are found.
-const BUCKET_BITS: u32 = 12;
-/// Number of buckets by which open edges are found.
-pub(super) const BUCKETS: usize = 1 << BUCKET_BITS;
-
 /// Running sum of signed edge hashes; sums of parts add up to the sum of the whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EdgeBalance(u64);
@@ -36,14 +31,14 @@ impl EdgeBalance {
     }
 }
 
-/// Calls `edge` with each directed edge of some length, and its bucket.
-pub(super) fn for_edges(t: &Triangle, mut edge: impl FnMut(Units, Units, usize)) {
+/// Calls `edge` with each directed edge of some length, a hash that it shares with its reverse, and its signed hash.
+#[inline]
+pub(super) fn for_edges(t: &Triangle, mut edge: impl FnMut(Units, Units, u64, u64)) {
+    let h = t.map(vertex_hash);
     for i in 0..3 {
-        let (a, b) = (t[i], t[(i + 1) % 3]);
-        if a != b {
-            // The same bucket for both directions.
-            let bucket = vertex_hash(a).wrapping_add(vertex_hash(b)) >> (64 - BUCKET_BITS);
-            edge(a, b, bucket as usize);
+        let j = (i + 1) % 3;
+        if t[i] != t[j] {
+            edge(t[i], t[j], h[i].wrapping_add(h[j]), edge_hash(h[i], h[j]));
         }
     }
 }
@@ -59,11 +54,6 @@ fn fold(a: u64, b: u64) -> u64 {
 fn vertex_hash(p: Units) -> u64 {
     let low = p[0] as u32 as u64 | (p[1] as u32 as u64) << 32;
     fold(low ^ 0xa076_1d64_78bd_642f, (p[2] as u32 as u64) ^ 0xe703_7ed1_a0b4_28db)
-}
-
-/// The signed hash of a directed edge.
-pub(super) fn edge_hash_of(from: Units, to: Units) -> u64 {
-    edge_hash(vertex_hash(from), vertex_hash(to))
 }
 
 /// Antisymmetric: the reverse edge has the negated hash, and an edge without length has 0.

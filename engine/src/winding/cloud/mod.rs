@@ -140,6 +140,7 @@ impl Element for Dipole {
         self.seen_from(p.map(f64::from))
     }
 
+    #[inline(always)]
     fn add_shares<'a>(
         elements: impl Iterator<Item = &'a Dipole>,
         at: &[[f64; GROUP]; 3],

@@ -3,6 +3,9 @@
 use super::atan::angle_of;
 use super::local::GROUP;
 use super::moments::{Element, Moments, Reach};
+use super::wide::{
+    Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, each_of, f64x8, level, mask64x8, way,
+};
 use crate::lattice::{Triangle, Units, normal};
 use std::f64::consts::PI;
 
@@ -14,6 +17,7 @@ pub struct Cap {
     normal: [f64; 3],
 }
 
+#[inline(always)]
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -67,6 +71,7 @@ impl Cap {
     /// n. The sign of num is that of an integer, and where that is 0 the perturbation decides, as it does for
     /// a crossing at a sample. num² + den² is small, and the quotient ill-conditioned, only next to an edge;
     /// there both are taken to twice the digits, and on an edge itself the limit is taken.
+    #[inline(never)]
     pub fn share_at(&self, p: Units) -> f64 {
         // Exact, as are the scalar products of positions in the root.
         let [a, b, c] = self.vertices.map(|v| std::array::from_fn(|i| v[i] - f64::from(p[i])));
@@ -93,22 +98,23 @@ impl Cap {
 
     /// Numerators and denominators as in [`Cap::share_at`] at some positions, divided by |a||b||c|, and where f64 is
     /// not enough for them.
-    #[inline]
-    fn terms(&self, at: &[[f64; GROUP]; 3]) -> ([f64; GROUP], [f64; GROUP], [bool; GROUP]) {
-        let (mut nums, mut dens, mut poor) = ([0.0; GROUP], [0.0; GROUP], [false; GROUP]);
-        for l in 0..GROUP {
-            let [a, b, c] = self.vertices.map(|v| [v[0] - at[0][l], v[1] - at[1][l], v[2] - at[2][l]]);
-            let (aa, bb, cc) = (dot(a, a), dot(b, b), dot(c, c));
-            let (la, lb, lc) = (aa.sqrt(), bb.sqrt(), cc.sqrt());
-            let terms = [self.normal[0] * a[0], self.normal[1] * a[1], self.normal[2] * a[2]];
-            let num = terms[0] + terms[1] + terms[2];
-            let den = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
-            let small = NUM_ERROR * (terms[0].abs() + terms[1].abs() + terms[2].abs());
-            let size = 1.0 / (la * lb * lc);
-            (nums[l], dens[l]) = (num * size, den * size);
-            poor[l] = (num.abs() <= small) | (num * num + den * den <= NEAR * (aa * bb * cc));
-        }
-        (nums, dens, poor)
+    #[inline(always)]
+    fn terms<S: Simd>(&self, simd: S, at: &[f64x8<S>; 3]) -> (f64x8<S>, f64x8<S>, mask64x8<S>) {
+        let [a, b, c] = [
+            way(simd, &self.vertices[0], at),
+            way(simd, &self.vertices[1], at),
+            way(simd, &self.vertices[2], at),
+        ];
+        let (aa, bb, cc) = (each_dot(&a, &a), each_dot(&b, &b), each_dot(&c, &c));
+        let (la, lb, lc) = (aa.sqrt(), bb.sqrt(), cc.sqrt());
+        let n = &self.normal;
+        let terms = [a[0] * n[0], a[1] * n[1], a[2] * n[2]];
+        let num = terms[0] + terms[1] + terms[2];
+        let den = la * lb * lc + each_dot(&a, &b) * lc + each_dot(&b, &c) * la + each_dot(&c, &a) * lb;
+        let small = (terms[0].abs() + terms[1].abs() + terms[2].abs()) * NUM_ERROR;
+        let size = f64x8::splat(simd, 1.0) / (la * lb * lc);
+        let poor = num.abs().simd_le(small) | (num * num + den * den).simd_le(aa * bb * cc * NEAR);
+        (num * size, den * size, poor)
     }
 
     /// Which side of the plane the perturbed point is on: 1 behind it.
@@ -259,33 +265,50 @@ impl Element for Cap {
     /// Angles are added by multiplying complex numbers den + i·num, counting how often the product passes the
     /// negative real axis; an arc tangent is taken once for some caps.
     fn add_shares<'a>(
-        mut caps: impl Iterator<Item = &'a Cap>,
+        caps: impl Iterator<Item = &'a Cap>,
         at: &[[f64; GROUP]; 3],
         position: impl Fn(usize) -> Units,
         sums: &mut [f64; GROUP],
     ) {
-        while let Some(first) = caps.next() {
-            let (mut re, mut im, mut turns) = ([1.0; GROUP], [0.0; GROUP], [0.0; GROUP]);
-            for cap in std::iter::once(first).chain(caps.by_ref().take(CAPS_AN_ANGLE - 1)) {
-                let (mut num, mut den, poor) = cap.terms(at);
-                if poor.contains(&true) {
-                    for l in (0..GROUP).filter(|&l| poor[l]) {
-                        (num[l], den[l]) = (0.0, 1.0);
-                        sums[l] += cap.share_at(position(l));
-                    }
-                }
-                for l in 0..GROUP {
-                    let product = (re[l] * den[l] - im[l] * num[l], re[l] * num[l] + im[l] * den[l]);
-                    let up = (im[l] >= 0.0) & (num[l] >= 0.0) & (product.1 < 0.0);
-                    let down = (im[l] < 0.0) & (num[l] < 0.0) & (product.1 >= 0.0);
-                    turns[l] += if up { 1.0 } else { 0.0 } - if down { 1.0 } else { 0.0 };
-                    (re[l], im[l]) = product;
+        dispatch!(level(), simd => add_angles(simd, caps, at, position, sums));
+    }
+}
+
+#[inline(always)]
+fn each_dot<S: Simd>(a: &[f64x8<S>; 3], b: &[f64x8<S>; 3]) -> f64x8<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// [`Element::add_shares`] of caps in vectors of one kind.
+#[inline(always)]
+pub(super) fn add_angles<'a, S: Simd>(
+    simd: S,
+    mut caps: impl Iterator<Item = &'a Cap>,
+    at: &[[f64; GROUP]; 3],
+    position: impl Fn(usize) -> Units,
+    sums: &mut [f64; GROUP],
+) {
+    let at = each_of(simd, at);
+    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
+    while let Some(first) = caps.next() {
+        let (mut re, mut im, mut turns) = (one, zero, zero);
+        for cap in std::iter::once(first).chain(caps.by_ref().take(CAPS_AN_ANGLE - 1)) {
+            let (mut num, mut den, poor) = cap.terms(simd, &at);
+            if poor.any_true() {
+                for l in (0..GROUP).filter(|&l| poor.test(l)) {
+                    (num[l], den[l]) = (0.0, 1.0);
+                    sums[l] += cap.share_at(position(l));
                 }
             }
-            for l in 0..GROUP {
-                let angle = angle_of(im[l].abs(), re[l]);
-                sums[l] += (if im[l] < 0.0 { -angle } else { angle }) / (2.0 * PI) + turns[l];
-            }
+            let product = (re * den - im * num, re * num + im * den);
+            let up = im.simd_ge(zero) & num.simd_ge(zero) & product.1.simd_lt(zero);
+            let down = im.simd_lt(zero) & num.simd_lt(zero) & product.1.simd_ge(zero);
+            turns += up.select(one, zero) - down.select(one, zero);
+            (re, im) = product;
+        }
+        for l in 0..GROUP {
+            let angle = angle_of(im[l].abs(), re[l]);
+            sums[l] += (if im[l] < 0.0 { -angle } else { angle }) / (2.0 * PI) + turns[l];
         }
     }
 }

@@ -1,12 +1,13 @@
 //! The boundary of a soup: the directed edges that no reverse cancels, with multiplicity.
 
-use super::super::balance::{BUCKETS, edge_hash_of, for_edges};
+use super::super::balance::for_edges;
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
 use crate::lattice::{RootCube, Triangle, Units};
 use crate::progress::Progress;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// A directed edge of a facet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,41 +32,49 @@ pub struct Boundary {
 type Entry = (Units, Units, bool, u64);
 
 /// Edges matched at a time: 400 MB.
-const EDGES_AT_ONCE: usize = 10_000_000;
+const EDGES_AT_ONCE: u64 = 10_000_000;
 
-/// Signed hash sum and number of edges by bucket.
+/// log₂ of the number of buckets, at least and at most. With one for each facet, edges are rarely in a bucket with an
+/// open one that is not theirs, and 16 MB of sums still are nothing beside the facets.
+const BUCKET_BITS: (u32, u32) = (12, 20);
+
+/// Signed hash sum and number of edges by bucket; sums of integers, in any order.
 struct Buckets {
-    sums: Vec<u64>,
-    sizes: Vec<usize>,
+    buckets: Vec<(AtomicU64, AtomicU64)>,
+    bits: u32,
 }
 
 impl Buckets {
-    fn new() -> Buckets {
-        Buckets { sums: vec![0; BUCKETS], sizes: vec![0; BUCKETS] }
+    fn new(facets: u64) -> Buckets {
+        let bits = facets.max(1).ilog2().clamp(BUCKET_BITS.0, BUCKET_BITS.1);
+        Buckets { buckets: (0..1 << bits).map(|_| Default::default()).collect(), bits }
     }
 
-    fn add(&mut self, t: &Triangle) {
-        for_edges(t, |a, b, bucket| {
-            self.sums[bucket] = self.sums[bucket].wrapping_add(edge_hash_of(a, b));
-            self.sizes[bucket] += 1;
+    fn of(&self, hash: u64) -> usize {
+        (hash >> (64 - self.bits)) as usize
+    }
+
+    fn add(&self, t: &Triangle) {
+        for_edges(t, |_, _, hash, signed| {
+            let (sum, size) = &self.buckets[self.of(hash)];
+            sum.fetch_add(signed, Relaxed);
+            size.fetch_add(1, Relaxed);
         });
     }
 
-    fn merge(mut self, other: &Buckets) -> Buckets {
-        self.sums.iter_mut().zip(&other.sums).for_each(|(a, b)| *a = a.wrapping_add(*b));
-        self.sizes.iter_mut().zip(&other.sizes).for_each(|(a, b)| *a += b);
-        self
-    }
-
     /// The buckets that hold open edges, in groups of at most `budget` edges, or of one bucket.
-    fn groups(&self, budget: usize) -> Vec<Vec<usize>> {
+    fn groups(&self, budget: u64) -> Vec<Vec<usize>> {
         let mut groups: Vec<Vec<usize>> = Vec::new();
-        let mut held = usize::MAX;
-        for bucket in (0..BUCKETS).filter(|&b| self.sums[b] != 0) {
-            held = held.saturating_add(self.sizes[bucket]);
+        let mut held = u64::MAX;
+        for (bucket, (sum, size)) in self.buckets.iter().enumerate() {
+            if sum.load(Relaxed) == 0 {
+                continue;
+            }
+            let size = size.load(Relaxed);
+            held = held.saturating_add(size);
             if held > budget {
                 groups.push(Vec::new());
-                held = self.sizes[bucket];
+                held = size;
             }
             groups.last_mut().expect("one was made").push(bucket);
         }
@@ -84,7 +93,7 @@ impl Boundary {
     }
 
     fn within(
-        budget: usize,
+        budget: u64,
         sources: &[&dyn Facets],
         root: RootCube,
         progress: &dyn Progress,
@@ -101,25 +110,20 @@ impl Boundary {
             }
             (firsts[*source] + range.start, world.iter().map(|t| t.map(snapper)).collect::<Vec<Triangle>>())
         };
-        let buckets = all
-            .par_iter()
-            .fold(Buckets::new, |mut buckets, run| {
-                snapped(run).1.iter().for_each(|t| buckets.add(t));
-                buckets
-            })
-            .reduce(Buckets::new, |a, b| a.merge(&b));
+        let buckets = Buckets::new(firsts[sources.len()]);
+        all.par_iter().for_each(|run| snapped(run).1.iter().for_each(|t| buckets.add(t)));
         progress.check()?;
         let mut edges = Vec::new();
         for group in buckets.groups(budget) {
-            let mut wanted = vec![false; BUCKETS];
+            let mut wanted = vec![false; buckets.buckets.len()];
             group.iter().for_each(|&b| wanted[b] = true);
             let mut entries: Vec<Entry> = all
                 .par_iter()
                 .fold(Vec::new, |mut entries: Vec<Entry>, run| {
                     let (first, triangles) = snapped(run);
                     for (facet, t) in (first..).zip(&triangles) {
-                        for_edges(t, |a, b, bucket| {
-                            if wanted[bucket] {
+                        for_edges(t, |a, b, hash, _| {
+                            if wanted[buckets.of(hash)] {
                                 entries.push((a.min(b), a.max(b), a > b, facet));
                             }
                         });
@@ -197,7 +201,7 @@ mod tests {
         [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]].map(|t| t.map(|i: usize| p[i])).to_vec()
     }
 
-    fn find(soup: &Vec<Facet>, budget: usize) -> Boundary {
+    fn find(soup: &Vec<Facet>, budget: u64) -> Boundary {
         let root = RootCube { origin: [0.0; 3], edge: f64::from(1u32 << ROOT_BITS) };
         Boundary::within(budget, &[soup], root, &Silent).unwrap()
     }
@@ -221,7 +225,7 @@ mod tests {
         #[test]
         fn deleted_facets_leave_their_boundary(
             keep in prop::collection::vec(any::<bool>(), 40),
-            budget in 1usize..50,
+            budget in 1u64..50,
         ) {
             let soup: Vec<Facet> = (0..10).flat_map(|i| tetrahedron(20 * i)).collect();
             let kept: Vec<Facet> = soup.iter().zip(&keep).filter(|(_, k)| **k).map(|(t, _)| *t).collect();

@@ -6,7 +6,7 @@ use super::OpenPart;
 use super::cells::{CellCache, Cells, Grain, Points};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, Triangle, Units, normal};
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -63,6 +63,8 @@ impl Default for Shares {
 pub struct OpenBrick {
     /// 33³ samples with binary places.
     pub samples: Samples,
+    /// Counts of S ∪ C at the corners of the node's children, by octant.
+    pub corner_counts: [i16; 8],
     key: NodeKey,
     facets: Vec<Triangle>,
     error: f64,
@@ -93,13 +95,22 @@ impl OpenField {
         Ok(OpenField { part, bits, error })
     }
 
+    /// Binary places of all samples.
+    pub fn binary_places(&self) -> u8 {
+        self.bits
+    }
+
     /// The caps and what is known of them.
     pub fn part(&self) -> &OpenPart {
         &self.part
     }
 
-    /// Evaluates the 33³ samples of `key` from all triangles of S ∪ C that touch it and its corner sample,
-    /// which is ignored for the root: there the count is 0. A sample's value depends on its position and on
+    /// The count of S ∪ C at a node's corner: 0 on the root's own faces, whatever is beyond.
+    pub fn corner_count(key: NodeKey, corner: i16) -> i16 {
+        if key.first_sample().contains(&0) { 0 } else { corner }
+    }
+
+    /// Evaluates the 33³ samples of `key` from all triangles of S ∪ C that touch it and their count at its corner. A sample's value depends on its position and on
     /// nothing else. Samples on the root's own faces count as outside the surface, so that a surface that
     /// goes on beyond the root ends there.
     ///
@@ -126,11 +137,8 @@ impl OpenField {
         self.find_shares(key, shares);
         let shares = &shares.values;
         let scale = f64::from(1u32 << self.bits);
-        // Samples are off by far less than a half, so this is the count exactly.
-        let count = (f64::from(corner) / scale + shares[0]).round();
-        let count = if key.first_sample().contains(&0) { 0.0 } else { count };
         let list = Triangles { array: triangles, indices };
-        let counts = evaluator.evaluate(key, count as i16, list)?.samples;
+        let counts = evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples;
         let mut samples = Samples::fractions(self.bits);
         let half = 1i16 << (self.bits - 1);
         for (sample, (count, share)) in samples.0.iter_mut().zip(counts.0.iter().zip(shares.iter())) {
@@ -147,7 +155,11 @@ impl OpenField {
             })?;
         }
         for_root_face(key, |index| samples.0[index] = samples.0[index].min(half - 1));
-        Ok(OpenBrick { samples, key, facets, error: self.error })
+        let mut corner_counts = [0; 8];
+        for octant in Octant::all() {
+            corner_counts[octant.index()] = counts.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
+        }
+        Ok(OpenBrick { samples, corner_counts, key, facets, error: self.error })
     }
 
     /// w_C at all samples of a brick.

@@ -6,22 +6,25 @@
 //! left in a cell when points in it are asked for is seen through the clusters' own expansions, and through single
 //! elements where those are not exact enough.
 //!
-//! Everything depends on the tree, the error and the cell, and not on who asks: cells are kept for the next time.
+//! Everything depends on the tree, the error and the cell, and not on who asks: cells are kept with the tree for the
+//! next time, whichever thread asks then.
 
+use super::kept::{Kept, Weighed};
 use super::local::{GROUP, Local, local_bound};
 use super::moments::{Element, error_bound};
 use super::tree::{Cluster, ClusterTree};
+use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level, way};
 use crate::lattice::{ROOT_BITS, Units};
 use std::cmp::Ordering;
-use std::collections::{BinaryHeap, HashMap};
-use std::rc::Rc;
+use std::collections::BinaryHeap;
+use std::sync::Arc;
 
 /// log₂ of the edge of the cell that holds every position answered.
 pub(super) const TOP_BITS: u32 = ROOT_BITS + 7;
 /// Lowest coordinate of that cell; the root's own cube is one of its descendants.
 const TOP_LOW: i64 = -(1 << (TOP_BITS - 1));
-/// Cells kept by a thread: some 10 MB.
-const CELLS_MAX: usize = 4096;
+/// Cells, and as many bytes of plans, that are kept: some thousands of each.
+const KEPT_BYTES: usize = 32 << 20;
 /// Share of the error that polynomials handed down may take. This and the next four constants were tuned on a million
 /// facets less 3 % at 128³ samples; none matters by more than a fifth over a factor of 1.5 to either side.
 const DOWN_SHARE: f64 = 0.3;
@@ -55,7 +58,7 @@ pub(super) struct Points {
 }
 
 /// One cell: the polynomial of what is far from it, and what is not.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 struct Cell {
     center: [f64; 3],
     local: Local,
@@ -66,6 +69,7 @@ struct Cell {
 }
 
 /// How the points of a cell are answered beyond the polynomial.
+#[derive(Debug)]
 enum Plan {
     /// By a polynomial, clusters, and elements one by one.
     Here(Box<Sum>),
@@ -74,6 +78,7 @@ enum Plan {
 }
 
 /// What adds up to the answer.
+#[derive(Debug)]
 struct Sum {
     center: [f64; 3],
     local: Local,
@@ -83,13 +88,37 @@ struct Sum {
 
 type CellId = (u32, [u32; 3]);
 
-/// Cells and plans made so far; one per thread.
+/// Cells and plans of a tree, by the bits of the error for which they hold.
+#[derive(Debug)]
+pub(super) struct Made {
+    cells: Kept<(u64, CellId), Cell>,
+    plans: Kept<(u64, CellId, u32), Plan>,
+}
+
+impl Default for Made {
+    fn default() -> Self {
+        Made { cells: Kept::new(KEPT_BYTES), plans: Kept::new(KEPT_BYTES) }
+    }
+}
+
+impl Weighed for Cell {
+    fn bytes(&self) -> usize {
+        size_of::<Cell>() + 4 * self.near.len()
+    }
+}
+
+impl Weighed for Plan {
+    fn bytes(&self) -> usize {
+        match self {
+            Plan::Here(sum) => size_of::<Sum>() + 4 * (sum.clusters.len() + sum.elements.len()),
+            Plan::Divide => size_of::<Plan>(),
+        }
+    }
+}
+
+/// Working memory; one per thread.
 #[derive(Default)]
 pub struct CellCache {
-    /// The tree and the error for which they hold.
-    of: (u64, u64),
-    cells: HashMap<CellId, Rc<Cell>>,
-    plans: HashMap<(CellId, u32), Rc<Plan>>,
     sorted: [Points; 8],
 }
 
@@ -198,12 +227,6 @@ impl<'a, E: Element> Cells<'a, E> {
         if self.tree.clusters().is_empty() {
             return;
         }
-        let of = (self.tree.identity(), self.error.to_bits());
-        if cache.of != of || cache.cells.len() > CELLS_MAX || cache.plans.len() > CELLS_MAX {
-            cache.of = of;
-            cache.cells.clear();
-            cache.plans.clear();
-        }
         let place = first.map(|c| ((i64::from(c) - TOP_LOW) >> bits) as u32);
         self.answer_in(cache, (bits, place), grain, points);
     }
@@ -213,16 +236,11 @@ impl<'a, E: Element> Cells<'a, E> {
             Grain::Lattice(spacing) => spacing,
             Grain::Anywhere => u32::MAX,
         };
-        let plan = match cache.plans.get(&(id, spacing)) {
-            Some(plan) => Rc::clone(plan),
-            None => {
-                let (bits, place) = id;
-                let above = self.cell(cache, (bits + 1, place.map(|c| c >> 1)));
-                let plan = Rc::new(self.plan(&above, id, grain));
-                cache.plans.insert((id, spacing), Rc::clone(&plan));
-                plan
-            }
-        };
+        let plan = self.tree.made().plans.get_or_make((self.error.to_bits(), id, spacing), || {
+            let (bits, place) = id;
+            let above = self.cell((bits + 1, place.map(|c| c >> 1)));
+            self.plan(&above, id, grain)
+        });
         match &*plan {
             Plan::Here(sum) => self.sum(sum, points),
             Plan::Divide => self.answer_in_parts(cache, id, grain, points),
@@ -254,25 +272,23 @@ impl<'a, E: Element> Cells<'a, E> {
         cache.sorted = parts;
     }
 
-    fn cell(&self, cache: &mut CellCache, id: CellId) -> Rc<Cell> {
-        if let Some(cell) = cache.cells.get(&id) {
-            return Rc::clone(cell);
-        }
-        let (bits, place) = id;
+    fn cell(&self, id: CellId) -> Arc<Cell> {
+        self.tree.made().cells.get_or_make((self.error.to_bits(), id), || self.make_cell(id))
+    }
+
+    fn make_cell(&self, (bits, place): CellId) -> Cell {
         debug_assert!(bits <= TOP_BITS);
         let (mut cell, way) = if bits == TOP_BITS {
             let all = Cell { center: [0.0; 3], local: Local::default(), spent: 0.0, near: vec![0] };
             (all, [0.0; 3])
         } else {
-            let above = self.cell(cache, (bits + 1, place.map(|c| c >> 1)));
+            let above = self.cell((bits + 1, place.map(|c| c >> 1)));
             let quarter = 0.5 * (1u64 << bits) as f64;
             let way = std::array::from_fn(|a| if place[a] & 1 == 1 { quarter } else { -quarter });
             ((*above).clone(), way)
         };
         let budget = LEVEL_SHARE * (DOWN_SHARE * self.error - cell.spent);
         self.take_over(&mut cell, way, 0.5 * 3f64.sqrt() * (1u64 << bits) as f64, budget);
-        let cell = Rc::new(cell);
-        cache.cells.insert(id, Rc::clone(&cell));
         cell
     }
 
@@ -327,6 +343,11 @@ impl<'a, E: Element> Cells<'a, E> {
 
     /// The sums at points of a cell.
     fn sum(&self, sum: &Sum, points: &mut Points) {
+        dispatch!(level(), simd => self.sum_with(simd, sum, points));
+    }
+
+    #[inline(always)]
+    fn sum_with<S: Simd>(&self, simd: S, sum: &Sum, points: &mut Points) {
         let Sum { center, local, clusters, elements } = sum;
         let Points { positions, values } = points;
         for (some, values) in positions.chunks(GROUP).zip(values.chunks_mut(GROUP)) {
@@ -334,14 +355,13 @@ impl<'a, E: Element> Cells<'a, E> {
             let at: [[f64; GROUP]; 3] =
                 [0, 1, 2].map(|a| std::array::from_fn(|l| f64::from(some[l.min(some.len() - 1)][a])));
             let [x, y, z] = [0, 1, 2].map(|a| at[a].map(|c| c - center[a]));
-            let mut sums = local.at(&x, &y, &z);
+            let mut sums = f64x8::from_slice(simd, &local.at(&x, &y, &z));
+            let places = each_of(simd, &at);
             for &c in clusters {
                 let Cluster { center, expansion, .. } = &self.tree.clusters()[c as usize];
-                let way = [0, 1, 2].map(|a| at[a].map(|c| center[a] - c));
-                for l in 0..GROUP {
-                    sums[l] += expansion.at([way[0][l], way[1][l], way[2][l]]);
-                }
+                sums += expansion.at_each(simd, way(simd, center, &places));
             }
+            let mut sums: [f64; GROUP] = sums.into();
             let elements = elements.iter().map(|&e| &self.tree.elements()[e as usize]);
             let position = |l: usize| some[l.min(some.len() - 1)];
             E::add_shares(elements, &at, position, &mut sums);

@@ -8,6 +8,7 @@
 //! to be summed.
 
 use super::moments::{Expansion, Reach, error_bound};
+use super::wide::{Simd, SimdBase, SimdFloat, dispatch, each_of, f64x8, level};
 use std::f64::consts::PI;
 
 /// Moments and coefficients are used as far as their degrees add up to this.
@@ -15,14 +16,12 @@ pub(super) const DEGREE: usize = 6;
 /// Coefficients along an axis.
 const C: usize = DEGREE;
 /// Clusters translated at a time, which vectorises.
-pub(super) const LANES: usize = 4;
+pub(super) const LANES: usize = 8;
 /// Samples evaluated at a time.
 pub const GROUP: usize = 8;
 
-/// One number for each of some clusters.
-type Lanes = [f64; LANES];
-/// Derivatives of 1/r by order in z, y, x; those in z to the second.
-type Derivatives = [[[Lanes; DEGREE + 1]; DEGREE + 1]; 3];
+/// Derivatives of 1/r by order in z, y, x, those in z to the second: one for each of some clusters.
+type Derivatives<S> = [[[f64x8<S>; DEGREE + 1]; DEGREE + 1]; 3];
 
 /// The moments that count, by degree: orders in x, y, z.
 const MOMENTS: [&[[usize; 3]]; 3] = [
@@ -69,7 +68,12 @@ pub(super) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
 impl Local {
     /// Adds the fields of clusters, each given by the way from the cell's centre to its own.
     pub fn add(&mut self, clusters: &[([f64; 3], &Expansion)]) {
-        let mut sums = [[[[0.0; LANES]; C]; C]; 2];
+        dispatch!(level(), simd => self.add_with(simd, clusters));
+    }
+
+    #[inline(always)]
+    fn add_with<S: Simd>(&mut self, simd: S, clusters: &[([f64; 3], &Expansion)]) {
+        let mut sums = [[[f64x8::splat(simd, 0.0); C]; C]; 2];
         for some in clusters.chunks(LANES) {
             // Idle lanes have no moments.
             let mut way = [[1.0; LANES]; 3];
@@ -79,7 +83,7 @@ impl Local {
                 let own = expansion.moments();
                 moments.iter_mut().zip(own).for_each(|(m, own)| m[lane] = own);
             }
-            contract(&moments, &derivatives(&way), &mut sums);
+            contract(simd, &moments, &derivatives(simd, &way), &mut sums);
         }
         let mut found = Local::default();
         let mut factorial = [1.0; C];
@@ -87,7 +91,7 @@ impl Local {
         for (z, planes) in sums.iter().enumerate() {
             for (y, rows) in planes[..C - z].iter().enumerate() {
                 for (x, lanes) in rows[..C - z - y].iter().enumerate() {
-                    let sum: f64 = lanes.iter().sum();
+                    let sum: f64 = lanes.as_array().iter().sum();
                     let sign = if (x + y + z) % 2 == 0 { -1.0 } else { 1.0 };
                     found.0[z][y][x] = sign * sum / (factorial[x] * factorial[y]);
                 }
@@ -133,7 +137,7 @@ impl Local {
     }
 
     /// The values at some points, given by their ways from the centre.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, x: &[f64; GROUP], y: &[f64; GROUP], z: &[f64; GROUP]) -> [f64; GROUP] {
         let mut value = [0.0; GROUP];
         for k in (0..C).rev() {
@@ -153,60 +157,57 @@ impl Local {
 }
 
 /// Derivatives of 1/|r|: n r² D_γ = −(2n − 1) Σ γ_i r_i D_{γ−e_i} − (n − 1) Σ γ_i (γ_i − 1) D_{γ−2e_i}, n = |γ|.
-#[inline]
-fn derivatives(r: &[Lanes; 3]) -> Derivatives {
-    let mut d: Derivatives = [[[[0.0; LANES]; DEGREE + 1]; DEGREE + 1]; 3];
-    let mut inverse = [0.0; LANES];
-    for l in 0..LANES {
-        inverse[l] = 1.0 / (r[0][l] * r[0][l] + r[1][l] * r[1][l] + r[2][l] * r[2][l]);
-        d[0][0][0][l] = inverse[l].sqrt();
-    }
+#[inline(always)]
+fn derivatives<S: Simd>(simd: S, r: &[[f64; LANES]; 3]) -> Derivatives<S> {
+    let zero = f64x8::splat(simd, 0.0);
+    let mut d: Derivatives<S> = [[[zero; DEGREE + 1]; DEGREE + 1]; 3];
+    let r = each_of(simd, r);
+    let inverse = f64x8::splat(simd, 1.0) / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
+    d[0][0][0] = inverse.sqrt();
     for z in 0..2 {
         for y in 0..=DEGREE - z {
             for x in usize::from(y + z == 0)..=DEGREE - z - y {
                 let n = (x + y + z) as f64;
-                let mut first = [0.0; LANES];
-                let mut second = [0.0; LANES];
-                let add = |sum: &mut Lanes, factor: f64, term: &Lanes| {
-                    (0..LANES).for_each(|l| sum[l] += factor * term[l]);
-                };
-                let times = |a: &Lanes, b: &Lanes| -> Lanes { std::array::from_fn(|l| a[l] * b[l]) };
+                let (mut first, mut second) = (zero, zero);
                 if x > 0 {
-                    add(&mut first, x as f64, &times(&r[0], &d[z][y][x - 1]));
+                    first += r[0] * d[z][y][x - 1] * x as f64;
                 }
                 if y > 0 {
-                    add(&mut first, y as f64, &times(&r[1], &d[z][y - 1][x]));
+                    first += r[1] * d[z][y - 1][x] * y as f64;
                 }
                 if z > 0 {
-                    add(&mut first, z as f64, &times(&r[2], &d[z - 1][y][x]));
+                    first += r[2] * d[z - 1][y][x] * z as f64;
                 }
                 if x > 1 {
-                    add(&mut second, (x * (x - 1)) as f64, &d[z][y][x - 2]);
+                    second += d[z][y][x - 2] * (x * (x - 1)) as f64;
                 }
                 if y > 1 {
-                    add(&mut second, (y * (y - 1)) as f64, &d[z][y - 2][x]);
+                    second += d[z][y - 2][x] * (y * (y - 1)) as f64;
                 }
-                let (a, b) = ((2.0 * n - 1.0) / n, (n - 1.0) / n);
-                for l in 0..LANES {
-                    d[z][y][x][l] = -inverse[l] * (a * first[l] + b * second[l]);
-                }
+                d[z][y][x] = -inverse * (first * ((2.0 * n - 1.0) / n) + second * ((n - 1.0) / n));
             }
         }
     }
     for y in 0..=DEGREE - 2 {
         for x in 0..=DEGREE - 2 - y {
-            d[2][y][x] = std::array::from_fn(|l| -(d[0][y][x + 2][l] + d[0][y + 2][x][l]));
+            d[2][y][x] = -(d[0][y][x + 2] + d[0][y + 2][x]);
         }
     }
     d
 }
 
 /// Σ_α M_α D_{α+β} for every β with β_z ≤ 1, added to `sums`.
-#[inline]
-fn contract(moments: &[Lanes; 15], d: &Derivatives, sums: &mut [[[Lanes; C]; C]; 2]) {
+#[inline(always)]
+fn contract<S: Simd>(
+    simd: S,
+    moments: &[[f64; LANES]; 15],
+    d: &Derivatives<S>,
+    sums: &mut [[[f64x8<S>; C]; C]; 2],
+) {
     let mut moment = moments.iter();
     for (degree, orders) in (1..).zip(MOMENTS) {
         for (&[i, j, k], m) in orders.iter().zip(&mut moment) {
+            let m = f64x8::from_slice(simd, m);
             let last = DEGREE - degree;
             for z in 0..2 {
                 for y in 0..=last - z {
@@ -214,12 +215,12 @@ fn contract(moments: &[Lanes; 15], d: &Derivatives, sums: &mut [[[Lanes; C]; C];
                     let to = &mut sums[z][y];
                     // Rows of fixed lengths are unrolled: a third of a translation's time.
                     match last - z - y {
-                        0 => add_row::<1>(to, m, from),
-                        1 => add_row::<2>(to, m, from),
-                        2 => add_row::<3>(to, m, from),
-                        3 => add_row::<4>(to, m, from),
-                        4 => add_row::<5>(to, m, from),
-                        _ => add_row::<C>(to, m, from),
+                        0 => add_row::<1, S>(to, m, from),
+                        1 => add_row::<2, S>(to, m, from),
+                        2 => add_row::<3, S>(to, m, from),
+                        3 => add_row::<4, S>(to, m, from),
+                        4 => add_row::<5, S>(to, m, from),
+                        _ => add_row::<C, S>(to, m, from),
                     }
                 }
             }
@@ -228,9 +229,9 @@ fn contract(moments: &[Lanes; 15], d: &Derivatives, sums: &mut [[[Lanes; C]; C];
 }
 
 #[inline(always)]
-fn add_row<const N: usize>(sums: &mut [Lanes; C], m: &Lanes, terms: &[Lanes]) {
+fn add_row<const N: usize, S: Simd>(sums: &mut [f64x8<S>; C], m: f64x8<S>, terms: &[f64x8<S>]) {
     let terms = terms.first_chunk::<N>().expect("orders add up to no more than the degree");
-    for (sum, term) in sums.iter_mut().zip(terms) {
-        (0..LANES).for_each(|l| sum[l] += m[l] * term[l]);
+    for (sum, &term) in sums.iter_mut().zip(terms) {
+        *sum += m * term;
     }
 }

@@ -15,11 +15,13 @@ mod boundary;
 mod brick;
 mod caps;
 mod cells;
+mod kept;
 mod local;
 mod loops;
 mod moments;
 mod points;
 mod tree;
+mod wide;
 
 pub use boundary::{Boundary, OpenEdge};
 pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};

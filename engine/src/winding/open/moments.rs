@@ -8,6 +8,7 @@
 //!   w = [ D·r − 3 Q(r,r)/r² + 15 T(r,r,r)/r⁴ ] / (4π |r|³).
 
 use super::local::GROUP;
+use super::wide::{Simd, SimdBase, SimdFloat, dispatch, f64x8, level};
 use crate::lattice::Units;
 use std::f64::consts::PI;
 
@@ -151,18 +152,23 @@ impl Expansion {
     }
 
     /// The winding number seen from a point, given the way `r` from there to the centre.
-    #[inline]
     pub fn at(&self, r: [f64; 3]) -> f64 {
-        let [x, y, z] = r;
+        dispatch!(level(), simd => self.at_each(simd, r.map(|c| f64x8::splat(simd, c)))[0])
+    }
+
+    /// The winding numbers seen from some points, given the ways from there to the centre.
+    #[inline(always)]
+    pub fn at_each<S: Simd>(&self, simd: S, [x, y, z]: [f64x8<S>; 3]) -> f64x8<S> {
         let (xx, yy, zz) = (x * x, y * y, z * z);
-        let inverse = 1.0 / (xx + yy + zz);
+        let squared = xx + yy + zz;
+        let inverse = f64x8::splat(simd, 1.0) / squared;
         let (d, q, t) = (&self.dipole, &self.quadrupole, &self.octupole);
-        let linear = d[0] * x + d[1] * y + d[2] * z;
-        let square = q[0] * xx + q[1] * yy + q[2] * zz + y * (q[3] * x + q[4] * z) + q[5] * z * x;
-        let cube = x * (t[0] * xx + t[5] * yy + t[7] * zz)
-            + y * (t[1] * yy + t[3] * xx + t[8] * zz)
-            + z * (t[2] * zz + t[4] * xx + t[6] * yy)
-            + t[9] * x * y * z;
+        let linear = x * d[0] + y * d[1] + z * d[2];
+        let square = xx * q[0] + yy * q[1] + zz * q[2] + y * (x * q[3] + z * q[4]) + z * q[5] * x;
+        let cube = x * (xx * t[0] + yy * t[5] + zz * t[7])
+            + y * (yy * t[1] + xx * t[3] + zz * t[8])
+            + z * (zz * t[2] + xx * t[4] + yy * t[6])
+            + x * t[9] * y * z;
         (linear + inverse * (square + inverse * cube)) * inverse * inverse.sqrt()
     }
 }

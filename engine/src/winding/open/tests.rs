@@ -1,8 +1,10 @@
 //! Boundaries, caps and expansions of small soups against sums of solid angles.
 
+use super::angle::add_angles;
 use super::cells::{CellCache, Cells, Grain, Points};
 use super::local::{GROUP, Local, local_bound};
 use super::moments::error_bound;
+use super::wide::{dispatch, level};
 use super::*;
 use crate::ingest::Facet;
 use crate::lattice::ROOT_BITS;
@@ -10,6 +12,7 @@ use crate::progress::Silent;
 use crate::winding::{EdgeBalance, brute_at};
 use brickfield_bench_data::Rng;
 use brickfield_bench_data::pile::random_pile;
+use fearless_simd::Level;
 use proptest::prelude::*;
 
 fn units() -> RootCube {
@@ -361,6 +364,29 @@ fn groups_of_samples_are_answered_as_single_ones() {
     }
 }
 
+/// The narrowest and the widest vectors.
+#[test]
+fn every_width_of_vectors_gives_the_same_bits() {
+    let mut rng = Rng::new(15);
+    let caps: Vec<Cap> = random_triangles(&mut rng, 30, 1 << 20).iter().map(Cap::new).collect();
+    let (center, _, expansion) = tree::summary_of(&caps[..5]);
+    for _ in 0..200 {
+        let points: [Units; GROUP] =
+            std::array::from_fn(|_| std::array::from_fn(|_| 2 * rng.below(1 << 20) as i32 + 1));
+        let at = [0, 1, 2].map(|a| points.map(|p| f64::from(p[a])));
+        let found = [Level::baseline(), level()].map(|level| {
+            let mut sums = [0.0; GROUP];
+            dispatch!(level, simd => add_angles(simd, caps.iter(), &at, |l| points[l], &mut sums));
+            let seen: [f64; GROUP] = dispatch!(level, simd => {
+                let way = wide::way(simd, &center, &wide::each_of(simd, &at));
+                expansion.at_each(simd, way).into()
+            });
+            (sums.map(f64::to_bits), seen.map(f64::to_bits))
+        });
+        assert_eq!(found[0], found[1]);
+    }
+}
+
 /// What a cell answers depends neither on which points are asked for nor on what was asked before.
 #[test]
 fn a_sample_has_one_value_whoever_asks() {
@@ -394,8 +420,8 @@ fn a_sample_has_one_value_whoever_asks() {
             assert_eq!(again, ask(&cells, &mut CellCache::default(), positions));
             assert!(some.iter().zip(&again).all(|(&i, w)| values[i].to_bits() == w.to_bits()));
         }
-        // A cache of another tree or error is not used.
-        let other = Cells::new(&tree, 0.5 * error);
-        assert_eq!(ask(&other, &mut cache, all.clone()), ask(&other, &mut CellCache::default(), all.clone()));
+        // What was made for another error is not used, and what was made makes no difference.
+        let again = ClusterTree::new(tree.elements().to_vec());
+        assert_eq!(values, ask(&Cells::new(&again, error), &mut cache, all.clone()));
     }
 }

@@ -1,9 +1,9 @@
 //! The hierarchy of clusters.
 
+use super::cells::Made;
 use super::moments::{Element, Expansion, Moments, Reach};
 use crate::lattice::Units;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Elements of a cluster that is not divided: an expansion costs about half as much as a solid angle.
 const LEAF_ELEMENTS: usize = 2;
@@ -42,7 +42,7 @@ impl Cluster {
 pub struct ClusterTree<E> {
     elements: Vec<E>,
     clusters: Vec<Cluster>,
-    identity: u64,
+    made: Made,
 }
 
 impl<E: Element> ClusterTree<E> {
@@ -52,8 +52,7 @@ impl<E: Element> ClusterTree<E> {
         if !elements.is_empty() {
             divide(&mut elements, 0, &mut clusters, 0);
         }
-        static MADE: AtomicU64 = AtomicU64::new(1);
-        ClusterTree { elements, clusters, identity: MADE.fetch_add(1, Relaxed) }
+        ClusterTree { elements, clusters, made: Made::default() }
     }
 
     /// The elements in the tree's order.
@@ -66,9 +65,9 @@ impl<E: Element> ClusterTree<E> {
         self.elements.iter().map(|e| e.share_at(p)).sum()
     }
 
-    /// A number that no other tree of this run has.
-    pub(super) fn identity(&self) -> u64 {
-        self.identity
+    /// Cells over the elements that were made already.
+    pub(super) fn made(&self) -> &Made {
+        &self.made
     }
 
     /// All clusters; the first holds everything.
