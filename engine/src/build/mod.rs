@@ -5,6 +5,7 @@ mod assemble;
 mod bins;
 mod branches;
 mod closed;
+mod cloud;
 mod collect;
 mod field;
 mod identity;
@@ -29,7 +30,8 @@ mod tests;
 mod toolpaths;
 
 pub use closed::is_closed;
-pub use memory::{build_beads_in_memory, build_in_memory, build_open_in_memory};
+pub use cloud::{build_clouds, surfels};
+pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use pipeline::{BuildOptions, Resolution, Summary, build, build_opened};
 pub use resources::Resources;
 pub use rules::TreeOptions;

@@ -24,7 +24,7 @@ use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
 use crate::x3d::Sweeps;
 pub use beads::{Beads, OpenOptions, read_beads};
-pub use cloud::PointCloud;
+pub use cloud::{CloudInput, PointCloud};
 pub use facets::{Facets, runs};
 
 use bounds::Extent;
@@ -254,14 +254,19 @@ impl Input {
     /// # Errors
     /// None so far; a file system that fails under a map ends the program (see [`crate::mmap`]).
     pub fn identity(&self) -> Result<[u8; 32]> {
-        // Handed out in order, so that all threads together read the file from front to back.
-        let chunks = self.file.bytes().chunks(IDENTITY_CHUNK_BYTES).enumerate().par_bridge();
-        let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
-        let mut hashes: Vec<(usize, [u8; 32])> = chunks.map(hash).collect();
-        hashes.sort_unstable_by_key(|(number, _)| *number);
-        let hashes: Vec<[u8; 32]> = hashes.into_iter().map(|(_, hash)| hash).collect();
-        Ok(*blake3::hash(hashes.as_flattened()).as_bytes())
+        Ok(identity_of(self.file.bytes()))
     }
+}
+
+/// See [`Input::identity`].
+fn identity_of(bytes: &[u8]) -> [u8; 32] {
+    // Handed out in order, so that all threads together read the file from front to back.
+    let chunks = bytes.chunks(IDENTITY_CHUNK_BYTES).enumerate().par_bridge();
+    let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
+    let mut hashes: Vec<(usize, [u8; 32])> = chunks.map(hash).collect();
+    hashes.sort_unstable_by_key(|(number, _)| *number);
+    let hashes: Vec<[u8; 32]> = hashes.into_iter().map(|(_, hash)| hash).collect();
+    *blake3::hash(hashes.as_flattened()).as_bytes()
 }
 
 /// Lower and upper corner of the box around several inputs.
