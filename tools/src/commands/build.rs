@@ -113,7 +113,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let budget = memory::budget(plan.memory);
     plan.options.resources.memory = match &clouds {
         None => memory::require_room(&inputs, &plan.options, budget)?,
-        Some(clouds) => memory::require_room_for_points(clouds, plan.estimate_normals, budget)?,
+        Some(clouds) => memory::require_room_for_points(clouds, budget)?,
     };
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(mesh_sink).transpose()?;
