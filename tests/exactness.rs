@@ -6,6 +6,8 @@
 
 #[path = "exactness/beads.rs"]
 mod beads;
+#[path = "exactness/cloud_bricks.rs"]
+mod cloud_bricks;
 #[path = "exactness/files.rs"]
 mod files;
 #[path = "exactness/hermite.rs"]

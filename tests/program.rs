@@ -6,6 +6,7 @@ mod program {
     mod bad_input;
     mod beads;
     mod build;
+    mod clouds;
     mod determinism;
     mod export;
     mod mesh;

@@ -108,7 +108,7 @@ fn point_clouds_with_and_without_normals() {
     let refused = run_with(&[&"winding", &bare, &"--points", &"-"], asked).failed();
     assert!(refused.contains("b.xyz") && refused.contains("--estimate-normals"), "{refused}");
     let mixed = run_with(&[&"winding", &oriented, &stl("overlap_boxes"), &"--points", &"-"], asked).failed();
-    assert!(mixed.contains("overlap_boxes.stl") && mixed.contains("mesh among point clouds"), "{mixed}");
+    assert!(mixed.contains("overlap_boxes.stl") && mixed.contains("among point clouds"), "{mixed}");
     let mesh =
         run_with(&[&"winding", &stl("overlap_boxes"), &"--estimate-normals", &"--points", &"-"], asked);
     assert!(mesh.misused().contains("is none"));

@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Waits until the program has begun to write and sends it a signal.
-fn interrupt(mut child: Child, dir: &Scratch, part: &str, signal: &str) -> Run {
+pub fn interrupt(mut child: Child, dir: &Scratch, part: &str, signal: &str) -> Run {
     let started = Instant::now();
     while !dir.names().iter().any(|name| name == part) {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it began to write");

@@ -60,13 +60,18 @@ pub enum ProgressArg {
 Without --depth and --cell the store gets depth 4: 512 cells along the longest side. Each level more has twice \
 the cells along a side and takes about four times the time and space.
 
+Of point clouds (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
+counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball. Without --depth and \
+--cell the cells are about half as large as the points are apart.
+
 Examples:
   brickfield build part.stl -o part.brf
   brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl
   brickfield build part.gcode -o part.brf --skip Skirt/Brim
   brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
-    /// Toolpaths: G-code, also as .gz or .xz; meshes: STL (binary, ASCII), OBJ, PLY, X3D Extrusions
+    /// Toolpaths: G-code, also as .gz or .xz; meshes: STL (binary, ASCII), OBJ, PLY, X3D Extrusions. Or point clouds: PLY,
+    /// XYZ
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The store to write
@@ -79,7 +84,7 @@ pub struct BuildArgs {
     /// Record in every leaf which beads touch it, so that `sample --beads` can name those at a point
     #[arg(long)]
     pub identity: bool,
-    /// Levels below the root: 32·2^L cells along the longest side [default: 4]
+    /// Levels below the root: 32·2^L cells along the longest side [default: 4; of point clouds by their spacing]
     #[arg(long, value_name = "L", conflicts_with = "cell",
           value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
     pub depth: Option<u8>,
@@ -89,9 +94,13 @@ pub struct BuildArgs {
     /// Keep a brick undivided if its samples deviate no more than this from their mean
     #[arg(long, value_name = "T", default_value_t = 0.0)]
     pub stddev: f64,
-    /// Largest error of the samples where the input is open; 2.5e-4 to 0.5. Those of closed input are exact
-    #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
-    pub gwn_error: GwnError,
+    /// Largest error of the samples where the input is open or a point cloud; 2.5e-4 to 0.5. Those of closed input are
+    /// exact [default: 0.001; of point clouds 0.01]
+    #[arg(long, value_name = "E")]
+    pub gwn_error: Option<GwnError>,
+    /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree
+    #[arg(long)]
+    pub estimate_normals: bool,
     /// Where to divide bricks
     #[arg(long, value_enum, default_value_t)]
     pub refine: RefineArg,
@@ -102,7 +111,7 @@ pub struct BuildArgs {
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub units: Unit,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
-    /// meshes that do not fit go to a temporary file. Toolpaths as solids, open meshes, and what --stddev or another
+    /// meshes that do not fit go to a temporary file. Toolpaths as solids, open meshes, point clouds, and what --stddev or another
     /// --refine decides stay in memory, and are refused if they do not fit
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,
@@ -265,7 +274,7 @@ angles are then taken off again, with an error of at most --gwn-error. Facets an
 lattice that `build` uses.
 
 Of a point cloud (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
-counts as a dipole with the area that its nearest neighbours leave it.")]
+counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball.")]
 pub struct WindingArgs {
     /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz; point clouds: PLY, XYZ
     #[arg(required = true, value_name = "INPUT")]
@@ -277,7 +286,7 @@ pub struct WindingArgs {
     /// What beads become, as in `build`
     #[arg(long, value_enum)]
     pub beads: Option<BeadsArg>,
-    /// Largest error of w where the meshes are open; 1e-6 to 0.5
+    /// Largest error of w where the input is open or a point cloud; 1e-6 to 0.5
     #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
     pub gwn_error: GwnError,
     /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree

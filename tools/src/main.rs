@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod clouds;
 mod commands;
 mod failure;
 mod interrupt;

@@ -1,5 +1,6 @@
 //! Small trees in memory, without a store.
 
+use super::cloud;
 use super::field::Soup;
 use super::jobs::{build_tree, sort_cubes};
 use super::open;
@@ -15,7 +16,7 @@ use crate::progress::Silent;
 use crate::solid::{Outline, Solids};
 use crate::store::MemoryTree;
 use crate::toolpath::Toolpath;
-use crate::winding::{OpenField, OpenPart};
+use crate::winding::{CloudBricks, OpenField, OpenPart, Surfels};
 
 /// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
 ///
@@ -43,6 +44,34 @@ pub fn build_open_in_memory(
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
         Ok(0)
     })?;
+    Ok(tree)
+}
+
+/// Builds the tree of a point cloud in memory, with samples that are off by at most `error`.
+///
+/// # Errors
+/// As [`build_open_in_memory`].
+pub fn build_cloud_in_memory(
+    surfels: &Surfels,
+    root: RootCube,
+    options: TreeOptions,
+    error: f64,
+) -> Result<MemoryTree> {
+    let rules = Rules { evaluate_interior: true, ..Rules::new(options)? };
+    let field = CloudBricks::new(surfels, root, error)?;
+    let mut tree = MemoryTree::new(root);
+    let pieces: Vec<_> = field.pieces().collect();
+    build_tree(
+        &field,
+        cloud::gather(&field, &pieces),
+        (&rules, None),
+        u64::MAX,
+        &Silent,
+        |records: KeptBricks| {
+            records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
+            Ok(0)
+        },
+    )?;
     Ok(tree)
 }
 

@@ -5,6 +5,7 @@ mod assemble;
 mod bins;
 mod branches;
 mod closed;
+mod cloud;
 mod collect;
 mod cut;
 mod field;
@@ -32,7 +33,8 @@ mod toolpaths;
 mod weigh;
 
 pub use closed::is_closed;
-pub use memory::{build_beads_in_memory, build_in_memory, build_open_in_memory};
+pub use cloud::{build_clouds, surfels};
+pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use merge::{MergeSummary, merge};
 pub use pipeline::{BuildOptions, Resolution, ShareSummary, Summary, build, build_opened};
 pub use resources::Resources;

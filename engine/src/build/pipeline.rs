@@ -28,11 +28,17 @@ use std::time::{Duration, Instant};
 /// How fine the deepest bricks are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Resolution {
+    /// Depth 4 of meshes and toolpaths: 512 cells along the root's edge, seconds for a million facets, and half a
+    /// millimetre on a quarter metre. Of point clouds the depth whose cells are nearest to half the points' spacing.
+    Auto,
     /// Deepest level: 32·2^level cells along the root's edge.
     Depth(u8),
     /// Edge of the deepest cells in the input's unit; the root cube is grown to fit.
     Cell(f64),
 }
+
+/// [`Resolution::Auto`] of all but point clouds.
+const AUTO_DEPTH: u8 = 4;
 
 /// Settings of [`build`].
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +75,12 @@ pub struct Summary {
     pub segments: u64,
     /// Facets without area on the lattice.
     pub degenerate_facets: u64,
+    /// Points read, where the input is a point cloud.
+    pub points: u64,
+    /// Points without area: repeated ones, and those with a normal of length 0.
+    pub void_points: u64,
+    /// Distance of neighbouring points: the root of the median area of a point, in the input's unit; 0 if there are none.
+    pub spacing: f64,
     /// Faces with fewer than three corners, which were left out.
     pub skipped_faces: u64,
     /// Deepest level.
@@ -290,6 +302,9 @@ impl Task {
             facets,
             segments: 0,
             degenerate_facets,
+            points: 0,
+            void_points: 0,
+            spacing: 0.0,
             skipped_faces: 0,
             depth,
             cell: root.spacing(depth),
@@ -314,6 +329,7 @@ pub(super) fn place(
     resolution: Resolution,
 ) -> Result<(RootCube, u8)> {
     let placed = match resolution {
+        Resolution::Auto => RootCube::around(min, max).map(|root| (root, AUTO_DEPTH)),
         Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
         Resolution::Cell(cell) => {
             let extent = (0..3).map(|a| max[a] - min[a]).fold(0.0, f64::max);

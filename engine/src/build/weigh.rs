@@ -144,7 +144,7 @@ pub(super) fn weigh_pieces<F: Field>(
     (level, depth): (u8, u8),
     progress: &dyn Progress,
 ) -> Result<Work> {
-    progress.phase("weighing", Some(pieces.len() as u64), "segments");
+    progress.phase("weighing", Some(pieces.len() as u64), "pieces");
     let next = AtomicUsize::new(0);
     let runs: Vec<&[F::Piece]> = pieces.chunks(RUN).collect();
     let parts = rayon::broadcast(|_| {

@@ -1,11 +1,12 @@
 //! Point clouds: PLY without faces, and text with a point a line.
 
 use super::ply;
+use super::survey::identity_of;
 use super::text::{self, Lines};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Points of a surface, in the input's own unit.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,29 +17,90 @@ pub struct PointCloud {
     pub normals: Vec<[f64; 3]>,
 }
 
-impl PointCloud {
-    /// Opens `path` if it is a point cloud: a PLY without faces, or text that ends in .xyz with x y z or
-    /// x y z nx ny nz a line, separated by white space or commas. `None` if it is something else.
+/// An opened file that holds a point cloud.
+#[derive(Debug)]
+pub struct CloudInput {
+    path: PathBuf,
+    file: MappedFile,
+    format: &'static str,
+    /// Its points.
+    pub cloud: PointCloud,
+}
+
+impl CloudInput {
+    /// Whether a file is a point cloud: a PLY without faces, or text that ends in .xyz.
+    ///
+    /// # Errors
+    /// If the file is missing, or a PLY with a damaged header.
+    pub fn is_one(path: &Path) -> Result<bool> {
+        let file = MappedFile::open(path)?;
+        let bytes = file.bytes();
+        let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xyz"));
+        if ply::is_ply(bytes) { Ok(!ply::has_faces(path, bytes)?) } else { Ok(is_text) }
+    }
+
+    /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, with the normals nx, ny, nz if it has those; or
+    /// text with x y z or x y z nx ny nz a line, separated by white space or commas.
     ///
     /// # Errors
     /// If the file is missing or damaged, has no points, or has a coordinate that is not finite: the message
     /// names the line, byte or point.
-    pub fn open(path: &Path, progress: &dyn Progress) -> Result<Option<PointCloud>> {
+    pub fn open(path: &Path, progress: &dyn Progress) -> Result<CloudInput> {
         let file = MappedFile::open(path)?;
         let bytes = file.bytes();
-        let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xyz"));
-        let is_ply = ply::is_ply(bytes);
-        if is_ply && ply::has_faces(path, bytes)? || !is_ply && !is_text {
-            return Ok(None);
-        }
         file.advise(Access::Sequential);
         progress.phase("reading", Some(file.len()), "bytes");
-        let cloud =
-            if is_ply { ply::read_cloud(path, bytes, progress)? } else { read_text(path, bytes, progress)? };
+        let (cloud, format) = match ply::is_ply(bytes) {
+            true => (ply::read_cloud(path, bytes, progress)?, "PLY points"),
+            false => (read_text(path, bytes, progress)?, "XYZ points"),
+        };
         cloud.check(path)?;
-        Ok(Some(cloud))
+        Ok(CloudInput { path: path.to_owned(), file, format, cloud })
     }
 
+    /// Where it was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The format: "PLY points" or "XYZ points".
+    pub fn describe(&self) -> &'static str {
+        self.format
+    }
+
+    /// Size of the file in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.file.len()
+    }
+
+    /// As [`super::Input::identity`].
+    pub fn identity(&self) -> [u8; 32] {
+        identity_of(self.file.bytes())
+    }
+
+    /// The points of some files as one cloud.
+    ///
+    /// # Errors
+    /// If some have normals and others do not.
+    pub fn join(inputs: Vec<CloudInput>) -> Result<PointCloud> {
+        let mut all = PointCloud::default();
+        for CloudInput { path, cloud, .. } in inputs {
+            if !all.points.is_empty() && cloud.normals.is_empty() != all.normals.is_empty() {
+                let what = "has normals or lacks them, unlike the clouds before it";
+                return Err(Error::input(&path, "points", what, "give the clouds alike"));
+            }
+            if all.points.is_empty() {
+                all = cloud;
+            } else {
+                all.points.extend(cloud.points);
+                all.normals.extend(cloud.normals);
+            }
+        }
+        Ok(all)
+    }
+}
+
+impl PointCloud {
     /// Adds a point from three coordinates, or six with its normal.
     pub(super) fn push(&mut self, values: &[f64]) {
         if let Some((point, rest)) = values.split_first_chunk::<3>() {
@@ -113,7 +175,8 @@ mod tests {
         let dir = tempfile::tempdir().expect("a folder");
         let path = dir.path().join(name);
         std::fs::write(&path, content).expect("writable");
-        PointCloud::open(&path, &Silent)
+        let read = || CloudInput::open(&path, &Silent).map(|input| input.cloud);
+        CloudInput::is_one(&path)?.then(read).transpose()
     }
 
     #[test]

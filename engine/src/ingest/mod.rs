@@ -25,7 +25,7 @@ use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
 use crate::x3d::Sweeps;
 pub use beads::{Beads, OpenOptions, read_beads};
-pub use cloud::PointCloud;
+pub use cloud::{CloudInput, PointCloud};
 pub use facets::{Facets, runs};
 pub use survey::Survey;
 

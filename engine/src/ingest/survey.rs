@@ -80,11 +80,16 @@ impl Input {
     /// # Errors
     /// None so far; a file system that fails under a map ends the program (see [`crate::mmap`]).
     pub fn identity(&self) -> Result<[u8; 32]> {
-        // Handed out in order, so that all threads together read the file from front to back.
-        let chunks = self.file.bytes().chunks(CHUNK_BYTES).enumerate().par_bridge();
-        let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
-        Ok(hash_of_chunks(chunks.map(hash).collect()))
+        Ok(identity_of(self.file.bytes()))
     }
+}
+
+/// See [`Input::identity`].
+pub(super) fn identity_of(bytes: &[u8]) -> [u8; 32] {
+    // Handed out in order, so that all threads together read the file from front to back.
+    let chunks = bytes.chunks(CHUNK_BYTES).enumerate().par_bridge();
+    let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
+    hash_of_chunks(chunks.map(hash).collect())
 }
 
 /// The hash of the chunks' hashes in the order of their numbers.

@@ -67,9 +67,9 @@ pub struct Source {
     pub path: String,
     /// File size.
     pub bytes: u64,
-    /// Facets read from it.
+    /// Facets read from it, or points of a point cloud.
     pub facets: u64,
-    /// Kind of file, as in "stl".
+    /// Kind of file, as in "STL binary"; of point clouds "PLY points" or "XYZ points".
     pub format: String,
     /// BLAKE3 of its content.
     pub blake3: [u8; 32],
@@ -94,15 +94,20 @@ pub enum Refine {
 /// What a build counted. Known at its end only, so not part of the store's identity.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Numbers {
-    /// Facets of all sources.
+    /// Facets of all sources, or points of point clouds.
     pub facets: u64,
-    /// Facets without area on the lattice, which were left out.
+    /// Those without area, which were left out.
     pub degenerate_facets: u64,
     /// Nodes on each level, the root first. The writer fills this in.
     pub nodes_per_level: Vec<u64>,
 }
 
 impl Meta {
+    /// Whether the input was a point cloud: then what counts as facets are points.
+    pub fn holds_points(&self) -> bool {
+        self.sources.iter().any(|source| source.format.contains(" points"))
+    }
+
     /// What ties the parts of a file together: a hash of everything but [`Meta::numbers`].
     pub fn file_id(&self) -> FileId {
         let meta = Meta { numbers: Numbers::default(), ..self.clone() };

@@ -16,7 +16,9 @@ mod scan;
 
 pub use balance::EdgeBalance;
 pub use brute::solid_angle;
-pub use cloud::{CloudField, estimate_normals};
+pub use cloud::{
+    CloudBrick, CloudBricks, CloudEvaluator, CloudField, CloudPiece, Surfel, Surfels, estimate_normals,
+};
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};
 pub use open::{

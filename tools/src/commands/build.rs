@@ -3,14 +3,17 @@
 use super::mesh::{MeshReport, mesh_sink, write_mesh};
 use super::{open_inputs, start, unit_of, volumes_text};
 use crate::args::{BeadsArg, BuildArgs, RefineArg, WorkArgs};
+use crate::clouds::open_clouds;
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{print, print_json, warn};
 use crate::toolpaths::{ToolpathReport, solids};
-use crate::units::{Size, Unit};
+use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::brick::POINTS;
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, ShareSummary, Summary, build_opened};
+use brickfield_engine::build::{
+    BuildOptions, Resolution, Resources, ShareSummary, Summary, build_clouds, build_opened,
+};
 use brickfield_engine::contour::ContourOptions;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
@@ -18,8 +21,10 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// 512 cells along the longest side: seconds for a million facets, and half a millimetre on a quarter metre.
-const DEFAULT_DEPTH: u8 = 4;
+/// Largest error of the samples of open meshes.
+const OPEN_ERROR: f64 = 1e-3;
+/// That of point clouds: where points lie moves w near them by more, and a tenth of it takes four times as long.
+const CLOUD_ERROR: f64 = 1e-2;
 /// Each of the two caches of --mesh, decoded bricks and contoured cells, where no --memory is given.
 const MESH_CACHE_BYTES: u64 = 512 << 20;
 
@@ -29,6 +34,8 @@ struct Plan {
     output: PathBuf,
     open: OpenOptions,
     beads: Option<BeadsArg>,
+    estimate_normals: bool,
+    gwn_error: Option<GwnError>,
     units: Unit,
     options: BuildOptions,
     memory: Option<Size>,
@@ -47,7 +54,7 @@ impl TryFrom<BuildArgs> for Plan {
         let options = BuildOptions {
             resolution: match args.cell {
                 Some(cell) => Resolution::Cell(cell.in_unit(args.units)),
-                None => Resolution::Depth(args.depth.unwrap_or(DEFAULT_DEPTH)),
+                None => args.depth.map_or(Resolution::Auto, Resolution::Depth),
             },
             refine: match args.refine {
                 RefineArg::Hidden => Refine::Hidden,
@@ -55,7 +62,7 @@ impl TryFrom<BuildArgs> for Plan {
                 RefineArg::Surface => Refine::Surface,
             },
             stddev: args.stddev,
-            gwn_error: args.gwn_error.0,
+            gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
             unit: args.units.symbol().to_owned(),
             solids: None,
             share: args.shard.map(|shard| shard.0),
@@ -65,8 +72,23 @@ impl TryFrom<BuildArgs> for Plan {
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
         let open = args.toolpath.options()?;
-        let BuildArgs { inputs, output, units, memory, mesh, json, beads, .. } = args;
-        Ok(Plan { inputs, output, open, beads, units, options, memory, mesh, json, work })
+        let BuildArgs {
+            inputs, output, units, memory, mesh, json, beads, estimate_normals, gwn_error, ..
+        } = args;
+        Ok(Plan {
+            inputs,
+            output,
+            open,
+            beads,
+            estimate_normals,
+            gwn_error,
+            units,
+            options,
+            memory,
+            mesh,
+            json,
+            work,
+        })
     }
 }
 
@@ -77,26 +99,31 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
-    let inputs = open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?;
+    let clouds = open_clouds(&plan.inputs, &outputs, plan.estimate_normals, &bars)?;
+    if clouds.is_some() && plan.gwn_error.is_none() {
+        plan.options.gwn_error = CLOUD_ERROR;
+    }
+    let inputs = match &clouds {
+        None => open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?,
+        Some(_) => Vec::new(),
+    };
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     if !toolpaths.is_empty() && plan.units != Unit::Mm {
         return Err(Failure::Usage(format!("toolpaths are in mm: leave --units {} out", plan.units)));
     }
-    let (solids, note) = solids(plan.beads, &plan.open.sweep.shape, &inputs)?;
-    plan.options.solids = solids;
-    if plan.options.identity && solids.is_none() {
-        let why = note.unwrap_or("it needs toolpaths as solids");
-        return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
-    }
-    if let Some(why) = note {
-        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
-    }
+    choose_solids(&mut plan, &inputs, clouds.is_some())?;
     let open_seconds = started.elapsed().as_secs_f64();
     let budget = memory::budget(plan.memory);
-    plan.options.resources.memory = memory::require_room(&inputs, &plan.options, budget)?;
+    plan.options.resources.memory = match &clouds {
+        None => memory::require_room(&inputs, &plan.options, budget)?,
+        Some(clouds) => memory::require_room_for_points(clouds, budget)?,
+    };
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(mesh_sink).transpose()?;
-    let mut summary = build_opened(&inputs, &plan.output, &plan.options, &bars)?;
+    let mut summary = match clouds {
+        None => build_opened(&inputs, &plan.output, &plan.options, &bars)?,
+        Some(clouds) => build_clouds(clouds, plan.estimate_normals, &plan.output, &plan.options, &bars)?,
+    };
     drop::<Vec<Input>>(inputs);
     summary.phases.insert(0, ("open", open_seconds));
     let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4);
@@ -133,6 +160,26 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     }
 }
 
+/// Decides whether beads become solids.
+fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<(), Failure> {
+    let (solids, note) = match (are_clouds, plan.beads) {
+        (false, beads) => solids(beads, &plan.open.sweep.shape, inputs)?,
+        (true, Some(BeadsArg::Analytic)) => {
+            return Err(Failure::Usage("--beads analytic: points are no beads; leave it out".to_owned()));
+        }
+        (true, _) => (None, None),
+    };
+    plan.options.solids = solids;
+    if plan.options.identity && solids.is_none() {
+        let why = note.unwrap_or("it needs toolpaths as solids");
+        return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
+    }
+    if let Some(why) = note {
+        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
+    }
+    Ok(())
+}
+
 /// What is printed in the end.
 #[derive(Serialize)]
 struct Report {
@@ -143,7 +190,7 @@ struct Report {
     /// Seconds by phase.
     phases: serde_json::Map<String, serde_json::Value>,
     seconds: f64,
-    /// Of beads as solids, their segments.
+    /// Of beads as solids, their segments; of point clouds, their points.
     facets_per_second: f64,
     /// Samples of leaves that were evaluated, aprons included; uniform leaves need none.
     samples: u64,
@@ -176,6 +223,12 @@ struct Numbers {
     segments: u64,
     degenerate_facets: u64,
     skipped_faces: u64,
+    /// Of point clouds.
+    points: u64,
+    /// Those that stand for no surface.
+    void_points: u64,
+    /// Of neighbouring points.
+    spacing: f64,
     depth: u8,
     cell: f64,
     nodes: u64,
@@ -204,6 +257,9 @@ impl Report {
             segments,
             degenerate_facets,
             skipped_faces,
+            points,
+            void_points,
+            spacing,
             depth,
             cell,
             nodes,
@@ -228,6 +284,9 @@ impl Report {
                 segments,
                 degenerate_facets,
                 skipped_faces,
+                points,
+                void_points,
+                spacing,
                 depth,
                 cell,
                 nodes,
@@ -241,7 +300,7 @@ impl Report {
             },
             phases,
             seconds,
-            facets_per_second: (facets + segments) as f64 / seconds,
+            facets_per_second: (facets + segments + points) as f64 / seconds,
             samples,
             samples_per_second: samples as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
@@ -265,6 +324,9 @@ impl Report {
             segments,
             degenerate_facets,
             skipped_faces,
+            points,
+            void_points,
+            spacing,
             depth,
             cell,
             nodes,
@@ -281,6 +343,9 @@ impl Report {
             line(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
         }
         let (counted, pieces) = match segments {
+            0 if *points > 0 => {
+                (format!("{points} ({void_points} without area), {spacing:.6} {} apart", self.unit), "points")
+            }
             0 => (
                 format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
                 "facets",

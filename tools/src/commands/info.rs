@@ -95,6 +95,7 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let meta = store.meta();
     let unit = unit_of(meta);
     let Summary { levels, total, file_bytes, dense_bytes, dense_ratio } = store.summary();
+    let kind = if meta.holds_points() { "points" } else { "facets" };
     let mut text = String::new();
     let mut line = |line: String| text += &format!("{line}\n");
     line(format!("{}: brick store, written by {}", store.path().display(), meta.program));
@@ -105,12 +106,12 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     }
     for Source { path, bytes, facets, format, blake3 } in &meta.sources {
         let hash = &hex(blake3)[..16];
-        let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} facets, ") };
+        let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} {kind}, ") };
         line(format!("  source   {path}: {format}, {pieces}{}, blake3 {hash}…", Size(*bytes)));
     }
     let degenerate = meta.numbers.degenerate_facets;
     match &meta.beads {
-        None => line(format!("  facets   {} ({degenerate} without area)", meta.numbers.facets)),
+        None => line(format!("  {kind}   {} ({degenerate} without area)", meta.numbers.facets)),
         Some(BeadsMeta { section, beads, segments, identity }) => {
             let identity = match identity {
                 Some(_) => format!("told apart, {}", Size(identity_bytes(store))),

@@ -2,32 +2,27 @@
 
 use super::{open_inputs, start};
 use crate::args::WindingArgs;
+use crate::clouds::open_clouds;
 use crate::failure::Failure;
 use crate::output::warn;
 use crate::points::{PointReader, PointWriter};
 use crate::progress::Bars;
 use crate::toolpaths::solids;
 use anyhow::anyhow;
-use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed};
-use brickfield_engine::ingest::{Facets, Input, PointCloud, bounds_of_all};
+use brickfield_engine::Progress;
+use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed, surfels};
+use brickfield_engine::ingest::{CloudInput, Facets, Input, bounds_of_all};
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::solid::{Outline, Solids, beads_at, brute_beads_at};
-use brickfield_engine::winding::{
-    CloudField, OpenPart, brute_at, estimate_normals, open_winding_at, winding_at,
-};
-use brickfield_engine::{Error, Progress};
+use brickfield_engine::winding::{CloudField, OpenPart, brute_at, open_winding_at, winding_at};
 use std::fmt::Display;
 use std::path::Path;
 
 /// Runs the command.
 pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    if let Some(cloud) = open_clouds(args, &bars)? {
-        return of_cloud(args, cloud, &bars);
-    }
-    if args.estimate_normals {
-        let name = args.inputs[0].display();
-        return Err(Failure::Usage(format!("--estimate-normals is for point clouds; {name} is none")));
+    if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
+        return of_clouds(args, clouds, &bars);
     }
     let open = args.toolpath.options()?;
     let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
@@ -84,40 +79,11 @@ fn of_triangles(
     }
 }
 
-/// All inputs as one cloud, if the first is one.
-fn open_clouds(args: &WindingArgs, bars: &Bars) -> Result<Option<PointCloud>, Failure> {
-    let mut all: Option<PointCloud> = None;
-    for (number, path) in args.inputs.iter().enumerate() {
-        match (PointCloud::open(path, bars)?, &mut all) {
-            (None, None) => return Ok(None),
-            (Some(cloud), None) if number == 0 => all = Some(cloud),
-            (Some(cloud), Some(all)) => {
-                if cloud.normals.is_empty() != all.normals.is_empty() {
-                    let what = "has normals or lacks them, unlike the clouds before it";
-                    return Err(Error::input(path, "points", what, "give the clouds alike").into());
-                }
-                all.points.extend(cloud.points);
-                all.normals.extend(cloud.normals);
-            }
-            _ => {
-                let what = "is a mesh among point clouds";
-                return Err(Error::input(path, "points", what, "give meshes and clouds apart").into());
-            }
-        }
-    }
-    Ok(all)
-}
-
-fn of_cloud(args: &WindingArgs, mut cloud: PointCloud, bars: &Bars) -> Result<(), Failure> {
+fn of_clouds(args: &WindingArgs, clouds: Vec<CloudInput>, bars: &Bars) -> Result<(), Failure> {
     let points = PointReader::open(&args.points)?.all()?;
-    if args.estimate_normals {
-        estimate_normals(&mut cloud, bars)?;
-    } else if cloud.normals.is_empty() {
-        let (what, remedy) = ("have no normals", "add --estimate-normals, or export them with normals");
-        return Err(Error::input(&args.inputs[0], "points", what, remedy).into());
-    }
-    let root = root_around(&args.inputs[0], cloud.bounds())?;
-    let field = CloudField::new(&cloud, root, bars)?;
+    let surfels = surfels(clouds, args.estimate_normals, bars)?;
+    let root = root_around(&args.inputs[0], surfels.bounds())?;
+    let field = CloudField::new(&surfels, root);
     let values = if args.brute {
         field.brute_at(root, &points)
     } else {

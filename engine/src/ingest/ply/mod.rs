@@ -69,7 +69,7 @@ fn plan(path: &Path, header: Header) -> Result<Plan> {
             "is a point cloud ({} vertices, no faces), which this command does not take",
             vertex.count
         );
-        return Err(error(what, "export it as a triangle mesh; `winding` answers point clouds"));
+        return Err(error(what, "export it as a triangle mesh; `build` and `winding` take point clouds"));
     };
     let corners = header::corner_list(face).ok_or_else(|| {
         let what = "the element \"face\" lacks a list of integers \"vertex_indices\" (or \"vertex_index\")";

@@ -1,7 +1,8 @@
 //! Clouds sampled from meshes against the meshes.
 
+use super::nearest::KdTree;
 use super::*;
-use crate::ingest::Facet;
+use crate::ingest::{Facet, PointCloud};
 use crate::progress::Silent;
 use crate::winding::winding_at;
 use brickfield_bench_data::Rng;
@@ -35,9 +36,13 @@ fn torus() -> Vec<Facet> {
     brickfield_bench_data::shapes::torus(10.0, 4.0, 64, 48).facets().collect()
 }
 
-fn root_of(cloud: &PointCloud) -> RootCube {
-    let (min, max) = cloud.bounds();
+fn root_of(surfels: &Surfels) -> RootCube {
+    let (min, max) = surfels.bounds();
     RootCube::around(min, max).unwrap()
+}
+
+fn surfels_of(cloud: &PointCloud) -> Surfels {
+    Surfels::of(cloud, &Silent).unwrap()
 }
 
 fn points_around(root: RootCube, count: usize, rng: &mut Rng) -> Vec<[f64; 3]> {
@@ -47,8 +52,9 @@ fn points_around(root: RootCube, count: usize, rng: &mut Rng) -> Vec<[f64; 3]> {
 
 /// Share of the points farther than two spacings from the cloud whose side is that of the mesh.
 fn right_share(mesh: &Vec<Facet>, cloud: &PointCloud, rng: &mut Rng) -> f64 {
-    let root = root_of(cloud);
-    let field = CloudField::new(cloud, root, &Silent).unwrap();
+    let surfels = surfels_of(cloud);
+    let root = root_of(&surfels);
+    let field = CloudField::new(&surfels, root);
     let nearest = KdTree::new(&cloud.points);
     let spacing = |p: [f64; 3]| nearest.around(p, 2)[1].squared.sqrt();
     let mean = cloud.points.iter().step_by(50).map(|p| spacing(*p)).sum::<f64>()
@@ -79,10 +85,19 @@ fn the_tree_keeps_its_bound_and_ignores_threads_and_order() {
     cloud.normals.push(cloud.normals[5]);
     cloud.points.push([1.0, 2.0, 3.0]);
     cloud.normals.push([0.0; 3]);
-    let root = root_of(&cloud);
-    let field = CloudField::new(&cloud, root, &Silent).unwrap();
-    assert_eq!(field.tree.elements().len(), 3_000);
+    let surfels = surfels_of(&cloud);
+    assert_eq!((surfels.all.len(), surfels.void), (3_000, 2));
+    let root = root_of(&surfels);
+    let field = CloudField::new(&surfels, root);
     let mut points = points_around(root, 500, &mut rng);
+    // In the balls, at their middles and on their borders.
+    for surfel in surfels.all.iter().step_by(10) {
+        for share in [0.0, 0.4, 1.0] {
+            points.push(std::array::from_fn(|a| {
+                surfel.position[a] + share * surfel.radius * (0.3 + 0.4 * a as f64)
+            }));
+        }
+    }
     points.extend([[1e3, 0.0, 0.0], [1e9, 1.0, 1.0]]);
     let brute = field.brute_at(root, &points);
     for error in [1e-2, 1e-3, 1e-5] {
@@ -92,7 +107,7 @@ fn the_tree_keeps_its_bound_and_ignores_threads_and_order() {
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let found = one.install(|| {
-        CloudField::new(&cloud, root, &Silent).unwrap().winding_at(root, &points, 1e-3, &Silent).unwrap()
+        CloudField::new(&surfels_of(&cloud), root).winding_at(root, &points, 1e-3, &Silent).unwrap()
     });
     assert_eq!(found, field.winding_at(root, &points, 1e-3, &Silent).unwrap());
 }
@@ -102,7 +117,7 @@ fn estimated_normals_point_outward() {
     let mut rng = Rng::new(3);
     let cloud = scattered(&torus(), 20_000, &mut rng);
     let mut bare = PointCloud { points: cloud.points.clone(), normals: Vec::new() };
-    assert!(CloudField::new(&bare, root_of(&bare), &Silent).is_err());
+    assert!(Surfels::of(&bare, &Silent).is_err());
     estimate_normals(&mut bare, &Silent).unwrap();
     let outward = |(a, b): &(&[f64; 3], &[f64; 3])| (0..3).map(|i| a[i] * b[i]).sum::<f64>() > 0.0;
     let right = bare.normals.iter().zip(&cloud.normals).filter(outward).count() as f64 / 20_000.0;
@@ -126,6 +141,60 @@ fn parts_are_oriented_on_their_own_and_coinciding_points_have_no_normal() {
     let outward = |(a, b): &(&[f64; 3], &[f64; 3])| (0..3).map(|i| a[i] * b[i]).sum::<f64>() > 0.0;
     assert!(bare.normals.iter().zip(&two.normals).filter(outward).count() > 7_900);
     assert!(bare.normals[8_000..].iter().all(|n| *n == [0.0; 3]));
+}
+
+/// Far beyond the ball the field is the dipole's, within it is that of a dipole spread over the ball: here over many
+/// small ones.
+#[test]
+fn a_spread_point_is_what_many_dipoles_add_up_to() {
+    let root = RootCube { origin: [0.0; 3], edge: f64::from(1 << 24) };
+    let middle = [8.0e6, 8.1e6, 7.9e6];
+    let surfel = Surfel { position: middle, area: [3e11, -2e11, 5e11], radius: 1e6 };
+    let dipole = Dipole::new(&surfel, root);
+    let mut rng = Rng::new(6);
+    for way in [[2.2e6, -1.0e6, 0.5e6], [0.6e6, 0.5e6, 0.3e6], [0.2e6, -0.3e6, 0.0]] {
+        let p: [f64; 3] = std::array::from_fn(|a| middle[a] + way[a]);
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for _ in 0..400_000 {
+            let shift: [f64; 3] = std::array::from_fn(|_| rng.range(-1.0, 1.0));
+            let weight = 1.0 - shift.iter().map(|c| c * c).sum::<f64>();
+            let r: [f64; 3] = std::array::from_fn(|a| middle[a] + 1e6 * shift[a] - p[a]);
+            let squared: f64 = r.iter().map(|c| c * c).sum();
+            // What the nearest ones give has a mean of 0.
+            if weight > 0.0 && squared > 1e10 {
+                let along: f64 = (0..3).map(|a| surfel.area[a] * r[a]).sum();
+                sum += weight * along / (4.0 * std::f64::consts::PI * squared * squared.sqrt());
+            }
+            weights += weight.max(0.0);
+        }
+        let found = dipole.seen_from(p);
+        assert!((found - sum / weights).abs() < 0.02 * found.abs() + 1e-4, "{found} {}", sum / weights);
+    }
+}
+
+#[test]
+fn few_and_odd_points() {
+    let up = [0.0, 0.0, 1.0];
+    let cloud = |points: Vec<[f64; 3]>| PointCloud { normals: vec![up; points.len()], points };
+    for none in [cloud(vec![[1.0; 3]]), cloud(vec![[1.0; 3]; 5])] {
+        let surfels = surfels_of(&none);
+        assert_eq!((surfels.all.len(), surfels.spacing), (0, 0.0));
+    }
+    // On a line, with normals of any length.
+    let mut line = cloud((0..40).map(|i| [f64::from(i), 0.0, 0.0]).collect());
+    line.normals.iter_mut().enumerate().for_each(|(i, n)| *n = n.map(|c| c * [1e-300, 1e300][i % 2]));
+    let surfels = surfels_of(&line);
+    assert!(surfels.all.len() == 40 && surfels.all.iter().all(|s| s.area[2] > 1.0 && s.area[2].is_finite()));
+    estimate_normals(&mut line, &Silent).unwrap();
+    assert!(line.normals.iter().flatten().all(|c| c.is_finite()));
+    // Points that the sign of a zero tells apart coincide, and the order of points does not count.
+    let mut grid = cloud((0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect());
+    grid.points.push([3.0, 4.0, -0.0]);
+    grid.normals.push(up);
+    let surfels = surfels_of(&grid);
+    assert_eq!((surfels.all.len(), surfels.void, surfels.spacing), (100, 1, 1.0));
+    grid.points.reverse();
+    assert_eq!(surfels_of(&grid).all, surfels.all);
 }
 
 /// A million points, with their normals and without: run with `cargo test -p brickfield-engine --lib

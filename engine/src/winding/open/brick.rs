@@ -2,8 +2,8 @@
 
 use super::super::evaluate::{Evaluator, Triangles};
 use super::super::scan::{Block, Facet};
-use super::OpenPart;
 use super::cells::{CellCache, Cells, Grain, Points};
+use super::{ClusterTree, Element, OpenPart};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, Triangle, Units, normal};
@@ -43,8 +43,8 @@ pub struct OpenEvaluator {
     shares: Shares,
 }
 
-/// Memory for w_C at the samples of a brick.
-struct Shares {
+/// Memory for the sum over a tree's elements at the samples of a brick.
+pub(in crate::winding) struct Shares {
     cells: CellCache,
     points: Points,
     /// Which samples these are.
@@ -79,20 +79,52 @@ struct Crossing {
     jump: i32,
 }
 
+/// The fewest binary places whose rounding takes no more than a quarter of an error.
+///
+/// # Errors
+/// [`Error::Setting`] if samples of 16 bits cannot be that exact.
+pub(in crate::winding) fn binary_places(error: f64) -> Result<u8> {
+    let bits = (BITS_MIN..=BITS_MAX).find(|&bits| f64::from(1u32 << bits).recip() <= 0.5 * error);
+    bits.ok_or_else(|| {
+        Error::setting(
+            format!("an error of {error} does not fit samples of 16 bits"),
+            format!("use one of at least {:.1e}", 2.01 / f64::from(1u32 << BITS_MAX)),
+        )
+    })
+}
+
+/// Winding numbers as the samples of a brick. Those on the root's own faces become outside.
+///
+/// # Errors
+/// [`Error::Setting`] if one does not fit 16 bits.
+pub(in crate::winding) fn fixed_point(
+    key: NodeKey,
+    bits: u8,
+    values: impl Iterator<Item = f64>,
+) -> Result<Samples> {
+    let scale = f64::from(1u32 << bits);
+    let mut samples = Samples::fractions(bits);
+    for (sample, w) in samples.0.iter_mut().zip(values) {
+        let rounded = floor(w * scale + 0.5);
+        *sample = i16::try_from(rounded).map_err(|_| {
+            Error::setting(
+                format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
+                "use a larger --gwn-error",
+            )
+        })?;
+    }
+    let half = 1i16 << (bits - 1);
+    for_root_face(key, |index| samples.0[index] = samples.0[index].min(half - 1));
+    Ok(samples)
+}
+
 impl OpenField {
     /// With samples that are off by at most `error`.
     ///
     /// # Errors
     /// [`Error::Setting`] if samples of 16 bits cannot be that exact.
     pub fn new(part: OpenPart, error: f64) -> Result<OpenField> {
-        let bits = (BITS_MIN..=BITS_MAX).find(|&bits| f64::from(1u32 << bits).recip() <= 0.5 * error);
-        let bits = bits.ok_or_else(|| {
-            Error::setting(
-                format!("an error of {error} does not fit samples of 16 bits"),
-                format!("use one of at least {:.1e}", 2.01 / f64::from(1u32 << BITS_MAX)),
-            )
-        })?;
-        Ok(OpenField { part, bits, error })
+        Ok(OpenField { part, bits: binary_places(error)?, error })
     }
 
     /// Binary places of all samples.
@@ -134,48 +166,40 @@ impl OpenField {
         }
         indices.clear();
         indices.extend(0..triangles.len() as u32);
-        self.find_shares(key, shares);
+        shares.find(&self.part.tree, self.error, self.bits, key);
         let shares = &shares.values;
-        let scale = f64::from(1u32 << self.bits);
         let list = Triangles { array: triangles, indices };
         let counts = evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples;
-        let mut samples = Samples::fractions(self.bits);
-        let half = 1i16 << (self.bits - 1);
-        for (sample, (count, share)) in samples.0.iter_mut().zip(counts.0.iter().zip(shares.iter())) {
-            let w = (f64::from(*count) - share) * scale;
-            let rounded = floor(w + 0.5);
-            *sample = i16::try_from(rounded).map_err(|_| {
-                Error::setting(
-                    format!(
-                        "the winding number reaches {:.1} in brick {key}, too much for its 16 bits",
-                        w / scale
-                    ),
-                    "use a larger --gwn-error",
-                )
-            })?;
-        }
-        for_root_face(key, |index| samples.0[index] = samples.0[index].min(half - 1));
+        let values = counts.0.iter().zip(shares.iter()).map(|(count, share)| f64::from(*count) - share);
+        let samples = fixed_point(key, self.bits, values)?;
         let mut corner_counts = [0; 8];
         for octant in Octant::all() {
             corner_counts[octant.index()] = counts.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
         }
         Ok(OpenBrick { samples, corner_counts, key, facets, error: self.error })
     }
+}
 
-    /// w_C at all samples of a brick.
+impl Shares {
+    /// The sums found last, by sample.
+    pub fn values(&self) -> &[f64; POINTS] {
+        &self.values
+    }
+
+    /// The sum over a tree's elements at all samples of a brick, so exact that it is off by at most `error` when rounded
+    /// to `bits` binary places.
     ///
     /// A sample belongs to the coarsest level whose lattice holds it, and there to a block of 8³ samples of
-    /// that level's lattice, which is a cell of the octree over the caps. The cell answers it, whatever brick asks:
+    /// that level's lattice, which is a cell of the octree over the elements. The cell answers it, whatever brick asks:
     /// a brick's own, a neighbour for its apron, a parent or a child.
-    fn find_shares(&self, key: NodeKey, shares: &mut Shares) {
-        let Shares { cells, points, numbers, values } = shares;
-        if self.part.caps.is_empty() {
+    pub fn find<E: Element>(&mut self, tree: &ClusterTree<E>, error: f64, bits: u8, key: NodeKey) {
+        let Shares { cells, points, numbers, values } = self;
+        if tree.elements().is_empty() {
             values.fill(0.0);
             return;
         }
         // Rounding takes half a quantum.
-        let exact = self.error - 0.5 / f64::from(1u32 << self.bits);
-        let tree = Cells::new(&self.part.tree, exact);
+        let tree = Cells::new(tree, error - 0.5 / f64::from(1u32 << bits));
         for up in 0..=u32::from(key.level()) {
             let axes = key.first_sample().map(|first| blocks_along(first, up));
             for z in &axes[2] {
@@ -256,6 +280,11 @@ fn for_root_face(key: NodeKey, mut sample: impl FnMut(usize)) {
 }
 
 impl OpenBrick {
+    /// Of a field without facets.
+    pub(in crate::winding) fn smooth(samples: Samples, key: NodeKey, error: f64) -> OpenBrick {
+        OpenBrick { samples, corner_counts: [0; 8], key, facets: Vec::new(), error }
+    }
+
     /// Whether a facet touches the brick.
     pub fn is_touched(&self) -> bool {
         !self.facets.is_empty()

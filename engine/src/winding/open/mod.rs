@@ -25,6 +25,7 @@ mod wide;
 
 pub use boundary::{Boundary, OpenEdge};
 pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};
+pub(super) use brick::{Shares, binary_places, fixed_point};
 pub use local::GROUP;
 pub use moments::{Element, Moments, Reach};
 pub use points::open_winding_at;

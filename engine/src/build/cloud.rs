@@ -1,0 +1,188 @@
+//! The main job from point clouds: points in, store out.
+
+use super::bins::Binner;
+use super::field::{Evaluated, Field, Fractions, Pieces};
+use super::pipeline::{BuildOptions, Clock, Resolution, Summary, Task, place};
+use super::sorted::SortedPieces;
+use super::weigh::weigh_pieces;
+use crate::brick::{Brick, Samples};
+use crate::error::{Error, Result};
+use crate::ingest::CloudInput;
+use crate::lattice::{MAX_LEVEL, NodeKey, RootCube, Units};
+use crate::progress::Progress;
+use crate::store::{Source, check_target};
+use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece, Surfels, estimate_normals};
+use std::path::Path;
+
+impl Field for CloudBricks {
+    type Piece = CloudPiece;
+    type Corners = ();
+    type Evaluator = CloudEvaluator;
+    type Evaluation<'a> = CloudBrick;
+
+    fn bounds(&self, piece: &CloudPiece) -> (Units, Units) {
+        (piece.position.map(|c| c - piece.radius), piece.position.map(|c| c + piece.radius))
+    }
+
+    fn points(&self, piece: &CloudPiece) -> impl AsRef<[Units]> {
+        [piece.position]
+    }
+
+    fn touches_cube(&self, piece: &CloudPiece, low: Units, size: i32) -> bool {
+        piece.touches_cube(low, size)
+    }
+
+    fn is_void(&self, _: &CloudPiece) -> bool {
+        false
+    }
+
+    fn corners(&self, _: NodeKey, _: u8) {}
+
+    fn add_corners(&self, (): &mut (), _: &CloudPiece) {}
+
+    fn merge_corners(&self, (): &mut (), (): &()) {}
+
+    fn finish_corners(&self, (): (), _: i64) -> Vec<i64> {
+        Vec::new()
+    }
+
+    /// The field changes everywhere.
+    fn settled(&self, _: NodeKey, _: i16, _: Pieces<'_, CloudPiece>) -> Option<i16> {
+        None
+    }
+
+    fn evaluate<'a>(
+        &'a self,
+        evaluator: &'a mut CloudEvaluator,
+        key: NodeKey,
+        _: i16,
+        list: Pieces<'a, CloudPiece>,
+    ) -> Result<CloudBrick> {
+        let pieces = list.indices.iter().map(|&i| list.array[i as usize]);
+        CloudBricks::evaluate(self, evaluator, key, pieces)
+    }
+}
+
+impl Evaluated for CloudBrick {
+    fn samples(&self) -> &Samples {
+        CloudBrick::samples(self)
+    }
+
+    fn into_samples(self) -> Samples {
+        CloudBrick::into_samples(self)
+    }
+
+    fn has_hidden_crossings(&mut self) -> bool {
+        self.has_details()
+    }
+
+    fn has_hidden_boundary(&mut self) -> bool {
+        self.has_details()
+    }
+
+    fn into_leaf(self) -> Result<Brick> {
+        Ok(CloudBrick::into_leaf(self))
+    }
+
+    fn fractions(&self) -> Option<Fractions> {
+        Some(Fractions { bits: self.samples().1, straight: self.is_straight() })
+    }
+}
+
+/// All balls, for a tree whose nodes decide from the root on.
+pub(super) fn gather(field: &CloudBricks, pieces: &[CloudPiece]) -> SortedPieces<CloudBricks> {
+    let mut sorted = SortedPieces::default();
+    sorted.push(field, &Binner::new(NodeKey::ROOT, 0), pieces);
+    sorted
+}
+
+/// Builds `output` from the points of all inputs together, on the threads of the current rayon pool: the field of
+/// [`crate::winding::CloudField`], with samples that are off by at most the options' `gwn_error`. With `estimate`,
+/// normals are those of [`estimate_normals`], whatever the inputs say.
+///
+/// The file's bytes depend on the inputs, their paths as given, the order of the paths and the options; not on the
+/// threads, nor, but for the inputs' hashes in the metadata, on the order of points that do not coincide.
+///
+/// # Errors
+/// Points without normals or without area, settings that do not fit them, an output that cannot be written. Nothing
+/// is left under the final name unless the build succeeds.
+pub fn build_clouds(
+    inputs: Vec<CloudInput>,
+    estimate: bool,
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<Summary> {
+    let mut clock = Clock::default();
+    check_target(output)?;
+    let first = inputs.first().map(|input| input.path().to_owned());
+    let sources: Vec<Source> = inputs.iter().map(|input| describe(input, estimate)).collect();
+    let surfels = surfels(inputs, estimate, progress)?;
+    let (root, depth) = place_cloud(&surfels, first.as_deref(), options.resolution)?;
+    clock.lap("measure");
+    let mut task = Task::begin(sources, surfels.points, root, depth, output, options, None)?;
+    clock.lap("identify");
+    task.rules.evaluate_interior = true;
+    let (points, void_points, spacing) =
+        (surfels.all.len() as u64 + surfels.void, surfels.void, surfels.spacing);
+    task.meta.numbers.facets = points;
+    task.meta.numbers.degenerate_facets = void_points;
+    let field = CloudBricks::new(&surfels, root, options.gwn_error)?;
+    drop(surfels);
+    clock.lap("cluster");
+    let pieces: Vec<CloudPiece> = field.pieces().collect();
+    task.cut(|cubes| weigh_pieces(&field, &pieces, cubes, progress))?;
+    clock.lap_if(task.meta.share.is_some(), "weigh");
+    task.build(&field, gather(&field, &pieces), progress)?;
+    clock.lap("build");
+    let summary = task.finish(clock, progress)?;
+    Ok(Summary { facets: 0, degenerate_facets: 0, points, void_points, spacing, ..summary })
+}
+
+/// The surface elements of the points of some files together. With `estimate`, their normals are those of
+/// [`estimate_normals`], whatever the files say.
+///
+/// # Errors
+/// If points lack normals, or some files' do and others' do not; if no point has an area; if the user interrupts.
+pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress) -> Result<Surfels> {
+    let Some(first) = inputs.first().map(|input| input.path().to_owned()) else {
+        return Err(Error::setting("there is no input", "give at least one point cloud"));
+    };
+    let mut cloud = CloudInput::join(inputs)?;
+    if estimate {
+        estimate_normals(&mut cloud, progress)?;
+    } else if cloud.normals.is_empty() {
+        let (what, remedy) = ("have no normals", "add --estimate-normals, or export them with normals");
+        return Err(Error::input(&first, "points", what, remedy));
+    }
+    let surfels = Surfels::of(&cloud, progress)?;
+    if surfels.all.is_empty() {
+        let what = format!("none of the {} points has an area", surfels.void);
+        return Err(Error::input(&first, "points", what, "give several points, with normals that are not 0"));
+    }
+    Ok(surfels)
+}
+
+/// The root cube and the deepest level: if none is asked for, the one whose cells are nearest to half the spacing.
+/// Finer cells would show how single points are spread, coarser ones less than the points tell.
+fn place_cloud(surfels: &Surfels, first: Option<&Path>, resolution: Resolution) -> Result<(RootCube, u8)> {
+    let (min, max) = surfels.bounds();
+    if resolution != Resolution::Auto {
+        return place(first, min, max, resolution);
+    }
+    let (root, _) = place(first, min, max, Resolution::Depth(0))?;
+    // Nearest as a ratio: a cell of twice the next level's is as far off as one of that.
+    let is_fine = |level: &u8| 2.0 * root.spacing(*level) <= std::f64::consts::SQRT_2 * surfels.spacing;
+    Ok((root, (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)))
+}
+
+fn describe(input: &CloudInput, estimated: bool) -> Source {
+    let normals = if estimated { ", estimated normals" } else { "" };
+    Source {
+        path: input.path().display().to_string(),
+        bytes: input.bytes(),
+        facets: input.cloud.points.len() as u64,
+        format: format!("{}{normals}", input.describe()),
+        blake3: input.identity(),
+    }
+}

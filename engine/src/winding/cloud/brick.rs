@@ -1,0 +1,124 @@
+//! Bricks of point clouds.
+
+use super::super::open::{OpenBrick, Shares, binary_places, fixed_point};
+use super::{CloudField, Surfels};
+use crate::brick::{Brick, POINTS, Samples};
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, Units};
+
+/// Cells across a ball's radius below which samples may miss what it holds.
+const CELLS_TO_SEE: i64 = 2;
+
+/// The field of a cloud as bricks see it.
+#[derive(Debug)]
+pub struct CloudBricks {
+    field: CloudField,
+    bits: u8,
+    error: f64,
+}
+
+/// A point of a cloud as the octree sees it: the ball over which it is spread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CloudPiece {
+    /// Where it is; even.
+    pub position: Units,
+    /// At least its radius; even.
+    pub radius: i32,
+}
+
+/// Working memory; one per thread.
+#[derive(Default)]
+pub struct CloudEvaluator {
+    shares: Shares,
+}
+
+/// The samples of one brick.
+pub struct CloudBrick {
+    smooth: OpenBrick,
+    has_details: bool,
+}
+
+impl CloudBricks {
+    /// With samples that are off by at most `error`.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Setting`] if samples of 16 bits cannot be that exact.
+    pub fn new(surfels: &Surfels, root: RootCube, error: f64) -> Result<CloudBricks> {
+        Ok(CloudBricks { field: CloudField::new(surfels, root), bits: binary_places(error)?, error })
+    }
+
+    /// The balls of all points.
+    pub fn pieces(&self) -> impl Iterator<Item = CloudPiece> {
+        self.field.tree.elements().iter().map(|dipole| {
+            // Reaches are below a few root edges, and the next even number is enough.
+            CloudPiece { position: dipole.at(), radius: dipole.radius() as i32 / 2 * 2 + 2 }
+        })
+    }
+
+    /// Evaluates the 33³ samples of `key`, which the balls of `pieces` touch. A sample's value depends on its position
+    /// and on nothing else. Samples on the root's own faces count as outside.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Setting`] if a winding number does not fit 16 bits.
+    pub fn evaluate(
+        &self,
+        scratch: &mut CloudEvaluator,
+        key: NodeKey,
+        mut pieces: impl Iterator<Item = CloudPiece>,
+    ) -> Result<CloudBrick> {
+        scratch.shares.find(&self.field.tree, self.error, self.bits, key);
+        let shares = scratch.shares.values();
+        let samples = fixed_point(key, self.bits, (0..POINTS).map(|index| shares[index]))?;
+        let has_details = pieces.any(|piece| !piece.is_seen_by(key));
+        Ok(CloudBrick { smooth: OpenBrick::smooth(samples, key, self.error), has_details })
+    }
+}
+
+impl CloudPiece {
+    /// Whether the ball touches the closed cube `low..low + size`.
+    pub fn touches_cube(&self, low: Units, size: i32) -> bool {
+        let squared: i64 = (0..3)
+            .map(|a| {
+                let from = i64::from(self.position[a]) - i64::from(low[a]);
+                let beyond = (-from).max(from - i64::from(size)).max(0);
+                beyond * beyond
+            })
+            .sum();
+        squared <= i64::from(self.radius) * i64::from(self.radius)
+    }
+
+    /// Whether the samples of a brick show what the field does over the ball.
+    fn is_seen_by(&self, key: NodeKey) -> bool {
+        i64::from(self.radius) >= CELLS_TO_SEE << key.spacing_bits()
+    }
+}
+
+impl CloudBrick {
+    /// The samples, with binary places.
+    pub fn samples(&self) -> &Samples {
+        &self.smooth.samples
+    }
+
+    /// The same, for good.
+    pub fn into_samples(self) -> Samples {
+        self.smooth.samples
+    }
+
+    /// Whether a ball touches the brick that is too small for its samples to show.
+    pub fn has_details(&self) -> bool {
+        self.has_details
+    }
+
+    /// As [`OpenBrick::is_straight`].
+    pub fn is_straight(&self) -> bool {
+        self.smooth.is_straight()
+    }
+
+    /// The leaf's brick with its Hermite edges: where the field between two samples, taken to be linear, passes 0.5,
+    /// with the normal −∇w from differences of samples.
+    pub fn into_leaf(self) -> Brick {
+        self.smooth.into_leaf()
+    }
+}
+
+const _: () = assert!(CELLS_TO_SEE < BRICK_CELLS as i64, "a brick sees balls of its own size");

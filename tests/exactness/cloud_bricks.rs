@@ -1,0 +1,198 @@
+//! Trees of point clouds against the sum over all points, written again from its formula.
+
+use crate::scene::{nodes, position};
+use brickfield_bench_data::Rng;
+use brickfield_engine::Silent;
+use brickfield_engine::brick::{Brick, SignChanges};
+use brickfield_engine::build::{TreeOptions, build_cloud_in_memory};
+use brickfield_engine::ingest::PointCloud;
+use brickfield_engine::lattice::{Axis, BRICK_POINTS, ROOT_BITS, RootCube};
+use brickfield_engine::store::{MemoryTree, Refine};
+use brickfield_engine::winding::{CloudField, Surfel, Surfels};
+use std::collections::HashMap;
+use std::f64::consts::{PI, TAU};
+
+/// Points scattered over a torus with radii of 10 and 4, and its normals.
+fn torus(count: usize, seed: u64) -> PointCloud {
+    let mut rng = Rng::new(seed);
+    let mut cloud = PointCloud::default();
+    while cloud.points.len() < count {
+        let (u, v) = (rng.range(0.0, TAU), rng.range(0.0, TAU));
+        if rng.range(0.0, 14.0) < 10.0 + 4.0 * v.cos() {
+            let way = [u.cos() * v.cos(), u.sin() * v.cos(), v.sin()];
+            let ring = [10.0 * u.cos(), 10.0 * u.sin(), 0.0];
+            cloud.points.push(std::array::from_fn(|a| ring[a] + 4.0 * way[a]));
+            cloud.normals.push(way);
+        }
+    }
+    cloud
+}
+
+struct Scene {
+    surfels: Surfels,
+    root: RootCube,
+}
+
+impl Scene {
+    fn of(cloud: &PointCloud) -> Scene {
+        let surfels = Surfels::of(cloud, &Silent).unwrap();
+        let (min, max) = surfels.bounds();
+        Scene { root: RootCube::around(min, max).unwrap(), surfels }
+    }
+
+    fn tree(&self, options: TreeOptions, error: f64) -> MemoryTree {
+        build_cloud_in_memory(&self.surfels, self.root, options, error).unwrap()
+    }
+
+    fn w(&self, p: [i32; 3]) -> f64 {
+        let units = f64::from(1u32 << ROOT_BITS) / self.root.edge;
+        let snap = self.root.snapper();
+        let share = |s: &Surfel| {
+            let at = snap(s.position);
+            let r: [f64; 3] = std::array::from_fn(|a| f64::from(at[a] - p[a]));
+            let distance = r.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let radius = s.radius * units;
+            let q = distance / radius;
+            // The share of the ball's density that is nearer to its middle.
+            let inner = if q < 1.0 { 2.5 * q.powi(3) - 1.5 * q.powi(5) } else { 1.0 };
+            let along: f64 = (0..3).map(|a| s.area[a] * units * units * r[a]).sum();
+            inner * along / (4.0 * PI * distance.powi(3))
+        };
+        self.surfels.all.iter().map(share).sum()
+    }
+}
+
+fn on_root_face(p: [i32; 3]) -> bool {
+    p.iter().any(|&c| c == 1 || c == (1 << ROOT_BITS) + 1)
+}
+
+/// The largest error of random samples of random bricks.
+fn worst(scene: &Scene, tree: &MemoryTree, samples: usize, seed: u64) -> f64 {
+    let mut rng = Rng::new(seed);
+    let nodes = nodes(tree);
+    let mut worst = 0.0f64;
+    for _ in 0..samples {
+        let (key, _, brick) = &nodes[rng.below(nodes.len() as u32) as usize];
+        let ijk: [usize; 3] = std::array::from_fn(|_| rng.below(BRICK_POINTS as u32) as usize);
+        let p = position(*key, ijk);
+        if !on_root_face(p) {
+            worst = worst.max((brick.value(ijk) - scene.w(p)).abs());
+        }
+    }
+    worst
+}
+
+/// All samples at one position are the same, whatever brick holds them.
+fn assert_positions_agree(tree: &MemoryTree) {
+    let mut seen: HashMap<[i32; 3], f64> = HashMap::new();
+    for (key, _, brick) in nodes(tree) {
+        for row in 0..BRICK_POINTS * BRICK_POINTS {
+            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+            // All of the border, every fourth inside.
+            let step = if [0, 32].contains(&j) || [0, 32].contains(&k) { 1 } else { 4 };
+            for i in (0..BRICK_POINTS).step_by(step) {
+                let (p, w) = (position(key, [i, j, k]), brick.value([i, j, k]));
+                assert_eq!(*seen.entry(p).or_insert(w), w, "{key} {i} {j} {k}");
+            }
+        }
+    }
+}
+
+#[test]
+fn samples_are_within_the_bound() {
+    let mut two = torus(700, 1);
+    // A second one through it, facing inward, one point far off, and one twice.
+    let other = torus(300, 2);
+    two.points.extend(other.points.iter().map(|p| [p[0] + 9.0, p[2], p[1]]));
+    two.normals.extend(other.normals.iter().map(|n| [-n[0], -n[2], -n[1]]));
+    two.points.extend([[30.0, 20.0, 10.0], two.points[0]]);
+    two.normals.extend([[0.0, 0.6, 0.8], two.normals[0]]);
+    for (cloud, depth, error) in [(torus(2000, 3), 1, 1e-3), (two, 2, 0.02), (torus(200, 4), 0, 3e-4)] {
+        let scene = Scene::of(&cloud);
+        let tree = scene.tree(TreeOptions { depth, ..Default::default() }, error);
+        let found = worst(&scene, &tree, 1500, 5);
+        println!("asked for {error}, worst of 1500: {found:.1e}");
+        assert!(found <= error, "{found} {error}");
+        assert_positions_agree(&tree);
+    }
+}
+
+/// What `winding` answers is what the store holds.
+#[test]
+fn stores_hold_what_points_are_told() {
+    let scene = Scene::of(&torus(1000, 6));
+    let tree = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 0.01);
+    let field = CloudField::new(&scene.surfels, scene.root);
+    let (mut points, mut stored) = (Vec::new(), Vec::new());
+    for (key, _, brick) in nodes(&tree) {
+        for at in 1..11 {
+            let ijk = [3 * at, (7 * at) % 32, (11 * at) % 32];
+            let p = position(key, ijk);
+            if !on_root_face(p) {
+                points.push(scene.root.to_world(p.map(f64::from)));
+                stored.push(brick.value(ijk));
+            }
+        }
+    }
+    let told = field.winding_at(scene.root, &points, 1e-5, &Silent).unwrap();
+    assert!(stored.len() > 60);
+    for (a, b) in stored.iter().zip(told) {
+        assert!((a - b).abs() <= 0.01 + 1e-5, "{a} {b}");
+    }
+}
+
+/// Bricks are divided where samples may miss a point, and where they bend by more than the error; not where points are
+/// many cells apart.
+#[test]
+fn bricks_are_divided_down_to_what_samples_show() {
+    let grid = (0..25).map(|i| [f64::from(i % 5), f64::from(i / 5), 0.0]).collect();
+    let scene = Scene::of(&PointCloud { points: grid, normals: vec![[0.0, 0.0, 1.0]; 25] });
+    assert_eq!(scene.surfels.spacing, 1.0);
+    let coarse = scene.tree(TreeOptions { depth: 3, ..Default::default() }, 0.5);
+    assert_eq!(nodes(&coarse).len(), 1, "points are four cells of the root apart");
+    let fine = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 1e-3);
+    assert_eq!(nodes(&fine).len(), 9);
+    let scene = Scene::of(&torus(4000, 8));
+    for refine in [Refine::Hidden, Refine::Surface] {
+        let tree = scene.tree(TreeOptions { depth: 1, refine, stddev: 0.0 }, 0.5);
+        assert_eq!(
+            nodes(&tree).len(),
+            9,
+            "{refine:?}: cells of the root are twice as large as points are apart"
+        );
+    }
+}
+
+/// Hermite edges lie where the field passes 0.5, with its gradient.
+#[test]
+fn hermite_edges_lie_on_the_surface() {
+    let scene = Scene::of(&torus(3000, 9));
+    let tree = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 0.02);
+    let (mut all, mut off, mut tilted) = (0, 0, 0);
+    for (key, leaf, brick) in nodes(&tree) {
+        let (true, Brick::Counts { samples, hermite }) = (leaf, &*brick) else { continue };
+        let signs = SignChanges::of(samples);
+        assert_eq!(signs.counts(), [0, 1, 2].map(|a| hermite.edges[a].len()));
+        let mut edges = hermite.edges[0].iter();
+        for row in 0..BRICK_POINTS * BRICK_POINTS {
+            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+            let mut bits = signs.edges(Axis::X, j, k);
+            while bits != 0 {
+                let i = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                let edge = edges.next().unwrap();
+                let p = position(key, [i, j, k]).map(f64::from);
+                let spacing = f64::from(1u32 << key.spacing_bits());
+                let [x, y, z] = scene.root.to_world([p[0] + edge.fraction() * spacing, p[1], p[2]]);
+                let ring = x.hypot(y);
+                all += 1;
+                off += u32::from(((ring - 10.0).hypot(z) - 4.0).abs() > 0.1);
+                let way = [(ring - 10.0) * x / ring, (ring - 10.0) * y / ring, z].map(|c| c / 4.0);
+                let normal = edge.normal.to_vector();
+                tilted += u32::from((0..3).map(|a| way[a] * normal[a]).sum::<f64>() < 0.9);
+            }
+        }
+    }
+    // Points are 0.7 apart.
+    assert!(all > 1500 && off * 50 < all && tilted * 20 < all, "{off} off and {tilted} tilted of {all}");
+}

@@ -1,0 +1,217 @@
+//! Point clouds to stores, and every command on those.
+
+use crate::support::*;
+use brickfield_bench_data::{Rng, judge::mesh};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+type Points = Vec<[f32; 6]>;
+
+/// Points scattered evenly over facets, with their normals.
+fn scattered(facets: &[Facet], count: usize, seed: u64) -> Points {
+    let normal = |t: &Facet| -> [f64; 3] {
+        let e = |i: usize, a: usize| f64::from(t[i][a] - t[0][a]);
+        [(1, 2), (2, 0), (0, 1)].map(|(a, b)| e(1, a) * e(2, b) - e(1, b) * e(2, a))
+    };
+    let mut sums = vec![0.0];
+    for t in facets {
+        sums.push(sums[sums.len() - 1] + normal(t).iter().map(|c| c * c).sum::<f64>().sqrt());
+    }
+    let mut rng = Rng::new(seed);
+    let mut point = || {
+        let at = rng.range(0.0, sums[facets.len()]);
+        let t = &facets[sums.partition_point(|s| *s <= at).clamp(1, facets.len()) - 1];
+        let (mut u, mut v) = (rng.range(0.0, 1.0) as f32, rng.range(0.0, 1.0) as f32);
+        if u + v > 1.0 {
+            (u, v) = (1.0 - u, 1.0 - v);
+        }
+        let p: [f32; 3] =
+            std::array::from_fn(|a| t[0][a] + u * (t[1][a] - t[0][a]) + v * (t[2][a] - t[0][a]));
+        let n = normal(t);
+        [p[0], p[1], p[2], n[0] as f32, n[1] as f32, n[2] as f32]
+    };
+    (0..count).map(|_| point()).collect()
+}
+
+fn ply(points: &Points, with_normals: bool) -> Vec<u8> {
+    let names = &["x", "y", "z", "nx", "ny", "nz"][..if with_normals { 6 } else { 3 }];
+    let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
+    let count = points.len();
+    let header =
+        format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n");
+    let values = points.iter().flat_map(|p| &p[..names.len()]).flat_map(|c| c.to_le_bytes());
+    header.into_bytes().into_iter().chain(values).collect()
+}
+
+fn spot() -> Vec<Facet> {
+    facets_of(&stl("spot40_model"))
+}
+
+fn torus() -> Vec<Facet> {
+    let mesh = brickfield_bench_data::shapes::torus(10.0, 4.0, 64, 48);
+    mesh.facets().map(|t| t.map(|v| v.map(|c| c as f32))).collect()
+}
+
+/// Builds a store and its mesh; the summary and where they are.
+fn build(dir: &Scratch, inputs: &[&Path], extra: &[&str]) -> (serde_json::Value, PathBuf, PathBuf) {
+    let (store, mesh) = (dir.path("cloud.brf"), dir.path("cloud.ply"));
+    let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"build", &"-o", &store, &"--mesh", &mesh, &"--json"];
+    args.extend(inputs.iter().map(|input| input as &dyn AsRef<OsStr>));
+    args.extend(extra.iter().map(|word| word as &dyn AsRef<OsStr>));
+    (run(&args).json(), store, mesh)
+}
+
+/// Random positions in and around a box, farther from all points than two spacings.
+fn positions(points: &Points, low: [f64; 3], high: [f64; 3], spacing: f64) -> Vec<[f64; 3]> {
+    let mut rng = Rng::new(11);
+    let far = |p: &[f64; 3]| {
+        points.iter().all(|q| {
+            let squared = (0..3).map(|a| (f64::from(q[a]) - p[a]).powi(2)).sum::<f64>();
+            squared > 4.0 * spacing * spacing
+        })
+    };
+    let one = || std::array::from_fn(|a| rng.range(low[a], high[a]));
+    std::iter::repeat_with(one).filter(far).take(2000).collect()
+}
+
+fn csv(points: &[[f64; 3]]) -> String {
+    points.iter().map(|p| format!("{},{},{}\n", p[0], p[1], p[2])).collect()
+}
+
+fn w_of(text: &str) -> Vec<f64> {
+    text.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect()
+}
+
+/// From the cloud to the mesh: closed, manifold, of the model's volume, and the store tells inside from outside.
+#[test]
+fn clouds_of_models_become_closed_meshes() {
+    for (facets, count, with_normals) in
+        [(spot(), 6_000, true), (torus(), 2_500, true), (torus(), 2_500, false)]
+    {
+        let dir = Scratch::new();
+        let points = scattered(&facets, count, 1);
+        let input = dir.file("scan.ply", ply(&points, with_normals));
+        let (report, store, mesh) =
+            build(&dir, &[&input], if with_normals { &[] } else { &["--estimate-normals"] });
+        let (spacing, cell) = (report["spacing"].as_f64().unwrap(), report["cell"].as_f64().unwrap());
+        assert_eq!((report["points"].as_u64(), report["facets"].as_u64()), (Some(count as u64), Some(0)));
+        assert!(cell > 0.35 * spacing && cell < 0.71 * spacing, "{cell} {spacing}");
+        run(&[&"verify", &store]).ok();
+        let judged = mesh::check_file(&mesh).unwrap();
+        assert!(judged.is_closed_manifold() && judged.is_oriented(), "{judged}");
+        let truth = mesh::check_soup(&facets);
+        let off = judged.signed_volume / truth.signed_volume - 1.0;
+        assert!(off.abs() < 0.02, "{off}");
+        let said = run(&[&"info", &store, &"--volume", &"--json"]).json();
+        let union = said["volumes"]["union"].as_f64().unwrap();
+        assert!((union / truth.signed_volume - 1.0).abs() < 0.02, "{union}");
+        let asked = csv(&positions(&points, truth.min, truth.max, spacing));
+        let model = dir.file("model.stl", binary_stl(facets.len() as u32, &facets));
+        let sides = w_of(&run_with(&[&"winding", &model, &"--points", &"-"], &asked).ok());
+        let found = w_of(&run_with(&[&"sample", &store, &"--points", &"-"], &asked).ok());
+        let wrong = sides.iter().zip(&found).filter(|(t, w)| (**t > 0.5) != (**w > 0.5)).count();
+        assert!(sides.iter().filter(|t| **t > 0.5).count() > 200 && wrong <= 2, "{wrong} of {}", sides.len());
+        // The same from the points, but for the interpolation between samples.
+        let straight: [&[&dyn AsRef<OsStr>]; 2] = [&[], &[&"--estimate-normals"]];
+        let args: [&dyn AsRef<OsStr>; 4] = [&"winding", &input, &"--points", &"-"];
+        let told = w_of(&run_with(&[&args[..], straight[usize::from(!with_normals)]].concat(), &asked).ok());
+        for (a, b) in told.iter().zip(&found) {
+            assert!((a - b).abs() < 0.05, "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn every_command_answers_and_bytes_do_not_depend_on_threads() {
+    let dir = Scratch::new();
+    let all = scattered(&torus(), 800, 2);
+    let (a, b) = (dir.file("a.ply", ply(&all[..500].to_vec(), true)), dir.path("b.xyz"));
+    let line = |p: &[f32; 6]| p.map(|c| c.to_string()).join(" ") + "\n";
+    std::fs::write(&b, all[500..].iter().map(line).collect::<String>()).unwrap();
+    let (_, store, mesh) = build(&dir, &[&a, &b], &["--threads", "1"]);
+    let first = (std::fs::read(&store).unwrap(), std::fs::read(&mesh).unwrap());
+    for threads in ["2", "3", "8"] {
+        build(&dir, &[&a, &b], &["--threads", threads]);
+        assert!((std::fs::read(&store).unwrap(), std::fs::read(&mesh).unwrap()) == first, "{threads}");
+    }
+    let text = run(&[&"info", &store]).ok();
+    assert!(
+        text.contains("a.ply: PLY points, 500 points") && text.contains("b.xyz: XYZ points, 300"),
+        "{text}"
+    );
+    assert!(text.contains("  points   800 (0 without area)"), "{text}");
+    for extra in [["--level", "0"], ["--iso", "0.5"]] {
+        run(&[&"mesh", &store, &"-o", &mesh, &extra[0], &extra[1], &"--quiet"]).ok();
+        let judged = mesh::check_file(&mesh).unwrap();
+        assert!(judged.is_closed_manifold() && judged.components == 1, "{judged}");
+    }
+    // Nothing is covered twice.
+    run(&[&"mesh", &store, &"-o", &mesh, &"--iso", &"1.5", &"--quiet"]).ok();
+    assert_eq!(mesh::check_file(&mesh).unwrap().triangles, 0);
+    let array = dir.path("w.npy");
+    run(&[&"export", &store, &"--level", &"1", &"--dtype", &"f4", &"-o", &array, &"--quiet"]).ok();
+    let shown = run(&[&"build", &a, &"-o", &store]).ok();
+    assert!(shown.contains("  points   500 (0 without area), ") && shown.contains(" mm apart\n"), "{shown}");
+    // By depth and by cell, and with the field facing inward.
+    for extra in [&["--depth", "0"][..], &["--cell", "0.8mm"], &["--depth", "1", "--gwn-error", "0.1"]] {
+        build(&dir, &[&a, &b], extra);
+        assert!(mesh::check_file(&mesh).unwrap().is_closed_manifold(), "{extra:?}");
+    }
+    let inward: Points = all.iter().map(|p| [p[0], p[1], p[2], -p[3], -p[4], -p[5]]).collect();
+    let inward = dir.file("in.ply", ply(&inward, true));
+    let warned = run(&[&"build", &inward, &"-o", &store, &"--quiet"]);
+    assert!(warned.status == Some(0) && warned.stderr.contains("nothing lies inside"), "{}", warned.stderr);
+}
+
+#[test]
+fn clouds_that_cannot_be_built_are_refused_in_one_line() {
+    let dir = Scratch::new();
+    let points = scattered(&torus(), 300, 3);
+    let (oriented, bare) = (dir.file("o.ply", ply(&points, true)), dir.file("b.ply", ply(&points, false)));
+    let out = dir.path("x.brf");
+    let refuse = |extra: &[&dyn AsRef<OsStr>]| {
+        run(&[&[&"build" as &dyn AsRef<OsStr>, &"-o", &out, &"--quiet"], extra].concat())
+    };
+    let model = stl("overlap_boxes");
+    let one = dir.file("one.xyz", "1 2 3 0 0 1\n");
+    let same = dir.file("same.xyz", "1 2 3 0 0 1\n1 2 3 0 0 1\n");
+    let zero = dir.file("zero.xyz", "1 2 3 0 0 0\n2 2 3 0 0 0\n2 5 3 0 0 0\n");
+    let nan = dir.file("nan.xyz", "1 2 3 0 0 1\n2 2 3 nan 0 1\n");
+    let cases: [(&[&dyn AsRef<OsStr>], &str); 9] = [
+        (&[&bare], "b.ply: points: have no normals; add --estimate-normals"),
+        (&[&oriented, &bare], "b.ply: points: has normals or lacks them"),
+        (&[&oriented, &model], "overlap_boxes.stl: points: is none, among point clouds"),
+        (&[&model, &oriented], "overlap_boxes.stl: points: is none, among point clouds"),
+        (&[&one], "one.xyz: points: none of the 1 points has an area"),
+        (&[&same, &"--estimate-normals"], "same.xyz: points: none of the 2 points has an area"),
+        (&[&zero], "zero.xyz: points: none of the 3 points has an area"),
+        (&[&nan], "nan.xyz: point 2: has a coordinate that is not finite"),
+        (&[&oriented, &"--memory", &"64MiB"], "300 points need at least"),
+    ];
+    for (extra, what) in cases {
+        let line = refuse(extra).failed();
+        assert!(line.contains(what), "{line}");
+    }
+    for (extra, what) in [
+        (&[&oriented as &dyn AsRef<OsStr>, &"--identity"][..], "--identity"),
+        (&[&oriented, &"--beads", &"analytic"], "points are no beads"),
+        (&[&model, &"--estimate-normals"], "is for point clouds"),
+    ] {
+        let text = refuse(extra).misused();
+        assert!(text.contains(what), "{text}");
+    }
+    assert_eq!(dir.names(), ["b.ply", "nan.xyz", "o.ply", "one.xyz", "same.xyz", "zero.xyz"]);
+}
+
+#[test]
+fn an_interrupted_build_of_a_cloud_leaves_nothing() {
+    let dir = Scratch::new();
+    let input = dir.file("scan.ply", ply(&scattered(&torus(), 20_000, 4), true));
+    let mut command = program();
+    command.arg("build").arg(&input).arg("-o").arg(dir.path("o.brf")).args(["--depth", "6"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let line = super::signals::interrupt(child, &dir, "o.brf.part", "-INT").failed();
+    assert!(line.contains("interrupted"), "{line}");
+    assert_eq!(dir.names(), ["scan.ply"]);
+}
