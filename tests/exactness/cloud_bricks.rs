@@ -145,11 +145,11 @@ fn stores_hold_what_points_are_told() {
 /// many cells apart.
 #[test]
 fn bricks_are_divided_down_to_what_samples_show() {
-    let grid = (0..25).map(|i| [f64::from(i % 5), f64::from(i / 5), 0.0]).collect();
-    let scene = Scene::of(&PointCloud { points: grid, normals: vec![[0.0, 0.0, 1.0]; 25] });
+    let grid = (0..81).map(|i| [f64::from(i % 9), f64::from(i / 9), 0.0]).collect();
+    let scene = Scene::of(&PointCloud { points: grid, normals: vec![[0.0, 0.0, 1.0]; 81] });
     assert_eq!(scene.surfels.spacing, 1.0);
     let coarse = scene.tree(TreeOptions { depth: 3, ..Default::default() }, 0.5);
-    assert_eq!(nodes(&coarse).len(), 1, "points are four cells of the root apart");
+    assert_eq!(nodes(&coarse).len(), 1, "balls are wider than four cells of the root");
     let fine = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 1e-3);
     assert_eq!(nodes(&fine).len(), 9);
     let scene = Scene::of(&torus(4000, 8));
