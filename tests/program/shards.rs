@@ -118,6 +118,21 @@ fn open_meshes_and_extrusions_are_joined_to_the_bytes_of_one_build() {
 }
 
 #[test]
+fn clouds_are_joined_to_the_bytes_of_one_build() {
+    let points: String = (0..600)
+        .map(|n| {
+            let (z, angle) = (f64::from(n) / 300.0 - 1.0, 2.4 * f64::from(n));
+            let across = (1.0 - z * z).sqrt();
+            let (x, y) = (across * angle.cos(), across * angle.sin());
+            format!("{} {} {} {x} {y} {z}\n", 8.0 * x, 5.0 * y, 3.0 * z)
+        })
+        .collect();
+    let dir = Scratch::new();
+    let cloud = dir.file("cloud.xyz", points);
+    joined_is_whole(&[cloud.to_str().unwrap()], &["--depth", "2"], &[1, 3]);
+}
+
+#[test]
 fn a_bound_on_memory_does_not_show_in_a_share() {
     let dir = Scratch::new();
     let beads = example("stl/clover_beads.stl");

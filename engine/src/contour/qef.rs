@@ -71,6 +71,19 @@ impl Symmetric {
         self.0[0] * adjugate.0[0] + self.0[3] * adjugate.0[3] + self.0[5] * adjugate.0[5]
     }
 
+    #[inline]
+    fn squared(&self) -> Symmetric {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        Symmetric([
+            xx * xx + xy * xy + zx * zx,
+            xy * xy + yy * yy + yz * yz,
+            zx * zx + yz * yz + zz * zz,
+            xx * xy + xy * yy + zx * yz,
+            xy * zx + yy * yz + yz * zz,
+            zx * xx + yz * xy + zz * zx,
+        ])
+    }
+
     /// Pseudo-inverse times `rhs` without the eigenvalues below [`TRUNCATION_SQUARED`] of the largest, and the
     /// largest.
     ///
@@ -108,24 +121,23 @@ impl Symmetric {
     /// The eigenvector, of length one, of an eigenvalue well below the other two, with the value.
     fn least_eigenvector(&self) -> Option<(Vector, f64)> {
         let adjugate = self.adjugate();
-        let [a, b, c, d, e, f] = adjugate.0;
+        let (trace, products) = (self.trace(), adjugate.trace());
         // Below a thousandth of the products of two, one value stands out and the other two are noise.
-        if a + b + c <= 1e-3 * self.trace() * self.trace() {
+        if products <= 1e-3 * trace * trace {
             return None;
         }
+        // The fourth power three times: what is mixed in shrinks by the twelfth power of the ratio of the two values.
+        let fourth = Symmetric(adjugate.0.map(|c| c / products)).squared().squared();
+        let [a, b, c, d, e, f] = fourth.0;
         let columns = [[a, d, f], [d, b, e], [f, e, c]];
         let longest = if a >= b && a >= c { 0 } else { 1 + usize::from(c > b) };
-        let scale = 1.0 / (a + b + c);
-        let mut v = columns[longest].map(|c| c * scale);
-        for _ in 0..3 {
-            v = adjugate.times(v).map(|c| c * scale);
-        }
+        let v = fourth.times(fourth.times(columns[longest]));
         let length = dot(v, v).sqrt();
         let v = v.map(|c| c / length);
         let image = self.times(v);
         let value = dot(v, image);
         let rest: Vector = std::array::from_fn(|n| image[n] - value * v[n]);
-        (dot(rest, rest) <= 1e-12 * self.trace() * self.trace()).then_some((v, value))
+        (dot(rest, rest) <= 1e-20 * trace * trace).then_some((v, value))
     }
 
     /// Eigenvalues and eigenvectors by cyclic Jacobi rotations.
