@@ -16,4 +16,6 @@ fn manual_pages_are_written() {
     assert!(page.contains(".TH brickfield 1") && page.contains(".SH NAME"), "{page}");
     let page = run(&[&"man", &"build"]).ok();
     assert!(page.contains(".TH brickfield-build 1") && page.contains("refine"), "{page}");
+    let page = run(&[&"man", &"cache", &"merge"]).ok();
+    assert!(page.contains(".TH brickfield-cache-merge 1") && page.contains("shares"), "{page}");
 }

@@ -3,8 +3,19 @@
 use crate::support::*;
 use std::ffi::OsStr;
 
-const COMMANDS: [&str; 10] =
-    ["build", "beads", "mesh", "info", "sample", "winding", "export", "verify", "completions", "man"];
+const COMMANDS: [&str; 11] = [
+    "build",
+    "beads",
+    "mesh",
+    "info",
+    "sample",
+    "winding",
+    "export",
+    "verify",
+    "cache",
+    "completions",
+    "man",
+];
 
 #[test]
 fn what_makes_no_sense_is_refused() {
@@ -47,6 +58,7 @@ fn what_makes_no_sense_is_refused() {
     run(&[&"mesh", &store, &"-o", &dir.path("x.stl"), &"--iso", &"nan"]).misused();
     run(&[&"export", &store, &"--level", &"1", &"-o", &dir.path("x.raw")]).misused();
     run(&[&"man", &"bake"]).misused();
+    run(&[&"man", &"build", &"merge"]).misused();
     run(&[&"completions", &"cmd.exe"]).misused();
     assert_eq!(dir.names(), ["overlap_boxes-1.brf"]);
 }

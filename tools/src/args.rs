@@ -410,9 +410,9 @@ pub struct CompletionsArgs {
 #[derive(Args)]
 #[command(after_help = "To read it: brickfield man build | man -l -")]
 pub struct ManArgs {
-    /// The command to describe; the program as a whole by default
+    /// The command to describe, as in `cache merge`; the program as a whole by default
     #[arg(value_name = "COMMAND")]
-    pub command: Option<String>,
+    pub command: Vec<String>,
 }
 
 #[cfg(test)]

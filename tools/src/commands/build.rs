@@ -402,7 +402,7 @@ fn samples_of_leaves(store: &Store) -> u64 {
 /// What the user should know of a field with this range.
 fn warnings((min, max): (i16, i16)) -> Vec<String> {
     let message = match (min, max) {
-        (min, max) if min < 0 && max <= 0 => "nothing lies inside: the facets face inwards",
+        (min, max) if min < 0 && max <= 0 => "nothing lies inside: facets, or normals, face inwards",
         (0, 0) => "nothing lies inside: no body is large enough for a sample",
         _ => return Vec::new(),
     };

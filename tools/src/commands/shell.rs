@@ -15,14 +15,14 @@ pub fn completions(args: &CompletionsArgs) -> Result<(), Failure> {
 
 /// Prints a manual page.
 pub fn man(args: &ManArgs) -> Result<(), Failure> {
-    let mut program = Cli::command();
-    program.build();
-    let command = match &args.command {
-        None => program,
-        Some(name) => program.find_subcommand(name).cloned().ok_or_else(|| {
-            Failure::Usage(format!("there is no command \"{name}\"; see brickfield --help"))
-        })?,
-    };
+    let mut command = Cli::command();
+    command.build();
+    for name in &args.command {
+        command = command.find_subcommand(name).cloned().ok_or_else(|| {
+            let all = args.command.join(" ");
+            Failure::Usage(format!("there is no command \"{all}\"; see brickfield --help"))
+        })?;
+    }
     let title = command.get_display_name().unwrap_or("brickfield").to_owned();
     let mut page = Vec::new();
     let source = concat!("brickfield ", env!("CARGO_PKG_VERSION"));
