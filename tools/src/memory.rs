@@ -5,6 +5,7 @@ use crate::units::Size;
 use brickfield_engine::build::BuildOptions;
 use brickfield_engine::ingest::{CloudInput, Input};
 use brickfield_engine::store::Refine;
+use brickfield_engine::winding::FAR_FIELD_BYTES;
 use std::fs;
 use std::path::Path;
 
@@ -70,7 +71,7 @@ pub fn require_room_for_points(clouds: &[CloudInput], budget: Option<Size>) -> R
     let Some(budget) = budget else { return Ok(u64::MAX) };
     let points: u64 = clouds.iter().map(|input| input.cloud.points.len() as u64).sum();
     let beside = BYTES_FIXED + rayon::current_num_threads() as u64 * BYTES_A_THREAD;
-    let need = points * BYTES_A_POINT + BYTES_TO_WORK_WITH;
+    let need = points * BYTES_A_POINT + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
     if beside + need <= budget.0 {
         return Ok(budget.0 - beside);
     }

@@ -25,6 +25,8 @@ pub(super) const TOP_BITS: u32 = ROOT_BITS + 7;
 const TOP_LOW: i64 = -(1 << (TOP_BITS - 1));
 /// Cells, and as many bytes of plans, that are kept: some thousands of each.
 const KEPT_BYTES: usize = 32 << 20;
+/// What a hierarchy of clusters takes at most, besides the clusters, of what it keeps of the far field.
+pub const FAR_FIELD_BYTES: u64 = 2 * KEPT_BYTES as u64;
 /// Share of the error that polynomials handed down may take. This and the next four constants were tuned on a million
 /// facets less 3 % at 128³ samples; none matters by more than a fifth over a factor of 1.5 to either side.
 const DOWN_SHARE: f64 = 0.3;

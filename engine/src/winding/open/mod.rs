@@ -26,6 +26,7 @@ mod wide;
 pub use boundary::{Boundary, OpenEdge};
 pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};
 pub(super) use brick::{Shares, binary_places, fixed_point};
+pub use cells::FAR_FIELD_BYTES;
 pub use local::GROUP;
 pub use moments::{Element, Moments, Reach};
 pub use points::open_winding_at;
