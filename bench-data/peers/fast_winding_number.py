@@ -3,7 +3,7 @@
     pip install libigl numpy
     make-input pile --triangles 1000000 -o pile.stl
     python fast_winding_number.py pile.stl --lose 0.03 --keep lost.stl
-    brickfield build lost.stl -o lost.brf --depth 2 --refine stddev --gwn-error 0.4 --threads 2 --json
+    brickfield build lost.stl -o lost.brf --depth 2 --gwn-error 0.4 --threads 2 --json
     brickfield export lost.brf --level 2 --dtype f4 -o lost.npy
     python fast_winding_number.py lost.stl --array lost.npy
 

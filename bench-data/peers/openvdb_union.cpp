@@ -21,7 +21,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <unordered_map>
 #include <vector>
 
 using Clock = std::chrono::steady_clock;

@@ -1,6 +1,6 @@
 //! Trees of point clouds against the sum over all points, written again from its formula.
 
-use crate::scene::{nodes, position};
+use crate::scene::{assert_positions_agree, nodes, on_root_face, position};
 use brickfield_bench_data::Rng;
 use brickfield_engine::Silent;
 use brickfield_engine::brick::{Brick, SignChanges};
@@ -9,7 +9,6 @@ use brickfield_engine::ingest::PointCloud;
 use brickfield_engine::lattice::{Axis, BRICK_POINTS, ROOT_BITS, RootCube};
 use brickfield_engine::store::{MemoryTree, Refine};
 use brickfield_engine::winding::{CloudField, Surfel, Surfels};
-use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
 /// Points scattered over a torus with radii of 10 and 4, and its normals.
@@ -62,10 +61,6 @@ impl Scene {
     }
 }
 
-fn on_root_face(p: [i32; 3]) -> bool {
-    p.iter().any(|&c| c == 1 || c == (1 << ROOT_BITS) + 1)
-}
-
 /// The largest error of random samples of random bricks.
 fn worst(scene: &Scene, tree: &MemoryTree, samples: usize, seed: u64) -> f64 {
     let mut rng = Rng::new(seed);
@@ -80,22 +75,6 @@ fn worst(scene: &Scene, tree: &MemoryTree, samples: usize, seed: u64) -> f64 {
         }
     }
     worst
-}
-
-/// All samples at one position are the same, whatever brick holds them.
-fn assert_positions_agree(tree: &MemoryTree) {
-    let mut seen: HashMap<[i32; 3], f64> = HashMap::new();
-    for (key, _, brick) in nodes(tree) {
-        for row in 0..BRICK_POINTS * BRICK_POINTS {
-            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
-            // All of the border, every fourth inside.
-            let step = if [0, 32].contains(&j) || [0, 32].contains(&k) { 1 } else { 4 };
-            for i in (0..BRICK_POINTS).step_by(step) {
-                let (p, w) = (position(key, [i, j, k]), brick.value([i, j, k]));
-                assert_eq!(*seen.entry(p).or_insert(w), w, "{key} {i} {j} {k}");
-            }
-        }
-    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::open::{file, moebius, spot, without};
 use crate::oracle::Oracle;
-use crate::scene::{Scene, nodes, position};
+use crate::scene::{Scene, assert_positions_agree, nodes, on_root_face, position};
 use brickfield_bench_data::judge::winding::solid_angle_sum;
 use brickfield_bench_data::pile::random_pile;
 use brickfield_bench_data::{Mesh, Rng};
@@ -11,7 +11,6 @@ use brickfield_engine::build::{TreeOptions, build_open_in_memory};
 use brickfield_engine::ingest::Facet;
 use brickfield_engine::lattice::{Axis, BRICK_POINTS, NodeKey};
 use brickfield_engine::store::{MemoryTree, Refine};
-use std::collections::HashMap;
 
 fn tree_of(scene: &Scene, options: TreeOptions, error: f64) -> MemoryTree {
     build_open_in_memory(&[&scene.soup], scene.root, options, error).unwrap_or_else(|e| panic!("{e}"))
@@ -19,10 +18,6 @@ fn tree_of(scene: &Scene, options: TreeOptions, error: f64) -> MemoryTree {
 
 fn at_depth(depth: u8) -> TreeOptions {
     TreeOptions { depth, ..Default::default() }
-}
-
-fn on_root_face(p: [i32; 3]) -> bool {
-    p.iter().any(|&c| c == 1 || c == (1 << 24) + 1)
 }
 
 /// Compares random samples of random bricks; returns how many.
@@ -43,23 +38,6 @@ fn compare(scene: &Scene, tree: &MemoryTree, error: f64, samples: usize, seed: u
         compared += 1;
     }
     compared
-}
-
-/// All samples at one position are the same, whatever brick holds them.
-fn assert_positions_agree(tree: &MemoryTree) {
-    let mut seen: HashMap<[i32; 3], f64> = HashMap::new();
-    for (key, _, brick) in nodes(tree) {
-        for k in 0..BRICK_POINTS {
-            for j in 0..BRICK_POINTS {
-                // All of the border, every fourth inside.
-                let step = if [0, 32].contains(&j) || [0, 32].contains(&k) { 1 } else { 4 };
-                for i in (0..BRICK_POINTS).step_by(step) {
-                    let (p, w) = (position(key, [i, j, k]), brick.value([i, j, k]));
-                    assert_eq!(*seen.entry(p).or_insert(w), w, "{key} {i} {j} {k}");
-                }
-            }
-        }
-    }
 }
 
 fn pile(seed: u64, lost: f64) -> Vec<Facet> {

@@ -8,6 +8,7 @@ use brickfield_engine::build::{TreeOptions, build_in_memory};
 use brickfield_engine::ingest::Facet;
 use brickfield_engine::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, ROOT_BITS, RootCube};
 use brickfield_engine::store::{BrickTree, MemoryTree};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A soup in world coordinates and where it lies.
@@ -116,4 +117,25 @@ pub fn random_sample(rng: &mut Rng, key: NodeKey, level: u8) -> [i32; 3] {
 pub fn nodes(tree: &MemoryTree) -> Vec<(NodeKey, bool, Arc<Brick>)> {
     let node = |key| (key, tree.node(key).expect("listed").leaf, tree.brick(key).expect("in memory"));
     tree.keys().into_iter().map(node).collect()
+}
+
+/// Whether a lattice position lies on one of the root's own faces.
+pub fn on_root_face(p: [i32; 3]) -> bool {
+    p.iter().any(|&c| c == 1 || c == (1 << ROOT_BITS) + 1)
+}
+
+/// All samples at one position are the same, whatever brick holds them.
+pub fn assert_positions_agree(tree: &MemoryTree) {
+    let mut seen: HashMap<[i32; 3], f64> = HashMap::new();
+    for (key, _, brick) in nodes(tree) {
+        for row in 0..BRICK_POINTS * BRICK_POINTS {
+            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+            // All of the border, every fourth inside.
+            let step = if [0, 32].contains(&j) || [0, 32].contains(&k) { 1 } else { 4 };
+            for i in (0..BRICK_POINTS).step_by(step) {
+                let (p, w) = (position(key, [i, j, k]), brick.value([i, j, k]));
+                assert_eq!(*seen.entry(p).or_insert(w), w, "{key} {i} {j} {k}");
+            }
+        }
+    }
 }

@@ -19,8 +19,8 @@ const BYTES_A_SEGMENT_FOLLOWED: u64 = 120;
 const BYTES_A_SEGMENT_DECIDED: u64 = 480;
 /// What telling beads apart adds: the segments of two levels again.
 const BYTES_A_SEGMENT_IDENTIFIED: u64 = 120;
-/// Point clouds with their clusters and the points of two levels at once. Measured on a million points: 420 bytes, no more
-/// while normals are found from neighbours.
+/// Point clouds with their clusters and the points of two levels at once. Measured on a million points: 420 bytes, no
+/// more while normals are found from neighbours.
 const BYTES_A_POINT: u64 = 500;
 /// What a thread needs beside pieces and records: a brick in work, its crossings, tables.
 const BYTES_A_THREAD: u64 = 8 << 20;
@@ -50,33 +50,35 @@ pub fn mesh_caches(memory: Size) -> u64 {
 
 /// What is left of `budget` for pieces and records; fails if that is too little.
 pub fn require_room(inputs: &[Input], options: &BuildOptions, budget: Option<Size>) -> Result<u64, Failure> {
-    let Some(budget) = budget else { return Ok(u64::MAX) };
     let parsed: u64 = inputs.iter().map(Input::heap_bytes).sum();
-    let beside = BYTES_FIXED + rayon::current_num_threads() as u64 * BYTES_A_THREAD + parsed;
     let (need, of_what) = pieces(inputs, options);
+    left_of(budget, parsed, need, &of_what, "build parts of the input separately")
+}
+
+/// As [`require_room`], of point clouds.
+pub fn require_room_for_points(clouds: &[CloudInput], budget: Option<Size>) -> Result<u64, Failure> {
+    let points: u64 = clouds.iter().map(|input| input.cloud.points.len() as u64).sum();
+    let need = points * BYTES_A_POINT + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
+    left_of(budget, 0, need, &format!("{points} points"), "give fewer points")
+}
+
+/// What is left of `budget` beside the program, its threads and `parsed` bytes; fails if `of_what` needs more.
+fn left_of(
+    budget: Option<Size>,
+    parsed: u64,
+    need: u64,
+    of_what: &str,
+    remedy: &str,
+) -> Result<u64, Failure> {
+    let Some(budget) = budget else { return Ok(u64::MAX) };
+    let beside = BYTES_FIXED + rayon::current_num_threads() as u64 * BYTES_A_THREAD + parsed;
     if beside + need <= budget.0 {
         return Ok(budget.0 - beside);
     }
     let parsed =
         if parsed > 0 { format!(", {} of them for what was parsed", Size(parsed)) } else { String::new() };
     Err(Failure::Run(anyhow::anyhow!(
-        "{of_what} need at least {}{parsed}, and {budget} are allowed; allow more with --memory, or build parts of the \
-         input separately",
-        Size(beside + need)
-    )))
-}
-
-/// As [`require_room`], of point clouds.
-pub fn require_room_for_points(clouds: &[CloudInput], budget: Option<Size>) -> Result<u64, Failure> {
-    let Some(budget) = budget else { return Ok(u64::MAX) };
-    let points: u64 = clouds.iter().map(|input| input.cloud.points.len() as u64).sum();
-    let beside = BYTES_FIXED + rayon::current_num_threads() as u64 * BYTES_A_THREAD;
-    let need = points * BYTES_A_POINT + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
-    if beside + need <= budget.0 {
-        return Ok(budget.0 - beside);
-    }
-    Err(Failure::Run(anyhow::anyhow!(
-        "{points} points need at least {}, and {budget} are allowed; allow more with --memory, or give fewer points",
+        "{of_what} need at least {}{parsed}, and {budget} are allowed; allow more with --memory, or {remedy}",
         Size(beside + need)
     )))
 }

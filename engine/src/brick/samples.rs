@@ -1,6 +1,6 @@
 //! The 33³ samples of a brick.
 
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, Octant};
 
 /// Samples in a brick with its apron: 33³.
 pub const POINTS: usize = BRICK_POINTS * BRICK_POINTS * BRICK_POINTS;
@@ -44,6 +44,15 @@ impl Samples {
     #[inline]
     pub fn at(&self, ijk: [usize; 3]) -> i16 {
         self.0[point_index(ijk)]
+    }
+
+    /// The samples at the corners of the node's children, by octant, as stored.
+    pub fn child_corners(&self) -> [i16; 8] {
+        let mut corners = [0; 8];
+        for octant in Octant::all() {
+            corners[octant.index()] = self.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
+        }
+        corners
     }
 
     /// Smallest and largest sample as stored, apron included.

@@ -3,7 +3,6 @@
 
 use super::assemble::{Assembler, Opening};
 use super::bins::Binner;
-use super::cut::Cut;
 use super::field::Field;
 use super::jobs::sort_level;
 use super::records::Recorder;
@@ -14,6 +13,7 @@ use super::subtree::{Node, STRIDE, SubtreeBuilder, corner_at};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
+use crate::store::Share;
 use std::sync::Arc;
 
 /// What a piece takes of a job: itself and its places in the lists of cubes, which it touches 1.5 of in the mean, with
@@ -142,7 +142,7 @@ impl Shares {
 pub(super) fn follow_pieces<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    (rules, cut): (&Rules, Option<&Cut>),
+    (rules, share): (&Rules, Option<&Share>),
     memory: u64,
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
@@ -155,7 +155,7 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
     let (opening, jobs) = root.open(0);
     progress.phase("building", Some(jobs.len() as u64), "subtrees");
-    let mut assembler = cut.map_or_else(Assembler::new, |cut| Assembler::of_cells(cut.cells.clone()));
+    let mut assembler = share.map_or_else(Assembler::new, |share| Assembler::of_cells(share.cells()));
     let mut joined = R::default();
     assembler.open(opening, &mut joined);
     let work =

@@ -2,37 +2,14 @@
 //!
 //! Runs, because then joining shares is little more than appending one to the other.
 
-use crate::lattice::NodeKey;
-use crate::store::{ShareId, cells_of};
+use crate::store::ShareId;
 use std::ops::Range;
 
-/// The share to build.
-#[derive(Clone, Debug)]
-pub(super) struct Cut {
-    /// Level of the cubes that are shared out.
-    pub level: u8,
-    /// Those of this share.
-    pub cells: Range<u64>,
-}
-
-impl Cut {
-    /// Share `id` of cubes with this much work each.
-    pub fn new(id: ShareId, level: u8, work: &[u64]) -> Cut {
-        let starts = starts(work, id.of);
-        let start = |number: u32| starts.get(number as usize).map_or(work.len() as u64, |&cell| cell as u64);
-        Cut { level, cells: start(id.number - 1)..start(id.number) }
-    }
-
-    /// Whether a node has a cube of the share, or lies in one.
-    pub fn meets(&self, key: NodeKey) -> bool {
-        let cells = cells_of(key, self.level);
-        !self.cells.is_empty() && cells.start < self.cells.end && self.cells.start < cells.end
-    }
-
-    /// Whether the node's first cube is the share's.
-    pub fn owns(&self, key: NodeKey) -> bool {
-        self.cells.contains(&cells_of(key, self.level).start)
-    }
+/// The cubes of share `id`, by their numbers, if each cube is this much work.
+pub(super) fn cut(id: ShareId, work: &[u64]) -> Range<u64> {
+    let starts = starts(work, id.of);
+    let start = |number: u32| starts.get(number as usize).map_or(work.len() as u64, |&cell| cell as u64);
+    start(id.number - 1)..start(id.number)
 }
 
 /// Where each share begins, if there are at most `shares`, such that the largest has as little work as possible; fewer
@@ -69,10 +46,12 @@ fn fill(work: &[u64], bound: u64) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lattice::NodeKey;
+    use crate::store::{Share, ShareNumbers};
     use proptest::prelude::*;
 
-    fn cuts(work: &[u64], of: u32) -> Vec<Cut> {
-        (1..=of).map(|number| Cut::new(ShareId { number, of }, 2, work)).collect()
+    fn cuts(work: &[u64], of: u32) -> Vec<Range<u64>> {
+        (1..=of).map(|number| cut(ShareId { number, of }, work)).collect()
     }
 
     /// The least that the largest of `shares` runs can have, by trying all.
@@ -89,23 +68,28 @@ mod tests {
 
     #[test]
     fn one_heavy_cube_stands_alone_and_shares_may_be_empty() {
-        let cells = |work: &[u64], of| cuts(work, of).into_iter().map(|cut| cut.cells).collect::<Vec<_>>();
-        assert_eq!(cells(&[1, 1, 90, 1, 1], 3), [0..2, 2..3, 3..5]);
-        assert_eq!(cells(&[0, 5, 0, 0], 3), [0..4, 4..4, 4..4]);
-        assert_eq!(cells(&[0, 0], 2), [0..2, 2..2]);
+        assert_eq!(cuts(&[1, 1, 90, 1, 1], 3), [0..2, 2..3, 3..5]);
+        assert_eq!(cuts(&[0, 5, 0, 0], 3), [0..4, 4..4, 4..4]);
+        assert_eq!(cuts(&[0, 0], 2), [0..2, 2..2]);
     }
 
     #[test]
     fn a_node_is_owned_by_the_share_of_its_first_cube() {
-        let cuts = cuts(&[1; 64], 3);
-        let owners = |key: NodeKey| cuts.iter().filter(|cut| cut.owns(key)).count();
+        let share = |number| {
+            let id = ShareId { number, of: 3 };
+            let cells = cut(id, &[1; 64]);
+            let found = ShareNumbers { cells: (cells.start, cells.end), ..Default::default() };
+            Share { id, level: 2, gwn_error: 1e-3, found }
+        };
+        let shares = [1, 2, 3].map(share);
+        let owners = |key: NodeKey| shares.iter().filter(|share| share.owns(key)).count();
         let key = |level, position| NodeKey::new(level, position).unwrap();
         for node in [NodeKey::ROOT, key(1, [1, 0, 1]), key(2, [3, 1, 2]), key(5, [17, 3, 30])] {
             assert_eq!(owners(node), 1, "{node}");
         }
-        assert!(cuts.iter().all(|cut| cut.meets(NodeKey::ROOT)));
-        assert!(cuts[0].owns(NodeKey::ROOT) && !cuts[1].owns(NodeKey::ROOT));
-        assert_eq!(cuts.iter().filter(|cut| cut.meets(key(5, [17, 3, 30]))).count(), 1);
+        assert!(shares.iter().all(|share| share.meets(NodeKey::ROOT)));
+        assert!(shares[0].owns(NodeKey::ROOT) && !shares[1].owns(NodeKey::ROOT));
+        assert_eq!(shares.iter().filter(|share| share.meets(key(5, [17, 3, 30]))).count(), 1);
     }
 
     proptest! {
@@ -114,12 +98,12 @@ mod tests {
             let cuts = cuts(&work, of);
             let mut next = 0;
             for cut in &cuts {
-                prop_assert_eq!(cut.cells.start, next);
-                next = cut.cells.end;
-                prop_assert!(cut.cells.start <= cut.cells.end);
+                prop_assert_eq!(cut.start, next);
+                next = cut.end;
+                prop_assert!(cut.start <= cut.end);
             }
             prop_assert_eq!(next, work.len() as u64);
-            let of_share = |cut: &Cut| work[cut.cells.start as usize..cut.cells.end as usize].iter().sum::<u64>();
+            let of_share = |cut: &Range<u64>| work[cut.start as usize..cut.end as usize].iter().sum::<u64>();
             let largest = cuts.iter().map(of_share).max().unwrap_or(0);
             let total: u64 = work.iter().sum();
             prop_assert!(largest <= total.div_ceil(u64::from(of)) + work.iter().max().unwrap());
@@ -127,7 +111,7 @@ mod tests {
 
         #[test]
         fn no_other_cut_has_a_smaller_largest_share(work in prop::collection::vec(0u64..50, 1..8), of in 1u32..5) {
-            let of_share = |cut: &Cut| work[cut.cells.start as usize..cut.cells.end as usize].iter().sum::<u64>();
+            let of_share = |cut: &Range<u64>| work[cut.start as usize..cut.end as usize].iter().sum::<u64>();
             let largest = cuts(&work, of).iter().map(of_share).max().unwrap_or(0);
             prop_assert_eq!(largest, best(&work, of as usize));
         }

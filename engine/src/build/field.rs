@@ -2,7 +2,7 @@
 
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, NodeKey, Octant, Triangle, Units, bounds, normal, touches_cube};
+use crate::lattice::{NodeKey, Triangle, Units, bounds, normal, touches_cube};
 use crate::store::Refine;
 use crate::winding::{CornerGrid, Evaluation, Evaluator, Triangles};
 
@@ -93,7 +93,7 @@ pub(super) trait Evaluated {
     fn into_samples(self) -> Samples;
     /// The corners of the node's children by octant.
     fn corners(&self) -> [i16; 8] {
-        corners_of(self.samples())
+        self.samples().child_corners()
     }
     /// Whether a lattice edge holds a wall or a gap that the samples at its ends do not show.
     fn has_hidden_crossings(&mut self) -> bool;
@@ -105,15 +105,6 @@ pub(super) trait Evaluated {
     fn fractions(&self) -> Option<Fractions> {
         None
     }
-}
-
-/// The samples at the corners of a node's children, by octant.
-pub(super) fn corners_of(samples: &Samples) -> [i16; 8] {
-    let mut corners = [0; 8];
-    for octant in Octant::all() {
-        corners[octant.index()] = samples.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
-    }
-    corners
 }
 
 /// What is known of samples with binary places.

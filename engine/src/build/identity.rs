@@ -53,9 +53,9 @@ impl Leaves<'_> {
             return if self.nodes[at].1 { Role::Leaf } else { Role::Interior };
         }
         let Some(share) = self.share else { return Role::Interior };
-        let (mine, its) = (share.cells(), cells_of(key, share.level));
+        let its = cells_of(key, share.level);
         if key.level() < share.level {
-            return match mine.start < its.end && its.start < mine.end {
+            return match share.meets(key) {
                 true if self.alike.binary_search(&key).is_ok() => Role::Perhaps,
                 true => Role::Interior,
                 false => Role::Elsewhere,

@@ -2,7 +2,6 @@
 
 use super::bins::Binner;
 use super::branches::follow_pieces;
-use super::cut::Cut;
 use super::field::{Evaluated, Field, Pieces};
 use super::ordered::run_ordered;
 use super::records::Recorder;
@@ -13,6 +12,7 @@ use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
+use crate::store::Share;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Mutex;
@@ -47,23 +47,23 @@ struct Job<P> {
     pieces: Vec<P>,
 }
 
-/// Builds the tree of a field, the whole or the share that `cut` names. `consume` gets the records of one job after the
+/// Builds the tree of a field, the whole or a share. `consume` gets the records of one job after the
 /// other in Morton order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it
-/// keeps for good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of a share
-/// of such a tree, which has no nodes above its jobs.
+/// keeps for good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of
+/// a share of such a tree, which has no nodes above its jobs.
 pub(super) fn build_tree<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    (rules, cut): (&Rules, Option<&Cut>),
+    (rules, share): (&Rules, Option<&Share>),
     memory: u64,
     progress: &dyn Progress,
     consume: impl FnMut(R) -> Result<u64> + Send,
 ) -> Result<Vec<(u64, i16)>> {
     let mut consume = consume;
     let (top, empty) = if rules.refines_all_touched() {
-        follow_pieces(field, sorted, (rules, cut), memory, progress, &mut consume)?
+        follow_pieces(field, sorted, (rules, share), memory, progress, &mut consume)?
     } else {
-        (decide_from_the_top(field, sorted, (rules, cut), progress, &mut consume)?, Vec::new())
+        (decide_from_the_top(field, sorted, (rules, share), progress, &mut consume)?, Vec::new())
     };
     consume(top)?;
     Ok(empty)
@@ -74,12 +74,12 @@ pub(super) fn build_tree<F: Field, R: Recorder>(
 fn decide_from_the_top<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    (rules, cut): (&Rules, Option<&Cut>),
+    (rules, share): (&Rules, Option<&Share>),
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<R> {
-    let meets = |key: NodeKey| cut.is_none_or(|cut| cut.meets(key));
-    let owns = |key: NodeKey| cut.is_none_or(|cut| cut.owns(key));
+    let meets = |key: NodeKey| share.is_none_or(|share| share.meets(key));
+    let owns = |key: NodeKey| share.is_none_or(|share| share.owns(key));
     let mut all = Vec::new();
     sorted.gather(0, &mut all)?;
     drop(sorted);
@@ -90,7 +90,7 @@ fn decide_from_the_top<F: Field, R: Recorder>(
     while frontier.first().is_some_and(|job| job.key.level() < job_level(rules)) {
         let decided: Vec<Decision<F::Piece>> = frontier
             .into_par_iter()
-            .map(|job| decide(field, job, rules, cut.is_none()))
+            .map(|job| decide(field, job, rules, share.is_none()))
             .collect::<Result<_>>()?;
         progress.check()?;
         frontier = Vec::new();
@@ -109,9 +109,25 @@ fn decide_from_the_top<F: Field, R: Recorder>(
             settled.push((job.key, true, Brick::Uniform(*w)));
         }
     }
-    let halves = settled.iter().map(|(key, _, brick)| (*key, Node::Stored(Half::of(brick))));
-    let jobs = frontier.iter().map(|job| job.key).zip(done);
-    let mut nodes: HashMap<NodeKey, Node> = jobs.chain(halves).collect();
+    if !unseen.is_empty() {
+        let jobs = frontier.iter().map(|job| job.key).zip(done);
+        join_unseen(field, unseen, jobs.collect(), &mut settled);
+    }
+    settled.sort_by_key(|(key, ..)| key.post_order());
+    let mut top = R::default();
+    settled.iter().for_each(|(key, leaf, brick)| top.push(*key, *leaf, brick));
+    Ok(top)
+}
+
+/// Joins nodes above the jobs, parents before their children, from `nodes`, the jobs', and those that are settled, to
+/// which they are added.
+fn join_unseen<F: Field>(
+    field: &F,
+    unseen: Vec<NodeKey>,
+    mut nodes: HashMap<NodeKey, Node>,
+    settled: &mut Vec<(NodeKey, bool, Brick)>,
+) {
+    nodes.extend(settled.iter().map(|(key, _, brick)| (*key, Node::Stored(Half::of(brick)))));
     // Deepest first.
     for key in unseen.into_iter().rev() {
         let child = |octant| nodes.remove(&key.child(octant)).expect("every child was settled or a job");
@@ -120,10 +136,6 @@ fn decide_from_the_top<F: Field, R: Recorder>(
         nodes.insert(key, Node::Stored(Half::of(&brick)));
         settled.push((key, false, brick));
     }
-    settled.sort_by_key(|(key, ..)| key.post_order());
-    let mut top = R::default();
-    settled.iter().for_each(|(key, leaf, brick)| top.push(*key, *leaf, brick));
-    Ok(top)
 }
 
 /// What a node above the jobs turned out to be.

@@ -1,7 +1,7 @@
 //! Small trees in memory, without a store.
 
 use super::cloud;
-use super::field::Soup;
+use super::field::{Field, Soup};
 use super::jobs::{build_tree, sort_cubes};
 use super::open;
 use super::records::KeptBricks;
@@ -9,6 +9,7 @@ use super::resources::Room;
 use super::rules::{Rules, TreeOptions};
 use super::snap::snap;
 use super::solids::sort_segments;
+use super::sorted::SortedPieces;
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::RootCube;
@@ -39,12 +40,7 @@ pub fn build_open_in_memory(
     let rules = Rules { evaluate_interior: true, ..Rules::new(options)? };
     let field = OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?;
     let sorted = open::gather(&field, sources, root, &Silent)?;
-    let mut tree = MemoryTree::new(root);
-    build_tree(&field, sorted, (&rules, None), u64::MAX, &Silent, |records: KeptBricks| {
-        records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
-        Ok(0)
-    })?;
-    Ok(tree)
+    tree_of(&field, sorted, &rules, root)
 }
 
 /// Builds the tree of a point cloud in memory, with samples that are off by at most `error`.
@@ -59,20 +55,8 @@ pub fn build_cloud_in_memory(
 ) -> Result<MemoryTree> {
     let rules = Rules { evaluate_interior: true, ..Rules::new(options)? };
     let field = CloudBricks::new(surfels, root, error)?;
-    let mut tree = MemoryTree::new(root);
     let pieces: Vec<_> = field.pieces().collect();
-    build_tree(
-        &field,
-        cloud::gather(&field, &pieces),
-        (&rules, None),
-        u64::MAX,
-        &Silent,
-        |records: KeptBricks| {
-            records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
-            Ok(0)
-        },
-    )?;
-    Ok(tree)
+    tree_of(&field, cloud::gather(&field, &pieces), &rules, root)
 }
 
 /// Builds the tree of the beads of toolpaths, as analytic solids, in memory.
@@ -88,12 +72,7 @@ pub fn build_beads_in_memory(
     let rules = Rules::new(options)?;
     let (solids, segments) = Solids::new(paths, root, outline)?;
     let sorted = sort_segments(&solids, &segments, sort_cubes(&rules), &Silent)?;
-    let mut tree = MemoryTree::new(root);
-    build_tree(&solids, sorted, (&rules, None), u64::MAX, &Silent, |records: KeptBricks| {
-        records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
-        Ok(0)
-    })?;
-    Ok(tree)
+    tree_of(&solids, sorted, &rules, root)
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
@@ -101,8 +80,17 @@ pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules)
     if !soup.balance.is_closed() {
         return Err(Error::setting("the soup has open edges", "close it"));
     }
+    tree_of(&Soup, soup.sorted, rules, root)
+}
+
+fn tree_of<F: Field>(
+    field: &F,
+    sorted: SortedPieces<F>,
+    rules: &Rules,
+    root: RootCube,
+) -> Result<MemoryTree> {
     let mut tree = MemoryTree::new(root);
-    build_tree(&Soup, soup.sorted, (rules, None), u64::MAX, &Silent, |records: KeptBricks| {
+    build_tree(field, sorted, (rules, None), u64::MAX, &Silent, |records: KeptBricks| {
         records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
         Ok(0)
     })?;

@@ -3,6 +3,7 @@
 use super::bins::{Binner, SortedRun};
 use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::sorted::SortedPieces;
+use super::subtree::corner_at;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
@@ -69,8 +70,7 @@ impl Field for OpenField {
         let mut grid = CornerGrid::new(key, 1);
         pieces().for_each(|piece| grid.add(&piece.triangle));
         let counts = grid.finish(i64::from(OpenField::corner_count(key, corner)));
-        // Counts beyond 16 bits are refused where the samples are.
-        Some(std::array::from_fn(|i| counts[i].clamp(i16::MIN.into(), i16::MAX.into()) as i16))
+        Some(std::array::from_fn(|octant| corner_at(&counts, 1, octant)))
     }
 
     fn evaluate<'a>(

@@ -1,16 +1,8 @@
-//! Work done on all threads, its results consumed one by one in order.
+//! Work handed out to all threads in order.
 
-use crate::error::{Error, Result};
-use std::collections::BTreeMap;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-
-struct State<T> {
-    next_claimed: usize,
-    next_consumed: usize,
-    consuming: bool,
-    ready: BTreeMap<usize, T>,
-    failure: Option<Error>,
-}
+use super::schedule::{Bounds, Outcome, run_tasks};
+use crate::error::Result;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Runs `work(0..count)` on the threads of the current pool and passes the results to `consume` in order
 /// of their number. A thread waits rather than run more than `window` numbers ahead of the one to be
@@ -20,102 +12,37 @@ pub(super) fn run_ordered<L, T: Send>(
     window: usize,
     local: impl Fn() -> L + Sync,
     work: impl Fn(&mut L, usize) -> Result<T> + Sync,
-    consume: impl FnMut(T) -> Result<()> + Send,
+    mut consume: impl FnMut(T) -> Result<()> + Send,
 ) -> Result<()> {
-    let state = Mutex::new(State {
-        next_claimed: 0,
-        next_consumed: 0,
-        consuming: false,
-        ready: BTreeMap::new(),
-        failure: None,
+    let tasks = (0..count).map(|number| ((number as u64, 0), number)).collect();
+    // The result that is being consumed counts too.
+    let bounds = Bounds { memory: u64::MAX, reserve: 0, window: window.saturating_sub(1) };
+    let work = |local: &mut L, number, held| Ok(Outcome::Done(work(local, number)?, held));
+    run_tasks(tasks, bounds, local, |_| 0, work, |result| consume(result).map(|()| None))
+}
+
+/// Adds items to parts, one for each thread of the current pool. Items are claimed in order, so that all threads
+/// together read an input from front to back. The first error ends everything.
+pub(super) fn fold_in_order<T: Sync, P: Send>(
+    items: &[T],
+    part: impl Fn() -> P + Sync,
+    add: impl Fn(&mut P, &T) -> Result<()> + Sync,
+) -> Result<Vec<P>> {
+    let next = AtomicUsize::new(0);
+    let parts = rayon::broadcast(|_| {
+        let mut part = part();
+        while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+            add(&mut part, item).inspect_err(|_| next.store(items.len(), Ordering::Relaxed))?;
+        }
+        Ok(part)
     });
-    let moved = Condvar::new();
-    let consume = Mutex::new(consume);
-    rayon::broadcast(|_| {
-        let guard = PanicGuard(&state, &moved);
-        let mut local = local();
-        while let Some(number) = claim(&state, &moved, count, window) {
-            match work(&mut local, number) {
-                Ok(result) => drain(&state, &moved, &consume, number, result),
-                Err(error) => fail(&state, &moved, error),
-            }
-        }
-        drop(guard);
-    });
-    state.into_inner().expect("no thread panicked").failure.map_or(Ok(()), Err)
-}
-
-fn lock<'a, T>(state: &'a Mutex<State<T>>) -> MutexGuard<'a, State<T>> {
-    state.lock().expect("no thread panicked")
-}
-
-/// Lets the other threads end if this one panics, so that the panic is passed on and nobody waits for ever.
-struct PanicGuard<'a, T>(&'a Mutex<State<T>>, &'a Condvar);
-
-impl<T> Drop for PanicGuard<'_, T> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            self.0.lock().unwrap_or_else(PoisonError::into_inner).failure.get_or_insert(Error::Interrupted);
-            self.1.notify_all();
-        }
-    }
-}
-
-/// The next number to work on; `None` when there is none left or something failed.
-fn claim<T>(state: &Mutex<State<T>>, moved: &Condvar, count: usize, window: usize) -> Option<usize> {
-    let mut held = lock(state);
-    loop {
-        if held.failure.is_some() || held.next_claimed == count {
-            return None;
-        }
-        if held.next_claimed < held.next_consumed + window {
-            held.next_claimed += 1;
-            return Some(held.next_claimed - 1);
-        }
-        held = moved.wait(held).expect("no thread panicked");
-    }
-}
-
-/// Hands in a result; consumes it and those after it if it is the next and nobody else is at it.
-fn drain<T>(
-    state: &Mutex<State<T>>,
-    moved: &Condvar,
-    consume: &Mutex<impl FnMut(T) -> Result<()>>,
-    number: usize,
-    result: T,
-) {
-    let mut held = lock(state);
-    held.ready.insert(number, result);
-    if held.consuming {
-        return;
-    }
-    held.consuming = true;
-    loop {
-        let next = held.next_consumed;
-        let Some(result) = held.ready.remove(&next) else { break };
-        drop(held);
-        let outcome = (consume.lock().expect("no thread panicked"))(result);
-        held = lock(state);
-        held.next_consumed += 1;
-        moved.notify_all();
-        if let Err(error) = outcome {
-            held.failure.get_or_insert(error);
-        }
-        if held.failure.is_some() {
-            break;
-        }
-    }
-    held.consuming = false;
-}
-
-fn fail<T>(state: &Mutex<State<T>>, moved: &Condvar, error: Error) {
-    lock(state).failure.get_or_insert(error);
-    moved.notify_all();
+    parts.into_iter().collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
 
     #[test]
     fn results_come_in_order_and_the_window_holds() {

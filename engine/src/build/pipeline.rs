@@ -1,7 +1,7 @@
 //! The main job: mesh files in, store out.
 
 use super::bins::Binner;
-use super::cut::Cut;
+use super::cut::cut;
 use super::field::{Field, Soup};
 use super::jobs::{build_tree, job_level, sort_cubes};
 use super::open;
@@ -21,7 +21,7 @@ use crate::store::{
     BeadsMeta, Meta, Numbers, Refine, Share, ShareId, ShareNumbers, Source, Stats, StoreWriter, check_target,
 };
 use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -75,14 +75,14 @@ pub struct Summary {
     pub segments: u64,
     /// Facets without area on the lattice.
     pub degenerate_facets: u64,
+    /// Faces with fewer than three corners, which were left out.
+    pub skipped_faces: u64,
     /// Points read, where the input is a point cloud.
     pub points: u64,
     /// Points without area: repeated ones, and those with a normal of length 0.
     pub void_points: u64,
     /// Distance of neighbouring points: the root of the median area of a point, in the input's unit; 0 if there are none.
     pub spacing: f64,
-    /// Faces with fewer than three corners, which were left out.
-    pub skipped_faces: u64,
     /// Deepest level.
     pub depth: u8,
     /// Cell edge at the deepest level, in the input's unit.
@@ -103,8 +103,16 @@ pub struct Summary {
     pub temporary_bytes: u64,
     /// What of the tree was built, if it was a share.
     pub share: Option<ShareSummary>,
-    /// Seconds by phase, in order.
+    /// Seconds by phase, in order; serialized as a map.
+    #[serde(serialize_with = "as_map")]
     pub phases: Vec<(&'static str, f64)>,
+}
+
+fn as_map<S: Serializer>(
+    phases: &[(&'static str, f64)],
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    serializer.collect_map(phases.iter().copied())
 }
 
 /// A share of a tree.
@@ -201,9 +209,7 @@ pub(super) struct Task {
     pub writer: StoreWriter,
     /// Memory and temporary file.
     pub room: Room,
-    /// The share to build, if only one is asked for; known when the pieces are.
-    pub cut: Option<Cut>,
-    /// The part of all work that was foreseen for it.
+    /// The part of all work that was foreseen for the share, if only one is asked for.
     work: f64,
 }
 
@@ -241,7 +247,7 @@ impl Task {
         };
         let room = Room::new(&options.resources, output)?;
         let writer = StoreWriter::create(output, &meta)?;
-        Ok(Task { rules, meta, writer, room, cut: None, work: 1.0 })
+        Ok(Task { rules, meta, writer, room, work: 1.0 })
     }
 
     /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
@@ -250,21 +256,19 @@ impl Task {
         let Some(share) = &mut self.meta.share else { return Ok(()) };
         let work = weigh((share.level, self.rules.depth))?;
         let of_cubes = work.of_cubes();
-        let cut = Cut::new(share.id, share.level, &of_cubes);
-        let (first, end) = (cut.cells.start, cut.cells.end);
-        let of_share: u64 = of_cubes[first as usize..end as usize].iter().sum();
+        let cells = cut(share.id, &of_cubes);
+        let of_share: u64 = of_cubes[cells.start as usize..cells.end as usize].iter().sum();
         self.work = of_share as f64 / of_cubes.iter().sum::<u64>().max(1) as f64;
-        share.found.cells = (first, end);
+        share.found.cells = (cells.start, cells.end);
         share.found.pieces = work.sum;
-        self.cut = Some(cut);
         Ok(())
     }
 
     /// The cubes that pieces are to be sorted by.
     pub fn cubes(&self) -> Binner {
         let cubes = sort_cubes(&self.rules);
-        match &self.cut {
-            Some(cut) if self.rules.refines_all_touched() => cubes.keeping(cut.cells.clone()),
+        match &self.meta.share {
+            Some(share) if self.rules.refines_all_touched() => cubes.keeping(share.cells()),
             _ => cubes,
         }
     }
@@ -276,7 +280,7 @@ impl Task {
         sorted: SortedPieces<F>,
         progress: &dyn Progress,
     ) -> Result<()> {
-        let (writer, plan) = (&mut self.writer, (&self.rules, self.cut.as_ref()));
+        let (writer, plan) = (&mut self.writer, (&self.rules, self.meta.share.as_ref()));
         let record = |bricks: EncodedBricks| bricks.write(writer);
         let empty = build_tree(field, sorted, plan, self.room.memory(), progress, record)?;
         if let Some(share) = &mut self.meta.share {

@@ -3,6 +3,7 @@
 use super::bins::{Binner, SortedRun};
 use super::collect::Collector;
 use super::field::{Field, Soup};
+use super::ordered::fold_in_order;
 use super::packed::PackedRun;
 use super::resources::Room;
 use super::sorted::SortedPieces;
@@ -12,7 +13,6 @@ use crate::lattice::{RootCube, Triangle};
 use crate::progress::Progress;
 use crate::winding::EdgeBalance;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The snapped soup.
 pub(super) struct SnappedSoup {
@@ -43,26 +43,19 @@ pub(super) fn snap(
 ) -> Result<SnappedSoup> {
     let runs = runs(sources);
     let plain = plan(sources, &runs, root, binner, room)?;
-    // Claimed in order, so that all threads together read the input from front to back.
-    let next = AtomicUsize::new(0);
     let memory = room.sorted_bytes() / rayon::current_num_threads() as u64;
-    let parts = rayon::broadcast(|_| {
+    let part = || {
         let collector = Collector::new(binner, memory, plain, room.file());
-        let mut part = Part { collector, balance: EdgeBalance::default(), degenerate: 0 };
-        let (mut world, mut snapped) = (Vec::new(), Vec::new());
-        while let Some((source, range)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            progress.check()?;
-            read(sources[*source], range.clone(), root, &mut world, &mut snapped);
-            let failed = part.add(&snapped);
-            if failed.is_err() {
-                next.store(runs.len(), Ordering::Relaxed);
-            }
-            failed?;
-            progress.advance(snapped.len() as u64);
-        }
-        Ok(part)
-    });
-    let parts: Vec<Part> = parts.into_iter().collect::<Result<_>>()?;
+        (Part { collector, balance: EdgeBalance::default(), degenerate: 0 }, Vec::new(), Vec::new())
+    };
+    let parts = fold_in_order(&runs, part, |(part, world, snapped), (source, range)| {
+        progress.check()?;
+        read(sources[*source], range.clone(), root, world, snapped);
+        part.add(snapped)?;
+        progress.advance(snapped.len() as u64);
+        Ok(())
+    })?;
+    let parts: Vec<Part> = parts.into_iter().map(|(part, ..)| part).collect();
     let mut balance = EdgeBalance::default();
     parts.iter().for_each(|part| balance.merge(part.balance));
     let degenerate = parts.iter().map(|part| part.degenerate).sum();

@@ -4,12 +4,12 @@
 
 use super::bins::Binner;
 use super::field::{Field, Soup};
+use super::ordered::fold_in_order;
 use super::snap::read;
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
 use crate::lattice::{NodeKey, ROOT_BITS, RootCube, Triangle, Units};
 use crate::progress::Progress;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a leaf costs, in the time that one more piece in a cube does.
 const LEAF: u64 = 512;
@@ -117,21 +117,16 @@ pub(super) fn weigh_soup(
     progress: &dyn Progress,
 ) -> Result<Work> {
     progress.phase("weighing", Some(sources.iter().map(|source| source.facets()).sum()), "facets");
-    let runs = runs(sources);
-    // Claimed in order, so that all threads together read the input from front to back.
-    let next = AtomicUsize::new(0);
-    let parts = rayon::broadcast(|_| {
-        let mut work = Work::new(level, depth);
-        let (mut world, mut snapped) = (Vec::new(), Vec::<Triangle>::new());
-        while let Some((source, range)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            progress.check()?;
-            read(sources[*source], range.clone(), root, &mut world, &mut snapped);
-            work.add(&Soup, &snapped);
-            progress.advance(snapped.len() as u64);
-        }
-        Ok(work)
-    });
-    parts.into_iter().try_fold(Work::new(level, depth), |all, part| Ok(all.and(&part?)))
+    let none = || Work::new(level, depth);
+    let part = || (none(), Vec::new(), Vec::<Triangle>::new());
+    let parts = fold_in_order(&runs(sources), part, |(work, world, snapped), (source, range)| {
+        progress.check()?;
+        read(sources[*source], range.clone(), root, world, snapped);
+        work.add(&Soup, snapped);
+        progress.advance(snapped.len() as u64);
+        Ok(())
+    })?;
+    Ok(parts.iter().fold(none(), |all, (work, ..)| all.and(work)))
 }
 
 /// Weighs pieces that are in memory.
@@ -145,18 +140,15 @@ pub(super) fn weigh_pieces<F: Field>(
     progress: &dyn Progress,
 ) -> Result<Work> {
     progress.phase("weighing", Some(pieces.len() as u64), "pieces");
-    let next = AtomicUsize::new(0);
+    let none = || Work::new(level, depth);
     let runs: Vec<&[F::Piece]> = pieces.chunks(RUN).collect();
-    let parts = rayon::broadcast(|_| {
-        let mut work = Work::new(level, depth);
-        while let Some(run) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            progress.check()?;
-            work.add(field, run);
-            progress.advance(run.len() as u64);
-        }
-        Ok(work)
-    });
-    parts.into_iter().try_fold(Work::new(level, depth), |all, part| Ok(all.and(&part?)))
+    let parts = fold_in_order(&runs, none, |work, run| {
+        progress.check()?;
+        work.add(field, run);
+        progress.advance(run.len() as u64);
+        Ok(())
+    })?;
+    Ok(parts.iter().fold(none(), Work::and))
 }
 
 #[cfg(test)]

@@ -90,12 +90,12 @@ impl Symmetric {
     /// The least eigenvalue's vector is the limit of the powers of the adjugate, whose eigenvalues are the products
     /// of two; the other two values follow from trace and minors. Jacobi's rotations take four times as long.
     fn solve_truncated(&self, rhs: Vector) -> (Vector, f64) {
-        let Some((v, least)) = self.least_eigenvector() else {
+        let adjugate = self.adjugate();
+        let Some((v, least)) = self.least_eigenvector(&adjugate) else {
             let eigen = self.eigen();
             let largest = largest_of(&eigen);
             return (truncated(&eigen, rhs, largest), largest);
         };
-        let adjugate = self.adjugate();
         let sum = self.trace() - least;
         let product = adjugate.trace() - least * sum;
         let largest = 0.5 * sum + (0.25 * sum * sum - product).max(0.0).sqrt();
@@ -119,8 +119,8 @@ impl Symmetric {
     }
 
     /// The eigenvector, of length one, of an eigenvalue well below the other two, with the value.
-    fn least_eigenvector(&self) -> Option<(Vector, f64)> {
-        let adjugate = self.adjugate();
+    #[inline]
+    fn least_eigenvector(&self, adjugate: &Symmetric) -> Option<(Vector, f64)> {
         let (trace, products) = (self.trace(), adjugate.trace());
         // Below a thousandth of the products of two, one value stands out and the other two are noise.
         if products <= 1e-3 * trace * trace {

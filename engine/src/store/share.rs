@@ -87,6 +87,12 @@ impl Share {
         self.found.cells.0..self.found.cells.1
     }
 
+    /// Whether a node has a cube of the share, or lies in one.
+    pub fn meets(&self, key: NodeKey) -> bool {
+        let (mine, its) = (self.cells(), cells_of(key, self.level));
+        !mine.is_empty() && its.start < mine.end && mine.start < its.end
+    }
+
     /// Whether a node belongs to the share: its first cube does.
     pub fn owns(&self, key: NodeKey) -> bool {
         self.cells().contains(&cells_of(key, self.level).start)

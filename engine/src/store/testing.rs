@@ -158,16 +158,21 @@ pub fn lists() -> Vec<(NodeKey, Vec<BeadSegment>)> {
     vec![(leaf([0, 0, 0]), vec![first, second, other]), (leaf([0, 0, 1]), vec![other])]
 }
 
-/// Writes the small tree as one of beads.
-pub fn write_beads(path: &Path) {
-    let mut writer = StoreWriter::create(path, &meta_of_beads()).expect("a writable directory");
-    append_all(&mut writer);
+/// Appends them.
+fn append_lists(writer: &mut StoreWriter) {
     writer.begin_identity(tables());
     for (key, list) in lists() {
         let mut bytes = Vec::new();
         encode_segments(&list, &mut bytes);
         writer.append_identity(key, &bytes).expect("room on the disk");
     }
+}
+
+/// Writes the small tree as one of beads.
+pub fn write_beads(path: &Path) {
+    let mut writer = StoreWriter::create(path, &meta_of_beads()).expect("a writable directory");
+    append_all(&mut writer);
+    append_lists(&mut writer);
     writer.finish(meta_of_beads()).expect("a complete tree");
 }
 
@@ -193,11 +198,6 @@ pub fn write_share(path: &Path) {
     for (key, leaf) in nodes_of_share() {
         writer.append_brick(key, leaf, &brick_at(key, leaf)).expect("room on the disk");
     }
-    writer.begin_identity(tables());
-    for (key, list) in lists() {
-        let mut bytes = Vec::new();
-        encode_segments(&list, &mut bytes);
-        writer.append_identity(key, &bytes).expect("room on the disk");
-    }
+    append_lists(&mut writer);
     writer.finish(meta_of_share()).expect("the nodes of the share");
 }

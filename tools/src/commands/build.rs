@@ -186,9 +186,7 @@ struct Report {
     output: String,
     unit: String,
     #[serde(flatten)]
-    summary: Numbers,
-    /// Seconds by phase.
-    phases: serde_json::Map<String, serde_json::Value>,
+    summary: Summary,
     seconds: f64,
     /// Of beads as solids, their segments; of point clouds, their points.
     facets_per_second: f64,
@@ -215,33 +213,6 @@ struct Audit {
     volumes: Option<Volumes>,
 }
 
-/// The engine's summary but for the phases.
-#[derive(Serialize)]
-struct Numbers {
-    facets: u64,
-    /// Segments of beads as solids, of which no facets are made.
-    segments: u64,
-    degenerate_facets: u64,
-    skipped_faces: u64,
-    /// Of point clouds.
-    points: u64,
-    /// Those that stand for no surface.
-    void_points: u64,
-    /// Of neighbouring points.
-    spacing: f64,
-    depth: u8,
-    cell: f64,
-    nodes: u64,
-    leaves: u64,
-    file_bytes: u64,
-    open_edges: u64,
-    loops: u64,
-    flipped_patches: u64,
-    /// Written to the temporary file; 0 if all fitted in memory.
-    temporary_bytes: u64,
-    share: Option<ShareSummary>,
-}
-
 impl Report {
     fn new(
         plan: &Plan,
@@ -252,55 +223,16 @@ impl Report {
         seconds: f64,
     ) -> Report {
         let winding = winding_range(store);
-        let Summary {
-            facets,
-            segments,
-            degenerate_facets,
-            skipped_faces,
-            points,
-            void_points,
-            spacing,
-            depth,
-            cell,
-            nodes,
-            leaves,
-            file_bytes,
-            open_edges,
-            loops,
-            flipped_patches,
-            temporary_bytes,
-            share,
-            phases,
-        } = summary;
         // Whether something lies inside is for all shares to say.
-        let warnings = winding.filter(|_| share.is_none()).map_or(Vec::new(), warnings);
+        let warnings = winding.filter(|_| summary.share.is_none()).map_or(Vec::new(), warnings);
         let samples = samples_of_leaves(store);
-        let phases = phases.into_iter().map(|(name, seconds)| (name.to_owned(), seconds.into())).collect();
+        let pieces = summary.facets + summary.segments + summary.points;
         Report {
             output: plan.output.display().to_string(),
             unit: unit_of(store.meta()).to_owned(),
-            summary: Numbers {
-                facets,
-                segments,
-                degenerate_facets,
-                skipped_faces,
-                points,
-                void_points,
-                spacing,
-                depth,
-                cell,
-                nodes,
-                leaves,
-                file_bytes,
-                open_edges,
-                loops,
-                flipped_patches,
-                temporary_bytes,
-                share,
-            },
-            phases,
+            summary,
             seconds,
-            facets_per_second: (facets + segments + points) as f64 / seconds,
+            facets_per_second: pieces as f64 / seconds,
             samples,
             samples_per_second: samples as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
@@ -319,7 +251,7 @@ impl Report {
     }
 
     fn text(&self) -> String {
-        let Numbers {
+        let Summary {
             facets,
             segments,
             degenerate_facets,
@@ -353,7 +285,7 @@ impl Report {
             _ => (format!("{segments} of beads as solids, w counts beads"), "segments"),
         };
         line(format!("  {pieces:<8} {counted}"));
-        let Numbers { open_edges, loops, flipped_patches, .. } = &self.summary;
+        let Summary { open_edges, loops, flipped_patches, .. } = &self.summary;
         if *open_edges > 0 {
             let edges = format!("{open_edges} open edges in {loops} loops");
             line(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
@@ -370,11 +302,8 @@ impl Report {
             all.for_each(|message| line(format!("  warning  {message}")));
         }
         self.warnings.iter().for_each(|message| line(format!("  warning  {message}")));
-        let phases: Vec<String> = self
-            .phases
-            .iter()
-            .map(|(name, seconds)| format!("{name} {:.2} s", seconds.as_f64().unwrap_or_default()))
-            .collect();
+        let phases: Vec<String> =
+            self.summary.phases.iter().map(|(name, seconds)| format!("{name} {seconds:.2} s")).collect();
         line(format!("  time     {:.2} s: {}", self.seconds, phases.join(", ")));
         let rates = (self.facets_per_second, self.samples_per_second / 1e6);
         line(format!("  rate     {:.0} {pieces}/s, {:.1} million samples/s", rates.0, rates.1));

@@ -6,7 +6,7 @@ use super::cells::{CellCache, Cells, Grain, Points};
 use super::{ClusterTree, Element, OpenPart};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, Triangle, Units, normal};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal};
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -142,9 +142,9 @@ impl OpenField {
         if key.first_sample().contains(&0) { 0 } else { corner }
     }
 
-    /// Evaluates the 33³ samples of `key` from all triangles of S ∪ C that touch it and their count at its corner. A sample's value depends on its position and on
-    /// nothing else. Samples on the root's own faces count as outside the surface, so that a surface that
-    /// goes on beyond the root ends there.
+    /// Evaluates the 33³ samples of `key` from all triangles of S ∪ C that touch it and their count at its corner. A
+    /// sample's value depends on its position and on nothing else. Samples on the root's own faces count as outside the
+    /// surface, so that a surface that goes on beyond the root ends there.
     ///
     /// # Errors
     /// [`Error::Setting`] if a winding number does not fit 16 bits.
@@ -172,11 +172,7 @@ impl OpenField {
         let counts = evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples;
         let values = counts.0.iter().zip(shares.iter()).map(|(count, share)| f64::from(*count) - share);
         let samples = fixed_point(key, self.bits, values)?;
-        let mut corner_counts = [0; 8];
-        for octant in Octant::all() {
-            corner_counts[octant.index()] = counts.at(octant.offset().map(|o| o * BRICK_CELLS / 2));
-        }
-        Ok(OpenBrick { samples, corner_counts, key, facets, error: self.error })
+        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
     }
 }
 
