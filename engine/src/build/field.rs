@@ -2,7 +2,7 @@
 
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
-use crate::lattice::{NodeKey, Triangle, Units, bounds, normal, touches_cube};
+use crate::lattice::{NodeKey, Triangle, Units, bounds, has_area, touches_cube};
 use crate::store::Refine;
 use crate::winding::{CornerGrid, Evaluation, Evaluator, Triangles};
 
@@ -143,7 +143,7 @@ impl Field for Soup {
     /// A triangle without area crosses nothing.
     #[inline]
     fn is_void(&self, t: &Triangle) -> bool {
-        normal(t) == [0; 3]
+        !has_area(t)
     }
 
     fn corners(&self, node: NodeKey, stride: u8) -> CornerGrid {

@@ -76,7 +76,7 @@ pub fn build_beads_in_memory(
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
-    let soup = snap(sources, root, sort_cubes(rules), &Room::unbounded(), &Silent)?;
+    let soup = snap(sources, root, (sort_cubes(rules), rules.depth), &Room::unbounded(), &Silent)?;
     if !soup.balance.is_closed() {
         return Err(Error::setting("the soup has open edges", "close it"));
     }

@@ -22,6 +22,7 @@ mod records;
 mod resources;
 mod rules;
 mod schedule;
+mod sieve;
 mod snap;
 mod solids;
 mod sorted;

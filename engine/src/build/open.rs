@@ -7,7 +7,7 @@ use super::subtree::corner_at;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
-use crate::lattice::{NodeKey, RootCube, Triangle, Units, bounds, normal, touches_cube};
+use crate::lattice::{NodeKey, RootCube, Triangle, Units, bounds, has_area, touches_cube};
 use crate::progress::Progress;
 use crate::store::Refine;
 use crate::winding::{CornerGrid, OpenBrick, OpenEvaluator, OpenField, OpenPiece};
@@ -37,7 +37,7 @@ impl Field for OpenField {
     }
 
     fn is_void(&self, piece: &OpenPiece) -> bool {
-        normal(&piece.triangle) == [0; 3]
+        !has_area(&piece.triangle)
     }
 
     fn corners(&self, _: NodeKey, _: u8) {}

@@ -174,7 +174,7 @@ pub fn build_opened(
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
-    let soup = snap(&soups, root, task.cubes(), &task.room, progress)?;
+    let soup = snap(&soups, root, (task.cubes(), depth), &task.room, progress)?;
     require_area(&soup, opened)?;
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
     task.meta.numbers.degenerate_facets = soup.degenerate;

@@ -6,6 +6,7 @@ use super::field::{Field, Soup};
 use super::ordered::fold_in_order;
 use super::packed::PackedRun;
 use super::resources::Room;
+use super::sieve::{Sieve, Spacing};
 use super::sorted::SortedPieces;
 use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
@@ -22,40 +23,51 @@ pub(super) struct SnappedSoup {
     pub degenerate: u64,
 }
 
+/// Triangles sorted at a time: a run has a table of the cubes, of up to 16 KB, and these take 590.
+const SORTED_FACETS: usize = 1 << 14;
+
 /// What one thread has made of its part of the input.
 struct Part {
+    sieve: Option<Sieve>,
+    /// Triangles that wait for being sorted.
+    kept: Vec<Triangle>,
     collector: Collector,
     balance: EdgeBalance,
     degenerate: u64,
 }
 
-/// Snaps and sorts all sources as one soup for jobs in the cubes of `binner`. What does not fit in the room goes to its
-/// temporary file.
+/// Snaps and sorts all sources as one soup for jobs in the cubes of `binner` and a tree down to `depth`. What does not
+/// fit in the room goes to its temporary file.
 ///
 /// # Errors
 /// If the disk has too little room for that file, or the user interrupts.
 pub(super) fn snap(
     sources: &[&dyn Facets],
     root: RootCube,
-    binner: Binner,
+    (binner, depth): (Binner, u8),
     room: &Room,
     progress: &dyn Progress,
 ) -> Result<SnappedSoup> {
     let runs = runs(sources);
-    let plain = plan(sources, &runs, root, binner, room)?;
+    let plain = plan(sources, &runs, root, (binner, depth), room)?;
     let memory = room.sorted_bytes() / rayon::current_num_threads() as u64;
     let part = || {
         let collector = Collector::new(binner, memory, plain, room.file());
-        (Part { collector, balance: EdgeBalance::default(), degenerate: 0 }, Vec::new(), Vec::new())
+        let (sieve, kept) = (Sieve::new(depth), Vec::with_capacity(SORTED_FACETS));
+        (
+            Part { sieve, kept, collector, balance: EdgeBalance::default(), degenerate: 0 },
+            Vec::new(),
+            Vec::new(),
+        )
     };
     let parts = fold_in_order(&runs, part, |(part, world, snapped), (source, range)| {
         progress.check()?;
         read(sources[*source], range.clone(), root, world, snapped);
-        part.add(snapped)?;
         progress.advance(snapped.len() as u64);
-        Ok(())
+        part.add(snapped)
     })?;
-    let parts: Vec<Part> = parts.into_iter().map(|(part, ..)| part).collect();
+    let mut parts: Vec<Part> = parts.into_iter().map(|(part, ..)| part).collect();
+    parts.iter_mut().try_for_each(Part::sort)?;
     let mut balance = EdgeBalance::default();
     parts.iter().for_each(|part| balance.merge(part.balance));
     let degenerate = parts.iter().map(|part| part.degenerate).sum();
@@ -65,11 +77,24 @@ pub(super) fn snap(
 
 impl Part {
     fn add(&mut self, triangles: &[Triangle]) -> Result<()> {
+        let (mut balance, mut degenerate) = (self.balance, 0);
         for t in triangles {
-            self.balance.add(t);
-            self.degenerate += u64::from(Soup.is_void(t));
+            balance.add(t);
+            if Soup.is_void(t) {
+                degenerate += 1;
+            } else if self.sieve.as_mut().is_none_or(|sieve| sieve.keeps(t)) {
+                self.kept.push(*t);
+            }
         }
-        self.collector.push(triangles)
+        self.balance = balance;
+        self.degenerate += degenerate;
+        if self.kept.len() < SORTED_FACETS { Ok(()) } else { self.sort() }
+    }
+
+    fn sort(&mut self) -> Result<()> {
+        self.collector.push(&self.kept)?;
+        self.kept.clear();
+        Ok(())
     }
 }
 
@@ -98,24 +123,31 @@ fn plan(
     sources: &[&dyn Facets],
     runs: &[(usize, Range<u64>)],
     root: RootCube,
-    binner: Binner,
+    (binner, depth): (Binner, u8),
     room: &Room,
 ) -> Result<bool> {
     let all: u64 = sources.iter().map(|source| source.facets()).sum();
-    let (mut sampled, mut plain, mut packed) = (0, 0, 0);
+    let lattice = Spacing::new(depth);
+    let (mut sampled, mut hidden, mut plain, mut packed) = (0, 0, 0, 0);
     let (mut world, mut snapped) = (Vec::new(), Vec::new());
     for (source, range) in runs.iter().step_by(runs.len().div_ceil(SAMPLED_RUNS).max(1)) {
         let range = range.start..range.end.min(range.start + SAMPLED_TRIANGLES);
         read(sources[*source], range, root, &mut world, &mut snapped);
-        let run = SortedRun::new(&Soup, &binner, &snapped);
         sampled += snapped.len() as u64;
+        let before = snapped.len();
+        snapped.retain(|t| lattice.is_none_or(|lattice| lattice.hides(t).is_none()));
+        hidden += (before - snapped.len()) as u64;
+        let run = SortedRun::new(&Soup, &binner, &snapped);
         plain += run.pieces() * size_of::<Triangle>() as u64;
         packed += PackedRun::new(&run).heap_bytes();
     }
     let of_all = |bytes: u64| (u128::from(bytes) * u128::from(all) / u128::from(sampled.max(1))) as u64;
+    // Every thread keeps one hidden triangle a brick.
+    let told = lattice.map_or(0, |lattice| (lattice.bricks() * rayon::current_num_threads()) as u64);
+    let told = told.min(of_all(hidden)) * size_of::<Triangle>() as u64;
     // Every run has a table of the cubes.
-    let plain = of_all(plain).saturating_add(runs.len() as u64 * (binner.cells() as u64 + 1) * 4);
-    let packed = of_all(packed);
+    let plain = of_all(plain) + told + runs.len() as u64 * (binner.cells() as u64 + 1) * 4;
+    let packed = of_all(packed) + told;
     if plain <= room.sorted_bytes() / 10 * 9 {
         return Ok(true);
     }

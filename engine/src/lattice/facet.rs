@@ -14,6 +14,14 @@ pub fn normal(t: &Triangle) -> [i64; 3] {
     ]
 }
 
+/// Whether [`normal`] is not the zero vector. One component mostly tells.
+#[inline]
+pub fn has_area(t: &Triangle) -> bool {
+    let e = |i: usize, a: usize| i64::from(t[i][a]) - i64::from(t[0][a]);
+    let component = |u, v| e(1, u) * e(2, v) - e(1, v) * e(2, u);
+    component(0, 1) != 0 || component(1, 2) != 0 || component(2, 0) != 0
+}
+
 /// Smallest and largest coordinate along each axis.
 #[inline]
 pub fn bounds(t: &Triangle) -> (Units, Units) {
@@ -108,6 +116,19 @@ mod tests {
             let touches = overlap(&t, low, 16);
             if corners > 0 { prop_assert!(touches) }
             if grown == 0 { prop_assert!(!touches) }
+        }
+    }
+
+    #[test]
+    fn area_and_normal_agree() {
+        let flat = [[[0, 0, 0], [2, 4, 6], [4, 8, 12]], [[2; 3]; 3], [[0, 0, 8], [6, 0, 8], [4, 0, 8]]];
+        assert!(flat.iter().all(|t| normal(t) == [0; 3] && !has_area(t)));
+        // The normal along one axis only.
+        for axis in 0..3 {
+            let mut t = [[6; 3]; 3];
+            t[1][(axis + 1) % 3] = 10;
+            t[2][(axis + 2) % 3] = 2;
+            assert!(normal(&t)[axis] != 0 && has_area(&t));
         }
     }
 

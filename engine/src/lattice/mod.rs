@@ -9,7 +9,7 @@ mod facet;
 mod key;
 mod root;
 
-pub use facet::{bounds, normal, touches_cube};
+pub use facet::{bounds, has_area, normal, touches_cube};
 pub use key::{NodeKey, Octant};
 pub use root::RootCube;
 

@@ -83,12 +83,16 @@ impl RootCube {
     }
 }
 
-/// floor(v + ½) for |v| < 2^30 without a call into libm, which baseline x86-64 needs for `floor`.
+/// floor(v + ½) for |v| < 2^30, in operations that every processor has for several numbers at a time: neither a call
+/// into libm, which baseline x86-64 needs for `floor`, nor a conversion that saturates.
 #[inline]
 fn round_half_up(v: f64) -> i32 {
+    /// Adding this rounds to an integer, which then stands in the low bits of the mantissa.
+    const ROUND: f64 = (1u64 << 52) as f64 * 1.5;
     let shifted = v + 0.5;
-    let truncated = shifted as i32;
-    truncated - i32::from(f64::from(truncated) > shifted)
+    let rounded = shifted + ROUND;
+    let above = rounded - ROUND > shifted;
+    (rounded.to_bits() as i32).wrapping_sub(i32::from(above))
 }
 
 fn longest(min: [f64; 3], max: [f64; 3]) -> Option<f64> {
