@@ -1,13 +1,15 @@
 //! A cache under a byte budget that makes again what it had to drop.
 
 use crate::error::Result;
-use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Values by leaf number, the least recently used ones dropped first.
 pub(super) struct Cache<V> {
     budget_bytes: usize,
     state: Mutex<State<V>>,
+    /// Something in `making` is made.
+    made: Condvar,
 }
 
 struct State<V> {
@@ -16,6 +18,8 @@ struct State<V> {
     order: BTreeMap<u64, u32>,
     now: u64,
     used_bytes: usize,
+    /// Leaves whose values some thread is making.
+    making: HashSet<u32>,
 }
 
 struct Entry<V> {
@@ -26,24 +30,53 @@ struct Entry<V> {
 
 impl<V> Cache<V> {
     pub(super) fn new(budget_bytes: usize) -> Cache<V> {
-        let state = State { entries: HashMap::new(), order: BTreeMap::new(), now: 0, used_bytes: 0 };
-        Cache { budget_bytes, state: Mutex::new(state) }
+        let state = State {
+            entries: HashMap::new(),
+            order: BTreeMap::new(),
+            now: 0,
+            used_bytes: 0,
+            making: HashSet::new(),
+        };
+        Cache { budget_bytes, state: Mutex::new(state), made: Condvar::new() }
     }
 
-    /// The value of `leaf`, made now if it is not there. Two threads may make the same value at the same
-    /// time; both get equal ones.
+    /// The value of `leaf`, made now if it is not there. Threads that ask for what another one makes wait for it, so
+    /// `make` must not ask this cache.
     pub(super) fn get_or_make(&self, leaf: u32, make: impl FnOnce() -> Result<(V, usize)>) -> Result<Arc<V>> {
-        if let Some(value) = self.lock().get(leaf) {
-            return Ok(value);
+        let mut state = self.lock();
+        loop {
+            if let Some(value) = state.get(leaf) {
+                return Ok(value);
+            }
+            if state.making.insert(leaf) {
+                break;
+            }
+            state = self.made.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
+        drop(state);
+        let making = Making { cache: self, leaf };
         let (value, bytes) = make()?;
         let value = Arc::new(value);
         self.lock().insert(leaf, Arc::clone(&value), bytes, self.budget_bytes);
+        drop(making);
         Ok(value)
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, State<V>> {
+    fn lock(&self) -> MutexGuard<'_, State<V>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Lets the next thread try, however the making ends.
+struct Making<'a, V> {
+    cache: &'a Cache<V>,
+    leaf: u32,
+}
+
+impl<V> Drop for Making<'_, V> {
+    fn drop(&mut self) {
+        self.cache.lock().making.remove(&self.leaf);
+        self.cache.made.notify_all();
     }
 }
 

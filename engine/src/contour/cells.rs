@@ -11,15 +11,19 @@
 //! always split. A face belongs to the finer of its two cells, and to the upper one where they have the same
 //! size; every leaf around asks the one that owns it.
 
+use super::corner::MISS;
 use super::field::{Field, Frame};
 use super::leaves::{Around, Side, direction_index};
 use super::mixed::Surroundings;
+use super::planes::{EdgePlane, Plane};
 use super::qef::{PlaneSums, Qef};
+use super::solve::{GROUP, Group};
 use super::surface::{Changes, Surface};
 use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, derive_edge, edge_lower, face_cuts};
-use crate::brick::{HermiteEdge, SignChanges, point_index};
+use crate::brick::{SignChanges, point_index};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+use fearless_simd::{Level, dispatch};
 
 /// Rows of cells along x in a leaf.
 pub(super) const CELL_ROWS: usize = BRICK_CELLS * BRICK_CELLS;
@@ -57,6 +61,9 @@ struct Extra {
     vertex: u32,
 }
 
+/// Stands in [`BrickCells::quads`] where a cell needs a closer look.
+pub(super) const NO_VERTEX: u16 = u16::MAX;
+
 /// Cells and vertices of a leaf.
 #[derive(Default)]
 pub(super) struct BrickCells {
@@ -74,6 +81,9 @@ pub(super) struct BrickCells {
     mixed_edges: Vec<(u64, u32)>,
     /// Sorted by face and edge.
     extras: Vec<Extra>,
+    /// For each sign-changing edge of the leaf, those along x first, the vertices of the four cells around it in the
+    /// order of [`SQUARE`], [`NO_VERTEX`] for those that are not plain cells of this leaf without ambiguous faces.
+    pub quads: Vec<[u16; 4]>,
     /// World positions of the vertices.
     pub positions: Vec<[f32; 3]>,
     /// Faces with extra vertices.
@@ -134,6 +144,7 @@ impl BrickCells {
             + 4 * (self.first.capacity() + self.mixed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.extras.capacity() * size_of::<Extra>()
+            + self.quads.capacity() * size_of::<[u16; 4]>()
             + self.positions.capacity() * size_of::<[f32; 3]>()
             + size_of::<BrickCells>()
     }
@@ -144,23 +155,17 @@ impl BrickCells {
         self.rows.get(k * BRICK_CELLS + j).copied().unwrap_or_default()
     }
 
-    /// The vertex of a plain active cell's loop through edge `edge`, with the cell's loops, looked
-    /// up in `table`, the dereferenced [`CELL_LOOPS`]; `None` if the cell is mixed.
-    #[inline]
-    pub(super) fn plain_vertex<'t>(
-        &self,
-        table: &'t [CellLoops; 256],
-        row: CellRow,
-        i: usize,
-        edge: usize,
-    ) -> Option<(u32, &'t CellLoops)> {
-        if row.mixed >> i & 1 == 1 {
+    /// The vertex of the loop of a plain cell without ambiguous faces through its edge number `edge`; `None` for
+    /// other cells.
+    pub(super) fn plain_vertex(&self, [i, j, k]: [usize; 3], edge: usize) -> Option<u32> {
+        let row = self.row(j, k);
+        if (row.active & !row.mixed) >> i & 1 == 0 {
             return None;
         }
         let slot = row.slot(i);
-        let loops = &table[*self.masks.get(slot)? as usize];
+        let loops = &CELL_LOOPS[self.masks[slot] as usize];
         let of_edge = loops.of_edge[edge];
-        (of_edge != NO_LOOP).then(|| (self.first[slot] + u32::from(of_edge), loops))
+        (loops.ambiguous == 0 && of_edge != NO_LOOP).then(|| self.first[slot] + u32::from(of_edge))
     }
 
     /// The vertex of the loop of `cell` through a minimal edge: number `edge` of the cell's own 12 if the
@@ -168,7 +173,9 @@ impl BrickCells {
     pub(super) fn vertex(&self, cell: [usize; 3], edge: usize, key: u64) -> Option<u32> {
         let row = self.row(cell[1], cell[2]);
         if row.mixed >> cell[0] & 1 == 0 {
-            return self.plain_vertex(&CELL_LOOPS, row, cell[0], edge).map(|(vertex, _)| vertex);
+            let slot = row.slot(cell[0]);
+            let of_edge = CELL_LOOPS[*self.masks.get(slot)? as usize].of_edge[edge];
+            return (of_edge != NO_LOOP).then(|| self.first[slot] + u32::from(of_edge));
         }
         let place = self.first[row.slot(cell[0])] as usize;
         let edges = &self.mixed_edges[self.mixed[place] as usize..self.mixed[place + 1] as usize];
@@ -204,23 +211,6 @@ fn mark_active(signs: &SignChanges, rows: &mut [CellRow]) {
     }
 }
 
-/// A sign change on the boundary of a cell: where it lies in cell coordinates and the normal there.
-pub(super) type Plane = ([f64; 3], [f64; 3]);
-
-/// A decoded Hermite edge.
-#[derive(Clone, Copy)]
-pub(super) struct EdgePlane {
-    pub fraction: f32,
-    pub normal: [f32; 3],
-}
-
-impl EdgePlane {
-    #[inline]
-    pub(super) fn of(edge: &HermiteEdge) -> EdgePlane {
-        EdgePlane { fraction: edge.fraction() as f32, normal: edge.normal.to_vector().map(|c| c as f32) }
-    }
-}
-
 /// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
 /// along z, of which a cell has the ones at its own index and at the next.
 struct EdgeStreams {
@@ -237,10 +227,32 @@ struct EdgePlace {
     step: u32,
     lower: [f64; 3],
     direction: [f64; 3],
+    /// Which of the four cells around the edge the cell is, in the order of [`SQUARE`].
+    quadrant: usize,
+}
+
+impl EdgeStreams {
+    /// Place among the decoded planes of an edge of cell `i`.
+    #[inline(always)]
+    fn slot(&self, i: usize, place: &EdgePlace) -> usize {
+        let before = self.bits[place.stream] & ((1 << (i as u32 + place.step)) - 1);
+        (self.first[place.stream] + before.count_ones()) as usize
+    }
+}
+
+impl EdgePlace {
+    /// The crossing on the edge in cell coordinates.
+    #[inline(always)]
+    fn plane(&self, plane: &EdgePlane) -> Plane {
+        let fraction = f64::from(plane.fraction);
+        let point = std::array::from_fn(|a| self.lower[a] + fraction * self.direction[a]);
+        (point, plane.normal.map(f64::from))
+    }
 }
 
 static EDGE_PLACES: [EdgePlace; 12] = {
-    const NONE: EdgePlace = EdgePlace { stream: 0, step: 0, lower: [0.0; 3], direction: [0.0; 3] };
+    const NONE: EdgePlace =
+        EdgePlace { stream: 0, step: 0, lower: [0.0; 3], direction: [0.0; 3], quadrant: 0 };
     let mut places = [NONE; 12];
     let mut edge = 0;
     while edge < 12 {
@@ -249,6 +261,8 @@ static EDGE_PLACES: [EdgePlace; 12] = {
         places[edge].step = i as u32;
         places[edge].lower = [i as f64, j as f64, k as f64];
         places[edge].direction[axis.index()] = 1.0;
+        // By the offsets of the edge along the other two axes.
+        places[edge].quadrant = [2, 3, 1, 0][edge % 4];
         edge += 1;
     }
     places
@@ -262,18 +276,32 @@ pub(super) struct Builder<'a> {
     pub frame: Frame,
     around: &'a Around,
     pub changes: Option<&'a Changes>,
-    /// The leaf's Hermite edges decoded, those along x first: each one serves up to four cells.
-    pub planes: Vec<EdgePlane>,
-    /// Where the edges along each axis start in `planes`.
-    pub axis_start: [usize; 3],
+    /// The leaf's Hermite edges.
+    planes: &'a [EdgePlane],
     pub cells: BrickCells,
     /// Plain cells with one loop that is not flat, for [`super::corner`].
     pub creased: Vec<[usize; 3]>,
-    /// The sums over the crossings of each active cell, about the leaf's first sample; none where there are
-    /// mixed cells.
+    /// The sums over the crossings of each active cell, about the leaf's first sample, and then, when all cells are
+    /// filled, over those of all cells before it; none where there are mixed cells.
     pub sums: Option<Vec<PlaneSums>>,
+    /// Cells, as bit rows, whose own planes rule out a corner in any block that they are part of.
+    pub apart: Box<[u32; CELL_ROWS]>,
     /// Extra vertices come after all others: (face, the two edges, position).
     splits: Vec<(u32, [u64; 2], [f32; 3])>,
+    /// Loops whose vertices are placed next; these are the last ones.
+    group: Group,
+    waiting: Vec<Waiting>,
+}
+
+/// A loop in a group.
+#[derive(Clone, Copy)]
+struct Waiting {
+    cell: [usize; 3],
+    /// First vertex of the cell, and the loop's own.
+    first: u32,
+    vertex: u32,
+    /// A plain cell with one loop.
+    is_lone: bool,
 }
 
 impl<'a> Builder<'a> {
@@ -285,15 +313,10 @@ impl<'a> Builder<'a> {
         rows: Vec<CellRow>,
         active: usize,
     ) -> Builder<'a> {
-        let mut planes = Vec::with_capacity(changes.map_or(0, |c| c.hermite.len()));
-        let axis_start = std::array::from_fn(|a| {
-            let start = planes.len();
-            let edges = changes.map_or(&[][..], |c| &c.hermite.edges[a]);
-            planes.extend(edges.iter().map(EdgePlane::of));
-            start
-        });
+        let planes = changes.map_or(&[][..], |c| &c.planes);
         let cells = BrickCells {
             signs: changes.map(|c| c.signs.clone()),
+            quads: vec![[NO_VERTEX; 4]; planes.len()],
             rows,
             masks: Vec::with_capacity(active),
             first: Vec::with_capacity(active),
@@ -309,15 +332,23 @@ impl<'a> Builder<'a> {
             around,
             changes,
             planes,
-            axis_start,
             cells,
             creased: Vec::new(),
-            sums: (!around.contains(&Side::Finer)).then(|| Vec::with_capacity(active)),
+            sums: (!around.contains(&Side::Finer)).then(|| Vec::with_capacity(active + 1)),
+            apart: Box::new([0; CELL_ROWS]),
             splits: Vec::new(),
+            group: Group::default(),
+            waiting: Vec::with_capacity(GROUP),
         }
     }
 
-    fn fill(&mut self, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
+    /// As compiled for this processor: bits are counted for every edge of every cell.
+    fn fill(&mut self, surroundings: Option<&mut Surroundings>) -> Result<()> {
+        dispatch!(Level::new(), _simd => self.fill_rows(surroundings))
+    }
+
+    #[inline(always)]
+    fn fill_rows(&mut self, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
         for n in 0..CELL_ROWS {
             let row = self.cells.rows[n];
             if row.active == 0 {
@@ -337,9 +368,19 @@ impl<'a> Builder<'a> {
                 }
             }
         }
+        self.place();
+        if let Some(sums) = &mut self.sums {
+            let mut before = PlaneSums::default();
+            sums.push(before);
+            for sums in sums {
+                let own = std::mem::replace(sums, before);
+                before.add_all(&own);
+            }
+        }
         Ok(())
     }
 
+    #[inline(always)]
     fn streams(&self, j: usize, k: usize) -> EdgeStreams {
         let mut streams = EdgeStreams { bits: [0; 8], first: [0; 8] };
         let Some(changes) = self.changes else { return streams };
@@ -350,40 +391,42 @@ impl<'a> Builder<'a> {
                 _ => (Axis::Z, j + stream - 6, k),
             };
             streams.bits[stream] = changes.signs.edges(axis, j, k);
-            streams.first[stream] = (self.axis_start[axis.index()] + changes.slot(axis, [0, j, k])) as u32;
+            streams.first[stream] = changes.slot(axis, [0, j, k]) as u32;
         }
         streams
     }
 
     /// Corner mask from the leaf's own samples.
+    #[inline(always)]
     fn mask(&self, cell: [usize; 3]) -> u8 {
         self.changes.map_or(0, |changes| changes.mask(cell))
     }
 
-    #[inline]
+    #[inline(always)]
     fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) -> Result<()> {
         let mask = self.mask(cell);
         let loops = &CELL_LOOPS[mask as usize];
         let first = self.cells.positions.len();
         self.cells.masks.push(mask);
         self.cells.first.push(first as u32);
-        let mut sums = PlaneSums::default();
+        if let Some(sums) = &mut self.sums {
+            sums.push(PlaneSums::default());
+        }
         for l in 0..loops.count as usize {
+            let vertex = first + l;
+            let named =
+                if loops.ambiguous == 0 && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
             let mut qef = Qef::default();
             let mut edges = loops.edges[l];
             while edges != 0 {
-                let (point, normal) = self.plane(cell[0], edges.trailing_zeros() as usize, streams);
+                let place = &EDGE_PLACES[edges.trailing_zeros() as usize];
+                let slot = streams.slot(cell[0], place);
+                let (point, normal) = place.plane(&self.planes[slot]);
                 qef.add(point, normal);
+                self.cells.quads[slot][place.quadrant] = named;
                 edges &= edges - 1;
             }
-            sums.add_all(&qef.sums(cell.map(|c| c as f64)));
-            self.push_vertex(cell, first, &qef);
-            if loops.count == 1 && !qef.is_flat() {
-                self.creased.push(cell);
-            }
-        }
-        if let Some(all) = &mut self.sums {
-            all.push(sums);
+            self.push_vertex(cell, first, loops.count == 1, &qef);
         }
         if loops.ambiguous != 0 {
             self.split_plain_faces(cell, mask, loops, streams)?;
@@ -392,31 +435,41 @@ impl<'a> Builder<'a> {
     }
 
     /// The crossing on edge `edge` of cell `i` in a row, which changes sign.
-    #[inline]
     fn plane(&self, i: usize, edge: usize, streams: &EdgeStreams) -> Plane {
         let place = &EDGE_PLACES[edge];
-        let before = streams.bits[place.stream] & ((1 << (i as u32 + place.step)) - 1);
-        let plane = self.planes[(streams.first[place.stream] + before.count_ones()) as usize];
-        let fraction = f64::from(plane.fraction);
-        (std::array::from_fn(|a| place.lower[a] + fraction * place.direction[a]), plane.normal.map(f64::from))
+        place.plane(&self.planes[streams.slot(i, place)])
     }
 
-    /// Places the vertex of a loop; `first` is the cell's first vertex.
-    #[inline]
-    fn push_vertex(&mut self, cell: [usize; 3], first: usize, qef: &Qef) {
-        let margin = self.frame.margin;
-        let mut at = qef.solve(margin);
-        let mut position = self.frame.world(cell, at);
-        // Loops of one cell can have the same minimiser, as on a needle thinner than the cell.
-        let mut tries = 0;
-        while tries < 48 && self.cells.positions[first..].contains(&position) {
-            let axis = tries % 3;
-            let step = (1.0 / 64.0f64).max(margin) * (1 + tries / 3) as f64;
-            at[axis] = (at[axis] + if at[axis] < 0.5 { step } else { -step }).clamp(margin, 1.0 - margin);
-            position = self.frame.world(cell, at);
-            tries += 1;
+    /// Leaves the vertex of a loop to the group; `first` is the cell's first vertex.
+    #[inline(always)]
+    fn push_vertex(&mut self, cell: [usize; 3], first: usize, is_lone: bool, qef: &Qef) {
+        self.group.set(self.waiting.len(), qef, cell.map(|c| c as f64));
+        let vertex = self.cells.positions.len() as u32;
+        self.waiting.push(Waiting { cell, first: first as u32, vertex, is_lone });
+        self.cells.positions.push([0.0; 3]);
+        if self.waiting.len() == GROUP {
+            self.place();
         }
-        self.cells.positions.push(position);
+    }
+
+    /// Places the vertices that wait.
+    fn place(&mut self) {
+        let margin = self.frame.margin;
+        let solved = self.group.solve(self.waiting.len(), margin, MISS);
+        for (lane, waiting) in self.waiting.drain(..).enumerate() {
+            let Waiting { cell, first, vertex, is_lone } = waiting;
+            let before = &self.cells.positions[first as usize..vertex as usize];
+            let position = apart(&self.frame, cell, solved.points[lane], before);
+            self.cells.positions[vertex as usize] = position;
+            if is_lone && solved.flat >> lane & 1 == 0 {
+                self.creased.push(cell);
+            }
+            if let Some(sums) = &mut self.sums {
+                let row = cell[2] * BRICK_CELLS + cell[1];
+                self.apart[row] |= ((solved.apart >> lane & 1) as u32) << cell[0];
+                sums[self.cells.rows[row].slot(cell[0])].add_all(&solved.sums[lane]);
+            }
+        }
     }
 
     /// Extra vertices on the faces of a plain cell that this leaf owns and that need them.
@@ -492,7 +545,7 @@ impl<'a> Builder<'a> {
             for crossing in mixed.crossings.iter().filter(|c| c.in_loop == l) {
                 qef.add(crossing.plane.0, crossing.plane.1);
             }
-            self.push_vertex(cell, first, &qef);
+            self.push_vertex(cell, first, false, &qef);
         }
         let edges = mixed.crossings.iter().map(|c| (c.key, first as u32 + c.in_loop));
         self.cells.mixed_edges.extend(edges);
@@ -504,6 +557,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
+    /// Called when all vertices are placed.
     fn finish(mut self) -> BrickCells {
         for (face, edges, position) in self.splits {
             let vertex = self.cells.positions.len() as u32;
@@ -513,4 +567,27 @@ impl<'a> Builder<'a> {
         self.cells.extras.sort_unstable_by_key(|e| (e.face, e.edge));
         self.cells
     }
+}
+
+/// World position of the point `at` of a cell, or near it if it is among those `before` it: loops of one cell can have
+/// the same minimiser, as on a needle thinner than the cell.
+#[inline(always)]
+fn apart(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
+    let position = frame.world(cell, at);
+    if before.contains(&position) { moved(frame, cell, at, before) } else { position }
+}
+
+#[cold]
+fn moved(frame: &Frame, cell: [usize; 3], mut at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
+    let mut position = frame.world(cell, at);
+    let mut tries = 0;
+    while tries < 48 && before.contains(&position) {
+        let axis = tries % 3;
+        let step = (1.0 / 64.0f64).max(frame.margin) * (1 + tries / 3) as f64;
+        let moved = at[axis] + if at[axis] < 0.5 { step } else { -step };
+        at[axis] = moved.clamp(frame.margin, 1.0 - frame.margin);
+        position = frame.world(cell, at);
+        tries += 1;
+    }
+    position
 }

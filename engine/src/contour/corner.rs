@@ -16,23 +16,27 @@
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.
 
-use super::cells::{Builder, Plane};
+use super::cells::{Builder, CELL_ROWS};
 use super::halo::{Halo, Named, Place};
+use super::planes::Plane;
 use super::qef::{PlaneSums, Qef, dot};
 use super::topology::CELL_LOOPS;
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
+use fearless_simd::{Level, dispatch};
 use glam::DVec3;
 use std::collections::HashSet;
 
 /// How far, in cells, a plane may pass by the corner: a hundred times what the rounding of offsets and
 /// normals makes of planes that meet in one point, and far less than a curved face bends within a cell.
-const MISS: f64 = 0.01;
+pub(super) const MISS: f64 = 0.01;
 /// Cosine of the angle, 3°, up to which two crossings count as of one face.
 const SAME_NORMAL: f64 = 0.998_629_534_754_573_9;
 /// Least singular value of the faces' normals: what is flatter or nearer to a straight crease has no place
 /// along the crease that its crossings would tell.
 const LEAST_SPREAD: f64 = 0.3;
+/// Half the edge of the block of 3³ cells.
+const BLOCK_REACH: f64 = 1.5;
 /// Faces at a corner at most. More are a curved surface, on which the search ends early.
 const MOST_FACES: usize = 8;
 /// Crossings per face, on average: three lone planes always meet somewhere.
@@ -47,12 +51,12 @@ impl Builder<'_> {
         if creased.is_empty() {
             return Ok(());
         }
-        let halo = Halo::new(self.field, self.leaf, &self.planes, self.axis_start)?;
+        let halo = Halo::new(self.field, self.leaf)?;
         let mut search = Search { builder: self, halo, planes: Vec::new() };
+        let candidates = search.candidates(creased);
         let mut homes = HashSet::new();
         let (mut aside, mut moves) = (Vec::new(), Vec::new());
-        for cell in creased {
-            let cell = cell.map(|c| c as i32);
+        for cell in candidates {
             let Some(seen) = search.seen_from(cell)? else { continue };
             let home = home_of(seen);
             if home != cell
@@ -215,27 +219,90 @@ impl Search<'_> {
         best.map(|(_, point)| point.to_array())
     }
 
-    /// Whether the block about a cell may hold a corner, by the sums over its crossings: creases are many and
-    /// corners few. Within the leaf the sums of its cells serve; the crossings beyond its border are added up.
-    fn may_meet(&self, cell: Place, low: Place, high: Place) -> bool {
-        let mut sums = PlaneSums::default();
-        if let Some(all) = &self.builder.sums {
-            let [x, y, z] =
-                [0, 1, 2].map(|a| low[a].max(0) as usize..high[a].min(BRICK_CELLS as i32) as usize);
-            for (j, k) in z.flat_map(|k| y.clone().map(move |j| (j, k))) {
-                let row = self.builder.cells.row(j, k);
-                for cell in &all[row.slot(x.start)..row.slot(x.end)] {
-                    sums.add_all(cell);
-                }
+    /// Those of the cells whose block may hold a corner as far as the cells of the leaf can tell: creases are many and
+    /// corners few.
+    fn candidates(&self, creased: Vec<[usize; 3]>) -> Vec<Place> {
+        let mut places: Vec<Place> = creased.into_iter().map(|cell| cell.map(|c| c as i32)).collect();
+        if let Some(sums) = &self.builder.sums {
+            dispatch!(Level::new(), _simd => self.keep_candidates(&mut places, sums));
+        }
+        places
+    }
+
+    #[inline(always)]
+    fn keep_candidates(&self, places: &mut Vec<Place>, sums: &[PlaneSums]) {
+        let apart = dilated(&self.builder.apart);
+        // A loop: the closure of an iterator may stay a call, compiled for the narrowest vectors.
+        let mut kept = 0;
+        for n in 0..places.len() {
+            let cell = places[n];
+            let [i, j, k] = cell.map(|c| c as usize);
+            if apart[k * BRICK_CELLS + j] >> i & 1 == 0 && self.may_meet_within(cell, sums) {
+                places[kept] = cell;
+                kept += 1;
             }
         }
-        let beyond = self.builder.sums.is_some();
+        places.truncate(kept);
+    }
+
+    #[inline(always)]
+    fn may_meet_within(&self, cell: Place, sums: &[PlaneSums]) -> bool {
+        const LAST: i32 = BRICK_CELLS as i32 - 1;
+        let sums = self.sums_within(cell, sums);
+        let is_within = cell.iter().all(|&c| 0 < c && c < LAST);
+        if is_within { may_meet(&sums, cell) } else { sums.may_share_point(middle(cell), BLOCK_REACH, MISS) }
+    }
+
+    /// The sums over the cells of the leaf in the block about a cell, from those over all cells before each.
+    #[inline(always)]
+    fn sums_within(&self, cell: Place, before: &[PlaneSums]) -> PlaneSums {
+        let mut sums = PlaneSums::default();
+        let [x, y, z] = cell.map(|c| (c - 1).max(0) as usize..(c + 2).min(BRICK_CELLS as i32) as usize);
+        for k in z {
+            for j in y.clone() {
+                let row = self.builder.cells.row(j, k);
+                sums.add_all(&before[row.slot(x.end)]);
+                sums.take_all(&before[row.slot(x.start)]);
+            }
+        }
+        sums
+    }
+
+    /// Whether the block about a cell may hold a corner. Within the leaf the sums of its cells serve; the crossings
+    /// beyond its border are added up.
+    fn may_meet(&self, cell: Place, low: Place, high: Place) -> bool {
+        let within = self.builder.sums.as_ref().map(|before| self.sums_within(cell, before));
+        let beyond = within.is_some();
+        let mut sums = within.unwrap_or_default();
         self.halo.any_plane(low, high, beyond, |(point, normal)| {
             sums.add(point, normal);
             false
         });
-        sums.may_meet(cell.map(|c| f64::from(c) + 0.5), 1.5, MISS, LEAST_SPREAD)
+        may_meet(&sums, cell)
     }
+}
+
+/// Whether the planes of the block about a cell may meet in a corner.
+#[inline(always)]
+fn may_meet(sums: &PlaneSums, cell: Place) -> bool {
+    sums.may_meet(middle(cell), BLOCK_REACH, MISS, LEAST_SPREAD)
+}
+
+#[inline(always)]
+fn middle(cell: Place) -> [f64; 3] {
+    cell.map(|c| f64::from(c) + 0.5)
+}
+
+/// The cells of the leaf, as bit rows, that have one of the set ones in their block.
+fn dilated(rows: &[u32; CELL_ROWS]) -> Vec<u32> {
+    let along_x: Vec<u32> = rows.iter().map(|row| row | row << 1 | row >> 1).collect();
+    let around = |rows: &[u32], n: usize, at: usize, step: usize| {
+        let below = if at > 0 { rows[n - step] } else { 0 };
+        let above = if at + 1 < BRICK_CELLS { rows[n + step] } else { 0 };
+        below | rows[n] | above
+    };
+    let along_y: Vec<u32> = (0..CELL_ROWS).map(|n| around(&along_x, n, n % BRICK_CELLS, 1)).collect();
+    (0..CELL_ROWS).map(|n| around(&along_y, n, n / BRICK_CELLS, BRICK_CELLS)).collect()
 }
 
 /// True if the corner is not on a crossing's plane.

@@ -5,9 +5,9 @@
 //! whose vertex goes to a corner between them. Leaves of other levels are not looked into; of the border with
 //! them only the own apron is known.
 
-use super::cells::{EdgePlane, Plane};
 use super::field::Field;
-use super::surface::{Changes, Surface};
+use super::planes::Plane;
+use super::surface::Surface;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use std::sync::Arc;
@@ -30,9 +30,6 @@ pub(super) struct Halo<'a> {
     key: NodeKey,
     /// The leaf itself in the middle, the 26 around it by direction.
     pieces: [Piece; 27],
-    /// The leaf's own crossings, decoded, with the start of each axis.
-    planes: &'a [EdgePlane],
-    axis_start: [usize; 3],
 }
 
 /// A crossing with the name of its edge: axis and lower sample, z first, then whether it comes from the apron
@@ -44,15 +41,10 @@ fn piece_index(d: Place) -> usize {
 }
 
 impl<'a> Halo<'a> {
-    pub(super) fn new(
-        field: &'a Field<'a>,
-        leaf: u32,
-        planes: &'a [EdgePlane],
-        axis_start: [usize; 3],
-    ) -> Result<Halo<'a>> {
+    pub(super) fn new(field: &'a Field<'a>, leaf: u32) -> Result<Halo<'a>> {
         let mut pieces = [const { Piece::NotFetched }; 27];
         pieces[piece_index([0; 3])] = Piece::Fetched(field.surface(leaf)?);
-        Ok(Halo { field, key: field.leaves.get(leaf).key, pieces, planes, axis_start })
+        Ok(Halo { field, key: field.leaves.get(leaf).key, pieces })
     }
 
     /// Fetches the leaves that hold the cells between the samples `low` and `high`.
@@ -143,7 +135,7 @@ impl<'a> Halo<'a> {
                 while bits != 0 {
                     let start = [bits.trailing_zeros() as usize, j, k];
                     bits &= bits - 1;
-                    let edge = self.plane(d, changes, axis, start);
+                    let edge = &changes.planes[changes.slot(axis, start)];
                     let start: Place = std::array::from_fn(|a| first[a] + start[a] as i32);
                     let mut point = start.map(f64::from);
                     point[axis.index()] += f64::from(edge.fraction);
@@ -154,16 +146,6 @@ impl<'a> Halo<'a> {
             }
         }
         false
-    }
-
-    #[inline]
-    fn plane(&self, d: Place, changes: &Changes, axis: Axis, start: [usize; 3]) -> EdgePlane {
-        let slot = changes.slot(axis, start);
-        if d == [0; 3] {
-            self.planes[self.axis_start[axis.index()] + slot]
-        } else {
-            EdgePlane::of(&changes.hermite.edges[axis.index()][slot])
-        }
     }
 }
 

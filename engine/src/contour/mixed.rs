@@ -7,9 +7,10 @@
 //! [`cut_runs`], and every sign-changing minimal edge belongs to exactly two faces of the cell, so the cuts
 //! link into closed loops whatever the levels are; and both cells at a face cut it alike, so the mesh closes.
 
-use super::cells::{CellRow, Plane, edge_key, face_key};
+use super::cells::{CellRow, edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Leaf, Side, broken, direction_index, directions};
+use super::planes::Plane;
 use super::surface::{Changes, Surface};
 use super::topology::cut_runs;
 use crate::brick::SignChanges;
@@ -316,12 +317,12 @@ impl<'a> Surroundings<'a> {
         (lower, axis, level): (Units, Axis, u8),
         base: Units,
     ) -> Crossing {
-        let hermite = changes.hermite.edges[axis.index()][changes.slot(axis, low)];
+        let edge = &changes.planes[changes.slot(axis, low)];
         let relative: Units = std::array::from_fn(|a| lower[a] - base[a]);
         let spacing = f64::from(1 << self.own.key.spacing_bits());
         let mut at = relative.map(f64::from);
-        at[axis.index()] += hermite.fraction() * f64::from(1 << crate::lattice::spacing_bits(level));
-        let plane = (at.map(|c| c / spacing), hermite.normal.to_vector());
+        at[axis.index()] += f64::from(edge.fraction) * f64::from(1 << crate::lattice::spacing_bits(level));
+        let plane = (at.map(|c| c / spacing), edge.normal.map(f64::from));
         Crossing { key: edge_key(relative, axis, level), plane, in_loop: NOT_LOOPED, lower, axis, level }
     }
 

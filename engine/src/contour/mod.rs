@@ -12,13 +12,17 @@
 //! |---|---|
 //! | `topology` | how a face is cut, the loops of a plain cell |
 //! | `leaves` | which leaf lies where |
+//! | `planes` | decoded Hermite edges |
 //! | `surface` | signs and Hermite edges of a leaf |
 //! | `qef` | where a vertex goes |
+//! | `solve` | the same for eight vertices at a time |
 //! | `cells` | pass 1: active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
 //! | `corner` | vertices at corners that no single cell sees |
 //! | `mixed` | cells next to finer leaves |
 //! | `polygons` | pass 2: triangles of a leaf |
+//! | `measure` | area, volume and normals of triangles |
+//! | `order` | leaves in parallel, their output in order |
 //! | `sink` | STL, PLY and OBJ files |
 
 mod cache;
@@ -27,26 +31,29 @@ mod corner;
 mod field;
 mod halo;
 mod leaves;
+mod measure;
 mod mixed;
+mod order;
+mod planes;
 mod polygons;
 mod qef;
 mod sink;
+mod solve;
 mod surface;
 #[cfg(test)]
 mod tests;
 mod topology;
 
 pub use polygons::Facet;
-pub use sink::{MeshSink, create_sink};
+pub use sink::{Encoded, Encoding, MeshSink, create_sink};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use cells::BrickCells;
 use field::Field;
-use polygons::{LeafFacets, Spare};
-use rayon::prelude::*;
-use std::ops::Range;
+use order::in_order;
+use polygons::{LeafFacets, Making, Spare};
 use std::sync::Arc;
 use surface::Level;
 
@@ -87,9 +94,6 @@ pub struct MeshSummary {
     /// Cells whose boundary has edges of finer leaves.
     pub mixed_cells: u64,
 }
-
-/// Leaves per batch and thread: enough to even out their cost, few enough to stay small in memory.
-const LEAVES_PER_THREAD: usize = 16;
 
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
 /// finished; without the vertices if it does not share them. The same tree gives the same calls for any number of threads.
@@ -171,22 +175,29 @@ fn vertices(
     let mut first_vertex = Vec::with_capacity(field.leaves.len() + 1);
     first_vertex.push(0u32);
     progress.phase("vertices", Some(field.leaves.len() as u64), "bricks");
-    in_order(
-        field.leaves.len(),
-        progress,
-        |leaves| each(leaves, |leaf| field.cells(leaf)),
-        |cells: Arc<BrickCells>| {
-            sink.vertices(&cells.positions)?;
-            summary.add_cells(&cells);
-            first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
-                Error::setting(
-                    "the mesh has more than 2^32 - 1 vertices",
-                    "write .stl, which does not number them, or choose a coarser level with --level",
-                )
-            })?);
-            Ok(())
-        },
-    )?;
+    let encoding = sink.encoding();
+    let make = |leaf| {
+        let cells = field.cells(leaf)?;
+        let mut bytes = Vec::new();
+        if let Some(encoding) = encoding {
+            (encoding.vertices)(&cells.positions, &mut bytes);
+        }
+        Ok((cells, bytes))
+    };
+    in_order(field.leaves.len(), progress, make, |(cells, bytes): (Arc<BrickCells>, Vec<u8>)| {
+        match encoding {
+            Some(_) => sink.encoded(Encoded::Vertices(cells.len(), &bytes))?,
+            None => sink.vertices(&cells.positions)?,
+        }
+        summary.add_cells(&cells);
+        first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
+            Error::setting(
+                "the mesh has more than 2^32 - 1 vertices",
+                "write .stl, which does not number them, or choose a coarser level with --level",
+            )
+        })?);
+        Ok(())
+    })?;
     Ok(first_vertex)
 }
 
@@ -199,24 +210,14 @@ fn triangles(
     summary: &mut MeshSummary,
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
-    let spare = Spare::default();
-    let facets = |leaf| polygons::leaf_facets(field, leaf, Some(first_vertex), &spare);
-    in_order(
-        field.leaves.len(),
-        progress,
-        |leaves| each(leaves, facets),
-        |leaf| {
-            sink.triangles(&leaf.facets)?;
-            summary.add_facets(&leaf);
-            spare.keep(leaf.facets);
-            Ok(())
-        },
-    )
+    let making =
+        Making { first_vertex: Some(first_vertex), encoding: sink.encoding(), spare: Spare::default() };
+    let make = |leaf| polygons::leaf_facets(field, leaf, &making);
+    in_order(field.leaves.len(), progress, make, |leaf| hand_over(leaf, &making, sink, summary))
 }
 
 /// Both passes in one, for a sink that shares no vertices. A leaf's polygons need the cells of the leaves below it,
-/// which come before it, and of coarser ones: those of a batch are made before its triangles, so that no two
-/// threads make the same.
+/// which come before it, and of coarser ones.
 fn lone_triangles(
     field: &Field,
     sink: &mut dyn MeshSink,
@@ -224,19 +225,29 @@ fn lone_triangles(
     summary: &mut MeshSummary,
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
-    let spare = Spare::default();
-    let make = |leaves: Range<u32>| {
-        let cells = each(leaves.clone(), |leaf| field.cells(leaf));
-        let facets = each(leaves, |leaf| polygons::leaf_facets(field, leaf, None, &spare));
-        cells.into_iter().zip(facets).map(|(cells, facets)| Ok((cells?, facets?))).collect()
-    };
-    in_order(field.leaves.len(), progress, make, |(cells, leaf)| {
-        sink.triangles(&leaf.facets)?;
+    let making = Making { first_vertex: None, encoding: sink.encoding(), spare: Spare::default() };
+    let make = |leaf| Ok((field.cells(leaf)?, polygons::leaf_facets(field, leaf, &making)?));
+    in_order(field.leaves.len(), progress, make, |(cells, leaf): (Arc<BrickCells>, LeafFacets)| {
         summary.add_cells(&cells);
-        summary.add_facets(&leaf);
-        spare.keep(leaf.facets);
-        Ok(())
+        hand_over(leaf, &making, sink, summary)
     })
+}
+
+fn hand_over(
+    leaf: LeafFacets,
+    making: &Making,
+    sink: &mut dyn MeshSink,
+    summary: &mut MeshSummary,
+) -> Result<()> {
+    match making.encoding {
+        Some(_) => sink.encoded(Encoded::Triangles(leaf.count, &leaf.bytes))?,
+        None => sink.triangles(&leaf.facets)?,
+    }
+    summary.triangles += leaf.count as u64;
+    summary.area += leaf.measured.area;
+    summary.volume += leaf.measured.volume;
+    making.spare.keep(leaf);
+    Ok(())
 }
 
 impl MeshSummary {
@@ -252,41 +263,4 @@ impl MeshSummary {
             }
         }
     }
-
-    fn add_facets(&mut self, leaf: &LeafFacets) {
-        self.triangles += leaf.facets.len() as u64;
-        self.area += leaf.area;
-        self.volume += leaf.volume;
-    }
-}
-
-/// One item per leaf, made in parallel.
-fn each<T: Send>(leaves: Range<u32>, make: impl Fn(u32) -> Result<T> + Sync) -> Vec<Result<T>> {
-    leaves.into_par_iter().with_max_len(1).map(&make).collect()
-}
-
-/// Makes batches of one item per leaf and uses the items in order; while one batch is used the next is made.
-fn in_order<T: Send>(
-    leaves: usize,
-    progress: &dyn Progress,
-    make: impl Fn(Range<u32>) -> Vec<Result<T>> + Sync,
-    mut use_item: impl FnMut(T) -> Result<()> + Send,
-) -> Result<()> {
-    let batch = LEAVES_PER_THREAD * rayon::current_num_threads();
-    let make_batch = |start: usize| make(start as u32..(start + batch).min(leaves) as u32);
-    let mut made = make_batch(0);
-    let mut start = 0;
-    while start < leaves {
-        progress.check()?;
-        let count = made.len() as u64;
-        let ready = std::mem::take(&mut made);
-        let next = start + batch;
-        let use_batch = || ready.into_iter().try_for_each(|item| use_item(item?));
-        let (used, following) = rayon::join(use_batch, || make_batch(next.min(leaves)));
-        used?;
-        made = following;
-        progress.advance(count);
-        start = next;
-    }
-    Ok(())
 }

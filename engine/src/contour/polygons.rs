@@ -11,14 +11,17 @@
 //!   polygon at that cut only the two cells at the face are the same;
 //! - other polygons with extra vertices are fans about a finest cell's vertex.
 
-use super::cells::{BrickCells, CellRow, edge_key, face_key};
+use super::cells::{BrickCells, NO_VERTEX, edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Side, broken, direction_index};
-use super::topology::{CELL_LOOPS, CellLoops, SQUARE, edge_index};
+use super::measure::{Measured, measure};
+use super::sink::Encoding;
+use super::topology::{SQUARE, edge_index};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Units};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use fearless_simd::{Level, dispatch};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// One triangle of the mesh, counter-clockwise seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,84 +36,82 @@ pub struct Facet {
 /// The triangles that one leaf owns.
 #[derive(Default)]
 pub(super) struct LeafFacets {
+    pub count: usize,
+    /// None if they are encoded.
     pub facets: Vec<Facet>,
-    /// In square world units.
-    pub area: f64,
-    /// Signed volume under the triangles, seen from the root's centre, in cubic world units.
-    pub volume: f64,
+    /// What a file holds of them, if it can be made here.
+    pub bytes: Vec<u8>,
+    pub measured: Measured,
 }
 
-/// Room for facets that has been used before: fresh pages from the kernel cost a tenth of the time of contouring.
+/// Room for facets and bytes that has been used before: fresh pages from the kernel cost a tenth of the time of
+/// contouring.
 #[derive(Default)]
-pub(super) struct Spare(Mutex<Vec<Vec<Facet>>>);
+pub(super) struct Spare {
+    facets: Mutex<Vec<Vec<Facet>>>,
+    bytes: Mutex<Vec<Vec<u8>>>,
+}
 
 impl Spare {
-    /// Empty room for at least so many.
-    fn take(&self, facets: usize) -> Vec<Facet> {
-        let mut room = self.lock().pop().unwrap_or_default();
-        room.reserve(facets);
-        room
-    }
-
     /// Keeps what is used no more.
-    pub(super) fn keep(&self, mut facets: Vec<Facet>) {
-        facets.clear();
-        if facets.capacity() > 0 {
-            self.lock().push(facets);
-        }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Vec<Vec<Facet>>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) fn keep(&self, leaf: LeafFacets) {
+        give(&self.facets, leaf.facets);
+        give(&self.bytes, leaf.bytes);
     }
 }
 
-/// The triangles of `leaf`; `first_vertex` holds the number of each leaf's first vertex, if numbers are wanted.
-pub(super) fn leaf_facets(
-    field: &Field,
-    leaf: u32,
-    first_vertex: Option<&[u32]>,
-    spare: &Spare,
-) -> Result<LeafFacets> {
+/// Empty room.
+fn take<T>(spare: &Mutex<Vec<Vec<T>>>) -> Vec<T> {
+    spare.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+}
+
+fn give<T>(spare: &Mutex<Vec<Vec<T>>>, mut room: Vec<T>) {
+    room.clear();
+    if room.capacity() > 0 {
+        spare.lock().unwrap_or_else(PoisonError::into_inner).push(room);
+    }
+}
+
+/// How the facets of a mesh are made, beside the field.
+pub(super) struct Making<'a> {
+    /// The number of each leaf's first vertex, if numbers are wanted.
+    pub first_vertex: Option<&'a [u32]>,
+    /// How a file takes them.
+    pub encoding: Option<Encoding>,
+    pub spare: Spare,
+}
+
+/// The triangles of `leaf`.
+pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<LeafFacets> {
     let cells = field.cells(leaf)?;
     let Some(signs) = &cells.signs else { return Ok(LeafFacets::default()) };
-    let key = field.leaves.get(leaf).key;
-    let around = field.leaves.around(leaf);
-    let facets = spare.take(2 * cells.len() + cells.len() / 8);
+    let mut facets = take(&making.spare.facets);
+    facets.reserve(2 * cells.len() + cells.len() / 8);
+    let mut neighbours = [const { None }; 27];
+    neighbours[direction_index([0; 3])] = Some(Arc::clone(&cells));
     let mut maker = Maker {
         field,
-        leaf,
-        key,
-        around,
-        first_vertex,
-        table: &CELL_LOOPS,
-        neighbours: Default::default(),
+        key: field.leaves.get(leaf).key,
+        around: field.leaves.around(leaf),
+        first_vertex: making.first_vertex,
+        first: making.first_vertex.map_or(0, |first| first[leaf as usize]),
+        neighbours,
+        borders: [Border::Unknown; 27],
         facets,
     };
-    for axis in Axis::ALL {
-        for k in 0..BRICK_POINTS {
-            for j in 0..BRICK_POINTS {
-                maker.row(axis, j, k, &cells, signs)?;
-            }
-        }
+    dispatch!(Level::new(), _simd => maker.rows(&cells, signs))?;
+    let mut facets = maker.facets;
+    let mut bytes = Vec::new();
+    if making.encoding.is_some() {
+        bytes = take(&making.spare.bytes);
     }
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    Ok(measure(maker.facets, centre))
-}
-
-/// Sums area and volume in the order of the facets.
-fn measure(facets: Vec<Facet>, centre: [f64; 3]) -> LeafFacets {
-    let (mut area, mut volume) = (0.0, 0.0);
-    for facet in &facets {
-        let [a, b, c] =
-            facet.corners.map(|p| -> [f64; 3] { std::array::from_fn(|n| f64::from(p[n]) - centre[n]) });
-        let (u, v): ([f64; 3], [f64; 3]) =
-            (std::array::from_fn(|n| b[n] - a[n]), std::array::from_fn(|n| c[n] - a[n]));
-        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        area += 0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-        volume += (n[0] * a[0] + n[1] * a[1] + n[2] * a[2]) / 6.0;
+    let measured = measure(&facets, centre, making.encoding, &mut bytes);
+    let count = facets.len();
+    if making.encoding.is_some() {
+        give(&making.spare.facets, std::mem::take(&mut facets));
     }
-    LeafFacets { facets, area, volume }
+    Ok(LeafFacets { count, facets, bytes, measured })
 }
 
 /// Which of two equally fine leaves around an edge owns its polygon: the one of higher rank.
@@ -151,78 +152,144 @@ struct Quadrant<'a> {
     cells: &'a BrickCells,
 }
 
+/// What is common to all edges along an axis on one face or edge of the leaf's border.
+#[derive(Clone, Copy)]
+enum Border {
+    Unknown,
+    /// Their polygons belong to another leaf.
+    Foreign,
+    /// Around them are leaves of this one's level, in these directions; the cells of all are fetched.
+    Equal([usize; 4]),
+    /// Leaves of several levels meet.
+    Uneven,
+}
+
 /// Makes the facets of one leaf.
 struct Maker<'a> {
     field: &'a Field<'a>,
-    leaf: u32,
     key: NodeKey,
     around: Around,
     first_vertex: Option<&'a [u32]>,
-    /// The loops of plain cells by corner mask.
-    table: &'static [CellLoops; 256],
+    /// Number of the leaf's own first vertex.
+    first: u32,
     /// Cells of the leaf itself and of its neighbours by direction, fetched when needed.
     neighbours: [Option<Arc<BrickCells>>; 27],
+    /// By axis and where the edges along it lie: 0, 1 or 2 for the lower border, the inside, the upper border along
+    /// each of the other two.
+    borders: [Border; 27],
     facets: Vec<Facet>,
 }
 
 impl Maker<'_> {
-    #[inline]
-    fn first_vertex(&self, leaf: u32) -> u32 {
-        self.first_vertex.map_or(0, |first| first[leaf as usize])
-    }
-
-    /// All edges along `axis` whose lower samples lie in the row (j, k) and that this leaf owns.
-    fn row(&mut self, axis: Axis, j: usize, k: usize, cells: &BrickCells, signs: &SignChanges) -> Result<()> {
-        let mut bits = signs.edges(axis, j, k);
-        if bits == 0 {
-            return Ok(());
-        }
-        let on_border = |c: usize| c == 0 || c == BRICK_CELLS;
-        let row_on_border = (axis != Axis::Y && on_border(j)) || (axis != Axis::Z && on_border(k));
-        let rows = if row_on_border { None } else { Some(rows_around(cells, axis, j, k)) };
-        while bits != 0 {
-            let i = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            let low = [i, j, k];
-            let inside = signs.row(j, k) >> i & 1 == 1;
-            match &rows {
-                Some(rows)
-                    if (axis == Axis::X || !on_border(i)) && self.plain(axis, i, rows, cells, inside) => {}
-                _ => self.general(axis, low, inside)?,
+    /// All edges of the leaf, in the order of [`BrickCells::quads`].
+    #[inline(always)]
+    fn rows(&mut self, cells: &BrickCells, signs: &SignChanges) -> Result<()> {
+        let mut slot = 0;
+        for axis in Axis::ALL {
+            for k in 0..BRICK_POINTS {
+                for j in 0..BRICK_POINTS {
+                    self.row(axis, j, k, cells, (signs, &mut slot))?;
+                }
             }
         }
         Ok(())
     }
 
-    /// The polygon of an edge among four plain cells of this leaf, none of which has a split face; false if
-    /// they are not of that kind.
     #[inline]
-    fn plain(&mut self, axis: Axis, i: usize, rows: &[CellRow; 4], cells: &BrickCells, inside: bool) -> bool {
+    fn first_vertex(&self, leaf: u32) -> u32 {
+        self.first_vertex.map_or(0, |first| first[leaf as usize])
+    }
+
+    /// All edges along `axis` whose lower samples lie in the row (j, k) and that this leaf owns; `slot` counts the
+    /// edges.
+    #[inline(always)]
+    fn row(
+        &mut self,
+        axis: Axis,
+        j: usize,
+        k: usize,
+        cells: &BrickCells,
+        (signs, slot): (&SignChanges, &mut usize),
+    ) -> Result<()> {
+        let mut bits = signs.edges(axis, j, k);
+        let inside = signs.row(j, k);
+        while bits != 0 {
+            let i = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let inside = inside >> i & 1 == 1;
+            // None where no cell of the leaf is active: then all its edges with a sign change lie on its border.
+            match cells.quads.get(*slot) {
+                Some(quad) if !quad.contains(&NO_VERTEX) => self.plain(quad, cells, inside),
+                _ => self.border(axis, [i, j, k], inside)?,
+            }
+            *slot += 1;
+        }
+        Ok(())
+    }
+
+    /// The polygon of an edge among four plain cells of this leaf, none of which has a split face.
+    #[inline(always)]
+    fn plain(&mut self, quad: &[u16; 4], cells: &BrickCells, inside: bool) {
+        let [a, b, c, d] = *quad;
+        let at = |n: u16| (self.first + u32::from(n), cells.positions[usize::from(n)]);
+        let [first, second] = cut([at(a), at(b), at(c), at(d)], inside);
+        let facets = if inside { [first, second] } else { [second, first] };
+        self.facets.extend_from_slice(&facets);
+    }
+
+    /// The polygon of an edge on the leaf's border, or next to a cell that is not plain, if this leaf owns it.
+    fn border(&mut self, axis: Axis, low: [usize; 3], inside: bool) -> Result<()> {
         let (u, v) = axis.others();
-        let mut polygon = [0u32; 4];
-        let mut ambiguous = 0;
+        let side = |c: usize| usize::from(c > 0) + usize::from(c == BRICK_CELLS);
+        let place = 9 * axis.index() + 3 * side(low[u.index()]) + side(low[v.index()]);
+        if matches!(self.borders[place], Border::Unknown) {
+            self.borders[place] = self.explore(axis, low)?;
+        }
+        match self.borders[place] {
+            Border::Foreign => return Ok(()),
+            Border::Equal(directions) => {
+                if let Some(corners) = self.equal(axis, low, directions) {
+                    self.facets.extend_from_slice(&cut(corners, inside));
+                    return Ok(());
+                }
+            }
+            Border::Unknown | Border::Uneven => {}
+        }
+        self.general(axis, low, inside)
+    }
+
+    #[cold]
+    fn explore(&mut self, axis: Axis, low: [usize; 3]) -> Result<Border> {
+        if !self.owns(axis, low) {
+            return Ok(Border::Foreign);
+        }
+        let mut directions = [0; 4];
+        for (n, quadrant) in SQUARE.into_iter().enumerate() {
+            directions[n] = direction_index(direction(Self::quadrant_cell(axis, low, quadrant)));
+            let Side::Same(leaf) = self.around[directions[n]] else { return Ok(Border::Uneven) };
+            self.fetch(leaf, directions[n])?;
+        }
+        Ok(Border::Equal(directions))
+    }
+
+    /// The corners of a polygon among plain cells, without split faces, of leaves of this level.
+    fn equal(&self, axis: Axis, low: [usize; 3], directions: [usize; 4]) -> Option<[Vertex; 4]> {
+        let mut corners = [Vertex::default(); 4];
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
-            let at = i - usize::from((u == Axis::X && qu == 0) || (v == Axis::X && qv == 0));
-            let edge = edge_index(axis, 1 - qu, 1 - qv);
-            let Some((vertex, loops)) = cells.plain_vertex(self.table, rows[n], at, edge) else {
-                return false;
-            };
-            ambiguous |= loops.ambiguous;
-            polygon[n] = vertex;
+            let Side::Same(leaf) = self.around[directions[n]] else { return None };
+            let cells = self.neighbours[directions[n]].as_deref()?;
+            let cell = Self::quadrant_cell(axis, low, [qu, qv]).map(|c| c as usize % BRICK_CELLS);
+            let vertex = cells.plain_vertex(cell, edge_index(axis, 1 - qu, 1 - qv))?;
+            corners[n] = (self.first_vertex(leaf) + vertex, cells.positions[vertex as usize]);
         }
-        if ambiguous != 0 {
-            return false;
+        Some(corners)
+    }
+
+    fn fetch(&mut self, leaf: u32, direction: usize) -> Result<()> {
+        if self.neighbours[direction].is_none() {
+            self.neighbours[direction] = Some(self.field.cells(leaf)?);
         }
-        let first = self.first_vertex(self.leaf);
-        let corners = polygon.map(|vertex| (first + vertex, cells.positions[vertex as usize]));
-        let [a, b, c, d] = corners;
-        let is_first = shorter(&corners.map(|corner| corner.1), true, true);
-        // From here on the quadrilateral is cut from its first corner to its third.
-        let [a, b, c, d] = if is_first { [a, b, c, d] } else { [b, c, d, a] };
-        let (b, d) = if inside { (b, d) } else { (d, b) };
-        self.facets.push(Facet { ids: [a.0, b.0, c.0], corners: [a.1, b.1, c.1] });
-        self.facets.push(Facet { ids: [a.0, c.0, d.0], corners: [a.1, c.1, d.1] });
-        true
+        Ok(())
     }
 
     /// The polygon of any edge, if this leaf owns it.
@@ -290,9 +357,7 @@ impl Maker<'_> {
         let places = SQUARE.map(|quadrant| Self::quadrant_cell(axis, low, quadrant));
         for place in places {
             let (leaf, n) = self.neighbour(place)?;
-            if self.neighbours[n].is_none() {
-                self.neighbours[n] = Some(self.field.cells(leaf)?);
-            }
+            self.fetch(leaf, n)?;
         }
         let [a, b, c, d] = places.map(|place| self.quadrant(place));
         let quadrants = [a?, b?, c?, d?];
@@ -342,13 +407,17 @@ impl Maker<'_> {
     }
 }
 
-/// The cell rows of the four cells around the edges of a row, all within the leaf.
-fn rows_around(cells: &BrickCells, axis: Axis, j: usize, k: usize) -> [CellRow; 4] {
-    let (u, v) = axis.others();
-    SQUARE.map(|[qu, qv]| {
-        let below = |a: Axis| usize::from((u == a && qu == 0) || (v == a && qv == 0));
-        cells.row(j - below(Axis::Y), k - below(Axis::Z))
-    })
+/// Number and position of a vertex.
+type Vertex = (u32, [f32; 3]);
+
+/// A quadrilateral, counter-clockwise seen from the edge's upper end, as two triangles about its first corner or its
+/// second.
+#[inline(always)]
+fn cut([a, b, c, d]: [Vertex; 4], inside: bool) -> [Facet; 2] {
+    let is_first = shorter(&[a.1, b.1, c.1, d.1], true, true);
+    let [a, b, c, d] = if is_first { [a, b, c, d] } else { [b, c, d, a] };
+    let facet = |a: Vertex, b: Vertex, c: Vertex| Facet { ids: [a.0, b.0, c.0], corners: [a.1, b.1, c.1] };
+    if inside { [facet(a, b, c), facet(a, c, d)] } else { [facet(a, c, b), facet(a, d, c)] }
 }
 
 /// In which direction a cell with coordinates -1..=32 lies from the leaf.
@@ -365,7 +434,7 @@ fn relative(at: Units, key: NodeKey, point: [usize; 3]) -> Units {
 
 /// True if a quadrilateral is to be cut from corner 0 to corner 2: along the shorter of the diagonals that
 /// are allowed, along this one if they are equal.
-#[inline]
+#[inline(always)]
 fn shorter(p: &[[f32; 3]; 4], is_first_allowed: bool, is_second_allowed: bool) -> bool {
     let squared =
         |a: [f32; 3], b: [f32; 3]| (0..3).map(|n| (f64::from(a[n]) - f64::from(b[n])).powi(2)).sum::<f64>();

@@ -1,6 +1,7 @@
 //! The surface as one leaf sees it: signs at its 33³ samples and a Hermite edge on every sign change.
 
 use super::leaves::Leaf;
+use super::planes::{EdgePlane, decode};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_POINTS, Octant};
@@ -20,7 +21,9 @@ pub(super) enum Surface {
 /// Signs and Hermite edges of a leaf with sign changes.
 pub(super) struct Changes {
     pub signs: SignChanges,
-    pub hermite: Hermite,
+    /// Hermite edges, those along x first, in the order of the linear index of the edge's lower sample.
+    pub planes: Vec<EdgePlane>,
+    /// By axis and row of lower samples, how many edges come before.
     ranks: [Box<[u32; ROWS + 1]>; 3],
 }
 
@@ -49,16 +52,15 @@ impl Surface {
         let brick = tree.brick(leaf.key)?;
         let Brick::Counts { samples, hermite } = &*brick else { return Ok(Surface::Uniform(leaf.inside)) };
         let signs = signs(samples, level);
-        let ranks = Axis::ALL.map(|axis| signs.ranks(axis));
-        let is_complete = (0..3).all(|a| hermite.edges[a].len() == ranks[a][ROWS] as usize);
-        let hermite = if !level.has_hermite() || (leaf.is_tree_leaf && !is_complete) {
-            from_samples(&signs, samples, level.iso)
+        let is_complete = hermite.edges.each_ref().map(Vec::len) == signs.counts();
+        let planes = if !level.has_hermite() || (leaf.is_tree_leaf && !is_complete) {
+            decoded(&from_samples(&signs, samples, level.iso))
         } else if leaf.is_tree_leaf {
-            hermite.clone()
+            decoded(hermite)
         } else {
             from_children(tree, leaf, &signs, level)?
         };
-        Ok(Surface::Changes(Box::new(Changes { signs, hermite, ranks })))
+        Ok(Surface::Changes(Box::new(Changes::new(signs, planes))))
     }
 
     /// True if the sample lies inside.
@@ -81,21 +83,36 @@ impl Surface {
     pub(super) fn heap_bytes(&self) -> usize {
         match self {
             Surface::Uniform(_) => 0,
-            Surface::Changes(c) => ROWS * 8 + 3 * (ROWS + 1) * 4 + c.hermite.heap_bytes(),
+            Surface::Changes(c) => {
+                ROWS * 8 + 3 * (ROWS + 1) * 4 + c.planes.capacity() * size_of::<EdgePlane>()
+            }
         }
     }
 }
 
 impl Changes {
+    /// One plane for each edge that changes sign.
+    fn new(signs: SignChanges, planes: Vec<EdgePlane>) -> Changes {
+        let mut ranks = Axis::ALL.map(|axis| signs.ranks(axis));
+        let mut before = 0;
+        for ranks in &mut ranks {
+            for rank in ranks.iter_mut() {
+                *rank += before;
+            }
+            before = ranks[ROWS];
+        }
+        Changes { signs, planes, ranks }
+    }
+
     /// Corner mask of a cell, as in [`Surface::mask`].
-    #[inline]
+    #[inline(always)]
     pub(super) fn mask(&self, [i, j, k]: [usize; 3]) -> u8 {
         let pair = |j, k| (self.signs.row(j, k) >> i) as u8 & 3;
         pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
     }
 
-    /// Place in the Hermite array of the edge along `axis` that starts at sample (i, j, k).
-    #[inline]
+    /// Place in `planes` of the edge along `axis` that starts at sample (i, j, k).
+    #[inline(always)]
     pub(super) fn slot(&self, axis: Axis, [i, j, k]: [usize; 3]) -> usize {
         let before = self.signs.edges(axis, j, k) & ((1 << i) - 1);
         (self.ranks[axis.index()][k * BRICK_POINTS + j] + before.count_ones()) as usize
@@ -154,9 +171,21 @@ fn gradient(samples: &Samples, at: [usize; 3], axis: usize) -> i64 {
     if high[axis] - low[axis] == 2 { difference } else { 2 * difference }
 }
 
+/// The edges of all axes.
+fn decoded(hermite: &Hermite) -> Vec<EdgePlane> {
+    let mut planes = Vec::with_capacity(hermite.len());
+    hermite.edges.iter().for_each(|edges| decode(edges, &mut planes));
+    planes
+}
+
 /// Hermite edges of an interior node from its children's: an edge consists of two edges of the child that
 /// owns its lower end, of which exactly one changes sign.
-fn from_children(tree: &dyn BrickTree, leaf: &Leaf, signs: &SignChanges, level: Level) -> Result<Hermite> {
+fn from_children(
+    tree: &dyn BrickTree,
+    leaf: &Leaf,
+    signs: &SignChanges,
+    level: Level,
+) -> Result<Vec<EdgePlane>> {
     const HALF: usize = BRICK_POINTS / 2;
     let mut children = Vec::with_capacity(8);
     for octant in Octant::all() {
@@ -166,7 +195,7 @@ fn from_children(tree: &dyn BrickTree, leaf: &Leaf, signs: &SignChanges, level: 
         let inside = i32::from(info.min) >= level.threshold;
         children.push(Surface::load(tree, &Leaf { key, is_tree_leaf: info.leaf, changes, inside }, level)?);
     }
-    let mut hermite = Hermite::default();
+    let mut planes = Vec::new();
     let mut is_sound = true;
     for axis in Axis::ALL {
         for_each_edge(signs, axis, |at| {
@@ -182,13 +211,14 @@ fn from_children(tree: &dyn BrickTree, leaf: &Leaf, signs: &SignChanges, level: 
             if second {
                 low = middle;
             }
-            let Some(fine) = child.hermite.edges[axis.index()].get(child.slot(axis, low)) else {
+            let Some(fine) = child.planes.get(child.slot(axis, low)) else {
                 is_sound = false;
                 return;
             };
-            let offset = (u32::from(fine.offset) + u32::from(second) * 65536) / 2;
-            hermite.edges[axis.index()].push(HermiteEdge { offset: offset as u16, normal: fine.normal });
+            // In whole 1/65536 of the edge, as stored edges are.
+            let offset = ((fine.fraction + f32::from(u8::from(second))) * 32768.0).floor();
+            planes.push(EdgePlane { fraction: offset / 65536.0, normal: fine.normal });
         });
     }
-    if is_sound { Ok(hermite) } else { Err(super::leaves::broken(leaf.key)) }
+    if is_sound { Ok(planes) } else { Err(super::leaves::broken(leaf.key)) }
 }

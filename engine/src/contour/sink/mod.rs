@@ -5,11 +5,13 @@ mod part;
 mod ply;
 mod stl;
 
+use super::measure::measure;
 use super::polygons::Facet;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`].
+/// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`]. One that keeps a mesh has its own
+/// `vertices` and `triangles`, one that writes a file its own `encoding` and `encoded`.
 pub trait MeshSink: Send {
     /// Whether triangles name vertices by number. If not, no vertices are handed over, and the numbers in
     /// [`Facet::ids`] mean nothing.
@@ -17,11 +19,49 @@ pub trait MeshSink: Send {
         true
     }
     /// The next vertices, world positions; the first one ever has number 0.
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()>;
+    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+        let Some(encoding) = self.encoding() else { return Ok(()) };
+        let mut bytes = Vec::new();
+        (encoding.vertices)(positions, &mut bytes);
+        self.encoded(Encoded::Vertices(positions.len(), &bytes))
+    }
     /// The next triangles. Their numbers are those of vertices received before.
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()>;
+    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+        let Some(encoding) = self.encoding() else { return Ok(()) };
+        let mut bytes = Vec::new();
+        measure(facets, [0.0; 3], Some(encoding), &mut bytes);
+        self.encoded(Encoded::Triangles(facets.len(), &bytes))
+    }
+    /// How a file takes the mesh, so that any thread can make its bytes. Where there is an encoding, they are handed
+    /// over by [`MeshSink::encoded`] in place of vertices and triangles, in the same order.
+    fn encoding(&self) -> Option<Encoding> {
+        None
+    }
+    /// The next vertices or triangles as [`MeshSink::encoding`] makes them.
+    fn encoded(&mut self, _part: Encoded<'_>) -> Result<()> {
+        Ok(())
+    }
     /// The mesh is complete. A file gets its final name here; one that is dropped before leaves nothing.
     fn finish(&mut self) -> Result<()>;
+}
+
+/// How a mesh becomes bytes of a file.
+#[derive(Clone, Copy)]
+pub struct Encoding {
+    /// Appends the bytes of vertices at world positions.
+    pub vertices: fn(&[[f32; 3]], &mut Vec<u8>),
+    /// Appends the bytes of triangles with their normals: of length one by the right-hand rule, zero for a triangle
+    /// without area.
+    pub facets: fn(&[Facet], &[[f32; 3]], &mut Vec<u8>),
+}
+
+/// A part of a mesh as bytes of a file.
+#[derive(Clone, Copy, Debug)]
+pub enum Encoded<'a> {
+    /// So many vertices.
+    Vertices(usize, &'a [u8]),
+    /// So many triangles.
+    Triangles(usize, &'a [u8]),
 }
 
 /// Known file endings.

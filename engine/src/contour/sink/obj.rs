@@ -1,11 +1,14 @@
 //! Wavefront OBJ: text, shared vertices, indices from 1.
 
 use super::super::polygons::Facet;
-use super::MeshSink;
 use super::part::MeshFile;
+use super::{Encoded, Encoding, MeshSink};
 use crate::error::Result;
 use std::io::Write;
 use std::path::Path;
+
+/// Most bytes of a line of small numbers, to reserve room by.
+const LINE_BYTES: usize = 32;
 
 pub(super) struct ObjSink {
     file: MeshFile,
@@ -14,24 +17,35 @@ pub(super) struct ObjSink {
 impl ObjSink {
     pub(super) fn create(path: &Path) -> Result<ObjSink> {
         let mut file = MeshFile::create(path)?;
-        file.write(|w| w.write_all(b"# written by Brickfield\n"))?;
+        file.append(b"# written by Brickfield\n")?;
         Ok(ObjSink { file })
     }
 }
 
+fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(positions.len() * LINE_BYTES);
+    for [x, y, z] in positions {
+        // The shortest digits that read back as the same f32. Writing to memory cannot fail.
+        let _ = writeln!(bytes, "v {x} {y} {z}");
+    }
+}
+
+fn write_facets(facets: &[Facet], _normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(facets.len() * LINE_BYTES);
+    for facet in facets {
+        let [a, b, c] = facet.ids.map(|id| u64::from(id) + 1);
+        let _ = writeln!(bytes, "f {a} {b} {c}");
+    }
+}
+
 impl MeshSink for ObjSink {
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
-        // The shortest digits that read back as the same f32.
-        self.file.write(|w| positions.iter().try_for_each(|[x, y, z]| writeln!(w, "v {x} {y} {z}")))
+    fn encoding(&self) -> Option<Encoding> {
+        Some(Encoding { vertices: write_vertices, facets: write_facets })
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
-        self.file.write(|w| {
-            facets.iter().try_for_each(|facet| {
-                let [a, b, c] = facet.ids.map(|id| u64::from(id) + 1);
-                writeln!(w, "f {a} {b} {c}")
-            })
-        })
+    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+        let (Encoded::Vertices(_, bytes) | Encoded::Triangles(_, bytes)) = part;
+        self.file.append(bytes)
     }
 
     fn finish(&mut self) -> Result<()> {

@@ -3,11 +3,11 @@
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::fs::File;
-use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Large enough that a system call is rare next to the encoding.
-const BUFFER_BYTES: usize = 1 << 20;
+/// What small parts are gathered in before a system call; larger ones go to the file as they are.
+const BUFFER_BYTES: usize = 64 << 10;
 
 /// A buffered [`PartFile`].
 pub(super) struct MeshFile {
@@ -24,14 +24,16 @@ impl MeshFile {
         Ok(MeshFile { path: path.to_owned(), open: Some((writer, part)) })
     }
 
+    /// Appends bytes.
+    pub(super) fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.write(|writer| writer.write_all(bytes))
+    }
+
     /// Runs `write` on the open file and names the file in its error.
-    pub(super) fn write(
-        &mut self,
-        write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-    ) -> Result<()> {
+    fn write(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
         match &mut self.open {
             Some((writer, _)) => write(writer).map_err(Error::io(&self.path, "write")),
-            None => Err(Error::io(&self.path, "write")(std::io::Error::other("the file is finished"))),
+            None => Err(Error::io(&self.path, "write")(io::Error::other("the file is finished"))),
         }
     }
 

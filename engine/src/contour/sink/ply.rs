@@ -1,10 +1,9 @@
 //! Binary little-endian PLY with shared vertices.
 
 use super::super::polygons::Facet;
-use super::MeshSink;
 use super::part::MeshFile;
+use super::{Encoded, Encoding, MeshSink};
 use crate::error::Result;
-use std::io::Write;
 use std::path::Path;
 
 /// Bytes of a face: the number of corners and their indices.
@@ -14,14 +13,13 @@ pub(super) struct PlySink {
     file: MeshFile,
     vertices: u64,
     faces: u64,
-    buffer: Vec<u8>,
 }
 
 impl PlySink {
     pub(super) fn create(path: &Path) -> Result<PlySink> {
         let mut file = MeshFile::create(path)?;
-        file.write(|w| w.write_all(header(0, 0).as_bytes()))?;
-        Ok(PlySink { file, vertices: 0, faces: 0, buffer: Vec::new() })
+        file.append(header(0, 0).as_bytes())?;
+        Ok(PlySink { file, vertices: 0, faces: 0 })
     }
 }
 
@@ -36,28 +34,38 @@ fn header(vertices: u64, faces: u64) -> String {
     )
 }
 
+fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
+    bytes.extend(positions.as_flattened().iter().flat_map(|c| c.to_le_bytes()));
+}
+
+fn write_facets(facets: &[Facet], _normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(facets.len() * FACE_BYTES);
+    for facet in facets {
+        let mut record = [3; FACE_BYTES];
+        for (to, id) in record[1..].chunks_exact_mut(4).zip(facet.ids) {
+            to.copy_from_slice(&id.to_le_bytes());
+        }
+        bytes.extend_from_slice(&record);
+    }
+}
+
 impl MeshSink for PlySink {
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
-        self.vertices += positions.len() as u64;
-        self.buffer.clear();
-        self.buffer.extend(positions.as_flattened().iter().flat_map(|c| c.to_le_bytes()));
-        let buffer = &self.buffer;
-        self.file.write(|w| w.write_all(buffer))
+    fn encoding(&self) -> Option<Encoding> {
+        Some(Encoding { vertices: write_vertices, facets: write_facets })
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
-        self.faces += facets.len() as u64;
-        self.buffer.clear();
-        self.buffer.reserve(facets.len() * FACE_BYTES);
-        for facet in facets {
-            let mut record = [3; FACE_BYTES];
-            for (to, id) in record[1..].chunks_exact_mut(4).zip(facet.ids) {
-                to.copy_from_slice(&id.to_le_bytes());
+    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+        let bytes = match part {
+            Encoded::Vertices(count, bytes) => {
+                self.vertices += count as u64;
+                bytes
             }
-            self.buffer.extend_from_slice(&record);
-        }
-        let buffer = &self.buffer;
-        self.file.write(|w| w.write_all(buffer))
+            Encoded::Triangles(count, bytes) => {
+                self.faces += count as u64;
+                bytes
+            }
+        };
+        self.file.append(bytes)
     }
 
     fn finish(&mut self) -> Result<()> {

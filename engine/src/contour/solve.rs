@@ -1,0 +1,422 @@
+//! Vertices of eight loops at a time, in vectors of whatever width the processor has.
+//!
+//! Every lane does the same operations in the same order, and none is fused: a vertex has the same bits for any
+//! width and whatever loops share its group. Lanes without a closed form, a few in a hundred, and minimisers outside
+//! their cell, one in ten, are left to [`super::qef`].
+
+use super::qef::{Centred, PlaneSums, Qef, TRUNCATION_SQUARED, Vector, most_least, ridge};
+use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, mask64x8};
+
+/// How far about a cell planes may meet: anywhere in a block of 3³ cells that holds the cell.
+pub(super) const REACH: f64 = 2.5;
+
+/// Loops in a group.
+pub(super) const GROUP: usize = 8;
+
+/// One number for each loop.
+type Lanes = [f64; GROUP];
+
+/// The sums of up to [`GROUP`] loops, term by term, as in [`Qef`]; lanes not in use hold anything.
+#[derive(Clone, Default)]
+pub(super) struct Group {
+    matrix: [Lanes; 6],
+    rhs: [Lanes; 3],
+    points: [Lanes; 3],
+    normals: [Lanes; 3],
+    constant: Lanes,
+    count: Lanes,
+    /// Lower corners of the cells.
+    corners: [Lanes; 3],
+}
+
+/// What comes out of a group.
+pub(super) struct Solved {
+    /// By loop the point of the box `margin..1 − margin` of the cell with the least error, nearest to the mass
+    /// point where the error does not tell.
+    pub points: [Vector; GROUP],
+    /// Bit per loop: all normals agree so well that two eigenvalues are truncated anyway.
+    pub flat: u64,
+    /// Bit per loop: no point within [`REACH`] cells of its cell's centre along every axis is within the miss asked for
+    /// of all planes.
+    pub apart: u64,
+    /// The sums about the origin that the corners are counted from.
+    pub sums: [PlaneSums; GROUP],
+}
+
+impl Group {
+    /// Puts the sums of a loop into a lane; `corner` is its cell's lower corner. At least one plane must have been
+    /// added.
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, qef: &Qef, corner: Vector) {
+        for n in 0..6 {
+            self.matrix[n][lane] = qef.matrix.0[n];
+        }
+        for a in 0..3 {
+            self.rhs[a][lane] = qef.rhs[a];
+            self.points[a][lane] = qef.point_sum[a];
+            self.normals[a][lane] = qef.normal_sum[a];
+            self.corners[a][lane] = corner[a];
+        }
+        self.constant[lane] = qef.constant;
+        self.count[lane] = qef.count;
+    }
+
+    /// Solves the first `used` lanes.
+    pub(super) fn solve(&self, used: usize, margin: f64, miss: f64) -> Solved {
+        dispatch!(Level::new(), simd => solve(simd, self, used, margin, miss))
+    }
+}
+
+#[inline(always)]
+fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -> Solved {
+    let matrix = Matrix::load(simd, &group.matrix);
+    let count = f64x8::from_slice(simd, &group.count);
+    let half = f64x8::splat(simd, 0.5);
+    let mean = divided(&load(simd, &group.points), count);
+    let at_centre = load(simd, &group.rhs);
+    let rhs = minus(&at_centre, &matrix.times(&mean));
+    let normals = load(simd, &group.normals);
+    let agreed = dot(&normals, &normals) / count;
+    let is_flat = (count - agreed).simd_le(agreed * TRUNCATION_SQUARED);
+    let lanes = (1u64 << used) - 1;
+    let flat = is_flat.to_bitmask() & lanes;
+    // Neighbours are alike: most groups need one of the two.
+    let mut free =
+        if flat != 0 { along_normal(simd, &matrix, &rhs, &normals) } else { Truncated::none(simd) };
+    if flat != lanes {
+        let creased = truncated(simd, &matrix, &rhs);
+        for a in 0..3 {
+            free.x[a] = is_flat.select(free.x[a], creased.x[a]);
+        }
+        free.largest = is_flat.select(free.largest, creased.largest);
+        free.is_sound = is_flat | creased.is_sound;
+    }
+    let (low, high) = (f64x8::splat(simd, margin), f64x8::splat(simd, 1.0 - margin));
+    let mut is_done = free.is_sound;
+    let mut points = [[0.0; 3]; GROUP];
+    for a in 0..3 {
+        let at = mean[a] + half + free.x[a];
+        is_done &= at.simd_ge(low) & at.simd_le(high);
+        let at = at.as_array();
+        for lane in 0..GROUP {
+            points[lane][a] = at[lane];
+        }
+    }
+    let sums = about_origin(simd, &matrix, &at_centre, group, count);
+    let mut rest = lanes & !is_done.to_bitmask();
+    if rest != 0 {
+        let largest = free.is_sound.select(free.largest, f64x8::splat(simd, f64::NAN));
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let of = |terms: &Vec3<S>| -> Vector { [terms[0][lane], terms[1][lane], terms[2][lane]] };
+            let centred = Centred::new(group.matrix.map(|term| term[lane]), of(&rhs), of(&mean));
+            points[lane] = centred.finish(points[lane], largest[lane], margin);
+        }
+    }
+    let apart = apart(simd, &matrix, &at_centre, group, miss).to_bitmask() & lanes;
+    Solved { points, flat, apart, sums }
+}
+
+/// Where planes do not meet; see [`super::qef::PlaneSums::may_share_point`].
+#[inline(always)]
+fn apart<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>, group: &Group, miss: f64) -> mask64x8<S> {
+    let (count, constant) = (f64x8::from_slice(simd, &group.count), f64x8::from_slice(simd, &group.constant));
+    let ridge = count * ridge(miss, REACH);
+    let [xx, yy, zz, xy, yz, zx] = matrix.0;
+    let lifted = Matrix([xx + ridge, yy + ridge, zz + ridge, xy, yz, zx]);
+    let adjugate = lifted.adjugate();
+    let least = constant - dot(rhs, &adjugate.times(rhs)) / lifted.determinant(&adjugate);
+    least.simd_gt(count * most_least(miss))
+}
+
+/// The sums about the origin of the corners, for the search for corners.
+#[inline(always)]
+fn about_origin<S: Simd>(
+    simd: S,
+    matrix: &Matrix<S>,
+    rhs: &Vec3<S>,
+    group: &Group,
+    count: f64x8<S>,
+) -> [PlaneSums; GROUP] {
+    let mut centre = load(simd, &group.corners);
+    for c in &mut centre {
+        *c += 0.5;
+    }
+    let moved = matrix.times(&centre);
+    let constant = f64x8::from_slice(simd, &group.constant);
+    let constant = constant + dot(rhs, &centre) * 2.0 + dot(&centre, &moved);
+    let mut sums = [PlaneSums::default(); GROUP];
+    for lane in 0..GROUP {
+        let terms = &mut sums[lane].0;
+        for n in 0..6 {
+            terms[n] = group.matrix[n][lane];
+        }
+        for a in 0..3 {
+            terms[6 + a] = (rhs[a] + moved[a])[lane];
+        }
+        (terms[9], terms[10]) = (constant[lane], count[lane]);
+    }
+    sums
+}
+
+/// Offsets from the mass points.
+struct Truncated<S: Simd> {
+    x: Vec3<S>,
+    /// The largest eigenvalue.
+    largest: f64x8<S>,
+    /// False where the closed form does not hold.
+    is_sound: mask64x8<S>,
+}
+
+impl<S: Simd> Truncated<S> {
+    #[inline(always)]
+    fn none(simd: S) -> Truncated<S> {
+        let zero = f64x8::splat(simd, 0.0);
+        Truncated { x: [zero; 3], largest: zero, is_sound: mask64x8::splat(simd, false) }
+    }
+}
+
+/// Where the planes are as good as one.
+#[inline(always)]
+fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>, normals: &Vec3<S>) -> Truncated<S> {
+    // One step of the power method: the error of the direction shrinks a hundredfold.
+    let v = matrix.times(normals);
+    let square = dot(&v, &matrix.times(&v));
+    let scale = dot(&v, rhs) / square;
+    let is_sound = mask64x8::splat(simd, true);
+    Truncated { x: times(&v, scale), largest: square / dot(&v, &v), is_sound }
+}
+
+/// Pseudo-inverse times `rhs` without the eigenvalues below [`TRUNCATION_SQUARED`] of the largest, where at most one
+/// is.
+///
+/// The least eigenvalue's vector is the limit of the powers of the adjugate, whose eigenvalues are the products of two;
+/// the other two values follow from trace and minors. Jacobi's rotations take four times as long.
+#[inline(always)]
+fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>) -> Truncated<S> {
+    let adjugate = matrix.adjugate();
+    let (trace, products) = (matrix.trace(), adjugate.trace());
+    let (v, least, is_found) = least_eigenvector(matrix, &adjugate);
+    let sum = trace - least;
+    let product = products - least * sum;
+    let zero = f64x8::splat(simd, 0.0);
+    let largest = sum * 0.5 + (sum * 0.25 * sum - product).max(zero).sqrt();
+    let threshold = largest * TRUNCATION_SQUARED;
+    let has_three = least.simd_gt(threshold);
+    let has_two = (product / largest).simd_gt(threshold);
+    // With the least eigenvalue made one as large as the others, and nothing of it in `rhs`.
+    let lifted = matrix.plus(&times(&v, trace.sqrt()));
+    let adjugate_lifted = lifted.adjugate();
+    let across = dot(&v, rhs);
+    let within = minus(rhs, &times(&v, across));
+    let mut x = divided(&adjugate_lifted.times(&within), lifted.determinant(&adjugate_lifted));
+    if has_three.any_true() {
+        let whole = divided(&adjugate.times(rhs), matrix.determinant(&adjugate));
+        for a in 0..3 {
+            x[a] = has_three.select(whole[a], x[a]);
+        }
+    }
+    Truncated { x, largest, is_sound: is_found & (has_three | has_two) }
+}
+
+/// The eigenvectors, of length one, of eigenvalues well below the other two, with the values, and where there are
+/// such.
+#[inline(always)]
+fn least_eigenvector<S: Simd>(matrix: &Matrix<S>, adjugate: &Matrix<S>) -> (Vec3<S>, f64x8<S>, mask64x8<S>) {
+    let (trace, products) = (matrix.trace(), adjugate.trace());
+    // Below a thousandth of the products of two, one value stands out and the other two are noise.
+    let stands_out = products.simd_gt(trace * 1e-3 * trace);
+    let fourth = adjugate.divided(products).squared().squared();
+    let [a, b, c, d, e, f] = fourth.0;
+    let is_first = a.simd_ge(b) & a.simd_ge(c);
+    let is_third = c.simd_gt(b);
+    let longest = [
+        is_first.select(a, is_third.select(f, d)),
+        is_first.select(d, is_third.select(e, b)),
+        is_first.select(f, is_third.select(c, e)),
+    ];
+    let v = fourth.times(&fourth.times(&longest));
+    let v = divided(&v, dot(&v, &v).sqrt());
+    let image = matrix.times(&v);
+    let value = dot(&v, &image);
+    let rest = minus(&image, &times(&v, value));
+    let is_sharp = dot(&rest, &rest).simd_le(trace * 1e-20 * trace);
+    (v, value, stands_out & is_sharp)
+}
+
+type Vec3<S> = [f64x8<S>; 3];
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, lanes: &[Lanes; 3]) -> Vec3<S> {
+    // Spelled out, here and below: a closure may stay a call, compiled for the narrowest vectors.
+    [
+        f64x8::from_slice(simd, &lanes[0]),
+        f64x8::from_slice(simd, &lanes[1]),
+        f64x8::from_slice(simd, &lanes[2]),
+    ]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: &Vec3<S>, b: &Vec3<S>) -> f64x8<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn minus<S: Simd>(a: &Vec3<S>, b: &Vec3<S>) -> Vec3<S> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn times<S: Simd>(a: &Vec3<S>, s: f64x8<S>) -> Vec3<S> {
+    [a[0] * s, a[1] * s, a[2] * s]
+}
+
+#[inline(always)]
+fn divided<S: Simd>(a: &Vec3<S>, s: f64x8<S>) -> Vec3<S> {
+    [a[0] / s, a[1] / s, a[2] / s]
+}
+
+/// Symmetric 3×3 matrices: xx, yy, zz, xy, yz, zx.
+#[derive(Clone, Copy)]
+struct Matrix<S: Simd>([f64x8<S>; 6]);
+
+impl<S: Simd> Matrix<S> {
+    #[inline(always)]
+    fn load(simd: S, terms: &[Lanes; 6]) -> Matrix<S> {
+        let mut all = [f64x8::splat(simd, 0.0); 6];
+        for (to, term) in all.iter_mut().zip(terms) {
+            *to = f64x8::from_slice(simd, term);
+        }
+        Matrix(all)
+    }
+
+    /// With n·nᵀ added.
+    #[inline(always)]
+    fn plus(&self, n: &Vec3<S>) -> Matrix<S> {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        Matrix([
+            xx + n[0] * n[0],
+            yy + n[1] * n[1],
+            zz + n[2] * n[2],
+            xy + n[0] * n[1],
+            yz + n[1] * n[2],
+            zx + n[2] * n[0],
+        ])
+    }
+
+    #[inline(always)]
+    fn divided(&self, s: f64x8<S>) -> Matrix<S> {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        Matrix([xx / s, yy / s, zz / s, xy / s, yz / s, zx / s])
+    }
+
+    #[inline(always)]
+    fn times(&self, x: &Vec3<S>) -> Vec3<S> {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        [
+            xx * x[0] + xy * x[1] + zx * x[2],
+            xy * x[0] + yy * x[1] + yz * x[2],
+            zx * x[0] + yz * x[1] + zz * x[2],
+        ]
+    }
+
+    #[inline(always)]
+    fn trace(&self) -> f64x8<S> {
+        self.0[0] + self.0[1] + self.0[2]
+    }
+
+    /// The matrices of the principal minors and their complements: the inverse times the determinant.
+    #[inline(always)]
+    fn adjugate(&self) -> Matrix<S> {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        Matrix([
+            yy * zz - yz * yz,
+            xx * zz - zx * zx,
+            xx * yy - xy * xy,
+            yz * zx - xy * zz,
+            xy * zx - xx * yz,
+            xy * yz - yy * zx,
+        ])
+    }
+
+    #[inline(always)]
+    fn determinant(&self, adjugate: &Matrix<S>) -> f64x8<S> {
+        self.0[0] * adjugate.0[0] + self.0[3] * adjugate.0[3] + self.0[5] * adjugate.0[5]
+    }
+
+    #[inline(always)]
+    fn squared(&self) -> Matrix<S> {
+        let [xx, yy, zz, xy, yz, zx] = self.0;
+        Matrix([
+            xx * xx + xy * xy + zx * zx,
+            xy * xy + yy * yy + yz * yz,
+            zx * zx + yz * yz + zz * zz,
+            xx * xy + xy * yy + zx * yz,
+            xy * zx + yy * yz + yz * zz,
+            zx * xx + yz * xy + zz * zx,
+        ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::qef::{Symmetric, largest_of, truncated as by_rotations};
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Offset and largest eigenvalue of one lane, if there is a closed form.
+    fn closed_form(matrix: &Symmetric, rhs: Vector) -> Option<(Vector, f64)> {
+        dispatch!(Level::new(), simd => {
+            let matrix = Matrix::load(simd, &matrix.0.map(|term| [term; GROUP]));
+            let of = truncated(simd, &matrix, &load(simd, &rhs.map(|c| [c; GROUP])));
+            (of.is_sound.to_bitmask() & 1 == 1).then(|| (of.x.map(|c| c[0]), of.largest[0]))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn closed_forms_truncate_as_rotations_do(
+            normals in prop::collection::vec(prop::array::uniform3(-1.0f64..1.0), 3..8),
+            flatten in prop::array::uniform3(prop::sample::select(vec![1.0, 0.2, 0.02, 1e-5, 0.0])),
+            rhs in prop::array::uniform3(-1.0f64..1.0),
+        ) {
+            let mut matrix = Symmetric::default();
+            for n in &normals {
+                prop_assume!(n.iter().map(|c| c * c).sum::<f64>() > 0.01);
+                matrix.add(std::array::from_fn(|a| n[a] * flatten[a]));
+            }
+            prop_assume!(matrix.0[0] + matrix.0[1] + matrix.0[2] > 0.1);
+            let eigen = matrix.eigen();
+            let largest = largest_of(&eigen);
+            // Where a value is about to be truncated either answer is right.
+            prop_assume!(eigen.0.iter().all(|v| (v / (TRUNCATION_SQUARED * largest) - 1.0).abs() > 1e-3));
+            let Some((x, found)) = closed_form(&matrix, rhs) else { return Ok(()) };
+            prop_assert!((found - largest).abs() <= 1e-9 * largest);
+            let expected = by_rotations(&eigen, rhs, largest);
+            let size = x.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let off = (0..3).map(|a| (x[a] - expected[a]).powi(2)).sum::<f64>().sqrt();
+            prop_assert!(off <= 1e-4 * size + 1e-12);
+        }
+
+        #[test]
+        fn vertices_do_not_depend_on_their_group(
+            loops in prop::collection::vec(prop::collection::vec((prop::array::uniform3(0.0f64..1.0), prop::array::uniform3(-1.0f64..1.0)), 3..7), GROUP),
+        ) {
+            let qefs: Vec<Qef> = loops.iter().map(|planes| {
+                let mut qef = Qef::default();
+                for (p, n) in planes {
+                    let length = n.iter().map(|c| c * c).sum::<f64>().sqrt().max(0.1);
+                    qef.add(*p, n.map(|c| c / length));
+                }
+                qef
+            }).collect();
+            let mut group = Group::default();
+            qefs.iter().enumerate().for_each(|(lane, qef)| group.set(lane, qef, [lane as f64; 3]));
+            let together = group.solve(GROUP, 1e-4, 0.01);
+            for (qef, point) in qefs.iter().zip(together.points) {
+                prop_assert_eq!(qef.solve(1e-4), point);
+            }
+        }
+    }
+}
