@@ -34,7 +34,7 @@ pub fn budget(limit: Option<Size>) -> Option<Size> {
     limit.or_else(|| available().map(|size| Size(size.0 / 2)))
 }
 
-/// What contouring takes beside its caches: the triangles of two batches of leaves, the program. Measured on a mesh of
+/// What contouring takes beside its caches: the triangles of sixteen leaves a thread as bytes, the program. Measured on a mesh of
 /// 108 million triangles with two threads: 75 to 125 MiB.
 const BYTES_MESH_FIXED: u64 = 48 << 20;
 /// A thread's share of that.

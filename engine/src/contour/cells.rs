@@ -12,6 +12,7 @@
 //! size; every leaf around asks the one that owns it.
 
 use super::corner::MISS;
+use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::field::{Field, Frame};
 use super::leaves::{Around, Side, direction_index};
 use super::mixed::Surroundings;
@@ -19,7 +20,7 @@ use super::planes::{EdgePlane, Plane};
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
 use super::surface::{Changes, Surface};
-use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, derive_edge, edge_lower, face_cuts};
+use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, edge_lower, face_cuts};
 use crate::brick::{SignChanges, point_index};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
@@ -211,63 +212,6 @@ fn mark_active(signs: &SignChanges, rows: &mut [CellRow]) {
     }
 }
 
-/// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
-/// along z, of which a cell has the ones at its own index and at the next.
-struct EdgeStreams {
-    /// Sign-changing edges by index of the lower sample.
-    bits: [u64; 8],
-    /// Place in the decoded planes of the first edge of the row.
-    first: [u32; 8],
-}
-
-/// For each of a cell's 12 edges the stream it belongs to, whether it starts at the next index, and its
-/// lower end and direction.
-struct EdgePlace {
-    stream: usize,
-    step: u32,
-    lower: [f64; 3],
-    direction: [f64; 3],
-    /// Which of the four cells around the edge the cell is, in the order of [`SQUARE`].
-    quadrant: usize,
-}
-
-impl EdgeStreams {
-    /// Place among the decoded planes of an edge of cell `i`.
-    #[inline(always)]
-    fn slot(&self, i: usize, place: &EdgePlace) -> usize {
-        let before = self.bits[place.stream] & ((1 << (i as u32 + place.step)) - 1);
-        (self.first[place.stream] + before.count_ones()) as usize
-    }
-}
-
-impl EdgePlace {
-    /// The crossing on the edge in cell coordinates.
-    #[inline(always)]
-    fn plane(&self, plane: &EdgePlane) -> Plane {
-        let fraction = f64::from(plane.fraction);
-        let point = std::array::from_fn(|a| self.lower[a] + fraction * self.direction[a]);
-        (point, plane.normal.map(f64::from))
-    }
-}
-
-static EDGE_PLACES: [EdgePlace; 12] = {
-    const NONE: EdgePlace =
-        EdgePlace { stream: 0, step: 0, lower: [0.0; 3], direction: [0.0; 3], quadrant: 0 };
-    let mut places = [NONE; 12];
-    let mut edge = 0;
-    while edge < 12 {
-        let (axis, [i, j, k]) = derive_edge(edge);
-        places[edge].stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
-        places[edge].step = i as u32;
-        places[edge].lower = [i as f64, j as f64, k as f64];
-        places[edge].direction[axis.index()] = 1.0;
-        // By the offsets of the edge along the other two axes.
-        places[edge].quadrant = [2, 3, 1, 0][edge % 4];
-        edge += 1;
-    }
-    places
-};
-
 /// Fills a [`BrickCells`] cell by cell.
 pub(super) struct Builder<'a> {
     pub field: &'a Field<'a>,
@@ -334,7 +278,11 @@ impl<'a> Builder<'a> {
             planes,
             cells,
             creased: Vec::new(),
-            sums: (!around.contains(&Side::Finer)).then(|| Vec::with_capacity(active + 1)),
+            sums: (!around.contains(&Side::Finer)).then(|| {
+                let mut sums = field.take_sums();
+                sums.reserve(active + 1);
+                sums
+            }),
             apart: Box::new([0; CELL_ROWS]),
             splits: Vec::new(),
             group: Group::default(),
@@ -355,7 +303,7 @@ impl<'a> Builder<'a> {
                 continue;
             }
             let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
-            let streams = self.streams(j, k);
+            let streams = EdgeStreams::of(self.changes, j, k);
             let mut bits = row.active;
             while bits != 0 {
                 let i = bits.trailing_zeros() as usize;
@@ -378,22 +326,6 @@ impl<'a> Builder<'a> {
             }
         }
         Ok(())
-    }
-
-    #[inline(always)]
-    fn streams(&self, j: usize, k: usize) -> EdgeStreams {
-        let mut streams = EdgeStreams { bits: [0; 8], first: [0; 8] };
-        let Some(changes) = self.changes else { return streams };
-        for stream in 0..8 {
-            let (axis, j, k) = match stream {
-                0..4 => (Axis::X, j + stream % 2, k + stream / 2),
-                4..6 => (Axis::Y, j, k + stream - 4),
-                _ => (Axis::Z, j + stream - 6, k),
-            };
-            streams.bits[stream] = changes.signs.edges(axis, j, k);
-            streams.first[stream] = changes.slot(axis, [0, j, k]) as u32;
-        }
-        streams
     }
 
     /// Corner mask from the leaf's own samples.
@@ -559,6 +491,9 @@ impl<'a> Builder<'a> {
 
     /// Called when all vertices are placed.
     fn finish(mut self) -> BrickCells {
+        if let Some(sums) = self.sums.take() {
+            self.field.keep_sums(sums);
+        }
         for (face, edges, position) in self.splits {
             let vertex = self.cells.positions.len() as u32;
             self.cells.positions.push(position);

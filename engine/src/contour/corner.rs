@@ -334,3 +334,22 @@ fn meeting_point(cell: Place, planes: &[Named]) -> Option<[f64; 3]> {
     let corner = std::array::from_fn(|a| corner[a] + base[a]);
     (!planes.iter().any(|(_, plane)| misses(plane, corner))).then_some(corner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_dilates_into_its_block() {
+        for cell in [[0, 0, 0], [31, 31, 31], [5, 0, 31], [31, 17, 0], [9, 8, 7]] {
+            let mut rows = [0; CELL_ROWS];
+            rows[cell[2] as usize * BRICK_CELLS + cell[1] as usize] = 1 << cell[0];
+            let dilated = dilated(&rows);
+            for n in 0..BRICK_CELLS * CELL_ROWS {
+                let [i, j, k] = [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / CELL_ROWS];
+                let is_set = dilated[k * BRICK_CELLS + j] >> i & 1 == 1;
+                assert_eq!(is_set, is_next_to([i as i32, j as i32, k as i32], cell));
+            }
+        }
+    }
+}

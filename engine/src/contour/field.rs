@@ -3,11 +3,12 @@
 use super::cache::Cache;
 use super::cells::BrickCells;
 use super::leaves::Leaves;
+use super::qef::PlaneSums;
 use super::surface::{Level, Surface};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use crate::store::BrickTree;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A level set of a tree, ready to be contoured leaf by leaf from any thread.
 pub(super) struct Field<'a> {
@@ -17,6 +18,8 @@ pub(super) struct Field<'a> {
     level: Level,
     surfaces: Cache<Surface>,
     cells: Cache<BrickCells>,
+    /// Room that cells were made in, to be used again instead of fresh pages from the kernel.
+    spare_sums: Mutex<Vec<Vec<PlaneSums>>>,
 }
 
 impl<'a> Field<'a> {
@@ -30,7 +33,7 @@ impl<'a> Field<'a> {
         let leaves = Leaves::new(tree, truncate, level.threshold)?;
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
         let (surfaces, cells) = (Cache::new(cache_bytes / 4), Cache::new(cache_bytes - cache_bytes / 4));
-        Ok(Field { root: tree.root(), leaves, tree, level, surfaces, cells })
+        Ok(Field { root: tree.root(), leaves, tree, level, surfaces, cells, spare_sums: Mutex::default() })
     }
 
     pub(super) fn surface(&self, leaf: u32) -> Result<Arc<Surface>> {
@@ -47,6 +50,17 @@ impl<'a> Field<'a> {
             let bytes = cells.heap_bytes();
             Ok((cells, bytes))
         })
+    }
+
+    /// Empty room for sums.
+    pub(super) fn take_sums(&self) -> Vec<PlaneSums> {
+        self.spare_sums.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    /// Keeps room that is used no more.
+    pub(super) fn keep_sums(&self, mut sums: Vec<PlaneSums>) {
+        sums.clear();
+        self.spare_sums.lock().unwrap_or_else(PoisonError::into_inner).push(sums);
     }
 
     /// Where the cells of `key` lie in the world.

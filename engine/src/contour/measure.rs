@@ -51,9 +51,9 @@ fn measure_block<S: Simd>(
         // Lanes that are left are facets without area.
         let mut corners = [[[0.0; GROUP]; 3]; 3];
         for (lane, facet) in group.iter().enumerate() {
-            for corner in 0..3 {
-                for a in 0..3 {
-                    corners[corner][a][lane] = f64::from(facet.corners[corner][a]);
+            for (corner, at) in corners.iter_mut().zip(&facet.corners) {
+                for (lanes, &c) in corner.iter_mut().zip(at) {
+                    lanes[lane] = f64::from(c);
                 }
             }
         }

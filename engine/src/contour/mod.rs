@@ -16,6 +16,7 @@
 //! | `surface` | signs and Hermite edges of a leaf |
 //! | `qef` | where a vertex goes |
 //! | `solve` | the same for eight vertices at a time |
+//! | `edges` | the edges of a row of cells |
 //! | `cells` | pass 1: active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
 //! | `corner` | vertices at corners that no single cell sees |
@@ -28,6 +29,7 @@
 mod cache;
 mod cells;
 mod corner;
+mod edges;
 mod field;
 mod halo;
 mod leaves;

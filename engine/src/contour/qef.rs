@@ -285,16 +285,22 @@ impl Centred {
         let beyond = (0..3).fold(0u8, |faces, a| {
             faces | u8::from(free[a] < bounds[0]) << (2 * a) | u8::from(free[a] > bounds[1]) << (2 * a + 1)
         });
+        let threshold = TRUNCATION_SQUARED * largest;
+        if beyond.count_ones() == 1
+            && let Some(point) = self.on_face(beyond.trailing_zeros() as usize, bounds, threshold)
+        {
+            return point;
+        }
         let mut best = (OrderedFloat(f64::INFINITY), [0.5; 3]);
-        for code in 0..26 {
-            if FACES[code] & beyond == 0 {
+        for (code, faces) in FACES.into_iter().enumerate() {
+            if faces & beyond == 0 {
                 continue;
             }
             let digits = [code % 3, code / 3 % 3, code / 9];
             let fixed = digits.map(|d| d < 2);
             let at: Vector =
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] - self.mass[a] } else { 0.0 });
-            let x = self.with_fixed(fixed, at, TRUNCATION_SQUARED * largest);
+            let x = self.with_fixed(fixed, at, threshold);
             let point: Vector =
                 std::array::from_fn(|a| if fixed[a] { bounds[digits[a]] } else { self.mass[a] + x[a] });
             if point.into_iter().any(|p| p < bounds[0] || p > bounds[1]) {
@@ -307,6 +313,27 @@ impl Centred {
             }
         }
         best.1
+    }
+
+    /// The minimiser over one face of the box, number 2·axis + side, where it lies within the face and no direction of
+    /// the face is truncated: no edge or corner of the face has a smaller error then.
+    #[inline]
+    fn on_face(&self, face: usize, bounds: [f64; 2], threshold: f64) -> Option<Vector> {
+        let (a, b, c) = (face / 2, (face / 2 + 1) % 3, (face / 2 + 2) % 3);
+        let [xx, yy, zz, xy, yz, zx] = self.matrix.0;
+        let (diagonal, opposite) = ([xx, yy, zz], [yz, zx, xy]);
+        let [bb, cc, bc] = [diagonal[b], diagonal[c], opposite[a]];
+        let at = bounds[face % 2] - self.mass[a];
+        let rhs = [self.rhs[b] - opposite[c] * at, self.rhs[c] - opposite[b] * at];
+        let determinant = bb * cc - bc * bc;
+        // The product of the two eigenvalues over their sum is at most the smaller one.
+        if determinant <= threshold * (bb + cc) {
+            return None;
+        }
+        let mut point = [bounds[face % 2]; 3];
+        point[b] = self.mass[b] + (cc * rhs[0] - bc * rhs[1]) / determinant;
+        point[c] = self.mass[c] + (bb * rhs[1] - bc * rhs[0]) / determinant;
+        [b, c].iter().all(|&n| point[n] >= bounds[0] && point[n] <= bounds[1]).then_some(point)
     }
 
     /// The minimiser along the one or two axes that are not fixed, `at` along the others, without the eigenvalues
@@ -434,6 +461,30 @@ mod tests {
         }
 
         #[test]
+        fn planes_that_pass_a_point_may_share_it(
+            centre in prop::array::uniform3(0.0f64..32.0),
+            offset in prop::array::uniform3(-1.0f64..1.0),
+            planes in prop::collection::vec((prop::array::uniform3(-1.0f64..1.0), prop::array::uniform3(-2.0f64..2.0), -1.0f64..1.0), 1..40),
+            flatten in prop::sample::select(vec![1.0, 0.1, 0.0]),
+        ) {
+            let (reach, miss) = (1.5, 0.01);
+            let point: Vector = std::array::from_fn(|a| centre[a] + reach * offset[a]);
+            let mut sums = PlaneSums::default();
+            for (n, along, off) in &planes {
+                let n = [n[0], n[1], n[2] * flatten];
+                prop_assume!(dot(n, n) > 0.01);
+                let n = unit(n);
+                let slide = dot(*along, n);
+                sums.add(std::array::from_fn(|a| point[a] + along[a] - slide * n[a] + miss * off * n[a]), n);
+            }
+            // Normals that are all but alike are no crease: rounding decides there.
+            let (values, _) = sums.split().0.eigen();
+            let largest = values.into_iter().fold(0.0, f64::max);
+            prop_assume!(values.into_iter().filter(|&v| v > TRUNCATION_SQUARED * largest).count() > 1);
+            prop_assert!(sums.may_share_point(centre, reach, miss));
+        }
+
+        #[test]
         fn no_sampled_point_of_the_box_beats_the_solution(
             planes in prop::collection::vec((prop::array::uniform3(0.0f64..1.0), prop::array::uniform3(-1.0f64..1.0)), 3..8),
             tries in prop::collection::vec(prop::array::uniform3(0.004f64..0.996), 64),
@@ -450,6 +501,17 @@ mod tests {
                 prop_assert!(error(x) <= error(t) + 1e-5, "{x:?} {t:?}");
             }
         }
+    }
+
+    #[test]
+    fn three_faces_of_a_prism_share_no_point() {
+        let mut sums = PlaneSums::default();
+        for (x, n) in [(10.0, [1.0, 0.0, 0.0]), (10.5, unit([1.0, 0.5, 0.0])), (10.0, [0.0, 1.0, 0.0])] {
+            sums.add([x, 10.0, 10.0], n);
+            sums.add([x, 10.0, 11.0], n);
+        }
+        assert!(!sums.may_share_point([10.0; 3], 1.5, 0.01));
+        assert!(!sums.may_meet([10.0; 3], 1.5, 0.01, 0.3));
     }
 
     #[test]

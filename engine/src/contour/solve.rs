@@ -7,6 +7,13 @@
 use super::qef::{Centred, PlaneSums, Qef, TRUNCATION_SQUARED, Vector, most_least, ridge};
 use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, mask64x8};
 
+#[inline(always)]
+fn put<const N: usize>(terms: &mut [Lanes; N], lane: usize, values: &[f64; N]) {
+    for (term, &value) in terms.iter_mut().zip(values) {
+        term[lane] = value;
+    }
+}
+
 /// How far about a cell planes may meet: anywhere in a block of 3³ cells that holds the cell.
 pub(super) const REACH: f64 = 2.5;
 
@@ -48,15 +55,11 @@ impl Group {
     /// added.
     #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, qef: &Qef, corner: Vector) {
-        for n in 0..6 {
-            self.matrix[n][lane] = qef.matrix.0[n];
-        }
-        for a in 0..3 {
-            self.rhs[a][lane] = qef.rhs[a];
-            self.points[a][lane] = qef.point_sum[a];
-            self.normals[a][lane] = qef.normal_sum[a];
-            self.corners[a][lane] = corner[a];
-        }
+        put(&mut self.matrix, lane, &qef.matrix.0);
+        put(&mut self.rhs, lane, &qef.rhs);
+        put(&mut self.points, lane, &qef.point_sum);
+        put(&mut self.normals, lane, &qef.normal_sum);
+        put(&mut self.corners, lane, &corner);
         self.constant[lane] = qef.constant;
         self.count[lane] = qef.count;
     }
@@ -147,15 +150,12 @@ fn about_origin<S: Simd>(
     let constant = f64x8::from_slice(simd, &group.constant);
     let constant = constant + dot(rhs, &centre) * 2.0 + dot(&centre, &moved);
     let mut sums = [PlaneSums::default(); GROUP];
-    for lane in 0..GROUP {
-        let terms = &mut sums[lane].0;
-        for n in 0..6 {
-            terms[n] = group.matrix[n][lane];
-        }
-        for a in 0..3 {
-            terms[6 + a] = (rhs[a] + moved[a])[lane];
-        }
-        (terms[9], terms[10]) = (constant[lane], count[lane]);
+    for (lane, sums) in sums.iter_mut().enumerate() {
+        let [xx, yy, zz, xy, yz, zx] = &group.matrix;
+        let [x, y, z] = [rhs[0] + moved[0], rhs[1] + moved[1], rhs[2] + moved[2]];
+        let matrix = [xx[lane], yy[lane], zz[lane], xy[lane], yz[lane], zx[lane]];
+        sums.0[..6].copy_from_slice(&matrix);
+        sums.0[6..11].copy_from_slice(&[x[lane], y[lane], z[lane], constant[lane], count[lane]]);
     }
     sums
 }

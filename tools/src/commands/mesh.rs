@@ -12,21 +12,29 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
+/// Most for decoded bricks, a hundred and more.
+const BRICK_CACHE_BYTES: u64 = 16 << 20;
+
 /// Runs the command.
 pub fn run(args: MeshArgs) -> Result<(), Failure> {
     if !(args.iso > 0.0 && args.iso <= f64::from(i16::MAX)) {
         return Err(Failure::Usage("--iso takes a winding number above 0, such as 0.5".to_owned()));
     }
     let bars = start(args.work)?;
-    // Half for the store's bricks, half for the contourer's.
-    let cache_bytes = memory::mesh_caches(args.memory) / 2;
-    let store = Store::open(&args.store, cache_bytes)?;
+    // The contourer keeps what it makes of bricks and asks the store for each about once.
+    let cache_bytes = memory::mesh_caches(args.memory);
+    let brick_bytes = (cache_bytes / 8).min(BRICK_CACHE_BYTES);
+    let store = Store::open(&args.store, brick_bytes)?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
     require_distinct(&[&args.output], &[&args.store])?;
     let mut sink = mesh_sink(&args.output)?;
-    let options = ContourOptions { iso: args.iso, level: args.level, cache_bytes: cache_bytes as usize };
+    let options = ContourOptions {
+        iso: args.iso,
+        level: args.level,
+        cache_bytes: (cache_bytes - brick_bytes) as usize,
+    };
     let report = write_mesh(&store, &options, &args.output, sink.as_mut(), &bars)?;
     bars.clear();
     if args.json {

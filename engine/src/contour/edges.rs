@@ -1,0 +1,80 @@
+//! The twelve edges of the cells of a row: which change sign, and where their crossings stand.
+
+use super::planes::{EdgePlane, Plane};
+use super::surface::Changes;
+use super::topology::derive_edge;
+use crate::lattice::Axis;
+
+/// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
+/// along z, of which a cell has the ones at its own index and at the next.
+pub(super) struct EdgeStreams {
+    /// Sign-changing edges by index of the lower sample.
+    bits: [u64; 8],
+    /// Place in the decoded planes of the first edge of the row.
+    first: [u32; 8],
+}
+
+/// For each of a cell's 12 edges the stream it belongs to, whether it starts at the next index, and its
+/// lower end and direction.
+pub(super) struct EdgePlace {
+    stream: usize,
+    step: u32,
+    lower: [f64; 3],
+    direction: [f64; 3],
+    /// Which of the four cells around the edge the cell is, in the order of [`SQUARE`].
+    pub quadrant: usize,
+}
+
+impl EdgeStreams {
+    /// Those at the row (j, k) of cells; none in a leaf whose samples are all alike.
+    #[inline(always)]
+    pub(super) fn of(changes: Option<&Changes>, j: usize, k: usize) -> EdgeStreams {
+        let mut streams = EdgeStreams { bits: [0; 8], first: [0; 8] };
+        let Some(changes) = changes else { return streams };
+        for stream in 0..8 {
+            let (axis, j, k) = match stream {
+                0..4 => (Axis::X, j + stream % 2, k + stream / 2),
+                4..6 => (Axis::Y, j, k + stream - 4),
+                _ => (Axis::Z, j + stream - 6, k),
+            };
+            streams.bits[stream] = changes.signs.edges(axis, j, k);
+            streams.first[stream] = changes.slot(axis, [0, j, k]) as u32;
+        }
+        streams
+    }
+
+    /// Place among the decoded planes of an edge of cell `i`.
+    #[inline(always)]
+    pub(super) fn slot(&self, i: usize, place: &EdgePlace) -> usize {
+        let before = self.bits[place.stream] & ((1 << (i as u32 + place.step)) - 1);
+        (self.first[place.stream] + before.count_ones()) as usize
+    }
+}
+
+impl EdgePlace {
+    /// The crossing on the edge in cell coordinates.
+    #[inline(always)]
+    pub(super) fn plane(&self, plane: &EdgePlane) -> Plane {
+        let fraction = f64::from(plane.fraction);
+        let point = std::array::from_fn(|a| self.lower[a] + fraction * self.direction[a]);
+        (point, plane.normal.map(f64::from))
+    }
+}
+
+pub(super) static EDGE_PLACES: [EdgePlace; 12] = {
+    const NONE: EdgePlace =
+        EdgePlace { stream: 0, step: 0, lower: [0.0; 3], direction: [0.0; 3], quadrant: 0 };
+    let mut places = [NONE; 12];
+    let mut edge = 0;
+    while edge < 12 {
+        let (axis, [i, j, k]) = derive_edge(edge);
+        places[edge].stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
+        places[edge].step = i as u32;
+        places[edge].lower = [i as f64, j as f64, k as f64];
+        places[edge].direction[axis.index()] = 1.0;
+        // By the offsets of the edge along the other two axes.
+        places[edge].quadrant = [2, 3, 1, 0][edge % 4];
+        edge += 1;
+    }
+    places
+};
