@@ -12,8 +12,8 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
-/// Most for decoded bricks, a hundred and more.
-const BRICK_CACHE_BYTES: u64 = 16 << 20;
+/// Most for decoded bricks, some sixty.
+const BRICK_CACHE_BYTES: u64 = 8 << 20;
 
 /// Runs the command.
 pub fn run(args: MeshArgs) -> Result<(), Failure> {
