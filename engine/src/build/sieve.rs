@@ -175,7 +175,7 @@ mod tests {
         let facet = |n| {
             [[0, 0, 0], [size / 4, 0, 0], [0, size / 4, size / 4]].map(|v: Units| {
                 let place = at(n);
-                [0, 1, 2].map(|a| (v[a] + place[a as usize]) & !1)
+                [0, 1, 2].map(|a| (v[a] + place[a]) & !1)
             })
         };
         let mut sieve = Sieve::new(LEVEL).unwrap();
