@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What everything may use, and what these may use of each other.
-const BOTTOM: [&str; 5] = ["lattice", "mmap", "error", "progress", "part"];
+const BOTTOM: [&str; 6] = ["lattice", "mmap", "error", "progress", "part", "wide"];
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.

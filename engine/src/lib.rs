@@ -22,6 +22,7 @@ mod progress;
 pub mod solid;
 pub mod store;
 pub mod toolpath;
+mod wide;
 pub mod winding;
 pub mod x3d;
 

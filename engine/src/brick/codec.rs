@@ -20,11 +20,9 @@
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
 use super::fractions;
-use super::hermite::gather_bits;
-use super::{
-    Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SamplesInOrder, SignChanges, inside_from,
-};
+use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SamplesInOrder, SignChanges, inside_from};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use crate::wide::{Simd, SimdBase, SimdMask, dispatch, i16x16, level};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
 
 /// Rows of samples along x in a brick.
@@ -160,8 +158,6 @@ pub enum DecodeError {
 
 /// Reusable buffers of [`encode_into`] and [`decode`]: some 100 KB for surface bricks, at most 0.8 MB.
 pub struct Scratch {
-    /// 1 where a sample differs from the one before it in memory.
-    differs: Box<[u8; POINTS]>,
     masks: Box<[u32; ROWS]>,
     firsts: Box<[i16; ROWS]>,
     steps: Vec<i16>,
@@ -181,7 +177,6 @@ impl Scratch {
     /// Empty buffers.
     pub fn new() -> Scratch {
         Scratch {
-            differs: vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"),
             masks: vec![0; ROWS].into_boxed_slice().try_into().expect("the length is ROWS"),
             firsts: vec![0; ROWS].into_boxed_slice().try_into().expect("the length is ROWS"),
             steps: Vec::new(),
@@ -218,8 +213,8 @@ pub fn encode_into(brick: &Brick, scratch: &mut Scratch, out: &mut Vec<u8>) -> P
         }
         _ => return PayloadHead { kind: PayloadKind::UNIFORM, min, max },
     };
+    scratch.signs = SignChanges::of(samples);
     let mut bits = if samples.1 > 0 {
-        scratch.signs = SignChanges::of(samples);
         fractions::to_plain(samples, &mut scratch.plain);
         PayloadKind::FRACTIONS
     } else {
@@ -291,48 +286,35 @@ pub fn decode(
     Ok(Brick::Counts { samples, hermite: hermite_from_plain(part, counts) })
 }
 
-/// Splits the samples into first samples, change masks and changes, and classifies them. True if every
-/// difference fits 8 bits.
+/// Splits the samples into first samples, change masks and changes. True if every difference fits 8 bits.
 fn split_rows(samples: &Samples, scratch: &mut Scratch) -> bool {
-    find_changes(samples, &mut scratch.differs);
-    scratch.steps.clear();
+    let Scratch { masks, firsts, steps, .. } = scratch;
+    let rows = samples.0.as_chunks::<BRICK_POINTS>().0;
+    dispatch!(level(), simd => change_masks(simd, rows, masks));
+    steps.clear();
     let mut before = 0i16;
     let mut wide = 0u16;
-    let rows = samples.0.as_chunks::<BRICK_POINTS>().0;
-    let differs = scratch.differs.as_chunks::<BRICK_POINTS>().0;
-    for (row, (ws, differs)) in rows.iter().zip(differs).enumerate() {
-        let mask = change_mask(differs);
-        let first = ws[0].wrapping_sub(before);
+    for ((ws, &mask), first) in rows.iter().zip(&**masks).zip(&mut **firsts) {
+        *first = ws[0].wrapping_sub(before);
         before = ws[0];
-        wide |= needs_16_bits(first);
-        scratch.firsts[row] = first;
-        scratch.masks[row] = mask;
-        let mut inside = inside_from(i32::from(ws[0]), 0);
+        wide |= needs_16_bits(*first);
         for i in bits_of(mask) {
             let step = ws[i + 1].wrapping_sub(ws[i]);
             wide |= needs_16_bits(step);
-            scratch.steps.push(step);
-            inside ^= inside_from(i32::from(ws[i]), i + 1) ^ inside_from(i32::from(ws[i + 1]), i + 1);
+            steps.push(step);
         }
-        scratch.signs.set_row(row % BRICK_POINTS, row / BRICK_POINTS, inside);
     }
     wide == 0
 }
 
-/// Compares every sample with the one before it in memory, across rows too: one long loop is vectorized, with the
-/// gathering of bits after it a quarter of the instructions of short loops row by row.
-fn find_changes(samples: &Samples, differs: &mut [u8; POINTS]) {
-    let pairs = samples.0.iter().zip(&samples.0[1..]);
-    for (differs, (before, after)) in differs[1..].iter_mut().zip(pairs) {
-        *differs = u8::from(before != after);
+/// For each row, a mask whose bit `i` is set where sample `i + 1` differs from sample `i`.
+#[inline(always)]
+fn change_masks<S: Simd>(simd: S, rows: &[[i16; BRICK_POINTS]], masks: &mut [u32; ROWS]) {
+    for (ws, mask) in rows.iter().zip(masks) {
+        let samples_from = |i: usize| i16x16::from_slice(simd, &ws[i..i + 16]);
+        let changes_from = |i: usize| samples_from(i).simd_ne(samples_from(i + 1)).to_bitmask() as u32;
+        *mask = changes_from(0) | changes_from(16) << 16;
     }
-}
-
-/// Bit `i` is set where sample `i + 1` of a row differs from sample `i`.
-#[inline]
-fn change_mask(differs: &[u8; BRICK_POINTS]) -> u32 {
-    let chunks = differs[1..].as_chunks::<8>().0;
-    u32::from_le_bytes(std::array::from_fn(|c| gather_bits(&chunks[c])))
 }
 
 /// The set bits of a mask, from low to high.
@@ -408,15 +390,29 @@ fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result
 /// the normals as whole words, since neighbouring edges often lie on one facet.
 fn hermite_plain(hermite: &Hermite, plain: &mut Vec<u8>) {
     plain.clear();
-    for shift in [0, 8] {
-        for edges in &hermite.edges {
-            plain.extend(edges.iter().map(|e| (e.offset >> shift) as u8));
-        }
-    }
+    plain.resize(hermite.len() * EDGE_BYTES, 0);
+    dispatch!(level(), simd => fill_hermite_plain(simd, hermite, plain));
+}
+
+#[inline(always)]
+fn fill_hermite_plain<S: Simd>(_: S, hermite: &Hermite, plain: &mut [u8]) {
+    let (mut low, rest) = plain.split_at_mut(hermite.len());
+    let (mut high, rest) = rest.split_at_mut(hermite.len());
+    let mut normals = rest.as_chunks_mut::<4>().0;
     for edges in &hermite.edges {
-        let start = plain.len();
-        plain.resize(start + 4 * edges.len(), 0);
-        for (word, edge) in plain[start..].as_chunks_mut::<4>().0.iter_mut().zip(edges) {
+        let own;
+        (own, low) = low.split_at_mut(edges.len());
+        for (byte, edge) in own.iter_mut().zip(edges) {
+            *byte = edge.offset as u8;
+        }
+        let own;
+        (own, high) = high.split_at_mut(edges.len());
+        for (byte, edge) in own.iter_mut().zip(edges) {
+            *byte = (edge.offset >> 8) as u8;
+        }
+        let own;
+        (own, normals) = normals.split_at_mut(edges.len());
+        for (word, edge) in own.iter_mut().zip(edges) {
             *word = edge.normal.0.to_le_bytes();
         }
     }

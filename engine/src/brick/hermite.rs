@@ -2,6 +2,7 @@
 
 use super::{POINTS, Samples};
 use crate::lattice::{Axis, BRICK_POINTS};
+use crate::wide::{Simd, SimdBase, SimdMask, dispatch, i16x16, level};
 
 /// A unit vector in octahedral coordinates (Cigolle et al. 2014): the first in the low 16 bits, the second
 /// in the high ones, each a two's complement fixed-point number with 32767 for 1.
@@ -103,26 +104,25 @@ pub(crate) fn inside_from(w: i32, from: usize) -> u64 {
     if w >= 1 { all } else { 0 }
 }
 
-/// Eight bytes, each 0 or 1, as bits from low to high: a multiplication gathers them.
-#[inline]
-pub(super) fn gather_bits(bytes: &[u8; 8]) -> u8 {
-    (u64::from_le_bytes(*bytes).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
-}
-
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 
 impl SignChanges {
     /// Classifies samples against 0.5; of whole ones those of 1 and more are inside.
     pub fn of(samples: &Samples) -> SignChanges {
+        dispatch!(level(), simd => SignChanges::of_with(simd, samples))
+    }
+
+    #[inline(always)]
+    fn of_with<S: Simd>(simd: S, samples: &Samples) -> SignChanges {
         let half = (1i16 << samples.1 >> 1).max(1);
+        let halves = i16x16::splat(simd, half);
         let mut inside = SignChanges::outside();
         for (row, ws) in inside.inside.iter_mut().zip(samples.0.as_chunks::<BRICK_POINTS>().0) {
-            // Comparing the whole row and gathering the bits afterwards is vectorized.
-            let bytes = ws.map(|w| u8::from(w >= half));
-            let (eights, last) = bytes.as_chunks::<8>();
-            let bits = eights.iter().rev().fold(0, |bits, eight| bits << 8 | u64::from(gather_bits(eight)));
-            *row = last.iter().fold(bits, |bits, &byte| bits | u64::from(byte) << (8 * eights.len()));
+            let bits_from =
+                |i: usize| i16x16::from_slice(simd, &ws[i..i + 16]).simd_ge(halves).to_bitmask() << i;
+            let last = u64::from(ws[32] >= half) << 32;
+            *row = bits_from(0) | bits_from(16) | last;
         }
         inside
     }
@@ -169,6 +169,19 @@ impl SignChanges {
             Axis::Y if j + 1 < BRICK_POINTS => row ^ self.row(j + 1, k),
             Axis::Z if k + 1 < BRICK_POINTS => row ^ self.row(j, k + 1),
             _ => 0,
+        }
+    }
+
+    /// Calls `each` with the lower samples (i, j, k) of the sign-changing edges along `axis`, in the order of the linear
+    /// index.
+    #[inline(always)]
+    pub(crate) fn for_edges(&self, axis: Axis, mut each: impl FnMut([usize; 3])) {
+        for (k, j) in (0..BRICK_POINTS).flat_map(|k| (0..BRICK_POINTS).map(move |j| (k, j))) {
+            let mut bits = self.edges(axis, j, k);
+            while bits != 0 {
+                each([bits.trailing_zeros() as usize, j, k]);
+                bits &= bits - 1;
+            }
         }
     }
 

@@ -126,25 +126,13 @@ fn signs(samples: &Samples, level: Level) -> SignChanges {
     SignChanges::from_fn(|index| i32::from(samples.whole(samples.0[index])) >= level.threshold)
 }
 
-/// Calls `edge` for every sign-changing edge along `axis` in the order of the Hermite arrays.
-fn for_each_edge(signs: &SignChanges, axis: Axis, mut edge: impl FnMut([usize; 3])) {
-    for row in 0..ROWS {
-        let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
-        let mut bits = signs.edges(axis, j, k);
-        while bits != 0 {
-            edge([bits.trailing_zeros() as usize, j, k]);
-            bits &= bits - 1;
-        }
-    }
-}
-
 /// Hermite edges of a level set that the store keeps none for: the crossing where the samples interpolate
 /// to `iso`, the normal from −∇w by central differences, one-sided at the border of the brick.
 fn from_samples(signs: &SignChanges, samples: &Samples, iso: f64) -> Hermite {
     let iso = iso * f64::from(1u32 << samples.1);
     let edges = Axis::ALL.map(|axis| {
         let mut edges = Vec::new();
-        for_each_edge(signs, axis, |low| {
+        signs.for_edges(axis, |low| {
             let mut high = low;
             high[axis.index()] += 1;
             let (w0, w1) = (f64::from(samples.at(low)), f64::from(samples.at(high)));
@@ -198,7 +186,7 @@ fn from_children(
     let mut planes = Vec::new();
     let mut is_sound = true;
     for axis in Axis::ALL {
-        for_each_edge(signs, axis, |at| {
+        signs.for_edges(axis, |at| {
             let upper = at.map(|c| usize::from(c >= HALF));
             let mut low = std::array::from_fn(|a| 2 * (at[a] - HALF * upper[a]));
             let Surface::Changes(child) = &children[upper[0] | upper[1] << 1 | upper[2] << 2] else {

@@ -1,19 +1,8 @@
-//! The widest vectors of this processor, for groups of samples.
-//!
-//! `dispatch!(level(), simd => f(simd))` calls `f` as compiled for them. Everything in `f` must be inlined. Results have the
-//! same bits for any width: lanes do the same operations in the same order, and none is fused.
+//! Groups of samples in vectors.
 
-pub(super) use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, mask64x8};
+pub(super) use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, level, mask64x8};
 
 use super::local::GROUP;
-use fearless_simd::Level;
-use std::sync::LazyLock;
-
-/// What the processor has.
-pub(super) fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
-}
 
 /// Coordinates of some points, by axis.
 #[inline(always)]
