@@ -4,7 +4,8 @@
 //! same bits for any width: lanes do the same operations in the same order, and none is fused.
 
 pub(crate) use fearless_simd::{
-    Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, i16x16, mask64x8,
+    Bytes, Select, Simd, SimdBase, SimdFloat, SimdFrom, SimdMask, dispatch, f64x4, f64x8, i16x16, mask64x4,
+    mask64x8, u64x4,
 };
 
 use fearless_simd::Level;

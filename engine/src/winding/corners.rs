@@ -2,6 +2,7 @@
 
 use super::scan::{Block, Facet};
 use crate::lattice::{NodeKey, ROOT_BITS, Triangle};
+use crate::wide::{Simd, dispatch, level};
 
 /// The corner samples of all bricks `stride` levels below a node: 2^stride along each axis.
 ///
@@ -35,12 +36,17 @@ impl CornerGrid {
     #[inline]
     pub fn add(&mut self, t: &Triangle) {
         let Some(facet) = Facet::new(t, self.origin, self.block) else { return };
+        dispatch!(level(), simd => self.add_facet(simd, &facet));
+    }
+
+    #[inline(always)]
+    fn add_facet<S: Simd>(&mut self, simd: S, facet: &Facet) {
         let (block, across) = (self.block, self.block.last as usize + 1);
         let jump = |axis| i64::from(facet.jump(axis));
         let at = |slow: i32, fast: i32| slow as usize * across + fast as usize;
-        facet.scan::<2>(block, [0, 0], |c| self.column[c.lower as usize + 1] += jump(2));
-        facet.scan::<1>(block, [block.last, 0], |c| self.face[at(c.u, c.lower + 1)] += jump(1));
-        facet.scan::<0>(block, [block.last; 2], |c| {
+        facet.scan::<S, 2>(simd, block, [0, 0], |c| self.column[c.lower as usize + 1] += jump(2));
+        facet.scan::<S, 1>(simd, block, [block.last, 0], |c| self.face[at(c.u, c.lower + 1)] += jump(1));
+        facet.scan::<S, 0>(simd, block, [block.last; 2], |c| {
             self.rows[at(c.v, c.u) * across + c.lower as usize + 1] += jump(0);
         });
     }

@@ -1,7 +1,9 @@
 //! Sets of lattice edges as bits over the lines of a row, so that a scan can leave out what nobody asks for.
 
-use super::scan::LINES_MAX;
+use super::scan::{LINES_MAX, ROWS};
+use crate::brick::SignChanges;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use crate::wide::{Simd, SimdBase, dispatch, level, u64x4};
 use std::ops::Range;
 
 /// Edges that follow each other along a line and are united in advance. Most facets span no more of them.
@@ -17,70 +19,66 @@ const _: () = assert!(P <= LINES_MAX as usize);
 
 /// Edges of a brick along one axis, by the line (u, v) that they lie on, in both orders of
 /// lines. Axes are named as in [`super::scan`]: (axis, u, v) is right-handed.
+#[derive(Default)]
 pub(crate) struct EdgeMasks {
     /// Rows of equal v, a bit for every u.
-    over_u: Box<[Row; P]>,
+    over_u: Rows,
     /// Rows of equal u, a bit for every v.
-    over_v: Box<[Row; P]>,
+    over_v: Rows,
 }
 
-/// The edges on a row's lines, a bit for every line.
-#[derive(Clone)]
-struct Row {
-    /// By the lower sample along the axis.
-    at: [u64; C],
+/// Rows, and some more without edges for those who look at [`ROWS`] at once.
+const PADDED: usize = P + ROWS - 1;
+
+/// By the lower samples of edges along their axis: the edges on each row's lines, a bit for every line.
+struct Rows {
+    at: Box<[[u64; PADDED]; C]>,
     /// Those of [`WINDOW`] lower samples from each on, or of as many as there are.
-    from: [u64; C],
+    from: Box<[[u64; PADDED]; C]>,
 }
 
-impl Default for EdgeMasks {
-    fn default() -> EdgeMasks {
-        let none = || Box::new([const { Row { at: [0; C], from: [0; C] } }; P]);
-        EdgeMasks { over_u: none(), over_v: none() }
+impl Default for Rows {
+    fn default() -> Rows {
+        let none = || Box::new([[0; PADDED]; C]);
+        Rows { at: none(), from: none() }
     }
 }
 
 impl EdgeMasks {
-    /// Takes edges along `axis`, y or z, and calls `each` with their lower samples (i, j, k), in the order of the
-    /// linear index. `edges` gives those of the row (j, k) as bits over i.
-    pub fn set(&mut self, axis: Axis, edges: impl Fn(usize, usize) -> u64, mut each: impl FnMut([usize; 3])) {
-        debug_assert!(axis != Axis::X, "rows of bits run along x");
-        // Bits over x: along y, x is v; along z it is u.
-        let along_y = axis == Axis::Y;
-        let (over_x, over_other) =
-            if along_y { (&mut self.over_v, &mut self.over_u) } else { (&mut self.over_u, &mut self.over_v) };
-        over_other.iter_mut().for_each(|row| row.at.fill(0));
-        let (slow, fast) = if along_y { (P, C) } else { (C, P) };
-        for k in 0..slow {
-            for j in 0..fast {
-                let (other, lower) = if along_y { (k, j) } else { (j, k) };
-                let mut bits = edges(j, k);
-                over_x[other].at[lower] = bits;
-                while bits != 0 {
-                    let x = bits.trailing_zeros() as usize;
-                    bits &= bits - 1;
-                    over_other[x].at[lower] |= 1 << other;
-                    each([x, j, k]);
-                }
-            }
-        }
-        over_x.iter_mut().chain(over_other.iter_mut()).for_each(Row::unite);
+    /// Takes the sign-changing edges along an axis, and calls `each` with their lower samples (i, j, k), in the order
+    /// of the linear index.
+    #[inline(always)]
+    pub fn set<const A: usize>(&mut self, signs: &SignChanges, mut each: impl FnMut([usize; 3])) {
+        let EdgeMasks { over_u, over_v } = self;
+        over_u.at.fill([0; PADDED]);
+        over_v.at.fill([0; PADDED]);
+        signs.for_edges(Axis::ALL[A], |ijk| {
+            let [lower, u, v] = [ijk[A], ijk[(A + 1) % 3], ijk[(A + 2) % 3]];
+            over_u.at[lower][v] |= 1 << u;
+            over_v.at[lower][u] |= 1 << v;
+            each(ijk);
+        });
+        dispatch!(level(), simd => {
+            over_u.unite(simd);
+            over_v.unite(simd);
+        });
     }
 
-    /// The lines of a row, of equal u if `swap` and of equal v if not, on which an edge lies that begins at
-    /// one of the samples `lowers`, and perhaps some on which one begins close behind them.
+    /// The lines of a row and of the [`ROWS`] − 1 after it, of equal u if `swap` and of equal v if not, on which an
+    /// edge lies that begins at one of the samples `lowers`, and perhaps some on which one begins close behind them.
     #[inline(always)]
-    pub fn lines(&self, swap: bool, row: usize, lowers: Lowers) -> u64 {
-        let row = self.of_row(swap, row);
+    pub fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize, lowers: Lowers) -> u64x4<S> {
+        let over = if swap { &self.over_v } else { &self.over_u };
         let Lowers { first, last, few } = lowers;
-        let lines = if few { &row.at } else { &row.from };
-        let ends = lines[first] | lines[last];
-        (first + WINDOW..last).step_by(WINDOW).fold(ends, |all, lower| all | lines[lower])
-    }
-
-    #[inline(always)]
-    fn of_row(&self, swap: bool, row: usize) -> &Row {
-        if swap { &self.over_v[row] } else { &self.over_u[row] }
+        let table = if few { &over.at } else { &over.from };
+        let mut all = u64x4::from_slice(simd, &table[first][row..row + ROWS])
+            | u64x4::from_slice(simd, &table[last][row..row + ROWS]);
+        let mut lower = first + WINDOW;
+        while lower < last {
+            all |= u64x4::from_slice(simd, &table[lower][row..row + ROWS]);
+            lower += WINDOW;
+        }
+        all
     }
 }
 
@@ -105,19 +103,32 @@ impl Lowers {
     }
 }
 
-impl Row {
-    fn unite(&mut self) {
-        let mut padded = [0; C + WINDOW];
-        padded[..C].copy_from_slice(&self.at);
-        self.from = std::array::from_fn(|lower| (0..WINDOW).fold(0, |lines, i| lines | padded[lower + i]));
+impl Rows {
+    #[inline(always)]
+    fn unite<S: Simd>(&mut self, _: S) {
+        const { assert!(WINDOW == 4) };
+        let mut two = [[0; PADDED]; C];
+        for (lower, two) in two.iter_mut().enumerate() {
+            let next = self.at.get(lower + 1).unwrap_or(&[0; PADDED]);
+            *two = std::array::from_fn(|row| self.at[lower][row] | next[row]);
+        }
+        for (lower, from) in self.from.iter_mut().enumerate() {
+            let next = two.get(lower + 2).unwrap_or(&[0; PADDED]);
+            *from = std::array::from_fn(|row| two[lower][row] | next[row]);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brick::{SignChanges, point_index};
+    use crate::brick::point_index;
     use proptest::prelude::*;
+
+    /// The lines of one row.
+    fn lines_of(masks: &EdgeMasks, swap: bool, row: usize, lowers: Range<usize>) -> u64 {
+        dispatch!(level(), simd => masks.lines(simd, swap, row, Lowers::new(lowers))[0])
+    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20))]
@@ -130,31 +141,38 @@ mod tests {
             };
             let signs = SignChanges::from_fn(inside);
             let mut masks = EdgeMasks::default();
-            for axis in [Axis::Y, Axis::Z] {
+            for axis in Axis::ALL {
                 let mut found = Vec::new();
-                masks.set(axis, |j, k| signs.edges(axis, j, k), |ijk| found.push(point_index(ijk)));
+                let each = |ijk| found.push(point_index(ijk));
+                match axis {
+                    Axis::X => masks.set::<0>(&signs, each),
+                    Axis::Y => masks.set::<1>(&signs, each),
+                    Axis::Z => masks.set::<2>(&signs, each),
+                }
                 let mut expected = Vec::new();
                 for (k, j, i) in (0..P).flat_map(|k| (0..P).flat_map(move |j| (0..P).map(move |i| (k, j, i)))) {
-                    let (u, v, lower) = if axis == Axis::Y { (k, i, j) } else { (i, j, k) };
+                    let at = [i, j, k];
+                    let [lower, u, v] = [0, 1, 2].map(|turn| at[(axis.index() + turn) % 3]);
                     if lower == C {
                         continue;
                     }
-                    let next = if axis == Axis::Y { [i, j + 1, k] } else { [i, j, k + 1] };
+                    let mut next = at;
+                    next[axis.index()] += 1;
                     let changes = inside(point_index([i, j, k])) != inside(point_index(next));
                     expected.extend(changes.then_some(point_index([i, j, k])));
                     let holds = |swap, row, line| {
-                        masks.lines(swap, row, Lowers::new(lower..lower + 1)) >> line & 1 != 0
+                        lines_of(&masks, swap, row, lower..lower + 1) >> line & 1 != 0
                     };
                     prop_assert_eq!((holds(false, v, u), holds(true, u, v)), (changes, changes));
                 }
                 prop_assert_eq!(found, expected);
                 for (row, swap) in (0..P).flat_map(|row| [(row, false), (row, true)]) {
                     let at: Vec<u64> = (0..C)
-                        .map(|lower| masks.lines(swap, row, Lowers::new(lower..lower + 1)))
+                        .map(|lower| lines_of(&masks, swap, row, lower..lower + 1))
                         .collect();
                     let union = |lowers: Range<usize>| at[lowers].iter().fold(0, |lines, bits| lines | bits);
                     for (start, end) in (0..C).flat_map(|start| (start..=C).map(move |end| (start, end))) {
-                        let lines = masks.lines(swap, row, Lowers::new(start..end));
+                        let lines = lines_of(&masks, swap, row, start..end);
                         let asked = union(start..end);
                         let close = union(start..end.max(start + WINDOW).min(C));
                         prop_assert_eq!(lines & asked, asked);

@@ -1,19 +1,18 @@
 //! Samples of one brick from the triangles that touch it.
 //!
 //! Walking along a lattice line, w jumps by ±1 where the line crosses a triangle. From the brick's corner
-//! the walk goes up the z column, from there along the y lines of the face x = 0, from there along all
-//! 33 × 33 rows in x. Cost: triangles that touch the brick plus crossings.
+//! the walk goes up the z column, from there along the x lines of the face y = 0, from there along all
+//! 33 × 33 lines in y, a row of 33 at once. Cost: triangles that touch the brick plus crossings.
 
-use super::crossings::{Cause, Crossings, Hit};
+use super::crossings::{Crossings, Hit};
 use super::edges::EdgeMasks;
-use super::hermite::Resolver;
+use super::hermite::Normals;
 use super::passages::{Decided, Passages, Passing};
 use super::scan::{Block, Crossing, Facet};
-use crate::brick::{
-    Brick, Hermite, HermiteEdge, Samples, SamplesInOrder, SignChanges, inside_from, point_index,
-};
+use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
+use crate::wide::{Simd, dispatch, level};
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -24,44 +23,36 @@ const C: usize = BRICK_CELLS;
 pub struct Evaluator {
     /// The triangles that meet lattice lines.
     facets: Vec<Facet>,
-    /// Their positions in the brick's list.
-    positions: Vec<u32>,
-    /// Per row, which edges along x hold crossings; all zero between bricks.
-    touched: Box<[u32; P * P]>,
-    /// Jumps along y in the face x = 0: [k][edge].
-    face: Vec<i32>,
+    /// Jumps along y by the lower sample of the edge; all zero between bricks, as the next two. Those at the last
+    /// sample of a line lie beyond it and count for nothing.
+    jumps: Box<[i32; POINTS]>,
+    /// Jumps along x in the face y = 0: [k][edge].
+    face: Box<[[i32; C]; P]>,
     /// Jumps along z in the column x = y = 0.
     column: [i32; C],
-    /// Crossings along x, and along one other axis behind them.
+    /// The crossings along y.
     crossings: Crossings,
-    /// How many lie along x.
-    count_x: usize,
-    /// The number of the last crossing on each sign-changing edge along x, in the edges' order.
-    passages_x: Vec<u32>,
-    /// The sign-changing edges along the other axis.
+    /// The sign-changing edges along one axis.
     changes: EdgeMasks,
     /// Their crossings.
     passages: Passages,
     /// Per axis, whether the last brick needed the list of its passages.
     listing: [bool; 3],
-    resolver: Resolver,
+    normals: Normals,
 }
 
 impl Default for Evaluator {
     fn default() -> Self {
         Evaluator {
             facets: Vec::new(),
-            positions: Vec::new(),
-            touched: Box::new([0; P * P]),
-            face: vec![0; P * C],
+            jumps: vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"),
+            face: Box::new([[0; C]; P]),
             column: [0; C],
             crossings: Crossings::default(),
-            count_x: 0,
-            passages_x: Vec::new(),
             changes: EdgeMasks::default(),
             passages: Passages::default(),
             listing: [false; 3],
-            resolver: Resolver::default(),
+            normals: Normals::default(),
         }
     }
 }
@@ -73,7 +64,6 @@ pub struct Evaluation<'a> {
     /// Where they are inside.
     pub signs: SignChanges,
     key: NodeKey,
-    list: Triangles<'a>,
     evaluator: &'a mut Evaluator,
 }
 
@@ -109,163 +99,96 @@ impl Evaluator {
         corner: i16,
         list: Triangles<'a>,
     ) -> Result<Evaluation<'a>> {
-        self.collect(key, list);
-        let mut samples = SamplesInOrder::default();
-        let mut signs = SignChanges::outside();
-        let fits = self.walk(corner, &mut samples, &mut signs);
-        let samples = samples.finish();
-        if !fits {
+        dispatch!(level(), simd => self.collect(simd, key, list));
+        let Some(samples) = dispatch!(level(), simd => self.walk(simd, corner)) else {
             return Err(Error::setting(
                 format!("more than {} shells overlap in brick {key}", i16::MAX),
                 "remove repeated pieces from the input",
             ));
-        }
-        Ok(Evaluation { samples, signs, key, list, evaluator: self })
+        };
+        let signs = SignChanges::of(&samples);
+        Ok(Evaluation { samples, signs, key, evaluator: self })
     }
 
     /// Finds the crossings that the walk needs.
-    fn collect(&mut self, key: NodeKey, list: Triangles<'_>) {
+    #[inline(always)]
+    fn collect<S: Simd>(&mut self, simd: S, key: NodeKey, list: Triangles<'_>) {
         let block = block(key);
         let origin = key.base().map(|b| b + 1);
-        self.facets.clear();
-        self.positions.clear();
-        self.crossings.truncate(0);
+        let Evaluator { facets, jumps, face, column, crossings, .. } = self;
+        facets.clear();
+        crossings.clear();
         for position in 0..list.indices.len() {
             let Some(facet) = Facet::new(list.get(position), origin, block) else { continue };
             let jump = [0, 1, 2].map(|axis| facet.jump(axis));
-            facet.scan::<2>(block, [0, 0], |c| self.column[c.lower as usize] += jump[2]);
-            facet.scan::<1>(block, [block.last, 0], |c| {
-                self.face[c.u as usize * C + c.lower as usize] += jump[1];
+            facet.scan::<S, 2>(simd, block, [0, 0], |c| column[c.lower as usize] += jump[2]);
+            facet.scan::<S, 0>(simd, block, [0, block.last], |c| {
+                face[c.v as usize][c.lower as usize] += jump[0]
             });
-            let cause = Cause::new(position, jump[0]);
-            facet.scan::<0>(block, [block.last; 2], |c| {
-                let row = c.v as usize * P + c.u as usize;
-                self.touched[row] |= 1 << c.lower;
-                self.crossings.add(row * P + c.lower as usize, c.offset, cause);
+            // The last sample takes crossings that lie between no two, without a branch.
+            facet.scan_lines::<S, 1>(simd, block, [block.last; 2], |c| {
+                let lower = lower_of::<1>(c);
+                jumps[lower] += jump[1];
+                crossings.add(lower, c.offset);
             });
-            self.facets.push(facet);
-            self.positions.push(position as u32);
-        }
-        self.count_x = self.crossings.len();
-    }
-
-    /// Finds all crossings along y or z, in place of others but those along x.
-    fn collect_other(&mut self, key: NodeKey, axis: Axis) {
-        let (block, limit) = (block(key), [C as i32; 2]);
-        let Evaluator { facets, positions, crossings, .. } = self;
-        crossings.truncate(self.count_x);
-        for (facet, position) in facets.iter().zip(positions) {
-            let cause = Cause::new(*position as usize, facet.jump(axis.index()));
-            let mut add = |c: Crossing, ijk: [i32; 3]| {
-                crossings.add(point_index(ijk.map(|i| i as usize)), c.offset, cause);
-            };
-            match axis {
-                Axis::Y => facet.scan::<1>(block, limit, |c| add(c, [c.v, c.lower, c.u])),
-                _ => facet.scan::<2>(block, limit, |c| add(c, [c.u, c.v, c.lower])),
-            }
+            crossings.end_facet();
+            facets.push(facet);
         }
     }
 
-    /// Finds the crossings of the sign-changing edges along axis `A`, y or z.
-    // A function for each axis: their inner loops leave no registers for each other.
-    #[inline(never)]
-    fn collect_changes<const A: usize>(&mut self, key: NodeKey) {
-        let block = block(key);
-        let Evaluator { facets, positions, changes, passages, resolver, .. } = self;
-        for (facet, position) in facets.iter().zip(positions) {
-            let position = *position as usize;
-            let mut passing = None;
-            facet.scan_edges::<A>(block, changes, |c| {
-                let passing = passing.get_or_insert_with(|| {
-                    Passing::new(facet.jump(A), resolver.normal(position, || facet.normal))
-                });
-                passages.add(lower_of::<A>(c), c.offset, *passing);
-            });
-        }
-    }
-
-    /// Prefix sums from the corner; false if a value does not fit 16 bits. Leaves no jumps for the next
-    /// brick.
-    fn walk(&mut self, corner: i16, samples: &mut SamplesInOrder, signs: &mut SignChanges) -> bool {
+    /// Prefix sums from the corner; `None` if a value does not fit 16 bits. Leaves no jumps for the next brick.
+    #[inline(always)]
+    fn walk<S: Simd>(&mut self, _: S, corner: i16) -> Option<Samples> {
+        let mut samples = Vec::with_capacity(POINTS);
         let mut excess = 0;
-        self.passages_x.clear();
         let mut at_k = i32::from(corner);
-        for k in 0..P {
-            let mut at_j = at_k;
-            for j in 0..P {
-                let row = k * P + j;
-                excess |= self.walk_row(row, at_j, samples, signs);
-                if j < C {
-                    at_j += std::mem::take(&mut self.face[k * C + j]);
+        let layers = self.jumps.as_chunks_mut::<P>().0.chunks_exact_mut(P);
+        for (k, (layer, face)) in layers.zip(self.face.iter_mut()).enumerate() {
+            let mut row = [at_k; P];
+            for i in 0..C {
+                row[i + 1] = row[i] + std::mem::take(&mut face[i]);
+            }
+            for jumps in layer {
+                samples.extend_from_slice(&row.map(|w| w as i16));
+                for (w, jump) in row.iter_mut().zip(std::mem::replace(jumps, [0; P])) {
+                    excess |= *w ^ i32::from(*w as i16);
+                    *w += jump;
                 }
             }
             if k < C {
                 at_k += std::mem::take(&mut self.column[k]);
             }
         }
-        excess == 0
-    }
-
-    /// The samples and signs of one row from its first sample, stepping from crossed edge to crossed edge. Not
-    /// zero if a value does not fit 16 bits.
-    #[inline]
-    fn walk_row(
-        &mut self,
-        row: usize,
-        first: i32,
-        samples: &mut SamplesInOrder,
-        signs: &mut SignChanges,
-    ) -> i32 {
-        let mut w = first;
-        let mut excess = w ^ i32::from(w as i16);
-        let mut inside = inside_from(w, 0);
-        samples.fill_from(row * P, w as i16);
-        let mut touched = std::mem::take(&mut self.touched[row]);
-        while touched != 0 {
-            let lower = row * P + touched.trailing_zeros() as usize;
-            touched &= touched - 1;
-            let last = self.crossings.take(lower);
-            let before = w;
-            w += self.crossings.jump(last);
-            if (before >= 1) != (w >= 1) {
-                inside ^= inside_from(1, lower + 1 - row * P);
-                self.passages_x.push(last);
-            }
-            excess |= w ^ i32::from(w as i16);
-            samples.fill_from(lower + 1, w as i16);
-        }
-        signs.set_row(row % P, row / P, inside);
-        excess
+        let samples = samples.into_boxed_slice().try_into().expect("P rows of P layers are POINTS");
+        (excess == 0).then_some(Samples(samples, 0))
     }
 }
 
 impl Evaluator {
-    /// The Hermite edges along x; the walk has found their crossings.
-    fn hermite_x(&mut self, samples: &Samples, list: Triangles<'_>) -> Vec<HermiteEdge> {
-        let Evaluator { crossings, passages_x, resolver, .. } = self;
-        passages_x.iter().map(|&last| resolver.resolve(last, crossings, samples, list)).collect()
-    }
-
-    /// The Hermite edges along y or z.
-    fn hermite_other(
+    /// The Hermite edges along an axis.
+    fn hermite(
         &mut self,
         axis: Axis,
         key: NodeKey,
         samples: &Samples,
         signs: &SignChanges,
     ) -> Result<Vec<HermiteEdge>> {
-        self.passages.clear();
-        let edges = |j, k| signs.edges(axis, j, k);
-        self.changes.set(axis, edges, |lower| self.passages.ask(point_index(lower)));
-        let along_y = axis == Axis::Y;
-        let step = point_index(if along_y { [0, 1, 0] } else { [0, 0, 1] });
+        let Evaluator { changes, passages, .. } = self;
+        passages.clear();
+        let ask = |lower| passages.ask(point_index(lower));
+        match axis {
+            Axis::X => changes.set::<0>(signs, ask),
+            Axis::Y => signs.for_edges(Axis::Y, ask),
+            Axis::Z => changes.set::<2>(signs, ask),
+        }
+        let step = point_index(Axis::ALL.map(|other| usize::from(other == axis)));
         loop {
             let listing = self.listing[axis.index()];
             self.passages.begin(listing);
-            if along_y {
-                self.collect_changes::<1>(key)
-            } else {
-                self.collect_changes::<2>(key)
+            match axis {
+                Axis::X => dispatch!(level(), simd => self.collect_changes::<_, 0>(simd, key)),
+                Axis::Y => self.recall_changes(),
+                Axis::Z => dispatch!(level(), simd => self.collect_changes::<_, 2>(simd, key)),
             }
             let decided;
             (decided, self.listing[axis.index()]) = self.passages.hermite(samples, step);
@@ -279,13 +202,71 @@ impl Evaluator {
             }
         }
     }
+
+    /// Finds the crossings of the sign-changing edges along axis `A`.
+    #[inline(always)]
+    fn collect_changes<S: Simd, const A: usize>(&mut self, simd: S, key: NodeKey) {
+        let block = block(key);
+        let Evaluator { facets, changes, passages, normals, .. } = self;
+        for (number, facet) in facets.iter().enumerate() {
+            let mut passing = None;
+            facet.scan_edges::<S, A>(simd, block, changes, |c| {
+                let passing =
+                    passing.get_or_insert_with(|| Passing::new(facet.jump(A), normals.of(number, facet)));
+                passages.add(lower_of::<A>(c), c.offset, *passing);
+            });
+        }
+    }
+
+    /// Picks the crossings of the sign-changing edges along y, which the samples needed already.
+    fn recall_changes(&mut self) {
+        let Evaluator { facets, crossings, passages, normals, .. } = self;
+        for (number, own) in crossings.by_facet() {
+            let mut passing = None;
+            // Most facets have all their crossings on such edges, or none.
+            for c in own {
+                if !passages.asks(c.lower.into()) {
+                    continue;
+                }
+                let facet = &facets[number];
+                let passing =
+                    passing.get_or_insert_with(|| Passing::new(facet.jump(1), normals.of(number, facet)));
+                passages.add(c.lower.into(), c.offset, *passing);
+            }
+        }
+    }
+
+    /// All crossings with edges along an axis, by edge and offset.
+    fn all_hits(&self, axis: Axis, key: NodeKey) -> Vec<Hit> {
+        let mut hits = match axis {
+            Axis::X => dispatch!(level(), simd => self.hits_along::<_, 0>(simd, key)),
+            Axis::Y => dispatch!(level(), simd => self.hits_along::<_, 1>(simd, key)),
+            Axis::Z => dispatch!(level(), simd => self.hits_along::<_, 2>(simd, key)),
+        };
+        hits.sort_unstable_by_key(|hit| (hit.lower, hit.offset));
+        hits
+    }
+
+    #[inline(always)]
+    fn hits_along<S: Simd, const A: usize>(&self, simd: S, key: NodeKey) -> Vec<Hit> {
+        let block = block(key);
+        let mut hits = Vec::new();
+        for facet in &self.facets {
+            let jump = facet.jump(A);
+            facet.scan::<S, A>(simd, block, [block.last; 2], |c| {
+                hits.push(Hit { lower: lower_of::<A>(c) as u16, offset: c.offset, jump });
+            });
+        }
+        hits
+    }
 }
 
-/// The index of the lower sample of a crossed edge along axis `A`, y or z.
+/// The index of the lower sample of a crossed edge along axis `A`.
 #[inline(always)]
 fn lower_of<const A: usize>(c: Crossing) -> usize {
-    let ijk = if A == 1 { [c.v, c.lower, c.u] } else { [c.u, c.v, c.lower] };
-    point_index(ijk.map(|i| i as usize))
+    let mut ijk = [0; 3];
+    (ijk[A], ijk[(A + 1) % 3], ijk[(A + 2) % 3]) = (c.lower as usize, c.u as usize, c.v as usize);
+    point_index(ijk)
 }
 
 impl Evaluation<'_> {
@@ -299,42 +280,32 @@ impl Evaluation<'_> {
 
     /// Whether a lattice edge holds crossings that cancel in part: a wall or a gap thinner than the
     /// spacing that the samples alone do not show.
-    pub fn has_hidden_crossings(&mut self) -> bool {
-        self.any_edge(|_, jumps| {
-            let sum: i32 = jumps.iter().map(|h| h.cause.jump()).sum();
-            (sum.unsigned_abs() as usize) < jumps.len()
+    pub fn has_hidden_crossings(&self) -> bool {
+        self.any_edge(|edge| {
+            let sum: i32 = edge.iter().map(|hit| hit.jump).sum();
+            (sum.unsigned_abs() as usize) < edge.len()
         })
     }
 
     /// Whether the running count along a lattice edge passes 0.5 and back.
-    pub fn has_hidden_boundary(&mut self) -> bool {
-        let samples = self.samples.clone();
-        self.any_edge(|lower, hits| {
-            let mut w = i32::from(samples.0[lower]);
+    pub fn has_hidden_boundary(&self) -> bool {
+        self.any_edge(|edge| {
+            let mut w = i32::from(self.samples.0[usize::from(edge[0].lower)]);
             let mut passes = 0;
-            hits.chunk_by(|a, b| a.offset == b.offset).for_each(|group| {
+            edge.chunk_by(|a, b| a.offset == b.offset).for_each(|group| {
                 let before = w;
-                w += group.iter().map(|h| h.cause.jump()).sum::<i32>();
+                w += group.iter().map(|hit| hit.jump).sum::<i32>();
                 passes += u32::from((before >= 1) != (w >= 1));
             });
             passes > 1
         })
     }
 
-    /// Whether the predicate holds for an edge with two crossings or more, given its lower sample and the
-    /// crossings in order.
-    fn any_edge(&mut self, mut predicate: impl FnMut(usize, &[Hit]) -> bool) -> bool {
+    /// Whether the predicate holds for an edge with two crossings or more, which it gets in order.
+    fn any_edge(&self, predicate: impl Fn(&[Hit]) -> bool) -> bool {
         Axis::ALL.into_iter().any(|axis| {
-            let mut from = 0;
-            if axis != Axis::X {
-                self.evaluator.collect_other(self.key, axis);
-                from = self.evaluator.count_x;
-            }
-            let sorted = self.evaluator.crossings.sorted(from);
-            self.evaluator.crossings.truncate(self.evaluator.count_x);
-            sorted
-                .chunk_by(|a, b| a.lower == b.lower)
-                .any(|edge| edge.len() > 1 && predicate(usize::from(edge[0].lower), edge))
+            let hits = self.evaluator.all_hits(axis, self.key);
+            hits.chunk_by(|a, b| a.lower == b.lower).any(|edge| edge.len() > 1 && predicate(edge))
         })
     }
 
@@ -346,14 +317,11 @@ impl Evaluation<'_> {
         if self.is_uniform() {
             return Ok(Brick::Uniform(self.samples.0[0]));
         }
-        let Evaluation { samples, signs, key, list, evaluator } = self;
+        let Evaluation { samples, signs, key, evaluator } = self;
         let mut edges: [Vec<HermiteEdge>; 3] = Default::default();
-        evaluator.resolver.begin(list.indices.len());
+        evaluator.normals.begin(evaluator.facets.len());
         for axis in Axis::ALL {
-            edges[axis.index()] = match axis {
-                Axis::X => evaluator.hermite_x(&samples, list),
-                _ => evaluator.hermite_other(axis, key, &samples, &signs)?,
-            };
+            edges[axis.index()] = evaluator.hermite(axis, key, &samples, &signs)?;
         }
         Ok(Brick::Counts { samples, hermite: Hermite { edges } })
     }

@@ -114,6 +114,12 @@ impl Passages {
         self.listing = listing;
     }
 
+    /// Whether the edge that begins at sample `lower` is asked for.
+    #[inline]
+    pub fn asks(&self, lower: usize) -> bool {
+        self.places[lower] != 0
+    }
+
     /// Adds a crossing, if it is one of an edge asked for.
     #[inline]
     pub fn add(&mut self, lower: usize, offset: u16, passing: Passing) {

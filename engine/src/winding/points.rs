@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::ingest::{Facet as WorldFacet, Facets, runs};
 use crate::lattice::{ROOT_BITS, RootCube, Triangle, Units, bounds};
 use crate::progress::Progress;
+use crate::wide::{dispatch, level};
 use rayon::prelude::*;
 
 /// The exact winding number of a closed soup at each point: the crossings of the line that reaches the point
@@ -120,7 +121,8 @@ fn jump_before(t: &Triangle, p: Units) -> i64 {
     let origin = [p[0] - (1 << BLOCK.shift), p[1], p[2]];
     let mut jump = 0;
     if let Some(facet) = Facet::new(t, origin, BLOCK) {
-        facet.scan::<0>(BLOCK, [0, 0], |_| jump = i64::from(facet.jump(0)));
+        let crossed = |_| jump = i64::from(facet.jump(0));
+        dispatch!(level(), simd => facet.scan::<_, 0>(simd, BLOCK, [0, 0], crossed));
     }
     jump
 }

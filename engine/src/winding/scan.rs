@@ -7,6 +7,7 @@
 
 use super::edges::{EdgeMasks, Lowers};
 use crate::lattice::{Triangle, normal};
+use crate::wide::{Bytes, Select, Simd, SimdBase, SimdFloat, SimdFrom, SimdMask, f64x4, mask64x4, u64x4};
 
 /// A cubic block of samples `0..=last` along each axis, `1 << shift` units apart, sample 0 at the origin.
 #[derive(Clone, Copy, Debug)]
@@ -94,30 +95,55 @@ impl Facet {
     /// Calls `hit` for every crossing with a line along axis `A` whose (u, v) indices do not exceed the
     /// limits and that lies between two samples of the block.
     #[inline(always)]
-    pub fn scan<const A: usize>(&self, block: Block, limit: [i32; 2], mut hit: impl FnMut(Crossing)) {
-        self.scan_chosen::<A>(block, limit, &All, |c| {
+    pub fn scan<S: Simd, const A: usize>(
+        &self,
+        simd: S,
+        block: Block,
+        limit: [i32; 2],
+        mut hit: impl FnMut(Crossing),
+    ) {
+        self.scan_lines::<S, A>(simd, block, limit, |c| {
             if c.lower < block.last {
                 hit(c);
             }
         });
     }
 
+    /// The same with crossings that, as at the last sample, lie between no two.
+    #[inline(always)]
+    pub fn scan_lines<S: Simd, const A: usize>(
+        &self,
+        simd: S,
+        block: Block,
+        limit: [i32; 2],
+        hit: impl FnMut(Crossing),
+    ) {
+        self.scan_chosen::<S, A>(simd, block, limit, &All, hit);
+    }
+
     /// Calls `hit` for every crossing along axis `A` of one of the edges, and for some others: those close to such
     /// edges and, as at the last sample, those that lie between no two. To leave them out here would take a branch that
     /// no processor foresees.
     #[inline(always)]
-    pub fn scan_edges<const A: usize>(&self, block: Block, edges: &EdgeMasks, hit: impl FnMut(Crossing)) {
+    pub fn scan_edges<S: Simd, const A: usize>(
+        &self,
+        simd: S,
+        block: Block,
+        edges: &EdgeMasks,
+        hit: impl FnMut(Crossing),
+    ) {
         // No vertex has the coordinate of a sample, so the bounding box begins behind the sample before its
         // first one.
         let (first, last) = self.lines(A);
         let end = (last + 1).clamp(0, block.last);
         let lowers = Lowers::new((first - 1).clamp(0, end) as usize..end as usize);
-        self.scan_chosen::<A>(block, [block.last; 2], &Near { edges, lowers }, hit);
+        self.scan_chosen::<S, A>(simd, block, [block.last; 2], &Near { edges, lowers }, hit);
     }
 
     #[inline(always)]
-    fn scan_chosen<const A: usize>(
+    fn scan_chosen<S: Simd, const A: usize>(
         &self,
+        simd: S,
         block: Block,
         limit: [i32; 2],
         choice: &impl Choice,
@@ -131,19 +157,20 @@ impl Facet {
         if lines_u.0 > lines_u.1 || lines_v.0 > lines_v.1 || self.normal[A] == 0 {
             return;
         }
-        // Fewer, longer rows: a row costs as much as two to three crossings.
+        // Fewer, longer rows.
         if lines_v.1 - lines_v.0 <= lines_u.1 - lines_u.0 {
-            self.sweep::<A, false>(block, lines_u, lines_v, choice, hit);
+            self.sweep::<S, A, false>(simd, block, lines_u, lines_v, choice, hit);
         } else {
-            self.sweep::<A, true>(block, lines_v, lines_u, choice, hit);
+            self.sweep::<S, A, true>(simd, block, lines_v, lines_u, choice, hit);
         }
     }
 
     /// Visits the lines inside the triangle row by row: along u in rows of equal v, or the other way round
     /// if `SWAP`. Ranges are (first, last).
     #[inline(always)]
-    fn sweep<const A: usize, const SWAP: bool>(
+    fn sweep<S: Simd, const A: usize, const SWAP: bool>(
         &self,
+        simd: S,
         block: Block,
         steps: (i32, i32),
         rows: (i32, i32),
@@ -152,21 +179,20 @@ impl Facet {
     ) {
         debug_assert!(block.last < LINES_MAX, "the lines of a row are bits of a word");
         let within = (u64::MAX >> (63 - steps.1)) & (u64::MAX << steps.0);
-        let lines = |row: i32| choice.lines(SWAP, row as usize) & within;
         let mut row = rows.0;
-        while lines(row) == 0 {
-            row += 1;
+        let mut lines = asked::<S, SWAP>(simd, choice, (row, rows.1), within);
+        while !any_bit(simd, lines) {
+            row += ROWS as i32;
             if row > rows.1 {
                 return;
             }
+            lines = asked::<S, SWAP>(simd, choice, (row, rows.1), within);
         }
-        let edges = Edges::new::<A, SWAP>(self, block);
+        let edges = Edges::new::<S, A, SWAP>(simd, self, block);
         let depth = Depth::new::<A, SWAP>(self, block);
-        // Ranges cost more than this.
-        while row <= rows.1 {
-            let mut lines = lines(row);
-            if lines != 0 {
-                lines &= edges.span::<A, SWAP>(row);
+        loop {
+            let spans: [u64; ROWS] = edges.spans::<S, A, SWAP>(simd, row, lines).into();
+            for (mut lines, row) in spans.into_iter().zip(row..) {
                 let along = depth.row(row);
                 while lines != 0 {
                     let line = lines.trailing_zeros() as i32;
@@ -177,15 +203,46 @@ impl Facet {
                     hit(Crossing { u, v, lower, offset: at as u16 });
                 }
             }
-            row += 1;
+            row += ROWS as i32;
+            if row > rows.1 {
+                return;
+            }
+            lines = asked::<S, SWAP>(simd, choice, (row, rows.1), within);
         }
     }
 }
 
+/// Rows that are looked at together: as many words as are a vector of most processors.
+pub(super) const ROWS: usize = 4;
+
+/// All lines of as many rows as there are words before the middle, none of the others.
+const FIRST_ROWS: [u64; 2 * ROWS] = [u64::MAX, u64::MAX, u64::MAX, u64::MAX, 0, 0, 0, 0];
+
+// Functions, here and below: a closure may stay a call, compiled for the narrowest vectors.
+
+/// The lines of [`ROWS`] rows that matter, up to the last row.
+#[inline(always)]
+fn asked<S: Simd, const SWAP: bool>(
+    simd: S,
+    choice: &impl Choice,
+    (row, last): (i32, i32),
+    within: u64,
+) -> u64x4<S> {
+    let rows = (last + 1 - row).min(ROWS as i32) as usize;
+    let within_rows = u64x4::from_slice(simd, &FIRST_ROWS[ROWS - rows..][..ROWS]);
+    choice.lines(simd, SWAP, row as usize) & within_rows & u64x4::splat(simd, within)
+}
+
+/// Whether any bit is set.
+#[inline(always)]
+fn any_bit<S: Simd>(simd: S, bits: u64x4<S>) -> bool {
+    bits.simd_ne(u64x4::splat(simd, 0)).any_true()
+}
+
 /// Which edges a scan asks for. A row's lines have equal v, or equal u if `swap`.
 trait Choice {
-    /// The lines of a row that matter, as bits.
-    fn lines(&self, swap: bool, row: usize) -> u64;
+    /// The lines of a row and of those after it that matter, as bits.
+    fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S>;
 }
 
 /// Every edge.
@@ -193,8 +250,8 @@ struct All;
 
 impl Choice for All {
     #[inline(always)]
-    fn lines(&self, _: bool, _: usize) -> u64 {
-        u64::MAX
+    fn lines<S: Simd>(&self, simd: S, _: bool, _: usize) -> u64x4<S> {
+        u64x4::splat(simd, u64::MAX)
     }
 }
 
@@ -206,12 +263,12 @@ struct Near<'a> {
 
 impl Choice for Near<'_> {
     #[inline(always)]
-    fn lines(&self, swap: bool, row: usize) -> u64 {
-        self.edges.lines(swap, row, self.lowers)
+    fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S> {
+        self.edges.lines(simd, swap, row, self.lowers)
     }
 }
 
-/// Lines in a row, at most: a row's lines are the bits of a word, of which [`Edges::span`] keeps one free.
+/// Lines in a row, at most: a row's lines are the bits of a word, of which [`Edges::spans`] keeps one free.
 pub(super) const LINES_MAX: i32 = 63;
 
 /// The axes along which lines step and rows follow each other.
@@ -225,83 +282,130 @@ const ROUND: f64 = (1u64 << 52) as f64 * 1.5;
 
 /// The three edges of a projected triangle: where each cuts a row, as a linear function in f64.
 ///
-/// A line is inside when no edge function is negative; a tie counts as its perturbed value. One edge passes all
-/// rows and bounds the lines on one side, the two others bound them on the other side.
+/// A line is inside when no edge function is negative; a tie counts as its perturbed value. An edge along the rows
+/// bounds none of them: vertices are even and lines odd, so that rows within the bounding box lie strictly on its
+/// inner side.
 struct Edges<'a> {
     facet: &'a Facet,
     block: Block,
-    /// (cut of row 0, change per row) of the long edge and of the short ones. Bounds from below count lines from 0
-    /// upwards, bounds from above count them from [`LINES_MAX`] − 1 downwards, so that both are lower bounds.
-    long: (f64, f64),
-    short: [(f64, f64); 2],
-    /// Whether the short edges bound from above.
-    short_above: bool,
-    /// Bound on the rounding error of the cuts.
-    error: f64,
+    /// Bounds on the lines from below, which count lines from 0 upwards.
+    below: Bounds,
+    /// Bounds from above, which count lines from [`LINES_MAX`] − 1 downwards, so that these are lower bounds too.
+    above: Bounds,
+    /// Largest distance from the middle between two lines that says of a bound between which two it surely lies.
+    clear: f64,
+}
+
+/// A linear function of the row for each edge, very small for those that bound elsewhere; the largest value counts.
+/// The fourth is the first once more.
+struct Bounds {
+    /// At row 0.
+    at: [f64; 4],
+    /// Change per row.
+    slope: [f64; 4],
+}
+
+impl Bounds {
+    /// Of the edges that `bounds` names.
+    #[inline(always)]
+    fn new<S: Simd>(simd: S, bounds: mask64x4<S>, at: f64x4<S>, slope: f64x4<S>) -> Bounds {
+        let none = f64x4::splat(simd, f64::from(-LINES_MAX));
+        Bounds {
+            at: bounds.select(at, none).into(),
+            slope: bounds.select(slope, f64x4::splat(simd, 0.0)).into(),
+        }
+    }
+
+    /// The bound on the lines of some rows.
+    #[inline(always)]
+    fn of<S: Simd>(&self, rows: f64x4<S>) -> f64x4<S> {
+        let Bounds { at, slope } = self;
+        let first = rows * slope[0] + at[0];
+        let largest = first.max(rows * slope[1] + at[1]).max(rows * slope[2] + at[2]);
+        // Far bounds are brought near, off the integers.
+        largest.max(-0.75).min(f64::from(LINES_MAX) - 0.25)
+    }
+}
+
+/// From where to where the edges go along an axis, the first edge twice.
+#[inline(always)]
+fn ends<S: Simd>(simd: S, facet: &Facet, axis: usize) -> [f64x4<S>; 2] {
+    let [p, q, t] = &facet.vertices;
+    let [p, q, t] = [f64::from(p[axis]), f64::from(q[axis]), f64::from(t[axis])];
+    [f64x4::simd_from(simd, [p, q, t, p]), f64x4::simd_from(simd, [q, t, p, q])]
+}
+
+/// The integer in each lane, which is not negative.
+#[inline(always)]
+fn integers<S: Simd>(simd: S, values: f64x4<S>) -> u64x4<S> {
+    // The sum has it in the low mantissa bits.
+    (values + f64x4::splat(simd, (1u64 << 52) as f64)).bitcast::<u64x4<S>>() & 63
 }
 
 impl<'a> Edges<'a> {
     #[inline(always)]
-    fn new<const A: usize, const SWAP: bool>(facet: &'a Facet, block: Block) -> Edges<'a> {
+    fn new<S: Simd, const A: usize, const SWAP: bool>(simd: S, facet: &'a Facet, block: Block) -> Edges<'a> {
         let (s, r) = sweep_axes::<A, SWAP>();
         let per_step = power_of_two(-(block.shift as i32));
-        // The vertices in the order of rows, and whether the middle one lies beyond the long edge.
-        let [p, q, t] = facet.vertices.map(|p| ordered(p[r], p[s]));
-        let (p, q, pq) = in_order(p, q);
-        let (q, t, qt) = in_order(q, t);
-        let (p, q, again) = in_order(p, q);
-        let [p, q, t] = [p, q, t].map(|p| [(p >> 32) as i32, p as i32].map(f64::from));
-        let short_above = (facet.normal[A] > 0) != (SWAP ^ pq ^ qt ^ again);
-        let line = |a: [f64; 2], b: [f64; 2]| {
-            let slope = (b[1] - a[1]) / (b[0] - a[0]);
-            ((a[1] - slope * a[0]) * per_step, slope)
-        };
-        // Bounds from above are reflected. Which those are is as good as random: bits are cheaper than a branch.
-        let far = f64::from(LINES_MAX - 1).to_bits();
-        let bound = |above: bool, (cut, slope): (f64, f64)| {
-            let mask = u64::from(above).wrapping_neg();
-            let turn = |x: f64| f64::from_bits(x.to_bits() ^ mask << 63);
-            (f64::from_bits(far & mask) + turn(cut), turn(slope))
-        };
-        let long = bound(!short_above, line(p, t));
-        // An edge along the rows bounds none of them: vertices are even and lines odd, so that rows within the
-        // bounding box lie strictly on its inner side.
-        let none = (f64::from(-LINES_MAX), 0.0);
-        let short =
-            [(p, q), (q, t)].map(|(a, b)| if a[0] < b[0] { bound(short_above, line(a, b)) } else { none });
-        let steepest = larger(long.1.abs(), larger(short[0].1.abs(), short[1].1.abs()));
+        let [from_s, to_s] = ends(simd, facet, s);
+        let [from_r, to_r] = ends(simd, facet, r);
+        let rise = to_r - from_r;
+        let zero = f64x4::splat(simd, 0.0);
+        let slope = rise.simd_eq(zero).select(zero, (to_s - from_s) / rise);
+        let at = (from_s - slope * from_r) * per_step;
+        // Edges that go one way bound the lines from below, those that go the other way from above.
+        let way = rise * if (facet.normal[A] > 0) != SWAP { -1.0 } else { 1.0 };
+        let below = Bounds::new(simd, way.simd_gt(zero), at, slope);
+        let reflected = f64x4::splat(simd, f64::from(LINES_MAX - 1)) - at;
+        let above = Bounds::new(simd, way.simd_lt(zero), reflected, -slope);
+        let steepest = slope.abs().reduce_max();
         // No term carries more than five roundings of 2^-53 of its size; 2^-49 covers them all.
         let size = facet.reach(block) * (1.0 + steepest);
         let error = size * per_step * power_of_two(-49);
         // What the bound does not cover is decided exactly, row by row.
         let error = if error > 0.001 { 1.0 } else { error };
-        Edges { facet, block, long, short, short_above, error }
+        Edges { facet, block, below, above, clear: 0.5 - error }
     }
 
-    /// The lines of a row that lie inside, as bits.
+    /// Those of the lines of a row, and of the rows after it, that lie inside.
     #[inline(always)]
-    fn span<const A: usize, const SWAP: bool>(&self, row: i32) -> u64 {
-        let k = f64::from(row);
-        let cut = |(cut, slope): (f64, f64)| cut + slope * k;
-        // Far cuts are brought near, off the integers.
-        let near = |c: f64| smaller(larger(c, -0.75), f64::from(LINES_MAX) - 0.25);
-        let bounds = [cut(self.long), larger(cut(self.short[0]), cut(self.short[1]))].map(near);
-        let shifted = bounds.map(|c| c + ROUND);
-        let rest: [f64; 2] = std::array::from_fn(|side| bounds[side] - (shifted[side] - ROUND));
-        if smaller(rest[0].abs(), rest[1].abs()) <= self.error {
-            return self.span_exactly(sweep_axes::<A, SWAP>(), (self.facet.normal[A] > 0) != SWAP, row);
-        }
+    fn spans<S: Simd, const A: usize, const SWAP: bool>(
+        &self,
+        simd: S,
+        row: i32,
+        lines: u64x4<S>,
+    ) -> u64x4<S> {
+        let rows = f64x4::splat(simd, f64::from(row)) + f64x4::simd_from(simd, [0.0, 1.0, 2.0, 3.0]);
+        let (from_below, from_above) = (self.below.of(rows), self.above.of(rows));
         // Lines outside at either end.
-        let [long, short] = std::array::from_fn(|side| {
-            (shifted[side].to_bits() as u32).wrapping_add((rest[side] > 0.0).into())
-        });
-        let (below, above) = if self.short_above { (long, short) } else { (short, long) };
-        (u64::MAX << below) & (u64::MAX >> 1 >> above)
+        let (below, above) = (from_below.ceil(), from_above.ceil());
+        let (off_below, off_above) = (below - from_below - 0.5, above - from_above - 0.5);
+        if off_below.abs().max(off_above.abs()).simd_ge(self.clear).any_true() {
+            let positive = (self.facet.normal[A] > 0) != SWAP;
+            let exact = self.spans_exactly(sweep_axes::<A, SWAP>(), positive, row, lines.into());
+            return u64x4::simd_from(simd, exact);
+        }
+        let upwards = u64x4::splat(simd, u64::MAX) << integers(simd, below);
+        lines & upwards & (u64x4::splat(simd, u64::MAX >> 1) >> integers(simd, above))
     }
 
-    /// [`Edges::span`] by exact edge functions at every line.
+    /// [`Edges::spans`] by exact edge functions.
     #[cold]
     #[inline(never)]
+    fn spans_exactly(
+        &self,
+        axes: (usize, usize),
+        positive: bool,
+        row: i32,
+        mut lines: [u64; ROWS],
+    ) -> [u64; ROWS] {
+        for (lines, row) in lines.iter_mut().zip(row..).filter(|(lines, _)| **lines != 0) {
+            *lines &= self.span_exactly(axes, positive, row);
+        }
+        lines
+    }
+
+    /// The lines of one row that lie inside, by exact edge functions at every line.
     fn span_exactly(&self, (s, r): (usize, usize), positive: bool, row: i32) -> u64 {
         let sign = if positive { 1 } else { -1 };
         let at = |index: i32| i64::from(index) << self.block.shift;
@@ -321,34 +425,10 @@ impl<'a> Edges<'a> {
     }
 }
 
-/// A vertex as a number that puts vertices in the order of their rows; within a row in any order.
-#[inline(always)]
-fn ordered(row: i32, step: i32) -> i64 {
-    i64::from(row) << 32 | i64::from(step as u32)
-}
-
-/// The two in order, and whether that swaps them.
-#[inline(always)]
-fn in_order(a: i64, b: i64) -> (i64, i64, bool) {
-    (a.min(b), a.max(b), b < a)
-}
-
 /// 2^exponent.
 #[inline(always)]
 fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((1023 + exponent) as u64) << 52)
-}
-
-/// One instruction, where `f64::max` also looks after NaN.
-#[inline(always)]
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-/// One instruction, where `f64::min` also looks after NaN.
-#[inline(always)]
-fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
 }
 
 /// Where a line crosses the triangle's plane, in 1/65536 of the spacing, as a linear function in f64.

@@ -3,6 +3,7 @@
 use super::*;
 use crate::brick::SignChanges;
 use crate::lattice::{Axis, BRICK_POINTS};
+use crate::wide::{dispatch, level};
 use proptest::prelude::*;
 
 /// Everything in i128 with the perturbation as explicit small numbers: coordinates times 2^60,
@@ -40,7 +41,8 @@ fn reference<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)>
 fn scanned<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)> {
     let mut out = Vec::new();
     if let Some(facet) = Facet::new(t, [0; 3], block) {
-        facet.scan::<A>(block, [block.last; 2], |c| out.push((c.u, c.v, c.lower)));
+        let add = |c: Crossing| out.push((c.u, c.v, c.lower));
+        dispatch!(level(), simd => facet.scan::<_, A>(simd, block, [block.last; 2], add));
     }
     out.sort_unstable_by_key(|&(u, v, _)| (v, u));
     out
@@ -88,9 +90,11 @@ proptest! {
         let block = Block { shift, last };
         if let Some(facet) = Facet::new(&t, [0; 3], block) {
             let mut checked = Vec::new();
-            facet.scan::<0>(block, [last; 2], |c| checked.push((0, c)));
-            facet.scan::<1>(block, [last; 2], |c| checked.push((1, c)));
-            facet.scan::<2>(block, [last; 2], |c| checked.push((2, c)));
+            dispatch!(level(), simd => {
+                facet.scan::<_, 0>(simd, block, [last; 2], |c| checked.push((0, c)));
+                facet.scan::<_, 1>(simd, block, [last; 2], |c| checked.push((1, c)));
+                facet.scan::<_, 2>(simd, block, [last; 2], |c| checked.push((2, c)));
+            });
             for (axis, c) in checked {
                 let exact = locate_exactly(&facet, block, axis, (c.u, c.v));
                 prop_assert_eq!((c.lower as u64) << 16 | u64::from(c.offset), exact);
@@ -101,15 +105,21 @@ proptest! {
 
 /// Every row's span against the exact one.
 fn spans_are_exact<const A: usize, const SWAP: bool>(facet: &Facet, block: Block) -> bool {
-    let (s, r) = sweep_axes::<A, SWAP>();
-    let edges = Edges::new::<A, SWAP>(facet, block);
-    let range = |axis| facet.lines(axis).0..=facet.lines(axis).1;
-    let within = range(s).fold(0, |bits, line| bits | 1 << line);
-    facet.normal[A] == 0
-        || range(r).all(|row| {
-            let exact = edges.span_exactly((s, r), (facet.normal[A] > 0) != SWAP, row);
-            edges.span::<A, SWAP>(row) & within == exact
-        })
+    dispatch!(level(), simd => {
+        let (s, r) = sweep_axes::<A, SWAP>();
+        let edges = Edges::new::<_, A, SWAP>(simd, facet, block);
+        let range = |axis| facet.lines(axis).0..=facet.lines(axis).1;
+        let within = range(s).fold(0, |bits, line| bits | 1 << line);
+        facet.normal[A] == 0
+            || range(r).all(|row| {
+                let exact = edges.span_exactly((s, r), (facet.normal[A] > 0) != SWAP, row);
+                // As the first of those that are looked at together, and as the last.
+                let all = u64x4::splat(simd, within);
+                let spans = |first: i32| edges.spans::<_, A, SWAP>(simd, first, all);
+                let [first, last] = [spans(row)[0], spans(row + 1 - ROWS as i32)[ROWS - 1]];
+                first == exact && last == exact
+            })
+    })
 }
 
 proptest! {
@@ -138,15 +148,30 @@ proptest! {
         let mut masks = EdgeMasks::default();
         let changes = |axis, [i, j, k]: [i32; 3]| signs.edges(axis, j as usize, k as usize) >> i & 1 != 0;
         let (mut all, mut asked) = (Vec::new(), Vec::new());
-        masks.set(Axis::Y, |j, k| signs.edges(Axis::Y, j, k), |_| ());
-        facet.scan::<1>(block, [32; 2], |c| all.push((1, c)));
-        facet.scan_edges::<1>(block, &masks, |c| asked.push((1, c)));
-        masks.set(Axis::Z, |j, k| signs.edges(Axis::Z, j, k), |_| ());
-        facet.scan::<2>(block, [32; 2], |c| all.push((2, c)));
-        facet.scan_edges::<2>(block, &masks, |c| asked.push((2, c)));
-        let wanted = |(axis, c): &(i32, Crossing)| match axis {
-            1 => changes(Axis::Y, [c.v, c.lower, c.u]),
-            _ => changes(Axis::Z, [c.u, c.v, c.lower]),
+        for axis in Axis::ALL {
+            let (all, asked) = (|c| all.push((axis, c)), |c| asked.push((axis, c)));
+            dispatch!(level(), simd => match axis {
+                Axis::X => {
+                    masks.set::<0>(&signs, |_| ());
+                    facet.scan::<_, 0>(simd, block, [32; 2], all);
+                    facet.scan_edges::<_, 0>(simd, block, &masks, asked);
+                }
+                Axis::Y => {
+                    masks.set::<1>(&signs, |_| ());
+                    facet.scan::<_, 1>(simd, block, [32; 2], all);
+                    facet.scan_edges::<_, 1>(simd, block, &masks, asked);
+                }
+                Axis::Z => {
+                    masks.set::<2>(&signs, |_| ());
+                    facet.scan::<_, 2>(simd, block, [32; 2], all);
+                    facet.scan_edges::<_, 2>(simd, block, &masks, asked);
+                }
+            });
+        }
+        let wanted = |(axis, c): &(Axis, Crossing)| match axis {
+            Axis::X => changes(Axis::X, [c.lower, c.u, c.v]),
+            Axis::Y => changes(Axis::Y, [c.v, c.lower, c.u]),
+            Axis::Z => changes(Axis::Z, [c.u, c.v, c.lower]),
         };
         all.retain(wanted);
         asked.retain(wanted);

@@ -7,6 +7,7 @@ use super::{ClusterTree, Element, OpenPart};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal};
+use crate::wide::{dispatch, level};
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -340,11 +341,11 @@ impl OpenBrick {
                 let lower = ((k as usize * P + j as usize) * P + i as usize) as u16;
                 found.push(Crossing { lower, offset, normal, jump });
             };
-            match axis {
-                Axis::X => facet.scan::<0>(block, all, |c| add([c.lower, c.u, c.v], c.offset)),
-                Axis::Y => facet.scan::<1>(block, all, |c| add([c.v, c.lower, c.u], c.offset)),
-                Axis::Z => facet.scan::<2>(block, all, |c| add([c.u, c.v, c.lower], c.offset)),
-            }
+            dispatch!(level(), simd => match axis {
+                Axis::X => facet.scan::<_, 0>(simd, block, all, |c| add([c.lower, c.u, c.v], c.offset)),
+                Axis::Y => facet.scan::<_, 1>(simd, block, all, |c| add([c.v, c.lower, c.u], c.offset)),
+                Axis::Z => facet.scan::<_, 2>(simd, block, all, |c| add([c.u, c.v, c.lower], c.offset)),
+            });
         }
         found.sort_unstable();
         found
