@@ -4,7 +4,7 @@
 //! nobody else changes the file meanwhile. If another process rewrites it, the bytes seen change under the
 //! reader; if another process *truncates* it, or the disk below fails, touching a lost page raises SIGBUS and
 //! ends the program. Nothing in this library turns that signal into an error, so an input must be left alone
-//! while it is read. Everything that is written goes through positioned writes instead, never through a map.
+//! while it is read. Stores are read by positioned reads unless a map is asked for (`store::Io`). Everything that is written goes through positioned writes instead, never through a map.
 
 use crate::error::{Error, Result};
 use std::fs::File;

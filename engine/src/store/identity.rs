@@ -169,10 +169,15 @@ impl BeadTables {
         // Every entry takes bytes, so the counts are checked before memory is taken for them.
         let least =
             beads as u64 * BEAD_BYTES as u64 + sections as u64 * SECTION_BYTES as u64 + features as u64 * 4;
-        if least > fields.0.len() as u64 {
+        // Beads name features by 16 bits, and a short name takes more memory than bytes of the file.
+        if least > fields.0.len() as u64 || features > 1 << 16 {
             return Err(DAMAGED);
         }
-        let mut tables = BeadTables::default();
+        let mut tables = BeadTables {
+            beads: Vec::with_capacity(beads),
+            sections: Vec::with_capacity(sections),
+            features: Vec::with_capacity(features),
+        };
         for _ in 0..beads {
             tables.beads.push(fields.bead().ok_or(DAMAGED)?);
         }

@@ -126,7 +126,7 @@ impl Store {
         cache_bytes: u64,
         journal: &dyn Fn(&Path) -> Option<Vec<u8>>,
     ) -> Result<Store> {
-        let of_journal = || Some(Journal::decode(&journal(&journal_of_part(path)?)?)?);
+        let of_journal = || Journal::decode(&journal(&journal_of_part(path)?)?);
         let commit = read_commit(&source, &of_journal);
         let Commit { version, meta, index, identity, end, unfinished } =
             commit.map_err(|fault| Error::store(path, fault.place, fault.what, fault.remedy))?;

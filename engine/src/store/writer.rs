@@ -301,6 +301,10 @@ impl StoreWriter {
             let what = "it is not the metadata that the store was begun with";
             return Err(Error::store(&self.final_path, "metadata", what, BUG));
         }
+        if self.journal.has_commits() {
+            // If the program ends between the last commit and the rename, the journal is what is gone on with.
+            self.commit()?;
+        }
         let mut entries = std::mem::take(&mut self.entries);
         entries.sort_unstable_by_key(|entry| entry.key);
         let index = match &meta.share {

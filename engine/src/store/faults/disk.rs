@@ -97,7 +97,7 @@ impl State {
 }
 
 /// What a call does, as seen by whoever looks before a crash.
-fn apply(op: &Op, names: &mut BTreeMap<PathBuf, usize>, inodes: &mut Vec<Vec<u8>>) {
+fn apply(op: &Op, names: &mut BTreeMap<PathBuf, usize>, inodes: &mut [Vec<u8>]) {
     match op {
         Op::Create(path, inode) => {
             names.insert(path.clone(), *inode);
