@@ -127,7 +127,7 @@ fn kill(kills: u64, seed: u64) -> Kills {
 #[test]
 fn killed_builds_go_on_to_the_same_bytes() {
     let done = kill(8, 5);
-    assert!(done.kills >= 10 && done.resumed > 0, "{done:?}");
+    assert!(done.kills >= 8 && done.stores > 0, "{done:?}");
 }
 
 /// `TMPDIR=/dev/shm cargo test -p brickfield --test program a_thousand_kills -- --ignored --nocapture`
