@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What everything may use, and what these may use of each other.
-const BOTTOM: [&str; 6] = ["lattice", "mmap", "error", "progress", "part", "wide"];
+const BOTTOM: [&str; 7] = ["lattice", "mmap", "error", "progress", "disk", "part", "wide"];
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
@@ -175,8 +175,9 @@ fn may_use(room: &str, used: &str) -> bool {
         return true;
     }
     match room {
-        "lattice" | "error" => false,
-        "mmap" | "progress" | "part" => used == "error",
+        "lattice" | "error" | "disk" => false,
+        "mmap" | "progress" => used == "error",
+        "part" => ["disk", "error"].contains(&used),
         _ => {
             let (_, allowed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap_or_else(|| {
                 panic!("the room `{room}` has no place in the order yet: give it one in tests/layering.rs")

@@ -9,6 +9,7 @@ mod program {
     mod clouds;
     mod determinism;
     mod export;
+    mod kills;
     mod mesh;
     mod open;
     mod points;

@@ -10,7 +10,7 @@
 use brickfield_bench_data::pile::bead_pile;
 use brickfield_bench_data::write::StlWriter;
 use brickfield_engine::analysis::{Dense, Element};
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build};
+use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, Summary, build};
 use brickfield_engine::contour::{ContourOptions, contour, create_sink};
 use brickfield_engine::ingest::{Facet, Input, runs};
 use brickfield_engine::lattice::{RootCube, Units};
@@ -123,6 +123,7 @@ fn build_to(input: &Path, output: &Path, depth: u8) -> Result<Summary> {
         gwn_error: 1e-3,
         share: None,
         resources: Resources::default(),
+        keeping: Keeping::default(),
         resolution: Resolution::Depth(depth),
         refine: Refine::Hidden,
         stddev: 0.0,

@@ -53,6 +53,17 @@ pub enum Error {
     /// The user asked to stop.
     #[error("interrupted; nothing was written under the final name")]
     Interrupted,
+    /// The user asked to stop, and what there was is safe.
+    #[error(
+        "interrupted; {part} holds the {nodes} nodes so far, and the same command goes on from there",
+        part = part.display()
+    )]
+    Suspended {
+        /// The unfinished file.
+        part: PathBuf,
+        /// Nodes in it.
+        nodes: u64,
+    },
 }
 
 impl Error {

@@ -12,6 +12,7 @@ pub mod bead;
 pub mod brick;
 pub mod build;
 pub mod contour;
+mod disk;
 mod error;
 pub mod ingest;
 pub mod lattice;

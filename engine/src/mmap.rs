@@ -4,7 +4,7 @@
 //! nobody else changes the file meanwhile. If another process rewrites it, the bytes seen change under the
 //! reader; if another process *truncates* it, or the disk below fails, touching a lost page raises SIGBUS and
 //! ends the program. Nothing in this library turns that signal into an error, so an input must be left alone
-//! while it is read. Everything that is written goes through positioned writes instead, never through a map.
+//! while it is read. Stores are read by positioned reads unless a map is asked for (`store::Io`). Everything that is written goes through positioned writes instead, never through a map.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -32,22 +32,8 @@ impl MappedFile {
     /// # Errors
     /// If it does not exist, may not be read, is a directory, pipe or device, or the system refuses the map.
     pub fn open(path: &Path) -> Result<MappedFile> {
-        // Asked before opening, since opening a pipe would wait for a writer.
-        let kind = std::fs::metadata(path).map_err(Error::io(path, "open"))?;
-        if kind.is_dir() {
-            return Err(Error::input(path, "path", "is a directory", "name a file in it"));
-        }
-        if !kind.is_file() {
-            return Err(Error::input(
-                path,
-                "path",
-                "is not a regular file (a pipe or a device cannot be mapped)",
-                "write its content to a file first",
-            ));
-        }
-        let file = File::open(path).map_err(Error::io(path, "open"))?;
-        let length = file.metadata().map_err(Error::io(path, "read the size"))?.len();
-        if length == 0 {
+        let (file, bytes) = open_regular(path)?;
+        if bytes == 0 {
             return Ok(MappedFile { map: None });
         }
         // SAFETY: the map is private to this value, read-only, and handed out only as `&[u8]`, for which every
@@ -89,6 +75,29 @@ impl MappedFile {
         #[cfg(not(unix))]
         let _ = access;
     }
+}
+
+/// Opens the regular file `path` for reading, and tells its size.
+///
+/// # Errors
+/// If it does not exist, may not be read, or is a directory, pipe or device.
+pub fn open_regular(path: &Path) -> Result<(File, u64)> {
+    // Asked before opening, since opening a pipe would wait for a writer.
+    let kind = std::fs::metadata(path).map_err(Error::io(path, "open"))?;
+    if kind.is_dir() {
+        return Err(Error::input(path, "path", "is a directory", "name a file in it"));
+    }
+    if !kind.is_file() {
+        return Err(Error::input(
+            path,
+            "path",
+            "is not a regular file (a pipe or a device has no places to read at)",
+            "write its content to a file first",
+        ));
+    }
+    let file = File::open(path).map_err(Error::io(path, "open"))?;
+    let bytes = file.metadata().map_err(Error::io(path, "read the size"))?.len();
+    Ok((file, bytes))
 }
 
 #[cfg(test)]

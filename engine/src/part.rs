@@ -1,8 +1,8 @@
 //! Files that get their name only when they are complete.
 
+use crate::disk::open_locked;
 use crate::error::{Error, Result};
-use std::fs::{File, OpenOptions, TryLockError};
-use std::os::unix::fs::MetadataExt;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// A file named `NAME.part`, locked against other writers, until it is finished; removed if it never is.
@@ -25,7 +25,7 @@ impl PartFile {
             return Err(Error::store(path, "output", "this is a directory", remedy));
         }
         let part = part_path(path);
-        let file = lock(path, &part)?;
+        let file = open_locked(&part).map_err(Error::io(path, "create"))?.ok_or_else(|| busy(path))?;
         let part_file = PartFile { path: path.to_owned(), part, file, finished: false };
         part_file.file.set_len(0).map_err(Error::io(path, "empty"))?;
         Ok(part_file)
@@ -69,26 +69,10 @@ pub fn part_path(path: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Opens or creates the unfinished file and takes its lock, which lasts as long as the file is open.
-pub(crate) fn lock(path: &Path, part: &Path) -> Result<File> {
-    // Another writer may finish or give up between opening and locking: the name then belongs to another
-    // file, or to none, and the lock is worth nothing. Each turn that is lost so means that one was done.
-    for _ in 0..64 {
-        let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
-        let file = options.open(part).map_err(Error::io(path, "create"))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => break,
-            Err(TryLockError::Error(error)) => return Err(Error::io(part, "lock")(error)),
-        }
-        let ours = file.metadata().map_err(Error::io(part, "inspect"))?;
-        let named = std::fs::metadata(part);
-        if named.is_ok_and(|named| (named.dev(), named.ino()) == (ours.dev(), ours.ino())) {
-            return Ok(file);
-        }
-    }
+/// The error of a file that another process is writing.
+pub(crate) fn busy(path: &Path) -> Error {
     let what = "another process is writing this file";
-    Err(Error::store(path, "output", what, "wait for it or choose another name"))
+    Error::store(path, "output", what, "wait for it or choose another name")
 }
 
 #[cfg(test)]

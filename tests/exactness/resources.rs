@@ -2,7 +2,7 @@
 
 use brickfield_engine::Silent;
 use brickfield_engine::bead::SweepOptions;
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, Summary, build_opened};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::Refine;
 use std::path::{Path, PathBuf};
@@ -31,6 +31,7 @@ fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, Sum
         identity: false,
         share: None,
         resources: Resources { memory, temp_dir: None },
+        keeping: Keeping::default(),
         unit: "mm".into(),
         program: "test".into(),
     };

@@ -3,7 +3,7 @@
 use brickfield_bench_data::pile::random_pile;
 use brickfield_bench_data::{Mesh, write};
 use brickfield_engine::Silent;
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, build, merge};
+use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, build, merge};
 use brickfield_engine::store::{Refine, ShareId, Store};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -46,6 +46,7 @@ proptest! {
             identity: false,
             share: None,
             resources: Resources::default(),
+        keeping: Keeping::default(),
             unit: "mm".into(),
             program: "test".into(),
         };

@@ -64,6 +64,9 @@ Of point clouds (PLY with normals and without faces; text that ends in .xyz, x y
 counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball. Without --depth and \
 --cell the cells are about half as large as the points are apart.
 
+A build that is interrupted, killed, or runs out of disk leaves PART.brf.part and PART.brf.journal. The same command \
+reads the input again and goes on from there, to the same bytes; `info` and `verify` read the unfinished file.
+
 Examples:
   brickfield build part.stl -o part.brf
   brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl
@@ -123,6 +126,12 @@ pub struct BuildArgs {
     /// some may be empty
     #[arg(long, value_name = "I/N", conflicts_with = "mesh")]
     pub shard: Option<Shard>,
+    /// Seconds after which what there is of the store is made safe, again and again: what a crash may cost
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
+    pub commit_every: f64,
+    /// Begin anew, whatever an unfinished store of that name holds
+    #[arg(long)]
+    pub restart: bool,
     /// Also write the boundary mesh, w = 0.5, as .stl, .ply or .obj
     #[arg(long, value_name = "OUT")]
     pub mesh: Option<PathBuf>,
@@ -164,6 +173,16 @@ pub struct BeadsArgs {
     pub work: WorkArgs,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
+}
+
+/// How stores are read.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum IoArg {
+    /// By positioned reads: a file that is cut short, or a network that fails, is an error
+    #[default]
+    Pread,
+    /// Through a memory map: it ends the program
+    Mmap,
 }
 
 /// The criterion by which bricks are divided.
@@ -218,6 +237,9 @@ pub struct MeshArgs {
     /// each further one, are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
     /// Print the summary as JSON
     #[arg(long)]
     pub json: bool,
@@ -237,6 +259,9 @@ pub struct InfoArgs {
     /// Also read all leaves for the volume of the union and of what overlaps
     #[arg(long)]
     pub volume: bool,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
@@ -259,6 +284,9 @@ pub struct SampleArgs {
     /// number, layer, tool, feature and lines in its file
     #[arg(long)]
     pub beads: bool,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
     /// Print a JSON object a line instead of CSV
     #[arg(long)]
     pub json: bool,
@@ -326,6 +354,9 @@ pub struct ExportArgs {
     /// Type of the elements
     #[arg(long, value_enum, default_value_t)]
     pub dtype: DtypeArg,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
     /// Print what was written as JSON
     #[arg(long)]
     pub json: bool,
@@ -349,6 +380,9 @@ pub struct VerifyArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
     /// Print the report as JSON
     #[arg(long)]
     pub json: bool,

@@ -89,6 +89,26 @@ impl ToolpathArgs {
     }
 }
 
+impl ToolpathArgs {
+    /// What decides the beads, by name: a build goes on only with what the same settings left.
+    pub fn settings(&self, options: &OpenOptions) -> Vec<(String, String)> {
+        let ToolpathArgs { sides, bend, width, height, filament, skip, .. } = self;
+        let mm = |length: &Option<Length>| {
+            length.map_or("that of the file".to_owned(), |length| format!("{} mm", length.in_unit(Unit::Mm)))
+        };
+        let named = [
+            ("cross-section", format!("{:?}", options.sweep.shape)),
+            ("number of sides", sides.to_string()),
+            ("sharpest mitre", bend.to_string()),
+            ("width of beads", mm(width)),
+            ("height of beads", mm(height)),
+            ("diameter of the filament", mm(filament)),
+            ("list of features left out", format!("{skip:?}")),
+        ];
+        named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+}
+
 /// The cross-section of beads as solids, or `None` where they become triangles. The text says why, where the
 /// user might have expected solids.
 ///

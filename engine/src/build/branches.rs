@@ -4,16 +4,14 @@
 use super::assemble::{Assembler, Opening};
 use super::bins::Binner;
 use super::field::Field;
-use super::jobs::sort_level;
+use super::jobs::{Plan, sort_level};
 use super::records::Recorder;
-use super::rules::Rules;
 use super::schedule::{Bounds, Held, Outcome, Place, run_tasks};
 use super::sorted::SortedPieces;
 use super::subtree::{Node, STRIDE, SubtreeBuilder, corner_at};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
-use crate::store::Share;
 use std::sync::Arc;
 
 /// What a piece takes of a job: itself and its places in the lists of cubes, which it touches 1.5 of in the mean, with
@@ -142,11 +140,12 @@ impl Shares {
 pub(super) fn follow_pieces<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    (rules, share): (&Rules, Option<&Share>),
+    plan: Plan<'_>,
     memory: u64,
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<(R, Vec<(u64, i16)>)> {
+    let Plan { rules, share, .. } = plan;
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
     // Of every two jobs a thread one runs and one waits for its turn; one more can always begin.
@@ -161,6 +160,10 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
     let work =
         |(builder, pieces): &mut (SubtreeBuilder<F, R>, Vec<F::Piece>), job: Job<F>, mut held: Held| {
             progress.check()?;
+            if let Some(node) = plan.built(job.key())? {
+                held.resize(0);
+                return Ok(Outcome::Done(Yield::Built { cell: job.cell, node, records: R::default() }, held));
+            }
             match shares.branches::<F>(job.key().level(), job.pieces) {
                 Some(stride) => branch(field, &job, stride, shares, held),
                 None => {

@@ -107,10 +107,13 @@ pub(super) fn write_identity(
         progress.check()?;
     }
     progress.phase("telling beads apart", Some(jobs.len() as u64), "subtrees");
+    let kept = writer.kept();
     let work = |(): &mut (), number: usize| {
         progress.check()?;
         let mut lists = Lists::default();
-        lists.add(solids, &jobs[number], leaves);
+        if !kept.as_ref().is_some_and(|kept| kept.has_lists_behind(jobs[number].key)) {
+            lists.add(solids, &jobs[number], leaves);
+        }
         Ok(lists)
     };
     run_ordered(
@@ -125,7 +128,7 @@ pub(super) fn write_identity(
                 writer.append_identity(key, &lists.bytes[from..end])?;
                 from = end;
             }
-            Ok(())
+            writer.commit_if_due()
         },
     )
 }

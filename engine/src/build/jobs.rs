@@ -12,7 +12,7 @@ use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
-use crate::store::Share;
+use crate::store::{Kept, Share};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Mutex;
@@ -47,6 +47,24 @@ struct Job<P> {
     pieces: Vec<P>,
 }
 
+/// What of a tree is to be built.
+#[derive(Clone, Copy)]
+pub(super) struct Plan<'a> {
+    pub rules: &'a Rules,
+    /// If it is not the whole tree.
+    pub share: Option<&'a Share>,
+    /// What an earlier run has left of it.
+    pub kept: Option<&'a Kept>,
+}
+
+impl Plan<'_> {
+    /// The node of a subtree that an earlier run has built, if it has: its records are in the store.
+    pub fn built(&self, key: NodeKey) -> Result<Option<Node>> {
+        let brick = self.kept.map_or(Ok(None), |kept| kept.brick(key))?;
+        Ok(brick.map(|brick| Node::Stored(Half::of(&brick))))
+    }
+}
+
 /// Builds the tree of a field, the whole or a share. `consume` gets the records of one job after the
 /// other in Morton order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it
 /// keeps for good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of
@@ -54,16 +72,16 @@ struct Job<P> {
 pub(super) fn build_tree<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    (rules, share): (&Rules, Option<&Share>),
+    plan: Plan<'_>,
     memory: u64,
     progress: &dyn Progress,
     consume: impl FnMut(R) -> Result<u64> + Send,
 ) -> Result<Vec<(u64, i16)>> {
     let mut consume = consume;
-    let (top, empty) = if rules.refines_all_touched() {
-        follow_pieces(field, sorted, (rules, share), memory, progress, &mut consume)?
+    let (top, empty) = if plan.rules.refines_all_touched() {
+        follow_pieces(field, sorted, plan, memory, progress, &mut consume)?
     } else {
-        (decide_from_the_top(field, sorted, (rules, share), progress, &mut consume)?, Vec::new())
+        (decide_from_the_top(field, sorted, plan, progress, &mut consume)?, Vec::new())
     };
     consume(top)?;
     Ok(empty)
@@ -74,10 +92,11 @@ pub(super) fn build_tree<F: Field, R: Recorder>(
 fn decide_from_the_top<F: Field, R: Recorder>(
     field: &F,
     sorted: SortedPieces<F>,
-    (rules, share): (&Rules, Option<&Share>),
+    plan: Plan<'_>,
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<R> {
+    let Plan { rules, share, .. } = plan;
     let meets = |key: NodeKey| share.is_none_or(|share| share.meets(key));
     let owns = |key: NodeKey| share.is_none_or(|share| share.owns(key));
     let mut all = Vec::new();
@@ -103,7 +122,7 @@ fn decide_from_the_top<F: Field, R: Recorder>(
             frontier.extend(refined.into_iter().filter(|job| meets(job.key)));
         }
     }
-    let done = run_jobs(field, &frontier, rules, progress, consume)?;
+    let done = run_jobs(field, &frontier, plan, progress, consume)?;
     for (job, node) in frontier.iter().zip(&done) {
         if let Node::Empty(w) = node {
             settled.push((job.key, true, Brick::Uniform(*w)));
@@ -188,14 +207,17 @@ fn children<F: Field>(field: &F, key: NodeKey, corners: [i16; 8], pieces: &[F::P
 fn run_jobs<F: Field, R: Recorder>(
     field: &F,
     jobs: &[Job<F::Piece>],
-    rules: &Rules,
+    plan: Plan<'_>,
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<Vec<Node>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
-    let local = || SubtreeBuilder::<F, R>::new(field, rules, progress);
+    let local = || SubtreeBuilder::<F, R>::new(field, plan.rules, progress);
     let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {
         let Job { key, corner, pieces } = &jobs[number];
+        if let Some(node) = plan.built(*key)? {
+            return Ok((R::default(), node));
+        }
         let node = builder.build(*key, *corner, pieces)?;
         Ok((std::mem::take(&mut builder.records), node))
     };

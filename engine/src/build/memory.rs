@@ -2,7 +2,7 @@
 
 use super::cloud;
 use super::field::{Field, Soup};
-use super::jobs::{build_tree, sort_cubes};
+use super::jobs::{Plan, build_tree, sort_cubes};
 use super::open;
 use super::records::KeptBricks;
 use super::resources::Room;
@@ -90,9 +90,16 @@ fn tree_of<F: Field>(
     root: RootCube,
 ) -> Result<MemoryTree> {
     let mut tree = MemoryTree::new(root);
-    build_tree(field, sorted, (rules, None), u64::MAX, &Silent, |records: KeptBricks| {
-        records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
-        Ok(0)
-    })?;
+    build_tree(
+        field,
+        sorted,
+        Plan { rules, share: None, kept: None },
+        u64::MAX,
+        &Silent,
+        |records: KeptBricks| {
+            records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
+            Ok(0)
+        },
+    )?;
     Ok(tree)
 }

@@ -58,7 +58,7 @@ pub fn merge(shares: &[PathBuf], output: &Path, progress: &dyn Progress) -> Resu
     let meta = whole(first.store.meta());
     let records = parts.iter().map(|part| part.store.entries().len() as u64).sum();
     progress.phase("joining", Some(records), "records");
-    let mut writer = StoreWriter::create(output, &meta)?;
+    let mut writer = StoreWriter::create(output, &meta)?.of_files(REMEDY);
     match first.share.found.joined {
         true => join_subtrees(&parts, &mut writer, progress)?,
         false => copy_decided(&parts, &mut writer, progress)?,
@@ -126,37 +126,13 @@ impl Part {
     }
 }
 
-/// What all shares of a store have in common, by name. Lists of the same names come first, so that the first
-/// difference of two lists is one of values.
+/// What all shares of a store have in common, by name: what decides them, and what they found.
 fn facts(meta: &Meta, share: &Share) -> Vec<(String, String)> {
-    let mut facts = vec![("number of inputs".to_owned(), meta.sources.len().to_string())];
+    let mut facts = meta.facts();
     let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
-    for (number, source) in meta.sources.iter().enumerate() {
-        let hash: String = source.blake3.iter().map(|byte| format!("{byte:02x}")).collect();
-        fact(&format!("BLAKE3 hash of input {}", number + 1), hash);
-        fact(&format!("path of input {}", number + 1), format!("{:?}", source.path));
-        fact(
-            &format!("kind of input {}", number + 1),
-            format!("{}, {} facets", source.format, source.facets),
-        );
-    }
-    fact("program", meta.program.clone());
-    fact("number of shares", share.id.of.to_string());
-    fact("depth", meta.depth.to_string());
-    fact("criterion", format!("{:?}", meta.refine).to_lowercase());
-    fact("standard deviation", meta.stddev.to_string());
-    fact("tolerance", format!("{:?}", meta.tolerance));
-    fact("error of samples", share.gwn_error.to_string());
-    fact("unit", meta.unit.clone());
-    let beads = meta.beads.as_ref();
-    fact("section of beads", beads.map_or("none".to_owned(), |beads| beads.section.clone()));
-    let identity = beads.is_some_and(|beads| beads.identity.is_some());
-    fact("identity of beads", if identity { "recorded" } else { "not recorded" }.to_owned());
-    fact("box", format!("{:?} to {:?}", meta.bounds_min, meta.bounds_max));
-    fact("root cube", format!("{:?} with an edge of {}", meta.root.origin, meta.root.edge));
     let Numbers { facets, degenerate_facets, .. } = meta.numbers;
     fact("number of facets", format!("{facets} ({degenerate_facets} without area)"));
-    fact("number of segments", beads.map_or(0, |beads| beads.segments).to_string());
+    fact("number of segments", meta.beads.as_ref().map_or(0, |beads| beads.segments).to_string());
     // Toolpaths are swept and filtered by settings that leave no other trace.
     fact("sum over all pieces", format!("{:016x}", share.found.pieces));
     fact("level of cubes", share.level.to_string());

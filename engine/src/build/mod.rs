@@ -37,7 +37,7 @@ pub use closed::is_closed;
 pub use cloud::{build_clouds, surfels};
 pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use merge::{MergeSummary, merge};
-pub use pipeline::{BuildOptions, Resolution, ShareSummary, Summary, build, build_opened};
+pub use pipeline::{BuildOptions, Keeping, Resolution, ShareSummary, Summary, build, build_opened};
 pub use resources::Resources;
 pub use rules::TreeOptions;
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

@@ -3,7 +3,7 @@
 use super::bins::Binner;
 use super::cut::cut;
 use super::field::{Field, Soup};
-use super::jobs::{build_tree, job_level, sort_cubes};
+use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open;
 use super::records::EncodedBricks;
 use super::resources::{Resources, Room};
@@ -18,7 +18,8 @@ use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
 use crate::solid::Outline;
 use crate::store::{
-    BeadsMeta, Meta, Numbers, Refine, Share, ShareId, ShareNumbers, Source, Stats, StoreWriter, check_target,
+    BeadsMeta, Meta, Numbers, Refine, Settings, Share, ShareId, ShareNumbers, Source, Stats, StoreWriter,
+    check_target,
 };
 use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
 use serde::{Serialize, Serializer};
@@ -60,10 +61,30 @@ pub struct BuildOptions {
     pub share: Option<ShareId>,
     /// What the build may take.
     pub resources: Resources,
+    /// What is kept if it is interrupted.
+    pub keeping: Keeping,
     /// Length unit of the input, recorded in the store.
     pub unit: String,
     /// Program name and version, recorded in the store.
     pub program: String,
+}
+
+/// How a build is kept from being lost: it commits now and then what it has, and the same build goes on from there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Keeping {
+    /// Time between two commits: what a crash may cost, beside the pass over the input.
+    pub pace: Duration,
+    /// Give up what an earlier run has left.
+    pub restart: bool,
+    /// What decides the store beside these options and the inputs' bytes, by name, as how the inputs were read. A run
+    /// with other settings does not go on with what this one leaves.
+    pub settings: Settings,
+}
+
+impl Default for Keeping {
+    fn default() -> Self {
+        Keeping { pace: Duration::from_secs(10), restart: false, settings: Settings::new() }
+    }
 }
 
 /// What a build did.
@@ -246,7 +267,10 @@ impl Task {
             }),
         };
         let room = Room::new(&options.resources, output)?;
-        let writer = StoreWriter::create(output, &meta)?;
+        let Keeping { pace, restart, settings } = options.keeping.clone();
+        let of_build = [("made by", "build".to_owned()), ("error of samples", options.gwn_error.to_string())];
+        let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
+        let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
         Ok(Task { rules, meta, writer, room, work: 1.0 })
     }
 
@@ -280,14 +304,33 @@ impl Task {
         sorted: SortedPieces<F>,
         progress: &dyn Progress,
     ) -> Result<()> {
-        let (writer, plan) = (&mut self.writer, (&self.rules, self.meta.share.as_ref()));
-        let record = |bricks: EncodedBricks| bricks.write(writer);
-        let empty = build_tree(field, sorted, plan, self.room.memory(), progress, record)?;
+        let kept = self.writer.kept();
+        let plan = Plan { rules: &self.rules, share: self.meta.share.as_ref(), kept: kept.as_deref() };
+        let writer = &mut self.writer;
+        let record = |bricks: EncodedBricks| {
+            let bytes = bricks.write(writer)?;
+            writer.commit_if_due().map(|()| bytes)
+        };
+        let built = build_tree(field, sorted, plan, self.room.memory(), progress, record);
+        let empty = self.keep(built)?;
         if let Some(share) = &mut self.meta.share {
             share.found.joined = self.rules.refines_all_touched();
             share.found.empty = empty;
         }
         Ok(())
+    }
+
+    /// Passes on a result. If the user or the system is why it is an error, what there is so far is kept.
+    pub fn keep<T>(&mut self, result: Result<T>) -> Result<T> {
+        let Err(error @ (Error::Interrupted | Error::Io { .. })) = result else { return result };
+        // If the store itself can no longer be written, what was committed before is there.
+        let committed = self.writer.commit();
+        match (error, self.writer.unfinished()) {
+            (Error::Interrupted, Some((part, nodes))) if committed.is_ok() => {
+                Err(Error::Suspended { part, nodes })
+            }
+            (error, _) => Err(error),
+        }
     }
 
     /// Completes the store.

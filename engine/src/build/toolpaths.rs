@@ -65,7 +65,8 @@ pub fn build_beads(
     if let Some(segments) = segments {
         task.writer.begin_identity(tables(sources, &solids)?);
         let leaves = Leaves::of(task.writer.nodes(), task.meta.share.as_ref());
-        write_identity(&solids, segments, &leaves, &mut task.writer, progress)?;
+        let written = write_identity(&solids, segments, &leaves, &mut task.writer, progress);
+        task.keep(written)?;
         clock.lap("identity");
     }
     let summary = task.finish(clock, progress)?;

@@ -169,10 +169,15 @@ impl BeadTables {
         // Every entry takes bytes, so the counts are checked before memory is taken for them.
         let least =
             beads as u64 * BEAD_BYTES as u64 + sections as u64 * SECTION_BYTES as u64 + features as u64 * 4;
-        if least > fields.0.len() as u64 {
+        // Beads name features by 16 bits, and a short name takes more memory than bytes of the file.
+        if least > fields.0.len() as u64 || features > 1 << 16 {
             return Err(DAMAGED);
         }
-        let mut tables = BeadTables::default();
+        let mut tables = BeadTables {
+            beads: Vec::with_capacity(beads),
+            sections: Vec::with_capacity(sections),
+            features: Vec::with_capacity(features),
+        };
         for _ in 0..beads {
             tables.beads.push(fields.bead().ok_or(DAMAGED)?);
         }
@@ -258,10 +263,10 @@ fn zigzag(value: i64) -> u64 {
 }
 
 /// Reads fields from the front of bytes; `None` where they end.
-struct Fields<'a>(&'a [u8]);
+pub(super) struct Fields<'a>(pub &'a [u8]);
 
 impl<'a> Fields<'a> {
-    fn take(&mut self, length: usize) -> Option<&'a [u8]> {
+    pub fn take(&mut self, length: usize) -> Option<&'a [u8]> {
         let (taken, rest) = self.0.split_at_checked(length)?;
         self.0 = rest;
         Some(taken)
@@ -275,11 +280,11 @@ impl<'a> Fields<'a> {
         self.array().map(u16::from_le_bytes)
     }
 
-    fn u32(&mut self) -> Option<u32> {
+    pub fn u32(&mut self) -> Option<u32> {
         self.array().map(u32::from_le_bytes)
     }
 
-    fn u64(&mut self) -> Option<u64> {
+    pub fn u64(&mut self) -> Option<u64> {
         self.array().map(u64::from_le_bytes)
     }
 

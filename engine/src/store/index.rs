@@ -57,6 +57,29 @@ impl Index {
         Ok(Index { entries, level_starts })
     }
 
+    /// Takes the entries of an unfinished store in key order: whatever stands above, below an interior node all is there.
+    pub fn of_unfinished(entries: Vec<IndexEntry>, depth: u8) -> Result<Index, TreeError> {
+        if let Some(pair) = entries.windows(2).find(|pair| pair[0].key >= pair[1].key) {
+            return Err((pair[1].key, "the node is repeated"));
+        }
+        let levels = entries.last().map_or(1, |entry| entry.key.level() + 1);
+        let start = |level| entries.partition_point(|entry| entry.key.level() < level);
+        let index = Index { level_starts: (0..=levels).map(start).collect(), entries };
+        for entry in &index.entries {
+            if entry.key.level() + u8::from(!entry.leaf) > depth.min(MAX_LEVEL) {
+                return Err((entry.key, "the node is deeper than the depth limit allows"));
+            }
+            let child = |octant| index.get(entry.key.child(octant)).is_some();
+            if !entry.leaf && !Octant::all().all(child) {
+                return Err((entry.key, "the node lacks a child"));
+            }
+            if entry.key.parent().and_then(|parent| index.get(parent)).is_some_and(|parent| parent.leaf) {
+                return Err((entry.key, "the node is below a leaf"));
+            }
+        }
+        Ok(index)
+    }
+
     /// All entries, in key order.
     pub fn entries(&self) -> &[IndexEntry] {
         &self.entries

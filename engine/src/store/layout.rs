@@ -90,7 +90,8 @@ impl Version {
         }
     }
 
-    fn from_number(number: u32) -> Option<Version> {
+    /// The version of that number, if it is known here.
+    pub fn from_number(number: u32) -> Option<Version> {
         [Version::One, Version::Two, Version::Three].into_iter().find(|version| version.number() == number)
     }
 }
@@ -295,6 +296,7 @@ pub fn record_crc(version: Version, key: NodeKey, leaf: bool, head: PayloadHead,
 
 #[cfg(test)]
 mod tests {
+    use super::super::journal::{FRAME_BYTES, JOURNAL_HEAD_BYTES, JOURNAL_VERSION};
     use super::*;
 
     /// `NAME = value` lines in the document against the constants, both ways.
@@ -317,6 +319,9 @@ mod tests {
             ("ENTRY_BYTES", ENTRY_BYTES),
             ("FILE_ID_BYTES", FILE_ID_BYTES),
             ("META_BYTES_MAX", META_BYTES_MAX),
+            ("JOURNAL_VERSION", JOURNAL_VERSION as usize),
+            ("JOURNAL_HEAD_BYTES", JOURNAL_HEAD_BYTES),
+            ("FRAME_BYTES", FRAME_BYTES),
         ];
         let fields = [
             ("VERSION", VERSION),

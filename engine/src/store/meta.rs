@@ -130,6 +130,39 @@ impl Meta {
         id
     }
 
+    /// What two builds of the same store, or of shares of it, have in common, by name: all that is known when a build
+    /// begins, but for which share it is. Lists of the same names come first, so that the first difference of two
+    /// lists is one of values.
+    pub fn facts(&self) -> Vec<(String, String)> {
+        let mut facts = vec![("number of inputs".to_owned(), self.sources.len().to_string())];
+        let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
+        for (number, source) in self.sources.iter().enumerate() {
+            let hash: String = source.blake3.iter().map(|byte| format!("{byte:02x}")).collect();
+            fact(&format!("BLAKE3 hash of input {}", number + 1), hash);
+            fact(&format!("path of input {}", number + 1), format!("{:?}", source.path));
+            fact(
+                &format!("kind of input {}", number + 1),
+                format!("{}, {} facets", source.format, source.facets),
+            );
+        }
+        fact("program", self.program.clone());
+        let share = self.share.as_ref();
+        fact("number of shares", share.map_or(1, |share| share.id.of).to_string());
+        fact("depth", self.depth.to_string());
+        fact("criterion", format!("{:?}", self.refine).to_lowercase());
+        fact("standard deviation", self.stddev.to_string());
+        fact("tolerance", format!("{:?}", self.tolerance));
+        fact("error of samples", share.map_or("none".to_owned(), |share| share.gwn_error.to_string()));
+        fact("unit", self.unit.clone());
+        let beads = self.beads.as_ref();
+        fact("section of beads", beads.map_or("none".to_owned(), |beads| beads.section.clone()));
+        let identity = beads.is_some_and(|beads| beads.identity.is_some());
+        fact("identity of beads", if identity { "recorded" } else { "not recorded" }.to_owned());
+        fact("box", format!("{:?} to {:?}", self.bounds_min, self.bounds_max));
+        fact("root cube", format!("{:?} with an edge of {}", self.root.origin, self.root.edge));
+        facts
+    }
+
     /// The lowest version of the format that holds this.
     pub(super) fn version(&self) -> Version {
         match (&self.beads, &self.share) {

@@ -3,13 +3,18 @@
 //! [`StoreWriter`] makes one, [`Store`] answers from it, through the view that [`BrickTree`] gives of any
 //! octree. The file's layout is described in `FORMAT.md` beside this crate's manifest.
 
+mod begin;
 mod cache;
 mod identity;
 mod index;
+mod journal;
+mod kept;
 mod layout;
 mod meta;
+mod planted;
 mod reader;
 mod share;
+mod source;
 mod summary;
 mod tree;
 mod verify;
@@ -20,10 +25,13 @@ pub use cache::CacheStats;
 pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
 };
+pub use journal::Settings;
+pub use kept::Kept;
 pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, Meta, Numbers, Refine, Source};
-pub use reader::Store;
+pub use reader::{Accept, Store, StoreOptions};
 pub use share::{Share, ShareId, ShareNumbers, cell_key, cells_of};
+pub use source::Io;
 pub use summary::{LevelSummary, NodeNumbers, Summary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};
@@ -31,6 +39,8 @@ pub use writer::{Stats, StoreWriter, check_target};
 
 pub use crate::brick::codec::{Payload, PayloadHead, PayloadKind, Scratch, encode, encode_into};
 
+#[cfg(test)]
+mod faults;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

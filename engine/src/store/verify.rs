@@ -22,16 +22,18 @@ pub struct VerifyReport {
     pub payload_bytes: u64,
     /// Records that are damaged or contradict others.
     pub damaged: u64,
-    /// The damaged record with the lowest key.
+    /// Places beside the records where bytes stand that should not, which no answer depends on.
+    pub strays: u64,
+    /// The damaged record with the lowest key, or else the first stray byte.
     pub first_damage: Option<Damage>,
 }
 
 /// A damaged record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
-    /// Its node.
-    pub key: NodeKey,
-    /// Where its payload begins in the file; 0 for a uniform brick, which lies in the index.
+    /// Its node; `None` of what is no record.
+    pub key: Option<NodeKey>,
+    /// Where it begins in the file; 0 for a uniform brick, which lies in the index.
     pub offset: u64,
     /// What is wrong, one phrase.
     pub what: String,
@@ -44,7 +46,7 @@ impl VerifyReport {
             None => Ok(self),
             Some(Damage { key, offset, what }) => Err(Error::store(
                 store.path(),
-                format!("record {key} at byte {offset}"),
+                key.map_or(format!("byte {offset}"), |key| format!("record {key} at byte {offset}")),
                 format!("{what} ({} of {} records are damaged)", self.damaged, self.records),
                 "restore the file from a copy or build it again",
             )),
@@ -57,7 +59,8 @@ impl VerifyReport {
             records: self.records + other.records,
             payload_bytes: self.payload_bytes + other.payload_bytes,
             damaged: self.damaged + other.damaged,
-            first_damage: first.min_by_key(|damage| damage.key),
+            strays: self.strays + other.strays,
+            first_damage: first.min_by_key(|damage| (damage.key.is_none(), damage.key)),
         }
     }
 }
@@ -66,7 +69,8 @@ impl Store {
     /// Reads every record from the file, in parallel, and checks its checksum and content: that the index has
     /// the range of its samples, that a leaf has a Hermite edge wherever its samples change sign, that its
     /// samples are those of its parent where they coincide, and that its apron repeats its neighbours'
-    /// samples. Damage is reported, not returned as an error.
+    /// samples. Also that nothing stands where nothing should: beside the slots, and behind the commit. Damage is
+    /// reported, not returned as an error.
     ///
     /// # Errors
     /// [`Error::Interrupted`] if `progress` asks for it.
@@ -83,16 +87,28 @@ impl Store {
                 Ok(report.unwrap_or_default())
             })
             .try_reduce(VerifyReport::default, |a, b| Ok(a.and(b)))?;
-        Ok(bricks.and(identity))
+        Ok(bricks.and(identity).and(self.verify_strays()))
+    }
+
+    /// What stands in the file beside commit and records.
+    fn verify_strays(&self) -> VerifyReport {
+        let strays = self.strays().unwrap_or_else(|what| vec![(0, what)]);
+        let first = strays.first().cloned();
+        VerifyReport {
+            strays: strays.len() as u64,
+            first_damage: first.map(|(offset, what)| Damage { key: None, offset, what }),
+            ..VerifyReport::default()
+        }
     }
 
     /// The lists of beads: checksums, and that they name beads of the tables; those themselves.
     fn verify_identity(&self, progress: &dyn Progress) -> Result<VerifyReport> {
         let tables = match self.bead_tables() {
-            Ok(Some(tables)) => tables,
-            Ok(None) => return Ok(VerifyReport::default()),
+            Ok(Some(tables)) => Some(tables),
+            // Those of an unfinished store are still to come.
+            Ok(None) => None,
             Err(error) => {
-                let damage = Damage { key: NodeKey::ROOT, offset: 0, what: error.to_string() };
+                let damage = Damage { key: Some(NodeKey::ROOT), offset: 0, what: error.to_string() };
                 return Ok(VerifyReport {
                     damaged: 1,
                     first_damage: Some(damage),
@@ -101,16 +117,16 @@ impl Store {
             }
         };
         let one = |entry: &IdentityEntry| {
-            let damage = self.load_segments(entry, &tables).err();
+            let damage = match &tables {
+                Some(tables) => self.load_segments(entry, tables).err(),
+                None => self.read_identity(entry).err().map(|error| error.to_string()),
+            };
             VerifyReport {
                 records: 1,
                 payload_bytes: u64::from(entry.length),
                 damaged: u64::from(damage.is_some()),
-                first_damage: damage.map(|what| Damage {
-                    key: entry.key,
-                    offset: entry.offset,
-                    what: what.to_owned(),
-                }),
+                strays: 0,
+                first_damage: damage.map(|what| Damage { key: Some(entry.key), offset: entry.offset, what }),
             }
         };
         let chunks = self.identity_entries().par_chunks(NODES_AT_ONCE);
@@ -128,7 +144,8 @@ impl Store {
             records: 1,
             payload_bytes: u64::from(entry.length),
             damaged: u64::from(damage.is_some()),
-            first_damage: damage.map(|what| Damage { key: entry.key, offset: entry.offset, what }),
+            strays: 0,
+            first_damage: damage.map(|what| Damage { key: Some(entry.key), offset: entry.offset, what }),
         }
     }
 

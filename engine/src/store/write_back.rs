@@ -1,7 +1,8 @@
 //! Writing a file back to the disk while it is still growing, so that little is left to wait for when it is complete.
 
-use std::fs::File;
+use crate::disk::DiskFile;
 use std::io;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
@@ -17,8 +18,8 @@ pub(super) struct WriteBack {
 
 impl WriteBack {
     /// To be called with the number of bytes written so far.
-    pub fn wrote(&mut self, file: &File, written: u64) {
-        if written - self.asked_at < STEP_BYTES {
+    pub fn wrote(&mut self, file: &Arc<dyn DiskFile>, written: u64) {
+        if written.saturating_sub(self.asked_at) < STEP_BYTES {
             return;
         }
         self.asked_at = written;
@@ -43,10 +44,10 @@ impl WriteBack {
     }
 }
 
-fn start(file: &File) -> io::Result<(SyncSender<()>, JoinHandle<io::Result<()>>)> {
-    let file = file.try_clone()?;
+fn start(file: &Arc<dyn DiskFile>) -> io::Result<(SyncSender<()>, JoinHandle<io::Result<()>>)> {
+    let file = Arc::clone(file);
     let (ask, asked): (_, Receiver<()>) = sync_channel(1);
-    let work = move || asked.iter().try_for_each(|()| file.sync_data());
+    let work = move || asked.iter().try_for_each(|()| file.sync());
     Ok((ask, std::thread::Builder::new().name("write back".into()).spawn(work)?))
 }
 
@@ -56,7 +57,7 @@ mod tests {
 
     #[test]
     fn small_files_need_no_thread_and_large_ones_get_one() {
-        let file = tempfile::tempfile().unwrap();
+        let file: Arc<dyn DiskFile> = Arc::new(tempfile::tempfile().unwrap());
         let mut write_back = WriteBack::default();
         write_back.wrote(&file, STEP_BYTES - 1);
         assert!(write_back.thread.is_none());
@@ -71,7 +72,8 @@ mod tests {
         let (reader, _writer) = std::os::unix::net::UnixStream::pair().unwrap();
         let mut write_back = WriteBack::default();
         // Sockets cannot be synchronized.
-        write_back.wrote(&File::from(std::os::fd::OwnedFd::from(reader)), STEP_BYTES);
+        let file: Arc<dyn DiskFile> = Arc::new(std::fs::File::from(std::os::fd::OwnedFd::from(reader)));
+        write_back.wrote(&file, STEP_BYTES);
         assert!(write_back.finish().is_err());
     }
 }

@@ -12,14 +12,14 @@ use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::brick::POINTS;
 use brickfield_engine::build::{
-    BuildOptions, Resolution, Resources, ShareSummary, Summary, build_clouds, build_opened,
+    BuildOptions, Keeping, Resolution, Resources, ShareSummary, Summary, build_clouds, build_opened,
 };
 use brickfield_engine::contour::ContourOptions;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Largest error of the samples of open meshes.
 const OPEN_ERROR: f64 = 1e-3;
@@ -51,6 +51,10 @@ impl TryFrom<BuildArgs> for Plan {
         if !(args.stddev >= 0.0 && args.stddev.is_finite()) {
             return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
         }
+        let open = args.toolpath.options()?;
+        let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
+            return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
+        };
         let options = BuildOptions {
             resolution: match args.cell {
                 Some(cell) => Resolution::Cell(cell.in_unit(args.units)),
@@ -67,11 +71,11 @@ impl TryFrom<BuildArgs> for Plan {
             solids: None,
             share: args.shard.map(|shard| shard.0),
             resources: Resources { temp_dir: args.temp_dir, ..Resources::default() },
+            keeping: Keeping { pace, restart: args.restart, settings: args.toolpath.settings(&open) },
             identity: args.identity,
             program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
-        let open = args.toolpath.options()?;
         let BuildArgs {
             inputs, output, units, memory, mesh, json, beads, estimate_normals, gwn_error, ..
         } = args;

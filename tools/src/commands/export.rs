@@ -1,6 +1,6 @@
 //! `brickfield export`: a level as a NumPy array with a description beside it.
 
-use super::{CACHE_BYTES, require_level, start};
+use super::{CACHE_BYTES, open_store, require_level, start};
 use crate::args::{DtypeArg, ExportArgs};
 use crate::failure::Failure;
 use crate::output::{print, print_json, require_distinct};
@@ -8,7 +8,7 @@ use crate::units::Size;
 use anyhow::Context;
 use brickfield_engine::analysis::{Dense, Element};
 use brickfield_engine::part::PartFile;
-use brickfield_engine::store::Store;
+use brickfield_engine::store::{Accept, Store};
 use brickfield_engine::{Error, Progress};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -48,7 +48,7 @@ impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
 pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let plan = Plan::try_from(args)?;
     let bars = start(args.work)?;
-    let store = Store::open(&args.store, CACHE_BYTES)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
     require_level(&store, args.level)?;
     require_distinct(&[&args.output, &plan.description], &[&args.store])?;
     let grid = Dense::new(&store, args.level, plan.element)?;

@@ -1,13 +1,13 @@
 //! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
 
-use super::{info_mesh, unit_of, volumes_text};
+use super::{info_mesh, open_store, unit_of, volumes_text};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
 use crate::output::{print, print_json};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
-use brickfield_engine::store::{BeadsMeta, Meta, Source, Store, Summary};
+use brickfield_engine::store::{Accept, BeadsMeta, Meta, Source, Store, Summary};
 use serde_json::{Value, json};
 
 /// Runs the command.
@@ -16,9 +16,13 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         return info_mesh::run(args);
     }
     // No brick is read twice, so none is kept.
-    let store = Store::open_any(&args.file, 0)?;
+    let store = open_store(&args.file, 0, args.io, Accept::Unfinished)?;
     if let (Some(share), true) = (&store.meta().share, args.volume) {
         let what = format!("--volume: this is share {} of a store; join all with `cache merge`", share.id);
+        return Err(anyhow::anyhow!("{}: {what}", args.file.display()).into());
+    }
+    if store.is_unfinished() && args.volume {
+        let what = "--volume: this store is unfinished; give the command that builds it again, which goes on";
         return Err(anyhow::anyhow!("{}: {what}", args.file.display()).into());
     }
     let volumes = match args.volume {
@@ -64,6 +68,7 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         "path": store.path().display().to_string(),
         "program": program,
         "sources": sources.iter().map(source).collect::<Vec<_>>(),
+        "unfinished": store.is_unfinished(),
         "units": unit,
         "bounds": [bounds_min, bounds_max],
         "root": { "origin": root.origin, "edge": root.edge },
@@ -99,6 +104,9 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let mut text = String::new();
     let mut line = |line: String| text += &format!("{line}\n");
     line(format!("{}: brick store, written by {}", store.path().display(), meta.program));
+    if store.is_unfinished() {
+        line("  state    unfinished: the command that builds it goes on from what is here".to_owned());
+    }
     if let Some(share) = &meta.share {
         let (cubes, all) = (share.cells(), 1u64 << (3 * u32::from(share.level)));
         let cubes = format!("cubes {} to {} of {all} of level {}", cubes.start, cubes.end, share.level);
@@ -111,6 +119,8 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     }
     let degenerate = meta.numbers.degenerate_facets;
     match &meta.beads {
+        // Counted in the end.
+        _ if store.is_unfinished() => {}
         None => line(format!("  {kind}   {} ({degenerate} without area)", meta.numbers.facets)),
         Some(BeadsMeta { section, beads, segments, identity }) => {
             let identity = match identity {

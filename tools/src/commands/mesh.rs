@@ -1,12 +1,12 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
-use super::{require_level, start};
+use super::{open_store, require_level, start};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{print, print_json, require_distinct};
 use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
-use brickfield_engine::store::Store;
+use brickfield_engine::store::{Accept, Store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     // The contourer keeps what it makes of bricks and asks the store for each about once.
     let cache_bytes = memory::mesh_caches(args.memory);
     let brick_bytes = (cache_bytes / 8).min(BRICK_CACHE_BYTES);
-    let store = Store::open(&args.store, brick_bytes)?;
+    let store = open_store(&args.store, brick_bytes, args.io, Accept::Whole)?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }

@@ -12,14 +12,14 @@ pub mod shell;
 pub mod verify;
 pub mod winding;
 
-use crate::args::WorkArgs;
+use crate::args::{IoArg, WorkArgs};
 use crate::failure::Failure;
 use crate::output::{require_distinct, warn};
 use crate::progress::Bars;
 use anyhow::Context;
 use brickfield_engine::analysis::Volumes;
 use brickfield_engine::ingest::{Input, OpenOptions};
-use brickfield_engine::store::{Meta, Store};
+use brickfield_engine::store::{Accept, Io, Meta, Store, StoreOptions};
 use brickfield_engine::{Error, Progress};
 use std::path::{Path, PathBuf};
 
@@ -49,6 +49,15 @@ fn open_inputs(
         input.warnings().into_iter().for_each(told);
     }
     Ok(opened)
+}
+
+/// Opens a store.
+fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: Accept) -> Result<Store, Error> {
+    let io = match io {
+        IoArg::Pread => Io::Pread,
+        IoArg::Mmap => Io::Mmap,
+    };
+    Store::open_with(path, StoreOptions { cache_bytes, io, accept })
 }
 
 /// The store's unit for messages, or the word for an unknown one.

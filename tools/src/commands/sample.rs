@@ -1,11 +1,11 @@
 //! `brickfield sample`: w at points, from a store.
 
-use super::{CACHE_BYTES, start};
+use super::{CACHE_BYTES, open_store, start};
 use crate::args::SampleArgs;
 use crate::failure::Failure;
 use crate::points::{PointBead, PointReader, PointWriter};
 use brickfield_engine::analysis::{beads_at_points, sample_at};
-use brickfield_engine::store::{BeadTables, Store};
+use brickfield_engine::store::{Accept, BeadTables, Store};
 use brickfield_engine::{Error, Progress};
 
 /// Points read before their samples are printed, which bounds memory.
@@ -14,7 +14,7 @@ const BATCH_POINTS: usize = 1 << 16;
 /// Runs the command.
 pub fn run(args: &SampleArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = Store::open(&args.store, CACHE_BYTES)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
     let tables = args.beads.then(|| tables_of(&store)).transpose()?;
     let mut points = PointReader::open(&args.points)?;
     let mut writer = match tables {

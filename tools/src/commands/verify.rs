@@ -1,29 +1,31 @@
 //! `brickfield verify`: is a store sound?
 
-use super::{CACHE_BYTES, start};
+use super::{CACHE_BYTES, open_store, start};
 use crate::args::VerifyArgs;
 use crate::failure::Failure;
 use crate::output::{print, print_json};
 use crate::units::Size;
-use brickfield_engine::store::{Damage, Store, VerifyReport};
+use brickfield_engine::store::{Accept, Damage, VerifyReport};
 use serde_json::json;
 
 /// Runs the command.
 pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = Store::open_any(&args.store, CACHE_BYTES)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Unfinished)?;
     let share = store.meta().share.as_ref().map(|share| share.id);
     let report = store.verify(&bars)?;
     bars.clear();
     if args.json {
-        let damage = |Damage { key, offset, what }: &Damage| json!({ "record": key.to_string(), "offset": offset, "what": what });
+        let damage = |Damage { key, offset, what }: &Damage| json!({ "record": key.map(|key| key.to_string()), "offset": offset, "what": what });
         print_json(&json!({
             "path": args.store.display().to_string(),
-            "sound": report.damaged == 0,
+            "sound": report.damaged == 0 && report.strays == 0,
+            "unfinished": store.is_unfinished(),
             "share": share,
             "records": report.records,
             "payload_bytes": report.payload_bytes,
             "damaged": report.damaged,
+            "strays": report.strays,
             "first_damage": report.first_damage.as_ref().map(damage),
         }))?;
     }
@@ -32,6 +34,10 @@ pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let path = args.store.display();
+    let unfinished = if store.is_unfinished() { " so far, unfinished" } else { "" };
     let share = share.map_or(String::new(), |share| format!(", share {share}"));
-    print(&format!("{path}: sound{share}, {records} records with {} of payload", Size(payload_bytes)))
+    print(&format!(
+        "{path}: sound{unfinished}{share}, {records} records with {} of payload",
+        Size(payload_bytes)
+    ))
 }

@@ -1,0 +1,138 @@
+//! The bytes of a store, wherever they are read from.
+
+use crate::error::Result;
+use crate::mmap::{Access, MappedFile, open_regular};
+use std::fs::File;
+use std::io::ErrorKind;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+/// How a store is read. Answers are the same; what differs is what happens if another process, or the network,
+/// interferes.
+///
+/// Nobody should change a store that is being read, and no program of this project does: builds write under another
+/// name and rename. Whatever somebody else does, a record is copied, compared with its checksum and decoded from the
+/// copy, so that no wrong answer comes of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Io {
+    /// By positioned reads. If the file is cut short or its disk fails meanwhile, reading is an error. The right way on
+    /// network mounts.
+    #[default]
+    Pread,
+    /// Through a memory map. A map cannot report: if the file is cut short, or its disk or network fails, the system ends
+    /// the program with SIGBUS. Saves a system call a record, which counts where bricks are small and all in memory.
+    Mmap,
+}
+
+/// An open file, or the bytes of one.
+pub(super) enum Source {
+    Map(MappedFile),
+    File {
+        file: File,
+        /// Its size when it was opened.
+        bytes: u64,
+    },
+    #[cfg(test)]
+    Memory(Vec<u8>),
+}
+
+impl Source {
+    /// Opens a regular file.
+    ///
+    /// # Errors
+    /// As [`MappedFile::open`].
+    pub fn open(path: &Path, io: Io) -> Result<Source> {
+        Ok(match io {
+            Io::Pread => {
+                let (file, bytes) = open_regular(path)?;
+                Source::File { file, bytes }
+            }
+            Io::Mmap => {
+                let map = MappedFile::open(path)?;
+                map.advise(Access::Random);
+                Source::Map(map)
+            }
+        })
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Source::Map(map) => map.len(),
+            Source::File { bytes, .. } => *bytes,
+            #[cfg(test)]
+            Source::Memory(bytes) => bytes.len() as u64,
+        }
+    }
+
+    /// Copies a part of the file into `to`, in place of what that holds. Takes no memory for what is not there.
+    ///
+    /// # Errors
+    /// One phrase.
+    pub fn read(&self, offset: u64, length: u64, to: &mut Vec<u8>) -> std::result::Result<(), String> {
+        let end = offset.checked_add(length).filter(|end| *end <= self.bytes());
+        let end = end.ok_or("it lies outside the file")? as usize;
+        match self {
+            Source::Map(map) => {
+                to.clear();
+                to.extend_from_slice(&map.bytes()[offset as usize..end]);
+            }
+            Source::File { file, .. } => {
+                to.resize(length as usize, 0);
+                file.read_exact_at(to, offset).map_err(|error| match error.kind() {
+                    ErrorKind::UnexpectedEof => "the file has been cut short since it was opened".to_owned(),
+                    _ => format!("it cannot be read: {error}"),
+                })?;
+            }
+            #[cfg(test)]
+            Source::Memory(bytes) => {
+                to.clear();
+                to.extend_from_slice(&bytes[offset as usize..end]);
+            }
+        }
+        Ok(())
+    }
+
+    /// A part of the file.
+    ///
+    /// # Errors
+    /// As [`Source::read`].
+    pub fn part(&self, offset: u64, length: u64) -> std::result::Result<Vec<u8>, String> {
+        let mut bytes = Vec::new();
+        self.read(offset, length, &mut bytes)?;
+        Ok(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_ways_of_reading_read_the_same() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("x");
+        std::fs::write(&path, b"a brick store").unwrap();
+        for io in [Io::Pread, Io::Mmap] {
+            let source = Source::open(&path, io).unwrap();
+            assert_eq!(source.bytes(), 13);
+            assert_eq!(source.part(2, 5).unwrap(), b"brick");
+            let mut bytes = vec![9; 100];
+            source.read(8, 5, &mut bytes).unwrap();
+            assert_eq!(bytes, b"store");
+            assert!(source.part(9, 5).is_err() && source.part(u64::MAX, 2).is_err());
+            assert!(Source::open(directory.path(), io).is_err());
+        }
+    }
+
+    #[test]
+    fn a_file_cut_short_is_an_error() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("x");
+        std::fs::write(&path, [7; 10_000]).unwrap();
+        let source = Source::open(&path, Io::Pread).unwrap();
+        File::options().write(true).open(&path).unwrap().set_len(5_000).unwrap();
+        assert_eq!(source.part(4_000, 1_000).unwrap(), [7; 1_000]);
+        assert!(source.part(4_500, 1_000).unwrap_err().contains("cut short"));
+    }
+}
