@@ -180,7 +180,8 @@ pub fn build_opened(
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
     let open = if soup.balance.is_closed() {
-        task.build(&Soup, soup.sorted, progress)?;
+        let device = options.resources.device.clone();
+        task.build(&Soup { device }, soup.sorted, progress)?;
         OpenSummary::default()
     } else {
         drop(soup);
