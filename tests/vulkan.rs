@@ -6,6 +6,8 @@
 
 #[path = "vulkan/backend.rs"]
 mod backend;
+#[path = "vulkan/device.rs"]
+mod device;
 #[path = "vulkan/suite.rs"]
 mod suite;
 

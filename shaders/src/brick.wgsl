@@ -28,48 +28,33 @@ struct Brick {
 // By pair: the brick.
 @group(0) @binding(3) var<storage, read> owners: array<u32>;
 // By sample, x fastest: the jump on the way to it, along x, or in the face x = 0 along y, or in the column x = y = 0
-// along z.
+// along z. Behind those of a brick, by row: which edges along x hold crossings, as bits.
 @group(0) @binding(4) var<storage, read_write> jumps: array<atomic<i32>>;
-// Two a word, the first one low.
+// By row of which an edge along x holds crossings: its samples, two a word, the first one low.
 @group(0) @binding(5) var<storage, read_write> samples: array<u32>;
-@group(0) @binding(6) var<storage, read_write> tables: array<u32>;
-// By sign-changing edge: the number of the last crossing on it, in the end its normal.
-@group(0) @binding(7) var<storage, read_write> heads: array<atomic<u32>>;
-// By sign-changing edge: the winding number at its lower sample, in the end the offset.
-@group(0) @binding(8) var<storage, read_write> starts: array<u32>;
-@group(0) @binding(9) var<storage, read_write> records: array<u32>;
+// By row: its first sample. Behind those of a brick, by row: which edges along x hold crossings.
+@group(0) @binding(6) var<storage, read_write> rows: array<u32>;
+// Which edges change sign, and where their places begin: see `changes_at` and `rank_at`.
+@group(0) @binding(7) var<storage, read_write> tables: array<u32>;
+// By sign-changing edge: how many crossings it holds, and the number of the last but the first one, from 1.
+@group(0) @binding(8) var<storage, read_write> chains: array<atomic<u32>>;
+// By sign-changing edge: the offset of the first crossing with its way, and its normal; in the end the Hermite edge's.
+@group(0) @binding(9) var<storage, read_write> hermite: array<u32>;
+// Crossings that are not the first ones of their edges.
+@group(0) @binding(10) var<storage, read_write> records: array<u32>;
 
-// The sample of a brick at a linear index.
-fn sample(brick: u32, index: u32) -> i32 {
-    let word = samples[brick * SAMPLE_WORDS + (index >> 1u)];
-    return extractBits(bitcast<i32>(word), 16u * (index & 1u), 16u);
+// Where it is kept which edges change sign that begin in a row, as bits over x: those along x, along y for x below 32
+// and for x = 32, along z likewise.
+fn changes_at(brick: u32, kind: u32, row: u32) -> u32 {
+    return brick * TABLE_WORDS + kind * ROWS + row;
 }
 
-// Which samples of row k·33 + j are inside: those of 0 to 31 as bits, and that of 32.
-fn inside(brick: u32, row: u32) -> vec2<u32> {
-    let at = brick * TABLE_WORDS + 2u * row;
-    return vec2(tables[at], tables[at + 1u]);
+// Where it is kept how many sign-changing edges lie before a row's along an axis.
+fn rank_at(brick: u32, axis: u32, row: u32) -> u32 {
+    return brick * TABLE_WORDS + (5u + axis) * ROWS + row;
 }
 
-// Where the number of a row's edges along an axis is counted.
-fn rank_of(brick: u32, axis: u32, row: u32) -> u32 {
-    return brick * TABLE_WORDS + (2u + axis) * ROWS + row;
-}
-
-// Which edges along an axis change sign that begin in a row, as bits over x; `axis` runs there.
-fn changes(brick: u32, axis: u32, row: u32) -> vec2<u32> {
-    let own = inside(brick, row);
-    if axis == 0u {
-        return vec2(own.x ^ ((own.x >> 1u) | (own.y << 31u)), 0u);
-    }
-    if axis == 1u {
-        if row % POINTS == CELLS {
-            return vec2(0u, 0u);
-        }
-        return own ^ inside(brick, row + 1u);
-    }
-    if row >= CELLS * POINTS {
-        return vec2(0u, 0u);
-    }
-    return own ^ inside(brick, row + POINTS);
+// Where the edges of a row along x are kept that hold crossings.
+fn touched_at(brick: u32, row: u32) -> u32 {
+    return brick * JUMP_WORDS + ROWS * POINTS + row;
 }

@@ -4,14 +4,14 @@
 
 struct Sum {
     points: u32,
-    first: u32,
-    end: u32,
+    facets: u32,
 }
 
 @group(0) @binding(0) var<storage, read> sum: Sum;
 // Three vertices of three coordinates each.
 @group(0) @binding(1) var<storage, read> facets: array<f32>;
 @group(0) @binding(2) var<storage, read> points: array<f32>;
+// By part of the facets and point.
 @group(0) @binding(3) var<storage, read_write> angles: array<i64>;
 
 // The arc tangent of numbers from 0 to 1, within 2e-7: folded at tan(π/8), then the odd polynomial of Cephes' atanf.
@@ -43,7 +43,8 @@ fn add_up(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let p = vec3(points[3u * id.x], points[3u * id.x + 1u], points[3u * id.x + 2u]);
     var total = 0li;
-    for (var facet = sum.first; facet < sum.end; facet++) {
+    let end = min((id.y + 1u) * STEPS_MAX, sum.facets);
+    for (var facet = id.y * STEPS_MAX; facet < end; facet++) {
         let at = 9u * facet;
         let a = vec3(facets[at], facets[at + 1u], facets[at + 2u]) - p;
         let b = vec3(facets[at + 3u], facets[at + 4u], facets[at + 5u]) - p;
@@ -53,7 +54,8 @@ fn add_up(@builtin(global_invocation_id) id: vec3<u32>) {
         let lc = length(c);
         let above = dot(a, cross(b, c));
         let beside = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
-        total += i64(2.0 * angle(above, beside) * f32(1u << 18u)) * (1li << (ANGLE_BITS - 18u));
+        // Exact but for what lies below the last place.
+        total += i64(2.0 * angle(above, beside) * f32(1u << (ANGLE_BITS / 2u)) * f32(1u << (ANGLE_BITS / 2u)));
     }
-    angles[id.x] += total;
+    angles[id.y * sum.points + id.x] = total;
 }

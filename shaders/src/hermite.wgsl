@@ -1,6 +1,7 @@
 // Hermite edges of bricks; twin of `winding/hermite.rs` and `winding/passages.rs`.
 //
-// `tag` chains the crossings of each sign-changing edge, `resolve` finds the one where the running count passes 0.5.
+// `tag` finds the crossings of sign-changing edges. Most edges have one, which is written where the Hermite edge belongs.
+// Others are chained, and `resolve` finds the one where the running count passes 0.5.
 
 var<private> jump_falls: array<bool, 3>;
 var<private> oct_normal: u32;
@@ -19,22 +20,36 @@ fn hit(axis: u32, brick: u32, line: vec2<u32>, lower: u32, offset: u32) {
         row = lower * POINTS + line.y;
         i = line.x;
     }
-    let bits = changes(brick, axis, row);
-    let is_high = i == 32u;
-    let changed = select((bits.x >> (i & 31u)) & 1u, bits.y, is_high);
+    let is_last = i == CELLS;
+    let kind = select(2u * axis - 1u, 0u, axis == 0u);
+    let bits = tables[changes_at(brick, kind, row)];
+    var below = bits & ((1u << (i & 31u)) - 1u);
+    var changed = (bits >> (i & 31u)) & 1u;
+    if is_last {
+        below = bits;
+        changed = tables[changes_at(brick, kind + 1u, row)];
+    }
     if changed == 0u {
         return;
     }
-    let below = select(bits.x & ((1u << (i & 31u)) - 1u), bits.x, is_high);
-    let place = tables[rank_of(brick, axis, row)] + countOneBits(below);
+    let place = tables[rank_at(brick, axis, row)] + countOneBits(below);
+    let offset_and_way = offset | (u32(jump_falls[axis]) << 16u);
+    if atomicAdd(&chains[2u * place], 1u) == 0u {
+        hermite[2u * place] = offset_and_way;
+        hermite[2u * place + 1u] = oct_normal;
+        return;
+    }
     let record = atomicAdd(&batch.records, 1u);
     if record >= batch.records_max {
         atomicOr(&bricks[brick].flags, FULL);
         return;
     }
-    records[RECORD_WORDS * record] = atomicExchange(&heads[place], record);
-    records[RECORD_WORDS * record + 1u] = offset | (u32(jump_falls[axis]) << 16u);
-    records[RECORD_WORDS * record + 2u] = oct_normal;
+    let at = RECORD_WORDS * record;
+    records[at] = atomicExchange(&chains[2u * place + 1u], record + 1u);
+    records[at + 1u] = offset_and_way;
+    records[at + 2u] = oct_normal;
+    records[at + 3u] = place;
+    records[at + 4u] = (brick << 16u) | (row * POINTS + i);
 }
 
 fn magnitude(c: i64) -> i64 {
@@ -86,9 +101,10 @@ fn tag(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let shift = bricks[brick].shift;
-    var a = vertex(id.x, 0u, brick);
-    var b = vertex(id.x, 1u, brick);
-    var c = vertex(id.x, 2u, brick);
+    let origin = origin_of(brick);
+    var a = vertex(id.x, 0u) - origin;
+    var b = vertex(id.x, 1u) - origin;
+    var c = vertex(id.x, 2u) - origin;
     let n = normal_of(a, b, c);
     let lead = leading_sign(n);
     if lead == 0i {
@@ -107,75 +123,117 @@ fn tag(@builtin(global_invocation_id) id: vec3<u32>) {
 // Steps along chains so far.
 var<private> steps: u32;
 
-// The crossing of an edge's chain at which the running count passes 0.5; returns what is wrong, if anything is.
-fn decide(place: u32) -> u32 {
-    let head = atomicLoad(&heads[place]);
-    var w = bitcast<i32>(starts[place]);
+// The winding number at a sample.
+fn sample(brick: u32, index: u32) -> i32 {
+    let row = index / POINTS;
+    let i = index % POINTS;
+    if rows[(2u * brick + 1u) * ROWS + row] == 0u {
+        return bitcast<i32>(rows[2u * brick * ROWS + row]);
+    }
+    let word = samples[brick * SAMPLE_WORDS + row * ROW_WORDS + (i >> 1u)];
+    return extractBits(bitcast<i32>(word), 16u * (i & 1u), 16u);
+}
+
+// Crossings at one offset: how the winding number changes there, and the smallest normal of those where it rises and of
+// those where it falls.
+struct Step {
+    offset: i32,
+    jump: i32,
+    rising: u32,
+    falling: u32,
+}
+
+fn with_crossing(step: Step, last: i32, offset_and_way: u32, normal: u32) -> Step {
+    var out = step;
+    let offset = i32(offset_and_way & 0xffffu);
+    if offset <= last || offset > step.offset {
+        return out;
+    }
+    if offset < step.offset {
+        out = Step(offset, 0i, 0xffffffffu, 0xffffffffu);
+    }
+    if (offset_and_way >> 16u) == 0u {
+        out.jump += 1i;
+        out.rising = min(out.rising, normal);
+    } else {
+        out.jump -= 1i;
+        out.falling = min(out.falling, normal);
+    }
+    return out;
+}
+
+// Finds the crossing of an edge at which the running count passes 0.5; `head` is its last record, from 1. Returns what
+// is wrong, if anything is.
+fn decide(place: u32, head: u32, start: i32) -> u32 {
+    let first = vec2(hermite[2u * place], hermite[2u * place + 1u]);
+    var w = start;
     var last = -1i;
-    var outcome = TORN;
-    loop {
-        // All crossings at the next offset count as one step; of those that go its way, the smallest normal is taken.
-        var nearest = 65536i;
-        var jump = 0i;
-        var smallest = vec2(NONE, NONE);
+    // Towards 0 from above, by crossings that all go one way, the farthest one counts: offsets are turned round.
+    var turned = 0u;
+    if start >= 1i {
+        var end = start + select(-1i, 1i, (first.x >> 16u) == 0u);
+        var rises = (first.x >> 16u) == 0u;
         var at = head;
-        while at != NONE && steps < STEPS_MAX {
+        while at != 0u {
             steps += 1u;
-            let offset_and_way = records[RECORD_WORDS * at + 1u];
-            let normal = records[RECORD_WORDS * at + 2u];
-            at = records[RECORD_WORDS * at];
-            let offset = i32(offset_and_way & 0xffffu);
-            if offset <= last || offset > nearest {
-                continue;
-            }
-            if offset < nearest {
-                nearest = offset;
-                jump = 0i;
-                smallest = vec2(NONE, NONE);
-            }
-            if (offset_and_way >> 16u) == 0u {
-                jump += 1i;
-                smallest.x = min(smallest.x, normal);
-            } else {
-                jump -= 1i;
-                smallest.y = min(smallest.y, normal);
-            }
+            let way = records[RECORD_WORDS * (at - 1u) + 1u] >> 16u;
+            end += select(-1i, 1i, way == 0u);
+            rises = rises || way == 0u;
+            at = records[RECORD_WORDS * (at - 1u)];
         }
-        if at != NONE {
-            outcome = CROWDED;
-            break;
+        if end == 0i && !rises {
+            turned = 0xffffu;
+            w = 1i;
         }
-        if nearest == 65536i {
+    }
+    loop {
+        // All crossings at the next offset count as one step.
+        var step = with_crossing(Step(65536i, 0i, 0u, 0u), last, first.x ^ turned, first.y);
+        var next = head;
+        while next != 0u {
+            steps += 1u;
+            if steps > STEPS_MAX {
+                return CROWDED;
+            }
+            let at = RECORD_WORDS * (next - 1u);
+            step = with_crossing(step, last, records[at + 1u] ^ turned, records[at + 2u]);
+            next = records[at];
+        }
+        if step.offset == 65536i {
             break;
         }
         let before = w;
-        w += jump;
+        w += step.jump;
         if (before >= 1i) != (w >= 1i) {
-            atomicStore(&heads[place], select(smallest.y, smallest.x, jump > 0i));
-            starts[place] = u32(nearest);
-            outcome = 0u;
-            break;
+            hermite[2u * place] = u32(step.offset) ^ turned;
+            hermite[2u * place + 1u] = select(step.falling, step.rising, step.jump > 0i);
+            return 0u;
         }
-        last = nearest;
+        last = step.offset;
     }
-    return outcome;
+    return TORN;
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) me: u32) {
-    let brick = group.x;
-    // A brick whose crossings found no room has broken chains.
-    if (atomicLoad(&bricks[brick].flags) & FULL) != 0u {
-        return;
-    }
-    let from_place = bricks[brick].edges_from;
-    let end = from_place + bricks[brick].edges;
-    var wrong = 0u;
+fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let count = min(atomicLoad(&batch.records), batch.records_max);
     steps = 0u;
-    for (var place = from_place + group.y * WORKGROUP + me; place < end; place += RESOLVE_GROUPS * WORKGROUP) {
-        wrong |= decide(place);
-    }
-    if wrong != 0u {
-        atomicOr(&bricks[brick].flags, wrong);
+    for (var record = id.x; record < count; record += groups.x * WORKGROUP) {
+        let at = RECORD_WORDS * record;
+        // Each chain has one record that is its first.
+        if records[at] != 0u {
+            continue;
+        }
+        let brick = records[at + 4u] >> 16u;
+        // A brick whose crossings found no room has broken chains.
+        if (atomicLoad(&bricks[brick].flags) & FULL) != 0u {
+            continue;
+        }
+        let place = records[at + 3u];
+        let start = sample(brick, records[at + 4u] & 0xffffu);
+        let wrong = decide(place, atomicLoad(&chains[2u * place + 1u]), start);
+        if wrong != 0u {
+            atomicOr(&bricks[brick].flags, wrong);
+        }
     }
 }

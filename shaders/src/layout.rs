@@ -8,17 +8,17 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("POINTS", POINTS),
     ("CELLS", CELLS),
     ("ROWS", ROWS),
+    ("ROW_WORDS", ROW_WORDS),
     ("SAMPLE_WORDS", SAMPLE_WORDS),
+    ("JUMP_WORDS", JUMP_WORDS),
     ("TABLE_WORDS", TABLE_WORDS),
     ("WORKGROUP", WORKGROUP),
-    ("NONE", NONE),
     ("VARIES", VARIES),
     ("EXCESS", EXCESS),
     ("FULL", FULL),
     ("TORN", TORN),
     ("CROWDED", CROWDED),
     ("STEPS_MAX", STEPS_MAX),
-    ("RESOLVE_GROUPS", RESOLVE_GROUPS),
     ("RECORD_WORDS", RECORD_WORDS),
     ("ANGLE_BITS", ANGLE_BITS),
 ];
@@ -29,22 +29,23 @@ pub const POINTS: u32 = 33;
 pub const CELLS: u32 = 32;
 /// Rows of samples in a brick.
 pub const ROWS: u32 = POINTS * POINTS;
-/// 32-bit words of a brick's samples, two in each.
-pub const SAMPLE_WORDS: u32 = (ROWS * POINTS).div_ceil(2);
-/// Words of what is known of a brick's rows: two of bits that say which samples lie inside, and for each axis how many
-/// sign-changing edges the rows before hold.
-pub const TABLE_WORDS: u32 = 5 * ROWS;
+/// 32-bit words of a row's samples, two in each.
+pub const ROW_WORDS: u32 = POINTS.div_ceil(2);
+/// Words of a brick's samples.
+pub const SAMPLE_WORDS: u32 = ROWS * ROW_WORDS;
+/// Words of a brick's jumps: one a sample, and one a row.
+pub const JUMP_WORDS: u32 = ROWS * POINTS + ROWS;
+/// Words of what is known of a brick's rows: five of bits that say which edges change sign, and for each axis how many
+/// such edges the rows before hold.
+pub const TABLE_WORDS: u32 = 8 * ROWS;
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
-/// No record.
-pub const NONE: u32 = u32::MAX;
-/// Words of a crossing's record: the record before it on its edge, its offset with the direction, its normal.
-pub const RECORD_WORDS: u32 = 3;
+/// Words of a crossing's record: the record before it on its edge, from 1; its offset with the way in which the winding
+/// number changes; its normal; its edge's place; its edge's lower sample, with the brick in the high half.
+pub const RECORD_WORDS: u32 = 5;
 /// Facets that one invocation of `brute` sums up, and steps that one of `resolve` takes along chains. Mesa's llvmpipe
-/// silently ends loops after 65,535 steps of an invocation.
-pub const STEPS_MAX: u32 = 1 << 15;
-/// Workgroups that share the edges of a brick among them.
-pub const RESOLVE_GROUPS: u32 = 8;
+/// silently ends loops after 65,535 steps, which it counts for up to 16 invocations together.
+pub const STEPS_MAX: u32 = 1 << 11;
 /// Binary places of sums of solid angles, in steradians.
 pub const ANGLE_BITS: u32 = 36;
 
@@ -69,7 +70,7 @@ macro_rules! shared {
 
         impl $name {
             /// Members with their offsets in bytes.
-            pub const MEMBERS: &[(&str, usize)] =
+            pub const MEMBERS: Members =
                 &[$((stringify!($member), std::mem::offset_of!($name, $member)),)*];
         }
     };
@@ -118,26 +119,38 @@ shared! {
 }
 
 shared! {
-    /// A part of a sum over all triangles.
+    /// A sum over triangles, in parts of [`STEPS_MAX`].
     Sum {
         /// Points at which to sum.
         points: u32,
-        /// The part's first facet.
-        first: u32,
-        /// Behind its last one, at most [`STEPS_MAX`] farther.
-        end: u32,
+        /// Triangles to sum.
+        facets: u32,
     }
 }
 
+/// Names of members with their offsets in bytes.
+pub type Members = &'static [(&'static str, usize)];
+
 /// Structures with their names in the shaders, their sizes and their members.
-pub const STRUCTURES: &[(&str, usize, &[(&str, usize)])] = &[
+pub const STRUCTURES: &[(&str, usize, Members)] = &[
     ("Batch", size_of::<Batch>(), Batch::MEMBERS),
     ("Brick", size_of::<Brick>(), Brick::MEMBERS),
     ("Sum", size_of::<Sum>(), Sum::MEMBERS),
 ];
 
 /// Buffers of the kernels that evaluate bricks, by binding.
-pub const BRICK_BUFFERS: [&str; 10] =
-    ["batch", "bricks", "triangles", "owners", "jumps", "samples", "tables", "heads", "starts", "records"];
+pub const BRICK_BUFFERS: [&str; 11] = [
+    "batch",
+    "bricks",
+    "triangles",
+    "owners",
+    "jumps",
+    "samples",
+    "rows",
+    "tables",
+    "chains",
+    "hermite",
+    "records",
+];
 /// Buffers of the kernel that sums solid angles, by binding.
 pub const BRUTE_BUFFERS: [&str; 4] = ["sum", "facets", "points", "angles"];

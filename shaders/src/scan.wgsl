@@ -39,14 +39,14 @@ struct EdgeFunction {
 }
 
 fn edge_function(p: vec3<i32>, q: vec3<i32>, side: i32, u_first: bool, line: vec2<i32>, shift: u32) -> EdgeFunction {
-    let along_u = -i64(side * (q.z - p.z));
-    let along_v = i64(side * (q.y - p.y));
+    let along_u = side * (p.z - q.z);
+    let along_v = side * (q.y - p.y);
     // ε belongs to the axis that comes first in x, y, z.
     let first = select(along_v, along_u, u_first);
     let second = select(along_u, along_v, u_first);
-    let tie_inside = first > 0li || (first == 0li && second > 0li);
-    let value = along_v * i64(line.y - p.z) + along_u * i64(line.x - p.y);
-    return EdgeFunction(value - select(1li, 0li, tie_inside), along_u << shift, along_v << shift);
+    let outside = i32(select(second, first, first != 0i) <= 0i);
+    let value = i64(along_v) * i64(line.y - p.z) + i64(along_u) * i64(line.x - p.y);
+    return EdgeFunction(value - i64(outside), i64(along_u) << shift, i64(along_v) << shift);
 }
 
 // Where a line crosses a plane: whole units, and the rest as a numerator over `n`.
@@ -134,53 +134,66 @@ fn scan(
     var at_ab = ab.at;
     var at_bc = bc.at;
     var at_ca = ca.at;
+    var begins = true;
     // Ends: at most 33² lines.
     loop {
-        if (at_ab | at_bc | at_ca) >= 0li {
-            let at = vec2(u << shift, v << shift);
-            let from_a = vec2<f32>(a.yz - at);
-            // Rounding leaves an error of 2^-21 of each term, whose numerators are below 2^74.
-            let estimate = clamp(f32(a.x) + tilt.x * from_a.x + tilt.y * from_a.y, extent.x, extent.y);
-            let exact = numerator - slope_u * i64(at.x) - slope_v * i64(at.y);
-            let depth = divide(exact, across, per_n, i32(floor(estimate)));
-            var lower = depth.units >> shift;
-            var beyond = depth.units & below;
-            // On a sample: it lies behind the crossing if the perturbed sample is on the side that the line leaves to.
-            if depth.rest == 0li && beyond == 0i && lead == side {
-                lower -= 1i;
-                beyond = 1i << shift;
-            }
-            if lower >= 0i && lower < i32(CELLS) {
-                var offset = 0u;
-                if with_offset {
-                    offset = offset_of(beyond, depth.rest, across, per_n, shift);
+        // On to the next line inside: a short loop of its own, so that most of the invocations that run in step have a
+        // crossing when the long rest begins.
+        loop {
+            if !begins {
+                u += 1i;
+                at_ab += ab.step_u;
+                at_bc += bc.step_u;
+                at_ca += ca.step_u;
+                if u > last.x {
+                    u = first.x;
+                    v += 1i;
+                    ab.at += ab.step_v;
+                    bc.at += bc.step_v;
+                    ca.at += ca.step_v;
+                    at_ab = ab.at;
+                    at_bc = bc.at;
+                    at_ca = ca.at;
                 }
-                hit(axis, brick, vec2(u32(u), u32(v)), u32(lower), offset);
             }
-        }
-        u += 1i;
-        at_ab += ab.step_u;
-        at_bc += bc.step_u;
-        at_ca += ca.step_u;
-        if u > last.x {
-            v += 1i;
-            if v > last.y {
+            begins = false;
+            if v > last.y || (at_ab | at_bc | at_ca) >= 0li {
                 break;
             }
-            u = first.x;
-            ab.at += ab.step_v;
-            bc.at += bc.step_v;
-            ca.at += ca.step_v;
-            at_ab = ab.at;
-            at_bc = bc.at;
-            at_ca = ca.at;
+        }
+        if v > last.y {
+            break;
+        }
+        let at = vec2(u << shift, v << shift);
+        let from_a = vec2<f32>(a.yz - at);
+        // Rounding leaves an error of 2^-21 of each term, whose numerators are below 2^74.
+        let estimate = clamp(f32(a.x) + tilt.x * from_a.x + tilt.y * from_a.y, extent.x, extent.y);
+        let exact = numerator - slope_u * i64(at.x) - slope_v * i64(at.y);
+        let depth = divide(exact, across, per_n, i32(floor(estimate)));
+        var lower = depth.units >> shift;
+        var beyond = depth.units & below;
+        // On a sample: it lies behind the crossing if the perturbed sample is on the side that the line leaves to.
+        if depth.rest == 0li && beyond == 0i && lead == side {
+            lower -= 1i;
+            beyond = 1i << shift;
+        }
+        if lower >= 0i && lower < i32(CELLS) {
+            var offset = 0u;
+            if with_offset {
+                offset = offset_of(beyond, depth.rest, across, per_n, shift);
+            }
+            hit(axis, brick, vec2(u32(u), u32(v)), u32(lower), offset);
         }
     }
 }
 
-// A vertex of a triangle, relative to sample 0 of a brick.
-fn vertex(triangle: u32, number: u32, brick: u32) -> vec3<i32> {
+// A vertex of a triangle.
+fn vertex(triangle: u32, number: u32) -> vec3<i32> {
     let at = 9u * triangle + 3u * number;
-    let origin = vec3(bricks[brick].origin_x, bricks[brick].origin_y, bricks[brick].origin_z);
-    return vec3(triangles[at], triangles[at + 1u], triangles[at + 2u]) - origin;
+    return vec3(triangles[at], triangles[at + 1u], triangles[at + 2u]);
+}
+
+// Sample 0 of a brick.
+fn origin_of(brick: u32) -> vec3<i32> {
+    return vec3(bricks[brick].origin_x, bricks[brick].origin_y, bricks[brick].origin_z);
 }

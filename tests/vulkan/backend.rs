@@ -10,7 +10,7 @@ use brickfield_engine::store::Refine;
 /// Something that builds stores.
 pub struct Backend {
     pub device: Option<Vulkan>,
-    threads: usize,
+    pub threads: usize,
 }
 
 impl Backend {
@@ -26,7 +26,8 @@ impl Backend {
         let options = BuildOptions { resolution: Resolution::Depth(depth), resources, ..options.clone() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build().unwrap();
         let inputs = std::slice::from_ref(input);
-        let summary = pool.install(|| build_opened(inputs, &out, &options, &Silent)).unwrap_or_else(|e| panic!("{e}"));
+        let summary =
+            pool.install(|| build_opened(inputs, &out, &options, &Silent)).unwrap_or_else(|e| panic!("{e}"));
         (std::fs::read(&out).unwrap(), summary)
     }
 
@@ -75,7 +76,7 @@ pub fn open(memory: u64) -> Vulkan {
 }
 
 /// Fails if the validation layer said anything.
-fn silent(backend: &Backend) {
+pub fn silent(backend: &Backend) {
     let messages = backend.device.as_ref().map_or(Vec::new(), |device| device.gpu().messages());
     assert!(messages.is_empty(), "{}", messages.join("\n"));
 }

@@ -1,8 +1,8 @@
 //! What every backend must do.
 
-use crate::backend::{Backend, reference};
-use brickfield_bench_data::shapes::{cuboid, icosphere};
+use crate::backend::{Backend, options, reference};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
+use brickfield_bench_data::shapes::{cuboid, icosphere};
 use brickfield_bench_data::{Mesh, write};
 use brickfield_engine::Silent;
 use brickfield_engine::bead::SweepOptions;
@@ -14,14 +14,19 @@ fn data(name: &str) -> PathBuf {
 }
 
 /// A mesh, or a toolpath as swept triangles.
-fn open(path: &Path) -> Input {
+pub fn open(path: &Path) -> Input {
     let mut options = OpenOptions::default();
     options.sweep = SweepOptions { sides: 8, ..options.sweep };
     Input::open_with(path, &options, &Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 
+/// One of the files in `bench-data`.
+pub fn open_data(name: &str) -> Input {
+    open(&data(name))
+}
+
 /// Pieces as an input; its folder lives as long as it is used.
-fn input_of(pieces: &[Mesh]) -> (tempfile::TempDir, Input) {
+pub fn input_of(pieces: &[Mesh]) -> (tempfile::TempDir, Input) {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("pieces.stl");
     write::stl(std::fs::File::create(&path).unwrap(), &Mesh::merged(pieces)).unwrap();
@@ -32,9 +37,11 @@ fn input_of(pieces: &[Mesh]) -> (tempfile::TempDir, Input) {
 /// Holds the stores at some depths against the processor's; on a device, all leaves must be its own.
 fn same_stores(backend: &Backend, input: &Input, depths: &[u8]) {
     for &depth in depths {
-        let stores = [backend.build(input, depth), reference(input, depth)];
-        assert!(stores[0] == stores[1], "{}, depth {depth}: {:?}", input.path().display(), backend.report());
-        if let Some(report) = backend.report() {
+        let (store, summary) = backend.build_with(input, depth, &options(depth));
+        let report = summary.device;
+        assert!(store == reference(input, depth), "{}, depth {depth}: {report:?}", input.path().display());
+        assert_eq!(report.is_some(), backend.device.is_some());
+        if let Some(report) = report {
             assert_eq!((report.cpu_bricks, report.failure), (0, None), "depth {depth}");
             assert!(report.bricks > 0 && report.batches > 0);
         }
@@ -42,16 +49,15 @@ fn same_stores(backend: &Backend, input: &Input, depths: &[u8]) {
 }
 
 pub fn meshes_give_the_same_store(backend: &Backend) {
-    for name in ["stl/clover_beads.stl"] {
-        same_stores(backend, &open(&data(name)), &[2, 4, 5]);
-    }
+    same_stores(backend, &open_data("stl/clover_beads.stl"), &[2, 3, 4]);
+    same_stores(backend, &open_data("stl/spot40_model.stl"), &[1, 4, 6]);
     let (_folder, sphere) = input_of(&[icosphere(3, 1.0)]);
     same_stores(backend, &sphere, &[0, 1, 4]);
 }
 
 pub fn beads_give_the_same_store(backend: &Backend) {
-    for (name, depths) in [("clover.gcode", [3, 4, 5]), ("gcode/nonplanar.gcode", [2, 5, 6])] {
-        same_stores(backend, &open(&data(name)), &depths);
+    for (name, depths) in [("clover.gcode", [2, 3, 4]), ("gcode/nonplanar.gcode", [2, 5, 6])] {
+        same_stores(backend, &open_data(name), &depths);
     }
 }
 
@@ -68,7 +74,8 @@ pub fn any_triangles_give_the_same_store(backend: &Backend) {
         same_stores(backend, &pile, &[0, 2, 4]);
     }
     // Many shells over each other.
-    let nested: Vec<Mesh> = (1..40).map(|i| cuboid([-0.1 * f64::from(i); 3], [0.07 * f64::from(i); 3])).collect();
+    let nested: Vec<Mesh> =
+        (1..40).map(|i| cuboid([-0.1 * f64::from(i); 3], [0.07 * f64::from(i); 3])).collect();
     let (_folder, nested) = input_of(&nested);
     same_stores(backend, &nested, &[0, 1, 3]);
 }

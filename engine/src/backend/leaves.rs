@@ -232,19 +232,31 @@ fn unpack(output: &BatchOutput<'_>, number: usize) -> Option<Brick> {
     if brick.flags & shaders::VARIES == 0 {
         return Some(Brick::Uniform(brick.corner as i16));
     }
-    let words = shaders::SAMPLE_WORDS as usize;
-    let halves: &[i16] = bytemuck::cast_slice(&output.samples[number * words..][..words]);
-    let samples: Box<[i16]> = halves[..POINTS].into();
-    let samples = Samples(samples.try_into().expect("the length is POINTS"), 0);
     let from = brick.edges_from as usize;
     let along_x = from + brick.edges_x as usize;
     let along_y = along_x + brick.edges_y as usize;
     let of = |range: Range<usize>| -> Vec<HermiteEdge> {
-        let parts = output.offsets[range.clone()].iter().zip(&output.normals[range]);
-        parts.map(|(&offset, &normal)| HermiteEdge { offset: offset as u16, normal: OctNormal(normal) }).collect()
+        let edge =
+            |&[offset, normal]: &[u32; 2]| HermiteEdge { offset: offset as u16, normal: OctNormal(normal) };
+        output.hermite[range].iter().map(edge).collect()
     };
     let edges = [of(from..along_x), of(along_x..along_y), of(along_y..from + brick.edges as usize)];
-    Some(Brick::Counts { samples, hermite: Hermite { edges } })
+    Some(Brick::Counts { samples: unpack_samples(output, number), hermite: Hermite { edges } })
+}
+
+fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
+    const ROWS: usize = shaders::ROWS as usize;
+    let [starts, touched] = &output.rows[number];
+    let mut samples = Vec::with_capacity(POINTS);
+    for (row, words) in output.samples[number * ROWS..][..ROWS].iter().enumerate() {
+        if touched[row] == 0 {
+            samples.extend_from_slice(&[starts[row] as i16; BRICK_POINTS]);
+        } else {
+            let halves: &[i16] = bytemuck::cast_slice(words);
+            samples.extend_from_slice(&halves[..BRICK_POINTS]);
+        }
+    }
+    Samples(samples.into_boxed_slice().try_into().expect("the length is POINTS"), 0)
 }
 
 fn evaluate_here(evaluator: &mut Evaluator, array: &[Triangle], leaf: &Leaf<'_>) -> Result<Brick> {

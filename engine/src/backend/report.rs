@@ -17,8 +17,8 @@ pub struct DeviceReport {
     pub retries: u64,
     /// Seconds of the device's clock for uploads, if it has one.
     pub upload_seconds: f64,
-    /// Seconds for kernels.
-    pub compute_seconds: f64,
+    /// Seconds for kernels: crossings, samples, crossings of the boundary, Hermite edges.
+    pub kernel_seconds: [f64; 4],
     /// Seconds for read-backs.
     pub read_seconds: f64,
     /// The first thing that went wrong.

@@ -67,9 +67,9 @@ impl Vulkan {
     pub(super) fn note_batch(&self, seconds: Option<Seconds>) {
         let mut report = self.report();
         report.batches += 1;
-        if let Some(Seconds { upload, compute, read }) = seconds {
+        if let Some(Seconds { upload, kernels, read }) = seconds {
             report.upload_seconds += upload;
-            report.compute_seconds += compute;
+            report.kernel_seconds.iter_mut().zip(kernels).for_each(|(sum, seconds)| *sum += seconds);
             report.read_seconds += read;
         }
     }

@@ -86,7 +86,8 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
 
     fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
         self.progress.check()?;
-        let brick = if self.field.begin_leaves(&mut self.evaluator) {
+        let ahead = self.rules.refines_all_touched();
+        let brick = if ahead && self.field.begin_leaves(&mut self.evaluator) {
             let leaf = Leaf { key, corner, indices: list.indices };
             self.field.next_leaf(&mut self.evaluator, list.array, &[leaf])?
         } else {

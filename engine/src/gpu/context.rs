@@ -33,7 +33,10 @@ impl Context {
         let physical = instance.physical_devices()?[index];
         let info = instance.describe(index, physical);
         let refuse = |what: String| {
-            Unavailable::new(format!("{}: {what}", info.name), "name another with --device, or use --backend cpu")
+            Unavailable::new(
+                format!("{}: {what}", info.name),
+                "name another with --device, or use --backend cpu",
+            )
         };
         if !info.missing.is_empty() {
             return Err(refuse(format!("the device lacks {}", info.missing.join(", "))));
@@ -88,7 +91,8 @@ impl Context {
         };
         let types = self.memory.memory_types_as_slice();
         let fits = |wish: Flags| {
-            let suits = |(i, t): (usize, &vk::MemoryType)| allowed >> i & 1 != 0 && t.property_flags.contains(wish);
+            let suits =
+                |(i, t): (usize, &vk::MemoryType)| allowed >> i & 1 != 0 && t.property_flags.contains(wish);
             types.iter().enumerate().position(suits).map(|i| i as u32)
         };
         wishes.into_iter().find_map(fits)
@@ -104,8 +108,10 @@ impl Context {
         self.strike(Stage::Submit)?;
         let (commands, signals, values) = ([commands], [signal], [value]);
         let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
-        let info =
-            vk::SubmitInfo::default().command_buffers(&commands).signal_semaphores(&signals).push_next(&mut timeline);
+        let info = vk::SubmitInfo::default()
+            .command_buffers(&commands)
+            .signal_semaphores(&signals)
+            .push_next(&mut timeline);
         let queue = lock(&self.queue);
         // SAFETY: the queue is used by one thread at a time; the command buffer is recorded and not pending, and the
         // semaphore is a timeline whose value grows; both live until the submission is waited for.

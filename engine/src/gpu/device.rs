@@ -55,8 +55,7 @@ impl Gpu {
             found.iter().enumerate().map(|(number, device)| instance.describe(number, *device)).collect();
         let index = choose(&found, settings)?;
         let context = Arc::new(Context::new(instance, index)?);
-        let entries =
-            [(EVALUATE, c"collect"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
+        let entries = [(EVALUATE, c"collect"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
             let what = format!("{}: the kernels cannot be compiled ({failure})", context.info.name);
             Unavailable::new(what, "update the driver, or use --backend cpu")

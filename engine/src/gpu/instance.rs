@@ -69,6 +69,13 @@ pub fn devices() -> Result<Vec<DeviceInfo>, Unavailable> {
     Ok(instance.physical_devices()?.iter().enumerate().map(|(i, d)| instance.describe(i, *d)).collect())
 }
 
+/// Whether the machine may have a GPU, as far as its device files tell: asking the drivers takes a tenth of a second.
+pub fn may_be_there() -> bool {
+    let is_there = |path: &str| std::path::Path::new(path).exists();
+    !cfg!(target_os = "linux")
+        || ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kfd"].into_iter().any(is_there)
+}
+
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 const INSTALL: &str = "install the GPU's Vulkan driver, or use --backend cpu";
 
@@ -97,7 +104,10 @@ impl Instance {
     pub fn new(validation: bool) -> Result<Instance, Unavailable> {
         // SAFETY: the loader's initialization has no preconditions but that its library is Vulkan's, whose name this is.
         let entry = unsafe { Entry::load() }.map_err(|e| {
-            Unavailable::new(format!("there is no Vulkan loader ({e})"), "install libvulkan1, or use --backend cpu")
+            Unavailable::new(
+                format!("there is no Vulkan loader ({e})"),
+                "install libvulkan1, or use --backend cpu",
+            )
         })?;
         let application = vk::ApplicationInfo::default()
             .application_name(c"brickfield")
@@ -117,9 +127,10 @@ impl Instance {
         }
         // SAFETY: everything that `info` points to lives until the call returns.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-            vk::Result::ERROR_LAYER_NOT_PRESENT => {
-                Unavailable::new("the Vulkan validation layer is not there", "install vulkan-validationlayers")
-            }
+            vk::Result::ERROR_LAYER_NOT_PRESENT => Unavailable::new(
+                "the Vulkan validation layer is not there",
+                "install vulkan-validationlayers",
+            ),
             result => Unavailable::new(format!("there is no Vulkan driver ({result})"), INSTALL),
         })?;
         let mut instance = Instance { _entry: entry, raw, validation: None };
@@ -138,7 +149,8 @@ impl Instance {
                 vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
             )
             .message_type(
-                vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
+                vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
+                    | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
             )
             .pfn_user_callback(Some(keep_message))
             .user_data(std::ptr::from_ref::<Messages>(&messages).cast_mut().cast());
@@ -158,8 +170,8 @@ impl Instance {
     pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>, Unavailable> {
         // SAFETY: the instance is alive.
         let found = unsafe { self.raw.enumerate_physical_devices() };
-        let found =
-            found.map_err(|result| Unavailable::new(format!("no Vulkan driver answers ({result})"), INSTALL))?;
+        let found = found
+            .map_err(|result| Unavailable::new(format!("no Vulkan driver answers ({result})"), INSTALL))?;
         match found.is_empty() {
             true => Err(Unavailable::new("there is no Vulkan device", INSTALL)),
             false => Ok(found),
@@ -246,8 +258,9 @@ unsafe extern "system" fn keep_message(
     messages: *mut c_void,
 ) -> vk::Bool32 {
     // SAFETY: as above.
-    let (text, messages) =
-        unsafe { (CStr::from_ptr((*data).p_message).to_string_lossy().into_owned(), &*messages.cast::<Messages>()) };
+    let (text, messages) = unsafe {
+        (CStr::from_ptr((*data).p_message).to_string_lossy().into_owned(), &*messages.cast::<Messages>())
+    };
     messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
     vk::FALSE
 }

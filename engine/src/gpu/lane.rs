@@ -5,9 +5,9 @@ use super::device::Gpu;
 use super::failure::Failure;
 use super::kernels::Sets;
 use super::memory::{Arena, Use};
-use super::sizes::Sizes;
-use super::slot::{Buffers, Load, Seconds, Slot};
-use brickfield_shaders::{Batch, Brick, SAMPLE_WORDS};
+use super::sizes::{READ, Sizes};
+use super::slot::{Buffers, Seconds, Slot};
+use brickfield_shaders::{Batch, Brick, ROW_WORDS, ROWS};
 use std::collections::VecDeque;
 
 /// Batches under way.
@@ -38,12 +38,12 @@ impl BatchInput {
 pub struct BatchOutput<'a> {
     /// What became of the bricks.
     pub bricks: &'a [Brick],
-    /// [`SAMPLE_WORDS`] of each brick.
-    pub samples: &'a [u32],
-    /// Normals of the Hermite edges of all bricks.
-    pub normals: &'a [u32],
-    /// Their offsets.
-    pub offsets: &'a [u32],
+    /// By brick and row: its samples, two a word, if they are not all the same.
+    pub samples: &'a [[u32; ROW_WORDS as usize]],
+    /// By brick: the first samples of its rows, and which of their edges along x hold crossings.
+    pub rows: &'a [[[u32; ROWS as usize]; 2]],
+    /// The Hermite edges of all bricks: offset and normal.
+    pub hermite: &'a [[u32; 2]],
     /// How long it took, if the device has a clock.
     pub seconds: Option<Seconds>,
 }
@@ -60,7 +60,7 @@ pub struct Lane {
     gpu: Gpu,
     sizes: Sizes,
     /// Batches under way by slot, oldest first.
-    pending: VecDeque<(usize, Load)>,
+    pending: VecDeque<(usize, Sizes)>,
     next: usize,
 }
 
@@ -124,7 +124,7 @@ impl Lane {
         let batch = Batch {
             pairs: load.pairs,
             edges_max: load.edges,
-            records_max: self.sizes.records,
+            records_max: load.records,
             edges: 0,
             records: 0,
         };
@@ -144,14 +144,14 @@ impl Lane {
             read: self.read.buffer(slot),
             set: self.sets.sets[slot],
         };
-        self.slots[slot].submit(&self.gpu.kernels, buffers, &self.sizes, load)?;
+        self.slots[slot].submit(&self.gpu.kernels, buffers, &self.sizes, &load)?;
         self.pending.push_back((slot, load));
         self.next = (slot + 1) % RING;
         Ok(())
     }
 
     /// How much room a batch takes; checks that it is sound.
-    fn load(&self, input: &BatchInput, limit: usize) -> Load {
+    fn load(&self, input: &BatchInput, limit: usize) -> Sizes {
         let BatchInput { bricks, triangles, owners } = input;
         let fits = |count: usize, room: u32| (1..=room as usize).contains(&count);
         assert!(
@@ -162,11 +162,13 @@ impl Lane {
         );
         assert!(owners.iter().all(|owner| (*owner as usize) < bricks.len()), "a triangle of no brick");
         assert!(bricks.iter().all(|brick| (1..=24).contains(&brick.shift)), "no distance of samples");
-        Load {
+        // A share of the room, so that no more is read back than there may be.
+        let share = |room: u32| room / (limit.max(bricks.len()) as u32) * bricks.len() as u32;
+        Sizes {
             bricks: bricks.len() as u32,
             pairs: owners.len() as u32,
-            // A share of the room, so that no more is read back than there may be.
-            edges: self.sizes.edges / (limit.max(bricks.len()) as u32) * bricks.len() as u32,
+            edges: share(self.sizes.edges),
+            records: self.sizes.records,
         }
     }
 
@@ -176,17 +178,15 @@ impl Lane {
     /// If the device fails; the batch is not under way any more.
     pub fn receive(&mut self) -> Result<Option<BatchOutput<'_>>, Failure> {
         let Some((slot, load)) = self.pending.pop_front() else { return Ok(None) };
-        let seconds = self.slots[slot].wait()?;
-        let ranges = self.sizes.read_ranges();
-        let part = |number: usize, bytes: u64| self.read.bytes(slot, ranges[number].0, bytes);
-        let words = |number: usize, count: u32| bytemuck::cast_slice(part(number, u64::from(count) * 4));
-        let bricks: &[Brick] =
-            bytemuck::cast_slice(part(1, u64::from(load.bricks) * size_of::<Brick>() as u64));
+        self.slots[slot].wait()?;
+        let seconds = self.slots[slot].seconds()?;
+        let (ranges, lengths) = (self.sizes.read_ranges(), load.lengths());
+        let part = |number: usize| self.read.bytes(slot, ranges[number].0, lengths[READ[number]]);
         Ok(Some(BatchOutput {
-            bricks,
-            samples: words(2, load.bricks * SAMPLE_WORDS),
-            normals: words(3, load.edges),
-            offsets: words(4, load.edges),
+            bricks: bytemuck::cast_slice(part(0)),
+            samples: bytemuck::cast_slice(part(1)),
+            rows: bytemuck::cast_slice(part(2)),
+            hermite: bytemuck::cast_slice(part(3)),
             seconds,
         }))
     }

@@ -5,6 +5,7 @@
 //! every number that a kernel uses as an index is bounded by the batch that [`Lane::submit`] has checked. It knows
 //! nothing of trees and soups; `backend` decides what becomes a batch.
 
+mod brute;
 mod context;
 mod device;
 mod failure;
@@ -15,8 +16,9 @@ mod memory;
 mod sizes;
 mod slot;
 
+pub use brute::AngleSums;
 pub use device::{Gpu, Settings};
 pub use failure::{Failure, Fault, Stage, Unavailable};
-pub use instance::{DeviceInfo, DeviceKind, devices};
+pub use instance::{DeviceInfo, DeviceKind, devices, may_be_there};
 pub use lane::{BatchInput, BatchOutput, Lane};
 pub use slot::Seconds;

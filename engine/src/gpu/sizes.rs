@@ -2,7 +2,7 @@
 
 use super::memory::RANGE_ALIGNMENT;
 use brickfield_shaders::{
-    BRICK_BUFFERS, Batch, Brick, POINTS, RECORD_WORDS, ROWS, SAMPLE_WORDS, TABLE_WORDS, WORKGROUP,
+    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, RECORD_WORDS, ROWS, SAMPLE_WORDS, TABLE_WORDS, WORKGROUP,
 };
 
 /// What a batch has room for.
@@ -19,8 +19,8 @@ pub(super) struct Sizes {
 const PAIRS_OF_BRICK: u32 = 2048;
 /// Sign-changing edges for which a brick makes room: a plane through it has 3,000.
 const EDGES_OF_BRICK: u32 = 8192;
-/// Crossings of such edges. Beads that overlap have two to three on an edge.
-const RECORDS_OF_BRICK: u32 = 3 * EDGES_OF_BRICK;
+/// Crossings of such edges beyond the first ones. Beads that overlap have two to three on an edge.
+const RECORDS_OF_BRICK: u32 = EDGES_OF_BRICK;
 /// Bricks beyond which a batch gains nothing.
 const BRICKS_MAX: u32 = 256;
 
@@ -29,8 +29,10 @@ pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
 
 /// Buffers that are uploaded: batch, bricks, triangles, owners.
 pub(super) const UPLOADED: usize = 4;
-/// Buffers that are read back: batch, bricks, samples, heads, starts.
-pub(super) const READ: [usize; 5] = [0, 1, 5, 7, 8];
+/// Buffers that begin with zeros: jumps, rows, tables, chains.
+pub(super) const ZEROED: [usize; 4] = [4, 6, 7, 8];
+/// Buffers that are read back: bricks, samples, rows, hermite.
+pub(super) const READ: [usize; 4] = [1, 5, 6, 9];
 
 impl Sizes {
     /// For this many bricks.
@@ -54,18 +56,19 @@ impl Sizes {
     }
 
     /// Bytes of each buffer.
-    fn lengths(&self) -> [u64; BRICK_BUFFERS.len()] {
+    pub fn lengths(&self) -> [u64; BRICK_BUFFERS.len()] {
         let words = |count: u32, words: u32| u64::from(count) * u64::from(words) * 4;
         [
             size_of::<Batch>() as u64,
             u64::from(self.bricks) * size_of::<Brick>() as u64,
             words(self.pairs, 9),
             words(self.pairs, 1),
-            words(self.bricks, ROWS * POINTS),
+            words(self.bricks, JUMP_WORDS),
             words(self.bricks, SAMPLE_WORDS),
+            words(self.bricks, 2 * ROWS),
             words(self.bricks, TABLE_WORDS),
-            words(self.edges, 1),
-            words(self.edges, 1),
+            words(self.edges, 2),
+            words(self.edges, 2),
             words(self.records, RECORD_WORDS),
         ]
     }

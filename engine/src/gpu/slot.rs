@@ -3,31 +3,27 @@
 use super::context::Context;
 use super::failure::Failure;
 use super::kernels::Kernels;
-use super::sizes::{READ, Ranges, Sizes, UPLOADED};
+use super::sizes::{READ, Ranges, Sizes, UPLOADED, ZEROED};
 use ash::vk;
-use brickfield_shaders::{BRICK_BUFFERS, Batch, Brick, POINTS, RESOLVE_GROUPS, ROWS, SAMPLE_WORDS, WORKGROUP};
+use brickfield_shaders::WORKGROUP;
 use std::sync::Arc;
 
-/// Points of time that a batch notes: before, uploaded, computed, read back.
-const TIMES: u32 = 4;
+/// Workgroups for each brick that share the edges with several crossings.
+const RESOLVE_GROUPS: u32 = 4;
+/// Kernels of a batch.
+const KERNELS: usize = 4;
+/// Points of time that a batch notes: before, uploaded, after each kernel, read back.
+const TIMES: u32 = KERNELS as u32 + 3;
 
 /// Seconds that a batch took on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Seconds {
     /// To upload its input.
     pub upload: f64,
-    /// To compute.
-    pub compute: f64,
+    /// To compute, by kernel.
+    pub kernels: [f64; KERNELS],
     /// To read its results back.
     pub read: f64,
-}
-
-/// How much of a slot's room a batch takes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Load {
-    pub bricks: u32,
-    pub pairs: u32,
-    pub edges: u32,
 }
 
 /// Command buffer, semaphore and clock of one batch at a time.
@@ -77,47 +73,64 @@ impl Slot {
             if context.tick_ns.is_some() {
                 slot.times = device.create_query_pool(&times, None)?;
             }
-            let info = vk::CommandBufferAllocateInfo::default().command_pool(slot.pool).command_buffer_count(1);
+            let info =
+                vk::CommandBufferAllocateInfo::default().command_pool(slot.pool).command_buffer_count(1);
             slot.commands = device.allocate_command_buffers(&info)?[0];
         }
         Ok(slot)
     }
 
-    /// Sends a batch that lies in the upload buffer.
+    /// Sends a batch that lies in the upload buffer. `load` is what it takes of the sizes of the buffers.
     pub fn submit(
         &mut self,
         kernels: &Kernels,
         buffers: Buffers,
         sizes: &Sizes,
-        load: Load,
+        load: &Sizes,
     ) -> Result<(), Failure> {
+        let ranges = sizes.ranges();
+        self.run(|slot| {
+            slot.reset_times();
+            slot.note_time(0);
+            slot.record_upload(buffers, &ranges, load);
+            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
+            slot.note_time(1);
+            slot.record_kernels(kernels, buffers, load);
+            slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
+            slot.record_read_back(buffers, &ranges, sizes, load);
+            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
+            slot.note_time(TIMES - 1);
+        })
+    }
+
+    /// Sends the commands that `record` records.
+    pub fn run(&mut self, record: impl FnOnce(&Slot)) -> Result<(), Failure> {
         let device = &self.context.raw;
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the last batch was waited for, so nothing of the pool is in use.
         unsafe {
             device.reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty())?;
             device.begin_command_buffer(self.commands, &begin)?;
-            if self.context.tick_ns.is_some() {
-                device.cmd_reset_query_pool(self.commands, self.times, 0, TIMES);
-            }
         }
-        let ranges = sizes.ranges();
-        self.note_time(0);
-        self.record_upload(buffers, &ranges, load);
-        self.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
-        self.note_time(1);
-        self.record_kernels(kernels, buffers, load);
-        self.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-        self.note_time(2);
-        self.record_read_back(buffers, &ranges, sizes, load);
-        self.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
-        self.note_time(3);
+        record(self);
         // SAFETY: recording began above.
         unsafe { device.end_command_buffer(self.commands) }?;
         self.context.submit(self.commands, self.semaphore, self.value + 1)?;
         self.value += 1;
         self.pending = true;
         Ok(())
+    }
+
+    /// The command buffer, while it is recorded.
+    pub fn commands(&self) -> vk::CommandBuffer {
+        self.commands
+    }
+
+    fn reset_times(&self) {
+        if self.context.tick_ns.is_some() {
+            // SAFETY: the buffer is being recorded; the queries of the last batch were read.
+            unsafe { self.context.raw.cmd_reset_query_pool(self.commands, self.times, 0, TIMES) };
+        }
     }
 
     fn note_time(&self, number: u32) {
@@ -135,7 +148,7 @@ impl Slot {
     }
 
     /// What the stages before have written, those behind may read and write.
-    fn barrier(&self, before: vk::PipelineStageFlags, behind: vk::PipelineStageFlags) {
+    pub fn barrier(&self, before: vk::PipelineStageFlags, behind: vk::PipelineStageFlags) {
         let writes = match before {
             vk::PipelineStageFlags::TRANSFER => vk::AccessFlags::TRANSFER_WRITE,
             _ => vk::AccessFlags::SHADER_WRITE,
@@ -151,32 +164,29 @@ impl Slot {
         unsafe { self.context.raw.cmd_pipeline_barrier(self.commands, before, behind, none, &all, &[], &[]) };
     }
 
-    fn record_upload(&self, buffers: Buffers, ranges: &Ranges, load: Load) {
-        let lengths = [
-            size_of::<Batch>() as u64,
-            u64::from(load.bricks) * size_of::<Brick>() as u64,
-            u64::from(load.pairs) * 36,
-            u64::from(load.pairs) * 4,
-        ];
+    fn record_upload(&self, buffers: Buffers, ranges: &Ranges, load: &Sizes) {
+        let lengths = load.lengths();
         let copies: [vk::BufferCopy; UPLOADED] = std::array::from_fn(|i| vk::BufferCopy {
             src_offset: ranges[i].0,
             dst_offset: ranges[i].0,
             size: lengths[i],
         });
-        let jumps = u64::from(load.bricks * ROWS * POINTS) * 4;
         // SAFETY: the load fits the sizes from which the buffers were made, and no part of it is empty.
         unsafe {
             let device = &self.context.raw;
             device.cmd_copy_buffer(self.commands, buffers.upload, buffers.device, &copies);
-            device.cmd_fill_buffer(self.commands, buffers.device, ranges[4].0, jumps, 0);
+            for buffer in ZEROED {
+                let (from, length) = (ranges[buffer].0, lengths[buffer]);
+                device.cmd_fill_buffer(self.commands, buffers.device, from, length, 0);
+            }
         }
     }
 
-    fn record_kernels(&self, kernels: &Kernels, buffers: Buffers, load: Load) {
+    fn record_kernels(&self, kernels: &Kernels, buffers: Buffers, load: &Sizes) {
         let of_pairs = load.pairs.div_ceil(WORKGROUP);
-        let groups = [(of_pairs, 1), (load.bricks, 1), (of_pairs, 1), (load.bricks, RESOLVE_GROUPS)];
+        let groups = [of_pairs, load.bricks, of_pairs, load.bricks * RESOLVE_GROUPS];
         let device = &self.context.raw;
-        for (number, (x, y)) in groups.into_iter().enumerate() {
+        for (number, groups) in groups.into_iter().enumerate() {
             if number > 0 {
                 self.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
             }
@@ -189,42 +199,49 @@ impl Slot {
                     let sets = [buffers.set];
                     device.cmd_bind_descriptor_sets(self.commands, point, kernels.layout, 0, &sets, &[]);
                 }
-                device.cmd_dispatch(self.commands, x, y, 1);
+                device.cmd_dispatch(self.commands, groups, 1, 1);
             }
+            self.note_time(number as u32 + 2);
         }
     }
 
-    fn record_read_back(&self, buffers: Buffers, ranges: &Ranges, sizes: &Sizes, load: Load) {
-        let read = sizes.read_ranges();
-        let lengths = [
-            size_of::<Batch>() as u64,
-            u64::from(load.bricks) * size_of::<Brick>() as u64,
-            u64::from(load.bricks * SAMPLE_WORDS) * 4,
-            u64::from(load.edges) * 4,
-            u64::from(load.edges) * 4,
-        ];
+    fn record_read_back(&self, buffers: Buffers, ranges: &Ranges, sizes: &Sizes, load: &Sizes) {
+        let (read, lengths) = (sizes.read_ranges(), load.lengths());
         let copies: [vk::BufferCopy; READ.len()] = std::array::from_fn(|i| vk::BufferCopy {
             src_offset: ranges[READ[i]].0,
             dst_offset: read[i].0,
-            size: lengths[i],
+            size: lengths[READ[i]],
         });
         // SAFETY: as in `record_upload`.
         unsafe { self.context.raw.cmd_copy_buffer(self.commands, buffers.device, buffers.read, &copies) };
     }
 
-    /// Waits for the batch; how long it took, if the device has a clock.
-    pub fn wait(&mut self) -> Result<Option<Seconds>, Failure> {
+    /// Waits for what was sent.
+    pub fn wait(&mut self) -> Result<(), Failure> {
         let waited = self.context.wait(self.semaphore, self.value);
         self.pending = false;
-        waited?;
+        waited
+    }
+
+    /// How long the last batch took, if the device has a clock.
+    pub fn seconds(&self) -> Result<Option<Seconds>, Failure> {
         let Some(tick_ns) = self.context.tick_ns else { return Ok(None) };
         let mut ticks = [0u64; TIMES as usize];
         // SAFETY: the batch is done, so that all queries are there; the array has a word for each.
         unsafe {
-            self.context.raw.get_query_pool_results(self.times, 0, &mut ticks, vk::QueryResultFlags::TYPE_64)?;
+            self.context.raw.get_query_pool_results(
+                self.times,
+                0,
+                &mut ticks,
+                vk::QueryResultFlags::TYPE_64,
+            )?;
         }
         let between = |i: usize| ticks[i + 1].saturating_sub(ticks[i]) as f64 * f64::from(tick_ns) * 1e-9;
-        Ok(Some(Seconds { upload: between(0), compute: between(1), read: between(2) }))
+        Ok(Some(Seconds {
+            upload: between(0),
+            kernels: std::array::from_fn(|number| between(number + 1)),
+            read: between(KERNELS + 1),
+        }))
     }
 }
 
@@ -247,6 +264,3 @@ impl Drop for Slot {
         }
     }
 }
-
-// The kernels' buffers are addressed by these numbers above.
-const _: () = assert!(BRICK_BUFFERS.len() == 10 && UPLOADED == 4);

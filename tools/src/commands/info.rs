@@ -1,6 +1,6 @@
 //! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
 
-use super::{info_mesh, unit_of, volumes_text};
+use super::{info_devices, info_mesh, unit_of, volumes_text};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
 use crate::output::{print, print_json};
@@ -12,14 +12,17 @@ use serde_json::{Value, json};
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    if info_mesh::is_mesh(&args.file) {
-        return info_mesh::run(args);
+    let Some(file) = args.file.as_deref().filter(|_| !args.devices) else {
+        return info_devices::run(args.json);
+    };
+    if info_mesh::is_mesh(file) {
+        return info_mesh::run(file, args);
     }
     // No brick is read twice, so none is kept.
-    let store = Store::open_any(&args.file, 0)?;
+    let store = Store::open_any(file, 0)?;
     if let (Some(share), true) = (&store.meta().share, args.volume) {
         let what = format!("--volume: this is share {} of a store; join all with `cache merge`", share.id);
-        return Err(anyhow::anyhow!("{}: {what}", args.file.display()).into());
+        return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
     }
     let volumes = match args.volume {
         true => {
