@@ -2,6 +2,7 @@
 
 use crate::args::{BackendArg, BackendArgs};
 use crate::failure::Failure;
+use crate::units::Size;
 use anyhow::anyhow;
 use brickfield_engine::backend::Vulkan;
 use brickfield_engine::gpu::{Gpu, Settings, may_be_there};
@@ -12,8 +13,9 @@ pub enum Chosen {
     Cpu { why: Option<String> },
 }
 
-/// Opens the device that was asked for. Automatic choice takes GPUs only, or the device that was named.
-pub fn choose(args: &BackendArgs) -> Result<Chosen, Failure> {
+/// Opens the device that was asked for. Automatic choice takes GPUs only, or the device that was named. Where only the
+/// build's memory is bounded, batches get a quarter of it.
+pub fn choose(args: &BackendArgs, memory: Option<Size>) -> Result<Chosen, Failure> {
     let BackendArgs { backend, device, gpu_memory } = args;
     let named = device.is_some();
     if *backend == BackendArg::Cpu {
@@ -29,7 +31,7 @@ pub fn choose(args: &BackendArgs) -> Result<Chosen, Failure> {
     let settings = Settings {
         device: device.clone(),
         real: !is_asked_for,
-        memory: gpu_memory.map_or(0, |size| size.0),
+        memory: gpu_memory.or(memory.map(|size| Size(size.0 / 4))).map_or(0, |size| size.0),
         validation: false,
     };
     match Gpu::open(&settings) {

@@ -21,8 +21,8 @@ const PAIRS_OF_BRICK: u32 = 2048;
 const EDGES_OF_BRICK: u32 = 8192;
 /// Crossings of such edges beyond the first ones. Beads that overlap have two to three on an edge.
 const RECORDS_OF_BRICK: u32 = EDGES_OF_BRICK;
-/// Bricks beyond which a batch gains nothing.
-const BRICKS_MAX: u32 = 256;
+/// Bricks of a batch at most: as many as the subtrees of the usual depths have leaves. Decoded they take 7 MB.
+const BRICKS_MAX: u32 = 64;
 
 /// Offset and length of each buffer, by binding; the first [`UPLOADED`] are uploaded.
 pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];

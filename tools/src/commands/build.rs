@@ -111,7 +111,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
     let bars = start(plan.work)?;
-    let chosen = choose(&plan.backend)?;
+    let chosen = choose(&plan.backend, plan.memory)?;
     plan.options.resources.device = chosen.device();
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
@@ -134,6 +134,11 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         None => memory::require_room(&inputs, &plan.options, budget)?,
         Some(clouds) => memory::require_room_for_points(clouds, budget)?,
     };
+    if let Some(device) = &plan.options.resources.device {
+        // What batches take of the device's memory is this machine's where the device is a part of it, and half of it is
+        // in any case.
+        plan.options.resources.memory -= device.gpu().memory().min(plan.options.resources.memory / 2);
+    }
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(mesh_sink).transpose()?;
     let mut summary = match clouds {
