@@ -19,7 +19,7 @@ const ROOMS: [(&str, &[&str]); 15] = [
     ("solid", &["toolpath", "brick"]),
     ("winding", &["bead", "ingest", "brick"]),
     ("store", &["brick"]),
-    ("backend", &["gpu", "brick", "winding"]),
+    ("backend", &["gpu", "ingest", "brick", "winding"]),
     ("build", &["gpu", "toolpath", "bead", "ingest", "brick", "solid", "winding", "store", "backend"]),
     ("contour", &["brick", "store"]),
     ("analysis", &["brick", "solid", "store"]),

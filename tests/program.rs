@@ -3,6 +3,7 @@
 mod support;
 
 mod program {
+    mod backend;
     mod bad_input;
     mod beads;
     mod build;

@@ -2,21 +2,24 @@
 //! kept in one file.
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
-//! [`lattice`], [`mmap`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
-//! [`store`] → [`build`] → [`contour`], [`analysis`].
+//! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
+//! [`store`] → [`backend`] → [`build`] → [`contour`], [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod backend;
 pub mod bead;
 pub mod brick;
 pub mod build;
 pub mod contour;
 mod disk;
 mod error;
+#[allow(unsafe_code)] // Vulkan
+pub mod gpu;
 pub mod ingest;
 pub mod lattice;
-#[allow(unsafe_code)] // maps; nothing else is
+#[allow(unsafe_code)] // maps
 pub mod mmap;
 pub mod part;
 mod progress;

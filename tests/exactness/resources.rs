@@ -30,7 +30,7 @@ fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, Sum
         solids: None,
         identity: false,
         share: None,
-        resources: Resources { memory, temp_dir: None },
+        resources: Resources { memory, ..Resources::default() },
         keeping: Keeping::default(),
         unit: "mm".into(),
         program: "test".into(),

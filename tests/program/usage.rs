@@ -27,8 +27,8 @@ fn what_makes_no_sense_is_refused() {
         args.extend(more.iter().map(|arg| arg as &dyn AsRef<OsStr>));
         run(&args).misused()
     };
-    let vulkan = build(&["--backend", "vulkan"]);
-    assert!(vulkan.contains("auto") && vulkan.contains("cpu"), "{vulkan}");
+    let cuda = build(&["--backend", "cuda"]);
+    assert!(cuda.contains("auto") && cuda.contains("cpu"), "{cuda}");
     for more in [
         &["--depth", "17"] as &[&str],
         &["--depth", "-1"],

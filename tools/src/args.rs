@@ -107,9 +107,8 @@ pub struct BuildArgs {
     /// Where to divide bricks
     #[arg(long, value_enum, default_value_t)]
     pub refine: RefineArg,
-    /// What computes. Automatic choice takes the best that this build has
-    #[arg(long, value_enum, default_value_t)]
-    pub backend: BackendArg,
+    #[command(flatten)]
+    pub backend: BackendArgs,
     /// The unit of the input's coordinates; toolpaths are in mm whatever they say
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub units: Unit,
@@ -206,14 +205,32 @@ pub enum BeadsArg {
     Mesh,
 }
 
-/// The backends of this build.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+/// What computes.
+#[derive(Args, Clone, Debug)]
+pub struct BackendArgs {
+    /// What computes. Results do not depend on it. Devices evaluate the bricks of closed meshes, with the default
+    /// --refine and --stddev; everything else is the processor's
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+    /// The Vulkan device, by its number or a part of its name; `info --devices` lists them
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// Memory for batches on the device, as in 2GiB, taken off --memory; by default a quarter of that, or else an
+    /// eighth of the device's, 1 GiB at most
+    #[arg(long, value_name = "SIZE")]
+    pub gpu_memory: Option<Size>,
+}
+
+/// The backends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum BackendArg {
-    /// The best there is
+    /// A GPU if there is one, otherwise the processor
     #[default]
     Auto,
     /// All processor cores
     Cpu,
+    /// A Vulkan device, a GPU or a software driver
+    Vulkan,
 }
 
 /// Write a mesh of the surface where the winding number passes a value
@@ -254,8 +271,11 @@ Of a mesh: whether it is closed, and if not, how many open edges there are, into
 how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).")]
 pub struct InfoArgs {
     /// The store, or a mesh that ends in .stl, .obj or .ply
-    #[arg(value_name = "PART.brf|MESH")]
-    pub file: PathBuf,
+    #[arg(value_name = "PART.brf|MESH", required_unless_present = "devices")]
+    pub file: Option<PathBuf>,
+    /// List the Vulkan devices of this machine instead
+    #[arg(long, conflicts_with_all = ["file", "volume"])]
+    pub devices: bool,
     /// Also read all leaves for the volume of the union and of what overlaps
     #[arg(long)]
     pub volume: bool,
@@ -320,10 +340,12 @@ pub struct WindingArgs {
     /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree
     #[arg(long)]
     pub estimate_normals: bool,
-    /// Sum the solid angles of all facets in double precision instead; slow. For beads as solids:
-    /// evaluate their formulas at the points themselves, off the lattice
+    /// Sum the solid angles of all facets in double precision instead; slow. With --backend vulkan in single precision
+    /// on the device. For beads as solids: evaluate their formulas at the points themselves, off the lattice
     #[arg(long)]
     pub brute: bool,
+    #[command(flatten)]
+    pub backend: BackendArgs,
     /// Print a JSON object a line instead of CSV
     #[arg(long)]
     pub json: bool,

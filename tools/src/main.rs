@@ -5,6 +5,7 @@
 mod args;
 mod clouds;
 mod commands;
+mod devices;
 mod failure;
 mod interrupt;
 mod memory;

@@ -38,9 +38,9 @@ impl Collector {
     /// # Errors
     /// If the temporary file cannot be written.
     pub fn push(&mut self, mut triangles: &[Triangle]) -> Result<()> {
-        self.sorted.add_corners(&Soup, &self.binner, triangles);
+        self.sorted.add_corners(&Soup::CPU, &self.binner, triangles);
         while !triangles.is_empty() {
-            let (run, taken) = SortedRun::of_some(&Soup, &self.binner, triangles, PAIRS);
+            let (run, taken) = SortedRun::of_some(&Soup::CPU, &self.binner, triangles, PAIRS);
             self.keep(run)?;
             triangles = &triangles[taken..];
         }
@@ -88,7 +88,7 @@ impl Collector {
             packed.append(&mut collector.packed);
             spilled.append(&mut collector.spilled);
             place = Some((collector.binner, collector.file));
-            all.merge(&Soup, collector.sorted);
+            all.merge(&Soup::CPU, collector.sorted);
         }
         if let Some((binner, file)) = place
             && !(packed.is_empty() && spilled.is_empty())

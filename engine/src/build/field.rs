@@ -1,5 +1,6 @@
 //! What a tree is built from, and the view of it that sorting, jobs and subtrees share.
 
+use crate::backend::{Leaf, LeafQueue, Vulkan};
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Triangle, Units, bounds, has_area, touches_cube};
@@ -67,6 +68,20 @@ pub(super) trait Field: Sync {
         corner: i16,
         list: Pieces<'a, Self::Piece>,
     ) -> Result<Self::Evaluation<'a>>;
+
+    /// Whether leaves are evaluated in batches, ahead of their turn: then [`Field::next_leaf`] gives them.
+    fn begin_leaves(&self, _evaluator: &mut Self::Evaluator) -> bool {
+        false
+    }
+    /// The next one of some leaves, whose pieces are some of an array; to be called once for each.
+    fn next_leaf(
+        &self,
+        _evaluator: &mut Self::Evaluator,
+        _array: &[Self::Piece],
+        _leaves: &[Leaf<'_>],
+    ) -> Result<Brick> {
+        unreachable!("no leaves were begun")
+    }
 }
 
 /// Some pieces of an array, by index.
@@ -117,12 +132,28 @@ pub(super) struct Fractions {
 }
 
 /// The field of a closed soup of triangles.
-pub(super) struct Soup;
+#[derive(Default)]
+pub(super) struct Soup {
+    /// What evaluates leaves, if it is not the processor.
+    pub device: Option<Vulkan>,
+}
+
+impl Soup {
+    /// Evaluated on the processor.
+    pub const CPU: Soup = Soup { device: None };
+}
+
+/// Evaluates bricks of soups, on the processor or a device.
+#[derive(Default)]
+pub(super) struct SoupEvaluator {
+    cpu: Evaluator,
+    queue: LeafQueue,
+}
 
 impl Field for Soup {
     type Piece = Triangle;
     type Corners = CornerGrid;
-    type Evaluator = Evaluator;
+    type Evaluator = SoupEvaluator;
     type Evaluation<'a> = Evaluation<'a>;
 
     #[inline]
@@ -169,12 +200,26 @@ impl Field for Soup {
 
     fn evaluate<'a>(
         &'a self,
-        evaluator: &'a mut Evaluator,
+        evaluator: &'a mut SoupEvaluator,
         key: NodeKey,
         corner: i16,
         list: Pieces<'a, Triangle>,
     ) -> Result<Evaluation<'a>> {
-        evaluator.evaluate(key, corner, Triangles { array: list.array, indices: list.indices })
+        evaluator.cpu.evaluate(key, corner, Triangles { array: list.array, indices: list.indices })
+    }
+
+    fn begin_leaves(&self, evaluator: &mut SoupEvaluator) -> bool {
+        self.device.as_ref().inspect(|device| evaluator.queue.begin(device)).is_some()
+    }
+
+    fn next_leaf(
+        &self,
+        evaluator: &mut SoupEvaluator,
+        array: &[Triangle],
+        leaves: &[Leaf<'_>],
+    ) -> Result<Brick> {
+        let device = self.device.as_ref().expect("leaves were begun");
+        evaluator.queue.next(device, &mut evaluator.cpu, array, leaves)
     }
 }
 

@@ -80,7 +80,7 @@ pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules)
     if !soup.balance.is_closed() {
         return Err(Error::setting("the soup has open edges", "close it"));
     }
-    tree_of(&Soup, soup.sorted, rules, root)
+    tree_of(&Soup::CPU, soup.sorted, rules, root)
 }
 
 fn tree_of<F: Field>(

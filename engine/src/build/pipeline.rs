@@ -12,6 +12,7 @@ use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
 use super::toolpaths::{bead_sources, build_beads};
 use super::weigh::{Work, weigh_soup};
+use crate::backend::{DeviceReport, Vulkan};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
@@ -124,6 +125,8 @@ pub struct Summary {
     pub temporary_bytes: u64,
     /// What of the tree was built, if it was a share.
     pub share: Option<ShareSummary>,
+    /// What a device did, if one was given and the input is what devices are for.
+    pub device: Option<DeviceReport>,
     /// Seconds by phase, in order; serialized as a map.
     #[serde(serialize_with = "as_map")]
     pub phases: Vec<(&'static str, f64)>,
@@ -201,7 +204,8 @@ pub fn build_opened(
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
     let open = if soup.balance.is_closed() {
-        task.build(&Soup, soup.sorted, progress)?;
+        let device = options.resources.device.clone();
+        task.build(&Soup { device }, soup.sorted, progress)?;
         OpenSummary::default()
     } else {
         drop(soup);
@@ -213,14 +217,23 @@ pub fn build_opened(
         field.part().summary
     };
     clock.lap("build");
+    let device =
+        options.resources.device.as_ref().filter(|_| open.open_edges == 0 && is_for_devices(options));
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
+        device: device.map(Vulkan::take_report),
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
         open_edges: open.open_edges,
         loops: open.loops,
         flipped_patches: open.flipped_patches,
         ..summary
     })
+}
+
+/// Whether the settings leave the leaves of a closed soup to a device: where nodes decide for themselves, one waits for
+/// the other.
+fn is_for_devices(options: &BuildOptions) -> bool {
+    options.refine == Refine::Hidden && options.stddev == 0.0
 }
 
 /// A build whose input is known and measured: the store is begun.
@@ -363,6 +376,7 @@ impl Task {
             flipped_patches: 0,
             temporary_bytes: self.room.file().bytes(),
             share,
+            device: None,
             phases: clock.laps,
         })
     }

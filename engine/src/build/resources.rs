@@ -1,6 +1,7 @@
 //! What a build may take of the machine.
 
 use super::temporary::TempFile;
+use crate::backend::Vulkan;
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,12 +15,14 @@ pub struct Resources {
     pub memory: u64,
     /// Folder of the temporary file that is used if the pieces do not fit in memory; the output's own by default.
     pub temp_dir: Option<PathBuf>,
+    /// A device for the leaves of closed soups that are refined where triangles are. Everything else is the processor's.
+    pub device: Option<Vulkan>,
 }
 
 impl Default for Resources {
     /// No bound.
     fn default() -> Self {
-        Resources { memory: u64::MAX, temp_dir: None }
+        Resources { memory: u64::MAX, temp_dir: None, device: None }
     }
 }
 

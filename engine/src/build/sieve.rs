@@ -152,7 +152,7 @@ mod tests {
     fn touched<'a>(soup: impl Iterator<Item = &'a Triangle>) -> Vec<usize> {
         let binner = Binner::new(NodeKey::ROOT, LEVEL);
         let mut all = Vec::new();
-        soup.for_each(|t| binner.for_touched(&Soup, t, |brick| all.push(brick)));
+        soup.for_each(|t| binner.for_touched(&Soup::CPU, t, |brick| all.push(brick)));
         all.sort_unstable();
         all.dedup();
         all

@@ -80,7 +80,7 @@ impl Part {
         let (mut balance, mut degenerate) = (self.balance, 0);
         for t in triangles {
             balance.add(t);
-            if Soup.is_void(t) {
+            if Soup::CPU.is_void(t) {
                 degenerate += 1;
             } else if self.sieve.as_mut().is_none_or(|sieve| sieve.keeps(t)) {
                 self.kept.push(*t);
@@ -137,7 +137,7 @@ fn plan(
         let before = snapped.len();
         snapped.retain(|t| lattice.is_none_or(|lattice| lattice.hides(t).is_none()));
         hidden += (before - snapped.len()) as u64;
-        let run = SortedRun::new(&Soup, &binner, &snapped);
+        let run = SortedRun::new(&Soup::CPU, &binner, &snapped);
         plain += run.pieces() * size_of::<Triangle>() as u64;
         packed += PackedRun::new(&run).heap_bytes();
     }

@@ -1,10 +1,11 @@
 //! One subtree of the octree: from the pieces that touch a node to the records of the node and all below
 //! it, in post-order.
 
-use super::bins::Binner;
+use super::bins::{Binner, CellLists};
 use super::field::{Evaluated, Field, Pieces};
 use super::records::Recorder;
 use super::rules::Rules;
+use crate::backend::Leaf;
 use crate::brick::{Brick, Samples, point_index};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant};
@@ -85,9 +86,52 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
 
     fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
         self.progress.check()?;
-        let brick = self.field.evaluate(&mut self.evaluator, key, corner, list)?.into_leaf()?;
+        let ahead = self.rules.refines_all_touched();
+        let brick = if ahead && self.field.begin_leaves(&mut self.evaluator) {
+            let leaf = Leaf { key, corner, indices: list.indices };
+            self.field.next_leaf(&mut self.evaluator, list.array, &[leaf])?
+        } else {
+            self.field.evaluate(&mut self.evaluator, key, corner, list)?.into_leaf()?
+        };
         self.records.push(key, true, &brick);
         Ok(Node::Stored(Half::of(&brick)))
+    }
+
+    /// The bottom of a subtree whose leaves are evaluated in batches.
+    fn leaves_ahead(
+        &mut self,
+        top: NodeKey,
+        stride: u8,
+        corners: &[i64],
+        pieces: &[F::Piece],
+        lists: &CellLists,
+    ) -> Result<Node> {
+        let SubtreeBuilder { field, progress, evaluator, records, .. } = self;
+        let settled = |key, number| {
+            let list = Pieces { array: pieces, indices: lists.of(number) };
+            field.settled(key, corner_at(corners, stride, number), list)
+        };
+        let below = |number: usize| top.code() << (3 * u32::from(stride)) | number as u64;
+        let leaves: Vec<Leaf<'_>> = (0..1usize << (3 * stride))
+            .map(|number| (NodeKey::from_code(below(number)).expect("a descendant of a legal key"), number))
+            .filter(|&(key, number)| settled(key, number).is_none())
+            .map(|(key, number)| {
+                let corner = corner_at(corners, stride, number);
+                Leaf { key, corner, indices: lists.of(number) }
+            })
+            .collect();
+        descend(top, stride, &mut |step, number| match step {
+            Step::Joined(key, children) => Ok(join(key, children, field.binary_places(), records)),
+            Step::Reached(key) => match settled(key, number) {
+                Some(w) => Ok(Node::Empty(w)),
+                None => {
+                    progress.check()?;
+                    let brick = field.next_leaf(evaluator, pieces, &leaves)?;
+                    records.push(key, true, &brick);
+                    Ok(Node::Stored(Half::of(&brick)))
+                }
+            },
+        })
     }
 
     /// Every touched node above the depth limit is refined, so only leaves are evaluated; a node's samples
@@ -98,6 +142,9 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         pieces.iter().for_each(|piece| self.field.add_corners(&mut sums, piece));
         let corners = self.field.finish_corners(sums, i64::from(corner));
         let lists = Binner::new(key, stride).sort_indices(self.field, pieces);
+        if key.level() + stride == self.rules.depth && self.field.begin_leaves(&mut self.evaluator) {
+            return self.leaves_ahead(key, stride, &corners, pieces, &lists);
+        }
         let mut copies = Vec::new();
         descend(key, stride, &mut |step, number| {
             let key = match step {

@@ -122,7 +122,7 @@ pub(super) fn weigh_soup(
     let parts = fold_in_order(&runs(sources), part, |(work, world, snapped), (source, range)| {
         progress.check()?;
         read(sources[*source], range.clone(), root, world, snapped);
-        work.add(&Soup, snapped);
+        work.add(&Soup::CPU, snapped);
         progress.advance(snapped.len() as u64);
         Ok(())
     })?;
@@ -158,7 +158,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn weigh(triangles: &[Triangle]) -> (u64, Vec<u64>) {
-        let work = weigh_pieces(&Soup, triangles, (2, 4), &Silent).unwrap();
+        let work = weigh_pieces(&Soup::CPU, triangles, (2, 4), &Silent).unwrap();
         (work.sum, work.of_cubes())
     }
 

@@ -2,14 +2,16 @@
 
 use super::mesh::{MeshReport, mesh_sink, write_mesh};
 use super::{open_inputs, start, unit_of, volumes_text};
-use crate::args::{BeadsArg, BuildArgs, RefineArg, WorkArgs};
+use crate::args::{BackendArg, BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
 use crate::clouds::open_clouds;
+use crate::devices::{Chosen, choose};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{print, print_json, warn};
 use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
+use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::POINTS;
 use brickfield_engine::build::{
     BuildOptions, Keeping, Resolution, Resources, ShareSummary, Summary, build_clouds, build_opened,
@@ -38,6 +40,7 @@ struct Plan {
     gwn_error: Option<GwnError>,
     units: Unit,
     options: BuildOptions,
+    backend: BackendArgs,
     memory: Option<Size>,
     mesh: Option<PathBuf>,
     json: bool,
@@ -77,7 +80,17 @@ impl TryFrom<BuildArgs> for Plan {
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
         let BuildArgs {
-            inputs, output, units, memory, mesh, json, beads, estimate_normals, gwn_error, ..
+            inputs,
+            output,
+            units,
+            backend,
+            memory,
+            mesh,
+            json,
+            beads,
+            estimate_normals,
+            gwn_error,
+            ..
         } = args;
         Ok(Plan {
             inputs,
@@ -88,6 +101,7 @@ impl TryFrom<BuildArgs> for Plan {
             gwn_error,
             units,
             options,
+            backend,
             memory,
             mesh,
             json,
@@ -101,6 +115,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
     let bars = start(plan.work)?;
+    let chosen = choose(&plan.backend, plan.memory)?;
+    plan.options.resources.device = chosen.device();
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
     let clouds = open_clouds(&plan.inputs, &outputs, plan.estimate_normals, &bars)?;
@@ -122,6 +138,11 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         None => memory::require_room(&inputs, &plan.options, budget)?,
         Some(clouds) => memory::require_room_for_points(clouds, budget)?,
     };
+    if let Some(device) = &plan.options.resources.device {
+        // What batches take of the device's memory is this machine's where the device is a part of it, and half of it is
+        // in any case.
+        plan.options.resources.memory -= device.gpu().memory().min(plan.options.resources.memory / 2);
+    }
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(mesh_sink).transpose()?;
     let mut summary = match clouds {
@@ -153,7 +174,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         }
     };
     bars.clear();
-    let report = Report::new(&plan, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
+    let cpu = why_cpu(&plan, &chosen, &summary);
+    let report = Report::new(&plan, cpu, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
     report.warn();
     if plan.json {
         print_json(&report)
@@ -191,6 +213,11 @@ struct Report {
     unit: String,
     #[serde(flatten)]
     summary: Summary,
+    /// Why the processor evaluated the bricks, if a device might have.
+    processor: Option<String>,
+    /// What the user should know of the device.
+    #[serde(skip)]
+    device_warning: Option<String>,
     seconds: f64,
     /// Of beads as solids, their segments; of point clouds, their points.
     facets_per_second: f64,
@@ -220,6 +247,7 @@ struct Audit {
 impl Report {
     fn new(
         plan: &Plan,
+        cpu: Option<String>,
         summary: Summary,
         store: &Store,
         audit: Option<Audit>,
@@ -231,7 +259,17 @@ impl Report {
         let warnings = winding.filter(|_| summary.share.is_none()).map_or(Vec::new(), warnings);
         let samples = samples_of_leaves(store);
         let pieces = summary.facets + summary.segments + summary.points;
+        let explicit = plan.backend.backend == BackendArg::Vulkan || plan.backend.device.is_some();
+        let device_warning = match (&cpu, &summary.device) {
+            (Some(why), _) if explicit => Some(format!("--backend vulkan: {why}")),
+            (_, Some(DeviceReport { name, cpu_bricks, failure: Some(failure), .. })) => Some(format!(
+                "{name}: {failure}; the processor evaluated {cpu_bricks} bricks in its place, with the same result"
+            )),
+            _ => None,
+        };
         Report {
+            processor: cpu,
+            device_warning,
             output: plan.output.display().to_string(),
             unit: unit_of(store.meta()).to_owned(),
             summary,
@@ -250,6 +288,7 @@ impl Report {
 
     fn warn(&self) {
         self.warnings.iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
+        self.device_warning.iter().for_each(|message| warn(message));
         let toolpaths = self.audit.iter().flat_map(|audit| &audit.toolpaths);
         toolpaths.flat_map(ToolpathReport::warnings).for_each(|message| warn(&message));
     }
@@ -306,6 +345,7 @@ impl Report {
             all.for_each(|message| line(format!("  warning  {message}")));
         }
         self.warnings.iter().for_each(|message| line(format!("  warning  {message}")));
+        self.backend_text().map(&mut line);
         let phases: Vec<String> =
             self.summary.phases.iter().map(|(name, seconds)| format!("{name} {seconds:.2} s")).collect();
         line(format!("  time     {:.2} s: {}", self.seconds, phases.join(", ")));
@@ -323,6 +363,42 @@ impl Report {
         }
         text
     }
+}
+
+impl Report {
+    /// What evaluated the bricks, where it was a device or might have been.
+    fn backend_text(&self) -> Option<String> {
+        let Some(report) = &self.summary.device else {
+            return self.processor.as_ref().map(|why| format!("  backend  processor: {why}"));
+        };
+        let DeviceReport { name, bricks, cpu_bricks, batches, .. } = report;
+        let DeviceReport { upload_seconds, kernel_seconds, read_seconds, .. } = report;
+        let kernels: f64 = kernel_seconds.iter().sum();
+        let times = format!("{upload_seconds:.2} s up, {kernels:.2} s computing, {read_seconds:.2} s back");
+        let others = match cpu_bricks {
+            0 => String::new(),
+            n => format!(", {n} by the processor"),
+        };
+        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}"))
+    }
+}
+
+/// Why the processor evaluated the bricks, if a device might have.
+fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &Summary) -> Option<String> {
+    if let Chosen::Cpu { why } = chosen {
+        return why.clone();
+    }
+    let what = match summary {
+        Summary { device: Some(_), .. } => return None,
+        Summary { points: 1.., .. } => "the bricks of point clouds are the processor's",
+        Summary { segments: 1.., .. } => {
+            "the bricks of beads as solids are the processor's (see --beads mesh)"
+        }
+        Summary { open_edges: 1.., .. } => "the bricks of open surfaces are the processor's",
+        _ if plan.options.stddev > 0.0 => "with --stddev bricks are the processor's",
+        _ => "with this --refine bricks are the processor's",
+    };
+    Some(what.to_owned())
 }
 
 /// How many samples the leaves that are not uniform have.

@@ -1,6 +1,6 @@
 //! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
 
-use super::{info_mesh, open_store, unit_of, volumes_text};
+use super::{info_devices, info_mesh, open_store, unit_of, volumes_text};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
 use crate::output::{print, print_json};
@@ -12,18 +12,21 @@ use serde_json::{Value, json};
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    if info_mesh::is_mesh(&args.file) {
-        return info_mesh::run(args);
+    let Some(file) = args.file.as_deref().filter(|_| !args.devices) else {
+        return info_devices::run(args.json);
+    };
+    if info_mesh::is_mesh(file) {
+        return info_mesh::run(file, args);
     }
     // No brick is read twice, so none is kept.
-    let store = open_store(&args.file, 0, args.io, Accept::Unfinished)?;
+    let store = open_store(file, 0, args.io, Accept::Unfinished)?;
     if let (Some(share), true) = (&store.meta().share, args.volume) {
         let what = format!("--volume: this is share {} of a store; join all with `cache merge`", share.id);
-        return Err(anyhow::anyhow!("{}: {what}", args.file.display()).into());
+        return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
     }
     if store.is_unfinished() && args.volume {
         let what = "--volume: this store is unfinished; give the command that builds it again, which goes on";
-        return Err(anyhow::anyhow!("{}: {what}", args.file.display()).into());
+        return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
     }
     let volumes = match args.volume {
         true => {

@@ -20,12 +20,12 @@ pub fn is_mesh(path: &Path) -> bool {
 }
 
 /// Runs the command.
-pub fn run(args: &InfoArgs) -> Result<(), Failure> {
+pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     if args.volume {
         return Err(Failure::Usage("--volume takes a store, not a mesh".to_owned()));
     }
     let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
-    let inputs = open_inputs(std::slice::from_ref(&args.file), &[], &OpenOptions::default(), &bars)?;
+    let inputs = open_inputs(&[file.to_owned()], &[], &OpenOptions::default(), &bars)?;
     let input = &inputs[0];
     let path = input.path().display().to_string();
     let (min, max) = input.bounds(&bars)?;

@@ -5,6 +5,7 @@ pub mod build;
 pub mod cache;
 pub mod export;
 pub mod info;
+mod info_devices;
 mod info_mesh;
 pub mod mesh;
 pub mod sample;

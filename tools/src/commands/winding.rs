@@ -1,8 +1,9 @@
 //! `brickfield winding`: w at points, straight from meshes, closed or open, toolpaths and point clouds.
 
 use super::{open_inputs, start};
-use crate::args::WindingArgs;
+use crate::args::{BackendArg, WindingArgs};
 use crate::clouds::open_clouds;
+use crate::devices::choose;
 use crate::failure::Failure;
 use crate::output::warn;
 use crate::points::{PointReader, PointWriter};
@@ -10,6 +11,7 @@ use crate::progress::Bars;
 use crate::toolpaths::solids;
 use anyhow::anyhow;
 use brickfield_engine::Progress;
+use brickfield_engine::backend::{self, Vulkan};
 use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed, surfels};
 use brickfield_engine::ingest::{CloudInput, Facets, Input, bounds_of_all};
 use brickfield_engine::lattice::RootCube;
@@ -20,6 +22,10 @@ use std::path::Path;
 
 /// Runs the command.
 pub fn run(args: &WindingArgs) -> Result<(), Failure> {
+    let asks_for_device = args.backend.backend == BackendArg::Vulkan || args.backend.device.is_some();
+    if asks_for_device && !args.brute {
+        return Err(Failure::Usage("--backend vulkan: only --brute runs on a device".to_owned()));
+    }
     let bars = start(args.work)?;
     if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
         return of_clouds(args, clouds, &bars);
@@ -66,7 +72,11 @@ fn of_triangles(
     let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
     let total = Some(inputs.iter().map(Input::facets).sum());
     if args.brute {
+        let device = device(args)?;
         bars.phase("adding up", total, "facets");
+        if let Some(device) = device {
+            return write(args, bars, points, &backend::brute_at(&device, &sources, root, points, bars)?);
+        }
         write(args, bars, points, &brute_at(&sources, root, points, bars)?)
     } else if is_closed(inputs, root, bars)? {
         bars.phase("counting", total, "facets");
@@ -77,6 +87,12 @@ fn of_triangles(
         let values = open_winding_at(&sources, root, &open, points, args.gwn_error.0, bars)?;
         write(args, bars, points, &values)
     }
+}
+
+/// The device for --brute: only one that is asked for, because it computes in single precision.
+fn device(args: &WindingArgs) -> Result<Option<Vulkan>, Failure> {
+    let is_asked_for = args.backend.backend == BackendArg::Vulkan || args.backend.device.is_some();
+    Ok(if is_asked_for { choose(&args.backend, None)?.device() } else { None })
 }
 
 fn of_clouds(args: &WindingArgs, clouds: Vec<CloudInput>, bars: &Bars) -> Result<(), Failure> {

@@ -1,0 +1,265 @@
+//! Leaves of a subtree, evaluated ahead of their turn in batches on a device.
+//!
+//! What the device cannot do, or fails to do, the processor does with the same result: bricks with too many triangles
+//! or crossings for the buffers, winding numbers beyond 16 bits, which end in an error, and everything after the device
+//! was lost.
+
+use super::vulkan::Vulkan;
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples};
+use crate::error::Result;
+use crate::gpu::{BatchInput, BatchOutput, Failure, Lane};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
+use crate::winding::{Evaluator, Triangles};
+use brickfield_shaders as shaders;
+use std::collections::VecDeque;
+use std::ops::Range;
+
+/// A leaf to evaluate.
+#[derive(Clone, Copy)]
+pub struct Leaf<'a> {
+    /// The brick.
+    pub key: NodeKey,
+    /// Its sample (0, 0, 0).
+    pub corner: i16,
+    /// The triangles that touch it, of the array that [`LeafQueue::next`] is given.
+    pub indices: &'a [u32],
+}
+
+/// Some leaves, on their way.
+enum Work {
+    /// A batch on the device.
+    Device(Range<usize>),
+    /// For the processor.
+    Cpu(Range<usize>),
+}
+
+/// Evaluates leaves in their order; one per thread.
+#[derive(Default)]
+pub struct LeafQueue {
+    /// `None` before the first leaf; `Some(None)` if the device has no room.
+    lane: Option<Option<Lane>>,
+    /// Bricks in a batch, at most.
+    limit: usize,
+    input: BatchInput,
+    /// Leaves that were sent.
+    sent: usize,
+    work: VecDeque<Work>,
+    ready: VecDeque<Brick>,
+}
+
+// Bricks are the same on both sides.
+const _: () = assert!(shaders::POINTS as usize == BRICK_POINTS && shaders::CELLS as usize == BRICK_CELLS);
+
+impl LeafQueue {
+    /// Begins with other leaves.
+    pub fn begin(&mut self, vulkan: &Vulkan) {
+        self.sent = 0;
+        self.ready.clear();
+        self.work.clear();
+        if self.lane.is_none() {
+            let lane = vulkan.lane();
+            self.limit = lane.as_ref().map_or(0, |lane| lane.room().0);
+            self.lane = Some(lane);
+        }
+        // What a run that ended early left behind.
+        if let Some(Some(lane)) = &mut self.lane {
+            while !lane.is_idle() {
+                if let Err(failure) = lane.receive() {
+                    vulkan.note_failure(failure);
+                }
+            }
+        }
+    }
+
+    /// The brick of the next leaf; must be called once for each of the leaves, which are the same in every call, as is
+    /// the array.
+    ///
+    /// # Errors
+    /// As [`Evaluator::evaluate`].
+    pub fn next(
+        &mut self,
+        vulkan: &Vulkan,
+        evaluator: &mut Evaluator,
+        array: &[Triangle],
+        leaves: &[Leaf<'_>],
+    ) -> Result<Brick> {
+        loop {
+            self.send(vulkan, array, leaves);
+            if let Some(brick) = self.ready.pop_front() {
+                return Ok(brick);
+            }
+            match self.work.pop_front() {
+                Some(Work::Cpu(range)) => {
+                    let brick = evaluate_here(evaluator, array, &leaves[range.start])?;
+                    vulkan.report().cpu_bricks += 1;
+                    if range.len() > 1 {
+                        self.work.push_front(Work::Cpu(range.start + 1..range.end));
+                    }
+                    return Ok(brick);
+                }
+                Some(Work::Device(range)) => self.receive(vulkan, evaluator, array, leaves, range)?,
+                None => unreachable!("the queue is asked for as many bricks as there are leaves"),
+            }
+        }
+    }
+
+    /// Sends batches as long as the lane takes any.
+    fn send(&mut self, vulkan: &Vulkan, array: &[Triangle], leaves: &[Leaf<'_>]) {
+        while self.sent < leaves.len() {
+            let Some(Some(lane)) = &mut self.lane else {
+                self.work.push_back(Work::Cpu(self.sent..leaves.len()));
+                self.sent = leaves.len();
+                return;
+            };
+            if lane.is_full() {
+                return;
+            }
+            let pairs_max = lane.room().1;
+            let range = self.sent..self.sent + take(&leaves[self.sent..], self.limit, pairs_max).max(1);
+            let batch = &leaves[range.clone()];
+            if batch[0].indices.len() > pairs_max {
+                self.sent = range.end;
+                self.work.push_back(Work::Cpu(range));
+                continue;
+            }
+            pack(&mut self.input, array, batch);
+            match lane.submit(&self.input, self.limit) {
+                Ok(()) => {
+                    self.sent = range.end;
+                    self.work.push_back(Work::Device(range));
+                }
+                Err(failure) => self.give_way(vulkan, failure, range.len()),
+            }
+        }
+    }
+
+    /// After a failed batch: the next has half as many bricks, or the processor takes over.
+    fn give_way(&mut self, vulkan: &Vulkan, failure: Failure, bricks: usize) {
+        vulkan.note_failure(failure);
+        if failure.may_pass_with_less() && bricks > 1 {
+            self.limit = bricks / 2;
+            vulkan.report().retries += 1;
+        } else {
+            self.lane = Some(None);
+        }
+    }
+}
+
+impl LeafQueue {
+    /// Receives the oldest batch; what the device did not do, the processor does.
+    fn receive(
+        &mut self,
+        vulkan: &Vulkan,
+        evaluator: &mut Evaluator,
+        array: &[Triangle],
+        leaves: &[Leaf<'_>],
+        range: Range<usize>,
+    ) -> Result<()> {
+        let Some(Some(lane)) = &mut self.lane else {
+            self.work.push_front(Work::Cpu(range));
+            return Ok(());
+        };
+        let received = match lane.receive() {
+            Ok(Some(output)) => output,
+            Ok(None) => unreachable!("the batch was sent"),
+            Err(failure) => {
+                self.give_way(vulkan, failure, range.len());
+                self.work.push_front(Work::Cpu(range));
+                return Ok(());
+            }
+        };
+        vulkan.note_batch(received.seconds);
+        let mut here = 0;
+        let mut is_full = false;
+        for (number, leaf) in leaves[range.clone()].iter().enumerate() {
+            let brick = match unpack(&received, number) {
+                Some(brick) => brick,
+                None => {
+                    here += 1;
+                    is_full |= received.bricks[number].flags & shaders::FULL != 0;
+                    evaluate_here(evaluator, array, leaf)?
+                }
+            };
+            self.ready.push_back(brick);
+        }
+        let mut report = vulkan.report();
+        report.cpu_bricks += here;
+        report.bricks += range.len() as u64 - here;
+        if is_full && self.limit > 1 {
+            // Fewer bricks share the room for edges.
+            self.limit /= 2;
+        }
+        Ok(())
+    }
+}
+
+/// How many of the leaves, from the first on, make a batch of at most so many bricks and pairs.
+fn take(leaves: &[Leaf<'_>], bricks: usize, pairs: usize) -> usize {
+    let mut sum = 0;
+    let fits = |leaf: &&Leaf<'_>| {
+        sum += leaf.indices.len();
+        sum <= pairs
+    };
+    leaves.iter().take(bricks).take_while(fits).count()
+}
+
+/// Writes a batch down.
+fn pack(input: &mut BatchInput, array: &[Triangle], leaves: &[Leaf<'_>]) {
+    input.clear();
+    for (owner, leaf) in (0..).zip(leaves) {
+        let [origin_x, origin_y, origin_z] = leaf.key.base().map(|base| base + 1);
+        let (shift, corner) = (leaf.key.spacing_bits(), leaf.corner.into());
+        input.bricks.push(shaders::Brick {
+            origin_x,
+            origin_y,
+            origin_z,
+            shift,
+            corner,
+            ..shaders::Brick::default()
+        });
+        input.triangles.extend(leaf.indices.iter().map(|&index| array[index as usize]));
+        input.owners.resize(input.triangles.len(), owner);
+    }
+}
+
+/// The brick with this number in a batch; `None` if the device could not do it.
+fn unpack(output: &BatchOutput<'_>, number: usize) -> Option<Brick> {
+    const FAILED: u32 = shaders::EXCESS | shaders::FULL | shaders::TORN | shaders::CROWDED;
+    let brick = &output.bricks[number];
+    if brick.flags & FAILED != 0 {
+        return None;
+    }
+    if brick.flags & shaders::VARIES == 0 {
+        return Some(Brick::Uniform(brick.corner as i16));
+    }
+    let from = brick.edges_from as usize;
+    let along_x = from + brick.edges_x as usize;
+    let along_y = along_x + brick.edges_y as usize;
+    let of = |range: Range<usize>| -> Vec<HermiteEdge> {
+        let edge =
+            |&[offset, normal]: &[u32; 2]| HermiteEdge { offset: offset as u16, normal: OctNormal(normal) };
+        output.hermite[range].iter().map(edge).collect()
+    };
+    let edges = [of(from..along_x), of(along_x..along_y), of(along_y..from + brick.edges as usize)];
+    Some(Brick::Counts { samples: unpack_samples(output, number), hermite: Hermite { edges } })
+}
+
+fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
+    const ROWS: usize = shaders::ROWS as usize;
+    let [starts, touched] = &output.rows[number];
+    let mut samples = Vec::with_capacity(POINTS);
+    for (row, words) in output.samples[number * ROWS..][..ROWS].iter().enumerate() {
+        if touched[row] == 0 {
+            samples.extend_from_slice(&[starts[row] as i16; BRICK_POINTS]);
+        } else {
+            let halves: &[i16] = bytemuck::cast_slice(words);
+            samples.extend_from_slice(&halves[..BRICK_POINTS]);
+        }
+    }
+    Samples(samples.into_boxed_slice().try_into().expect("the length is POINTS"), 0)
+}
+
+fn evaluate_here(evaluator: &mut Evaluator, array: &[Triangle], leaf: &Leaf<'_>) -> Result<Brick> {
+    let list = Triangles { array, indices: leaf.indices };
+    evaluator.evaluate(leaf.key, leaf.corner, list)?.into_leaf()
+}

@@ -1,0 +1,11 @@
+//! Where bricks are evaluated: on the processor's cores, or on a Vulkan device with the same bytes.
+
+mod brute;
+mod leaves;
+mod report;
+mod vulkan;
+
+pub use brute::brute_at;
+pub use leaves::{Leaf, LeafQueue};
+pub use report::DeviceReport;
+pub use vulkan::Vulkan;

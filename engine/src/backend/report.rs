@@ -1,0 +1,26 @@
+//! What a device did for a build.
+
+use serde::Serialize;
+
+/// What a device did for a build.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct DeviceReport {
+    /// Its name.
+    pub name: String,
+    /// Bricks that it evaluated.
+    pub bricks: u64,
+    /// Bricks of the same trees that the processor evaluated, because the device failed or had no room for them.
+    pub cpu_bricks: u64,
+    /// Batches in which the device did its part.
+    pub batches: u64,
+    /// Batches that were tried again with less.
+    pub retries: u64,
+    /// Seconds of the device's clock for uploads, if it has one.
+    pub upload_seconds: f64,
+    /// Seconds for kernels: crossings, samples, crossings of the boundary, Hermite edges.
+    pub kernel_seconds: [f64; 4],
+    /// Seconds for read-backs.
+    pub read_seconds: f64,
+    /// The first thing that went wrong.
+    pub failure: Option<String>,
+}

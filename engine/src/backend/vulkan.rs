@@ -1,0 +1,76 @@
+//! A Vulkan device that evaluates the bricks of closed soups.
+
+use super::report::DeviceReport;
+use crate::gpu::{Failure, Gpu, Lane, Seconds};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A device for builds, and what it did so far. Clones are handles of the same.
+#[derive(Clone, Debug)]
+pub struct Vulkan {
+    gpu: Gpu,
+    report: Arc<Mutex<DeviceReport>>,
+}
+
+impl PartialEq for Vulkan {
+    fn eq(&self, other: &Vulkan) -> bool {
+        self.gpu == other.gpu
+    }
+}
+
+impl Eq for Vulkan {}
+
+/// The smallest memory with which a lane is worth having: some bricks a batch.
+const LANE_BYTES_MIN: u64 = 4 << 20;
+
+impl Vulkan {
+    /// Of an open device.
+    pub fn new(gpu: Gpu) -> Vulkan {
+        let name = gpu.info().name.clone();
+        Vulkan { gpu, report: Arc::new(Mutex::new(DeviceReport { name, ..DeviceReport::default() })) }
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// What it did since it was last asked.
+    pub fn take_report(&self) -> DeviceReport {
+        let fresh = DeviceReport { name: self.gpu.info().name.clone(), ..DeviceReport::default() };
+        std::mem::replace(&mut *self.report(), fresh)
+    }
+
+    pub(super) fn report(&self) -> MutexGuard<'_, DeviceReport> {
+        self.report.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A lane for one of the pool's threads; `None` if the device has no room for it or fails.
+    pub(super) fn lane(&self) -> Option<Lane> {
+        let mut bytes = self.gpu.memory() / rayon::current_num_threads() as u64;
+        loop {
+            match Lane::new(&self.gpu, bytes) {
+                Ok(lane) => return Some(lane),
+                Err(failure) => self.note_failure(failure),
+            }
+            bytes /= 2;
+            if self.gpu.is_lost() || bytes < LANE_BYTES_MIN {
+                return None;
+            }
+            self.report().retries += 1;
+        }
+    }
+
+    pub(super) fn note_failure(&self, failure: Failure) {
+        self.report().failure.get_or_insert_with(|| failure.to_string());
+    }
+
+    pub(super) fn note_batch(&self, seconds: Option<Seconds>) {
+        let mut report = self.report();
+        report.batches += 1;
+        if let Some(Seconds { upload, kernels, read }) = seconds {
+            report.upload_seconds += upload;
+            report.kernel_seconds.iter_mut().zip(kernels).for_each(|(sum, seconds)| *sum += seconds);
+            report.read_seconds += read;
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! A device opened for work.
+
+use super::context::Context;
+use super::failure::{Failure, Fault, Unavailable};
+use super::instance::{DeviceInfo, DeviceKind, Instance};
+use super::kernels::Kernels;
+use brickfield_shaders::{BRICK_BUFFERS, EVALUATE, HERMITE};
+use std::fmt;
+use std::sync::Arc;
+
+/// Which device to open, and how.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Settings {
+    /// Its number, or a part of its name in any case; the best one if not given.
+    pub device: Option<String>,
+    /// Only a GPU will do, no software driver, unless it is named.
+    pub real: bool,
+    /// Bytes of memory for batches, on the device and here together; 0 for an eighth of the device's, from 64 MiB to 1 GiB.
+    pub memory: u64,
+    /// Have the validation layer look on.
+    pub validation: bool,
+}
+
+/// A device with the kernels that evaluate bricks. Clones are handles of the same.
+#[derive(Clone)]
+pub struct Gpu {
+    pub(super) context: Arc<Context>,
+    pub(super) kernels: Arc<Kernels>,
+    memory: u64,
+}
+
+impl fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Gpu").field(&self.context.info).finish()
+    }
+}
+
+impl PartialEq for Gpu {
+    fn eq(&self, other: &Gpu) -> bool {
+        Arc::ptr_eq(&self.context, &other.context)
+    }
+}
+
+impl Eq for Gpu {}
+
+impl Gpu {
+    /// Opens the device that the settings name.
+    ///
+    /// # Errors
+    /// If there is no such device, or it lacks what the kernels need.
+    pub fn open(settings: &Settings) -> Result<Gpu, Unavailable> {
+        let instance = Instance::new(settings.validation)?;
+        let found = instance.physical_devices()?;
+        let found: Vec<DeviceInfo> =
+            found.iter().enumerate().map(|(number, device)| instance.describe(number, *device)).collect();
+        let index = choose(&found, settings)?;
+        let context = Arc::new(Context::new(instance, index)?);
+        let entries = [(EVALUATE, c"collect"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
+        let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
+            let what = format!("{}: the kernels cannot be compiled ({failure})", context.info.name);
+            Unavailable::new(what, "update the driver, or use --backend cpu")
+        })?;
+        let memory = match settings.memory {
+            0 => (context.info.memory / 8).clamp(64 << 20, 1 << 30),
+            bytes => bytes,
+        };
+        Ok(Gpu { kernels: Arc::new(kernels), memory, context })
+    }
+
+    /// What it is.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.context.info
+    }
+
+    /// Bytes for batches.
+    pub fn memory(&self) -> u64 {
+        self.memory
+    }
+
+    /// Whether it failed for good.
+    pub fn is_lost(&self) -> bool {
+        self.context.is_lost()
+    }
+
+    /// What the validation layer said, if it looks on.
+    pub fn messages(&self) -> Vec<String> {
+        self.context.messages()
+    }
+
+    /// For tests: lets calls fail.
+    pub fn inject(&self, fault: Fault) {
+        self.context.inject(fault);
+    }
+
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        if self.is_lost() { Err(Failure::Lost) } else { Ok(()) }
+    }
+}
+
+/// The index of the device that the settings mean.
+fn choose(found: &[DeviceInfo], settings: &Settings) -> Result<usize, Unavailable> {
+    let list: Vec<String> = found.iter().map(|d| format!("{} {} ({})", d.index, d.name, d.kind)).collect();
+    let list = list.join(", ");
+    if let Some(wanted) = &settings.device {
+        let lower = wanted.to_lowercase();
+        let by_number = wanted.parse().ok().filter(|number| *number < found.len());
+        let by_name = || found.iter().position(|d| d.name.to_lowercase().contains(&lower));
+        return by_number.or_else(by_name).ok_or_else(|| {
+            Unavailable::new(format!("there is no device {wanted}"), format!("the devices are: {list}"))
+        });
+    }
+    let usable = |d: &&DeviceInfo| if settings.real { d.is_real() } else { d.missing.is_empty() };
+    let rank = |d: &&DeviceInfo| (d.kind == DeviceKind::Other, d.kind, d.index);
+    found.iter().filter(usable).min_by_key(rank).map(|d| d.index).ok_or_else(|| match settings.real {
+        true => Unavailable::new(
+            format!("there is no GPU among the Vulkan devices: {list}"),
+            "use --backend vulkan for a software driver",
+        ),
+        false => Unavailable::new(
+            format!("no Vulkan device has what is needed: {}", lacks(found)),
+            "update the driver, or use --backend cpu",
+        ),
+    })
+}
+
+fn lacks(found: &[DeviceInfo]) -> String {
+    let lack = |d: &DeviceInfo| format!("{} lacks {}", d.name, d.missing.join(", "));
+    found.iter().map(lack).collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(index: usize, name: &str, kind: DeviceKind, missing: Vec<&'static str>) -> DeviceInfo {
+        let (driver, version) = (String::new(), String::new());
+        DeviceInfo { index, name: name.to_owned(), kind, driver, version, memory: 0, missing }
+    }
+
+    #[test]
+    fn devices_are_chosen_by_number_name_and_rank() {
+        let found = [
+            device(0, "llvmpipe (LLVM 15)", DeviceKind::Cpu, vec![]),
+            device(1, "Small", DeviceKind::Integrated, vec![]),
+            device(2, "Old Card", DeviceKind::Discrete, vec!["timeline semaphores"]),
+            device(3, "New Card", DeviceKind::Discrete, vec![]),
+        ];
+        let chosen = |found: &[DeviceInfo], device: Option<&str>, real| {
+            let settings = Settings { device: device.map(str::to_owned), real, ..Settings::default() };
+            choose(found, &settings)
+        };
+        for (wanted, index) in [("0", 0), ("card", 2), ("new c", 3), ("LLVMpipe", 0)] {
+            assert_eq!(chosen(&found, Some(wanted), true), Ok(index));
+        }
+        assert_eq!((chosen(&found, None, false), chosen(&found, None, true)), (Ok(3), Ok(3)));
+        assert_eq!((chosen(&found[..3], None, true), chosen(&found[..1], None, false)), (Ok(1), Ok(0)));
+        let none = chosen(&found[..1], None, true).unwrap_err().to_string();
+        assert!(none.contains("0 llvmpipe (LLVM 15) (software)"), "{none}");
+        let old = chosen(&found[2..3], None, false).unwrap_err().to_string();
+        assert!(old.contains("Old Card lacks timeline semaphores"), "{old}");
+        for unknown in ["4", "voodoo"] {
+            let message = chosen(&found, Some(unknown), false).unwrap_err().to_string();
+            assert!(message.contains(unknown) && message.contains("3 New Card"), "{message}");
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! What can go wrong with a device, before work begins and amid it.
+
+use ash::vk;
+use std::fmt;
+
+/// Why there is no device to work with, and what to do about it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}; {remedy}")]
+pub struct Unavailable {
+    /// What is missing.
+    pub what: String,
+    /// What the user can do.
+    pub remedy: String,
+}
+
+impl Unavailable {
+    pub(super) fn new(what: impl fmt::Display, remedy: impl fmt::Display) -> Unavailable {
+        Unavailable { what: what.to_string(), remedy: remedy.to_string() }
+    }
+}
+
+/// Why a device did not do its work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Failure {
+    /// It is gone, or stopped answering.
+    #[error("the device was lost")]
+    Lost,
+    /// It has no memory left, of its own or of the machine's.
+    #[error("the device is out of memory")]
+    OutOfMemory,
+    /// It did not finish in time.
+    #[error("the device did not finish in time")]
+    Timeout,
+    /// The driver refused a call.
+    #[error("the driver refused: {0}")]
+    Refused(vk::Result),
+}
+
+impl Failure {
+    /// Whether the same device can be asked again, for less.
+    pub fn may_pass_with_less(self) -> bool {
+        self == Failure::OutOfMemory
+    }
+}
+
+impl From<vk::Result> for Failure {
+    fn from(result: vk::Result) -> Failure {
+        match result {
+            vk::Result::ERROR_DEVICE_LOST => Failure::Lost,
+            vk::Result::TIMEOUT => Failure::Timeout,
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY
+            | vk::Result::ERROR_OUT_OF_HOST_MEMORY
+            | vk::Result::ERROR_OUT_OF_POOL_MEMORY
+            | vk::Result::ERROR_TOO_MANY_OBJECTS => Failure::OutOfMemory,
+            other => Failure::Refused(other),
+        }
+    }
+}
+
+/// Where a [`Fault`] strikes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// As memory is taken.
+    Allocate,
+    /// As a batch is handed to the device.
+    Submit,
+    /// As a batch is waited for.
+    Wait,
+}
+
+/// A failure that a test wants to see, in place of the call that it strikes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Where it strikes.
+    pub stage: Stage,
+    /// How many calls pass before.
+    pub after: u32,
+    /// How many calls it strikes.
+    pub times: u32,
+    /// What they return.
+    pub failure: Failure,
+}

@@ -1,0 +1,266 @@
+//! The loader, the instance, and which devices there are.
+
+use super::failure::Unavailable;
+use ash::ext::{debug_utils, validation_features};
+use ash::{Entry, vk};
+use std::ffi::{CStr, c_void};
+use std::fmt;
+use std::sync::{Mutex, PoisonError};
+
+/// What a device is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DeviceKind {
+    /// A card of its own.
+    Discrete,
+    /// A part of the processor.
+    Integrated,
+    /// A part of one, lent by a virtual machine's host.
+    Virtual,
+    /// The processor itself, by a software driver.
+    Cpu,
+    /// None of these.
+    Other,
+}
+
+impl fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            DeviceKind::Discrete => "discrete",
+            DeviceKind::Integrated => "integrated",
+            DeviceKind::Virtual => "virtual",
+            DeviceKind::Cpu => "software",
+            DeviceKind::Other => "other",
+        })
+    }
+}
+
+/// A device of the machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeviceInfo {
+    /// Its number, as the loader counts them.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub kind: DeviceKind,
+    /// The driver's name and version.
+    pub driver: String,
+    /// Vulkan's version.
+    pub version: String,
+    /// Bytes of its largest heap of own memory.
+    pub memory: u64,
+    /// What the kernels need and it lacks; empty if it can be used.
+    pub missing: Vec<&'static str>,
+}
+
+impl DeviceInfo {
+    /// Whether it is a GPU that the kernels can use, and no software driver.
+    pub fn is_real(&self) -> bool {
+        self.missing.is_empty() && !matches!(self.kind, DeviceKind::Cpu | DeviceKind::Other)
+    }
+}
+
+/// All devices of the machine, in the loader's order.
+///
+/// # Errors
+/// If there is no loader, or it finds no driver.
+pub fn devices() -> Result<Vec<DeviceInfo>, Unavailable> {
+    let instance = Instance::new(false)?;
+    Ok(instance.physical_devices()?.iter().enumerate().map(|(i, d)| instance.describe(i, *d)).collect())
+}
+
+/// Whether the machine may have a GPU, as far as its device files tell: asking the drivers takes a tenth of a second.
+pub fn may_be_there() -> bool {
+    let is_there = |path: &str| std::path::Path::new(path).exists();
+    !cfg!(target_os = "linux")
+        || ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kfd"].into_iter().any(is_there)
+}
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+const INSTALL: &str = "install the GPU's Vulkan driver, or use --backend cpu";
+
+/// Storage buffers that the kernels bind.
+const BUFFERS: u32 = brickfield_shaders::BRICK_BUFFERS.len() as u32;
+
+/// The loader with an instance.
+pub(super) struct Instance {
+    // Dropped last: the library with all functions.
+    _entry: Entry,
+    pub raw: ash::Instance,
+    validation: Option<Validation>,
+}
+
+/// The validation layer's messages.
+struct Validation {
+    functions: debug_utils::Instance,
+    messenger: vk::DebugUtilsMessengerEXT,
+    messages: Box<Messages>,
+}
+
+type Messages = Mutex<Vec<String>>;
+
+impl Instance {
+    /// Loads Vulkan. With `validation` the Khronos validation layer looks on, if it is installed, and must be.
+    pub fn new(validation: bool) -> Result<Instance, Unavailable> {
+        // SAFETY: the loader's initialization has no preconditions but that its library is Vulkan's, whose name this is.
+        let entry = unsafe { Entry::load() }.map_err(|e| {
+            Unavailable::new(
+                format!("there is no Vulkan loader ({e})"),
+                "install libvulkan1, or use --backend cpu",
+            )
+        })?;
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"brickfield")
+            .engine_name(c"brickfield")
+            .api_version(vk::API_VERSION_1_2);
+        let layers = [VALIDATION.as_ptr()];
+        let extensions = [debug_utils::NAME.as_ptr(), validation_features::NAME.as_ptr()];
+        // Synchronization is checked as well: no driver on one processor would show a missing barrier.
+        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+        let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+        if validation {
+            info = info
+                .enabled_layer_names(&layers)
+                .enabled_extension_names(&extensions)
+                .push_next(&mut features);
+        }
+        // SAFETY: everything that `info` points to lives until the call returns.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+            vk::Result::ERROR_LAYER_NOT_PRESENT => Unavailable::new(
+                "the Vulkan validation layer is not there",
+                "install vulkan-validationlayers",
+            ),
+            result => Unavailable::new(format!("there is no Vulkan driver ({result})"), INSTALL),
+        })?;
+        let mut instance = Instance { _entry: entry, raw, validation: None };
+        if validation {
+            instance.listen()?;
+        }
+        Ok(instance)
+    }
+
+    /// Collects what the validation layer has to say.
+    fn listen(&mut self) -> Result<(), Unavailable> {
+        let functions = debug_utils::Instance::new(&self._entry, &self.raw);
+        let messages: Box<Messages> = Box::default();
+        let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(
+                vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+            )
+            .message_type(
+                vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
+                    | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
+            )
+            .pfn_user_callback(Some(keep_message))
+            .user_data(std::ptr::from_ref::<Messages>(&messages).cast_mut().cast());
+        // SAFETY: `messages` stays where it is, in its box, until the messenger is destroyed in `drop`.
+        let messenger = unsafe { functions.create_debug_utils_messenger(&info, None) }
+            .map_err(|result| Unavailable::new(format!("validation cannot report ({result})"), INSTALL))?;
+        self.validation = Some(Validation { functions, messenger, messages });
+        Ok(())
+    }
+
+    /// What the validation layer said so far.
+    pub fn messages(&self) -> Vec<String> {
+        let kept = |v: &Validation| v.messages.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        self.validation.as_ref().map_or(Vec::new(), kept)
+    }
+
+    pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>, Unavailable> {
+        // SAFETY: the instance is alive.
+        let found = unsafe { self.raw.enumerate_physical_devices() };
+        let found = found
+            .map_err(|result| Unavailable::new(format!("no Vulkan driver answers ({result})"), INSTALL))?;
+        match found.is_empty() {
+            true => Err(Unavailable::new("there is no Vulkan device", INSTALL)),
+            false => Ok(found),
+        }
+    }
+
+    /// The first family of queues that computes, and how many bits its clock has.
+    pub fn compute_family(&self, device: vk::PhysicalDevice) -> Option<(u32, u32)> {
+        // SAFETY: the device is this instance's.
+        let families = unsafe { self.raw.get_physical_device_queue_family_properties(device) };
+        let at = families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE))?;
+        Some((at as u32, families[at].timestamp_valid_bits))
+    }
+
+    /// What a device is and lacks.
+    pub fn describe(&self, index: usize, device: vk::PhysicalDevice) -> DeviceInfo {
+        let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        let mut twelve = vk::PhysicalDeviceVulkan12Features::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut twelve);
+        // SAFETY: the device is this instance's; a structure that an older one does not know stays as it is.
+        let memory = unsafe {
+            self.raw.get_physical_device_properties2(device, &mut properties);
+            self.raw.get_physical_device_features2(device, &mut features);
+            self.raw.get_physical_device_memory_properties(device)
+        };
+        let properties = properties.properties;
+        let has_int64 = features.features.shader_int64 == vk::TRUE;
+        let needs = [
+            (properties.api_version >= vk::API_VERSION_1_2, "Vulkan 1.2"),
+            (has_int64, "64-bit integers in shaders (shaderInt64)"),
+            (twelve.timeline_semaphore == vk::TRUE, "timeline semaphores"),
+            (properties.limits.max_per_stage_descriptor_storage_buffers >= BUFFERS, "ten storage buffers"),
+            (self.compute_family(device).is_some(), "a compute queue"),
+        ];
+        let heaps = memory.memory_heaps_as_slice().iter();
+        let own = heaps.filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        let text = |chars: &[std::ffi::c_char]| -> String {
+            let bytes: Vec<u8> = chars.iter().take_while(|c| **c != 0).map(|c| *c as u8).collect();
+            String::from_utf8_lossy(&bytes).into_owned()
+        };
+        let version = properties.api_version;
+        DeviceInfo {
+            index,
+            name: text(&properties.device_name),
+            kind: match properties.device_type {
+                vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+                vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+                vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+                _ => DeviceKind::Other,
+            },
+            driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_owned(),
+            version: format!(
+                "{}.{}.{}",
+                vk::api_version_major(version),
+                vk::api_version_minor(version),
+                vk::api_version_patch(version)
+            ),
+            memory: own.map(|heap| heap.size).max().unwrap_or(0),
+            missing: needs.iter().filter(|(there, _)| !there).map(|(_, what)| *what).collect(),
+        }
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: whatever was made from the instance holds a reference to what owns it, so nothing is left.
+        unsafe {
+            if let Some(validation) = &self.validation {
+                validation.functions.destroy_debug_utils_messenger(validation.messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+}
+
+// SAFETY: called by the validation layer with the `user_data` of `listen`, a `Messages` that lives as long as the
+// messenger, and with a message whose text ends in a zero byte; it does not unwind.
+unsafe extern "system" fn keep_message(
+    _: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    messages: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: as above.
+    let (text, messages) = unsafe {
+        (CStr::from_ptr((*data).p_message).to_string_lossy().into_owned(), &*messages.cast::<Messages>())
+    };
+    messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
+    vk::FALSE
+}

@@ -1,0 +1,193 @@
+//! A thread's way to the device: a ring of batches, so that one is packed here while another is computed there and a third
+//! is read.
+
+use super::device::Gpu;
+use super::failure::Failure;
+use super::kernels::Sets;
+use super::memory::{Arena, Use};
+use super::sizes::{READ, Sizes};
+use super::slot::{Buffers, Seconds, Slot};
+use brickfield_shaders::{Batch, Brick, ROW_WORDS, ROWS};
+use std::collections::VecDeque;
+
+/// Batches under way.
+const RING: usize = 2;
+
+/// Bricks to evaluate.
+#[derive(Clone, Debug, Default)]
+pub struct BatchInput {
+    /// The bricks: origins, shift and corner.
+    pub bricks: Vec<Brick>,
+    /// Triangles in lattice units: of each brick every one that touches it.
+    pub triangles: Vec<[[i32; 3]; 3]>,
+    /// Of each triangle the brick's index.
+    pub owners: Vec<u32>,
+}
+
+impl BatchInput {
+    /// Empties it.
+    pub fn clear(&mut self) {
+        self.bricks.clear();
+        self.triangles.clear();
+        self.owners.clear();
+    }
+}
+
+/// What the device made of a batch.
+#[derive(Debug)]
+pub struct BatchOutput<'a> {
+    /// What became of the bricks.
+    pub bricks: &'a [Brick],
+    /// By brick and row: its samples, two a word, if they are not all the same.
+    pub samples: &'a [[u32; ROW_WORDS as usize]],
+    /// By brick: the first samples of its rows, and which of their edges along x hold crossings.
+    pub rows: &'a [[[u32; ROWS as usize]; 2]],
+    /// The Hermite edges of all bricks: offset and normal.
+    pub hermite: &'a [[u32; 2]],
+    /// How long it took, if the device has a clock.
+    pub seconds: Option<Seconds>,
+}
+
+/// Buffers and commands of one thread.
+pub struct Lane {
+    // Dropped first: they wait for the device.
+    slots: Vec<Slot>,
+    upload: Arena,
+    _device: Arena,
+    read: Arena,
+    sets: Sets,
+    device_buffers: Vec<ash::vk::Buffer>,
+    gpu: Gpu,
+    sizes: Sizes,
+    /// Batches under way by slot, oldest first.
+    pending: VecDeque<(usize, Sizes)>,
+    next: usize,
+}
+
+impl Lane {
+    /// A lane with as much as fits in `bytes`.
+    ///
+    /// # Errors
+    /// If the device has less memory, or fails.
+    pub fn new(gpu: &Gpu, bytes: u64) -> Result<Lane, Failure> {
+        gpu.check()?;
+        let context = &gpu.context;
+        let sizes = Sizes::within(bytes / RING as u64, context.range_max);
+        let device = Arena::new(context, Use::Device, sizes.device_bytes(), RING)?;
+        let upload = Arena::new(context, Use::Upload, sizes.upload_bytes(), RING)?;
+        let read = Arena::new(context, Use::ReadBack, sizes.read_bytes(), RING)?;
+        let sets = gpu.kernels.sets(RING as u32)?;
+        let ranges = sizes.ranges();
+        let device_buffers: Vec<_> = (0..RING).map(|slot| device.buffer(slot)).collect();
+        device_buffers.iter().enumerate().for_each(|(slot, buffer)| sets.point(slot, *buffer, &ranges));
+        let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
+        Ok(Lane {
+            slots,
+            upload,
+            _device: device,
+            read,
+            sets,
+            device_buffers,
+            gpu: gpu.clone(),
+            sizes,
+            pending: VecDeque::new(),
+            next: 0,
+        })
+    }
+
+    /// The most bricks, and pairs, that a batch may have.
+    pub fn room(&self) -> (usize, usize) {
+        (self.sizes.bricks as usize, self.sizes.pairs as usize)
+    }
+
+    /// Whether a batch must be received before the next is sent.
+    pub fn is_full(&self) -> bool {
+        self.pending.len() == RING
+    }
+
+    /// Whether nothing is under way.
+    pub fn is_idle(&self) -> bool {
+        self.pending.is_empty()
+    }
+
+    /// Sends a batch. Each brick has the room for edges that it would have in a batch of `limit` bricks.
+    ///
+    /// # Errors
+    /// If the device fails; the batch is not under way then.
+    ///
+    /// # Panics
+    /// If the lane is full, or the batch is larger than its room, or empty, or has a triangle of no brick.
+    pub fn submit(&mut self, input: &BatchInput, limit: usize) -> Result<(), Failure> {
+        assert!(!self.is_full(), "a batch must be received first");
+        self.gpu.check()?;
+        let load = self.load(input, limit);
+        let batch = Batch {
+            pairs: load.pairs,
+            edges_max: load.edges,
+            records_max: load.records,
+            edges: 0,
+            records: 0,
+        };
+        let parts: [&[u8]; 4] = [
+            bytemuck::bytes_of(&batch),
+            bytemuck::cast_slice(&input.bricks),
+            bytemuck::cast_slice(&input.triangles),
+            bytemuck::cast_slice(&input.owners),
+        ];
+        let slot = self.next;
+        for ((from, _), part) in self.sizes.ranges().iter().zip(parts) {
+            self.upload.bytes_mut(slot, *from, part.len() as u64).copy_from_slice(part);
+        }
+        let buffers = Buffers {
+            upload: self.upload.buffer(slot),
+            device: self.device_buffers[slot],
+            read: self.read.buffer(slot),
+            set: self.sets.sets[slot],
+        };
+        self.slots[slot].submit(&self.gpu.kernels, buffers, &self.sizes, &load)?;
+        self.pending.push_back((slot, load));
+        self.next = (slot + 1) % RING;
+        Ok(())
+    }
+
+    /// How much room a batch takes; checks that it is sound.
+    fn load(&self, input: &BatchInput, limit: usize) -> Sizes {
+        let BatchInput { bricks, triangles, owners } = input;
+        let fits = |count: usize, room: u32| (1..=room as usize).contains(&count);
+        assert!(
+            fits(bricks.len(), self.sizes.bricks)
+                && fits(triangles.len(), self.sizes.pairs)
+                && triangles.len() == owners.len(),
+            "the batch does not fit"
+        );
+        assert!(owners.iter().all(|owner| (*owner as usize) < bricks.len()), "a triangle of no brick");
+        assert!(bricks.iter().all(|brick| (1..=24).contains(&brick.shift)), "no distance of samples");
+        // A share of the room, so that no more is read back than there may be.
+        let share = |room: u32| room / (limit.max(bricks.len()) as u32) * bricks.len() as u32;
+        Sizes {
+            bricks: bricks.len() as u32,
+            pairs: owners.len() as u32,
+            edges: share(self.sizes.edges),
+            records: self.sizes.records,
+        }
+    }
+
+    /// Waits for the oldest batch under way; `None` if there is none.
+    ///
+    /// # Errors
+    /// If the device fails; the batch is not under way any more.
+    pub fn receive(&mut self) -> Result<Option<BatchOutput<'_>>, Failure> {
+        let Some((slot, load)) = self.pending.pop_front() else { return Ok(None) };
+        self.slots[slot].wait()?;
+        let seconds = self.slots[slot].seconds()?;
+        let (ranges, lengths) = (self.sizes.read_ranges(), load.lengths());
+        let part = |number: usize| self.read.bytes(slot, ranges[number].0, lengths[READ[number]]);
+        Ok(Some(BatchOutput {
+            bricks: bytemuck::cast_slice(part(0)),
+            samples: bytemuck::cast_slice(part(1)),
+            rows: bytemuck::cast_slice(part(2)),
+            hermite: bytemuck::cast_slice(part(3)),
+            seconds,
+        }))
+    }
+}

@@ -1,0 +1,132 @@
+//! How large a batch may be, and where its parts lie in the buffers.
+
+use super::memory::RANGE_ALIGNMENT;
+use brickfield_shaders::{
+    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, RECORD_WORDS, ROWS, SAMPLE_WORDS, TABLE_WORDS, WORKGROUP,
+};
+
+/// What a batch has room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Sizes {
+    pub bricks: u32,
+    pub pairs: u32,
+    pub edges: u32,
+    pub records: u32,
+}
+
+/// Pairs of a triangle and a brick for which a brick makes room. Leaves of a part have 100 to 2,000; those with more
+/// share the room of others.
+const PAIRS_OF_BRICK: u32 = 2048;
+/// Sign-changing edges for which a brick makes room: a plane through it has 3,000.
+const EDGES_OF_BRICK: u32 = 8192;
+/// Crossings of such edges beyond the first ones. Beads that overlap have two to three on an edge.
+const RECORDS_OF_BRICK: u32 = EDGES_OF_BRICK;
+/// Bricks of a batch at most: as many as the subtrees of the usual depths have leaves. Decoded they take 7 MB.
+const BRICKS_MAX: u32 = 64;
+
+/// Offset and length of each buffer, by binding; the first [`UPLOADED`] are uploaded.
+pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
+
+/// Buffers that are uploaded: batch, bricks, triangles, owners.
+pub(super) const UPLOADED: usize = 4;
+/// Buffers that begin with zeros: jumps, rows, tables, chains.
+pub(super) const ZEROED: [usize; 4] = [4, 6, 7, 8];
+/// Buffers that are read back: bricks, samples, rows, hermite.
+pub(super) const READ: [usize; 4] = [1, 5, 6, 9];
+
+impl Sizes {
+    /// For this many bricks.
+    pub fn of(bricks: u32) -> Sizes {
+        let pairs = bricks * PAIRS_OF_BRICK;
+        let (edges, records) = (bricks * EDGES_OF_BRICK, bricks * RECORDS_OF_BRICK);
+        Sizes { bricks, pairs, edges, records }
+    }
+
+    /// The most that fits in `bytes`, all buffers of a slot taken together; at least one brick. No buffer is longer than
+    /// `range_max`.
+    pub fn within(bytes: u64, range_max: u64) -> Sizes {
+        let fits = |bricks: &u32| {
+            let sizes = Sizes::of(*bricks);
+            let ranges = sizes.ranges();
+            sizes.total_bytes() <= bytes
+                && ranges.iter().all(|(_, length)| *length <= range_max)
+                && sizes.pairs / WORKGROUP < 1 << 16
+        };
+        (2..=BRICKS_MAX).rev().find(fits).map_or(Sizes::of(1), Sizes::of)
+    }
+
+    /// Bytes of each buffer.
+    pub fn lengths(&self) -> [u64; BRICK_BUFFERS.len()] {
+        let words = |count: u32, words: u32| u64::from(count) * u64::from(words) * 4;
+        [
+            size_of::<Batch>() as u64,
+            u64::from(self.bricks) * size_of::<Brick>() as u64,
+            words(self.pairs, 9),
+            words(self.pairs, 1),
+            words(self.bricks, JUMP_WORDS),
+            words(self.bricks, SAMPLE_WORDS),
+            words(self.bricks, 2 * ROWS),
+            words(self.bricks, TABLE_WORDS),
+            words(self.edges, 2),
+            words(self.edges, 2),
+            words(self.records, RECORD_WORDS),
+        ]
+    }
+
+    pub fn ranges(&self) -> Ranges {
+        let mut end = 0;
+        self.lengths().map(|length| {
+            let from = end;
+            end = (from + length).next_multiple_of(RANGE_ALIGNMENT);
+            (from, length)
+        })
+    }
+
+    /// Offset and length of each part that is read back, in the buffer for that.
+    pub fn read_ranges(&self) -> [(u64, u64); READ.len()] {
+        let lengths = self.lengths();
+        let mut end = 0;
+        READ.map(|buffer| {
+            let from = end;
+            end = (from + lengths[buffer]).next_multiple_of(RANGE_ALIGNMENT);
+            (from, lengths[buffer])
+        })
+    }
+
+    pub fn device_bytes(&self) -> u64 {
+        end_of(&self.ranges())
+    }
+
+    pub fn upload_bytes(&self) -> u64 {
+        end_of(&self.ranges()[..UPLOADED])
+    }
+
+    pub fn read_bytes(&self) -> u64 {
+        end_of(&self.read_ranges())
+    }
+
+    fn total_bytes(&self) -> u64 {
+        self.device_bytes() + self.upload_bytes() + self.read_bytes()
+    }
+}
+
+fn end_of(ranges: &[(u64, u64)]) -> u64 {
+    ranges.iter().map(|(from, length)| from + length).max().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slot_fits_its_memory() {
+        for (bytes, range_max) in [(0, 1 << 27), (1 << 24, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 40)] {
+            let sizes = Sizes::within(bytes, range_max);
+            assert!(sizes.bricks == 1 || sizes.total_bytes() <= bytes, "{sizes:?}");
+            assert!(sizes.bricks == 1 || sizes.ranges().iter().all(|(_, length)| *length <= range_max));
+            assert!((1..=BRICKS_MAX).contains(&sizes.bricks));
+            assert!(sizes.ranges().windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0));
+        }
+        assert_eq!(Sizes::within(1 << 40, 1 << 40).bricks, BRICKS_MAX);
+    }
+}

@@ -1,0 +1,90 @@
+//! Compiles the shaders: WGSL with the constants of `src/layout.rs` in front becomes SPIR-V by naga, and the
+//! structures and buffers that the shaders declare must be those of the host.
+
+#[path = "src/layout.rs"]
+#[allow(dead_code, missing_docs)]
+mod layout;
+
+use naga::back::spv;
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Modules: name, sources in order, buffers by binding.
+const MODULES: [(&str, &[&str], &[&str]); 3] = [
+    ("evaluate", &["brick", "scan", "evaluate"], &layout::BRICK_BUFFERS),
+    ("hermite", &["brick", "scan", "hermite"], &layout::BRICK_BUFFERS),
+    ("brute", &["brute"], &layout::BRUTE_BUFFERS),
+];
+
+fn main() {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=src");
+    let constants: String =
+        layout::CONSTANTS.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect();
+    let mut modules = String::new();
+    for (name, sources, buffers) in MODULES {
+        let mut text = constants.clone();
+        for source in sources {
+            text += &std::fs::read_to_string(format!("src/{source}.wgsl")).expect("a source of the crate");
+        }
+        let words = compile(name, &text, buffers);
+        writeln!(
+            modules,
+            "/// `{name}.wgsl`.\npub const {}: Shader = Shader {{ name: \"{name}\", words: &{words:?} }};",
+            name.to_uppercase()
+        )
+        .expect("strings take all");
+    }
+    let out = std::env::var("OUT_DIR").expect("cargo sets it");
+    std::fs::write(Path::new(&out).join("modules.rs"), modules).expect("cargo's folder is writable");
+}
+
+fn compile(name: &str, text: &str, buffers: &[&str]) -> Vec<u32> {
+    let module = naga::front::wgsl::parse_str(text)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string_with_path(text, &format!("{name}.wgsl"))));
+    let info = Validator::new(ValidationFlags::all(), Capabilities::SHADER_INT64)
+        .validate(&module)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string_with_path(text, &format!("{name}.wgsl"))));
+    check_structures(name, &module);
+    check_buffers(name, &module, buffers);
+    let options = spv::Options {
+        lang_version: (1, 3),
+        flags: spv::WriterFlags::empty(),
+        zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
+        force_loop_bounding: false,
+        use_storage_input_output_16: false,
+        emit_int_div_checks: false,
+        ..spv::Options::default()
+    };
+    spv::write_vec(&module, &info, &options, None).expect("a valid module can be written")
+}
+
+/// A structure that lies in a buffer, or an array of it does, is the host's: the same members at the same offsets.
+fn check_structures(name: &str, module: &naga::Module) {
+    for (_, global) in module.global_variables.iter().filter(|(_, global)| global.binding.is_some()) {
+        let mut of_buffer = &module.types[global.ty];
+        if let naga::TypeInner::Array { base, .. } = &of_buffer.inner {
+            of_buffer = &module.types[*base];
+        }
+        let naga::TypeInner::Struct { members, span } = &of_buffer.inner else { continue };
+        let struct_name = of_buffer.name.as_deref().unwrap_or_default();
+        let host = layout::STRUCTURES.iter().find(|(host, ..)| *host == struct_name);
+        let (_, size, host) = host.unwrap_or_else(|| panic!("{name}.wgsl: {struct_name} is not the host's"));
+        let of_shader: Vec<(&str, usize)> = members
+            .iter()
+            .map(|member| (member.name.as_deref().unwrap_or_default(), member.offset as usize))
+            .collect();
+        assert_eq!((of_shader.as_slice(), *span as usize), (*host, *size), "{name}.wgsl: {struct_name}");
+    }
+}
+
+/// Every buffer has the place that the host gives it.
+fn check_buffers(name: &str, module: &naga::Module, buffers: &[&str]) {
+    for (_, global) in module.global_variables.iter() {
+        let Some(place) = &global.binding else { continue };
+        let global = global.name.as_deref().unwrap_or_default();
+        let known = place.group == 0 && buffers.get(place.binding as usize) == Some(&global);
+        assert!(known, "{name}.wgsl: {global} is not at binding {} of the host", place.binding);
+    }
+}

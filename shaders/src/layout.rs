@@ -1,0 +1,156 @@
+//! What host and device agree on: constants, and structures in buffers. `build.rs` writes the constants into the
+//! shaders and holds the structures against what naga makes of their twins there.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Constants of the shaders by name, all of them unsigned.
+pub const CONSTANTS: &[(&str, u32)] = &[
+    ("POINTS", POINTS),
+    ("CELLS", CELLS),
+    ("ROWS", ROWS),
+    ("ROW_WORDS", ROW_WORDS),
+    ("SAMPLE_WORDS", SAMPLE_WORDS),
+    ("JUMP_WORDS", JUMP_WORDS),
+    ("TABLE_WORDS", TABLE_WORDS),
+    ("WORKGROUP", WORKGROUP),
+    ("VARIES", VARIES),
+    ("EXCESS", EXCESS),
+    ("FULL", FULL),
+    ("TORN", TORN),
+    ("CROWDED", CROWDED),
+    ("STEPS_MAX", STEPS_MAX),
+    ("RECORD_WORDS", RECORD_WORDS),
+    ("ANGLE_BITS", ANGLE_BITS),
+];
+
+/// Samples along a brick's axis.
+pub const POINTS: u32 = 33;
+/// Lattice edges along a brick's axis.
+pub const CELLS: u32 = 32;
+/// Rows of samples in a brick.
+pub const ROWS: u32 = POINTS * POINTS;
+/// 32-bit words of a row's samples, two in each.
+pub const ROW_WORDS: u32 = POINTS.div_ceil(2);
+/// Words of a brick's samples.
+pub const SAMPLE_WORDS: u32 = ROWS * ROW_WORDS;
+/// Words of a brick's jumps: one a sample, and one a row.
+pub const JUMP_WORDS: u32 = ROWS * POINTS + ROWS;
+/// Words of what is known of a brick's rows: five of bits that say which edges change sign, and for each axis how many
+/// such edges the rows before hold.
+pub const TABLE_WORDS: u32 = 8 * ROWS;
+/// Invocations of a workgroup.
+pub const WORKGROUP: u32 = 64;
+/// Words of a crossing's record: the record before it on its edge, from 1; its offset with the way in which the winding
+/// number changes; its normal; its edge's place; its edge's lower sample, with the brick in the high half.
+pub const RECORD_WORDS: u32 = 5;
+/// Facets that one invocation of `brute` sums up, and steps that one of `resolve` takes along chains. Mesa's llvmpipe
+/// silently ends loops after 65,535 steps, which it counts for up to 16 invocations together.
+pub const STEPS_MAX: u32 = 1 << 11;
+/// Binary places of sums of solid angles, in steradians.
+pub const ANGLE_BITS: u32 = 36;
+
+/// [`Brick::flags`]: the samples are not all equal.
+pub const VARIES: u32 = 1;
+/// [`Brick::flags`]: a sample does not fit 16 bits.
+pub const EXCESS: u32 = 2;
+/// [`Brick::flags`]: the batch's buffers are too small.
+pub const FULL: u32 = 4;
+/// [`Brick::flags`]: a sign change without a crossing.
+pub const TORN: u32 = 8;
+/// [`Brick::flags`]: an edge holds too many crossings.
+pub const CROWDED: u32 = 16;
+
+/// A structure of 32-bit members with their names and offsets.
+macro_rules! shared {
+    ($(#[$doc:meta])* $name:ident { $($(#[$member_doc:meta])* $member:ident: $type:ty,)* }) => {
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+        pub struct $name { $($(#[$member_doc])* pub $member: $type,)* }
+
+        impl $name {
+            /// Members with their offsets in bytes.
+            pub const MEMBERS: Members =
+                &[$((stringify!($member), std::mem::offset_of!($name, $member)),)*];
+        }
+    };
+}
+
+shared! {
+    /// A batch of bricks.
+    Batch {
+        /// Pairs of a triangle and a brick that it touches.
+        pairs: u32,
+        /// Sign-changing edges for which there is room.
+        edges_max: u32,
+        /// Crossings of such edges for which there is room.
+        records_max: u32,
+        /// Sign-changing edges found.
+        edges: u32,
+        /// Their crossings.
+        records: u32,
+    }
+}
+
+shared! {
+    /// A brick, and what became of it.
+    Brick {
+        /// Sample 0 in lattice units.
+        origin_x: i32,
+        /// As above.
+        origin_y: i32,
+        /// As above.
+        origin_z: i32,
+        /// log₂ of the distance of samples.
+        shift: u32,
+        /// The winding number at sample 0.
+        corner: i32,
+        /// What was found.
+        flags: u32,
+        /// Where its Hermite edges begin in the batch's.
+        edges_from: u32,
+        /// How many there are.
+        edges: u32,
+        /// How many of them lie along x.
+        edges_x: u32,
+        /// How many lie along y.
+        edges_y: u32,
+    }
+}
+
+shared! {
+    /// A sum over triangles, in parts of [`STEPS_MAX`].
+    Sum {
+        /// Points at which to sum.
+        points: u32,
+        /// Triangles to sum.
+        facets: u32,
+    }
+}
+
+/// Names of members with their offsets in bytes.
+pub type Members = &'static [(&'static str, usize)];
+
+/// Structures with their names in the shaders, their sizes and their members.
+pub const STRUCTURES: &[(&str, usize, Members)] = &[
+    ("Batch", size_of::<Batch>(), Batch::MEMBERS),
+    ("Brick", size_of::<Brick>(), Brick::MEMBERS),
+    ("Sum", size_of::<Sum>(), Sum::MEMBERS),
+];
+
+/// Buffers of the kernels that evaluate bricks, by binding.
+pub const BRICK_BUFFERS: [&str; 11] = [
+    "batch",
+    "bricks",
+    "triangles",
+    "owners",
+    "jumps",
+    "samples",
+    "rows",
+    "tables",
+    "chains",
+    "hermite",
+    "records",
+];
+/// Buffers of the kernel that sums solid angles, by binding.
+pub const BRUTE_BUFFERS: [&str; 4] = ["sum", "facets", "points", "angles"];

@@ -1,0 +1,115 @@
+//! `--backend`, `--device` and `info --devices`: with a device, and without.
+
+use crate::support::*;
+use std::ffi::OsStr;
+
+/// Runs the program where the Vulkan loader finds no driver, or is not there.
+fn run_without_drivers(args: &[&dyn AsRef<OsStr>]) -> Run {
+    let nowhere = "/nonexistent/driver.json";
+    let mut command = program();
+    command.args(args.iter().map(AsRef::as_ref));
+    command.env("VK_ICD_FILENAMES", nowhere).env("VK_DRIVER_FILES", nowhere).output().expect("it runs").into()
+}
+
+#[test]
+fn without_a_device_the_program_works_and_says_so() {
+    let dir = Scratch::new();
+    let out = dir.path("o.brf");
+    let build: [&dyn AsRef<OsStr>; 6] = [&"build", &stl("overlap_boxes"), &"-o", &out, &"--depth", &"2"];
+    let text = run_without_drivers(&[&build[..], &[&"--backend", &"auto"]].concat()).ok();
+    assert!(text.contains("  backend  processor: "), "{text}");
+    let expected = std::fs::read(&out).unwrap();
+    let text = run_without_drivers(&[&build[..], &[&"--backend", &"cpu"]].concat()).ok();
+    assert!(!text.contains("backend"), "{text}");
+    assert!(std::fs::read(&out).unwrap() == expected);
+    std::fs::remove_file(&out).unwrap();
+    let message = run_without_drivers(&[&build[..], &[&"--backend", &"vulkan"]].concat()).failed();
+    assert!(message.contains("--backend vulkan: ") && message.contains("use --backend cpu"), "{message}");
+    assert!(dir.names().is_empty());
+    run_without_drivers(&[&"info", &"--devices"]).failed();
+}
+
+#[test]
+fn what_runs_on_no_device_is_refused() {
+    let dir = Scratch::new();
+    let points = dir.file("p.csv", "0,0,0\n");
+    let box_ = stl("overlap_boxes");
+    let out = dir.path("o.brf");
+    let message = run(&[&"build", &box_, &"-o", &out, &"--backend", &"cpu", &"--device", &"0"]).misused();
+    assert!(message.contains("--device"), "{message}");
+    let message = run(&[&"winding", &box_, &"--points", &points, &"--backend", &"vulkan"]).misused();
+    assert!(message.contains("--brute"), "{message}");
+    let message = run(&[&"info"]).misused();
+    assert!(message.contains("PART.brf"), "{message}");
+}
+
+#[test]
+#[ignore = "needs a Vulkan device; run with -- --ignored"]
+fn a_device_builds_the_same_store_and_is_named() {
+    let dir = Scratch::new();
+    let devices = run(&[&"info", &"--devices", &"--json"]).json();
+    let name = devices[0]["name"].as_str().unwrap().to_owned();
+    assert!(run(&[&"info", &"--devices"]).ok().contains(&name));
+    let mut stores = Vec::new();
+    for (backend, file) in [("cpu", "a.brf"), ("vulkan", "b.brf")] {
+        let out = dir.path(file);
+        let args: [&dyn AsRef<OsStr>; 8] =
+            [&"build", &stl("clover_model"), &"-o", &out, &"--depth", &"4", &"--backend", &backend];
+        let json = run(&[&args[..], &[&"--json"]].concat()).json();
+        stores.push(std::fs::read(&out).unwrap());
+        if backend == "vulkan" {
+            assert!(
+                json["device"]["bricks"].as_u64() > Some(0) && json["device"]["cpu_bricks"] == 0,
+                "{json}"
+            );
+            let text = run(&[&args[..], &[&"--device", &"0", &"--gpu-memory", &"32MiB"]].concat()).ok();
+            assert!(text.contains(&format!("  backend  {name}: ")), "{text}");
+            assert!(std::fs::read(&out).unwrap() == stores[0]);
+        } else {
+            assert!(json["device"].is_null());
+        }
+    }
+    assert!(stores[0] == stores[1]);
+    let unknown = run(&[&"build", &stl("clover_model"), &"-o", &dir.path("c.brf"), &"--device", &"voodoo"]);
+    assert!(unknown.failed().contains(&name));
+}
+
+#[test]
+#[ignore = "needs a Vulkan device; run with -- --ignored"]
+fn what_devices_do_not_do_is_said_in_a_line() {
+    let dir = Scratch::new();
+    for (input, more) in [("open_box_no_lid", &[][..]), ("overlap_boxes", &["--refine", "stddev"])] {
+        let out = dir.path("o.brf");
+        let mut args: Vec<&dyn AsRef<OsStr>> =
+            vec![&"build", &"-o", &out, &"--depth", &"1", &"--backend", &"vulkan"];
+        let input = stl(input);
+        args.push(&input);
+        args.extend(more.iter().map(|text| text as &dyn AsRef<OsStr>));
+        let done = run(&args);
+        assert_eq!((done.status, done.stderr.lines().count()), (Some(0), 1), "{}", done.stderr);
+        assert!(done.stderr.contains("--backend vulkan: ") && done.stderr.contains("the processor's"));
+    }
+}
+
+#[test]
+#[ignore = "needs a Vulkan device; run with -- --ignored"]
+fn the_sum_over_all_triangles_runs_on_a_device() {
+    let dir = Scratch::new();
+    let points = dir.file("p.csv", "2,2,2\n0.5,0.5,0.5\n50,0,0\n");
+    let values = |backend: &str| -> Vec<f64> {
+        let text = run(&[
+            &"winding",
+            &stl("overlap_boxes"),
+            &"--points",
+            &points,
+            &"--brute",
+            &"--backend",
+            &backend,
+        ])
+        .ok();
+        text.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect()
+    };
+    let (here, there) = (values("cpu"), values("vulkan"));
+    assert_eq!((here.len(), there.len()), (3, 3));
+    assert!(here.iter().zip(&there).all(|(a, b)| (a - b).abs() < 1e-5), "{here:?} {there:?}");
+}

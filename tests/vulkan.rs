@@ -1,0 +1,48 @@
+//! One suite for every backend: a store has the same bytes whoever evaluates its bricks.
+//!
+//! The instance for Vulkan needs a device, which a software driver can be, and the validation layer, which must have
+//! nothing to say. It is ignored by default, for a machine may have neither: `cargo test --test vulkan -- --ignored`
+//! runs it, and fails without them.
+
+#[path = "vulkan/backend.rs"]
+mod backend;
+#[path = "vulkan/device.rs"]
+mod device;
+#[path = "vulkan/suite.rs"]
+mod suite;
+
+/// The suite on one backend.
+macro_rules! instance {
+    ($name:ident, $(#[$attribute:meta])*) => {
+        mod $name {
+            use crate::{backend, suite};
+
+            $(#[$attribute])*
+            #[test]
+            fn meshes_give_the_same_store() {
+                backend::$name(suite::meshes_give_the_same_store);
+            }
+
+            $(#[$attribute])*
+            #[test]
+            fn beads_give_the_same_store() {
+                backend::$name(suite::beads_give_the_same_store);
+            }
+
+            $(#[$attribute])*
+            #[test]
+            fn piles_on_the_lattice_give_the_same_store() {
+                backend::$name(suite::piles_on_the_lattice_give_the_same_store);
+            }
+
+            $(#[$attribute])*
+            #[test]
+            fn any_triangles_give_the_same_store() {
+                backend::$name(suite::any_triangles_give_the_same_store);
+            }
+        }
+    };
+}
+
+instance!(cpu,);
+instance!(vulkan, #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]);

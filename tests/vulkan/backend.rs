@@ -1,0 +1,83 @@
+//! The backends under test.
+
+use brickfield_engine::Silent;
+use brickfield_engine::backend::{DeviceReport, Vulkan};
+use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::gpu::{Gpu, Settings};
+use brickfield_engine::ingest::Input;
+use brickfield_engine::store::Refine;
+
+/// Something that builds stores.
+pub struct Backend {
+    pub device: Option<Vulkan>,
+    pub threads: usize,
+}
+
+impl Backend {
+    /// The store of an input.
+    pub fn build(&self, input: &Input, depth: u8) -> Vec<u8> {
+        self.build_with(input, depth, &options(depth)).0
+    }
+
+    pub fn build_with(&self, input: &Input, depth: u8, options: &BuildOptions) -> (Vec<u8>, Summary) {
+        let directory = tempfile::tempdir().unwrap();
+        let out = directory.path().join("part.brf");
+        let resources = Resources { device: self.device.clone(), ..options.resources.clone() };
+        let options = BuildOptions { resolution: Resolution::Depth(depth), resources, ..options.clone() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build().unwrap();
+        let inputs = std::slice::from_ref(input);
+        let summary =
+            pool.install(|| build_opened(inputs, &out, &options, &Silent)).unwrap_or_else(|e| panic!("{e}"));
+        (std::fs::read(&out).unwrap(), summary)
+    }
+
+    /// What the device did since it was last asked.
+    pub fn report(&self) -> Option<DeviceReport> {
+        self.device.as_ref().map(Vulkan::take_report)
+    }
+}
+
+pub fn options(depth: u8) -> BuildOptions {
+    BuildOptions {
+        gwn_error: 1e-3,
+        resolution: Resolution::Depth(depth),
+        refine: Refine::Hidden,
+        stddev: 0.0,
+        solids: None,
+        identity: false,
+        share: None,
+        resources: Resources::default(),
+        keeping: Keeping::default(),
+        unit: "mm".into(),
+        program: "test".into(),
+    }
+}
+
+/// The processor's store, on one thread.
+pub fn reference(input: &Input, depth: u8) -> Vec<u8> {
+    Backend { device: None, threads: 1 }.build(input, depth)
+}
+
+/// Runs a test on the processor.
+pub fn cpu(test: fn(&Backend)) {
+    test(&Backend { device: None, threads: 3 });
+}
+
+/// Runs a test on a Vulkan device with the validation layer.
+pub fn vulkan(test: fn(&Backend)) {
+    let backend = Backend { device: Some(open(0)), threads: 2 };
+    test(&backend);
+    silent(&backend);
+}
+
+/// A device with so much memory for batches.
+pub fn open(memory: u64) -> Vulkan {
+    let settings = Settings { validation: true, memory, ..Settings::default() };
+    Vulkan::new(Gpu::open(&settings).unwrap_or_else(|e| panic!("{e}")))
+}
+
+/// Fails if the validation layer said anything.
+pub fn silent(backend: &Backend) {
+    let messages = backend.device.as_ref().map_or(Vec::new(), |device| device.gpu().messages());
+    assert!(messages.is_empty(), "{}", messages.join("\n"));
+}

@@ -1,0 +1,151 @@
+//! What a device alone must show: exact ties, failures amid a build, little memory, the sum over all triangles.
+
+use crate::backend::{Backend, open, options, reference, silent};
+use crate::suite::{input_of, open_data};
+use brickfield_bench_data::pile::{lattice_pile, random_pile};
+use brickfield_bench_data::{Mesh, Rng};
+use brickfield_engine::backend::{Leaf, LeafQueue, brute_at as brute_on_device};
+use brickfield_engine::brick::Brick;
+use brickfield_engine::gpu::{Failure, Fault, Stage};
+use brickfield_engine::ingest::Facet;
+use brickfield_engine::lattice::{NodeKey, Octant, RootCube, Triangle};
+use brickfield_engine::winding::{Evaluator, Triangles, brute_at};
+use brickfield_engine::{Silent, store::Refine};
+
+/// Vertices on the lattice itself, so that lines run through edges of facets and samples lie on them.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn exact_ties_are_decided_alike() {
+    let backend = Backend { device: Some(open(0)), threads: 1 };
+    let device = backend.device.as_ref().unwrap();
+    let (mut queue, mut here, mut there) = (LeafQueue::default(), Evaluator::default(), Evaluator::default());
+    for (seed, level) in (0..24).zip([0u8, 1, 2].into_iter().cycle()) {
+        // Cells of the pile as large as some steps of the samples, or as some cells of a brick.
+        let step = if seed % 2 == 0 { 1 << 18 } else { 3 << 16 };
+        let pile = Mesh::merged(&lattice_pile(seed, 10, step, 60));
+        let array: Vec<Triangle> = pile.facets().map(|t: Facet| t.map(|v| v.map(|c| c as i32))).collect();
+        let all: Vec<u32> = (0..array.len() as u32).collect();
+        let mut nodes = vec![(NodeKey::ROOT, 0)];
+        for _ in 0..level {
+            nodes = nodes
+                .into_iter()
+                .flat_map(|(key, corner)| children(&mut here, &array, &all, key, corner))
+                .collect();
+        }
+        let leaves: Vec<Leaf<'_>> =
+            nodes.iter().map(|&(key, corner)| Leaf { key, corner, indices: &all }).collect();
+        queue.begin(device);
+        for leaf in &leaves {
+            let brick = queue.next(device, &mut there, &array, &leaves).unwrap();
+            assert!(
+                brick == evaluate(&mut here, &array, &all, leaf.key, leaf.corner),
+                "{seed}: {}",
+                leaf.key
+            );
+        }
+    }
+    assert_eq!(backend.report().unwrap().cpu_bricks, 0);
+    silent(&backend);
+}
+
+fn evaluate(
+    evaluator: &mut Evaluator,
+    array: &[Triangle],
+    indices: &[u32],
+    key: NodeKey,
+    corner: i16,
+) -> Brick {
+    evaluator.evaluate(key, corner, Triangles { array, indices }).unwrap().into_leaf().unwrap()
+}
+
+fn children(
+    evaluator: &mut Evaluator,
+    array: &[Triangle],
+    all: &[u32],
+    key: NodeKey,
+    corner: i16,
+) -> Vec<(NodeKey, i16)> {
+    let brick = evaluate(evaluator, array, all, key, corner);
+    let child = |octant: Octant| (key.child(octant), brick.sample(octant.offset().map(|o| 16 * o)));
+    Octant::all().map(child).collect()
+}
+
+/// A build on a device that fails ends with the same store; the report says what happened.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn failures_end_in_the_same_store() {
+    let input = open_data("clover.gcode");
+    let expected = reference(&input, 4);
+    let fault = |stage, after, times, failure| Fault { stage, after, times, failure };
+    for (fault, is_retried) in [
+        (fault(Stage::Allocate, 0, 1, Failure::OutOfMemory), true),
+        (fault(Stage::Allocate, 1, 1000, Failure::OutOfMemory), true),
+        (fault(Stage::Submit, 5, 1, Failure::OutOfMemory), true),
+        (fault(Stage::Submit, 5, 1000, Failure::OutOfMemory), true),
+        (fault(Stage::Submit, 3, 1, Failure::Lost), false),
+        (fault(Stage::Wait, 4, 1, Failure::Lost), false),
+        (fault(Stage::Wait, 0, 1, Failure::Timeout), false),
+        (fault(Stage::Wait, 2, 3, Failure::OutOfMemory), true),
+    ] {
+        let backend = Backend { device: Some(open(0)), threads: 2 };
+        backend.device.as_ref().unwrap().gpu().inject(fault);
+        let (store, summary) = backend.build_with(&input, 4, &options(4));
+        assert!(store == expected, "{fault:?}");
+        let report = summary.device.unwrap();
+        assert_eq!(report.failure, Some(fault.failure.to_string()), "{fault:?}");
+        assert_eq!(report.retries > 0, is_retried, "{fault:?}: {report:?}");
+        assert!(report.cpu_bricks > 0 || fault.times == 1, "{fault:?}: {report:?}");
+        assert_eq!(backend.device.as_ref().unwrap().gpu().is_lost(), !is_retried, "{fault:?}");
+        silent(&backend);
+    }
+}
+
+/// With room for a brick or two, and for fewer edges than some have.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn little_memory_is_enough() {
+    let (_folder, pile) = input_of(&random_pile(3, 60));
+    let expected = reference(&pile, 3);
+    for memory in [1, 8 << 20] {
+        let backend = Backend { device: Some(open(memory)), threads: 2 };
+        let (store, summary) = backend.build_with(&pile, 3, &options(3));
+        assert!(store == expected, "{memory} bytes: {:?}", summary.device);
+        assert!(summary.device.unwrap().bricks > 0);
+        silent(&backend);
+    }
+}
+
+/// Trees whose nodes decide for themselves are the processor's.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn other_trees_are_the_processors() {
+    let backend = Backend { device: Some(open(0)), threads: 2 };
+    let cpu = Backend { device: None, threads: 2 };
+    let (_folder, pile) = input_of(&random_pile(5, 9));
+    for refine in [Refine::Stddev, Refine::Surface] {
+        let options = brickfield_engine::build::BuildOptions { refine, ..options(3) };
+        let ((store, summary), (expected, _)) =
+            (backend.build_with(&pile, 3, &options), cpu.build_with(&pile, 3, &options));
+        assert!(store == expected && summary.device.is_none());
+    }
+}
+
+/// The sum of solid angles in single precision against the one in double precision.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn the_sum_over_all_triangles_is_close() {
+    let backend = Backend { device: Some(open(0)), threads: 1 };
+    let soup: Vec<Facet> = Mesh::merged(&random_pile(1, 30)).facets().collect();
+    let root = RootCube::around([-4.0; 3], [4.0; 3]).unwrap();
+    let mut rng = Rng::new(7);
+    let mut points: Vec<[f64; 3]> =
+        (0..5000).map(|_| std::array::from_fn(|_| rng.range(-4.0, 4.0))).collect();
+    points.extend([[1e3, 0.0, 0.0], [0.0, 1e300, 0.0]]);
+    let values = brute_on_device(backend.device.as_ref().unwrap(), &[&soup], root, &points, &Silent).unwrap();
+    let expected = brute_at(&[&soup], root, &points, &Silent).unwrap();
+    let mut errors: Vec<f64> = values.iter().zip(&expected).map(|(a, b)| (a - b).abs()).collect();
+    errors.sort_by(f64::total_cmp);
+    // A point close to a triangle may be on its other side in single precision.
+    assert!(errors[errors.len() / 2] < 1e-5 && errors[errors.len() - 10] < 1e-3, "{:?}", &errors[4990..]);
+    silent(&backend);
+}

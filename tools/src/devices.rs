@@ -1,0 +1,52 @@
+//! Which device computes, if any.
+
+use crate::args::{BackendArg, BackendArgs};
+use crate::failure::Failure;
+use crate::units::Size;
+use anyhow::anyhow;
+use brickfield_engine::backend::Vulkan;
+use brickfield_engine::gpu::{Gpu, Settings, may_be_there};
+
+/// What computes: a device, or the processor and why.
+pub enum Chosen {
+    Device(Box<Vulkan>),
+    Cpu { why: Option<String> },
+}
+
+/// Opens the device that was asked for. Automatic choice takes GPUs only, or the device that was named. Where only the
+/// build's memory is bounded, batches get a quarter of it.
+pub fn choose(args: &BackendArgs, memory: Option<Size>) -> Result<Chosen, Failure> {
+    let BackendArgs { backend, device, gpu_memory } = args;
+    let named = device.is_some();
+    if *backend == BackendArg::Cpu {
+        if named {
+            return Err(Failure::Usage("--device: --backend cpu uses none; leave one out".to_owned()));
+        }
+        return Ok(Chosen::Cpu { why: None });
+    }
+    let is_asked_for = *backend == BackendArg::Vulkan || named;
+    if !is_asked_for && !may_be_there() {
+        return Ok(Chosen::Cpu { why: Some("the machine has no GPU".to_owned()) });
+    }
+    let settings = Settings {
+        device: device.clone(),
+        real: !is_asked_for,
+        memory: gpu_memory.or(memory.map(|size| Size(size.0 / 4))).map_or(0, |size| size.0),
+        validation: false,
+    };
+    match Gpu::open(&settings) {
+        Ok(gpu) => Ok(Chosen::Device(Box::new(Vulkan::new(gpu)))),
+        Err(why) if is_asked_for => Err(anyhow!("--backend vulkan: {why}").into()),
+        Err(why) => Ok(Chosen::Cpu { why: Some(why.what) }),
+    }
+}
+
+impl Chosen {
+    /// The device.
+    pub fn device(&self) -> Option<Vulkan> {
+        match self {
+            Chosen::Device(vulkan) => Some((**vulkan).clone()),
+            Chosen::Cpu { .. } => None,
+        }
+    }
+}
