@@ -6,20 +6,21 @@ use super::{Triangle, Units};
 /// below 2^49. The zero vector means that the triangle has no area and crosses no lattice line.
 #[inline]
 pub fn normal(t: &Triangle) -> [i64; 3] {
-    let e = |i: usize, a: usize| i64::from(t[i][a]) - i64::from(t[0][a]);
-    [
-        e(1, 1) * e(2, 2) - e(1, 2) * e(2, 1),
-        e(1, 2) * e(2, 0) - e(1, 0) * e(2, 2),
-        e(1, 0) * e(2, 1) - e(1, 1) * e(2, 0),
-    ]
+    [normal_along(t, 0), normal_along(t, 1), normal_along(t, 2)]
 }
 
 /// Whether [`normal`] is not the zero vector. One component mostly tells.
 #[inline]
 pub fn has_area(t: &Triangle) -> bool {
+    [2, 0, 1].into_iter().any(|axis| normal_along(t, axis) != 0)
+}
+
+/// The normal's component along an axis.
+#[inline(always)]
+fn normal_along(t: &Triangle, axis: usize) -> i64 {
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let e = |i: usize, a: usize| i64::from(t[i][a]) - i64::from(t[0][a]);
-    let component = |u, v| e(1, u) * e(2, v) - e(1, v) * e(2, u);
-    component(0, 1) != 0 || component(1, 2) != 0 || component(2, 0) != 0
+    e(1, u) * e(2, v) - e(1, v) * e(2, u)
 }
 
 /// Smallest and largest coordinate along each axis.
