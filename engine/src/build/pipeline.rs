@@ -70,6 +70,26 @@ pub struct BuildOptions {
     pub program: String,
 }
 
+impl Default for BuildOptions {
+    /// The whole tree to the depth that is chosen where none is asked for, samples of open input within a thousandth,
+    /// in millimetres, without bounds.
+    fn default() -> Self {
+        BuildOptions {
+            resolution: Resolution::Auto,
+            refine: Refine::Hidden,
+            stddev: 0.0,
+            gwn_error: 1e-3,
+            solids: None,
+            identity: false,
+            share: None,
+            resources: Resources::default(),
+            keeping: Keeping::default(),
+            unit: "mm".to_owned(),
+            program: concat!("brickfield-engine ", env!("CARGO_PKG_VERSION")).to_owned(),
+        }
+    }
+}
+
 /// How a build is kept from being lost: it commits now and then what it has, and the same build goes on from there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Keeping {
@@ -217,8 +237,8 @@ pub fn build_opened(
         field.part().summary
     };
     clock.lap("build");
-    let device =
-        options.resources.device.as_ref().filter(|_| open.open_edges == 0 && is_for_devices(options));
+    // Where nodes decide for themselves, one waits for the other: their leaves are the processor's.
+    let device = options.resources.device.as_ref().filter(|_| task.rules.refines_all_touched());
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
         device: device.map(Vulkan::take_report),
@@ -228,12 +248,6 @@ pub fn build_opened(
         flipped_patches: open.flipped_patches,
         ..summary
     })
-}
-
-/// Whether the settings leave the leaves of a closed soup to a device: where nodes decide for themselves, one waits for
-/// the other.
-fn is_for_devices(options: &BuildOptions) -> bool {
-    options.refine == Refine::Hidden && options.stddev == 0.0
 }
 
 /// A build whose input is known and measured: the store is begun.
