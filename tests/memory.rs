@@ -2,8 +2,8 @@
 //! whole program allocates.
 
 use brickfield_engine::Silent;
-use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, build};
-use brickfield_engine::store::{Accept, Io, Refine, Store, StoreOptions};
+use brickfield_engine::build::{BuildOptions, Resolution, build};
+use brickfield_engine::store::{Accept, Io, Store, StoreOptions};
 use peak_alloc::PeakAlloc;
 use std::path::Path;
 
@@ -53,19 +53,7 @@ fn open(path: &Path, bytes: &[u8]) -> (bool, usize) {
 
 fn store(folder: &Path) -> Vec<u8> {
     let input = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl/overlap_boxes.stl");
-    let options = BuildOptions {
-        gwn_error: 1e-3,
-        resolution: Resolution::Depth(2),
-        refine: Refine::Hidden,
-        stddev: 0.0,
-        solids: None,
-        identity: false,
-        share: None,
-        resources: Resources::default(),
-        keeping: Keeping::default(),
-        unit: "mm".into(),
-        program: "test".into(),
-    };
+    let options = BuildOptions { resolution: Resolution::Depth(2), ..BuildOptions::default() };
     let path = folder.join("sound.brf");
     build(&[input], &path, &options, &Silent).unwrap();
     std::fs::read(&path).unwrap()

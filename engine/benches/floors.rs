@@ -10,11 +10,11 @@
 use brickfield_bench_data::pile::bead_pile;
 use brickfield_bench_data::write::StlWriter;
 use brickfield_engine::analysis::{Dense, Element};
-use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, Summary, build};
+use brickfield_engine::build::{BuildOptions, Resolution, Summary, build};
 use brickfield_engine::contour::{ContourOptions, contour, create_sink};
 use brickfield_engine::ingest::{Facet, Input, runs};
 use brickfield_engine::lattice::{RootCube, Units};
-use brickfield_engine::store::{Refine, Store};
+use brickfield_engine::store::Store;
 use brickfield_engine::{Result, Silent};
 use rayon::prelude::*;
 use std::fs::File;
@@ -119,19 +119,7 @@ fn snap_plainly(p: [f64; 3]) -> Units {
 }
 
 fn build_to(input: &Path, output: &Path, depth: u8) -> Result<Summary> {
-    let options = BuildOptions {
-        gwn_error: 1e-3,
-        share: None,
-        resources: Resources::default(),
-        keeping: Keeping::default(),
-        resolution: Resolution::Depth(depth),
-        refine: Refine::Hidden,
-        stddev: 0.0,
-        solids: None,
-        identity: false,
-        unit: "mm".into(),
-        program: "bench".into(),
-    };
+    let options = BuildOptions { resolution: Resolution::Depth(depth), ..BuildOptions::default() };
     build(&[input.to_owned()], output, &options, &Silent)
 }
 

@@ -10,8 +10,8 @@ use brickfield_engine::Silent;
 use brickfield_engine::analysis::{beads_at_points, sample_at, volume};
 use brickfield_engine::bead::{Sweep, SweepOptions, Swept};
 use brickfield_engine::build::{
-    BuildOptions, Keeping, Resolution, Resources, TreeOptions, bead_sources, bounds_of_sources,
-    build_beads_in_memory, build_in_memory, build_opened,
+    BuildOptions, Resolution, TreeOptions, bead_sources, bounds_of_sources, build_beads_in_memory,
+    build_in_memory, build_opened,
 };
 use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour};
 use brickfield_engine::ingest::{Input, OpenOptions};
@@ -233,17 +233,10 @@ fn points_count_as_samples_do_and_as_formulas_say() {
 
 fn options(depth: u8) -> BuildOptions {
     BuildOptions {
-        gwn_error: 1e-3,
-        share: None,
-        resources: Resources::default(),
-        keeping: Keeping::default(),
         resolution: Resolution::Depth(depth),
-        refine: Refine::Hidden,
-        stddev: 0.0,
         solids: Some(Outline::Stadium),
         identity: true,
-        unit: "mm".into(),
-        program: "test".into(),
+        ..BuildOptions::default()
     }
 }
 

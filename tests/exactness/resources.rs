@@ -2,9 +2,8 @@
 
 use brickfield_engine::Silent;
 use brickfield_engine::bead::SweepOptions;
-use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
 use brickfield_engine::ingest::{Input, OpenOptions};
-use brickfield_engine::store::Refine;
 use std::path::{Path, PathBuf};
 
 fn data(name: &str) -> PathBuf {
@@ -23,17 +22,9 @@ fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, Sum
     let directory = tempfile::tempdir().unwrap();
     let out = directory.path().join("part.brf");
     let options = BuildOptions {
-        gwn_error: 1e-3,
         resolution: Resolution::Depth(depth),
-        refine: Refine::Hidden,
-        stddev: 0.0,
-        solids: None,
-        identity: false,
-        share: None,
         resources: Resources { memory, ..Resources::default() },
-        keeping: Keeping::default(),
-        unit: "mm".into(),
-        program: "test".into(),
+        ..BuildOptions::default()
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let summary =

@@ -3,7 +3,7 @@
 use brickfield_bench_data::pile::random_pile;
 use brickfield_bench_data::{Mesh, write};
 use brickfield_engine::Silent;
-use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, build, merge};
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, build, merge};
 use brickfield_engine::store::{Refine, ShareId, Store};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -40,15 +40,8 @@ proptest! {
             // Open bricks take ten times as long.
             resolution: Resolution::Depth(if is_open { depth.min(2) } else { depth }),
             refine,
-            stddev: 0.0,
             gwn_error: 1e-2,
-            solids: None,
-            identity: false,
-            share: None,
-            resources: Resources::default(),
-        keeping: Keeping::default(),
-            unit: "mm".into(),
-            program: "test".into(),
+            ..BuildOptions::default()
         };
         build_on(2, &input, &whole, &options);
         let mut shares: Vec<PathBuf> = Vec::new();

@@ -2,10 +2,9 @@
 
 use brickfield_engine::Silent;
 use brickfield_engine::backend::{DeviceReport, Vulkan};
-use brickfield_engine::build::{BuildOptions, Keeping, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
 use brickfield_engine::gpu::{Gpu, Settings};
 use brickfield_engine::ingest::Input;
-use brickfield_engine::store::Refine;
 
 /// Something that builds stores.
 pub struct Backend {
@@ -38,19 +37,7 @@ impl Backend {
 }
 
 pub fn options(depth: u8) -> BuildOptions {
-    BuildOptions {
-        gwn_error: 1e-3,
-        resolution: Resolution::Depth(depth),
-        refine: Refine::Hidden,
-        stddev: 0.0,
-        solids: None,
-        identity: false,
-        share: None,
-        resources: Resources::default(),
-        keeping: Keeping::default(),
-        unit: "mm".into(),
-        program: "test".into(),
-    }
+    BuildOptions { resolution: Resolution::Depth(depth), ..BuildOptions::default() }
 }
 
 /// The processor's store, on one thread.
