@@ -9,10 +9,16 @@ pub(crate) use fearless_simd::{
 };
 
 use fearless_simd::Level;
-use std::sync::LazyLock;
 
-/// What the processor has.
+/// What the processor has; found out once.
+#[inline]
 pub(crate) fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
+    Level::new()
+}
+
+/// Eight points, by axis.
+#[inline(always)]
+pub(crate) fn each_of<S: Simd>(simd: S, at: &[[f64; 8]; 3]) -> [f64x8<S>; 3] {
+    // Spelled out: a closure may stay a call, compiled for the narrowest vectors.
+    [f64x8::from_slice(simd, &at[0]), f64x8::from_slice(simd, &at[1]), f64x8::from_slice(simd, &at[2])]
 }

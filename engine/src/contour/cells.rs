@@ -24,7 +24,7 @@ use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, edge_lower, face_cuts};
 use crate::brick::{SignChanges, point_index};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
-use fearless_simd::{Level, dispatch};
+use crate::wide::{dispatch, level};
 
 /// Rows of cells along x in a leaf.
 pub(super) const CELL_ROWS: usize = BRICK_CELLS * BRICK_CELLS;
@@ -292,7 +292,7 @@ impl<'a> Builder<'a> {
 
     /// As compiled for this processor: bits are counted for every edge of every cell.
     fn fill(&mut self, surroundings: Option<&mut Surroundings>) -> Result<()> {
-        dispatch!(Level::new(), _simd => self.fill_rows(surroundings))
+        dispatch!(level(), _simd => self.fill_rows(surroundings))
     }
 
     #[inline(always)]

@@ -23,7 +23,7 @@ use super::qef::{PlaneSums, Qef, dot};
 use super::topology::CELL_LOOPS;
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
-use fearless_simd::{Level, dispatch};
+use crate::wide::{dispatch, level};
 use glam::DVec3;
 use std::collections::HashSet;
 
@@ -224,7 +224,7 @@ impl Search<'_> {
     fn candidates(&self, creased: Vec<[usize; 3]>) -> Vec<Place> {
         let mut places: Vec<Place> = creased.into_iter().map(|cell| cell.map(|c| c as i32)).collect();
         if let Some(sums) = &self.builder.sums {
-            dispatch!(Level::new(), _simd => self.keep_candidates(&mut places, sums));
+            dispatch!(level(), _simd => self.keep_candidates(&mut places, sums));
         }
         places
     }

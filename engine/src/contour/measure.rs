@@ -2,7 +2,7 @@
 
 use super::polygons::Facet;
 use super::sink::Encoding;
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, dispatch, f64x8};
+use crate::wide::{Select, Simd, SimdBase, SimdFloat, dispatch, f64x8, level};
 
 /// Facets in a vector.
 const GROUP: usize = 8;
@@ -28,7 +28,7 @@ pub(super) fn measure(
     let mut measured = Measured::default();
     for block in facets.chunks(BLOCK) {
         let mut normals = [[0.0; 3]; BLOCK];
-        let sums = dispatch!(Level::new(), simd => measure_block(simd, block, centre, &mut normals));
+        let sums = dispatch!(level(), simd => measure_block(simd, block, centre, &mut normals));
         measured.area += sums.area;
         measured.volume += sums.volume;
         if let Some(encoding) = encoding {

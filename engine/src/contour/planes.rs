@@ -1,7 +1,7 @@
 //! Hermite edges as contouring wants them: decoded.
 
 use crate::brick::HermiteEdge;
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, dispatch, f64x8};
+use crate::wide::{Select, Simd, SimdBase, SimdFloat, dispatch, f64x8, level};
 
 /// Edges decoded at a time.
 const GROUP: usize = 8;
@@ -20,7 +20,7 @@ pub(super) struct EdgePlane {
 
 /// Appends the decoded `edges`: normals as [`crate::brick::OctNormal::to_vector`] gives them, rounded.
 pub(super) fn decode(edges: &[HermiteEdge], planes: &mut Vec<EdgePlane>) {
-    dispatch!(Level::new(), simd => decode_groups(simd, edges, planes))
+    dispatch!(level(), simd => decode_groups(simd, edges, planes))
 }
 
 #[inline(always)]

@@ -20,7 +20,7 @@ use super::topology::{SQUARE, edge_index};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Units};
-use fearless_simd::{Level, dispatch};
+use crate::wide::{dispatch, level};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// One triangle of the mesh, counter-clockwise seen from outside.
@@ -99,7 +99,7 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<L
         borders: [Border::Unknown; 27],
         facets,
     };
-    dispatch!(Level::new(), _simd => maker.rows(&cells, signs))?;
+    dispatch!(level(), _simd => maker.rows(&cells, signs))?;
     let mut facets = maker.facets;
     let mut bytes = Vec::new();
     if making.encoding.is_some() {

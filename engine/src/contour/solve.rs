@@ -5,7 +5,7 @@
 //! their cell, one in ten, are left to [`super::qef`].
 
 use super::qef::{Centred, PlaneSums, Qef, TRUNCATION_SQUARED, Vector, most_least, ridge};
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, mask64x8};
+use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, each_of, f64x8, level, mask64x8};
 
 #[inline(always)]
 fn put<const N: usize>(terms: &mut [Lanes; N], lane: usize, values: &[f64; N]) {
@@ -66,7 +66,7 @@ impl Group {
 
     /// Solves the first `used` lanes.
     pub(super) fn solve(&self, used: usize, margin: f64, miss: f64) -> Solved {
-        dispatch!(Level::new(), simd => solve(simd, self, used, margin, miss))
+        dispatch!(level(), simd => solve(simd, self, used, margin, miss))
     }
 }
 
@@ -75,10 +75,10 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     let matrix = Matrix::load(simd, &group.matrix);
     let count = f64x8::from_slice(simd, &group.count);
     let half = f64x8::splat(simd, 0.5);
-    let mean = divided(&load(simd, &group.points), count);
-    let at_centre = load(simd, &group.rhs);
+    let mean = divided(&each_of(simd, &group.points), count);
+    let at_centre = each_of(simd, &group.rhs);
     let rhs = minus(&at_centre, &matrix.times(&mean));
-    let normals = load(simd, &group.normals);
+    let normals = each_of(simd, &group.normals);
     let agreed = dot(&normals, &normals) / count;
     let is_flat = (count - agreed).simd_le(agreed * TRUNCATION_SQUARED);
     let lanes = (1u64 << used) - 1;
@@ -142,7 +142,7 @@ fn about_origin<S: Simd>(
     group: &Group,
     count: f64x8<S>,
 ) -> [PlaneSums; GROUP] {
-    let mut centre = load(simd, &group.corners);
+    let mut centre = each_of(simd, &group.corners);
     for c in &mut centre {
         *c += 0.5;
     }
@@ -246,16 +246,6 @@ fn least_eigenvector<S: Simd>(matrix: &Matrix<S>, adjugate: &Matrix<S>) -> (Vec3
 }
 
 type Vec3<S> = [f64x8<S>; 3];
-
-#[inline(always)]
-fn load<S: Simd>(simd: S, lanes: &[Lanes; 3]) -> Vec3<S> {
-    // Spelled out, here and below: a closure may stay a call, compiled for the narrowest vectors.
-    [
-        f64x8::from_slice(simd, &lanes[0]),
-        f64x8::from_slice(simd, &lanes[1]),
-        f64x8::from_slice(simd, &lanes[2]),
-    ]
-}
 
 #[inline(always)]
 fn dot<S: Simd>(a: &Vec3<S>, b: &Vec3<S>) -> f64x8<S> {
@@ -367,9 +357,9 @@ mod tests {
 
     /// Offset and largest eigenvalue of one lane, if there is a closed form.
     fn closed_form(matrix: &Symmetric, rhs: Vector) -> Option<(Vector, f64)> {
-        dispatch!(Level::new(), simd => {
+        dispatch!(level(), simd => {
             let matrix = Matrix::load(simd, &matrix.0.map(|term| [term; GROUP]));
-            let of = truncated(simd, &matrix, &load(simd, &rhs.map(|c| [c; GROUP])));
+            let of = truncated(simd, &matrix, &each_of(simd, &rhs.map(|c| [c; GROUP])));
             (of.is_sound.to_bitmask() & 1 == 1).then(|| (of.x.map(|c| c[0]), of.largest[0]))
         })
     }
