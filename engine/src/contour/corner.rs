@@ -19,7 +19,8 @@
 use super::cells::{Builder, CELL_ROWS};
 use super::halo::{Halo, Named, Place};
 use super::planes::Plane;
-use super::qef::{PlaneSums, Qef, dot};
+use super::qef::{PlaneSums, Qef};
+use super::symmetric::dot;
 use super::topology::CELL_LOOPS;
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;

@@ -14,6 +14,7 @@
 //! | `leaves` | which leaf lies where |
 //! | `planes` | decoded Hermite edges |
 //! | `surface` | signs and Hermite edges of a leaf |
+//! | `symmetric` | symmetric matrices |
 //! | `qef` | where a vertex goes |
 //! | `solve` | the same for eight vertices at a time |
 //! | `edges` | the edges of a row of cells |
@@ -42,6 +43,7 @@ mod qef;
 mod sink;
 mod solve;
 mod surface;
+mod symmetric;
 #[cfg(test)]
 mod tests;
 mod topology;

@@ -4,6 +4,7 @@
 //! point of Lindstrom 2000. A minimiser outside the cell is replaced by the minimiser over the cell, found on
 //! its faces, edges and corners, because clamping would take a vertex off a crease that only clips the cell.
 
+use super::symmetric::{Symmetric, dot};
 use ordered_float::OrderedFloat;
 
 /// Singular values below this share of the largest count as zero, so that a vertex moves along no direction
@@ -16,57 +17,10 @@ const PULL: f64 = 1e-6;
 
 pub(super) type Vector = [f64; 3];
 
-#[inline(always)]
-pub(super) fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// Eigenvalues and eigenvectors.
 pub(super) type Eigen = ([f64; 3], [Vector; 3]);
 
-/// A symmetric 3×3 matrix: xx, yy, zz, xy, yz, zx.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Symmetric(pub [f64; 6]);
-
 impl Symmetric {
-    /// Adds n·nᵀ.
-    #[inline(always)]
-    pub(super) fn add(&mut self, n: Vector) {
-        let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[1] * n[2], n[2] * n[0]];
-        for (sum, product) in self.0.iter_mut().zip(products) {
-            *sum += product;
-        }
-    }
-
-    #[inline(always)]
-    fn times(&self, x: Vector) -> Vector {
-        let [xx, yy, zz, xy, yz, zx] = self.0;
-        [
-            xx * x[0] + xy * x[1] + zx * x[2],
-            xy * x[0] + yy * x[1] + yz * x[2],
-            zx * x[0] + yz * x[1] + zz * x[2],
-        ]
-    }
-
-    /// The matrix of the principal minors and their complements: the inverse times the determinant.
-    #[inline(always)]
-    fn adjugate(&self) -> Symmetric {
-        let [xx, yy, zz, xy, yz, zx] = self.0;
-        Symmetric([
-            yy * zz - yz * yz,
-            xx * zz - zx * zx,
-            xx * yy - xy * xy,
-            yz * zx - xy * zz,
-            xy * zx - xx * yz,
-            xy * yz - yy * zx,
-        ])
-    }
-
-    #[inline(always)]
-    fn determinant(&self, adjugate: &Symmetric) -> f64 {
-        self.0[0] * adjugate.0[0] + self.0[3] * adjugate.0[3] + self.0[5] * adjugate.0[5]
-    }
-
     /// Eigenvalues and eigenvectors by cyclic Jacobi rotations.
     pub(super) fn eigen(&self) -> Eigen {
         let [xx, yy, zz, xy, yz, zx] = self.0;
@@ -158,7 +112,7 @@ impl PlaneSums {
         let (matrix, rhs, constant, count) = self.split();
         let minors = matrix.adjugate();
         let determinant = matrix.determinant(&minors);
-        let least = determinant / (minors.0[0] + minors.0[1] + minors.0[2]);
+        let least = determinant / minors.trace();
         // It is not a number where all normals are alike.
         if least.is_nan() || least <= 0.33 * spread * spread {
             return false;
@@ -225,7 +179,7 @@ impl Qef {
     pub(super) fn add(&mut self, p: Vector, n: Vector) {
         let p = p.map(|c| c - 0.5);
         let d = dot(n, p);
-        self.matrix.add(n);
+        self.matrix = self.matrix.plus(n);
         for a in 0..3 {
             self.rhs[a] += n[a] * d;
             self.point_sum[a] += p[a];

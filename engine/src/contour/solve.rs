@@ -5,6 +5,7 @@
 //! their cell, one in ten, are left to [`super::qef`].
 
 use super::qef::{Centred, PlaneSums, Qef, TRUNCATION_SQUARED, Vector, most_least, ridge};
+use super::symmetric::{Symmetric, dot};
 use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, each_of, f64x8, level, mask64x8};
 
 #[inline(always)]
@@ -72,22 +73,21 @@ impl Group {
 
 #[inline(always)]
 fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -> Solved {
-    let matrix = Matrix::load(simd, &group.matrix);
+    let matrix = load(simd, &group.matrix);
     let count = f64x8::from_slice(simd, &group.count);
     let half = f64x8::splat(simd, 0.5);
-    let mean = divided(&each_of(simd, &group.points), count);
+    let mean = divided(each_of(simd, &group.points), count);
     let at_centre = each_of(simd, &group.rhs);
-    let rhs = minus(&at_centre, &matrix.times(&mean));
+    let rhs = minus(at_centre, matrix.times(mean));
     let normals = each_of(simd, &group.normals);
-    let agreed = dot(&normals, &normals) / count;
+    let agreed = dot(normals, normals) / count;
     let is_flat = (count - agreed).simd_le(agreed * TRUNCATION_SQUARED);
     let lanes = (1u64 << used) - 1;
     let flat = is_flat.to_bitmask() & lanes;
     // Neighbours are alike: most groups need one of the two.
-    let mut free =
-        if flat != 0 { along_normal(simd, &matrix, &rhs, &normals) } else { Truncated::none(simd) };
+    let mut free = if flat != 0 { along_normal(simd, &matrix, rhs, normals) } else { Truncated::none(simd) };
     if flat != lanes {
-        let creased = truncated(simd, &matrix, &rhs);
+        let creased = truncated(simd, &matrix, rhs);
         for a in 0..3 {
             free.x[a] = is_flat.select(free.x[a], creased.x[a]);
         }
@@ -105,31 +105,31 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
             points[lane][a] = at[lane];
         }
     }
-    let sums = about_origin(simd, &matrix, &at_centre, group, count);
+    let sums = about_origin(simd, &matrix, at_centre, group, count);
     let mut rest = lanes & !is_done.to_bitmask();
     if rest != 0 {
         let largest = free.is_sound.select(free.largest, f64x8::splat(simd, f64::NAN));
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let of = |terms: &Vec3<S>| -> Vector { [terms[0][lane], terms[1][lane], terms[2][lane]] };
-            let centred = Centred::new(group.matrix.map(|term| term[lane]), of(&rhs), of(&mean));
+            let of = |terms: Vec3<S>| -> Vector { [terms[0][lane], terms[1][lane], terms[2][lane]] };
+            let centred = Centred::new(group.matrix.map(|term| term[lane]), of(rhs), of(mean));
             points[lane] = centred.finish(points[lane], largest[lane], margin);
         }
     }
-    let apart = apart(simd, &matrix, &at_centre, group, miss).to_bitmask() & lanes;
+    let apart = apart(simd, &matrix, at_centre, group, miss).to_bitmask() & lanes;
     Solved { points, flat, apart, sums }
 }
 
 /// Where planes do not meet; see [`super::qef::PlaneSums::may_share_point`].
 #[inline(always)]
-fn apart<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>, group: &Group, miss: f64) -> mask64x8<S> {
+fn apart<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>, group: &Group, miss: f64) -> mask64x8<S> {
     let (count, constant) = (f64x8::from_slice(simd, &group.count), f64x8::from_slice(simd, &group.constant));
     let ridge = count * ridge(miss, REACH);
     let [xx, yy, zz, xy, yz, zx] = matrix.0;
-    let lifted = Matrix([xx + ridge, yy + ridge, zz + ridge, xy, yz, zx]);
+    let lifted = Symmetric([xx + ridge, yy + ridge, zz + ridge, xy, yz, zx]);
     let adjugate = lifted.adjugate();
-    let least = constant - dot(rhs, &adjugate.times(rhs)) / lifted.determinant(&adjugate);
+    let least = constant - dot(rhs, adjugate.times(rhs)) / lifted.determinant(&adjugate);
     least.simd_gt(count * most_least(miss))
 }
 
@@ -138,7 +138,7 @@ fn apart<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>, group: &Group, mis
 fn about_origin<S: Simd>(
     simd: S,
     matrix: &Matrix<S>,
-    rhs: &Vec3<S>,
+    rhs: Vec3<S>,
     group: &Group,
     count: f64x8<S>,
 ) -> [PlaneSums; GROUP] {
@@ -146,9 +146,9 @@ fn about_origin<S: Simd>(
     for c in &mut centre {
         *c += 0.5;
     }
-    let moved = matrix.times(&centre);
+    let moved = matrix.times(centre);
     let constant = f64x8::from_slice(simd, &group.constant);
-    let constant = constant + dot(rhs, &centre) * 2.0 + dot(&centre, &moved);
+    let constant = constant + dot(rhs, centre) * 2.0 + dot(centre, moved);
     let mut sums = [PlaneSums::default(); GROUP];
     for (lane, sums) in sums.iter_mut().enumerate() {
         let [xx, yy, zz, xy, yz, zx] = &group.matrix;
@@ -179,13 +179,13 @@ impl<S: Simd> Truncated<S> {
 
 /// Where the planes are as good as one.
 #[inline(always)]
-fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>, normals: &Vec3<S>) -> Truncated<S> {
+fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>, normals: Vec3<S>) -> Truncated<S> {
     // One step of the power method: the error of the direction shrinks a hundredfold.
     let v = matrix.times(normals);
-    let square = dot(&v, &matrix.times(&v));
-    let scale = dot(&v, rhs) / square;
+    let square = dot(v, matrix.times(v));
+    let scale = dot(v, rhs) / square;
     let is_sound = mask64x8::splat(simd, true);
-    Truncated { x: times(&v, scale), largest: square / dot(&v, &v), is_sound }
+    Truncated { x: times(v, scale), largest: square / dot(v, v), is_sound }
 }
 
 /// Pseudo-inverse times `rhs` without the eigenvalues below [`TRUNCATION_SQUARED`] of the largest, where at most one
@@ -194,7 +194,7 @@ fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>, normals: &V
 /// The least eigenvalue's vector is the limit of the powers of the adjugate, whose eigenvalues are the products of two;
 /// the other two values follow from trace and minors. Jacobi's rotations take four times as long.
 #[inline(always)]
-fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>) -> Truncated<S> {
+fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> Truncated<S> {
     let adjugate = matrix.adjugate();
     let (trace, products) = (matrix.trace(), adjugate.trace());
     let (v, least, is_found) = least_eigenvector(matrix, &adjugate);
@@ -206,13 +206,13 @@ fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: &Vec3<S>) -> Truncated<S
     let has_three = least.simd_gt(threshold);
     let has_two = (product / largest).simd_gt(threshold);
     // With the least eigenvalue made one as large as the others, and nothing of it in `rhs`.
-    let lifted = matrix.plus(&times(&v, trace.sqrt()));
+    let lifted = matrix.plus(times(v, trace.sqrt()));
     let adjugate_lifted = lifted.adjugate();
-    let across = dot(&v, rhs);
-    let within = minus(rhs, &times(&v, across));
-    let mut x = divided(&adjugate_lifted.times(&within), lifted.determinant(&adjugate_lifted));
+    let across = dot(v, rhs);
+    let within = minus(rhs, times(v, across));
+    let mut x = divided(adjugate_lifted.times(within), lifted.determinant(&adjugate_lifted));
     if has_three.any_true() {
-        let whole = divided(&adjugate.times(rhs), matrix.determinant(&adjugate));
+        let whole = divided(adjugate.times(rhs), matrix.determinant(&adjugate));
         for a in 0..3 {
             x[a] = has_three.select(whole[a], x[a]);
         }
@@ -227,7 +227,7 @@ fn least_eigenvector<S: Simd>(matrix: &Matrix<S>, adjugate: &Matrix<S>) -> (Vec3
     let (trace, products) = (matrix.trace(), adjugate.trace());
     // Below a thousandth of the products of two, one value stands out and the other two are noise.
     let stands_out = products.simd_gt(trace * 1e-3 * trace);
-    let fourth = adjugate.divided(products).squared().squared();
+    let fourth = scaled_down(adjugate, products).squared().squared();
     let [a, b, c, d, e, f] = fourth.0;
     let is_first = a.simd_ge(b) & a.simd_ge(c);
     let is_third = c.simd_gt(b);
@@ -236,130 +236,61 @@ fn least_eigenvector<S: Simd>(matrix: &Matrix<S>, adjugate: &Matrix<S>) -> (Vec3
         is_first.select(d, is_third.select(e, b)),
         is_first.select(f, is_third.select(c, e)),
     ];
-    let v = fourth.times(&fourth.times(&longest));
-    let v = divided(&v, dot(&v, &v).sqrt());
-    let image = matrix.times(&v);
-    let value = dot(&v, &image);
-    let rest = minus(&image, &times(&v, value));
-    let is_sharp = dot(&rest, &rest).simd_le(trace * 1e-20 * trace);
+    let v = fourth.times(fourth.times(longest));
+    let v = divided(v, dot(v, v).sqrt());
+    let image = matrix.times(v);
+    let value = dot(v, image);
+    let rest = minus(image, times(v, value));
+    let is_sharp = dot(rest, rest).simd_le(trace * 1e-20 * trace);
     (v, value, stands_out & is_sharp)
 }
 
 type Vec3<S> = [f64x8<S>; 3];
 
 #[inline(always)]
-fn dot<S: Simd>(a: &Vec3<S>, b: &Vec3<S>) -> f64x8<S> {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-fn minus<S: Simd>(a: &Vec3<S>, b: &Vec3<S>) -> Vec3<S> {
+fn minus<S: Simd>(a: Vec3<S>, b: Vec3<S>) -> Vec3<S> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 #[inline(always)]
-fn times<S: Simd>(a: &Vec3<S>, s: f64x8<S>) -> Vec3<S> {
+fn times<S: Simd>(a: Vec3<S>, s: f64x8<S>) -> Vec3<S> {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
 #[inline(always)]
-fn divided<S: Simd>(a: &Vec3<S>, s: f64x8<S>) -> Vec3<S> {
+fn divided<S: Simd>(a: Vec3<S>, s: f64x8<S>) -> Vec3<S> {
     [a[0] / s, a[1] / s, a[2] / s]
 }
 
-/// Symmetric 3×3 matrices: xx, yy, zz, xy, yz, zx.
-#[derive(Clone, Copy)]
-struct Matrix<S: Simd>([f64x8<S>; 6]);
+/// The matrices of eight loops.
+type Matrix<S> = Symmetric<f64x8<S>>;
 
-impl<S: Simd> Matrix<S> {
-    #[inline(always)]
-    fn load(simd: S, terms: &[Lanes; 6]) -> Matrix<S> {
-        let mut all = [f64x8::splat(simd, 0.0); 6];
-        for (to, term) in all.iter_mut().zip(terms) {
-            *to = f64x8::from_slice(simd, term);
-        }
-        Matrix(all)
+#[inline(always)]
+fn load<S: Simd>(simd: S, terms: &[Lanes; 6]) -> Matrix<S> {
+    let mut all = [f64x8::splat(simd, 0.0); 6];
+    for (to, term) in all.iter_mut().zip(terms) {
+        *to = f64x8::from_slice(simd, term);
     }
+    Symmetric(all)
+}
 
-    /// With n·nᵀ added.
-    #[inline(always)]
-    fn plus(&self, n: &Vec3<S>) -> Matrix<S> {
-        let [xx, yy, zz, xy, yz, zx] = self.0;
-        Matrix([
-            xx + n[0] * n[0],
-            yy + n[1] * n[1],
-            zz + n[2] * n[2],
-            xy + n[0] * n[1],
-            yz + n[1] * n[2],
-            zx + n[2] * n[0],
-        ])
-    }
-
-    #[inline(always)]
-    fn divided(&self, s: f64x8<S>) -> Matrix<S> {
-        let [xx, yy, zz, xy, yz, zx] = self.0;
-        Matrix([xx / s, yy / s, zz / s, xy / s, yz / s, zx / s])
-    }
-
-    #[inline(always)]
-    fn times(&self, x: &Vec3<S>) -> Vec3<S> {
-        let [xx, yy, zz, xy, yz, zx] = self.0;
-        [
-            xx * x[0] + xy * x[1] + zx * x[2],
-            xy * x[0] + yy * x[1] + yz * x[2],
-            zx * x[0] + yz * x[1] + zz * x[2],
-        ]
-    }
-
-    #[inline(always)]
-    fn trace(&self) -> f64x8<S> {
-        self.0[0] + self.0[1] + self.0[2]
-    }
-
-    /// The matrices of the principal minors and their complements: the inverse times the determinant.
-    #[inline(always)]
-    fn adjugate(&self) -> Matrix<S> {
-        let [xx, yy, zz, xy, yz, zx] = self.0;
-        Matrix([
-            yy * zz - yz * yz,
-            xx * zz - zx * zx,
-            xx * yy - xy * xy,
-            yz * zx - xy * zz,
-            xy * zx - xx * yz,
-            xy * yz - yy * zx,
-        ])
-    }
-
-    #[inline(always)]
-    fn determinant(&self, adjugate: &Matrix<S>) -> f64x8<S> {
-        self.0[0] * adjugate.0[0] + self.0[3] * adjugate.0[3] + self.0[5] * adjugate.0[5]
-    }
-
-    #[inline(always)]
-    fn squared(&self) -> Matrix<S> {
-        let [xx, yy, zz, xy, yz, zx] = self.0;
-        Matrix([
-            xx * xx + xy * xy + zx * zx,
-            xy * xy + yy * yy + yz * yz,
-            zx * zx + yz * yz + zz * zz,
-            xx * xy + xy * yy + zx * yz,
-            xy * zx + yy * yz + yz * zz,
-            zx * xx + yz * xy + zz * zx,
-        ])
-    }
+#[inline(always)]
+fn scaled_down<S: Simd>(matrix: &Matrix<S>, s: f64x8<S>) -> Matrix<S> {
+    let [xx, yy, zz, xy, yz, zx] = matrix.0;
+    Symmetric([xx / s, yy / s, zz / s, xy / s, yz / s, zx / s])
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::qef::{Symmetric, largest_of, truncated as by_rotations};
+    use super::super::qef::{largest_of, truncated as by_rotations};
     use super::*;
     use proptest::prelude::*;
 
     /// Offset and largest eigenvalue of one lane, if there is a closed form.
     fn closed_form(matrix: &Symmetric, rhs: Vector) -> Option<(Vector, f64)> {
         dispatch!(level(), simd => {
-            let matrix = Matrix::load(simd, &matrix.0.map(|term| [term; GROUP]));
-            let of = truncated(simd, &matrix, &each_of(simd, &rhs.map(|c| [c; GROUP])));
+            let matrix = load(simd, &matrix.0.map(|term| [term; GROUP]));
+            let of = truncated(simd, &matrix, each_of(simd, &rhs.map(|c| [c; GROUP])));
             (of.is_sound.to_bitmask() & 1 == 1).then(|| (of.x.map(|c| c[0]), of.largest[0]))
         })
     }
@@ -374,7 +305,7 @@ mod tests {
             let mut matrix = Symmetric::default();
             for n in &normals {
                 prop_assume!(n.iter().map(|c| c * c).sum::<f64>() > 0.01);
-                matrix.add(std::array::from_fn(|a| n[a] * flatten[a]));
+                matrix = matrix.plus(std::array::from_fn(|a| n[a] * flatten[a]));
             }
             prop_assume!(matrix.0[0] + matrix.0[1] + matrix.0[2] > 0.1);
             let eigen = matrix.eigen();
