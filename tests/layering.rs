@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What everything may use, and what these may use of each other.
-const BOTTOM: [&str; 7] = ["lattice", "mmap", "error", "progress", "disk", "part", "wide"];
+const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part", "wide", "schedule"];
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
@@ -176,7 +176,7 @@ fn may_use(room: &str, used: &str) -> bool {
     }
     match room {
         "lattice" | "error" | "disk" => false,
-        "mmap" | "progress" => used == "error",
+        "mmap" | "progress" | "schedule" => used == "error",
         "part" => ["disk", "error"].contains(&used),
         _ => {
             let (_, allowed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap_or_else(|| {

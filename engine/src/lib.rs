@@ -23,6 +23,7 @@ pub mod lattice;
 pub mod mmap;
 pub mod part;
 mod progress;
+mod schedule;
 pub mod solid;
 pub mod store;
 pub mod toolpath;

@@ -6,12 +6,12 @@ use super::bins::Binner;
 use super::field::Field;
 use super::jobs::{Plan, sort_level};
 use super::records::Recorder;
-use super::schedule::{Bounds, Held, Outcome, Place, run_tasks};
 use super::sorted::SortedPieces;
 use super::subtree::{Node, STRIDE, SubtreeBuilder, corner_at};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
+use crate::schedule::{Bounds, Held, Outcome, Place, run_tasks};
 use std::sync::Arc;
 
 /// What a piece takes of a job: itself and its places in the lists of cubes, which it touches 1.5 of in the mean, with

@@ -5,10 +5,10 @@
 
 use super::bins::Binner;
 use super::field::Field;
-use super::ordered::run_ordered;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
+use crate::schedule::run_ordered;
 use crate::solid::{Segment, Solids};
 use crate::store::{BeadSegment, Share, StoreWriter, cell_key, cells_of, encode_segments};
 use rayon::prelude::*;

@@ -3,7 +3,6 @@
 use super::bins::Binner;
 use super::branches::follow_pieces;
 use super::field::{Evaluated, Field, Pieces};
-use super::ordered::run_ordered;
 use super::records::Recorder;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
@@ -12,6 +11,7 @@ use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
+use crate::schedule::run_ordered;
 use crate::store::{Kept, Share};
 use rayon::prelude::*;
 use std::collections::HashMap;

@@ -3,7 +3,6 @@
 use super::bins::{Binner, SortedRun};
 use super::collect::Collector;
 use super::field::{Field, Soup};
-use super::ordered::fold_in_order;
 use super::packed::PackedRun;
 use super::resources::Room;
 use super::sieve::{Sieve, Spacing};
@@ -12,6 +11,7 @@ use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
 use crate::lattice::{RootCube, Triangle};
 use crate::progress::Progress;
+use crate::schedule::fold_in_order;
 use crate::winding::EdgeBalance;
 use rayon::prelude::*;
 use std::ops::Range;

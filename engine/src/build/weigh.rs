@@ -4,12 +4,12 @@
 
 use super::bins::Binner;
 use super::field::{Field, Soup};
-use super::ordered::fold_in_order;
 use super::snap::read;
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
 use crate::lattice::{NodeKey, ROOT_BITS, RootCube, Triangle, Units};
 use crate::progress::Progress;
+use crate::schedule::fold_in_order;
 
 /// What a leaf costs, in the time that one more piece in a cube does.
 const LEAF: u64 = 512;

@@ -1,13 +1,13 @@
 //! Work handed out to all threads in order.
 
-use super::schedule::{Bounds, Outcome, run_tasks};
+use super::{Bounds, Outcome, run_tasks};
 use crate::error::Result;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Runs `work(0..count)` on the threads of the current pool and passes the results to `consume` in order
 /// of their number. A thread waits rather than run more than `window` numbers ahead of the one to be
 /// consumed next, so that at most that many results are held. The first error ends everything.
-pub(super) fn run_ordered<L, T: Send>(
+pub(crate) fn run_ordered<L, T: Send>(
     count: usize,
     window: usize,
     local: impl Fn() -> L + Sync,
@@ -23,7 +23,7 @@ pub(super) fn run_ordered<L, T: Send>(
 
 /// Adds items to parts, one for each thread of the current pool. Items are claimed in order, so that all threads
 /// together read an input from front to back. The first error ends everything.
-pub(super) fn fold_in_order<T: Sync, P: Send>(
+pub(crate) fn fold_in_order<T: Sync, P: Send>(
     items: &[T],
     part: impl Fn() -> P + Sync,
     add: impl Fn(&mut P, &T) -> Result<()> + Sync,

@@ -4,16 +4,20 @@
 //! neither the number of tasks nor which of them are opened is known beforehand, and none of it shows in what is
 //! consumed.
 
+mod ordered;
+
+pub(crate) use ordered::{fold_in_order, run_ordered};
+
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Where a task stands; what a task is opened into stands behind it and before the next.
-pub(super) type Place = (u64, u8);
+pub(crate) type Place = (u64, u8);
 
 /// Memory that counts towards the bound until it is dropped.
-pub(super) struct Held {
+pub(crate) struct Held {
     bytes: u64,
     total: Arc<AtomicU64>,
 }
@@ -34,7 +38,7 @@ impl Drop for Held {
 }
 
 /// What became of a task.
-pub(super) enum Outcome<T, E> {
+pub(crate) enum Outcome<T, E> {
     /// It is done. The result, and what is held for it.
     Done(E, Held),
     /// It was opened into tasks, each with its place; `E` is what the consumer is to know before theirs.
@@ -43,7 +47,7 @@ pub(super) enum Outcome<T, E> {
 
 /// Bounds of a run.
 #[derive(Clone, Copy)]
-pub(super) struct Bounds {
+pub(crate) struct Bounds {
     /// Bytes that tasks and results may take together.
     pub memory: u64,
     /// Bytes of that which only the task to be consumed next may take, so that it can go on whatever the others hold.
@@ -74,7 +78,7 @@ struct Shared<T, E> {
 /// returns how much it keeps for good, if that has changed. A task begins when there is memory for it; if
 /// nothing else runs and nothing is being consumed, in any case.
 /// The first error ends everything.
-pub(super) fn run_tasks<L, T: Send, E: Send>(
+pub(crate) fn run_tasks<L, T: Send, E: Send>(
     tasks: Vec<(Place, T)>,
     bounds: Bounds,
     local: impl Fn() -> L + Sync,
