@@ -19,8 +19,8 @@
 //! The first two lines leave out the range check and the sign classification that the others include. Normals
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
-use super::fractions;
-use super::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SamplesInOrder, SignChanges, inside_from};
+use super::hermite_part::{self, EDGE_BYTES, Palette};
+use super::{Brick, Hermite, Samples, SamplesInOrder, SignChanges, fractions, inside_from};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, i16x16, level};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
@@ -31,8 +31,6 @@ const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 const STEPS_MAX: usize = ROWS * BRICK_CELLS;
 /// Byte planes of the change masks: 32 places in a row.
 const MASK_PLANES: usize = 4;
-/// A Hermite edge before LZ4: two bytes of offset, four of normal.
-const EDGE_BYTES: usize = 6;
 /// Length prefix of the samples part where a Hermite part follows it.
 const PART_LENGTH_BYTES: usize = 4;
 /// Largest samples part before LZ4: two planes each of first samples and changes, and the masks.
@@ -57,6 +55,8 @@ impl PayloadKind {
     pub(crate) const LZ4_SAMPLES: u8 = 0x20;
     /// Flag: the Hermite part is an LZ4 block.
     pub(crate) const LZ4_HERMITE: u8 = 0x40;
+    /// Flag: the normals of Hermite edges are indices into a palette.
+    pub(crate) const PALETTE: u8 = 0x80;
 
     /// Reads the byte stored in an index; `None` if this version has no such kind.
     pub const fn from_bits(bits: u8) -> Option<PayloadKind> {
@@ -64,7 +64,7 @@ impl PayloadKind {
             0 => 0,
             Self::NARROW | Self::WIDE | Self::FRACTIONS if bits & Self::HERMITE == 0 => Self::LZ4_SAMPLES,
             Self::NARROW | Self::WIDE | Self::FRACTIONS => {
-                Self::HERMITE | Self::LZ4_SAMPLES | Self::LZ4_HERMITE
+                Self::HERMITE | Self::LZ4_SAMPLES | Self::LZ4_HERMITE | Self::PALETTE
             }
             _ => return None,
         };
@@ -163,6 +163,7 @@ pub struct Scratch {
     steps: Vec<i16>,
     signs: SignChanges,
     plain: Vec<u8>,
+    palette: Palette,
     small_table: CompressTable,
     large_table: CompressTable,
 }
@@ -182,6 +183,7 @@ impl Scratch {
             steps: Vec::new(),
             signs: SignChanges::outside(),
             plain: Vec::new(),
+            palette: Palette::default(),
             small_table: CompressTable::small(),
             large_table: CompressTable::large(),
         }
@@ -235,8 +237,10 @@ pub fn encode_into(brick: &Brick, scratch: &mut Scratch, out: &mut Vec<u8>) -> P
         out[start..part].copy_from_slice(&length.to_le_bytes());
         let counts = Axis::ALL.map(|axis| hermite.edges[axis.index()].len());
         assert_eq!(counts, scratch.signs.counts(), "one Hermite edge per sign-changing lattice edge");
-        hermite_plain(hermite, &mut scratch.plain);
         bits |= PayloadKind::HERMITE;
+        if hermite_part::to_plain(hermite, &mut scratch.palette, &mut scratch.plain) {
+            bits |= PayloadKind::PALETTE;
+        }
         if compress_plain(scratch, out) {
             bits |= PayloadKind::LZ4_HERMITE;
         }
@@ -258,7 +262,7 @@ pub fn decode(
     if kind.is_uniform() {
         return if bytes.is_empty() { Ok(Brick::Uniform(uniform)) } else { Err(DecodeError::UniformBytes) };
     }
-    let (samples_part, hermite_part) = if kind.has_hermite() {
+    let (samples_part, hermite_bytes) = if kind.has_hermite() {
         let (length, rest) = bytes.split_first_chunk::<PART_LENGTH_BYTES>().ok_or(DecodeError::Short)?;
         rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or(DecodeError::Short)?
     } else {
@@ -278,12 +282,11 @@ pub fn decode(
         return Ok(Brick::Counts { samples, hermite: Hermite::default() });
     }
     let counts = signs.counts();
-    let size = counts.iter().sum::<usize>() * EDGE_BYTES;
-    let part = unpack(hermite_part, kind.has(PayloadKind::LZ4_HERMITE), size, plain)?;
-    if size == 0 || part.len() != size {
-        return Err(DecodeError::HermiteSize);
-    }
-    Ok(Brick::Counts { samples, hermite: hermite_from_plain(part, counts) })
+    // With a palette a part is shorter than without.
+    let size_max = counts.iter().sum::<usize>() * EDGE_BYTES;
+    let part = unpack(hermite_bytes, kind.has(PayloadKind::LZ4_HERMITE), size_max, plain)?;
+    let hermite = hermite_part::from_plain(part, kind.has(PayloadKind::PALETTE), counts);
+    Ok(Brick::Counts { samples, hermite: hermite.ok_or(DecodeError::HermiteSize)? })
 }
 
 /// Splits the samples into first samples, change masks and changes. True if every difference fits 8 bits.
@@ -384,57 +387,6 @@ fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result
         signs.set_row(row % BRICK_POINTS, row / BRICK_POINTS, inside);
     }
     Ok(samples.finish())
-}
-
-/// Lays the Hermite edges of the three axes out in `plain`: the offsets' low bytes, their high bytes, then
-/// the normals as whole words, since neighbouring edges often lie on one facet.
-fn hermite_plain(hermite: &Hermite, plain: &mut Vec<u8>) {
-    plain.clear();
-    plain.resize(hermite.len() * EDGE_BYTES, 0);
-    dispatch!(level(), simd => fill_hermite_plain(simd, hermite, plain));
-}
-
-#[inline(always)]
-fn fill_hermite_plain<S: Simd>(_: S, hermite: &Hermite, plain: &mut [u8]) {
-    let (mut low, rest) = plain.split_at_mut(hermite.len());
-    let (mut high, rest) = rest.split_at_mut(hermite.len());
-    let mut normals = rest.as_chunks_mut::<4>().0;
-    for edges in &hermite.edges {
-        let own;
-        (own, low) = low.split_at_mut(edges.len());
-        for (byte, edge) in own.iter_mut().zip(edges) {
-            *byte = edge.offset as u8;
-        }
-        let own;
-        (own, high) = high.split_at_mut(edges.len());
-        for (byte, edge) in own.iter_mut().zip(edges) {
-            *byte = (edge.offset >> 8) as u8;
-        }
-        let own;
-        (own, normals) = normals.split_at_mut(edges.len());
-        for (word, edge) in own.iter_mut().zip(edges) {
-            *word = edge.normal.0.to_le_bytes();
-        }
-    }
-}
-
-/// Inverse of [`hermite_plain`]; `part` holds [`EDGE_BYTES`] for each of the `counts`.
-fn hermite_from_plain(part: &[u8], counts: [usize; 3]) -> Hermite {
-    let total = counts.iter().sum::<usize>();
-    let (low, rest) = part.split_at(total);
-    let (high, normals) = rest.split_at(total);
-    let normals = normals.as_chunks::<4>().0;
-    let edge = |i: usize| HermiteEdge {
-        offset: u16::from_le_bytes([low[i], high[i]]),
-        normal: OctNormal(u32::from_le_bytes(normals[i])),
-    };
-    let mut from = 0;
-    let edges = counts.map(|count| {
-        let range = from..from + count;
-        from = range.end;
-        range.map(edge).collect()
-    });
-    Hermite { edges }
 }
 
 /// Appends `scratch.plain` to `out`, as an LZ4 block if that is shorter; true if it is.

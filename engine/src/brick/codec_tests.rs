@@ -1,5 +1,5 @@
 use super::*;
-use crate::brick::{POINTS, point_index};
+use crate::brick::{HermiteEdge, OctNormal, POINTS, point_index};
 use proptest::prelude::*;
 
 /// A convex solid: the planes n·p = d around it, n not normalized.
@@ -152,7 +152,7 @@ fn hermite_edges_that_do_not_match_are_a_bug() {
 #[test]
 fn kinds_are_a_closed_set() {
     let known = (0..=255).filter(|&bits| PayloadKind::from_bits(bits).is_some()).collect::<Vec<u8>>();
-    let flags = [0x00, 0x10, 0x20, 0x30, 0x50, 0x70];
+    let flags = [0x00, 0x10, 0x20, 0x30, 0x50, 0x70, 0x90, 0xb0, 0xd0, 0xf0];
     let expected = [0].into_iter().chain(flags.iter().flat_map(|f| [f | 1, f | 2, f | 3]));
     assert_eq!(known, expected.collect::<Vec<u8>>());
 }
@@ -165,28 +165,35 @@ fn any_brick() -> impl Strategy<Value = Brick> {
         prop::collection::vec(any::<i16>(), 1..6),
         prop::collection::vec(-60i16..60, 1..6),
     ];
-    (values, 1usize..2000, any::<u64>(), any::<bool>()).prop_map(|(values, run, seed, leaf)| {
-        let mut state = seed | 1;
-        let mut next = move || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 33) as usize
-        };
-        let mut samples = Samples::filled(0);
-        let mut at = 0;
-        while at < POINTS {
-            let end = (at + 1 + next() % run).min(POINTS);
-            samples.0[at..end].fill(values[next() % values.len()]);
-            at = end;
-        }
-        let mut hermite = Hermite::default();
-        if leaf {
-            for (edges, count) in hermite.edges.iter_mut().zip(SignChanges::of(&samples).counts()) {
-                let mut edge = || HermiteEdge { offset: next() as u16, normal: OctNormal(next() as u32) };
-                edges.extend((0..count).map(|_| edge()));
+    // Few normals or many: both sides of what a palette holds.
+    let normals = prop_oneof![Just(1usize), 2usize..300, Just(usize::MAX)];
+    (values, normals, 1usize..2000, any::<u64>(), any::<bool>()).prop_map(
+        |(values, normals, run, seed, leaf)| {
+            let mut state = seed | 1;
+            let mut next = move || {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (state >> 33) as usize
+            };
+            let mut samples = Samples::filled(0);
+            let mut at = 0;
+            while at < POINTS {
+                let end = (at + 1 + next() % run).min(POINTS);
+                samples.0[at..end].fill(values[next() % values.len()]);
+                at = end;
             }
-        }
-        Brick::Counts { samples, hermite }
-    })
+            let mut hermite = Hermite::default();
+            if leaf {
+                for (edges, count) in hermite.edges.iter_mut().zip(SignChanges::of(&samples).counts()) {
+                    let mut edge = || HermiteEdge {
+                        offset: next() as u16,
+                        normal: OctNormal((next() % normals) as u32),
+                    };
+                    edges.extend((0..count).map(|_| edge()));
+                }
+            }
+            Brick::Counts { samples, hermite }
+        },
+    )
 }
 
 proptest! {

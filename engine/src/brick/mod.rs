@@ -3,6 +3,7 @@
 pub mod codec;
 mod fractions;
 mod hermite;
+mod hermite_part;
 mod samples;
 
 pub(crate) use hermite::inside_from;

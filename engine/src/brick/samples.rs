@@ -1,6 +1,7 @@
 //! The 33³ samples of a brick.
 
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, Octant};
+use crate::wide::{Simd, dispatch, level};
 
 /// Samples in a brick with its apron: 33³.
 pub const POINTS: usize = BRICK_POINTS * BRICK_POINTS * BRICK_POINTS;
@@ -57,6 +58,12 @@ impl Samples {
 
     /// Smallest and largest sample as stored, apron included.
     pub fn range(&self) -> (i16, i16) {
+        dispatch!(level(), simd => self.range_with(simd))
+    }
+
+    /// The plain loop, as compiled for the widest vectors.
+    #[inline(always)]
+    fn range_with<S: Simd>(&self, _: S) -> (i16, i16) {
         self.0.iter().fold((i16::MAX, i16::MIN), |(lo, hi), &w| (lo.min(w), hi.max(w)))
     }
 

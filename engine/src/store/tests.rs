@@ -394,84 +394,82 @@ fn a_bad_record_is_refused() {
     assert!(writer.append(NodeKey::ROOT, false, head, &bytes).is_err());
 }
 
-fn golden_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/v1/boxes.brf")
+/// A golden file of the version that holds such content: as the first program of that version wrote it, or with
+/// palettes of normals, as it is written now.
+fn golden_path(version: &str, name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(version).join(name)
 }
 
+/// Each golden file of today with the function that writes its content.
+const WRITTEN_NOW: [(&str, &str, fn(&Path)); 4] = [
+    ("v1", "boxes-palette.brf", write),
+    ("v1", "fractions-palette.brf", write_fractions),
+    ("v2", "beads-palette.brf", write_beads),
+    ("v3", "share-palette.brf", write_share),
+];
+
 #[test]
-fn the_golden_file_reads_and_is_written_alike() {
-    let golden = std::fs::read(golden_path()).unwrap();
-    assert!(answers_right(&golden_path()));
+fn stores_are_written_as_the_golden_files_are() {
     let directory = tempfile::tempdir().unwrap();
-    let again = std::fs::read(store_in(&directory)).unwrap();
-    assert!(
-        again == golden,
-        "the bytes of version 1 have changed: a new version needs a new golden directory"
-    );
-}
-
-fn golden_fractions_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/v1/fractions.brf")
-}
-
-#[test]
-fn the_golden_file_of_fractions_reads_and_is_written_alike() {
-    let store = Store::open(&golden_fractions_path(), 0).unwrap();
-    assert_eq!(*store.brick(NodeKey::ROOT).unwrap(), fractions());
-    assert!(store.node(NodeKey::ROOT).is_some_and(|node| node.fractions && node.leaf));
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("again.brf");
-    write_fractions(&path);
-    let golden = std::fs::read(golden_fractions_path()).unwrap();
-    assert!(std::fs::read(path).unwrap() == golden, "the bytes of fractions have changed");
-}
-
-fn golden_beads_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/v2/beads.brf")
-}
-
-#[test]
-fn the_golden_file_of_beads_reads_and_is_written_alike() {
-    let golden = std::fs::read(golden_beads_path()).unwrap();
-    assert!(answers_right(&golden_beads_path()));
-    let store = Store::open(&golden_beads_path(), 0).unwrap();
-    let read = store.bead_tables().unwrap().expect("the store tells beads apart");
-    assert_eq!(read, tables());
-    for (key, list) in lists() {
-        assert_eq!(store.segments(key, &read).unwrap(), list);
+    for (version, name, write) in WRITTEN_NOW {
+        let again = directory.path().join(name);
+        write(&again);
+        let golden = std::fs::read(golden_path(version, name)).unwrap();
+        assert!(
+            std::fs::read(again).unwrap() == golden,
+            "the bytes of {version}/{name} have changed: what readers know already must not, and what they cannot \
+             know yet needs a new golden file"
+        );
     }
-    assert_eq!(store.segments(NodeKey::ROOT, &read).unwrap(), []);
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("again.brf");
-    write_beads(&path);
-    assert!(std::fs::read(path).unwrap() == golden, "the bytes of version 2 have changed");
-}
-
-fn golden_share_path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/v3/share.brf")
 }
 
 #[test]
-fn the_golden_share_reads_and_is_written_alike_and_is_no_store() {
-    let path = golden_share_path();
-    let refused = Store::open(&path, 0).err().unwrap().to_string();
-    assert!(refused.contains("share 1 of 2") && refused.contains("cache merge"), "{refused}");
-    let store = Store::open_any(&path, CACHE_BYTES).unwrap();
-    assert_eq!(store.meta().share, meta_of_share().share);
-    assert_eq!(store.keys(), nodes_of_share().iter().map(|(key, _)| *key).collect::<Vec<_>>());
-    for (key, leaf) in nodes_of_share() {
-        assert!(*store.brick(key).unwrap() == brick_at(key, leaf) && store.node(key).unwrap().leaf == leaf);
+fn golden_files_of_soups_are_read() {
+    for name in ["boxes.brf", "boxes-palette.brf"] {
+        assert!(answers_right(&golden_path("v1", name)));
     }
-    assert_eq!(store.identity_entries().len(), lists().len());
-    assert_eq!(store.summary().total.nodes, 12);
-    assert_eq!(store.verify(&Silent).unwrap().damaged, 0);
-    let directory = tempfile::tempdir().unwrap();
-    let again = directory.path().join("again.brf");
-    write_share(&again);
-    assert!(
-        std::fs::read(again).unwrap() == std::fs::read(path).unwrap(),
-        "the bytes of version 3 have changed"
-    );
+}
+
+#[test]
+fn golden_files_of_fractions_are_read() {
+    for name in ["fractions.brf", "fractions-palette.brf"] {
+        let store = Store::open(&golden_path("v1", name), 0).unwrap();
+        assert_eq!(*store.brick(NodeKey::ROOT).unwrap(), fractions());
+        assert!(store.node(NodeKey::ROOT).is_some_and(|node| node.fractions && node.leaf));
+    }
+}
+
+#[test]
+fn golden_files_of_beads_are_read() {
+    for name in ["beads.brf", "beads-palette.brf"] {
+        let path = golden_path("v2", name);
+        assert!(answers_right(&path));
+        let store = Store::open(&path, 0).unwrap();
+        let read = store.bead_tables().unwrap().expect("the store tells beads apart");
+        assert_eq!(read, tables());
+        for (key, list) in lists() {
+            assert_eq!(store.segments(key, &read).unwrap(), list);
+        }
+        assert_eq!(store.segments(NodeKey::ROOT, &read).unwrap(), []);
+    }
+}
+
+#[test]
+fn golden_shares_are_read_and_are_no_stores() {
+    for name in ["share.brf", "share-palette.brf"] {
+        let path = golden_path("v3", name);
+        let refused = Store::open(&path, 0).err().unwrap().to_string();
+        assert!(refused.contains("share 1 of 2") && refused.contains("cache merge"), "{refused}");
+        let store = Store::open_any(&path, CACHE_BYTES).unwrap();
+        assert_eq!(store.meta().share, meta_of_share().share);
+        assert_eq!(store.keys(), nodes_of_share().iter().map(|(key, _)| *key).collect::<Vec<_>>());
+        for (key, leaf) in nodes_of_share() {
+            assert!(*store.brick(key).unwrap() == brick_at(key, leaf) && store.node(key).unwrap().leaf == leaf);
+        }
+        assert_eq!(store.identity_entries().len(), lists().len());
+        assert_eq!(store.summary().total.nodes, 12);
+        assert_eq!(store.verify(&Silent).unwrap().damaged, 0);
+    }
 }
 
 /// Prints what writing and reading a large store costs.
@@ -505,12 +503,13 @@ fn store_throughput() {
     println!("verify {:?}", start.elapsed());
 }
 
-/// Makes the newest golden file. The older ones are never made again.
+/// Makes the newest golden files. The older ones are never made again.
 #[test]
 #[ignore = "writes into the source tree"]
-fn make_golden_file() {
-    let path = golden_share_path();
-    assert!(!path.exists(), "a golden file is never changed");
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_share(&path);
+fn make_golden_files() {
+    for (version, name, write) in WRITTEN_NOW {
+        let path = golden_path(version, name);
+        assert!(!path.exists(), "a golden file is never changed");
+        write(&path);
+    }
 }
