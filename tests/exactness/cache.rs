@@ -10,6 +10,7 @@ use brickfield_engine::cache::{
     Comparison, PruneOptions, Region, compact, compare, corners, meets_box, prune, repack,
 };
 use brickfield_engine::contour::{ContourOptions, contour, create_sink};
+use brickfield_engine::lattice::NodeKey;
 use brickfield_engine::store::{BrickTree, Compression, Refine, Store, StoreWriter};
 use brickfield_engine::{Result, Silent};
 use proptest::prelude::*;
@@ -196,6 +197,7 @@ proptest! {
         let min = [0, 1, 2].map(|a| root.origin[a] + root.edge * from[a]);
         let max = [0, 1, 2].map(|a| min[a] + root.edge * size[a]);
         let region = Some(Region { min, max, outside_level });
+        prop_assume!(meets_box(NodeKey::ROOT, &root, [min, max]));
         let pruned = scene.prune(&PruneOptions { region, ..PruneOptions::default() });
         for entry in whole.entries() {
             let is_kept = pruned.entry(entry.key);

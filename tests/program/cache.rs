@@ -296,6 +296,8 @@ fn damage_and_misuse_are_refused() {
         let told = run(&[&"cache", &"prune", &store, &"-o", &out, &format!("--error={error}")]).failed();
         assert!(told.contains("bound on errors"), "{told}");
     }
+    let far = run(&[&"cache", &"prune", &store, &"-o", &out, &"--box", &"-9,-9,-9,-8,-8,-8"]).failed();
+    assert!(far.contains("root cube") && far.contains("brickfield info"), "{far}");
     assert!(fs::read(&store).unwrap() == sound && !out.exists());
     for command in ["ls", "stat", "get", "verify", "compact", "prune", "repack", "merge", "diff"] {
         assert!(run(&[&"cache", &command, &"--help"]).ok().contains("--json"), "{command}");

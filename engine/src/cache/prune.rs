@@ -42,7 +42,8 @@ pub struct Region {
 /// level in its metadata, as if built so; of other cuts the metadata tell in the name of the program.
 ///
 /// # Errors
-/// As [`super::compact`]; [`Error::Setting`] for bounds that are none; [`Error::Store`] for a share of a store.
+/// As [`super::compact`]; [`Error::Setting`] for bounds that are none; [`Error::Store`] for a share of a store, and for a
+/// box that lies elsewhere.
 pub fn prune(
     store: &Store,
     output: &Path,
@@ -59,6 +60,18 @@ pub fn prune(
         ));
     }
     options.check()?;
+    if options
+        .region
+        .is_some_and(|Region { min, max, .. }| !meets_box(NodeKey::ROOT, &store.root(), [min, max]))
+    {
+        let what = "the box does not meet the store's root cube";
+        return Err(Error::store(
+            store.path(),
+            "root",
+            what,
+            "give one near its bounds, which `brickfield info` tells",
+        ));
+    }
     let cut = options.cut(store, progress)?;
     let mut meta = store.meta().clone();
     meta.depth = meta.depth.min(options.level.unwrap_or(meta.depth));
