@@ -243,6 +243,22 @@ fn shares_are_written_anew_but_not_cut() {
 }
 
 #[test]
+fn a_link_stays_one_when_what_it_names_is_replaced() {
+    let dir = Scratch::new();
+    let (store, link) = (dir.store("overlap_boxes", 2), dir.path("link.brf"));
+    std::os::unix::fs::symlink(&store, &link).unwrap();
+    run(&[&"cache", &"prune", &link, &"--in-place", &"--level", &"1", &"--quiet"]).ok();
+    assert!(
+        fs::symlink_metadata(&link).unwrap().is_symlink()
+            && !fs::symlink_metadata(&store).unwrap().is_symlink()
+    );
+    let info = run(&[&"info", &store, &"--json"]).json();
+    assert_eq!((&info["depth"], &info["store"]["total"]["nodes"]), (&1.into(), &9.into()));
+    let meshed = run(&[&"mesh", &link, &"-o", &dir.path("x.stl"), &"--json"]).json();
+    assert!(meshed["brick_cache"]["misses"].as_u64() > Some(0) && meshed["brick_cache"]["hits"].is_u64());
+}
+
+#[test]
 fn nothing_is_lost_when_writing_fails() {
     let dir = Scratch::new();
     let store = dir.store("clover_beads", 3);

@@ -56,12 +56,13 @@ fn run(
     let output = match &args.output {
         Some(output) => {
             require_distinct(&[output], &[&args.store])?;
-            output
+            output.clone()
         }
-        None => &args.store,
+        // The file that a link names is replaced, not the link. What is not there is told of when it is opened.
+        None => std::fs::canonicalize(&args.store).unwrap_or(args.store.clone()),
     };
     let store = open_store(&args.store, CACHE_BYTES, args.io, accept)?;
-    let summary = rewrite(&store, output, &bars)?;
+    let summary = rewrite(&store, &output, &bars)?;
     bars.clear();
     let seconds = started.elapsed().as_secs_f64();
     let output = output.display().to_string();
