@@ -6,6 +6,8 @@
 
 #[path = "exactness/beads.rs"]
 mod beads;
+#[path = "exactness/cache.rs"]
+mod cache;
 #[path = "exactness/cloud_bricks.rs"]
 mod cloud_bricks;
 #[path = "exactness/files.rs"]

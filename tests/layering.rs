@@ -9,7 +9,7 @@ const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 15] = [
+const ROOMS: [(&str, &[&str]); 16] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
@@ -21,6 +21,7 @@ const ROOMS: [(&str, &[&str]); 15] = [
     ("store", &["brick"]),
     ("backend", &["gpu", "ingest", "brick", "winding"]),
     ("build", &["gpu", "toolpath", "bead", "ingest", "brick", "solid", "winding", "store", "backend"]),
+    ("cache", &["brick", "store"]),
     ("contour", &["brick", "store"]),
     ("analysis", &["brick", "solid", "store"]),
     ("csg", &["brick", "store"]),

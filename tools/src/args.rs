@@ -1,5 +1,6 @@
 //! What the user types. The commands turn it into checked plans.
 
+use crate::cache_args::CacheArgs;
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Unit};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -410,45 +411,6 @@ pub struct VerifyArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
-}
-
-/// Work on stores as files
-#[derive(Args)]
-pub struct CacheArgs {
-    #[command(subcommand)]
-    pub command: CacheCommand,
-}
-
-#[derive(Subcommand)]
-pub enum CacheCommand {
-    Merge(MergeArgs),
-}
-
-/// Join the shares that several runs of `build --shard` have made
-#[derive(Args)]
-#[command(after_help = "\
-The store has the same bytes as one that was built without --shard, whatever the order of the shares, the machines they \
-were built on, and the threads and memory these had. All shares must be given at once, and be of the same input, \
-named alike, built with the same settings by the same version; every record is checked before it is copied. The shares stay.
-
-Example:
-  brickfield cache merge part-*.brf -o part.brf")]
-pub struct MergeArgs {
-    /// All shares, in any order
-    #[arg(required = true, value_name = "SHARE.brf")]
-    pub shares: Vec<PathBuf>,
-    /// The store to write
-    #[arg(long, short, value_name = "PART.brf")]
-    pub output: PathBuf,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub json: bool,
-    /// Show no progress and no summary (--json still prints)
-    #[arg(long, short)]
-    pub quiet: bool,
-    /// How to show progress on standard error
-    #[arg(long, value_enum, default_value_t)]
-    pub progress: ProgressArg,
 }
 
 /// Print a completion script for a shell

@@ -3,12 +3,14 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod cache_args;
 mod clouds;
 mod commands;
 mod devices;
 mod failure;
 mod interrupt;
 mod memory;
+mod npy;
 mod output;
 mod points;
 mod progress;
@@ -51,7 +53,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Winding(args) => commands::winding::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Verify(args) => commands::verify::run(&args),
-        Command::Cache(args) => commands::cache::run(&args),
+        Command::Cache(args) => commands::cache::run(args),
         Command::Completions(args) => commands::shell::completions(&args),
         Command::Man(args) => commands::shell::man(&args),
     }

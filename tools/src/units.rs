@@ -1,5 +1,6 @@
 //! Lengths, sizes and other values as people type them.
 
+use brickfield_engine::lattice::{MAX_LEVEL, NodeKey};
 use brickfield_engine::store::ShareId;
 use std::fmt;
 use std::str::FromStr;
@@ -118,6 +119,70 @@ impl FromStr for Shard {
     }
 }
 
+/// A point as x,y,z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointArg(pub [f64; 3]);
+
+impl FromStr for PointArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PointArg, String> {
+        numbers(text).map(PointArg).ok_or_else(|| "expected three numbers, as in 1,2.5,-3".to_owned())
+    }
+}
+
+/// A box as x0,y0,z0,x1,y1,z1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoxArg {
+    /// The least coordinates, then the greatest.
+    pub corners: [[f64; 3]; 2],
+}
+
+impl FromStr for BoxArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<BoxArg, String> {
+        let [x0, y0, z0, x1, y1, z1] =
+            numbers(text).ok_or("expected six numbers, the least coordinates, then the greatest")?;
+        let corners = [[x0, y0, z0], [x1, y1, z1]];
+        match (0..3).all(|a| corners[0][a] <= corners[1][a]) {
+            true => Ok(BoxArg { corners }),
+            false => Err("the least coordinates must come first".to_owned()),
+        }
+    }
+}
+
+/// So many finite numbers between commas.
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let number = |part: &str| fast_float2::parse::<f64, _>(part.trim()).ok().filter(|v| v.is_finite());
+    let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
+    numbers?.try_into().ok()
+}
+
+/// A node of an octree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeArg(pub NodeKey);
+
+impl FromStr for NodeArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<NodeArg, String> {
+        let example = || "expected level:x,y,z as in 2:1,0,3, or a key".to_owned();
+        let Some((level, position)) =
+            text.trim_start_matches('L').trim_end_matches(')').split_once([':', '('])
+        else {
+            let key = text.parse().ok().and_then(NodeKey::from_code);
+            return key.map(NodeArg).ok_or_else(example);
+        };
+        let position: Option<Vec<u32>> = position.split(',').map(|part| part.trim().parse().ok()).collect();
+        let position: [u32; 3] = position.and_then(|p| p.try_into().ok()).ok_or_else(example)?;
+        let level: u8 = level.parse().map_err(|_| example())?;
+        let range =
+            || format!("there is no such node: a level L, at most {MAX_LEVEL}, has 2^L bricks an axis");
+        NodeKey::new(level, position).map(NodeArg).ok_or_else(range)
+    }
+}
+
 /// A number of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Size(pub u64);
@@ -220,6 +285,26 @@ mod tests {
         for bad in ["", "mm", "-1mm", "0", "nan", "inf", "1e999", "1 parsec", "1,5mm", "1mm2"] {
             assert!(bad.parse::<Length>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn nodes_and_boxes_are_read() {
+        let key = NodeKey::new(2, [1, 0, 3]).unwrap();
+        for text in ["2:1,0,3", "L2(1,0,3)", &key.to_string(), &key.code().to_string(), "2: 1, 0, 3"] {
+            assert_eq!(text.parse(), Ok(NodeArg(key)), "{text}");
+        }
+        for bad in
+            ["", "L", "2:1,0", "2:1,0,4", "17:0,0,0", "300:0,0,0", "0", "2", "-1", "2:1,0,3,4", "a:b,c,d"]
+        {
+            assert!(bad.parse::<NodeArg>().is_err(), "{bad}");
+        }
+        let corners = [[0.0, -1.0, 2.0], [1.5, 1.0, 2.0]];
+        assert_eq!("0,-1,2,1.5,1,2".parse(), Ok(BoxArg { corners }));
+        for bad in ["", "1,2,3", "0,0,0,1,1,-1", "0,0,0,1,1,nan", "0,0,0,1,1,1,1"] {
+            assert!(bad.parse::<BoxArg>().is_err(), "{bad}");
+        }
+        assert_eq!("1, -2,3e1".parse(), Ok(PointArg([1.0, -2.0, 30.0])));
+        assert!("1,2".parse::<PointArg>().is_err());
     }
 
     #[test]

@@ -156,6 +156,16 @@ pub enum DecodeError {
     HermiteSize,
 }
 
+/// How the parts of a payload are compressed. Bricks are the same in either; readers follow the flags of each part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Compression {
+    /// LZ4 where a part becomes shorter by it: what a build writes.
+    #[default]
+    Lz4,
+    /// None: twice to ten times the bytes, for file systems that compress by themselves.
+    None,
+}
+
 /// Reusable buffers of [`encode_into`] and [`decode`]: some 100 KB for surface bricks, at most 0.8 MB.
 pub struct Scratch {
     masks: Box<[u32; ROWS]>,
@@ -208,6 +218,19 @@ pub fn encode(brick: &Brick) -> Payload {
 /// If the brick has Hermite edges, but not one for each lattice edge whose ends differ in sign: no reader
 /// could take such a record apart.
 pub fn encode_into(brick: &Brick, scratch: &mut Scratch, out: &mut Vec<u8>) -> PayloadHead {
+    encode_with(brick, Compression::Lz4, scratch, out)
+}
+
+/// As [`encode_into`], with the compression asked for.
+///
+/// # Panics
+/// As [`encode_into`].
+pub fn encode_with(
+    brick: &Brick,
+    compression: Compression,
+    scratch: &mut Scratch,
+    out: &mut Vec<u8>,
+) -> PayloadHead {
     let (min, max) = brick.range();
     let (samples, hermite) = match brick {
         Brick::Counts { samples, hermite } if min != max || samples.1 > 0 || !hermite.is_empty() => {
@@ -229,7 +252,7 @@ pub fn encode_into(brick: &Brick, scratch: &mut Scratch, out: &mut Vec<u8>) -> P
         out.extend_from_slice(&[0; PART_LENGTH_BYTES]);
     }
     let part = out.len();
-    if compress_plain(scratch, out) {
+    if compress_plain(compression, scratch, out) {
         bits |= PayloadKind::LZ4_SAMPLES;
     }
     if !hermite.is_empty() {
@@ -241,7 +264,7 @@ pub fn encode_into(brick: &Brick, scratch: &mut Scratch, out: &mut Vec<u8>) -> P
         if hermite_part::to_plain(hermite, &mut scratch.palette, &mut scratch.plain) {
             bits |= PayloadKind::PALETTE;
         }
-        if compress_plain(scratch, out) {
+        if compress_plain(compression, scratch, out) {
             bits |= PayloadKind::LZ4_HERMITE;
         }
     }
@@ -262,12 +285,7 @@ pub fn decode(
     if kind.is_uniform() {
         return if bytes.is_empty() { Ok(Brick::Uniform(uniform)) } else { Err(DecodeError::UniformBytes) };
     }
-    let (samples_part, hermite_bytes) = if kind.has_hermite() {
-        let (length, rest) = bytes.split_first_chunk::<PART_LENGTH_BYTES>().ok_or(DecodeError::Short)?;
-        rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or(DecodeError::Short)?
-    } else {
-        (bytes, &[][..])
-    };
+    let [samples_part, hermite_bytes] = parts(kind, bytes)?;
     let Scratch { plain, signs, .. } = scratch;
     let lz4 = kind.has(PayloadKind::LZ4_SAMPLES);
     let plain_samples = unpack(samples_part, lz4, SAMPLES_PART_MAX, plain)?;
@@ -287,6 +305,19 @@ pub fn decode(
     let part = unpack(hermite_bytes, kind.has(PayloadKind::LZ4_HERMITE), size_max, plain)?;
     let hermite = hermite_part::from_plain(part, kind.has(PayloadKind::PALETTE), counts);
     Ok(Brick::Counts { samples, hermite: hermite.ok_or(DecodeError::HermiteSize)? })
+}
+
+/// The samples part and the Hermite part of a payload, as stored; the latter empty where the kind has none.
+///
+/// # Errors
+/// [`DecodeError::Short`] if the payload ends before its samples do.
+pub fn parts(kind: PayloadKind, bytes: &[u8]) -> Result<[&[u8]; 2], DecodeError> {
+    if !kind.has_hermite() {
+        return Ok([bytes, &[]]);
+    }
+    let (length, rest) = bytes.split_first_chunk::<PART_LENGTH_BYTES>().ok_or(DecodeError::Short)?;
+    let length = u32::from_le_bytes(*length) as usize;
+    rest.split_at_checked(length).map(|(samples, hermite)| [samples, hermite]).ok_or(DecodeError::Short)
 }
 
 /// Splits the samples into first samples, change masks and changes. True if every difference fits 8 bits.
@@ -389,9 +420,13 @@ fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result
     Ok(samples.finish())
 }
 
-/// Appends `scratch.plain` to `out`, as an LZ4 block if that is shorter; true if it is.
-fn compress_plain(scratch: &mut Scratch, out: &mut Vec<u8>) -> bool {
+/// Appends `scratch.plain` to `out`, as an LZ4 block if that is asked for and shorter; true if it is.
+fn compress_plain(compression: Compression, scratch: &mut Scratch, out: &mut Vec<u8>) -> bool {
     let Scratch { plain, small_table, large_table, .. } = scratch;
+    if compression == Compression::None {
+        out.extend_from_slice(plain);
+        return false;
+    }
     // A small table grows for good once it meets a large input, and compresses otherwise afterwards: two
     // tables keep the bytes independent of what was encoded before.
     let table = if plain.len() < usize::from(u16::MAX) { small_table } else { large_table };

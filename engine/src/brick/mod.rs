@@ -1,5 +1,6 @@
 //! What one brick holds: samples of the winding number and, on leaves, Hermite edges.
 
+mod coarsen;
 pub mod codec;
 mod fractions;
 mod hermite;

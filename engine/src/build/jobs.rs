@@ -12,21 +12,17 @@ use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
-use crate::store::{Kept, Share};
+use crate::store::{Kept, Share, subtree_level};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Mutex;
 
-/// The level at which jobs start, and whose cubes are shared out to machines. The order of the records in a store
-/// depends on it, so it depends on nothing but the depth. Two levels below, a job has 64 leaves: 10 to 20 ms, enough to
+/// The level at which jobs start, and whose cubes are shared out to machines. The order of the records in a store is
+/// by subtrees of that level, so it depends on nothing but the depth. Two levels below, a job has 64 leaves: 10 to 20 ms, enough to
 /// feed many threads and not so much that the last job is waited for; at greater depths the count of sorting cells
 /// (4,096) bounds it.
 pub(super) fn job_level(rules: &Rules) -> u8 {
-    match rules.depth {
-        depth @ 0..=3 => depth,
-        4 | 5 => 3,
-        _ => 4,
-    }
+    subtree_level(rules.depth)
 }
 
 /// The level by which the pass over the input sorts: the jobs' where the tree follows the pieces, else

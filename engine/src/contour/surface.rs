@@ -4,7 +4,7 @@ use super::leaves::Leaf;
 use super::planes::{EdgePlane, decode};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_POINTS, Octant};
+use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant};
 use crate::store::BrickTree;
 
 /// Rows of samples along x in a brick.
@@ -58,7 +58,7 @@ impl Surface {
         } else if leaf.is_tree_leaf {
             decoded(hermite)
         } else {
-            from_children(tree, leaf, &signs, level)?
+            decoded(&from_children(tree, leaf.key, &signs, level)?)
         };
         Ok(Surface::Changes(Box::new(Changes::new(signs, planes))))
     }
@@ -166,47 +166,28 @@ fn decoded(hermite: &Hermite) -> Vec<EdgePlane> {
     planes
 }
 
-/// Hermite edges of an interior node from its children's: an edge consists of two edges of the child that
-/// owns its lower end, of which exactly one changes sign.
-fn from_children(
-    tree: &dyn BrickTree,
-    leaf: &Leaf,
-    signs: &SignChanges,
-    level: Level,
-) -> Result<Vec<EdgePlane>> {
-    const HALF: usize = BRICK_POINTS / 2;
-    let mut children = Vec::with_capacity(8);
-    for octant in Octant::all() {
-        let key = leaf.key.child(octant);
-        let info = tree.node(key).ok_or_else(|| super::leaves::broken(key))?;
-        let changes = i32::from(info.max) >= level.threshold && i32::from(info.min) < level.threshold;
-        let inside = i32::from(info.min) >= level.threshold;
-        children.push(Surface::load(tree, &Leaf { key, is_tree_leaf: info.leaf, changes, inside }, level)?);
+/// Hermite edges of an interior node from its children's.
+fn from_children(tree: &dyn BrickTree, key: NodeKey, signs: &SignChanges, level: Level) -> Result<Hermite> {
+    let mut children = [const { None }; 8];
+    for (octant, child) in Octant::all().zip(&mut children) {
+        *child = edges_of(tree, key.child(octant), level)?;
     }
-    let mut planes = Vec::new();
-    let mut is_sound = true;
-    for axis in Axis::ALL {
-        signs.for_edges(axis, |at| {
-            let upper = at.map(|c| usize::from(c >= HALF));
-            let mut low = std::array::from_fn(|a| 2 * (at[a] - HALF * upper[a]));
-            let Surface::Changes(child) = &children[upper[0] | upper[1] << 1 | upper[2] << 2] else {
-                is_sound = false;
-                return;
-            };
-            let mut middle = low;
-            middle[axis.index()] += 1;
-            let second = child.signs.is_inside(low) == child.signs.is_inside(middle);
-            if second {
-                low = middle;
-            }
-            let Some(fine) = child.planes.get(child.slot(axis, low)) else {
-                is_sound = false;
-                return;
-            };
-            // In whole 1/65536 of the edge, as stored edges are.
-            let offset = ((fine.fraction + f32::from(u8::from(second))) * 32768.0).floor();
-            planes.push(EdgePlane { fraction: offset / 65536.0, normal: fine.normal });
-        });
+    Hermite::from_children(signs, &children).ok_or_else(|| super::leaves::broken(key))
+}
+
+/// Signs and Hermite edges of a node; `None` where all samples lie inside, or all outside.
+fn edges_of(tree: &dyn BrickTree, key: NodeKey, level: Level) -> Result<Option<(SignChanges, Hermite)>> {
+    let info = tree.node(key).ok_or_else(|| super::leaves::broken(key))?;
+    if i32::from(info.max) < level.threshold || i32::from(info.min) >= level.threshold {
+        return Ok(None);
     }
-    if is_sound { Ok(planes) } else { Err(super::leaves::broken(leaf.key)) }
+    let brick = tree.brick(key)?;
+    let Brick::Counts { samples, hermite } = &*brick else { return Ok(None) };
+    let signs = signs(samples, level);
+    let edges = match info.leaf {
+        true if hermite.edges.each_ref().map(Vec::len) == signs.counts() => hermite.clone(),
+        true => from_samples(&signs, samples, level.iso),
+        false => from_children(tree, key, &signs, level)?,
+    };
+    Ok(Some((signs, edges)))
 }

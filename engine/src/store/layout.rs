@@ -214,6 +214,9 @@ pub struct IndexEntry {
 }
 
 impl IndexEntry {
+    /// Bytes of an entry in the file.
+    pub const BYTES: usize = ENTRY_BYTES;
+
     /// The stored form.
     pub fn encode(&self) -> [u8; ENTRY_BYTES] {
         let mut out = [0; ENTRY_BYTES];

@@ -11,6 +11,7 @@ mod journal;
 mod kept;
 mod layout;
 mod meta;
+mod order;
 mod planted;
 mod reader;
 mod share;
@@ -29,6 +30,7 @@ pub use journal::Settings;
 pub use kept::Kept;
 pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, Meta, Numbers, Refine, Source};
+pub use order::{build_order, subtree_level};
 pub use reader::{Accept, Store, StoreOptions};
 pub use share::{Share, ShareId, ShareNumbers, cell_key, cells_of};
 pub use source::Io;
@@ -37,7 +39,9 @@ pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};
 pub use writer::{Stats, StoreWriter, check_target};
 
-pub use crate::brick::codec::{Payload, PayloadHead, PayloadKind, Scratch, encode, encode_into};
+pub use crate::brick::codec::{
+    Compression, Payload, PayloadHead, PayloadKind, Scratch, encode, encode_into, encode_with, parts,
+};
 
 #[cfg(test)]
 mod faults;

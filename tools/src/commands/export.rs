@@ -3,6 +3,7 @@
 use super::{CACHE_BYTES, open_store, require_level, start};
 use crate::args::{DtypeArg, ExportArgs};
 use crate::failure::Failure;
+use crate::npy;
 use crate::output::{print, print_json, require_distinct};
 use crate::units::Size;
 use anyhow::Context;
@@ -14,11 +15,6 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
-
-/// NumPy asks for a header of a multiple of this.
-const HEADER_ALIGN_BYTES: usize = 64;
-/// Magic, version and length before the header's text.
-const HEADER_PREFIX_BYTES: usize = 10;
 
 /// A checked command line.
 struct Plan<'a> {
@@ -94,25 +90,10 @@ fn write_array(
     progress: &dyn Progress,
 ) -> Result<(), Failure> {
     let path = array.path();
-    let header = header(plan.dtype, grid.axis());
+    let header = npy::header(plan.dtype, grid.axis());
     let write_at = |offset: u64, bytes: &[u8]| {
         array.file().write_all_at(bytes, offset).map_err(Error::io(path, "write"))
     };
     write_at(0, &header)?;
     Ok(grid.write(progress, &|offset, bytes| write_at(header.len() as u64 + offset, bytes))?)
-}
-
-/// The header of an `.npy` file, version 1.0.
-fn header(dtype: &str, axis: usize) -> Vec<u8> {
-    let mut text =
-        format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({axis}, {axis}, {axis}), }}");
-    let bytes = (HEADER_PREFIX_BYTES + text.len() + 1).next_multiple_of(HEADER_ALIGN_BYTES);
-    while HEADER_PREFIX_BYTES + text.len() + 1 < bytes {
-        text.push(' ');
-    }
-    text.push('\n');
-    let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    header.extend((text.len() as u16).to_le_bytes());
-    header.extend(text.bytes());
-    header
 }

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::memory;
 use crate::output::{print, print_json, require_distinct};
 use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::store::{Accept, CacheStats, Store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -70,7 +70,15 @@ pub struct MeshReport {
     area: f64,
     volume: f64,
     bounds: Option<[[f32; 3]; 2]>,
+    brick_cache: BrickCache,
     seconds: f64,
+}
+
+/// How often the store's decoded bricks were asked for again.
+#[derive(Serialize)]
+struct BrickCache {
+    hits: u64,
+    misses: u64,
 }
 
 impl MeshReport {
@@ -98,6 +106,7 @@ pub fn write_mesh(
     let started = Instant::now();
     let MeshSummary { vertices, triangles, area, volume, bounds, .. } =
         contour(store, options, sink, progress)?;
+    let CacheStats { hits, misses, .. } = store.cache_stats();
     Ok(MeshReport {
         output: path.display().to_string(),
         unit: super::unit_of(store.meta()).to_owned(),
@@ -107,6 +116,7 @@ pub fn write_mesh(
         area,
         volume,
         bounds,
+        brick_cache: BrickCache { hits, misses },
         seconds: started.elapsed().as_secs_f64(),
     })
 }

@@ -1,7 +1,8 @@
-//! `brickfield cache`: stores as files.
+//! `brickfield cache merge`: one store from the shares of several runs.
 
-use super::start;
-use crate::args::{CacheArgs, CacheCommand, MergeArgs, WorkArgs};
+use crate::args::WorkArgs;
+use crate::cache_args::MergeArgs;
+use crate::commands::start;
 use crate::failure::Failure;
 use crate::output::{print, print_json, require_distinct};
 use crate::units::Size;
@@ -9,13 +10,6 @@ use brickfield_engine::build::{MergeSummary, merge};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Runs the command.
-pub fn run(args: &CacheArgs) -> Result<(), Failure> {
-    match &args.command {
-        CacheCommand::Merge(args) => run_merge(args),
-    }
-}
 
 /// What is printed in the end.
 #[derive(Serialize)]
@@ -27,7 +21,7 @@ struct Report {
 }
 
 /// Joins shares. One thread keeps up with any disk.
-fn run_merge(args: &MergeArgs) -> Result<(), Failure> {
+pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     let started = Instant::now();
     let bars = start(WorkArgs { threads: Some(1), quiet: args.quiet, progress: args.progress })?;
     let shares: Vec<&Path> = args.shares.iter().map(PathBuf::as_path).collect();

@@ -1,0 +1,263 @@
+//! What the user types behind `brickfield cache`.
+
+use crate::args::{IoArg, ProgressArg, VerifyArgs, WorkArgs};
+use crate::units::{BoxArg, NodeArg, PointArg};
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Work on stores as files: list, inspect, cut down, compare, join
+#[derive(Args)]
+pub struct CacheArgs {
+    #[command(subcommand)]
+    pub command: CacheCommand,
+}
+
+#[derive(Subcommand)]
+pub enum CacheCommand {
+    Ls(LsArgs),
+    Stat(StatArgs),
+    Get(GetArgs),
+    Verify(VerifyArgs),
+    Compact(CompactArgs),
+    Prune(PruneArgs),
+    Repack(RepackArgs),
+    Merge(MergeArgs),
+    Diff(DiffArgs),
+}
+
+/// List the nodes of a store, level by level
+#[derive(Args)]
+#[command(after_help = "\
+A line a node: its name, leaf or interior, the layout of its payload, least and greatest sample, offset and bytes in \
+the file. Reads the index alone.
+
+Examples:
+  brickfield cache ls part.brf --level 2
+  brickfield cache ls part.brf --leaves --box 0,0,0,10,10,2.5")]
+pub struct LsArgs {
+    /// The store, also a share of one or an unfinished one
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// Nodes of this level only
+    #[arg(long, value_name = "L")]
+    pub level: Option<u8>,
+    /// Nodes that meet this box only: least x, y, z, then greatest, in the store's unit
+    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
+    pub region: Option<BoxArg>,
+    /// Leaves only
+    #[arg(long)]
+    pub leaves: bool,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print a JSON object a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Say where the bytes of a store are: by level, kind of record, part of record
+#[derive(Args)]
+#[command(after_help = "\
+Reads every record. A crossing cell is a cell of a leaf with corners inside (w ≥ 0.5) and outside; an active voxel is a \
+sample that a leaf owns and that is a corner of such a cell. `plain` are the bytes of a part before compression.")]
+pub struct StatArgs {
+    /// The store, also a share of one or an unfinished one
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print it as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// Print what one node of a store holds
+#[derive(Args)]
+#[command(after_help = "\
+Samples are the 33 along each axis that the brick holds, the last ones repeating its neighbours' first: as .npy, \
+indexed [z,y,x], 16-bit integers or, where samples have binary places, 64-bit floats; as .raw, 16-bit integers as stored, \
+little-endian, x fastest; as .csv, the lines i,j,k,w. Hermite edges are lines axis,i,j,k,offset,x,y,z,nx,ny,nz: the \
+lower sample, the place of the crossing on the edge (0 to 1) and in the world, and the outward normal.
+
+Examples:
+  brickfield cache get part.brf --node 2:1,0,3
+  brickfield cache get part.brf --point 12.5,3,0.2 --samples brick.npy --hermite -")]
+pub struct GetArgs {
+    /// The store, also a share of one or an unfinished one
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The node: level:x,y,z in bricks of that level, as in 2:1,0,3 or L2(1,0,3), or its key, a number
+    #[arg(long, value_name = "NODE", required_unless_present = "point", conflicts_with = "point")]
+    pub node: Option<NodeArg>,
+    /// The leaf whose cells hold this point, x,y,z in the store's unit
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub point: Option<PointArg>,
+    /// With --point: no node deeper than this
+    #[arg(long, value_name = "L", requires = "point")]
+    pub level: Option<u8>,
+    /// Write the samples: .npy, .raw or .csv, or - for CSV on standard output instead of the description
+    #[arg(long, value_name = "OUT")]
+    pub samples: Option<PathBuf>,
+    /// Write the Hermite edges as CSV, - for standard output instead of the description
+    #[arg(long, value_name = "OUT.csv")]
+    pub hermite: Option<PathBuf>,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print the description as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Where a store that is written anew goes.
+#[derive(Args)]
+pub struct OutputArgs {
+    /// The store to read
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The store to write
+    #[arg(long, short, value_name = "OUT.brf", required_unless_present = "in_place")]
+    pub output: Option<PathBuf>,
+    /// Replace the store by what is written, once that is complete and safe on the disk
+    #[arg(long, conflicts_with = "output")]
+    pub in_place: bool,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// Write a store without gaps, its records in the order of a build
+#[derive(Args)]
+#[command(after_help = "\
+A store that `build` or `cache merge` has written comes out with the same bytes. Every record is checked before it is \
+copied.
+
+Example:
+  brickfield cache compact part.brf --in-place")]
+pub struct CompactArgs {
+    #[command(flatten)]
+    pub output: OutputArgs,
+}
+
+/// Cut a store down: to a level, to a box, to an error
+#[derive(Args)]
+#[command(after_help = "\
+What is left is a store as any other; samples keep their values. A node becomes a leaf as soon as one of the options \
+asks for it. Its Hermite edges are those crossings of the finer ones that lie on its own lattice: `mesh` of a store \
+cut at level L gives the bytes of `mesh --level L` of the whole. A build of depth L has the same samples, and of \
+closed meshes the same tree; its crossings stand up to 1/65536 of an edge aside.
+
+With --error E, w interpolated anywhere (`sample`) is off by at most E from what the whole store gives. Samples of \
+closed input being whole numbers, E below 0.5 leaves all of them that differ from their neighbours' interpolation.
+
+Examples:
+  brickfield cache prune part.brf -o preview.brf --level 3
+  brickfield cache prune part.brf -o corner.brf --box 0,0,0,10,10,2.5 --outside-level 2
+  brickfield cache prune scan.brf --in-place --error 0.01")]
+pub struct PruneArgs {
+    #[command(flatten)]
+    pub output: OutputArgs,
+    /// Keep no node deeper than this
+    #[arg(long, value_name = "L", required_unless_present_any = ["region", "error"])]
+    pub level: Option<u8>,
+    /// Keep what meets this box as it is, and the rest coarse: least x, y, z, then greatest, in the store's unit
+    #[arg(long = "box", id = "region", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
+    pub region: Option<BoxArg>,
+    /// Keep nodes outside of the box down to this level; 0 leaves the coarsest octree around the box
+    #[arg(long, value_name = "L", default_value_t = 0, requires = "region")]
+    pub outside_level: u8,
+    /// Leave out nodes whose samples a coarser one gives by interpolation, up to this difference of w
+    #[arg(long, value_name = "E")]
+    pub error: Option<f64>,
+}
+
+/// How payloads are compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum CompressionArg {
+    /// LZ4, as `build` does
+    #[default]
+    Lz4,
+    /// Not at all, for file systems that compress by themselves
+    None,
+}
+
+/// Write a store with its payloads compressed in another way
+#[derive(Args)]
+#[command(after_help = "\
+Bricks are the same in either, and so is every answer; `cache diff` finds the stores equal. With lz4 a store of this \
+version gets the bytes of a build back.
+
+Example:
+  brickfield cache repack part.brf -o plain.brf --compression none")]
+pub struct RepackArgs {
+    #[command(flatten)]
+    pub output: OutputArgs,
+    /// How payloads are compressed
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: CompressionArg,
+}
+
+/// Join the shares that several runs of `build --shard` have made
+#[derive(Args)]
+#[command(after_help = "\
+The store has the same bytes as one that was built without --shard, whatever the order of the shares, the machines they \
+were built on, and the threads and memory these had. All shares must be given at once, and be of the same input, \
+named alike, built with the same settings by the same version; every record is checked before it is copied. The shares stay.
+
+Example:
+  brickfield cache merge part-*.brf -o part.brf")]
+pub struct MergeArgs {
+    /// All shares, in any order
+    #[arg(required = true, value_name = "SHARE.brf")]
+    pub shares: Vec<PathBuf>,
+    /// The store to write
+    #[arg(long, short, value_name = "PART.brf")]
+    pub output: PathBuf,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Show no progress and no summary (--json still prints)
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// How to show progress on standard error
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressArg,
+}
+
+/// Compare two stores: their metadata, trees, samples, Hermite edges and lists of beads
+#[derive(Args)]
+#[command(after_help = "\
+How records are compressed and where they lie makes no difference. Samples of two nodes are compared where both stores \
+have the node; Hermite edges where it is a leaf of both and the same samples are inside. Exit status: 0 equal, 1 they \
+differ (what differs on standard output, one line on standard error) or one of them cannot be read (standard error alone), \
+2 wrong usage.
+
+Example:
+  brickfield cache diff part.brf other.brf --ignore-metadata")]
+pub struct DiffArgs {
+    /// A store, also a share of one or an unfinished one
+    #[arg(value_name = "A.brf")]
+    pub first: PathBuf,
+    /// Another
+    #[arg(value_name = "B.brf")]
+    pub second: PathBuf,
+    /// Let metadata differ: inputs, settings, program
+    #[arg(long)]
+    pub ignore_metadata: bool,
+    /// How to read the stores
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print it as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}

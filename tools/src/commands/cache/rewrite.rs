@@ -1,0 +1,80 @@
+//! `brickfield cache compact`, `prune` and `repack`: a store written anew.
+
+use crate::cache_args::{CompactArgs, CompressionArg, OutputArgs, PruneArgs, RepackArgs};
+use crate::commands::{CACHE_BYTES, open_store, start};
+use crate::failure::Failure;
+use crate::output::{print, print_json, require_distinct};
+use crate::progress::Bars;
+use crate::units::Size;
+use brickfield_engine::Error;
+use brickfield_engine::cache::{self, PruneOptions, Region, RewriteSummary};
+use brickfield_engine::store::{Accept, Compression, Store};
+use serde::Serialize;
+use std::path::Path;
+use std::time::Instant;
+
+/// What is printed in the end.
+#[derive(Serialize)]
+struct Report {
+    output: String,
+    #[serde(flatten)]
+    summary: RewriteSummary,
+    seconds: f64,
+}
+
+/// `cache compact`.
+pub fn compact(args: &CompactArgs) -> Result<(), Failure> {
+    run(&args.output, Accept::Shares, |store, output, bars| cache::compact(store, output, bars))
+}
+
+/// `cache repack`.
+pub fn repack(args: &RepackArgs) -> Result<(), Failure> {
+    let compression = match args.compression {
+        CompressionArg::Lz4 => Compression::Lz4,
+        CompressionArg::None => Compression::None,
+    };
+    run(&args.output, Accept::Shares, |store, output, bars| cache::repack(store, output, compression, bars))
+}
+
+/// `cache prune`.
+pub fn prune(args: &PruneArgs) -> Result<(), Failure> {
+    let region = args.region.map(|region| {
+        let [min, max] = region.corners;
+        Region { min, max, outside_level: args.outside_level }
+    });
+    let options = PruneOptions { level: args.level, region, error: args.error };
+    run(&args.output, Accept::Whole, |store, output, bars| cache::prune(store, output, &options, bars))
+}
+
+fn run(
+    args: &OutputArgs,
+    accept: Accept,
+    rewrite: impl Fn(&Store, &Path, &Bars) -> Result<RewriteSummary, Error>,
+) -> Result<(), Failure> {
+    let started = Instant::now();
+    let bars = start(args.work)?;
+    let output = match &args.output {
+        Some(output) => {
+            require_distinct(&[output], &[&args.store])?;
+            output.clone()
+        }
+        // The file that a link names is replaced, not the link. What is not there is told of when it is opened.
+        None => std::fs::canonicalize(&args.store).unwrap_or(args.store.clone()),
+    };
+    let store = open_store(&args.store, CACHE_BYTES, args.io, accept)?;
+    let summary = rewrite(&store, &output, &bars)?;
+    bars.clear();
+    let seconds = started.elapsed().as_secs_f64();
+    let output = output.display().to_string();
+    if args.json {
+        return print_json(&Report { output, summary, seconds });
+    }
+    if args.work.quiet {
+        return Ok(());
+    }
+    let RewriteSummary { nodes_before, file_bytes_before, nodes, leaves, file_bytes, .. } = summary;
+    let (before, now) = (Size(file_bytes_before), Size(file_bytes));
+    print(&format!(
+        "{output}: {nodes} nodes, {leaves} leaves, {now}, from {nodes_before} nodes and {before} in {seconds:.2} s"
+    ))
+}
