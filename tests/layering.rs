@@ -9,12 +9,13 @@ const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 15] = [
+const ROOMS: [(&str, &[&str]); 16] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
     ("x3d", &["toolpath", "bead"]),
     ("ingest", &["toolpath", "bead", "x3d"]),
+    ("check", &["ingest"]),
     ("brick", &[]),
     ("solid", &["toolpath", "brick"]),
     ("winding", &["bead", "ingest", "brick"]),

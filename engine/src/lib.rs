@@ -3,7 +3,7 @@
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
 //! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
-//! [`store`] → [`backend`] → [`build`] → [`contour`], [`analysis`].
+//! [`check`], [`store`] → [`backend`] → [`build`] → [`contour`], [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -12,6 +12,7 @@ pub mod backend;
 pub mod bead;
 pub mod brick;
 pub mod build;
+pub mod check;
 pub mod contour;
 mod disk;
 mod error;

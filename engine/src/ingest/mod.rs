@@ -156,6 +156,15 @@ impl Input {
         bytes as u64
     }
 
+    /// Vertices and the triangles between them, if the format has such: every index has its vertex. Coordinates are as
+    /// in the file.
+    pub fn indexed(&self) -> Option<(&[[f64; 3]], &[[u32; 3]])> {
+        match &self.soup {
+            Soup::Polygons(polygons) => Some((&polygons.vertices, &polygons.triangles)),
+            _ => None,
+        }
+    }
+
     /// Number of faces with fewer than three corners, which were left out.
     pub fn skipped_faces(&self) -> u64 {
         match &self.soup {
