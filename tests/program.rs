@@ -7,6 +7,7 @@ mod program {
     mod bad_input;
     mod beads;
     mod build;
+    mod check;
     mod clouds;
     mod determinism;
     mod export;

@@ -116,7 +116,8 @@ pub fn check(input: &Input, weld: bool, progress: &dyn Progress) -> Result<Repor
         _ => weld::weld(input, progress)?,
     };
     mesh.take_stock().map_err(|[x, y, z]| {
-        let what = format!("a vertex ({x}, {y}, {z}) has a coordinate that is not 0 and not within 1e-90 to 1e100");
+        let what =
+            format!("a vertex ({x}, {y}, {z}) has a coordinate that is not 0 and not within 1e-90 to 1e100");
         Error::input(input.path(), input.describe(), what, "scale the mesh")
     })?;
     examine(&mesh, progress)
@@ -144,7 +145,9 @@ fn examine(mesh: &Mesh, progress: &dyn Progress) -> Result<Report> {
         crowded_edges: at_vertex(topology.crowded),
         split_vertices: at_vertex(topology.split),
         non_finite_triangles: mesh.non_finite.defect(|_| [f64::NAN; 3]),
-        collapsed_triangles: topology.collapsed.defect(|face| mesh.positions[mesh.triangles[face][0] as usize]),
+        collapsed_triangles: topology
+            .collapsed
+            .defect(|face| mesh.positions[mesh.triangles[face][0] as usize]),
         flat_triangles: at_face(searched.flat),
         duplicate_triangles: at_vertex(topology.duplicates),
         intersections: searched.intersections,

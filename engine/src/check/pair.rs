@@ -80,7 +80,7 @@ fn side_of_line(p: Flat, q: Flat, r: Flat) -> i8 {
 }
 
 /// On which side of the plane of three points the fourth is; 0 if on it, or if there is no such plane.
-fn side_of_plane(p: Point, q: Point, r: Point, s: Point) -> i8 {
+pub(super) fn side_of_plane(p: Point, q: Point, r: Point, s: Point) -> i8 {
     let [p, q, r, s] = [p, q, r, s].map(|[x, y, z]| Coord3D { x, y, z });
     sign(robust::orient3d(p, q, r, s))
 }

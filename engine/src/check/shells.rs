@@ -25,7 +25,8 @@ struct Sum {
 impl Sum {
     fn add(&mut self, term: f64) {
         let sum = self.sum + term;
-        self.error += if self.sum.abs() >= term.abs() { self.sum - sum + term } else { term - sum + self.sum };
+        self.error +=
+            if self.sum.abs() >= term.abs() { self.sum - sum + term } else { term - sum + self.sum };
         self.sum = sum;
     }
 

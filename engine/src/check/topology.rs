@@ -230,7 +230,8 @@ impl Study<'_> {
             }
         }
         desk.spokes = spokes;
-        let firsts = desk.fans.iter().zip(&desk.corners).enumerate().filter(|(i, (fan, _))| *i as u32 == **fan);
+        let firsts =
+            desk.fans.iter().zip(&desk.corners).enumerate().filter(|(i, (fan, _))| *i as u32 == **fan);
         let mut fans = 0;
         for (_, (_, &corner)) in firsts {
             fans += 1;
@@ -271,16 +272,5 @@ pub(super) fn study(mesh: &Mesh, progress: &dyn Progress) -> Result<Topology> {
     let Counts { vertices, edges, open, misoriented, crowded, split, duplicates } = counts;
     let euler = study.euler.into_iter().map(AtomicI8::into_inner).collect();
     let patches = study.patches;
-    Ok(Topology {
-        vertices,
-        edges,
-        open,
-        misoriented,
-        crowded,
-        split,
-        duplicates,
-        collapsed,
-        patches,
-        euler,
-    })
+    Ok(Topology { vertices, edges, open, misoriented, crowded, split, duplicates, collapsed, patches, euler })
 }
