@@ -45,8 +45,8 @@ struct Sums {
     origin: [f64; 3],
 }
 
-/// Adds up all whole triangles in the order of the file, on one thread: ten million take half a second, and the sums are
-/// the same whatever the number of threads. Terms are rounded to f64, their sum is not.
+/// Adds up all whole triangles in the order of the file, on one thread, so that the sums are the
+/// same whatever the number of threads. Terms are rounded to f64, their sum is not.
 ///
 /// # Errors
 /// If the user interrupts.

@@ -7,7 +7,7 @@
 use super::{CHUNK, Mesh};
 use rayon::prelude::*;
 
-/// Triangles in a leaf. Four and sixteen take 10 and 15 % longer on a mesh of 5.6 million.
+/// Triangles in a leaf: with two boxes of 24 bytes for each leaf, boxes take 6 bytes a triangle.
 const LEAF: usize = 8;
 
 /// Fewer triangles than this are divided by one thread.
