@@ -15,6 +15,7 @@ const ROOMS: [(&str, &[&str]); 16] = [
     ("bead", &["toolpath"]),
     ("x3d", &["toolpath", "bead"]),
     ("ingest", &["toolpath", "bead", "x3d"]),
+    ("check", &["ingest"]),
     ("brick", &[]),
     ("solid", &["toolpath", "brick"]),
     ("winding", &["bead", "ingest", "brick"]),

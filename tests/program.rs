@@ -8,6 +8,7 @@ mod program {
     mod beads;
     mod build;
     mod cache;
+    mod check;
     mod clouds;
     mod determinism;
     mod export;

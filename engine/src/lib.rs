@@ -3,7 +3,7 @@
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
 //! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
-//! [`store`] → [`backend`] → [`build`] → [`cache`], [`contour`], [`analysis`].
+//! [`check`], [`store`] → [`backend`] → [`build`] → [`cache`], [`contour`], [`analysis`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -13,6 +13,7 @@ pub mod bead;
 pub mod brick;
 pub mod build;
 pub mod cache;
+pub mod check;
 pub mod contour;
 mod disk;
 mod error;

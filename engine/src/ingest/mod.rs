@@ -38,6 +38,9 @@ use std::path::{Path, PathBuf};
 /// One triangle in the input's own unit: three corners, counter-clockwise seen from outside.
 pub type Facet = [[f64; 3]; 3];
 
+/// Positions of vertices, and triangles that name their corners by number.
+pub type Indexed<'a> = (&'a [[f64; 3]], &'a [[u32; 3]]);
+
 /// An opened mesh or toolpath. Any number of threads may read it at once. The file must not be changed while it is open
 /// (see [`crate::mmap`]).
 #[derive(Debug)]
@@ -154,6 +157,15 @@ impl Input {
             Soup::Sweeps(sweeps) => return sweeps.heap_bytes(),
         };
         bytes as u64
+    }
+
+    /// Vertices and the triangles between them, if the format has such: every index has its vertex. Coordinates are as
+    /// in the file.
+    pub fn indexed(&self) -> Option<Indexed<'_>> {
+        match &self.soup {
+            Soup::Polygons(polygons) => Some((&polygons.vertices, &polygons.triangles)),
+            _ => None,
+        }
     }
 
     /// Number of faces with fewer than three corners, which were left out.

@@ -1,5 +1,6 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
+use super::mesh_check::{Checked, require_sound};
 use super::{open_store, require_level, start};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
@@ -21,29 +22,33 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         return Err(Failure::Usage("--iso takes a winding number above 0, such as 0.5".to_owned()));
     }
     let bars = start(args.work)?;
+    let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
     // The contourer keeps what it makes of bricks and asks the store for each about once.
     let cache_bytes = memory::mesh_caches(args.memory);
     let brick_bytes = (cache_bytes / 8).min(BRICK_CACHE_BYTES);
-    let store = open_store(&args.store, brick_bytes, args.io, Accept::Whole)?;
+    let store = open_store(&args.file, brick_bytes, args.io, Accept::Whole)?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
-    require_distinct(&[&args.output], &[&args.store])?;
-    let mut sink = mesh_sink(&args.output)?;
+    require_distinct(&[output], &[&args.file])?;
+    let mut sink = mesh_sink(output)?;
     let options = ContourOptions {
         iso: args.iso,
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
     };
-    let report = write_mesh(&store, &options, &args.output, sink.as_mut(), &bars)?;
+    let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
+    // An empty mesh is what the field asks for, and there is nothing to check.
+    if args.check && report.triangles > 0 {
+        report.check = Some(Checked::of(output, args.weld, &bars)?);
+    }
     bars.clear();
     if args.json {
-        print_json(&report)
-    } else if args.work.quiet {
-        Ok(())
-    } else {
-        print(&report.text())
+        print_json(&report)?;
+    } else if !args.work.quiet {
+        print(&report.text())?;
     }
+    report.check.as_ref().map_or(Ok(()), require_sound)
 }
 
 /// The file for a mesh; a name whose format is unknown is wrong usage.
@@ -72,6 +77,8 @@ pub struct MeshReport {
     bounds: Option<[[f32; 3]; 2]>,
     brick_cache: BrickCache,
     seconds: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    check: Option<Checked>,
 }
 
 /// How often the store's decoded bricks were asked for again.
@@ -88,10 +95,14 @@ impl MeshReport {
         if *triangles == 0 {
             return format!("{output}: empty, no sample reaches w = {}", self.iso);
         }
-        format!(
+        let mut text = format!(
             "{output}: {triangles} triangles, {vertices} vertices, area {area:.6} {unit}², volume {volume:.6} \
              {unit}³, {seconds:.2} s"
-        )
+        );
+        if let Some(check) = &self.check {
+            text += &format!("\n{}", check.text());
+        }
+        text
     }
 }
 
@@ -118,5 +129,6 @@ pub fn write_mesh(
         bounds,
         brick_cache: BrickCache { hits, misses },
         seconds: started.elapsed().as_secs_f64(),
+        check: None,
     })
 }

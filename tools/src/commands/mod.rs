@@ -8,6 +8,7 @@ pub mod info;
 mod info_devices;
 mod info_mesh;
 pub mod mesh;
+mod mesh_check;
 pub mod sample;
 pub mod shell;
 pub mod verify;

@@ -1,0 +1,115 @@
+//! `brickfield mesh --check`: whether a mesh is the border of a solid.
+
+use super::info::point;
+use super::info_mesh::is_mesh;
+use crate::args::MeshArgs;
+use crate::failure::Failure;
+use crate::output::{print, print_json};
+use brickfield_engine::Progress;
+use brickfield_engine::check::{Defect, Report, check};
+use brickfield_engine::ingest::Input;
+use serde::Serialize;
+use std::path::Path;
+use std::time::Instant;
+
+/// Checks the mesh that was given in place of a store.
+pub fn run(args: &MeshArgs, progress: &crate::progress::Bars) -> Result<(), Failure> {
+    if !is_mesh(&args.file) {
+        let what = "--check takes a mesh that ends in .stl, .obj or .ply, or a store and -o";
+        return Err(Failure::Usage(format!("{}: {what}", args.file.display())));
+    }
+    let checked = Checked::of(&args.file, args.weld, progress)?;
+    progress.clear();
+    if args.json {
+        print_json(&checked)?;
+    } else if !args.work.quiet {
+        print(&checked.text())?;
+    }
+    require_sound(&checked)
+}
+
+/// What the check of a file said.
+#[derive(Serialize)]
+pub struct Checked {
+    path: String,
+    format: &'static str,
+    sound: bool,
+    closed: bool,
+    oriented: bool,
+    edge_manifold: bool,
+    vertex_manifold: bool,
+    free_of_intersections: bool,
+    #[serde(flatten)]
+    report: Report,
+    seconds: f64,
+}
+
+impl Checked {
+    /// Reads and checks the mesh at `path`.
+    pub fn of(path: &Path, weld: bool, progress: &dyn Progress) -> Result<Checked, Failure> {
+        let started = Instant::now();
+        let input = Input::open(path, progress)?;
+        let report = check(&input, weld, progress)?;
+        Ok(Checked {
+            path: path.display().to_string(),
+            format: input.describe(),
+            sound: report.is_sound(),
+            closed: report.is_closed(),
+            oriented: report.is_oriented(),
+            edge_manifold: report.is_edge_manifold(),
+            vertex_manifold: report.is_vertex_manifold(),
+            free_of_intersections: report.is_free_of_intersections(),
+            report,
+            seconds: started.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        let Checked { path, format, report, seconds, .. } = self;
+        let Report { triangles, vertices, edges, area, volume, .. } = report;
+        let mut text = format!(
+            "{path}: {format}, {triangles} triangles, {vertices} vertices, {edges} edges, {seconds:.2} s\n"
+        );
+        let judged = |good: bool, word: &str| if good { word.to_owned() } else { format!("not {word}") };
+        text += &format!(
+            "  surface  {}, {}, {}, {}, {}\n",
+            judged(self.closed, "closed"),
+            judged(self.oriented, "oriented"),
+            judged(self.edge_manifold, "edge-manifold"),
+            judged(self.vertex_manifold, "vertex-manifold"),
+            judged(self.free_of_intersections, "free of self-intersections"),
+        );
+        text += &format!(
+            "  shells   {}, {} of them facing inward; Euler characteristic {}{}\n",
+            report.components,
+            report.inward_components,
+            report.euler_characteristic,
+            report.genus.map_or(String::new(), |genus| format!(", genus {genus}")),
+        );
+        text += &format!("  size     area {area:.6}, volume {volume:.6}\n");
+        if let Some([min, max]) = report.bounds {
+            text += &format!("  bounds   {} to {}\n", point(min), point(max));
+        }
+        for (what, Defect { count, at }) in report.defects() {
+            let place = at.map_or(String::new(), |at| format!(", one at {}", point(at)));
+            text += &format!("  wrong    {count} {what}{place}\n");
+        }
+        if let Some(pair) = report.intersections.first.first() {
+            let [a, b] = pair.faces;
+            text += &format!("           the first pair are the triangles {a} and {b}, counted from 0\n");
+        }
+        text
+    }
+}
+
+/// Success exactly if nothing is wrong.
+pub fn require_sound(checked: &Checked) -> Result<(), Failure> {
+    if checked.sound {
+        return Ok(());
+    }
+    let named: Vec<String> =
+        checked.report.defects().iter().map(|(what, defect)| format!("{} {what}", defect.count)).collect();
+    let what = if named.is_empty() { "no triangles".to_owned() } else { named.join(", ") };
+    Err(anyhow::anyhow!("{}: {what}; repair the mesh before it is used as a solid", checked.path).into())
+}
