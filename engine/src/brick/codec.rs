@@ -112,6 +112,7 @@ impl std::fmt::Display for PayloadKind {
             _ => "counts8",
         })?;
         f.write_str(if self.has_hermite() { "+hermite" } else { "" })?;
+        f.write_str(if self.has(Self::PALETTE) { "+palette" } else { "" })?;
         f.write_str(if self.has(Self::LZ4_SAMPLES | Self::LZ4_HERMITE) { "+lz4" } else { "" })
     }
 }
