@@ -11,9 +11,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Modules: name, sources in order, buffers by binding.
-const MODULES: [(&str, &[&str], &[&str]); 3] = [
-    ("evaluate", &["brick", "scan", "evaluate"], &layout::BRICK_BUFFERS),
-    ("hermite", &["brick", "scan", "hermite"], &layout::BRICK_BUFFERS),
+const MODULES: [(&str, &[&str], &[&str]); 4] = [
+    ("scan", &["brick", "normal", "scan"], &layout::BRICK_BUFFERS),
+    ("evaluate", &["brick", "evaluate"], &layout::BRICK_BUFFERS),
+    ("hermite", &["brick", "hermite"], &layout::BRICK_BUFFERS),
     ("brute", &["brute"], &layout::BRUTE_BUFFERS),
 ];
 

@@ -3,16 +3,13 @@
 struct Batch {
     pairs: u32,
     edges_max: u32,
-    records_max: u32,
+    crossings_max: u32,
     edges: atomic<u32>,
-    records: atomic<u32>,
+    crossings: atomic<u32>,
+    doubles: atomic<u32>,
 }
 
 struct Brick {
-    origin_x: i32,
-    origin_y: i32,
-    origin_z: i32,
-    shift: u32,
     corner: i32,
     flags: atomic<u32>,
     edges_from: u32,
@@ -23,35 +20,54 @@ struct Brick {
 
 @group(0) @binding(0) var<storage, read_write> batch: Batch;
 @group(0) @binding(1) var<storage, read_write> bricks: array<Brick>;
-// By pair of a triangle and a brick that it touches: three vertices of three coordinates each.
-@group(0) @binding(2) var<storage, read> triangles: array<i32>;
-// By pair: the brick.
-@group(0) @binding(3) var<storage, read> owners: array<u32>;
+// By pair of a triangle and a brick that it touches, in words of two numbers, the first one low: three vertices of three
+// coordinates each relative to sample 0 of the brick, then the brick, and in the high half the logarithm of the distance
+// of samples.
+@group(0) @binding(2) var<storage, read> pairs: array<u64>;
 // By sample, x fastest: the jump on the way to it, along x, or in the face x = 0 along y, or in the column x = y = 0
 // along z. Behind those of a brick, by row: which edges along x hold crossings, as bits.
-@group(0) @binding(4) var<storage, read_write> jumps: array<atomic<i32>>;
-// By row of which an edge along x holds crossings: its samples, two a word, the first one low.
-@group(0) @binding(5) var<storage, read_write> samples: array<u32>;
+@group(0) @binding(3) var<storage, read_write> jumps: array<atomic<i32>>;
+// By row, two a word, the first one low: the samples behind the edges along x that hold crossings.
+@group(0) @binding(4) var<storage, read_write> samples: array<u32>;
 // By row: its first sample. Behind those of a brick, by row: which edges along x hold crossings.
-@group(0) @binding(6) var<storage, read_write> rows: array<u32>;
+@group(0) @binding(5) var<storage, read_write> rows: array<u32>;
 // Which edges change sign, and where their places begin: see `changes_at` and `rank_at`.
-@group(0) @binding(7) var<storage, read_write> tables: array<u32>;
+@group(0) @binding(6) var<storage, read_write> tables: array<u32>;
 // By sign-changing edge: how many crossings it holds, and the number of the last but the first one, from 1.
-@group(0) @binding(8) var<storage, read_write> chains: array<atomic<u32>>;
-// By sign-changing edge: the offset of the first crossing with its way, and its normal; in the end the Hermite edge's.
-@group(0) @binding(9) var<storage, read_write> hermite: array<u32>;
-// Crossings that are not the first ones of their edges.
-@group(0) @binding(10) var<storage, read_write> records: array<u32>;
+@group(0) @binding(7) var<storage, read_write> chains: array<atomic<u32>>;
+// By sign-changing edge: the offset of the first crossing with its way, and in the high half its normal; in the end the
+// Hermite edge's.
+@group(0) @binding(8) var<storage, read_write> hermite: array<u64>;
+// By crossing: its pair, and in the high half the line, later the crossing before it on its edge, from 1.
+@group(0) @binding(9) var<storage, read_write> crossings: array<u64>;
+// By crossing: its edge, and in the high half its offset with its way and its brick.
+@group(0) @binding(10) var<storage, read_write> positions: array<u64>;
+// By pair: the triangle's normal as a Hermite edge has it.
+@group(0) @binding(11) var<storage, read_write> normals: array<u32>;
+// By sign-changing edge with several crossings: its second one, and in the high half its place.
+@group(0) @binding(12) var<storage, read_write> doubles: array<u64>;
 
-// Where it is kept which edges change sign that begin in a row, as bits over x: those along x, along y for x below 32
-// and for x = 32, along z likewise.
-fn changes_at(brick: u32, kind: u32, row: u32) -> u32 {
-    return brick * TABLE_WORDS + kind * ROWS + row;
+fn both(low: u32, high: u32) -> u64 {
+    return u64(low) | (u64(high) << 32u);
 }
 
-// Where it is kept how many sign-changing edges lie before a row's along an axis.
+fn low_of(both: u64) -> u32 {
+    return u32(both & 0xfffffffflu);
+}
+
+fn high_of(both: u64) -> u32 {
+    return u32(both >> 32u);
+}
+
+// Which edges change sign along an axis that begin in a row, as bits over x; of x = 32 see `rank_at`.
+fn changes_at(brick: u32, axis: u32, row: u32) -> u32 {
+    return brick * TABLE_WORDS + axis * ROWS + row;
+}
+
+// How many sign-changing edges lie before a row's along an axis, if it has any and there is room for the brick's, which
+// bit 30 tells; bit 31 tells whether that at x = 32 changes sign.
 fn rank_at(brick: u32, axis: u32, row: u32) -> u32 {
-    return brick * TABLE_WORDS + (5u + axis) * ROWS + row;
+    return brick * TABLE_WORDS + (3u + axis) * ROWS + row;
 }
 
 // Where the edges of a row along x are kept that hold crossings.

@@ -1,50 +1,18 @@
-// Samples of bricks from the triangles that touch them; twin of `winding/evaluate.rs`.
+// Samples of bricks from the jumps of the winding number; twin of `winding/evaluate.rs`.
 //
-// `collect` adds up the jumps of the winding number on the way to each sample, `walk` follows them from the corner and
-// finds the sign changes on the way.
+// `walk` follows the jumps, which `locate` has added up, from the corner to each sample, and finds the sign changes on the
+// way. An invocation has a row of samples.
 
-var<private> jump: array<i32, 3>;
-
-fn hit(axis: u32, brick: u32, line: vec2<u32>, lower: u32, offset: u32) {
-    // The line's indices are those of the axes that follow in cyclic order.
-    var index: u32;
-    if axis == 0u {
-        index = (line.y * POINTS + line.x) * POINTS + lower + 1u;
-        atomicOr(&jumps[touched_at(brick, line.y * POINTS + line.x)], bitcast<i32>(1u << lower));
-    } else if axis == 1u {
-        index = (line.x * POINTS + lower + 1u) * POINTS;
-    } else {
-        index = (lower + 1u) * POINTS * POINTS;
-    }
-    atomicAdd(&jumps[brick * JUMP_WORDS + index], jump[axis]);
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn collect(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= batch.pairs {
-        return;
-    }
-    let brick = owners[id.x];
-    let shift = bricks[brick].shift;
-    let origin = origin_of(brick);
-    let a = vertex(id.x, 0u) - origin;
-    let b = vertex(id.x, 1u) - origin;
-    let c = vertex(id.x, 2u) - origin;
-    let n = normal_of(a, b, c);
-    let lead = leading_sign(n);
-    jump = array<i32, 3>(-sign_of(n[0]), -sign_of(n[1]), -sign_of(n[2]));
-    scan(0u, brick, a, b, c, lead, shift, vec2(i32(CELLS), i32(CELLS)), false);
-    scan(1u, brick, a.yzx, b.yzx, c.yzx, lead, shift, vec2(i32(CELLS), 0i), false);
-    scan(2u, brick, a.zxy, b.zxy, c.zxy, lead, shift, vec2(0i, 0i), false);
-}
-
-// By row: its first sample, later how many sign-changing edges begin there, eight bits an axis.
+// By row: its first sample, later what `find_changes` returns.
 var<workgroup> row_words: array<i32, ROWS>;
 // By row: which samples are inside, those of 0 to 31 as bits, and that of 32.
 var<workgroup> low_bits: array<u32, ROWS>;
 var<workgroup> high_bit: array<u32, ROWS>;
 // Sign-changing edges of each invocation's rows, by axis; then of those before them.
 var<workgroup> sums: array<vec3<u32>, WORKGROUP>;
+
+// Whether the brick has edges, and there is room for them.
+var<workgroup> has_room: u32;
 
 fn jump_to(brick: u32, index: u32) -> i32 {
     return atomicLoad(&jumps[brick * JUMP_WORDS + index]);
@@ -75,8 +43,7 @@ fn found_at(w: i32, corner: i32) -> u32 {
     return select(0u, VARIES, w != corner) | select(0u, EXCESS, w != extractBits(w, 0u, 16u));
 }
 
-// The samples of a row, which are written down if they are not all its first one; returns what was found. What is 0 is
-// 0 already.
+// The samples of a row, of which those behind crossings are written down; returns what was found. What is 0 is 0 already.
 fn walk_row(brick: u32, corner: i32, row: u32) -> u32 {
     let start = row_words[row];
     var found = found_at(start, corner);
@@ -84,40 +51,33 @@ fn walk_row(brick: u32, corner: i32, row: u32) -> u32 {
         rows[2u * brick * ROWS + row] = bitcast<u32>(start);
     }
     let touched = bitcast<u32>(atomicLoad(&jumps[touched_at(brick, row)]));
-    if touched == 0u {
-        low_bits[row] = select(0u, 0xffffffffu, start >= 1i);
-        high_bit[row] = u32(start >= 1i);
-        return found;
+    if touched != 0u {
+        rows[(2u * brick + 1u) * ROWS + row] = touched;
     }
-    rows[(2u * brick + 1u) * ROWS + row] = touched;
-    // The edge before sample 0 holds nothing.
     let to_word = brick * SAMPLE_WORDS + row * ROW_WORDS;
     let from_jump = row * POINTS;
     var w = start;
-    var bits = u32(w >= 1i);
-    var word = bitcast<u32>(w) & 0xffffu;
-    for (var i = 1u; i < POINTS; i++) {
-        if ((touched >> (i - 1u)) & 1u) != 0u {
-            w += jump_to(brick, from_jump + i);
-            found |= found_at(w, corner);
-        }
-        if (i & 1u) != 0u {
-            samples[to_word + (i >> 1u)] = word | (bitcast<u32>(w) << 16u);
-        } else {
-            word = bitcast<u32>(w) & 0xffffu;
-        }
-        if i < CELLS {
-            bits |= u32(w >= 1i) << i;
-        }
+    var bits = select(0u, 0xffffffffu, start >= 1i);
+    var word = 0u;
+    var word_at = 0u;
+    for (var left = touched; left != 0u; left &= left - 1u) {
+        let i = countTrailingZeros(left) + 1u;
+        w += jump_to(brick, from_jump + i);
+        found |= found_at(w, corner);
+        word = select(0u, word, word_at == (i >> 1u)) | ((bitcast<u32>(w) & 0xffffu) << (16u * (i & 1u)));
+        word_at = i >> 1u;
+        samples[to_word + word_at] = word;
+        let behind = select(0xffffffffu << (i & 31u), 0u, i == CELLS);
+        bits = select(bits & ~behind, bits | behind, w >= 1i);
     }
-    samples[to_word + (CELLS >> 1u)] = word;
     low_bits[row] = bits;
     high_bit[row] = u32(w >= 1i);
     return found;
 }
 
-// Which edges change sign that begin in a row, written down if any do; returns how many there are by axis.
-fn find_changes(brick: u32, row: u32) -> vec3<u32> {
+// Which edges change sign that begin in a row, written down if any do but for those at x = 32; returns how many there are
+// by axis, eight bits each, and behind these whether those at x = 32 along y and z do.
+fn find_changes(brick: u32, row: u32) -> u32 {
     let low = low_bits[row];
     let high = high_bit[row];
     let x = low ^ ((low >> 1u) | (high << 31u));
@@ -131,10 +91,14 @@ fn find_changes(brick: u32, row: u32) -> vec3<u32> {
     }
     if x != 0u { tables[changes_at(brick, 0u, row)] = x; }
     if y.x != 0u { tables[changes_at(brick, 1u, row)] = y.x; }
-    if y.y != 0u { tables[changes_at(brick, 2u, row)] = y.y; }
-    if z.x != 0u { tables[changes_at(brick, 3u, row)] = z.x; }
-    if z.y != 0u { tables[changes_at(brick, 4u, row)] = z.y; }
-    return vec3(countOneBits(x), countOneBits(y.x) + y.y, countOneBits(z.x) + z.y);
+    if z.x != 0u { tables[changes_at(brick, 2u, row)] = z.x; }
+    let counts = vec3(countOneBits(x), countOneBits(y.x) + y.y, countOneBits(z.x) + z.y);
+    return counts.x | (counts.y << 8u) | (counts.z << 16u) | (y.y << 24u) | (z.y << 25u);
+}
+
+// What `find_changes` has counted.
+fn counted(packed: u32) -> vec3<u32> {
+    return (vec3(packed) >> vec3(0u, 8u, 16u)) & vec3(0xffu);
 }
 
 // Takes room for the brick's edges; turns the sums into what lies before each invocation's rows.
@@ -153,9 +117,11 @@ fn take_room(brick: u32) {
     if from_place > batch.edges_max || edges > batch.edges_max - from_place {
         atomicOr(&bricks[brick].flags, FULL);
         bricks[brick].edges = 0u;
+        has_room = 0u;
         return;
     }
     bricks[brick].edges = edges;
+    has_room = edges;
     for (var other = 0u; other < WORKGROUP; other++) {
         sums[other] += vec3(from_place) + vec3(0u, total.x, total.x + total.y);
     }
@@ -180,9 +146,9 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let end = min(first + each, ROWS);
     var sum = vec3(0u, 0u, 0u);
     for (var row = first; row < end; row++) {
-        let counts = find_changes(brick, row);
-        row_words[row] = i32(counts.x | (counts.y << 8u) | (counts.z << 16u));
-        sum += counts;
+        let packed = find_changes(brick, row);
+        row_words[row] = bitcast<i32>(packed);
+        sum += counted(packed);
     }
     sums[me] = sum;
     workgroupBarrier();
@@ -193,11 +159,12 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     var next = sums[me];
     for (var row = first; row < end; row++) {
         let packed = bitcast<u32>(row_words[row]);
-        if packed != 0u {
-            tables[rank_at(brick, 0u, row)] = next.x;
-            tables[rank_at(brick, 1u, row)] = next.y;
-            tables[rank_at(brick, 2u, row)] = next.z;
-            next += vec3(packed & 0xffu, (packed >> 8u) & 0xffu, packed >> 16u);
+        if packed != 0u && has_room != 0u {
+            let there = 1u << 30u;
+            tables[rank_at(brick, 0u, row)] = there | next.x;
+            tables[rank_at(brick, 1u, row)] = there | next.y | ((packed & (1u << 24u)) << 7u);
+            tables[rank_at(brick, 2u, row)] = there | next.z | ((packed & (1u << 25u)) << 6u);
+            next += counted(packed);
         }
     }
 }

@@ -3,120 +3,45 @@
 // `tag` finds the crossings of sign-changing edges. Most edges have one, which is written where the Hermite edge belongs.
 // Others are chained, and `resolve` finds the one where the running count passes 0.5.
 
-var<private> jump_falls: array<bool, 3>;
-var<private> oct_normal: u32;
-
-fn hit(axis: u32, brick: u32, line: vec2<u32>, lower: u32, offset: u32) {
-    // The sample at which the edge begins, by its row and its place there.
-    var row: u32;
-    var i: u32;
-    if axis == 0u {
-        row = line.y * POINTS + line.x;
-        i = lower;
-    } else if axis == 1u {
-        row = line.x * POINTS + lower;
-        i = line.y;
-    } else {
-        row = lower * POINTS + line.y;
-        i = line.x;
+fn tag_one(number: u32) {
+    let position = positions[number];
+    let edge = low_of(position);
+    if edge == NOWHERE {
+        return;
     }
+    let brick = high_of(position) >> 17u;
+    let axis = edge >> 16u;
+    let row = (edge & 0xffffu) / POINTS;
+    let i = (edge & 0xffffu) % POINTS;
+    let rank = tables[rank_at(brick, axis, row)];
+    if rank == 0u {
+        return;
+    }
+    let bits = tables[changes_at(brick, axis, row)];
     let is_last = i == CELLS;
-    let kind = select(2u * axis - 1u, 0u, axis == 0u);
-    let bits = tables[changes_at(brick, kind, row)];
-    var below = bits & ((1u << (i & 31u)) - 1u);
-    var changed = (bits >> (i & 31u)) & 1u;
-    if is_last {
-        below = bits;
-        changed = tables[changes_at(brick, kind + 1u, row)];
-    }
-    if changed == 0u {
+    let changes = select((bits >> (i & 31u)) & 1u, rank >> 31u, is_last);
+    if changes == 0u {
         return;
     }
-    let place = tables[rank_at(brick, axis, row)] + countOneBits(below);
-    let offset_and_way = offset | (u32(jump_falls[axis]) << 16u);
-    if atomicAdd(&chains[2u * place], 1u) == 0u {
-        hermite[2u * place] = offset_and_way;
-        hermite[2u * place + 1u] = oct_normal;
+    let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
+    let place = (rank & 0x3fffffffu) + countOneBits(below);
+    let pair = low_of(crossings[number]);
+    let before = atomicAdd(&chains[2u * place], 1u);
+    if before == 0u {
+        hermite[place] = both(high_of(position) & 0x1ffffu, normals[pair]);
         return;
     }
-    let record = atomicAdd(&batch.records, 1u);
-    if record >= batch.records_max {
-        atomicOr(&bricks[brick].flags, FULL);
-        return;
+    crossings[number] = both(pair, atomicExchange(&chains[2u * place + 1u], number + 1u));
+    if before == 1u {
+        doubles[atomicAdd(&batch.doubles, 1u)] = both(number, place);
     }
-    let at = RECORD_WORDS * record;
-    records[at] = atomicExchange(&chains[2u * place + 1u], record + 1u);
-    records[at + 1u] = offset_and_way;
-    records[at + 2u] = oct_normal;
-    records[at + 3u] = place;
-    records[at + 4u] = (brick << 16u) | (row * POINTS + i);
-}
-
-fn magnitude(c: i64) -> i64 {
-    return select(c, -c, c < 0li);
-}
-
-// A coordinate of the octahedral code, rounded; the divisor is positive.
-fn scaled(c: i64, sum: i64) -> i32 {
-    let value = c * 65534li + sum;
-    var quotient = value / (2li * sum);
-    if quotient * (2li * sum) > value {
-        quotient -= 1li;
-    }
-    return i32(quotient);
-}
-
-// Twin of `OctNormal::from_integer`.
-fn encode_normal(n: array<i64, 3>) -> u32 {
-    let largest = max(max(magnitude(n[0]), magnitude(n[1])), magnitude(n[2]));
-    if largest == 0li {
-        return 0u;
-    }
-    let high = u32(largest >> 32u);
-    let bits = select(64u - countLeadingZeros(high), 32u - countLeadingZeros(u32(largest & 0xffffffffli)), high == 0u);
-    let right = max(bits, 31u) - 31u;
-    let left = 31u - min(bits, 31u);
-    let x = (n[0] >> right) << left;
-    let y = (n[1] >> right) << left;
-    let z = (n[2] >> right) << left;
-    let sum = magnitude(x) + magnitude(y) + magnitude(z);
-    var u = scaled(x, sum);
-    var v = scaled(y, sum);
-    if z < 0li {
-        let u_folded = (32767i - abs(v)) * select(1i, -1i, u < 0i);
-        let v_folded = (32767i - abs(u)) * select(1i, -1i, v < 0i);
-        u = u_folded;
-        v = v_folded;
-    }
-    return (bitcast<u32>(u) & 0xffffu) | (bitcast<u32>(v) << 16u);
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn tag(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= batch.pairs {
-        return;
-    }
-    let brick = owners[id.x];
-    if bricks[brick].edges == 0u {
-        return;
-    }
-    let shift = bricks[brick].shift;
-    let origin = origin_of(brick);
-    var a = vertex(id.x, 0u) - origin;
-    var b = vertex(id.x, 1u) - origin;
-    var c = vertex(id.x, 2u) - origin;
-    let n = normal_of(a, b, c);
-    let lead = leading_sign(n);
-    if lead == 0i {
-        return;
-    }
-    oct_normal = encode_normal(n);
-    jump_falls = array<bool, 3>(n[0] > 0li, n[1] > 0li, n[2] > 0li);
-    for (var axis = 0u; axis < 3u; axis++) {
-        scan(axis, brick, a, b, c, lead, shift, vec2(i32(CELLS), i32(CELLS)), true);
-        a = a.yzx;
-        b = b.yzx;
-        c = c.yzx;
+fn tag(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let count = min(atomicLoad(&batch.crossings), batch.crossings_max);
+    for (var number = id.x; number < count; number += groups.x * WORKGROUP) {
+        tag_one(number);
     }
 }
 
@@ -127,11 +52,14 @@ var<private> steps: u32;
 fn sample(brick: u32, index: u32) -> i32 {
     let row = index / POINTS;
     let i = index % POINTS;
-    if rows[(2u * brick + 1u) * ROWS + row] == 0u {
+    let before = select((1u << (i & 31u)) - 1u, 0xffffffffu, i == CELLS);
+    let touched = rows[(2u * brick + 1u) * ROWS + row] & before;
+    if touched == 0u {
         return bitcast<i32>(rows[2u * brick * ROWS + row]);
     }
-    let word = samples[brick * SAMPLE_WORDS + row * ROW_WORDS + (i >> 1u)];
-    return extractBits(bitcast<i32>(word), 16u * (i & 1u), 16u);
+    let behind = firstLeadingBit(touched) + 1u;
+    let word = samples[brick * SAMPLE_WORDS + row * ROW_WORDS + (behind >> 1u)];
+    return extractBits(bitcast<i32>(word), 16u * (behind & 1u), 16u);
 }
 
 // Crossings at one offset: how the winding number changes there, and the smallest normal of those where it rises and of
@@ -162,10 +90,10 @@ fn with_crossing(step: Step, last: i32, offset_and_way: u32, normal: u32) -> Ste
     return out;
 }
 
-// Finds the crossing of an edge at which the running count passes 0.5; `head` is its last record, from 1. Returns what
+// Finds the crossing of an edge at which the running count passes 0.5; `head` is its last crossing, from 1. Returns what
 // is wrong, if anything is.
 fn decide(place: u32, head: u32, start: i32) -> u32 {
-    let first = vec2(hermite[2u * place], hermite[2u * place + 1u]);
+    let first = vec2(low_of(hermite[place]), high_of(hermite[place]));
     var w = start;
     var last = -1i;
     // Towards 0 from above, by crossings that all go one way, the farthest one counts: offsets are turned round.
@@ -176,10 +104,10 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
         var at = head;
         while at != 0u {
             steps += 1u;
-            let way = records[RECORD_WORDS * (at - 1u) + 1u] >> 16u;
+            let way = (high_of(positions[at - 1u]) >> 16u) & 1u;
             end += select(-1i, 1i, way == 0u);
             rises = rises || way == 0u;
-            at = records[RECORD_WORDS * (at - 1u)];
+            at = high_of(crossings[at - 1u]);
         }
         if end == 0i && !rises {
             turned = 0xffffu;
@@ -195,9 +123,10 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
             if steps > STEPS_MAX {
                 return CROWDED;
             }
-            let at = RECORD_WORDS * (next - 1u);
-            step = with_crossing(step, last, records[at + 1u] ^ turned, records[at + 2u]);
-            next = records[at];
+            let offset_and_way = high_of(positions[next - 1u]) & 0x1ffffu;
+            let crossing = crossings[next - 1u];
+            step = with_crossing(step, last, offset_and_way ^ turned, normals[low_of(crossing)]);
+            next = high_of(crossing);
         }
         if step.offset == 65536i {
             break;
@@ -205,8 +134,8 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
         let before = w;
         w += step.jump;
         if (before >= 1i) != (w >= 1i) {
-            hermite[2u * place] = u32(step.offset) ^ turned;
-            hermite[2u * place + 1u] = select(step.falling, step.rising, step.jump > 0i);
+            let normal = select(step.falling, step.rising, step.jump > 0i);
+            hermite[place] = both(u32(step.offset) ^ turned, normal);
             return 0u;
         }
         last = step.offset;
@@ -216,21 +145,17 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
 
 @compute @workgroup_size(WORKGROUP)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let count = min(atomicLoad(&batch.records), batch.records_max);
+    let count = atomicLoad(&batch.doubles);
     steps = 0u;
-    for (var record = id.x; record < count; record += groups.x * WORKGROUP) {
-        let at = RECORD_WORDS * record;
-        // Each chain has one record that is its first.
-        if records[at] != 0u {
-            continue;
-        }
-        let brick = records[at + 4u] >> 16u;
-        // A brick whose crossings found no room has broken chains.
+    for (var double = id.x; double < count; double += groups.x * WORKGROUP) {
+        let place = high_of(doubles[double]);
+        let position = positions[low_of(doubles[double])];
+        let brick = high_of(position) >> 17u;
+        // A brick whose crossings found no room has edges that lack some.
         if (atomicLoad(&bricks[brick].flags) & FULL) != 0u {
             continue;
         }
-        let place = records[at + 3u];
-        let start = sample(brick, records[at + 4u] & 0xffffu);
+        let start = sample(brick, low_of(position) & 0xffffu);
         let wrong = decide(place, atomicLoad(&chains[2u * place + 1u]), start);
         if wrong != 0u {
             atomicOr(&bricks[brick].flags, wrong);

@@ -19,7 +19,8 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("TORN", TORN),
     ("CROWDED", CROWDED),
     ("STEPS_MAX", STEPS_MAX),
-    ("RECORD_WORDS", RECORD_WORDS),
+    ("PAIR_WORDS", PAIR_WORDS),
+    ("NOWHERE", NOWHERE),
     ("ANGLE_BITS", ANGLE_BITS),
 ];
 
@@ -35,14 +36,15 @@ pub const ROW_WORDS: u32 = POINTS.div_ceil(2);
 pub const SAMPLE_WORDS: u32 = ROWS * ROW_WORDS;
 /// Words of a brick's jumps: one a sample, and one a row.
 pub const JUMP_WORDS: u32 = ROWS * POINTS + ROWS;
-/// Words of what is known of a brick's rows: five of bits that say which edges change sign, and for each axis how many
-/// such edges the rows before hold.
-pub const TABLE_WORDS: u32 = 8 * ROWS;
+/// Words of what is known of a brick's rows: for each axis bits that say which edges change sign, and how many such edges
+/// the rows before hold.
+pub const TABLE_WORDS: u32 = 6 * ROWS;
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
-/// Words of a crossing's record: the record before it on its edge, from 1; its offset with the way in which the winding
-/// number changes; its normal; its edge's place; its edge's lower sample, with the brick in the high half.
-pub const RECORD_WORDS: u32 = 5;
+/// Words of a [`Pair`].
+pub const PAIR_WORDS: u32 = size_of::<Pair>() as u32 / 4;
+/// In place of a crossing's edge: it is none of the brick's.
+pub const NOWHERE: u32 = u32::MAX;
 /// Facets that one invocation of `brute` sums up, and steps that one of `resolve` takes along chains. Mesa's llvmpipe
 /// silently ends loops after 65,535 steps, which it counts for up to 16 invocations together.
 pub const STEPS_MAX: u32 = 1 << 11;
@@ -83,26 +85,20 @@ shared! {
         pairs: u32,
         /// Sign-changing edges for which there is room.
         edges_max: u32,
-        /// Crossings of such edges for which there is room.
-        records_max: u32,
+        /// Crossings for which there is room.
+        crossings_max: u32,
         /// Sign-changing edges found.
         edges: u32,
-        /// Their crossings.
-        records: u32,
+        /// Crossings found.
+        crossings: u32,
+        /// Sign-changing edges with several crossings.
+        doubles: u32,
     }
 }
 
 shared! {
     /// A brick, and what became of it.
     Brick {
-        /// Sample 0 in lattice units.
-        origin_x: i32,
-        /// As above.
-        origin_y: i32,
-        /// As above.
-        origin_z: i32,
-        /// log₂ of the distance of samples.
-        shift: u32,
         /// The winding number at sample 0.
         corner: i32,
         /// What was found.
@@ -116,6 +112,16 @@ shared! {
         /// How many lie along y.
         edges_y: u32,
     }
+}
+
+/// A triangle with a brick that it touches. Shaders see it as words of 64 bits.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Pair {
+    /// Its vertices relative to sample 0 of the brick.
+    pub vertices: [[i32; 3]; 3],
+    /// The brick's number in the batch, and in the high half log₂ of the distance of its samples.
+    pub owner: u32,
 }
 
 shared! {
@@ -139,18 +145,20 @@ pub const STRUCTURES: &[(&str, usize, Members)] = &[
 ];
 
 /// Buffers of the kernels that evaluate bricks, by binding.
-pub const BRICK_BUFFERS: [&str; 11] = [
+pub const BRICK_BUFFERS: [&str; 13] = [
     "batch",
     "bricks",
-    "triangles",
-    "owners",
+    "pairs",
     "jumps",
     "samples",
     "rows",
     "tables",
     "chains",
     "hermite",
-    "records",
+    "crossings",
+    "positions",
+    "normals",
+    "doubles",
 ];
 /// Buffers of the kernel that sums solid angles, by binding.
 pub const BRUTE_BUFFERS: [&str; 4] = ["sum", "facets", "points", "angles"];

@@ -26,7 +26,7 @@ mod tests {
 
     #[test]
     fn modules_are_spir_v() {
-        for shader in [EVALUATE, HERMITE, BRUTE] {
+        for shader in [SCAN, EVALUATE, HERMITE, BRUTE] {
             assert_eq!(shader.words[..2], [0x0723_0203, 0x0001_0300], "{}", shader.name);
         }
     }

@@ -1,34 +1,10 @@
-// Crossings of one triangle with the axis-parallel lines of a brick; twin of `winding/scan.rs`.
+// Crossings of triangles with the axis-parallel lines of the bricks that they touch; twin of `winding/scan.rs`.
 //
-// Everything is decided in integers of 64 bits. Edge functions stay below 2^51. The position of a crossing along its
-// line is a quotient whose numerator has 75 bits; the numerator is kept modulo 2^64, and an estimate of the quotient
-// in floats leaves a remainder that fits 64 bits, so that the remainder is exact, and shows how the estimate is to be
-// corrected. The file that is compiled together with this one has
-//     fn hit(axis: u32, brick: u32, line: vec2<u32>, lower: u32, offset: u32)
-// and takes the crossings: `line` are the indices along the axes after `axis` in cyclic order.
-
-// The side of the triangle on which the normal's first component that is not 0 lies.
-fn leading_sign(n: array<i64, 3>) -> i32 {
-    var lead = sign_of(n[2]);
-    if n[1] != 0li { lead = sign_of(n[1]); }
-    if n[0] != 0li { lead = sign_of(n[0]); }
-    return lead;
-}
-
-fn sign_of(c: i64) -> i32 {
-    return select(select(0i, 1i, c > 0li), -1i, c < 0li);
-}
-
-// Twice the area vector. With the coordinates rotated, its components are.
-fn normal_of(a: vec3<i32>, b: vec3<i32>, c: vec3<i32>) -> array<i64, 3> {
-    let e = b - a;
-    let f = c - a;
-    return array<i64, 3>(
-        i64(e.y) * i64(f.z) - i64(e.z) * i64(f.y),
-        i64(e.z) * i64(f.x) - i64(e.x) * i64(f.z),
-        i64(e.x) * i64(f.y) - i64(e.y) * i64(f.x),
-    );
-}
+// `find` lists which lines pass through which triangle, `locate` where, an invocation a crossing: triangles have few
+// crossings or many, so that invocations of a triangle each, in step, would mostly wait for each other. Everything is
+// decided in integers of 64 bits. Edge functions stay below 2^51. The position of a crossing along its line is a quotient
+// whose numerator has 75 bits; the numerator is kept modulo 2^64, and an estimate of the quotient in floats leaves a
+// remainder that fits 64 bits, so that the remainder is exact, and shows how the estimate is to be corrected.
 
 // An edge function of a projected triangle, along the axes u and v.
 struct EdgeFunction {
@@ -91,44 +67,46 @@ fn offset_of(beyond: i32, rest: i64, n: i64, per_n: f32, shift: u32) -> u32 {
     return u32(min(offset, 65535li));
 }
 
-// Hands every crossing with lines along `axis` to `hit`. Vertices are relative to sample 0 of the brick and rotated so
-// that `axis` comes first. Lines have indices up to `limit`.
-fn scan(
-    axis: u32,
-    brick: u32,
+// A triangle with a brick that it touches.
+struct Pair {
     a: vec3<i32>,
     b: vec3<i32>,
     c: vec3<i32>,
-    lead: i32,
+    brick: u32,
     shift: u32,
-    limit: vec2<i32>,
-    with_offset: bool,
-) {
+}
+
+fn pair_of(number: u32) -> Pair {
+    let at = number * (PAIR_WORDS / 2u);
+    let w = array<u64, 5>(pairs[at], pairs[at + 1u], pairs[at + 2u], pairs[at + 3u], pairs[at + 4u]);
+    let a = vec3(low_of(w[0]), high_of(w[0]), low_of(w[1]));
+    let b = vec3(high_of(w[1]), low_of(w[2]), high_of(w[2]));
+    let c = vec3(low_of(w[3]), high_of(w[3]), low_of(w[4]));
+    let owner = high_of(w[4]);
+    return Pair(bitcast<vec3<i32>>(a), bitcast<vec3<i32>>(b), bitcast<vec3<i32>>(c), owner & 0xffffu, owner >> 16u);
+}
+
+// Coordinates with an axis first and those after it in cyclic order behind.
+fn rotated(p: vec3<i32>, axis: u32) -> vec3<i32> {
+    return select(select(p.zxy, p.yzx, axis == 1u), p, axis == 0u);
+}
+
+// Lists the lines along `axis` inside the triangle. Vertices are relative to sample 0 of the brick and rotated.
+fn find_along(axis: u32, pair: u32, brick: u32, a: vec3<i32>, b: vec3<i32>, c: vec3<i32>, across: i64, shift: u32) {
     let low = min(min(a, b), c);
     let high = max(max(a, b), c);
     let below = (1i << shift) - 1i;
     let first = max((low.yz + below) >> vec2(shift), vec2(0i));
-    let last = min(high.yz >> vec2(shift), limit);
-    if any(first > last) {
+    let last = min(high.yz >> vec2(shift), vec2(i32(CELLS)));
+    if any(first > last) || across == 0li {
         return;
     }
-    let n = normal_of(a, b, c);
-    if n[0] == 0li {
-        return;
-    }
-    let side = sign_of(n[0]);
+    let side = sign_of(across);
     let line = first << vec2(shift);
     var ab = edge_function(a, b, side, axis != 1u, line, shift);
     var bc = edge_function(b, c, side, axis != 1u, line, shift);
     var ca = edge_function(c, a, side, axis != 1u, line, shift);
-    // The numerator of the depth at a line, and what it changes by from line to line.
-    let across = n[0] * i64(side);
-    let slope_u = n[1] * i64(side);
-    let slope_v = n[2] * i64(side);
-    let numerator = across * i64(a.x) + slope_u * i64(a.y) + slope_v * i64(a.z);
-    let per_n = 1.0 / f32(across);
-    let tilt = vec2(f32(slope_u), f32(slope_v)) * per_n;
-    let extent = vec2(f32(low.x), f32(high.x));
+    let crossings_max = batch.crossings_max;
     var u = first.x;
     var v = first.y;
     var at_ab = ab.at;
@@ -138,7 +116,7 @@ fn scan(
     // Ends: at most 33² lines.
     loop {
         // On to the next line inside: a short loop of its own, so that most of the invocations that run in step have a
-        // crossing when the long rest begins.
+        // crossing when the rest begins.
         loop {
             if !begins {
                 u += 1i;
@@ -164,36 +142,108 @@ fn scan(
         if v > last.y {
             break;
         }
-        let at = vec2(u << shift, v << shift);
-        let from_a = vec2<f32>(a.yz - at);
-        // Rounding leaves an error of 2^-21 of each term, whose numerators are below 2^74.
-        let estimate = clamp(f32(a.x) + tilt.x * from_a.x + tilt.y * from_a.y, extent.x, extent.y);
-        let exact = numerator - slope_u * i64(at.x) - slope_v * i64(at.y);
-        let depth = divide(exact, across, per_n, i32(floor(estimate)));
-        var lower = depth.units >> shift;
-        var beyond = depth.units & below;
-        // On a sample: it lies behind the crossing if the perturbed sample is on the side that the line leaves to.
-        if depth.rest == 0li && beyond == 0i && lead == side {
-            lower -= 1i;
-            beyond = 1i << shift;
+        let number = atomicAdd(&batch.crossings, 1u);
+        if number >= crossings_max {
+            atomicOr(&bricks[brick].flags, FULL);
+            break;
         }
-        if lower >= 0i && lower < i32(CELLS) {
-            var offset = 0u;
-            if with_offset {
-                offset = offset_of(beyond, depth.rest, across, per_n, shift);
-            }
-            hit(axis, brick, vec2(u32(u), u32(v)), u32(lower), offset);
-        }
+        crossings[number] = both(pair, axis | (u32(u) << 2u) | (u32(v) << 8u));
     }
 }
 
-// A vertex of a triangle.
-fn vertex(triangle: u32, number: u32) -> vec3<i32> {
-    let at = 9u * triangle + 3u * number;
-    return vec3(triangles[at], triangles[at + 1u], triangles[at + 2u]);
+@compute @workgroup_size(WORKGROUP)
+fn find(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= batch.pairs {
+        return;
+    }
+    let pair = pair_of(id.x);
+    var a = pair.a;
+    var b = pair.b;
+    var c = pair.c;
+    let n = normal_of(a, b, c);
+    normals[id.x] = encode_normal(n);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let across = select(select(n[2], n[1], axis == 1u), n[0], axis == 0u);
+        find_along(axis, id.x, pair.brick, a, b, c, across, pair.shift);
+        a = a.yzx;
+        b = b.yzx;
+        c = c.yzx;
+    }
 }
 
-// Sample 0 of a brick.
-fn origin_of(brick: u32) -> vec3<i32> {
-    return vec3(bricks[brick].origin_x, bricks[brick].origin_y, bricks[brick].origin_z);
+// Adds up the jump at a crossing if it lies on the way to a sample: along x anywhere, along y in the face x = 0, along z
+// in the column x = y = 0. `line` are the indices along the axes after `axis`.
+fn jump_at(axis: u32, brick: u32, line: vec2<u32>, lower: u32, jump: i32) {
+    var index: u32;
+    var counts = true;
+    if axis == 0u {
+        index = (line.y * POINTS + line.x) * POINTS + lower + 1u;
+        atomicOr(&jumps[touched_at(brick, line.y * POINTS + line.x)], bitcast<i32>(1u << lower));
+    } else if axis == 1u {
+        index = (line.x * POINTS + lower + 1u) * POINTS;
+        counts = line.y == 0u;
+    } else {
+        index = (lower + 1u) * ROWS;
+        counts = (line.x | line.y) == 0u;
+    }
+    if counts {
+        atomicAdd(&jumps[brick * JUMP_WORDS + index], jump);
+    }
+}
+
+// The sample at which an edge begins.
+fn edge_start(axis: u32, line: vec2<u32>, lower: u32) -> u32 {
+    let ijk = select(select(vec3(line, lower), vec3(line.y, lower, line.x), axis == 1u), vec3(lower, line), axis == 0u);
+    return (ijk.z * POINTS + ijk.y) * POINTS + ijk.x;
+}
+
+fn locate_one(number: u32) {
+    let crossing = crossings[number];
+    let pair = pair_of(low_of(crossing));
+    let packed = high_of(crossing);
+    let axis = packed & 3u;
+    let line = vec2((packed >> 2u) & 63u, packed >> 8u);
+    let shift = pair.shift;
+    let a = rotated(pair.a, axis);
+    let b = rotated(pair.b, axis);
+    let c = rotated(pair.c, axis);
+    let n = normal_of(a, b, c);
+    let side = sign_of(n[0]);
+    // The numerator of the depth at the line, over a positive number.
+    let across = n[0] * i64(side);
+    let slope_u = n[1] * i64(side);
+    let slope_v = n[2] * i64(side);
+    let from_line = a.yz - (vec2<i32>(line) << vec2(shift));
+    let numerator = across * i64(a.x) + slope_u * i64(from_line.x) + slope_v * i64(from_line.y);
+    let per_n = 1.0 / f32(across);
+    let tilt = vec2(f32(slope_u), f32(slope_v)) * per_n;
+    // Rounding leaves an error of 2^-21 of each term, whose numerators are below 2^74.
+    let estimate = f32(a.x) + tilt.x * f32(from_line.x) + tilt.y * f32(from_line.y);
+    let low = f32(min(min(a.x, b.x), c.x));
+    let high = f32(max(max(a.x, b.x), c.x));
+    let depth = divide(numerator, across, per_n, i32(floor(clamp(estimate, low, high))));
+    var lower = depth.units >> shift;
+    var beyond = depth.units & ((1i << shift) - 1i);
+    // On a sample: it lies behind the crossing if the perturbed sample is on the side that the line leaves to.
+    if depth.rest == 0li && beyond == 0i && leading_sign(n, axis) == side {
+        lower -= 1i;
+        beyond = 1i << shift;
+    }
+    if lower < 0i || lower >= i32(CELLS) {
+        positions[number] = u64(NOWHERE);
+        return;
+    }
+    let falls = u32(side > 0i);
+    let offset = offset_of(beyond, depth.rest, across, per_n, shift);
+    let edge = edge_start(axis, line, u32(lower)) | (axis << 16u);
+    positions[number] = both(edge, offset | (falls << 16u) | (pair.brick << 17u));
+    jump_at(axis, pair.brick, line, u32(lower), -side);
+}
+
+@compute @workgroup_size(WORKGROUP)
+fn locate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let count = min(atomicLoad(&batch.crossings), batch.crossings_max);
+    for (var number = id.x; number < count; number += groups.x * WORKGROUP) {
+        locate_one(number);
+    }
 }

@@ -5,6 +5,7 @@ use brickfield_engine::backend::{DeviceReport, Vulkan};
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
 use brickfield_engine::gpu::{Gpu, Settings};
 use brickfield_engine::ingest::Input;
+use std::sync::Mutex;
 
 /// Something that builds stores.
 pub struct Backend {
@@ -65,6 +66,11 @@ pub fn open(memory: u64) -> Vulkan {
 
 /// Fails if the validation layer said anything.
 pub fn silent(backend: &Backend) {
-    let messages = backend.device.as_ref().map_or(Vec::new(), |device| device.gpu().messages());
+    let messages = backend.device.as_ref().map_or(Vec::new(), |device| read(&device.gpu().messages()));
     assert!(messages.is_empty(), "{}", messages.join("\n"));
+}
+
+/// Messages so far.
+pub fn read(messages: &Mutex<Vec<String>>) -> Vec<String> {
+    messages.lock().unwrap().clone()
 }

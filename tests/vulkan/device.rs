@@ -1,6 +1,6 @@
 //! What a device alone must show: exact ties, failures amid a build, little memory, the sum over all triangles.
 
-use crate::backend::{Backend, open, options, reference, silent};
+use crate::backend::{Backend, open, options, read, reference, silent};
 use crate::suite::{input_of, open_data};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::{Mesh, Rng};
@@ -100,19 +100,51 @@ fn failures_end_in_the_same_store() {
     }
 }
 
-/// With room for a brick or two, and for fewer edges than some have.
+/// Whatever may be allocated, no more is; with room for no brick, or for a few, or for fewer edges than some have.
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
-fn little_memory_is_enough() {
+fn little_memory_is_enough_and_never_exceeded() {
     let (_folder, pile) = input_of(&random_pile(3, 60));
     let expected = reference(&pile, 3);
-    for memory in [1, 8 << 20] {
+    for memory in [1, 1 << 20, 8 << 20, 12_345_678, 64 << 20] {
         let backend = Backend { device: Some(open(memory)), threads: 2 };
         let (store, summary) = backend.build_with(&pile, 3, &options(3));
         assert!(store == expected, "{memory} bytes: {:?}", summary.device);
-        assert!(summary.device.unwrap().bricks > 0);
+        let report = summary.device.unwrap();
+        assert!(report.peak_bytes <= memory, "{report:?}");
+        assert_eq!(
+            (report.bricks > 0, report.peak_bytes > 0),
+            (memory >= 8 << 20, memory >= 8 << 20),
+            "{report:?}"
+        );
         silent(&backend);
     }
+}
+
+/// Builds give back all memory, and the device is left without an object: the validation layer tells of each.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn nothing_is_left_behind() {
+    let (_folder, pile) = input_of(&random_pile(4, 12));
+    let device = open(0);
+    let messages = device.gpu().messages();
+    let backend = Backend { device: Some(device), threads: 2 };
+    let gpu = backend.device.as_ref().unwrap().gpu().clone();
+    let peak = |_| {
+        backend.build(&pile, 3);
+        assert_eq!(gpu.allocated().0, 0);
+        gpu.allocated().1
+    };
+    let peaks: Vec<u64> = (0..12).map(peak).collect();
+    assert!(peaks[0] > 0 && peaks.iter().all(|peak| *peak <= gpu.memory()), "{peaks:?}");
+    // A build that fails on its way gives all back, too.
+    gpu.inject(Fault { stage: Stage::Allocate, after: 2, times: 1, failure: Failure::OutOfMemory });
+    gpu.inject(Fault { stage: Stage::Submit, after: 4, times: 1, failure: Failure::Lost });
+    backend.build(&pile, 3);
+    assert!(gpu.is_lost() && gpu.allocated().0 == 0);
+    drop((backend, gpu));
+    assert_eq!(std::sync::Arc::strong_count(&messages), 1, "the device is still open");
+    assert_eq!(read(&messages), Vec::<String>::new());
 }
 
 /// Trees whose nodes decide for themselves are the processor's.

@@ -14,8 +14,9 @@ pub enum Chosen {
 }
 
 /// Opens the device that was asked for. Automatic choice takes GPUs only, or the device that was named. Where only the
-/// build's memory is bounded, batches get a quarter of it.
-pub fn choose(args: &BackendArgs, memory: Option<Size>) -> Result<Chosen, Failure> {
+/// build's memory is bounded, batches get a quarter of it. No device is opened by automatic choice where it is known
+/// already that the processor does the work, and `why`.
+pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Result<Chosen, Failure> {
     let BackendArgs { backend, device, gpu_memory } = args;
     let named = device.is_some();
     if *backend == BackendArg::Cpu {
@@ -25,6 +26,9 @@ pub fn choose(args: &BackendArgs, memory: Option<Size>) -> Result<Chosen, Failur
         return Ok(Chosen::Cpu { why: None });
     }
     let is_asked_for = *backend == BackendArg::Vulkan || named;
+    if let Some(why) = why.filter(|_| !is_asked_for) {
+        return Ok(Chosen::Cpu { why: Some(why.to_owned()) });
+    }
     if !is_asked_for && !may_be_there() {
         return Ok(Chosen::Cpu { why: Some("the machine has no GPU".to_owned()) });
     }

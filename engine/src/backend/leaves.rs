@@ -8,7 +8,7 @@ use super::vulkan::Vulkan;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples};
 use crate::error::Result;
 use crate::gpu::{BatchInput, BatchOutput, Failure, Lane};
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units};
 use crate::winding::{Evaluator, Triangles};
 use brickfield_shaders as shaders;
 use std::collections::VecDeque;
@@ -206,19 +206,13 @@ fn take(leaves: &[Leaf<'_>], bricks: usize, pairs: usize) -> usize {
 /// Writes a batch down.
 fn pack(input: &mut BatchInput, array: &[Triangle], leaves: &[Leaf<'_>]) {
     input.clear();
-    for (owner, leaf) in (0..).zip(leaves) {
-        let [origin_x, origin_y, origin_z] = leaf.key.base().map(|base| base + 1);
-        let (shift, corner) = (leaf.key.spacing_bits(), leaf.corner.into());
-        input.bricks.push(shaders::Brick {
-            origin_x,
-            origin_y,
-            origin_z,
-            shift,
-            corner,
-            ..shaders::Brick::default()
-        });
-        input.triangles.extend(leaf.indices.iter().map(|&index| array[index as usize]));
-        input.owners.resize(input.triangles.len(), owner);
+    for (number, leaf) in (0..).zip(leaves) {
+        input.bricks.push(shaders::Brick { corner: leaf.corner.into(), ..shaders::Brick::default() });
+        let origin = leaf.key.base().map(|base| base + 1);
+        let owner = number | leaf.key.spacing_bits() << 16;
+        let relative = |v: Units| std::array::from_fn(|axis| v[axis] - origin[axis]);
+        let pair = |&index: &u32| shaders::Pair { vertices: array[index as usize].map(relative), owner };
+        input.pairs.extend(leaf.indices.iter().map(pair));
     }
 }
 
@@ -249,12 +243,15 @@ fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
     let [starts, touched] = &output.rows[number];
     let mut samples = Vec::with_capacity(POINTS);
     for (row, words) in output.samples[number * ROWS..][..ROWS].iter().enumerate() {
-        if touched[row] == 0 {
-            samples.extend_from_slice(&[starts[row] as i16; BRICK_POINTS]);
-        } else {
-            let halves: &[i16] = bytemuck::cast_slice(words);
-            samples.extend_from_slice(&halves[..BRICK_POINTS]);
+        let mut values = [starts[row] as i16; BRICK_POINTS];
+        let behind: &[i16] = bytemuck::cast_slice(words);
+        let mut left = touched[row];
+        while left != 0 {
+            let i = left.trailing_zeros() as usize + 1;
+            values[i..].fill(behind[i]);
+            left &= left - 1;
         }
+        samples.extend_from_slice(&values);
     }
     Samples(samples.into_boxed_slice().try_into().expect("the length is POINTS"), 0)
 }

@@ -15,10 +15,12 @@ pub struct DeviceReport {
     pub batches: u64,
     /// Batches that were tried again with less.
     pub retries: u64,
+    /// The most bytes that were allocated on the device, and here for it, since it was opened.
+    pub peak_bytes: u64,
     /// Seconds of the device's clock for uploads, if it has one.
     pub upload_seconds: f64,
-    /// Seconds for kernels: crossings, samples, crossings of the boundary, Hermite edges.
-    pub kernel_seconds: [f64; 4],
+    /// Seconds for kernels: which lines cross which triangle, where, samples, crossings of the boundary, Hermite edges.
+    pub kernel_seconds: [f64; 5],
     /// Seconds for read-backs.
     pub read_seconds: f64,
     /// The first thing that went wrong.

@@ -37,7 +37,8 @@ impl Vulkan {
     /// What it did since it was last asked.
     pub fn take_report(&self) -> DeviceReport {
         let fresh = DeviceReport { name: self.gpu.info().name.clone(), ..DeviceReport::default() };
-        std::mem::replace(&mut *self.report(), fresh)
+        let report = std::mem::replace(&mut *self.report(), fresh);
+        DeviceReport { peak_bytes: self.gpu.allocated().1, ..report }
     }
 
     pub(super) fn report(&self) -> MutexGuard<'_, DeviceReport> {

@@ -1,11 +1,11 @@
 //! The logical device that everything on it shares.
 
 use super::failure::{Failure, Fault, Stage, Unavailable};
-use super::instance::{DeviceInfo, Instance};
+use super::instance::{DeviceInfo, Instance, Messages};
 use super::memory::Use;
 use ash::vk;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A device, its one queue, and how it has been so far.
 pub(super) struct Context {
@@ -16,6 +16,9 @@ pub(super) struct Context {
     pub tick_ns: Option<f32>,
     /// Bytes that a kernel can see of a buffer.
     pub range_max: u64,
+    /// Bytes that may be allocated.
+    pub cap: u64,
+    allocated: Mutex<Allocated>,
     memory: vk::PhysicalDeviceMemoryProperties,
     queue: Mutex<vk::Queue>,
     /// Whether it failed for good.
@@ -27,9 +30,20 @@ pub(super) struct Context {
     instance: Instance,
 }
 
+/// Bytes of all allocations.
+#[derive(Clone, Copy, Default)]
+struct Allocated {
+    now: u64,
+    peak: u64,
+}
+
 impl Context {
-    /// Opens the device with this number.
-    pub fn new(instance: Instance, index: usize) -> Result<Context, Unavailable> {
+    /// Opens the device with this number. `cap` says how many bytes may be allocated.
+    pub fn new(
+        instance: Instance,
+        index: usize,
+        cap: impl FnOnce(&DeviceInfo) -> u64,
+    ) -> Result<Context, Unavailable> {
         let physical = instance.physical_devices()?[index];
         let info = instance.describe(index, physical);
         let refuse = |what: String| {
@@ -66,6 +80,8 @@ impl Context {
         let limits = properties.limits;
         Ok(Context {
             raw,
+            cap: cap(&info),
+            allocated: Mutex::default(),
             info,
             family,
             tick_ns: (clock_bits >= 64).then_some(limits.timestamp_period),
@@ -96,6 +112,28 @@ impl Context {
             types.iter().enumerate().position(suits).map(|i| i as u32)
         };
         wishes.into_iter().find_map(fits)
+    }
+
+    /// Counts bytes that are about to be allocated, if there may be so many more.
+    pub fn reserve(&self, bytes: u64) -> Result<(), Failure> {
+        let mut allocated = lock(&self.allocated);
+        let now = allocated.now.saturating_add(bytes);
+        if now > self.cap {
+            return Err(Failure::OutOfMemory);
+        }
+        *allocated = Allocated { now, peak: allocated.peak.max(now) };
+        Ok(())
+    }
+
+    /// Counts bytes that were given back.
+    pub fn release(&self, bytes: u64) {
+        lock(&self.allocated).now -= bytes;
+    }
+
+    /// Bytes that are allocated, and the most that were.
+    pub fn allocated(&self) -> (u64, u64) {
+        let Allocated { now, peak } = *lock(&self.allocated);
+        (now, peak)
     }
 
     /// Hands a command buffer to the device; `signal` gets `value` when it is done.
@@ -173,7 +211,7 @@ impl Context {
         Err(self.note(failure))
     }
 
-    pub fn messages(&self) -> Vec<String> {
+    pub fn messages(&self) -> Arc<Messages> {
         self.instance.messages()
     }
 }

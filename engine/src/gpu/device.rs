@@ -4,9 +4,10 @@ use super::context::Context;
 use super::failure::{Failure, Fault, Unavailable};
 use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::kernels::Kernels;
-use brickfield_shaders::{BRICK_BUFFERS, EVALUATE, HERMITE};
+use super::slot::KERNELS;
+use brickfield_shaders::{BRICK_BUFFERS, EVALUATE, HERMITE, SCAN};
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Which device to open, and how.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -15,7 +16,8 @@ pub struct Settings {
     pub device: Option<String>,
     /// Only a GPU will do, no software driver, unless it is named.
     pub real: bool,
-    /// Bytes of memory for batches, on the device and here together; 0 for an eighth of the device's, from 64 MiB to 1 GiB.
+    /// Bytes of memory that may be allocated, on the device and here together; 0 for an eighth of the device's, from
+    /// 64 MiB to 1 GiB.
     pub memory: u64,
     /// Have the validation layer look on.
     pub validation: bool,
@@ -26,7 +28,6 @@ pub struct Settings {
 pub struct Gpu {
     pub(super) context: Arc<Context>,
     pub(super) kernels: Arc<Kernels>,
-    memory: u64,
 }
 
 impl fmt::Debug for Gpu {
@@ -54,17 +55,23 @@ impl Gpu {
         let found: Vec<DeviceInfo> =
             found.iter().enumerate().map(|(number, device)| instance.describe(number, *device)).collect();
         let index = choose(&found, settings)?;
-        let context = Arc::new(Context::new(instance, index)?);
-        let entries = [(EVALUATE, c"collect"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
+        let cap = |info: &DeviceInfo| match settings.memory {
+            0 => (info.memory / 8).clamp(64 << 20, 1 << 30),
+            bytes => bytes,
+        };
+        let context = Arc::new(Context::new(instance, index, cap)?);
+        let entries: [_; KERNELS] = [
+            (SCAN, c"find"),
+            (SCAN, c"locate"),
+            (EVALUATE, c"walk"),
+            (HERMITE, c"tag"),
+            (HERMITE, c"resolve"),
+        ];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
             let what = format!("{}: the kernels cannot be compiled ({failure})", context.info.name);
             Unavailable::new(what, "update the driver, or use --backend cpu")
         })?;
-        let memory = match settings.memory {
-            0 => (context.info.memory / 8).clamp(64 << 20, 1 << 30),
-            bytes => bytes,
-        };
-        Ok(Gpu { kernels: Arc::new(kernels), memory, context })
+        Ok(Gpu { kernels: Arc::new(kernels), context })
     }
 
     /// What it is.
@@ -72,9 +79,14 @@ impl Gpu {
         &self.context.info
     }
 
-    /// Bytes for batches.
+    /// Bytes that may be allocated.
     pub fn memory(&self) -> u64 {
-        self.memory
+        self.context.cap
+    }
+
+    /// Bytes that are allocated, and the most that were so far.
+    pub fn allocated(&self) -> (u64, u64) {
+        self.context.allocated()
     }
 
     /// Whether it failed for good.
@@ -82,8 +94,9 @@ impl Gpu {
         self.context.is_lost()
     }
 
-    /// What the validation layer said, if it looks on.
-    pub fn messages(&self) -> Vec<String> {
+    /// Where the messages of the validation layer are collected, if it looks on: to the very end of the device, when it
+    /// tells what was left behind.
+    pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
         self.context.messages()
     }
 

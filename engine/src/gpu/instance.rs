@@ -5,7 +5,7 @@ use ash::ext::{debug_utils, validation_features};
 use ash::{Entry, vk};
 use std::ffi::{CStr, c_void};
 use std::fmt;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a device is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -94,10 +94,11 @@ pub(super) struct Instance {
 struct Validation {
     functions: debug_utils::Instance,
     messenger: vk::DebugUtilsMessengerEXT,
-    messages: Box<Messages>,
+    messages: Arc<Messages>,
 }
 
-type Messages = Mutex<Vec<String>>;
+/// What the validation layer said.
+pub(super) type Messages = Mutex<Vec<String>>;
 
 impl Instance {
     /// Loads Vulkan. With `validation` the Khronos validation layer looks on, if it is installed, and must be.
@@ -143,7 +144,7 @@ impl Instance {
     /// Collects what the validation layer has to say.
     fn listen(&mut self) -> Result<(), Unavailable> {
         let functions = debug_utils::Instance::new(&self._entry, &self.raw);
-        let messages: Box<Messages> = Box::default();
+        let messages: Arc<Messages> = Arc::default();
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
                 vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
@@ -154,17 +155,16 @@ impl Instance {
             )
             .pfn_user_callback(Some(keep_message))
             .user_data(std::ptr::from_ref::<Messages>(&messages).cast_mut().cast());
-        // SAFETY: `messages` stays where it is, in its box, until the messenger is destroyed in `drop`.
+        // SAFETY: `messages` stays where it is, behind its counter, until the messenger is destroyed in `drop`.
         let messenger = unsafe { functions.create_debug_utils_messenger(&info, None) }
             .map_err(|result| Unavailable::new(format!("validation cannot report ({result})"), INSTALL))?;
         self.validation = Some(Validation { functions, messenger, messages });
         Ok(())
     }
 
-    /// What the validation layer said so far.
-    pub fn messages(&self) -> Vec<String> {
-        let kept = |v: &Validation| v.messages.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        self.validation.as_ref().map_or(Vec::new(), kept)
+    /// Where the validation layer's messages are collected.
+    pub fn messages(&self) -> Arc<Messages> {
+        self.validation.as_ref().map_or_else(Arc::default, |v| Arc::clone(&v.messages))
     }
 
     pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>, Unavailable> {
@@ -204,7 +204,7 @@ impl Instance {
             (properties.api_version >= vk::API_VERSION_1_2, "Vulkan 1.2"),
             (has_int64, "64-bit integers in shaders (shaderInt64)"),
             (twelve.timeline_semaphore == vk::TRUE, "timeline semaphores"),
-            (properties.limits.max_per_stage_descriptor_storage_buffers >= BUFFERS, "ten storage buffers"),
+            (properties.limits.max_per_stage_descriptor_storage_buffers >= BUFFERS, "13 storage buffers"),
             (self.compute_family(device).is_some(), "a compute queue"),
         ];
         let heaps = memory.memory_heaps_as_slice().iter();

@@ -5,9 +5,9 @@ use super::device::Gpu;
 use super::failure::Failure;
 use super::kernels::Sets;
 use super::memory::{Arena, Use};
-use super::sizes::{READ, Sizes};
+use super::sizes::{READ, Sizes, UPLOADED};
 use super::slot::{Buffers, Seconds, Slot};
-use brickfield_shaders::{Batch, Brick, ROW_WORDS, ROWS};
+use brickfield_shaders::{Batch, Brick, Pair, ROW_WORDS, ROWS};
 use std::collections::VecDeque;
 
 /// Batches under way.
@@ -16,20 +16,17 @@ const RING: usize = 2;
 /// Bricks to evaluate.
 #[derive(Clone, Debug, Default)]
 pub struct BatchInput {
-    /// The bricks: origins, shift and corner.
+    /// The bricks' corners.
     pub bricks: Vec<Brick>,
-    /// Triangles in lattice units: of each brick every one that touches it.
-    pub triangles: Vec<[[i32; 3]; 3]>,
-    /// Of each triangle the brick's index.
-    pub owners: Vec<u32>,
+    /// Of each brick every triangle that touches it.
+    pub pairs: Vec<Pair>,
 }
 
 impl BatchInput {
     /// Empties it.
     pub fn clear(&mut self) {
         self.bricks.clear();
-        self.triangles.clear();
-        self.owners.clear();
+        self.pairs.clear();
     }
 }
 
@@ -38,7 +35,7 @@ impl BatchInput {
 pub struct BatchOutput<'a> {
     /// What became of the bricks.
     pub bricks: &'a [Brick],
-    /// By brick and row: its samples, two a word, if they are not all the same.
+    /// By brick and row: two a word, the samples behind edges along x that hold crossings; others hold anything.
     pub samples: &'a [[u32; ROW_WORDS as usize]],
     /// By brick: the first samples of its rows, and which of their edges along x hold crossings.
     pub rows: &'a [[[u32; ROWS as usize]; 2]],
@@ -124,15 +121,13 @@ impl Lane {
         let batch = Batch {
             pairs: load.pairs,
             edges_max: load.edges,
-            records_max: load.records,
-            edges: 0,
-            records: 0,
+            crossings_max: load.crossings,
+            ..Batch::default()
         };
-        let parts: [&[u8]; 4] = [
+        let parts: [&[u8]; UPLOADED] = [
             bytemuck::bytes_of(&batch),
             bytemuck::cast_slice(&input.bricks),
-            bytemuck::cast_slice(&input.triangles),
-            bytemuck::cast_slice(&input.owners),
+            bytemuck::cast_slice(&input.pairs),
         ];
         let slot = self.next;
         for ((from, _), part) in self.sizes.ranges().iter().zip(parts) {
@@ -152,23 +147,23 @@ impl Lane {
 
     /// How much room a batch takes; checks that it is sound.
     fn load(&self, input: &BatchInput, limit: usize) -> Sizes {
-        let BatchInput { bricks, triangles, owners } = input;
+        let BatchInput { bricks, pairs } = input;
         let fits = |count: usize, room: u32| (1..=room as usize).contains(&count);
         assert!(
-            fits(bricks.len(), self.sizes.bricks)
-                && fits(triangles.len(), self.sizes.pairs)
-                && triangles.len() == owners.len(),
+            fits(bricks.len(), self.sizes.bricks) && fits(pairs.len(), self.sizes.pairs),
             "the batch does not fit"
         );
-        assert!(owners.iter().all(|owner| (*owner as usize) < bricks.len()), "a triangle of no brick");
-        assert!(bricks.iter().all(|brick| (1..=24).contains(&brick.shift)), "no distance of samples");
+        let is_sound = |pair: &Pair| {
+            ((pair.owner & 0xffff) as usize) < bricks.len() && (1..=24).contains(&(pair.owner >> 16))
+        };
+        assert!(pairs.iter().all(is_sound), "a triangle of no brick");
         // A share of the room, so that no more is read back than there may be.
         let share = |room: u32| room / (limit.max(bricks.len()) as u32) * bricks.len() as u32;
         Sizes {
             bricks: bricks.len() as u32,
-            pairs: owners.len() as u32,
+            pairs: pairs.len() as u32,
             edges: share(self.sizes.edges),
-            records: self.sizes.records,
+            crossings: self.sizes.crossings,
         }
     }
 

@@ -23,6 +23,8 @@ pub(super) enum Use {
 pub(super) struct Arena {
     context: Arc<Context>,
     memory: vk::DeviceMemory,
+    /// Bytes that count for the allocation.
+    reserved: u64,
     buffers: Vec<vk::Buffer>,
     size: u64,
     stride: u64,
@@ -41,6 +43,7 @@ impl Arena {
         let mut arena = Arena {
             context: Arc::clone(context),
             memory: vk::DeviceMemory::null(),
+            reserved: 0,
             buffers: Vec::new(),
             size: size.next_multiple_of(4),
             stride: 0,
@@ -71,6 +74,8 @@ impl Arena {
         self.stride = needs.size.next_multiple_of(needs.alignment.max(RANGE_ALIGNMENT));
         let kind = self.context.memory_type(needs.memory_type_bits, purpose).ok_or(Failure::OutOfMemory)?;
         let bytes = self.stride * count as u64;
+        self.context.reserve(bytes)?;
+        self.reserved = bytes;
         let info = vk::MemoryAllocateInfo::default().allocation_size(bytes).memory_type_index(kind);
         // SAFETY: the type is one that the buffers may have; buffers of equal size and use have equal needs, and each
         // lies in its own stride of the allocation. The memory is mapped once and freed in `drop`.
@@ -126,5 +131,6 @@ impl Drop for Arena {
             self.buffers.iter().for_each(|buffer| device.destroy_buffer(*buffer, None));
             device.free_memory(self.memory, None);
         }
+        self.context.release(self.reserved);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::memory::RANGE_ALIGNMENT;
 use brickfield_shaders::{
-    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, RECORD_WORDS, ROWS, SAMPLE_WORDS, TABLE_WORDS, WORKGROUP,
+    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, SAMPLE_WORDS, TABLE_WORDS, WORKGROUP,
 };
 
 /// What a batch has room for.
@@ -11,7 +11,7 @@ pub(super) struct Sizes {
     pub bricks: u32,
     pub pairs: u32,
     pub edges: u32,
-    pub records: u32,
+    pub crossings: u32,
 }
 
 /// Pairs of a triangle and a brick for which a brick makes room. Leaves of a part have 100 to 2,000; those with more
@@ -19,27 +19,27 @@ pub(super) struct Sizes {
 const PAIRS_OF_BRICK: u32 = 2048;
 /// Sign-changing edges for which a brick makes room: a plane through it has 3,000.
 const EDGES_OF_BRICK: u32 = 8192;
-/// Crossings of such edges beyond the first ones. Beads that overlap have two to three on an edge.
-const RECORDS_OF_BRICK: u32 = EDGES_OF_BRICK;
+/// Crossings of lattice lines with triangles, also beside the brick. Beads that overlap have two to three on an edge.
+const CROSSINGS_OF_BRICK: u32 = 2 * EDGES_OF_BRICK;
 /// Bricks of a batch at most: as many as the subtrees of the usual depths have leaves. Decoded they take 7 MB.
 const BRICKS_MAX: u32 = 64;
 
 /// Offset and length of each buffer, by binding; the first [`UPLOADED`] are uploaded.
 pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
 
-/// Buffers that are uploaded: batch, bricks, triangles, owners.
-pub(super) const UPLOADED: usize = 4;
+/// Buffers that are uploaded: batch, bricks, pairs.
+pub(super) const UPLOADED: usize = 3;
 /// Buffers that begin with zeros: jumps, rows, tables, chains.
-pub(super) const ZEROED: [usize; 4] = [4, 6, 7, 8];
+pub(super) const ZEROED: [usize; 4] = [3, 5, 6, 7];
 /// Buffers that are read back: bricks, samples, rows, hermite.
-pub(super) const READ: [usize; 4] = [1, 5, 6, 9];
+pub(super) const READ: [usize; 4] = [1, 4, 5, 8];
 
 impl Sizes {
     /// For this many bricks.
     pub fn of(bricks: u32) -> Sizes {
         let pairs = bricks * PAIRS_OF_BRICK;
-        let (edges, records) = (bricks * EDGES_OF_BRICK, bricks * RECORDS_OF_BRICK);
-        Sizes { bricks, pairs, edges, records }
+        let (edges, crossings) = (bricks * EDGES_OF_BRICK, bricks * CROSSINGS_OF_BRICK);
+        Sizes { bricks, pairs, edges, crossings }
     }
 
     /// The most that fits in `bytes`, all buffers of a slot taken together; at least one brick. No buffer is longer than
@@ -61,15 +61,17 @@ impl Sizes {
         [
             size_of::<Batch>() as u64,
             u64::from(self.bricks) * size_of::<Brick>() as u64,
-            words(self.pairs, 9),
-            words(self.pairs, 1),
+            words(self.pairs, PAIR_WORDS),
             words(self.bricks, JUMP_WORDS),
             words(self.bricks, SAMPLE_WORDS),
             words(self.bricks, 2 * ROWS),
             words(self.bricks, TABLE_WORDS),
             words(self.edges, 2),
             words(self.edges, 2),
-            words(self.records, RECORD_WORDS),
+            words(self.crossings, 2),
+            words(self.crossings, 2),
+            words(self.pairs, 1),
+            words(self.edges, 2),
         ]
     }
 

@@ -8,10 +8,12 @@ use ash::vk;
 use brickfield_shaders::WORKGROUP;
 use std::sync::Arc;
 
+/// Workgroups for each brick that share the crossings: a leaf of a part has 1,000 to 10,000.
+const CROSSING_GROUPS: u32 = 16;
 /// Workgroups for each brick that share the edges with several crossings.
 const RESOLVE_GROUPS: u32 = 4;
 /// Kernels of a batch.
-const KERNELS: usize = 4;
+pub(super) const KERNELS: usize = 5;
 /// Points of time that a batch notes: before, uploaded, after each kernel, read back.
 const TIMES: u32 = KERNELS as u32 + 3;
 
@@ -184,7 +186,8 @@ impl Slot {
 
     fn record_kernels(&self, kernels: &Kernels, buffers: Buffers, load: &Sizes) {
         let of_pairs = load.pairs.div_ceil(WORKGROUP);
-        let groups = [of_pairs, load.bricks, of_pairs, load.bricks * RESOLVE_GROUPS];
+        let of_crossings = load.bricks * CROSSING_GROUPS;
+        let groups = [of_pairs, of_crossings, load.bricks, of_crossings, load.bricks * RESOLVE_GROUPS];
         let device = &self.context.raw;
         for (number, groups) in groups.into_iter().enumerate() {
             if number > 0 {

@@ -115,8 +115,6 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
     let bars = start(plan.work)?;
-    let chosen = choose(&plan.backend, plan.memory)?;
-    plan.options.resources.device = chosen.device();
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
     let clouds = open_clouds(&plan.inputs, &outputs, plan.estimate_normals, &bars)?;
@@ -132,6 +130,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("toolpaths are in mm: leave --units {} out", plan.units)));
     }
     choose_solids(&mut plan, &inputs, clouds.is_some())?;
+    let chosen = choose(&plan.backend, plan.memory, not_for_devices(&plan.options, clouds.is_some()))?;
+    plan.options.resources.device = chosen.device();
     let open_seconds = started.elapsed().as_secs_f64();
     let budget = memory::budget(plan.memory);
     plan.options.resources.memory = match &clouds {
@@ -388,17 +388,26 @@ fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &Summary) -> Option<String> {
     if let Chosen::Cpu { why } = chosen {
         return why.clone();
     }
-    let what = match summary {
-        Summary { device: Some(_), .. } => return None,
-        Summary { points: 1.., .. } => "the bricks of point clouds are the processor's",
-        Summary { segments: 1.., .. } => {
-            "the bricks of beads as solids are the processor's (see --beads mesh)"
-        }
-        Summary { open_edges: 1.., .. } => "the bricks of open surfaces are the processor's",
-        _ if plan.options.stddev > 0.0 => "with --stddev bricks are the processor's",
-        _ => "with this --refine bricks are the processor's",
-    };
-    Some(what.to_owned())
+    if summary.device.is_some() {
+        return None;
+    }
+    let known = not_for_devices(&plan.options, summary.points > 0);
+    Some(known.unwrap_or("the bricks of open surfaces are the processor's").to_owned())
+}
+
+/// Why no device evaluates the bricks, as far as is known before the triangles are read: whether they are closed is not.
+fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static str> {
+    if are_clouds {
+        Some("the bricks of point clouds are the processor's")
+    } else if options.solids.is_some() {
+        Some("the bricks of beads as solids are the processor's (see --beads mesh)")
+    } else if options.stddev > 0.0 {
+        Some("with --stddev bricks are the processor's")
+    } else if options.refine != Refine::Hidden {
+        Some("with this --refine bricks are the processor's")
+    } else {
+        None
+    }
 }
 
 /// How many samples the leaves that are not uniform have.

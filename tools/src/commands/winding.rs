@@ -92,7 +92,7 @@ fn of_triangles(
 /// The device for --brute: only one that is asked for, because it computes in single precision.
 fn device(args: &WindingArgs) -> Result<Option<Vulkan>, Failure> {
     let is_asked_for = args.backend.backend == BackendArg::Vulkan || args.backend.device.is_some();
-    Ok(if is_asked_for { choose(&args.backend, None)?.device() } else { None })
+    Ok(if is_asked_for { choose(&args.backend, None, None)?.device() } else { None })
 }
 
 fn of_clouds(args: &WindingArgs, clouds: Vec<CloudInput>, bars: &Bars) -> Result<(), Failure> {
