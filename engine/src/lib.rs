@@ -15,6 +15,9 @@ pub mod build;
 pub mod contour;
 mod disk;
 mod error;
+#[cfg(any(test, feature = "fuzzing"))]
+#[doc(hidden)]
+pub mod fuzz;
 #[allow(unsafe_code)] // Vulkan
 pub mod gpu;
 pub mod ingest;

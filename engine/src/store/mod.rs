@@ -11,14 +11,12 @@ mod journal;
 mod kept;
 mod layout;
 mod meta;
-mod planted;
 mod reader;
 mod share;
 mod source;
 mod summary;
 mod tree;
 mod verify;
-mod write_back;
 mod writer;
 
 pub use cache::CacheStats;
@@ -41,6 +39,8 @@ pub use crate::brick::codec::{Payload, PayloadHead, PayloadKind, Scratch, encode
 
 #[cfg(test)]
 mod faults;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzz;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
