@@ -9,7 +9,7 @@ const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 16] = [
+const ROOMS: [(&str, &[&str]); 17] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
@@ -27,6 +27,7 @@ const ROOMS: [(&str, &[&str]); 16] = [
     ("analysis", &["brick", "solid", "store"]),
     ("csg", &["brick", "store"]),
     ("render", &["gpu", "brick", "store"]),
+    ("fuzz", &["toolpath", "x3d", "ingest", "store"]),
 ];
 
 /// Names that `lib.rs` re-exports from the bottom rooms.

@@ -17,6 +17,9 @@ pub mod check;
 pub mod contour;
 mod disk;
 mod error;
+#[cfg(any(test, feature = "fuzzing"))]
+#[doc(hidden)]
+pub mod fuzz;
 #[allow(unsafe_code)] // Vulkan
 pub mod gpu;
 pub mod ingest;

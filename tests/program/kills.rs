@@ -172,15 +172,40 @@ fn a_build_is_resumed_only_by_its_like() {
     for line in [
         run(&[&"mesh", &part, &"-o", &dir.path("x.stl")]),
         run(&[&"export", &part, &"--level", &"0", &"-o", &dir.path("x.npy")]),
-        run(&[&"sample", &part, &"--points", &dir.path("x.csv")]),
+        run(&[&"sample", &part, &"--beads", &"--points", &dir.path("x.csv")]),
         run(&[&"cache", &"merge", &part, &"-o", &dir.path("y.brf")]),
     ] {
         let line = line.failed();
         assert!(line.contains("unfinished store"), "{line}");
     }
+    sample_part(&dir, &part);
     // And who wants to begin anew says so.
     complete(&stl("overlap_boxes"), &["--depth", "1", "--restart"], &output);
     assert_eq!(dir.names(), ["o.brf"]);
+}
+
+/// Asks for samples in a small part of a tree, far and wide: each is there, or said to be missing.
+fn sample_part(dir: &Scratch, part: &Path) {
+    let json = run(&[&"info", &part, &"--json"]).json();
+    let bound = |which: usize, a: usize| json["bounds"][which][a].as_f64().expect("a bound");
+    let point = |t: f64| [0, 1, 2].map(|a| bound(0, a) + t * (bound(1, a) - bound(0, a)));
+    let mut missing = 0;
+    for t in [0.0, 0.25, 0.5, 0.75, 1.0] {
+        let [x, y, z] = point(t);
+        let ran = run_with(&[&"sample", &part, &"--points", &"-"], &format!("{x},{y},{z}\n1e9,0,0\n"));
+        match ran.status {
+            Some(0) => assert!(ran.ok().ends_with("1000000000.0,0.0,0.0,0\n")),
+            _ => {
+                let line = ran.stderr;
+                assert!(line.contains("o.brf.part") && line.contains("no leaf yet at the point"), "{line}");
+                missing += 1;
+            }
+        }
+    }
+    assert!(missing > 0, "it is finished");
+    let outside = dir.file("outside.csv", "1e9,0,0\n");
+    assert!(run(&[&"sample", &part, &"--points", &outside]).ok().ends_with("1000000000.0,0.0,0.0,0\n"));
+    std::fs::remove_file(outside).unwrap();
 }
 
 /// Interrupts a build that has committed something.
@@ -249,6 +274,19 @@ fn a_full_disk_is_an_error_and_what_was_committed_stays() {
     full(&dir, "x.npy", &[&"export", &whole, &"--level", &"2", &"-o", &dir.path("x.npy")]);
     full(&dir, "b.stl", &[&"beads", &gcode, &"-o", &dir.path("b.stl")]);
     full(&dir, "b.x3d", &[&"beads", &gcode, &"-o", &dir.path("b.x3d")]);
+}
+
+#[test]
+fn results_that_do_not_fit_are_an_error() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 1);
+    let points = dir.file("p.csv", "1,2,3\n".repeat(20_000));
+    let script = "ulimit -f 20; exec \"$@\" > \"$0\"";
+    let mut command = Command::new("bash");
+    command.args(["-c", script]).arg(dir.path("w.csv")).arg(env!("CARGO_BIN_EXE_brickfield"));
+    command.arg("sample").arg(store).arg("--points").arg(points).stdin(Stdio::null());
+    let line = Run::from(command.output().unwrap()).failed();
+    assert!(line.contains("cannot write to standard output") && line.contains("File too large"), "{line}");
 }
 
 /// Runs a command as its disk fills up, at several sizes.

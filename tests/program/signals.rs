@@ -64,6 +64,30 @@ fn a_closed_pipe_ends_quietly() {
 }
 
 #[test]
+fn nobody_need_listen() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 2);
+    let name = |name: &str| dir.path(name).into_os_string().into_string().unwrap();
+    let (store, mesh, array) = (store.into_os_string().into_string().unwrap(), name("x.stl"), name("x.npy"));
+    for args in [
+        vec!["info", &store],
+        vec!["info", &store, "--json"],
+        vec!["verify", &store],
+        vec!["mesh", &store, "-o", &mesh],
+        vec!["export", &store, "--level", "1", "-o", &array],
+        vec!["man"],
+        vec!["completions", "bash"],
+    ] {
+        // Its standard output is a pipe that nobody reads, closed before the program begins.
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let ran = Run::from(program().args(&args).stdout(writer).output().unwrap());
+        assert_eq!((ran.status, ran.stderr.as_str()), (Some(0), ""), "{args:?}");
+    }
+    assert!(dir.path("x.stl").exists() && dir.path("x.npy").exists());
+}
+
+#[test]
 fn waiting_for_points_ends_at_the_first_signal() {
     let dir = Scratch::new();
     let store = dir.store("overlap_boxes", 1);

@@ -1,7 +1,7 @@
 //! The field at arbitrary points, and its range, from the octree.
 
 use crate::brick::Brick;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, ROOT_BITS, Units};
 use crate::store::BrickTree;
 use rayon::prelude::*;
@@ -17,8 +17,11 @@ const POINTS_AT_ONCE: usize = 1024;
 /// finest brick there. 0 outside the root cube, and for points that are not numbers. Continuous within a
 /// leaf; where a leaf meets finer ones the two sides may differ by what the coarser one does not resolve.
 ///
+/// Of an unfinished store each leaf that is there answers as it will in the finished one.
+///
 /// # Errors
-/// What reading the tree gives.
+/// What reading the tree gives; [`Error::Setting`] if the tree of an unfinished store has no leaf yet at one of the
+/// points.
 pub fn sample_at(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
     let parts: Vec<Vec<f64>> =
         points.par_chunks(POINTS_AT_ONCE).map(|chunk| sample_chunk(tree, chunk)).collect::<Result<_>>()?;
@@ -32,7 +35,11 @@ fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
     let mut sample = |point: &[f64; 3]| {
         // Relative to the root's first sample, which stands at (1, 1, 1).
         let from_first = root.to_units(*point).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT);
-        let Some(leaf) = leaf_at(tree, from_first) else { return Ok(0.0) };
+        let leaf = match leaf_at(tree, from_first) {
+            Some(leaf) => leaf,
+            None if is_inside(from_first) => return Err(not_yet(*point)),
+            None => return Ok(0.0),
+        };
         let brick = match &last {
             Some((key, brick)) if *key == leaf => Arc::clone(brick),
             _ => tree.brick(leaf)?,
@@ -45,16 +52,31 @@ fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
     points.iter().map(&mut sample).collect()
 }
 
-/// The leaf whose cells hold the position, given in units from the root's first sample; `None` outside.
-pub(super) fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
+/// Whether the position lies in the root cube.
+fn is_inside(from_first: [f64; 3]) -> bool {
     let edge = f64::from(1u32 << ROOT_BITS);
-    if !from_first.iter().all(|u| (0.0..edge).contains(u)) {
+    from_first.iter().all(|u| (0.0..edge).contains(u))
+}
+
+fn not_yet([x, y, z]: [f64; 3]) -> Error {
+    let remedy = "give the command that builds it again: it goes on";
+    Error::setting(
+        format!("there is no leaf yet at the point {x}, {y}, {z} of this unfinished store"),
+        remedy,
+    )
+}
+
+/// The leaf whose cells hold the position, given in units from the root's first sample; `None` outside, and
+/// where an unfinished store has none yet.
+pub(super) fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
+    if !is_inside(from_first) {
         return None;
     }
     let at: Units = from_first.map(|u| u as i32);
     for level in 0..=MAX_LEVEL {
         let key = NodeKey::new(level, at.map(|u| (u >> (ROOT_BITS - u32::from(level))) as u32))?;
-        if tree.node(key)?.leaf {
+        // An unfinished store may lack the nodes above.
+        if tree.node(key).is_some_and(|node| node.leaf) {
             return Some(key);
         }
     }

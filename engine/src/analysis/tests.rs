@@ -3,8 +3,11 @@
 use super::*;
 use crate::brick::{Brick, Hermite, POINTS, Samples};
 use crate::lattice::{BRICK_POINTS, NodeKey, Octant, RootCube};
+use crate::part::PartFile;
+use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
 use crate::progress::Silent;
 use crate::store::{BrickTree, MemoryTree};
+use std::path::Path;
 use std::sync::Mutex;
 
 /// The box from (1, 1, 1) to (3, 3, 3) in a root from 0 to 4, in a tree of full depth.
@@ -143,4 +146,31 @@ fn volumes_count_cells_by_their_level() {
     tree.insert(NodeKey::ROOT, true, Brick::Counts { samples: mixed, hermite: Hermite::default() });
     let volumes = volume(&tree, &Silent).unwrap();
     assert_eq!(volumes, Volumes { union: 2.0, overlap: 4.0, negative: 7.0 });
+}
+
+#[test]
+fn of_a_part_of_a_tree_the_leaves_that_are_there_answer() {
+    let whole = tree(1);
+    let mut part = MemoryTree::new(whole.root());
+    let low = NodeKey::new(1, [0, 0, 0]).unwrap();
+    part.insert(low, true, (*whole.brick(low).unwrap()).clone());
+    // In its last cell the brick needs samples of its apron only.
+    let there = [[0.9, 1.5, 1.99], [1.2, 0.1, 0.4], [1.999, 1.999, 1.999], [-1.0, 0.0, 0.0]];
+    assert_eq!(sample_at(&part, &there).unwrap(), sample_at(&whole, &there).unwrap());
+    let error = sample_at(&part, &[[1.0; 3], [2.5, 1.0, 1.0]]).unwrap_err().to_string();
+    assert!(error.contains("no leaf yet at the point 2.5, 1, 1") && error.contains("goes on"), "{error}");
+}
+
+#[test]
+fn every_call_of_an_array_may_fail_and_the_power_go() {
+    let tree = tree(0);
+    let grid = Dense::new(&tree, 0, Element::I16).unwrap();
+    let write = |disk| {
+        let mut part = PartFile::create_on(disk, Path::new(NAME))?;
+        part.write_at(b"a header", 0)?;
+        grid.write(&Silent, &|offset, bytes| part.write_at(bytes, 8 + offset))?;
+        part.finish()
+    };
+    assert!(fail_everywhere(&write) >= 100);
+    assert!(cut_everywhere(&write, 10) > 500);
 }

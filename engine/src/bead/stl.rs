@@ -8,7 +8,6 @@ use crate::progress::Progress;
 use crate::toolpath::{BeadView, Toolpath};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::io::{Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 
@@ -68,11 +67,15 @@ impl StlBeads {
     /// # Errors
     /// If it cannot be created, or another process is writing it.
     pub fn create(path: &Path, sweep: Sweep) -> Result<StlBeads> {
-        let part = PartFile::create(path)?;
+        StlBeads::new(PartFile::create(path)?, sweep)
+    }
+
+    /// As [`StlBeads::create`].
+    pub(super) fn new(mut part: PartFile, sweep: Sweep) -> Result<StlBeads> {
         let mut header = [b' '; TITLE_BYTES + 4];
         header[..TITLE.len()].copy_from_slice(TITLE);
         header[TITLE_BYTES..].fill(0);
-        write(&part, &header)?;
+        part.append(&header)?;
         let written = Written { bytes: header.len() as u64, ..Written::default() };
         Ok(StlBeads {
             sweep,
@@ -137,7 +140,7 @@ impl StlBeads {
                 *volume = encode(&swept, start..start + FACETS_AT_ONCE, origin, records);
             });
             for (records, volume) in &self.pieces[..group.len()] {
-                write(&self.part, records)?;
+                self.part.append(records)?;
                 self.written.bytes += records.len() as u64;
                 self.written.swept_volume += volume;
             }
@@ -154,16 +157,10 @@ impl StlBeads {
     /// If writing fails or the user interrupts.
     pub fn finish(mut self, progress: &dyn Progress) -> Result<Written> {
         self.flush(progress)?;
-        let mut file = self.part.file();
-        file.seek(SeekFrom::Start(TITLE_BYTES as u64)).map_err(Error::io(self.part.path(), "write"))?;
-        write(&self.part, &(self.written.facets as u32).to_le_bytes())?;
+        self.part.overwrite(TITLE_BYTES as u64, &(self.written.facets as u32).to_le_bytes())?;
         self.part.finish()?;
         Ok(self.written)
     }
-}
-
-fn write(part: &PartFile, bytes: &[u8]) -> Result<()> {
-    part.file().write_all(bytes).map_err(Error::io(part.path(), "write"))
 }
 
 /// Replaces `out` by the records of the triangles of `range`, and returns their part of the volume: the sum

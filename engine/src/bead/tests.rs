@@ -2,6 +2,8 @@
 
 use super::{Course, Joints, Shape, StlBeads, Sweep, SweepOptions, Swept};
 use crate::Silent;
+use crate::part::PartFile;
+use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
 use crate::toolpath::{Attributes, BeadView, Section, Toolpath, UP};
 use brickfield_bench_data::judge::mesh::{self, Report};
 use brickfield_bench_data::judge::winding::solid_angle_sum;
@@ -9,6 +11,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use std::collections::HashMap;
 use std::f64::consts::PI;
+use std::path::Path;
 
 const NO_ATTRIBUTES: Attributes = Attributes { layer: 0, tool: 0, feature: 0, lines: (1, 1), fed: None };
 const FLAT: Section = Section { width: 0.6, height: 0.2 };
@@ -212,6 +215,23 @@ fn a_written_file_holds_what_a_range_reads() {
     assert!(writer.push(view, &Silent).unwrap_err().to_string().contains("32 bits"));
     drop(writer);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn every_call_may_fail_and_the_power_go() {
+    let write = |disk| {
+        let mut beads = StlBeads::new(
+            PartFile::create_on(disk, Path::new(NAME))?,
+            Sweep::new(&SweepOptions::default())?,
+        )?;
+        let bent: Vec<[f64; 3]> = (0..40).map(|i| [f64::from(i), f64::from(i % 2), 0.3]).collect();
+        let sections = vec![FLAT; bent.len() - 1];
+        let view = BeadView { points: &bent, axes: &[], sections: &sections, attributes: NO_ATTRIBUTES };
+        beads.push(view, &Silent)?;
+        beads.finish(&Silent).map(|_| ())
+    };
+    assert!(fail_everywhere(&write) > 24);
+    assert!(cut_everywhere(&write, 10) > 100);
 }
 
 /// A bead of anything that a reader may hand over: bends of all kinds, tiny steps, tilting tools.

@@ -8,6 +8,8 @@ mod closed;
 mod cloud;
 mod collect;
 mod cut;
+#[cfg(test)]
+mod faults;
 mod field;
 mod identity;
 mod jobs;

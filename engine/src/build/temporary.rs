@@ -1,18 +1,17 @@
 //! The temporary file of a build that does not fit in memory.
 
+use crate::disk::DiskFile;
 use crate::error::{Error, Result};
-use std::fs::File;
-use std::os::unix::fs::FileExt;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// A file without a name in some folder: however the program ends, killed included, the system removes it. It is made
 /// when it is first written.
-#[derive(Debug)]
 pub(super) struct TempFile {
     folder: PathBuf,
-    file: OnceLock<File>,
+    file: OnceLock<Arc<dyn DiskFile>>,
     end: AtomicU64,
 }
 
@@ -35,8 +34,8 @@ impl TempFile {
         let file = match self.file.get() {
             Some(file) => file,
             None => {
-                let new = tempfile::tempfile_in(&self.folder)
-                    .map_err(Error::io(&self.folder, "create a temporary file in"))?;
+                let new =
+                    make(&self.folder).map_err(Error::io(&self.folder, "create a temporary file in"))?;
                 // Of two threads that come here at once one wins, and the other's file vanishes.
                 self.file.get_or_init(|| new)
             }
@@ -52,7 +51,7 @@ impl TempFile {
     /// If the system cannot.
     pub fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
         let read = self.file.get().ok_or(std::io::ErrorKind::UnexpectedEof.into());
-        read.and_then(|file| file.read_exact_at(bytes, offset))
+        read.and_then(|file| file.read_all_at(bytes, offset))
             .map_err(Error::io(&self.folder, "read the temporary file in"))
     }
 
@@ -83,6 +82,33 @@ impl TempFile {
             format!("about {} MiB are needed and {} MiB are free", mib(bytes), mib(free)),
             "make room, choose another folder with --temp-dir, or allow more memory with --memory",
         ))
+    }
+}
+
+fn make(folder: &Path) -> io::Result<Arc<dyn DiskFile>> {
+    #[cfg(test)]
+    if let Some(file) = stand_in::of(folder) {
+        return Ok(file);
+    }
+    Ok(Arc::new(tempfile::tempfile_in(folder)?))
+}
+
+/// Files that tests put in the place of a folder's temporary file.
+#[cfg(test)]
+pub(super) mod stand_in {
+    use super::*;
+    use std::collections::BTreeMap;
+    use std::sync::{Mutex, PoisonError};
+
+    static FILES: Mutex<BTreeMap<PathBuf, Arc<dyn DiskFile>>> = Mutex::new(BTreeMap::new());
+
+    pub(super) fn of(folder: &Path) -> Option<Arc<dyn DiskFile>> {
+        FILES.lock().unwrap_or_else(PoisonError::into_inner).get(folder).cloned()
+    }
+
+    /// From now on the temporary file of that folder is this one.
+    pub fn put(folder: &Path, file: Arc<dyn DiskFile>) {
+        FILES.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned(), file);
     }
 }
 

@@ -109,7 +109,7 @@ impl PointCloud {
         }
     }
 
-    fn check(&self, path: &Path) -> Result<()> {
+    pub(super) fn check(&self, path: &Path) -> Result<()> {
         if self.points.is_empty() {
             return Err(Error::input(path, "points", "there are none", "give at least one point"));
         }
@@ -135,7 +135,7 @@ impl PointCloud {
 }
 
 /// A point a line; every line has as many numbers as the first. Lines that begin with # are skipped.
-fn read_text(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<PointCloud> {
+pub(super) fn read_text(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<PointCloud> {
     let mut lines = Lines::new(text::without_mark(bytes), 0, progress);
     let mut cloud = PointCloud::default();
     let mut columns = None;

@@ -10,6 +10,8 @@ mod bounds;
 mod cloud;
 mod detect;
 mod facets;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzz;
 mod obj;
 mod ply;
 mod polygons;

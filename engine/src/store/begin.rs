@@ -4,7 +4,7 @@ use super::identity::IdentityEntry;
 use super::journal::{Journal, JournalHead, encode_frame, journal_path};
 use super::kept::{Found, belongs, find};
 use super::layout::IndexEntry;
-use super::planted::{Bug, planted};
+use crate::disk::planted::{Bug, planted};
 use crate::disk::{Disk, DiskFile};
 use crate::error::{Error, Result};
 use crate::part::{busy, part_path};

@@ -8,7 +8,7 @@
 use super::identity::{Fields, IDENTITY_ENTRY_BYTES, IdentityEntry};
 use super::layout::{ENTRY_BYTES, FILE_ID_BYTES, FileId, HEADER_BYTES, IndexEntry, META_BYTES_MAX, Version};
 use super::meta::Meta;
-use super::planted::{Bug, planted};
+use crate::disk::planted::{Bug, planted};
 use std::path::{Path, PathBuf};
 
 /// First bytes of every journal.
@@ -134,7 +134,7 @@ pub(super) fn encode_frame(
 }
 
 /// Over the checksum before and the frame without its own.
-fn frame_crc(before: u32, frame: &[u8]) -> u32 {
+pub(super) fn frame_crc(before: u32, frame: &[u8]) -> u32 {
     let mut crc = crc32fast::Hasher::new();
     crc.update(&before.to_le_bytes());
     crc.update(&frame[..FRAME_BYTES - 4]);

@@ -3,10 +3,10 @@
 use super::identity::{IdentityEntry, identity_crc};
 use super::journal::{Frame, Journal};
 use super::layout::{HEADER_BYTES, IndexEntry, Version, decode_preamble, record_crc};
-use super::planted::{Bug, planted};
 use crate::brick::Brick;
 use crate::brick::codec::{Scratch, decode};
 use crate::disk::DiskFile;
+use crate::disk::planted::{Bug, planted};
 use crate::error::Error;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use std::io::{ErrorKind, Result};

@@ -12,14 +12,12 @@ mod kept;
 mod layout;
 mod meta;
 mod order;
-mod planted;
 mod reader;
 mod share;
 mod source;
 mod summary;
 mod tree;
 mod verify;
-mod write_back;
 mod writer;
 
 pub use cache::CacheStats;
@@ -45,6 +43,8 @@ pub use crate::brick::codec::{
 
 #[cfg(test)]
 mod faults;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzz;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

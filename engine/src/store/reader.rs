@@ -12,11 +12,11 @@ use super::layout::{
     SLOT_OFFSETS, Slot, Version, decode_preamble, record_crc,
 };
 use super::meta::Meta;
-use super::planted::{Bug, planted};
 use super::source::{Io, Source};
 use super::{BrickTree, NodeInfo};
 use crate::brick::Brick;
 use crate::brick::codec::{Scratch, decode};
+use crate::disk::planted::{Bug, planted};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube};
 use std::cell::RefCell;

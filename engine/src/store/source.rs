@@ -32,7 +32,7 @@ pub(super) enum Source {
         /// Its size when it was opened.
         bytes: u64,
     },
-    #[cfg(test)]
+    #[cfg(any(test, feature = "fuzzing"))]
     Memory(Vec<u8>),
 }
 
@@ -60,7 +60,7 @@ impl Source {
         match self {
             Source::Map(map) => map.len(),
             Source::File { bytes, .. } => *bytes,
-            #[cfg(test)]
+            #[cfg(any(test, feature = "fuzzing"))]
             Source::Memory(bytes) => bytes.len() as u64,
         }
     }
@@ -84,7 +84,7 @@ impl Source {
                     _ => format!("it cannot be read: {error}"),
                 })?;
             }
-            #[cfg(test)]
+            #[cfg(any(test, feature = "fuzzing"))]
             Source::Memory(bytes) => {
                 to.clear();
                 to.extend_from_slice(&bytes[offset as usize..end]);

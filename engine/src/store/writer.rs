@@ -10,10 +10,10 @@ use super::layout::{
     FileId, HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_OFFSETS, Slot, Version, encode_preamble, record_crc,
 };
 use super::meta::Meta;
-use super::planted::{Bug, planted};
-use super::write_back::WriteBack;
 use crate::brick::Brick;
 use crate::brick::codec::{PayloadHead, PayloadKind, Scratch, encode_into};
+use crate::disk::planted::{Bug, planted};
+use crate::disk::write_back::WriteBack;
 use crate::disk::{Disk, DiskFile, SystemDisk, directory_of};
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;

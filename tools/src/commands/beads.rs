@@ -14,13 +14,8 @@ use brickfield_engine::toolpath::BeadView;
 use brickfield_engine::x3d::{Style, Writer};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::Path;
 use std::time::Instant;
-
-/// Bytes of X3D that are written at once.
-const BUFFER_BYTES: usize = 1 << 20;
 
 /// Runs the command. Beads pass through one by one: memory does not grow with the part.
 pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
@@ -90,8 +85,7 @@ impl Sink {
 
 /// An X3D file that takes beads one by one.
 struct X3dBeads {
-    part: PartFile,
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<PartFile>,
     sweep: Sweep,
     beads: u64,
     segments: u64,
@@ -100,11 +94,9 @@ struct X3dBeads {
 
 impl X3dBeads {
     fn create(path: &Path, sweep: Sweep, bend_degrees: f64) -> Result<X3dBeads, Error> {
-        let part = PartFile::create(path)?;
-        let file = part.file().try_clone().map_err(Error::io(path, "create"))?;
         let style = Style { bend_degrees, ..Style::default() };
-        let writer = Writer::new(BufWriter::with_capacity(BUFFER_BYTES, file), path, style)?;
-        Ok(X3dBeads { part, writer, sweep, beads: 0, segments: 0, bead_volume: 0.0 })
+        let writer = Writer::new(PartFile::create(path)?, path, style)?;
+        Ok(X3dBeads { writer, sweep, beads: 0, segments: 0, bead_volume: 0.0 })
     }
 
     /// The outline is that of the bead's first section; where sections vary, it is scaled.
@@ -115,12 +107,11 @@ impl X3dBeads {
         self.writer.bead(bead, &self.sweep.profile().outline(bead.sections[0]))
     }
 
-    fn finish(mut self) -> Result<Numbers, Error> {
+    fn finish(self) -> Result<Numbers, Error> {
         let tubes = self.writer.extrusions();
-        let file = self.writer.finish()?;
-        let path = self.part.path().to_owned();
-        let bytes = file.get_ref().metadata().map_err(Error::io(&path, "inspect"))?.len();
-        self.part.finish()?;
+        let mut part = self.writer.finish()?;
+        let bytes = part.appended();
+        part.finish()?;
         Ok(Numbers {
             beads: self.beads,
             segments: self.segments,

@@ -7,13 +7,11 @@ use crate::npy;
 use crate::output::{print, print_json, require_distinct};
 use crate::units::Size;
 use anyhow::Context;
+use brickfield_engine::Progress;
 use brickfield_engine::analysis::{Dense, Element};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, Store};
-use brickfield_engine::{Error, Progress};
 use serde_json::{Value, json};
-use std::io::Write;
-use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 /// A checked command line.
@@ -53,7 +51,7 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let mut text = PartFile::create(&plan.description)?;
     write_array(&plan, &grid, &array, &bars)?;
     let json = serde_json::to_string_pretty(&description).context("cannot write JSON")?;
-    writeln!(text.file(), "{json}").with_context(|| format!("{}: cannot write", text.path().display()))?;
+    text.append(format!("{json}\n").as_bytes())?;
     // The description first: whoever finds the array finds it described.
     text.finish()?;
     array.finish()?;
@@ -89,11 +87,7 @@ fn write_array(
     array: &PartFile,
     progress: &dyn Progress,
 ) -> Result<(), Failure> {
-    let path = array.path();
     let header = npy::header(plan.dtype, grid.axis());
-    let write_at = |offset: u64, bytes: &[u8]| {
-        array.file().write_all_at(bytes, offset).map_err(Error::io(path, "write"))
-    };
-    write_at(0, &header)?;
-    Ok(grid.write(progress, &|offset, bytes| write_at(header.len() as u64 + offset, bytes))?)
+    array.write_at(&header, 0)?;
+    Ok(grid.write(progress, &|offset, bytes| array.write_at(bytes, header.len() as u64 + offset))?)
 }

@@ -14,7 +14,13 @@ const BATCH_POINTS: usize = 1 << 16;
 /// Runs the command.
 pub fn run(args: &SampleArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    let open = |accept| open_store(&args.store, CACHE_BYTES, args.io, accept);
+    // An unfinished store has leaves, but neither tables nor lists of beads.
+    let store = open(if args.beads { Accept::Whole } else { Accept::Unfinished })?;
+    if store.meta().share.is_some() {
+        // Refused, with what to do about it.
+        open(Accept::Whole)?;
+    }
     let tables = args.beads.then(|| tables_of(&store)).transpose()?;
     let mut points = PointReader::open(&args.points)?;
     let mut writer = match tables {
@@ -28,7 +34,12 @@ pub fn run(args: &SampleArgs) -> Result<(), Failure> {
             return writer.flush();
         }
         bars.check()?;
-        let values = sample_at(&store, &batch)?;
+        let values = match sample_at(&store, &batch) {
+            Err(Error::Setting { what, remedy }) => {
+                return Err(Error::store(store.path(), "points", what, remedy).into());
+            }
+            values => values?,
+        };
         match &tables {
             Some(tables) => {
                 let beads = beads_at_points(&store, tables, &batch)?;

@@ -1,13 +1,13 @@
 //! Where a mesh goes: files by format, written under a temporary name.
 
 mod obj;
-mod part;
 mod ply;
 mod stl;
 
 use super::measure::measure;
 use super::polygons::Facet;
 use crate::error::{Error, Result};
+use crate::part::PartFile;
 use std::path::Path;
 
 /// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`]. One that keeps a mesh has its own
@@ -68,17 +68,25 @@ pub enum Encoded<'a> {
 const ENDINGS: &str = ".stl (binary), .ply (binary), .obj";
 
 /// A sink for a mesh file by the ending of its name: binary STL, binary little-endian PLY with shared
-/// vertices, or OBJ. The file is written as `<name>.part` beside `path` and renamed when it is finished.
+/// vertices, or OBJ. The file is written as `<name>.part` beside `path`, and made durable and renamed when it is
+/// finished.
 ///
 /// # Errors
 ///
 /// [`Error::Setting`] for an unknown ending, [`Error::Io`] if the file cannot be made.
 pub fn create_sink(path: &Path) -> Result<Box<dyn MeshSink>> {
+    format_of(path)?(PartFile::create(path)?)
+}
+
+/// Begins a mesh in a file.
+type Begin = fn(PartFile) -> Result<Box<dyn MeshSink>>;
+
+fn format_of(path: &Path) -> Result<Begin> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     Ok(match ending.as_str() {
-        "stl" => Box::new(stl::StlSink::create(path)?),
-        "ply" => Box::new(ply::PlySink::create(path)?),
-        "obj" => Box::new(obj::ObjSink::create(path)?),
+        "stl" => |file| Ok(Box::new(stl::StlSink::new(file)?)),
+        "ply" => |file| Ok(Box::new(ply::PlySink::new(file)?)),
+        "obj" => |file| Ok(Box::new(obj::ObjSink::new(file)?)),
         _ => {
             return Err(Error::setting(
                 format!("{}: unknown mesh format", path.display()),
@@ -91,6 +99,7 @@ pub fn create_sink(path: &Path) -> Result<Box<dyn MeshSink>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
 
     const POSITIONS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.0, 1e-7], [-3.25, 0.1, 7e8]];
     const TRIANGLES: [[u32; 3]; 2] = [[0, 1, 2], [1, 3, 2]];
@@ -180,6 +189,23 @@ mod tests {
             assert_eq!(std::fs::read(dir.path().join(name)).unwrap(), b"old");
         }
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn every_call_may_fail_and_the_power_go() {
+        for format in ["a.stl", "a.ply", "a.obj"] {
+            let begin = format_of(Path::new(format)).unwrap();
+            // Enough for several writes.
+            let many = vec![facets(); 1000].concat();
+            let write = |disk| {
+                let mut sink = begin(PartFile::create_on(disk, Path::new(NAME))?)?;
+                sink.vertices(&POSITIONS)?;
+                (0..4).try_for_each(|_| sink.triangles(&many))?;
+                sink.finish()
+            };
+            assert!(fail_everywhere(&write) >= 24, "{format}");
+            assert!(cut_everywhere(&write, 10) > 100, "{format}");
+        }
     }
 
     #[test]

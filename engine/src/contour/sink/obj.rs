@@ -1,22 +1,20 @@
 //! Wavefront OBJ: text, shared vertices, indices from 1.
 
 use super::super::polygons::Facet;
-use super::part::MeshFile;
 use super::{Encoded, Encoding, MeshSink};
 use crate::error::Result;
+use crate::part::PartFile;
 use std::io::Write;
-use std::path::Path;
 
 /// Most bytes of a line of small numbers, to reserve room by.
 const LINE_BYTES: usize = 32;
 
 pub(super) struct ObjSink {
-    file: MeshFile,
+    file: PartFile,
 }
 
 impl ObjSink {
-    pub(super) fn create(path: &Path) -> Result<ObjSink> {
-        let mut file = MeshFile::create(path)?;
+    pub(super) fn new(mut file: PartFile) -> Result<ObjSink> {
         file.append(b"# written by Brickfield\n")?;
         Ok(ObjSink { file })
     }

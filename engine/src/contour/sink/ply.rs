@@ -1,23 +1,21 @@
 //! Binary little-endian PLY with shared vertices.
 
 use super::super::polygons::Facet;
-use super::part::MeshFile;
 use super::{Encoded, Encoding, MeshSink};
 use crate::error::Result;
-use std::path::Path;
+use crate::part::PartFile;
 
 /// Bytes of a face: the number of corners and their indices.
 const FACE_BYTES: usize = 13;
 
 pub(super) struct PlySink {
-    file: MeshFile,
+    file: PartFile,
     vertices: u64,
     faces: u64,
 }
 
 impl PlySink {
-    pub(super) fn create(path: &Path) -> Result<PlySink> {
-        let mut file = MeshFile::create(path)?;
+    pub(super) fn new(mut file: PartFile) -> Result<PlySink> {
         file.append(header(0, 0).as_bytes())?;
         Ok(PlySink { file, vertices: 0, faces: 0 })
     }
@@ -69,7 +67,7 @@ impl MeshSink for PlySink {
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.file.patch(0, header(self.vertices, self.faces).as_bytes())?;
+        self.file.overwrite(0, header(self.vertices, self.faces).as_bytes())?;
         self.file.finish()
     }
 }

@@ -1,23 +1,21 @@
 //! Binary STL: 80 bytes of header, a 32-bit count, then 50 bytes a facet. Positions are f32 and not shared.
 
 use super::super::polygons::Facet;
-use super::part::MeshFile;
 use super::{Encoded, Encoding, MeshSink};
 use crate::error::{Error, Result};
-use std::path::Path;
+use crate::part::PartFile;
 
 const HEADER_BYTES: usize = 80;
 const FACET_BYTES: usize = 50;
 const TITLE: &[u8] = b"binary STL, written by Brickfield";
 
 pub(super) struct StlSink {
-    file: MeshFile,
+    file: PartFile,
     count: u32,
 }
 
 impl StlSink {
-    pub(super) fn create(path: &Path) -> Result<StlSink> {
-        let mut file = MeshFile::create(path)?;
+    pub(super) fn new(mut file: PartFile) -> Result<StlSink> {
         // Readers take a file that starts with "solid" for the text form.
         let mut header = [b' '; HEADER_BYTES + 4];
         header[..TITLE.len()].copy_from_slice(TITLE);
@@ -61,7 +59,7 @@ impl MeshSink for StlSink {
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.file.patch(HEADER_BYTES as u64, &self.count.to_le_bytes())?;
+        self.file.overwrite(HEADER_BYTES as u64, &self.count.to_le_bytes())?;
         self.file.finish()
     }
 }

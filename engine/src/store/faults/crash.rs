@@ -1,7 +1,7 @@
 //! Power cuts: what is on the disk may be any part of what was not made durable.
 
-use super::disk::{Crash, Op, Rng, SimDisk, image};
 use super::{NAME, build, expected, job, name, nodes_left};
+use crate::disk::sim::{Crash, Op, Rng, SimDisk, image};
 use crate::store::reader::Store;
 use crate::store::source::Source;
 use crate::store::{BrickTree, testing::brick_at};

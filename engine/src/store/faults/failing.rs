@@ -1,7 +1,7 @@
 //! Calls that fail, disks that are full, and programs that are killed.
 
-use super::disk::{Crash, Fault, Op, Rng, SimDisk, image};
 use super::{NAME, build, expected, job, name, nodes_left, settings};
+use crate::disk::sim::{Crash, Fault, Op, Rng, SimDisk, image};
 use crate::store::writer::StoreWriter;
 use std::collections::BTreeMap;
 use std::path::Path;

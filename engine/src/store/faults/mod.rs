@@ -1,7 +1,6 @@
 //! What happens to a store when calls fail, the program is killed, or the power goes.
 
 mod crash;
-mod disk;
 mod failing;
 mod planted;
 mod reading;
@@ -11,9 +10,9 @@ use super::meta::Meta;
 use super::testing::{brick_at, lists, meta_of_beads, nodes, tables};
 use super::writer::StoreWriter;
 use crate::brick::codec::{Payload, encode};
+use crate::disk::sim::{Op, SimDisk};
 use crate::error::Result;
 use crate::lattice::NodeKey;
-use disk::{Op, SimDisk};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};

@@ -1,7 +1,7 @@
 //! Mistakes planted on purpose: each must be found by a test.
 
 use super::{crash, failing, reading};
-use crate::store::planted::{Bug, with_planted};
+use crate::disk::planted::{Bug, with_planted};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// A mistake, the test that finds it, and what that test does.

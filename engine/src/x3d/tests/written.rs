@@ -1,6 +1,8 @@
 //! What is written is read back as the solid that was meant.
 
 use super::*;
+use crate::part::PartFile;
+use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
 use crate::toolpath::{Attributes, BeadView, Section};
 use crate::x3d::{Style, Writer};
 use proptest::prelude::*;
@@ -171,4 +173,19 @@ proptest! {
         let ends = 0.3 * (steps.len() as f64 + 1.0) / length;
         prop_assert!(ratio > 0.85 && ratio < 1.15 + ends, "{}", ratio);
     }
+}
+
+#[test]
+fn every_call_may_fail_and_the_power_go() {
+    let write = |disk| {
+        let part = PartFile::create_on(disk, Path::new(NAME))?;
+        let mut writer = Writer::new(part, Path::new(NAME), Style::default())?;
+        let points: Vec<[f64; 3]> = (0..500).map(|i| [f64::from(i), f64::from(i % 3), 1.0]).collect();
+        let sections = vec![SECTION; points.len() - 1];
+        let view = BeadView { points: &points, axes: &[], sections: &sections, attributes: ATTRIBUTES };
+        (0..4).try_for_each(|_| writer.bead(view, &SKEW))?;
+        writer.finish()?.finish()
+    };
+    assert!(fail_everywhere(&write) >= 24);
+    assert!(cut_everywhere(&write, 10) > 100);
 }

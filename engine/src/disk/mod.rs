@@ -3,6 +3,11 @@
 //! They stand behind two traits, so that tests can let any one of them fail, and can work out what a crash between
 //! any two of them leaves.
 
+pub(crate) mod planted;
+#[cfg(test)]
+pub(crate) mod sim;
+pub(crate) mod write_back;
+
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::{FileExt, MetadataExt};
@@ -138,7 +143,7 @@ pub fn directory_of(path: &Path) -> &Path {
 }
 
 /// As [`Disk::open_locked`].
-pub(crate) fn open_locked(path: &Path) -> Result<Option<File>> {
+fn open_locked(path: &Path) -> Result<Option<File>> {
     // Another writer may finish or give up between opening and locking: the name then belongs to another
     // file, or to none, and the lock is worth nothing. Each turn that is lost so means that one was done.
     for _ in 0..64 {

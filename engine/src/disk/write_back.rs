@@ -1,6 +1,6 @@
 //! Writing a file back to the disk while it is still growing, so that little is left to wait for when it is complete.
 
-use crate::disk::DiskFile;
+use super::DiskFile;
 use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -11,7 +11,7 @@ const STEP_BYTES: u64 = 8 << 20;
 
 /// A thread that makes durable what has been written so far, again and again; none for small files.
 #[derive(Default)]
-pub(super) struct WriteBack {
+pub(crate) struct WriteBack {
     asked_at: u64,
     thread: Option<(SyncSender<()>, JoinHandle<io::Result<()>>)>,
 }

@@ -3,10 +3,10 @@
 //! Each stands where a programmer might make it. Outside of the tests `planted` is a constant, and the mistakes are
 //! gone from the program.
 
-/// A mistake in writing, going on with, or reading a store.
+/// A mistake in writing, going on with, or reading a store, or in writing a file that gets its name in the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(not(test), allow(dead_code))]
-pub(super) enum Bug {
+pub(crate) enum Bug {
     /// A commit names records that are not durable.
     RecordsNotSyncedBeforeFrame,
     /// A commit is done before its frame is durable.
@@ -41,6 +41,14 @@ pub(super) enum Bug {
     StaleSlotChosen,
     /// Records may overlap.
     OverlapsIgnored,
+    /// A mesh or an array gets its name before it is durable.
+    PartNotSynced,
+    /// A mesh or an array is said to be finished before its name is durable.
+    PartDirectoryNotSynced,
+    /// A mesh or an array gets its name although writing a part of it has failed.
+    PartFailureIgnored,
+    /// What was written of a mesh or an array that failed stays under its unfinished name.
+    PartLeftBehind,
 }
 
 #[cfg(test)]
@@ -50,19 +58,19 @@ thread_local! {
 
 /// Whether the mistake is to be made, on this thread.
 #[cfg(test)]
-pub(super) fn planted(bug: Bug) -> bool {
+pub(crate) fn planted(bug: Bug) -> bool {
     PLANTED.get() == Some(bug)
 }
 
 /// Whether the mistake is to be made: never.
 #[cfg(not(test))]
-pub(super) const fn planted(_: Bug) -> bool {
+pub(crate) const fn planted(_: Bug) -> bool {
     false
 }
 
 /// Runs something with a mistake planted.
 #[cfg(test)]
-pub(super) fn with_planted<T>(bug: Bug, run: impl FnOnce() -> T) -> T {
+pub(crate) fn with_planted<T>(bug: Bug, run: impl FnOnce() -> T) -> T {
     /// Takes the mistake out again even if `run` panics, as it should.
     struct TakeOut;
     impl Drop for TakeOut {

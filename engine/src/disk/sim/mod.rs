@@ -1,6 +1,6 @@
 //! A disk in memory that can fail at any call, and that knows what a crash may leave.
 
-use crate::disk::{Disk, DiskFile};
+use super::{Disk, DiskFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
@@ -20,6 +20,19 @@ pub enum Fault {
     Short,
     /// The program ends: a write gets half way, and nothing comes after it.
     Kill,
+}
+
+/// What goes wrong as something is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReadFault {
+    /// The system reports an error.
+    Broken,
+    /// Half of what was asked for comes, which is no error.
+    Short,
+    /// The file seems to end.
+    Cut,
+    /// A bit is another.
+    Flipped,
 }
 
 /// A call that changed something, as it is replayed.
@@ -49,6 +62,8 @@ struct State {
     calls: usize,
     fault: Option<(usize, Fault)>,
     dead: bool,
+    reads: usize,
+    read_fault: Option<(usize, ReadFault)>,
 }
 
 /// The disk.
@@ -140,6 +155,17 @@ impl SimDisk {
         state.fault = Some((state.calls + at, fault));
     }
 
+    /// Lets the reading number `at` from now, counted from 0, go wrong.
+    pub fn plan_read(&self, at: usize, fault: ReadFault) {
+        let mut state = self.lock();
+        state.read_fault = Some((state.reads + at, fault));
+    }
+
+    /// Readings so far.
+    pub fn reads(&self) -> usize {
+        self.lock().reads
+    }
+
     /// As after starting the program once more, on a sound disk.
     pub fn revive(&self) {
         let mut state = self.lock();
@@ -224,10 +250,20 @@ impl DiskFile for SimFile {
     }
 
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> Result<usize> {
-        let state = self.disk.lock();
+        let mut state = self.disk.lock();
+        state.reads += 1;
+        let fault = state.read_fault.filter(|(at, _)| at + 1 == state.reads).map(|(_, fault)| fault);
         let from = state.inodes[self.inode].get(offset as usize..).unwrap_or_default();
-        let count = from.len().min(bytes.len());
+        let count = match fault {
+            Some(ReadFault::Broken) => return Err(Error::other("broken")),
+            Some(ReadFault::Cut) => 0,
+            Some(ReadFault::Short) => from.len().min(bytes.len().div_ceil(2)),
+            Some(ReadFault::Flipped) | None => from.len().min(bytes.len()),
+        };
         bytes[..count].copy_from_slice(&from[..count]);
+        if fault == Some(ReadFault::Flipped) && count > 0 {
+            bytes[count / 2] ^= 4;
+        }
         Ok(count)
     }
 

@@ -1,0 +1,33 @@
+//! What reads files is fed with any bytes: it must end, within bounded memory, in a result or a one-line error.
+//!
+//! The fuzzers (`fuzz/` at the top of the repository) and the test beside this call the same functions.
+
+mod toolpaths;
+
+#[cfg(test)]
+mod tests;
+
+/// Feeds a reader; panics if what comes of it is neither.
+pub type Target = fn(&[u8]);
+
+/// All readers. The small files to begin with are in `fuzz/seeds/NAME`.
+pub const TARGETS: [(&str, Target); 9] = [
+    ("stl", crate::ingest::fuzz::stl),
+    ("obj", crate::ingest::fuzz::obj),
+    ("ply", crate::ingest::fuzz::ply),
+    ("xyz", crate::ingest::fuzz::xyz),
+    ("gcode", toolpaths::gcode),
+    ("x3d", toolpaths::x3d),
+    ("store", crate::store::fuzz::store),
+    ("journal", crate::store::fuzz::journal),
+    ("brick", crate::store::fuzz::brick),
+];
+
+/// Feeds the reader of that name.
+///
+/// # Panics
+/// If there is none; if it has a mistake.
+pub fn feed(name: &str, bytes: &[u8]) {
+    let (_, target) = TARGETS.iter().find(|(known, _)| *known == name).expect("a reader of that name");
+    target(bytes);
+}

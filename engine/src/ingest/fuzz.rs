@@ -1,0 +1,75 @@
+//! The readers of meshes and point clouds, fed with any bytes.
+
+use super::detect::{self, Family};
+use super::polygons::Polygons;
+use super::{cloud, obj, ply, stl, stl_text};
+use crate::error::{Error, Result};
+use crate::progress::Silent;
+use std::path::Path;
+
+fn refused(error: &Error) {
+    assert!(!error.to_string().contains('\n'), "{error}");
+}
+
+fn check(polygons: Result<Polygons>) {
+    match polygons {
+        Ok(polygons) => {
+            let vertices = polygons.vertices.len();
+            assert!(polygons.triangles.as_flattened().iter().all(|&n| (n as usize) < vertices));
+        }
+        Err(error) => refused(&error),
+    }
+}
+
+/// Binary or text, as the bytes say.
+pub(crate) fn stl(bytes: &[u8]) {
+    let path = Path::new("a.stl");
+    match detect::family(path, bytes) {
+        Ok(Family::BinaryStl) => match stl::facets(path, bytes) {
+            Ok(facets) => {
+                let records = stl::records(bytes, 0, facets as usize);
+                assert_eq!(records.len() as u64, facets);
+                stl::extent(records);
+                assert!(records.iter().map(stl::corners).count() * 50 <= bytes.len());
+            }
+            Err(error) => refused(&error),
+        },
+        Ok(Family::AsciiStl) => match stl_text::read(path, bytes, &Silent) {
+            Ok(facets) => assert!(facets.len() <= bytes.len()),
+            Err(error) => refused(&error),
+        },
+        Ok(_) => {}
+        Err(error) => refused(&error),
+    }
+}
+
+/// Any bytes as OBJ.
+pub(crate) fn obj(bytes: &[u8]) {
+    check(obj::read(Path::new("a.obj"), bytes, &Silent));
+}
+
+/// A mesh or a point cloud, as the header says.
+pub(crate) fn ply(bytes: &[u8]) {
+    let path = Path::new("a.ply");
+    match ply::has_faces(path, bytes) {
+        Ok(true) => check(ply::read(path, bytes, &Silent).map(|(polygons, _)| polygons)),
+        Ok(false) => points(ply::read_cloud(path, bytes, &Silent), path),
+        Err(error) => refused(&error),
+    }
+}
+
+/// Points as text.
+pub(crate) fn xyz(bytes: &[u8]) {
+    let path = Path::new("a.xyz");
+    points(cloud::read_text(path, bytes, &Silent), path);
+}
+
+fn points(cloud: Result<cloud::PointCloud>, path: &Path) {
+    match cloud.and_then(|cloud| cloud.check(path).map(|()| cloud)) {
+        Ok(cloud) => {
+            assert!(cloud.normals.is_empty() || cloud.normals.len() == cloud.points.len());
+            assert!(cloud.points.as_flattened().iter().all(|c| c.is_finite()));
+        }
+        Err(error) => refused(&error),
+    }
+}
