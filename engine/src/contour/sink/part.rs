@@ -2,16 +2,26 @@
 
 use crate::error::{Error, Result};
 use crate::part::PartFile;
+use rustix::fs::{FallocateFlags, fallocate};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// What small parts are gathered in before a system call; larger ones go to the file as they are.
 const BUFFER_BYTES: usize = 64 << 10;
+/// What the disk is asked for at a time, ahead of what is written. With the place of its blocks settled beforehand a
+/// file takes ext4 half the time to write, and the rename over an older one need not wait for the disk.
+const RESERVE_BYTES: u64 = 64 << 20;
+/// Smaller files ask for nothing.
+const SMALL_BYTES: u64 = 4 << 20;
 
 /// A buffered [`PartFile`].
 pub(super) struct MeshFile {
     path: PathBuf,
+    /// Bytes appended.
+    length: u64,
+    /// Bytes that the file has room for; the most there are once the system has refused.
+    reserved: u64,
     /// `None` once it is finished. What is still buffered when it is dropped goes with the file.
     open: Option<(BufWriter<File>, PartFile)>,
 }
@@ -21,12 +31,25 @@ impl MeshFile {
         let part = PartFile::create(path)?;
         let file = part.file().try_clone().map_err(Error::io(path, "create"))?;
         let writer = BufWriter::with_capacity(BUFFER_BYTES, file);
-        Ok(MeshFile { path: path.to_owned(), open: Some((writer, part)) })
+        Ok(MeshFile { path: path.to_owned(), length: 0, reserved: SMALL_BYTES, open: Some((writer, part)) })
     }
 
     /// Appends bytes.
     pub(super) fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.length += bytes.len() as u64;
+        if self.length > self.reserved {
+            self.reserve();
+        }
         self.write(|writer| writer.write_all(bytes))
+    }
+
+    /// Asks for room for what is appended next. That there is none, or that the file system cannot tell, is left to
+    /// the writing to find out.
+    fn reserve(&mut self) {
+        let Some((_, part)) = &self.open else { return };
+        let wanted = self.length + RESERVE_BYTES;
+        let given = fallocate(part.file(), FallocateFlags::empty(), 0, wanted);
+        self.reserved = if given.is_ok() { wanted } else { u64::MAX };
     }
 
     /// Runs `write` on the open file and names the file in its error.
@@ -47,7 +70,11 @@ impl MeshFile {
 
     /// Flushes the file and gives it its name.
     pub(super) fn finish(&mut self) -> Result<()> {
-        self.write(|writer| writer.flush())?;
+        let length = self.length;
+        self.write(|writer| {
+            writer.flush()?;
+            writer.get_ref().set_len(length)
+        })?;
         match self.open.take() {
             Some((_, mut part)) => part.finish(),
             None => Ok(()),
