@@ -62,7 +62,7 @@ impl<V> Cache<V> {
         Ok(value)
     }
 
-    /// Drops the value of `leaf`, which is not asked for again.
+    /// Drops the value of `leaf`.
     pub(super) fn remove(&self, leaf: u32) {
         let value = self.lock().remove(leaf);
         drop(value);

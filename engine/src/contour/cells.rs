@@ -354,7 +354,7 @@ impl<'a> Builder<'a> {
                 let place = &EDGE_PLACES[edges.trailing_zeros() as usize];
                 let slot = streams.slot(cell[0], place);
                 let plane = &self.planes[slot];
-                self.group.add(lane, place.from_centre(plane), plane.normal);
+                self.group.add(lane, place.seen_from_centre(plane), plane.normal);
                 self.cells.quads[slot][place.quadrant] = named;
                 edges &= edges - 1;
             }
@@ -369,7 +369,7 @@ impl<'a> Builder<'a> {
     /// The crossing on edge `edge` of cell `i` in a row, which changes sign, in cell coordinates.
     fn crossing(&self, i: usize, edge: usize, streams: &EdgeStreams) -> [f64; 3] {
         let place = &EDGE_PLACES[edge];
-        place.from_centre(&self.planes[streams.slot(i, place)]).map(|c| f64::from(c) + 0.5)
+        place.seen_from_centre(&self.planes[streams.slot(i, place)]).map(|c| f64::from(c) + 0.5)
     }
 
     /// Leaves the vertex of a loop, whose planes the group has, to it; `first` is the cell's first vertex.

@@ -54,7 +54,7 @@ impl EdgeStreams {
 impl EdgePlace {
     /// The crossing on the edge, seen from the cell's centre: exact, as fractions have 16 bits.
     #[inline(always)]
-    pub(super) fn from_centre(&self, plane: &EdgePlane) -> [f32; 3] {
+    pub(super) fn seen_from_centre(&self, plane: &EdgePlane) -> [f32; 3] {
         let [x, y, z] = self.lower;
         let [u, v, w] = self.direction;
         let fraction = plane.fraction;

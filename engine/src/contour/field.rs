@@ -71,11 +71,13 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// The polygons of a leaf are made: cells that no others need are dropped.
+    /// The polygons of a leaf are made: what no others need is dropped, so that its room serves the next leaves. A
+    /// surface that the cells of a leaf beyond a corner, or of a coarser one, still want is read again.
     pub(super) fn release(&self, leaf: u32, around: &Around) {
         for other in needed_by(&self.leaves, leaf, around) {
             if self.users[other as usize].fetch_sub(1, Ordering::Relaxed) == 1 {
                 self.cells.remove(other);
+                self.surfaces.remove(other);
             }
         }
     }

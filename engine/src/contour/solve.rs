@@ -2,7 +2,7 @@
 //!
 //! Every lane does the same operations in the same order, and none is fused: a vertex has the same bits for any
 //! width and whatever loops share its group. Lanes without a closed form, a few in a hundred, and minimisers outside
-//! their cell, one in ten, are left to [`super::qef`].
+//! their cell that do not lie on the one face that they are beyond are left to [`super::qef`].
 
 use super::qef::{Centred, PlaneSums, Qef, TRUNCATION_SQUARED, Vector, most_least, ridge};
 use super::symmetric::{Symmetric, dot};
@@ -92,9 +92,7 @@ impl Group {
     /// Says which cell the loop in a lane is in.
     #[inline(always)]
     pub(super) fn place(&mut self, lane: usize, cell: [usize; 3]) {
-        for a in 0..3 {
-            self.corners[a][lane % GROUP] = cell[a] as f64;
-        }
+        put(&mut self.corners, lane % GROUP, &cell.map(|c| c as f64));
     }
 
     /// Solves the first `used` lanes, and empties all.
@@ -131,9 +129,9 @@ impl<S: Simd> Planes<S> {
             count: zero,
         };
         let (mut count, mut most) = ([0.0; GROUP], 0);
-        for lane in 0..GROUP {
-            count[lane] = group.counts[lane] as f64;
-            most = most.max(group.counts[lane]);
+        for (count, &planes) in count.iter_mut().zip(&group.counts) {
+            *count = planes as f64;
+            most = most.max(planes);
         }
         sums.count = f64x8::from_slice(simd, &count);
         if let Some(set) = &group.sums {

@@ -35,7 +35,10 @@ fn header(vertices: u64, faces: u64) -> String {
 }
 
 fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
-    bytes.extend(positions.as_flattened().iter().flat_map(|c| c.to_le_bytes()));
+    bytes.reserve(size_of_val(positions));
+    for position in positions {
+        bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+    }
 }
 
 fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
