@@ -62,6 +62,12 @@ impl<V> Cache<V> {
         Ok(value)
     }
 
+    /// Drops the value of `leaf`.
+    pub(super) fn remove(&self, leaf: u32) {
+        let value = self.lock().remove(leaf);
+        drop(value);
+    }
+
     fn lock(&self) -> MutexGuard<'_, State<V>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -88,6 +94,13 @@ impl<V> State<V> {
         entry.used_at = self.now;
         self.order.insert(self.now, leaf);
         Some(Arc::clone(&entry.value))
+    }
+
+    fn remove(&mut self, leaf: u32) -> Option<Arc<V>> {
+        let entry = self.entries.remove(&leaf)?;
+        self.order.remove(&entry.used_at);
+        self.used_bytes -= entry.bytes;
+        Some(entry.value)
     }
 
     fn insert(&mut self, leaf: u32, value: Arc<V>, bytes: usize, budget_bytes: usize) {

@@ -16,7 +16,7 @@ use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::field::{Field, Frame};
 use super::leaves::{Around, Side, direction_index};
 use super::mixed::Surroundings;
-use super::planes::{EdgePlane, Plane};
+use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
 use super::surface::{Changes, Surface};
@@ -348,17 +348,17 @@ impl<'a> Builder<'a> {
             let vertex = first + l;
             let named =
                 if loops.ambiguous == 0 && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
-            let mut qef = Qef::default();
+            let lane = self.waiting.len();
             let mut edges = loops.edges[l];
             while edges != 0 {
                 let place = &EDGE_PLACES[edges.trailing_zeros() as usize];
                 let slot = streams.slot(cell[0], place);
-                let (point, normal) = place.plane(&self.planes[slot]);
-                qef.add(point, normal);
+                let plane = &self.planes[slot];
+                self.group.add(lane, place.seen_from_centre(plane), plane.normal);
                 self.cells.quads[slot][place.quadrant] = named;
                 edges &= edges - 1;
             }
-            self.push_vertex(cell, first, loops.count == 1, &qef);
+            self.push_vertex(cell, first, loops.count == 1);
         }
         if loops.ambiguous != 0 {
             self.split_plain_faces(cell, mask, loops, streams)?;
@@ -366,16 +366,16 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// The crossing on edge `edge` of cell `i` in a row, which changes sign.
-    fn plane(&self, i: usize, edge: usize, streams: &EdgeStreams) -> Plane {
+    /// The crossing on edge `edge` of cell `i` in a row, which changes sign, in cell coordinates.
+    fn crossing(&self, i: usize, edge: usize, streams: &EdgeStreams) -> [f64; 3] {
         let place = &EDGE_PLACES[edge];
-        place.plane(&self.planes[streams.slot(i, place)])
+        place.seen_from_centre(&self.planes[streams.slot(i, place)]).map(|c| f64::from(c) + 0.5)
     }
 
-    /// Leaves the vertex of a loop to the group; `first` is the cell's first vertex.
+    /// Leaves the vertex of a loop, whose planes the group has, to it; `first` is the cell's first vertex.
     #[inline(always)]
-    fn push_vertex(&mut self, cell: [usize; 3], first: usize, is_lone: bool, qef: &Qef) {
-        self.group.set(self.waiting.len(), qef, cell.map(|c| c as f64));
+    fn push_vertex(&mut self, cell: [usize; 3], first: usize, is_lone: bool) {
+        self.group.place(self.waiting.len(), cell);
         let vertex = self.cells.positions.len() as u32;
         self.waiting.push(Waiting { cell, first: first as u32, vertex, is_lone });
         self.cells.positions.push([0.0; 3]);
@@ -428,7 +428,7 @@ impl<'a> Builder<'a> {
                     offset[axis.index()] = 0;
                     edge_key(offset.map(|o| (o as i32) << self.key.spacing_bits()), along, level)
                 });
-                let (p, q) = (self.plane(cell[0], enter, streams).0, self.plane(cell[0], leave, streams).0);
+                let (p, q) = (self.crossing(cell[0], enter, streams), self.crossing(cell[0], leave, streams));
                 let middle = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
                 self.splits.push((face_key(axis, corner), edges, self.frame.world(cell, middle)));
             }
@@ -477,7 +477,8 @@ impl<'a> Builder<'a> {
             for crossing in mixed.crossings.iter().filter(|c| c.in_loop == l) {
                 qef.add(crossing.plane.0, crossing.plane.1);
             }
-            self.push_vertex(cell, first, false, &qef);
+            self.group.set(self.waiting.len(), &qef);
+            self.push_vertex(cell, first, false);
         }
         let edges = mixed.crossings.iter().map(|c| (c.key, first as u32 + c.in_loop));
         self.cells.mixed_edges.extend(edges);

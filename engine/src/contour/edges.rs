@@ -1,6 +1,6 @@
 //! The twelve edges of the cells of a row: which change sign, and where their crossings stand.
 
-use super::planes::{EdgePlane, Plane};
+use super::planes::EdgePlane;
 use super::surface::Changes;
 use super::topology::derive_edge;
 use crate::lattice::Axis;
@@ -19,8 +19,8 @@ pub(super) struct EdgeStreams {
 pub(super) struct EdgePlace {
     stream: usize,
     step: u32,
-    lower: [f64; 3],
-    direction: [f64; 3],
+    lower: [f32; 3],
+    direction: [f32; 3],
     /// Which of the four cells around the edge the cell is, in the order of [`SQUARE`].
     pub quadrant: usize,
 }
@@ -52,12 +52,13 @@ impl EdgeStreams {
 }
 
 impl EdgePlace {
-    /// The crossing on the edge in cell coordinates.
+    /// The crossing on the edge, seen from the cell's centre: exact, as fractions have 16 bits.
     #[inline(always)]
-    pub(super) fn plane(&self, plane: &EdgePlane) -> Plane {
-        let fraction = f64::from(plane.fraction);
-        let point = std::array::from_fn(|a| self.lower[a] + fraction * self.direction[a]);
-        (point, plane.normal.map(f64::from))
+    pub(super) fn seen_from_centre(&self, plane: &EdgePlane) -> [f32; 3] {
+        let [x, y, z] = self.lower;
+        let [u, v, w] = self.direction;
+        let fraction = plane.fraction;
+        [x - 0.5 + fraction * u, y - 0.5 + fraction * v, z - 0.5 + fraction * w]
     }
 }
 
@@ -70,7 +71,7 @@ pub(super) static EDGE_PLACES: [EdgePlace; 12] = {
         let (axis, [i, j, k]) = derive_edge(edge);
         places[edge].stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
         places[edge].step = i as u32;
-        places[edge].lower = [i as f64, j as f64, k as f64];
+        places[edge].lower = [i as f32, j as f32, k as f32];
         places[edge].direction[axis.index()] = 1.0;
         // By the offsets of the edge along the other two axes.
         places[edge].quadrant = [2, 3, 1, 0][edge % 4];

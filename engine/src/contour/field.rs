@@ -2,12 +2,13 @@
 
 use super::cache::Cache;
 use super::cells::BrickCells;
-use super::leaves::Leaves;
+use super::leaves::{Around, Leaves, Side};
 use super::qef::PlaneSums;
 use super::surface::{Level, Surface};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use crate::store::BrickTree;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A level set of a tree, ready to be contoured leaf by leaf from any thread.
@@ -18,6 +19,8 @@ pub(super) struct Field<'a> {
     level: Level,
     surfaces: Cache<Surface>,
     cells: Cache<BrickCells>,
+    /// By leaf, for how many leaves polygons are still to be made that may need its cells.
+    users: Vec<AtomicU32>,
     /// Room that cells were made in, to be used again instead of fresh pages from the kernel.
     spare_sums: Mutex<Vec<Vec<PlaneSums>>>,
 }
@@ -33,7 +36,23 @@ impl<'a> Field<'a> {
         let leaves = Leaves::new(tree, truncate, level.threshold)?;
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
         let (surfaces, cells) = (Cache::new(cache_bytes / 4), Cache::new(cache_bytes - cache_bytes / 4));
-        Ok(Field { root: tree.root(), leaves, tree, level, surfaces, cells, spare_sums: Mutex::default() })
+        let mut users = Vec::new();
+        users.resize_with(leaves.len(), AtomicU32::default);
+        for leaf in 0..leaves.len() as u32 {
+            for other in needed_by(&leaves, leaf, &leaves.around(leaf)) {
+                users[other as usize].fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        Ok(Field {
+            root: tree.root(),
+            leaves,
+            tree,
+            level,
+            surfaces,
+            cells,
+            users,
+            spare_sums: Mutex::default(),
+        })
     }
 
     pub(super) fn surface(&self, leaf: u32) -> Result<Arc<Surface>> {
@@ -52,6 +71,17 @@ impl<'a> Field<'a> {
         })
     }
 
+    /// The polygons of a leaf are made: what no others need is dropped, so that its room serves the next leaves. A
+    /// surface that the cells of a leaf beyond a corner, or of a coarser one, still want is read again.
+    pub(super) fn release(&self, leaf: u32, around: &Around) {
+        for other in needed_by(&self.leaves, leaf, around) {
+            if self.users[other as usize].fetch_sub(1, Ordering::Relaxed) == 1 {
+                self.cells.remove(other);
+                self.surfaces.remove(other);
+            }
+        }
+    }
+
     /// Empty room for sums.
     pub(super) fn take_sums(&self) -> Vec<PlaneSums> {
         self.spare_sums.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
@@ -67,6 +97,15 @@ impl<'a> Field<'a> {
     pub(super) fn frame(&self, key: NodeKey) -> Frame {
         Frame::new(self.root, key)
     }
+}
+
+/// The leaves whose cells the polygons of a leaf may need: its own and those next to it that are no finer.
+fn needed_by(leaves: &Leaves, leaf: u32, around: &Around) -> impl Iterator<Item = u32> {
+    let is_needing = leaves.get(leaf).changes;
+    around.iter().filter_map(move |side| match side {
+        Side::Same(other) | Side::Coarser(other) if is_needing || *other == leaf => Some(*other),
+        _ => None,
+    })
 }
 
 /// From cell coordinates of a brick to the world.

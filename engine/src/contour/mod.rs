@@ -23,18 +23,18 @@
 //! | `corner` | vertices at corners that no single cell sees |
 //! | `mixed` | cells next to finer leaves |
 //! | `polygons` | pass 2: triangles of a leaf |
-//! | `measure` | area, volume and normals of triangles |
+//! | `cut` | polygons into triangles, their area, volume and normals |
 //! | `order` | leaves in parallel, their output in order |
 //! | `sink` | STL, PLY and OBJ files |
 
 mod cache;
 mod cells;
 mod corner;
+mod cut;
 mod edges;
 mod field;
 mod halo;
 mod leaves;
-mod measure;
 mod mixed;
 mod order;
 mod planes;
@@ -48,6 +48,7 @@ mod symmetric;
 mod tests;
 mod topology;
 
+pub use cut::Cuts;
 pub use polygons::Facet;
 pub use sink::{Encoded, Encoding, MeshSink, create_sink};
 
@@ -186,14 +187,15 @@ fn vertices(
         if let Some(encoding) = encoding {
             (encoding.vertices)(&cells.positions, &mut bytes);
         }
-        Ok((cells, bytes))
+        let part = MeshSummary::of_cells(&cells);
+        Ok((cells, bytes, part))
     };
-    in_order(field.leaves.len(), progress, make, |(cells, bytes): (Arc<BrickCells>, Vec<u8>)| {
+    in_order(field.leaves.len(), progress, make, |(cells, bytes, part): (Arc<BrickCells>, Vec<u8>, _)| {
         match encoding {
             Some(_) => sink.encoded(Encoded::Vertices(cells.len(), &bytes))?,
             None => sink.vertices(&cells.positions)?,
         }
-        summary.add_cells(&cells);
+        summary.add(&part);
         first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
             Error::setting(
                 "the mesh has more than 2^32 - 1 vertices",
@@ -230,9 +232,12 @@ fn lone_triangles(
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
     let making = Making { first_vertex: None, encoding: sink.encoding(), spare: Spare::default() };
-    let make = |leaf| Ok((field.cells(leaf)?, polygons::leaf_facets(field, leaf, &making)?));
-    in_order(field.leaves.len(), progress, make, |(cells, leaf): (Arc<BrickCells>, LeafFacets)| {
-        summary.add_cells(&cells);
+    let make = |leaf| {
+        let part = MeshSummary::of_cells(&*field.cells(leaf)?);
+        Ok((part, polygons::leaf_facets(field, leaf, &making)?))
+    };
+    in_order(field.leaves.len(), progress, make, |(part, leaf)| {
+        summary.add(&part);
         hand_over(leaf, &making, sink, summary)
     })
 }
@@ -250,21 +255,37 @@ fn hand_over(
     summary.triangles += leaf.count as u64;
     summary.area += leaf.measured.area;
     summary.volume += leaf.measured.volume;
-    making.spare.keep(leaf);
+    making.spare.keep(leaf.bytes);
     Ok(())
 }
 
 impl MeshSummary {
-    fn add_cells(&mut self, cells: &BrickCells) {
-        self.vertices += cells.len() as u64;
-        self.split_faces += cells.split_faces;
-        self.mixed_cells += cells.mixed_cells();
-        for p in &cells.positions {
-            let [low, high] = self.bounds.get_or_insert([*p; 2]);
-            for a in 0..3 {
-                low[a] = low[a].min(p[a]);
-                high[a] = high[a].max(p[a]);
-            }
+    /// What the cells of a leaf add to a summary.
+    fn of_cells(cells: &BrickCells) -> MeshSummary {
+        let first = cells.positions.first().copied();
+        let bounds =
+            first.map(|first| cells.positions.iter().fold([first; 2], |bounds, p| united(bounds, [*p; 2])));
+        MeshSummary {
+            vertices: cells.len() as u64,
+            split_faces: cells.split_faces,
+            mixed_cells: cells.mixed_cells(),
+            bounds,
+            ..MeshSummary::default()
         }
     }
+
+    /// Adds what a leaf's cells add.
+    fn add(&mut self, part: &MeshSummary) {
+        self.vertices += part.vertices;
+        self.split_faces += part.split_faces;
+        self.mixed_cells += part.mixed_cells;
+        self.bounds = match (self.bounds, part.bounds) {
+            (Some(a), Some(b)) => Some(united(a, b)),
+            (a, b) => a.or(b),
+        };
+    }
+}
+
+fn united([low, high]: [[f32; 3]; 2], other: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+    [std::array::from_fn(|a| low[a].min(other[0][a])), std::array::from_fn(|a| high[a].max(other[1][a]))]
 }

@@ -12,9 +12,9 @@
 //! - other polygons with extra vertices are fans about a finest cell's vertex.
 
 use super::cells::{BrickCells, NO_VERTEX, edge_key, face_key};
+use super::cut::{Cutter, Measured, Shape, Vertex};
 use super::field::Field;
 use super::leaves::{Around, Side, broken, direction_index};
-use super::measure::{Measured, measure};
 use super::sink::Encoding;
 use super::topology::{SQUARE, edge_index};
 use crate::brick::SignChanges;
@@ -44,31 +44,22 @@ pub(super) struct LeafFacets {
     pub measured: Measured,
 }
 
-/// Room for facets and bytes that has been used before: fresh pages from the kernel cost a tenth of the time of
-/// contouring.
+/// Room for bytes that has been used before: fresh pages from the kernel cost a tenth of the time of contouring.
 #[derive(Default)]
-pub(super) struct Spare {
-    facets: Mutex<Vec<Vec<Facet>>>,
-    bytes: Mutex<Vec<Vec<u8>>>,
-}
+pub(super) struct Spare(Mutex<Vec<Vec<u8>>>);
 
 impl Spare {
-    /// Keeps what is used no more.
-    pub(super) fn keep(&self, leaf: LeafFacets) {
-        give(&self.facets, leaf.facets);
-        give(&self.bytes, leaf.bytes);
+    /// Empty room.
+    fn take(&self) -> Vec<u8> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
-}
 
-/// Empty room.
-fn take<T>(spare: &Mutex<Vec<Vec<T>>>) -> Vec<T> {
-    spare.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
-}
-
-fn give<T>(spare: &Mutex<Vec<Vec<T>>>, mut room: Vec<T>) {
-    room.clear();
-    if room.capacity() > 0 {
-        spare.lock().unwrap_or_else(PoisonError::into_inner).push(room);
+    /// Keeps what is used no more.
+    pub(super) fn keep(&self, mut bytes: Vec<u8>) {
+        bytes.clear();
+        if bytes.capacity() > 0 {
+            self.0.lock().unwrap_or_else(PoisonError::into_inner).push(bytes);
+        }
     }
 }
 
@@ -81,36 +72,31 @@ pub(super) struct Making<'a> {
     pub spare: Spare,
 }
 
-/// The triangles of `leaf`.
+/// The triangles of `leaf`, which is done with then, as are the cells that no other leaf needs.
 pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<LeafFacets> {
     let cells = field.cells(leaf)?;
-    let Some(signs) = &cells.signs else { return Ok(LeafFacets::default()) };
-    let mut facets = take(&making.spare.facets);
-    facets.reserve(2 * cells.len() + cells.len() / 8);
+    let around = field.leaves.around(leaf);
+    let Some(signs) = &cells.signs else {
+        field.release(leaf, &around);
+        return Ok(LeafFacets::default());
+    };
+    let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
+    let bytes = making.encoding.map_or(Vec::new(), |_| making.spare.take());
     let mut neighbours = [const { None }; 27];
     neighbours[direction_index([0; 3])] = Some(Arc::clone(&cells));
     let mut maker = Maker {
         field,
         key: field.leaves.get(leaf).key,
-        around: field.leaves.around(leaf),
+        around,
         first_vertex: making.first_vertex,
         first: making.first_vertex.map_or(0, |first| first[leaf as usize]),
         neighbours,
         borders: [Border::Unknown; 27],
-        facets,
+        cutter: Cutter::new(centre, making.encoding, bytes),
     };
     dispatch!(level(), _simd => maker.rows(&cells, signs))?;
-    let mut facets = maker.facets;
-    let mut bytes = Vec::new();
-    if making.encoding.is_some() {
-        bytes = take(&making.spare.bytes);
-    }
-    let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    let measured = measure(&facets, centre, making.encoding, &mut bytes);
-    let count = facets.len();
-    if making.encoding.is_some() {
-        give(&making.spare.facets, std::mem::take(&mut facets));
-    }
+    let Cutter { count, facets, bytes, measured, .. } = maker.cutter.finish();
+    field.release(leaf, &around);
     Ok(LeafFacets { count, facets, bytes, measured })
 }
 
@@ -177,7 +163,7 @@ struct Maker<'a> {
     /// By axis and where the edges along it lie: 0, 1 or 2 for the lower border, the inside, the upper border along
     /// each of the other two.
     borders: [Border; 27],
-    facets: Vec<Facet>,
+    cutter: Cutter,
 }
 
 impl Maker<'_> {
@@ -232,9 +218,8 @@ impl Maker<'_> {
     fn plain(&mut self, quad: &[u16; 4], cells: &BrickCells, inside: bool) {
         let [a, b, c, d] = *quad;
         let at = |n: u16| (self.first + u32::from(n), cells.positions[usize::from(n)]);
-        let [first, second] = cut([at(a), at(b), at(c), at(d)], inside);
-        let facets = if inside { [first, second] } else { [second, first] };
-        self.facets.extend_from_slice(&facets);
+        let shape = if inside { Shape::Quad } else { Shape::TurnedBack };
+        self.cutter.push([at(a), at(b), at(c), at(d)], shape);
     }
 
     /// The polygon of an edge on the leaf's border, or next to a cell that is not plain, if this leaf owns it.
@@ -249,7 +234,7 @@ impl Maker<'_> {
             Border::Foreign => return Ok(()),
             Border::Equal(directions) => {
                 if let Some(corners) = self.equal(axis, low, directions) {
-                    self.facets.extend_from_slice(&cut(corners, inside));
+                    self.cutter.push(corners, if inside { Shape::Quad } else { Shape::Turned });
                     return Ok(());
                 }
             }
@@ -301,9 +286,7 @@ impl Maker<'_> {
         let corners = &polygon.corners[..polygon.count];
         triangulate(corners, |a, b, c| {
             let (b, c) = if inside { (b, c) } else { (c, b) };
-            let [a, b, c] = [a, b, c].map(|n: usize| corners[n]);
-            let corners = [a.position, b.position, c.position];
-            self.facets.push(Facet { ids: [a.id, b.id, c.id], corners });
+            self.cutter.push_triangle([a, b, c].map(|n: usize| (corners[n].id, corners[n].position)));
         });
         Ok(())
     }
@@ -405,19 +388,6 @@ impl Maker<'_> {
         let key = edge_key(relative(lower, owner.key, corner), axis, self.key.level());
         owner.cells.extra(face_key(across, corner), key).map(|vertex| (owner, vertex))
     }
-}
-
-/// Number and position of a vertex.
-type Vertex = (u32, [f32; 3]);
-
-/// A quadrilateral, counter-clockwise seen from the edge's upper end, as two triangles about its first corner or its
-/// second.
-#[inline(always)]
-fn cut([a, b, c, d]: [Vertex; 4], inside: bool) -> [Facet; 2] {
-    let is_first = shorter(&[a.1, b.1, c.1, d.1], true, true);
-    let [a, b, c, d] = if is_first { [a, b, c, d] } else { [b, c, d, a] };
-    let facet = |a: Vertex, b: Vertex, c: Vertex| Facet { ids: [a.0, b.0, c.0], corners: [a.1, b.1, c.1] };
-    if inside { [facet(a, b, c), facet(a, c, d)] } else { [facet(a, c, b), facet(a, d, c)] }
 }
 
 /// In which direction a cell with coordinates -1..=32 lies from the leaf.

@@ -203,30 +203,24 @@ impl Qef {
     #[cfg(test)]
     pub(super) fn solve(&self, margin: f64) -> Vector {
         let mut group = super::solve::Group::default();
-        group.set(0, self, [0.0; 3]);
+        group.set(0, self);
         group.solve(1, margin, 0.01).points[0]
     }
 }
 
 impl Centred {
-    /// `mean` is the mass point as the cell's centre sees it.
-    pub(super) fn new(matrix: [f64; 6], rhs: Vector, mean: Vector) -> Centred {
-        Centred { mass: mean.map(|c| c + 0.5), matrix: Symmetric(matrix), rhs }
+    #[inline]
+    pub(super) fn new(matrix: [f64; 6], rhs: Vector, mass: Vector) -> Centred {
+        Centred { mass, matrix: Symmetric(matrix), rhs }
     }
 
-    /// The minimiser over the box, given the free one, `free`, and the largest eigenvalue; both are found here if
-    /// that is not a number.
+    /// The minimiser anywhere, and the largest eigenvalue.
     #[cold]
-    pub(super) fn finish(&self, free: Vector, largest: f64, margin: f64) -> Vector {
-        let (mut free, mut largest) = (free, largest);
-        if largest.is_nan() {
-            let eigen = self.matrix.eigen();
-            largest = largest_of(&eigen);
-            let x = truncated(&eigen, self.rhs, largest);
-            free = std::array::from_fn(|a| self.mass[a] + x[a]);
-        }
-        let inside = |v: f64| v >= margin && v <= 1.0 - margin;
-        if free.into_iter().all(inside) { free } else { self.constrained(free, largest, margin) }
+    pub(super) fn free(&self) -> (Vector, f64) {
+        let eigen = self.matrix.eigen();
+        let largest = largest_of(&eigen);
+        let x = truncated(&eigen, self.rhs, largest);
+        (std::array::from_fn(|a| self.mass[a] + x[a]), largest)
     }
 
     /// The minimiser over the box where the free one, `free`, lies outside: at the faces that it is beyond, their
@@ -234,17 +228,13 @@ impl Centred {
     ///
     /// Others need not be tried: from a minimiser that is at none of those faces one could go towards the free one
     /// without leaving the box, and the error, being convex, would shrink.
-    fn constrained(&self, free: Vector, largest: f64, margin: f64) -> Vector {
+    #[cold]
+    pub(super) fn constrained(&self, free: Vector, largest: f64, margin: f64) -> Vector {
         let bounds = [margin, 1.0 - margin];
         let beyond = (0..3).fold(0u8, |faces, a| {
             faces | u8::from(free[a] < bounds[0]) << (2 * a) | u8::from(free[a] > bounds[1]) << (2 * a + 1)
         });
         let threshold = TRUNCATION_SQUARED * largest;
-        if beyond.count_ones() == 1
-            && let Some(point) = self.on_face(beyond.trailing_zeros() as usize, bounds, threshold)
-        {
-            return point;
-        }
         let mut best = (OrderedFloat(f64::INFINITY), [0.5; 3]);
         for (code, faces) in FACES.into_iter().enumerate() {
             if faces & beyond == 0 {
@@ -267,27 +257,6 @@ impl Centred {
             }
         }
         best.1
-    }
-
-    /// The minimiser over one face of the box, number 2·axis + side, where it lies within the face and no direction of
-    /// the face is truncated: no edge or corner of the face has a smaller error then.
-    #[inline]
-    fn on_face(&self, face: usize, bounds: [f64; 2], threshold: f64) -> Option<Vector> {
-        let (a, b, c) = (face / 2, (face / 2 + 1) % 3, (face / 2 + 2) % 3);
-        let [xx, yy, zz, xy, yz, zx] = self.matrix.0;
-        let (diagonal, opposite) = ([xx, yy, zz], [yz, zx, xy]);
-        let [bb, cc, bc] = [diagonal[b], diagonal[c], opposite[a]];
-        let at = bounds[face % 2] - self.mass[a];
-        let rhs = [self.rhs[b] - opposite[c] * at, self.rhs[c] - opposite[b] * at];
-        let determinant = bb * cc - bc * bc;
-        // The product of the two eigenvalues over their sum is at most the smaller one.
-        if determinant <= threshold * (bb + cc) {
-            return None;
-        }
-        let mut point = [bounds[face % 2]; 3];
-        point[b] = self.mass[b] + (cc * rhs[0] - bc * rhs[1]) / determinant;
-        point[c] = self.mass[c] + (bb * rhs[1] - bc * rhs[0]) / determinant;
-        [b, c].iter().all(|&n| point[n] >= bounds[0] && point[n] <= bounds[1]).then_some(point)
     }
 
     /// The minimiser along the one or two axes that are not fixed, `at` along the others, without the eigenvalues

@@ -2,7 +2,7 @@
 //!
 //! Every lane does the same operations in the same order, and none is fused: a vertex has the same bits for any
 //! width and whatever loops share its group. Lanes without a closed form, a few in a hundred, and minimisers outside
-//! their cell, one in ten, are left to [`super::qef`].
+//! their cell that do not lie on the one face that they are beyond are left to [`super::qef`].
 
 use super::qef::{Centred, PlaneSums, Qef, TRUNCATION_SQUARED, Vector, most_least, ridge};
 use super::symmetric::{Symmetric, dot};
@@ -24,17 +24,31 @@ pub(super) const GROUP: usize = 8;
 /// One number for each loop.
 type Lanes = [f64; GROUP];
 
-/// The sums of up to [`GROUP`] loops, term by term, as in [`Qef`]; lanes not in use hold anything.
+/// Most planes of a loop: one on each edge of the cell.
+const MOST_PLANES: usize = 12;
+
+/// Up to [`GROUP`] loops, each as its planes or as their sums; all is zero in lanes that are not in use.
 #[derive(Clone, Default)]
 pub(super) struct Group {
+    /// By number within a loop, in the order of addition: the points as the cells' centres see them, and the normals.
+    planes: [[[f32; GROUP]; 6]; MOST_PLANES],
+    /// How many planes each loop has.
+    counts: [usize; GROUP],
+    /// Term by term, as in [`Qef`].
+    sums: Option<Box<Sums>>,
+    /// Lower corners of the cells.
+    corners: [Lanes; 3],
+}
+
+/// Sums of planes, term by term.
+#[derive(Clone, Default)]
+struct Sums {
     matrix: [Lanes; 6],
     rhs: [Lanes; 3],
     points: [Lanes; 3],
     normals: [Lanes; 3],
     constant: Lanes,
     count: Lanes,
-    /// Lower corners of the cells.
-    corners: [Lanes; 3],
 }
 
 /// What comes out of a group.
@@ -52,34 +66,112 @@ pub(super) struct Solved {
 }
 
 impl Group {
-    /// Puts the sums of a loop into a lane; `corner` is its cell's lower corner. At least one plane must have been
-    /// added.
+    /// Adds a plane to the loop in a lane.
     #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, qef: &Qef, corner: Vector) {
-        put(&mut self.matrix, lane, &qef.matrix.0);
-        put(&mut self.rhs, lane, &qef.rhs);
-        put(&mut self.points, lane, &qef.point_sum);
-        put(&mut self.normals, lane, &qef.normal_sum);
-        put(&mut self.corners, lane, &corner);
-        self.constant[lane] = qef.constant;
-        self.count[lane] = qef.count;
+    pub(super) fn add(&mut self, lane: usize, from_centre: [f32; 3], normal: [f32; 3]) {
+        let lane = lane % GROUP;
+        let terms = &mut self.planes[self.counts[lane]];
+        for a in 0..3 {
+            terms[a][lane] = from_centre[a];
+            terms[3 + a][lane] = normal[a];
+        }
+        self.counts[lane] += 1;
     }
 
-    /// Solves the first `used` lanes.
-    pub(super) fn solve(&self, used: usize, margin: f64, miss: f64) -> Solved {
-        dispatch!(level(), simd => solve(simd, self, used, margin, miss))
+    /// Puts the sums of a loop into a lane. At least one plane must have been added.
+    pub(super) fn set(&mut self, lane: usize, qef: &Qef) {
+        let sums = self.sums.get_or_insert_default();
+        put(&mut sums.matrix, lane, &qef.matrix.0);
+        put(&mut sums.rhs, lane, &qef.rhs);
+        put(&mut sums.points, lane, &qef.point_sum);
+        put(&mut sums.normals, lane, &qef.normal_sum);
+        sums.constant[lane] = qef.constant;
+        sums.count[lane] = qef.count;
+    }
+
+    /// Says which cell the loop in a lane is in.
+    #[inline(always)]
+    pub(super) fn place(&mut self, lane: usize, cell: [usize; 3]) {
+        put(&mut self.corners, lane % GROUP, &cell.map(|c| c as f64));
+    }
+
+    /// Solves the first `used` lanes, and empties all.
+    pub(super) fn solve(&mut self, used: usize, margin: f64, miss: f64) -> Solved {
+        let solved = dispatch!(level(), simd => solve(simd, self, used, margin, miss));
+        let most = self.counts.into_iter().max().unwrap_or(0);
+        self.planes[..most].fill([[0.0; GROUP]; 6]);
+        self.counts = [0; GROUP];
+        self.sums = None;
+        solved
+    }
+}
+
+/// The sums over the planes of each loop.
+struct Planes<S: Simd> {
+    matrix: Matrix<S>,
+    rhs: Vec3<S>,
+    points: Vec3<S>,
+    normals: Vec3<S>,
+    constant: f64x8<S>,
+    count: f64x8<S>,
+}
+
+impl<S: Simd> Planes<S> {
+    #[inline(always)]
+    fn of(simd: S, group: &Group) -> Planes<S> {
+        let zero = f64x8::splat(simd, 0.0);
+        let mut sums = Planes {
+            matrix: Symmetric([zero; 6]),
+            rhs: [zero; 3],
+            points: [zero; 3],
+            normals: [zero; 3],
+            constant: zero,
+            count: zero,
+        };
+        let (mut count, mut most) = ([0.0; GROUP], 0);
+        for (count, &planes) in count.iter_mut().zip(&group.counts) {
+            *count = planes as f64;
+            most = most.max(planes);
+        }
+        sums.count = f64x8::from_slice(simd, &count);
+        if let Some(set) = &group.sums {
+            sums.matrix = load(simd, &set.matrix);
+            sums.rhs = each_of(simd, &set.rhs);
+            sums.points = each_of(simd, &set.points);
+            sums.normals = each_of(simd, &set.normals);
+            sums.constant = f64x8::from_slice(simd, &set.constant);
+            sums.count += f64x8::from_slice(simd, &set.count);
+        }
+        // Planes that a loop does not have are zero, and so is what they add.
+        for terms in &group.planes[..most.min(MOST_PLANES)] {
+            let mut wide = [[0.0; GROUP]; 6];
+            for term in 0..6 {
+                for lane in 0..GROUP {
+                    wide[term][lane] = f64::from(terms[term][lane]);
+                }
+            }
+            let [px, py, pz, nx, ny, nz] = wide;
+            let (p, n) = (each_of(simd, &[px, py, pz]), each_of(simd, &[nx, ny, nz]));
+            let d = dot(n, p);
+            sums.matrix = sums.matrix.plus(n);
+            for a in 0..3 {
+                sums.rhs[a] += n[a] * d;
+                sums.points[a] += p[a];
+                sums.normals[a] += n[a];
+            }
+            sums.constant += d * d;
+        }
+        sums
     }
 }
 
 #[inline(always)]
 fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -> Solved {
-    let matrix = load(simd, &group.matrix);
-    let count = f64x8::from_slice(simd, &group.count);
+    let planes = Planes::of(simd, group);
+    let Planes { matrix, rhs: at_centre, normals, count, .. } = planes;
     let half = f64x8::splat(simd, 0.5);
-    let mean = divided(each_of(simd, &group.points), count);
-    let at_centre = each_of(simd, &group.rhs);
+    let mean = divided(planes.points, count);
     let rhs = minus(at_centre, matrix.times(mean));
-    let normals = each_of(simd, &group.normals);
     let agreed = dot(normals, normals) / count;
     let is_flat = (count - agreed).simd_le(agreed * TRUNCATION_SQUARED);
     let lanes = (1u64 << used) - 1;
@@ -94,68 +186,120 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
         free.largest = is_flat.select(free.largest, creased.largest);
         free.is_sound = is_flat | creased.is_sound;
     }
-    let (low, high) = (f64x8::splat(simd, margin), f64x8::splat(simd, 1.0 - margin));
-    let mut is_done = free.is_sound;
+    let mass = [mean[0] + half, mean[1] + half, mean[2] + half];
+    let mut at = [mass[0] + free.x[0], mass[1] + free.x[1], mass[2] + free.x[2]];
+    let of =
+        |vector: &Vec3<S>, lane: usize| -> Vector { [vector[0][lane], vector[1][lane], vector[2][lane]] };
+    let centred =
+        |lane: usize| Centred::new(matrix.0.map(|term| term[lane]), of(&rhs, lane), of(&mass, lane));
+    for lane in each_bit(lanes & !free.is_sound.to_bitmask()) {
+        let (point, largest) = centred(lane).free();
+        for a in 0..3 {
+            at[a][lane] = point[a];
+        }
+        free.largest[lane] = largest;
+    }
+    let bounds = [f64x8::splat(simd, margin), f64x8::splat(simd, 1.0 - margin)];
+    let rest = lanes & !on_faces(&matrix, rhs, mass, free.largest, bounds, &mut at);
     let mut points = [[0.0; 3]; GROUP];
     for a in 0..3 {
-        let at = mean[a] + half + free.x[a];
-        is_done &= at.simd_ge(low) & at.simd_le(high);
-        let at = at.as_array();
+        let at = at[a].as_array();
         for lane in 0..GROUP {
             points[lane][a] = at[lane];
         }
     }
-    let sums = about_origin(simd, &matrix, at_centre, group, count);
-    let mut rest = lanes & !is_done.to_bitmask();
-    if rest != 0 {
-        let largest = free.is_sound.select(free.largest, f64x8::splat(simd, f64::NAN));
-        while rest != 0 {
-            let lane = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let of = |terms: Vec3<S>| -> Vector { [terms[0][lane], terms[1][lane], terms[2][lane]] };
-            let centred = Centred::new(group.matrix.map(|term| term[lane]), of(rhs), of(mean));
-            points[lane] = centred.finish(points[lane], largest[lane], margin);
-        }
+    for lane in each_bit(rest) {
+        points[lane] = centred(lane).constrained(points[lane], free.largest[lane], margin);
     }
-    let apart = apart(simd, &matrix, at_centre, group, miss).to_bitmask() & lanes;
+    let sums = about_origin(simd, &planes, group);
+    let apart = apart(&planes, miss).to_bitmask() & lanes;
     Solved { points, flat, apart, sums }
+}
+
+#[inline(always)]
+fn each_bit(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < GROUP).then_some(lane)
+    })
+}
+
+/// Moves minimisers that are beyond one face of the box to those over the face, where these lie within the face and
+/// no direction of the face is truncated: no edge or corner of the face has a smaller error then. Returns a bit for
+/// each lane whose point is the minimiser over the box.
+#[inline(always)]
+fn on_faces<S: Simd>(
+    matrix: &Matrix<S>,
+    rhs: Vec3<S>,
+    mass: Vec3<S>,
+    largest: f64x8<S>,
+    [low, high]: [f64x8<S>; 2],
+    at: &mut Vec3<S>,
+) -> u64 {
+    let is_within = [
+        at[0].simd_ge(low) & at[0].simd_le(high),
+        at[1].simd_ge(low) & at[1].simd_le(high),
+        at[2].simd_ge(low) & at[2].simd_le(high),
+    ];
+    let mut done = (is_within[0] & is_within[1] & is_within[2]).to_bitmask();
+    let [xx, yy, zz, xy, yz, zx] = matrix.0;
+    let (diagonal, opposite) = ([xx, yy, zz], [yz, zx, xy]);
+    for a in 0..3 {
+        let (b, c) = ((a + 1) % 3, (a + 2) % 3);
+        let is_below = at[a].simd_lt(low);
+        let is_beyond = (is_below | at[a].simd_gt(high)) & is_within[b] & is_within[c];
+        if !is_beyond.any_true() {
+            continue;
+        }
+        let face = is_below.select(low, high);
+        let [bb, cc, bc] = [diagonal[b], diagonal[c], opposite[a]];
+        let from_mass = face - mass[a];
+        let rhs = [rhs[b] - opposite[c] * from_mass, rhs[c] - opposite[b] * from_mass];
+        let determinant = bb * cc - bc * bc;
+        // The product of the two eigenvalues over their sum is at most the smaller one.
+        let is_whole = determinant.simd_gt(largest * TRUNCATION_SQUARED * (bb + cc));
+        let p = mass[b] + (cc * rhs[0] - bc * rhs[1]) / determinant;
+        let q = mass[c] + (bb * rhs[1] - bc * rhs[0]) / determinant;
+        let is_on_face = p.simd_ge(low) & p.simd_le(high) & q.simd_ge(low) & q.simd_le(high);
+        let is_found = is_beyond & is_whole & is_on_face;
+        at[a] = is_found.select(face, at[a]);
+        at[b] = is_found.select(p, at[b]);
+        at[c] = is_found.select(q, at[c]);
+        done |= is_found.to_bitmask();
+    }
+    done
 }
 
 /// Where planes do not meet; see [`super::qef::PlaneSums::may_share_point`].
 #[inline(always)]
-fn apart<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>, group: &Group, miss: f64) -> mask64x8<S> {
-    let (count, constant) = (f64x8::from_slice(simd, &group.count), f64x8::from_slice(simd, &group.constant));
-    let ridge = count * ridge(miss, REACH);
-    let [xx, yy, zz, xy, yz, zx] = matrix.0;
+fn apart<S: Simd>(planes: &Planes<S>, miss: f64) -> mask64x8<S> {
+    let ridge = planes.count * ridge(miss, REACH);
+    let [xx, yy, zz, xy, yz, zx] = planes.matrix.0;
     let lifted = Symmetric([xx + ridge, yy + ridge, zz + ridge, xy, yz, zx]);
     let adjugate = lifted.adjugate();
-    let least = constant - dot(rhs, adjugate.times(rhs)) / lifted.determinant(&adjugate);
-    least.simd_gt(count * most_least(miss))
+    let least = planes.constant - dot(planes.rhs, adjugate.times(planes.rhs)) / lifted.determinant(&adjugate);
+    least.simd_gt(planes.count * most_least(miss))
 }
 
 /// The sums about the origin of the corners, for the search for corners.
 #[inline(always)]
-fn about_origin<S: Simd>(
-    simd: S,
-    matrix: &Matrix<S>,
-    rhs: Vec3<S>,
-    group: &Group,
-    count: f64x8<S>,
-) -> [PlaneSums; GROUP] {
+fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, group: &Group) -> [PlaneSums; GROUP] {
     let mut centre = each_of(simd, &group.corners);
     for c in &mut centre {
         *c += 0.5;
     }
+    let Planes { matrix, rhs, count, .. } = planes;
     let moved = matrix.times(centre);
-    let constant = f64x8::from_slice(simd, &group.constant);
-    let constant = constant + dot(rhs, centre) * 2.0 + dot(centre, moved);
+    let constant = planes.constant + dot(*rhs, centre) * 2.0 + dot(centre, moved);
+    let [xx, yy, zz, xy, yz, zx] = matrix.0;
+    let [x, y, z] = [rhs[0] + moved[0], rhs[1] + moved[1], rhs[2] + moved[2]];
     let mut sums = [PlaneSums::default(); GROUP];
-    for (lane, sums) in sums.iter_mut().enumerate() {
-        let [xx, yy, zz, xy, yz, zx] = &group.matrix;
-        let [x, y, z] = [rhs[0] + moved[0], rhs[1] + moved[1], rhs[2] + moved[2]];
-        let matrix = [xx[lane], yy[lane], zz[lane], xy[lane], yz[lane], zx[lane]];
-        sums.0[..6].copy_from_slice(&matrix);
-        sums.0[6..11].copy_from_slice(&[x[lane], y[lane], z[lane], constant[lane], count[lane]]);
+    for (term, lanes) in [xx, yy, zz, xy, yz, zx, x, y, z, constant, *count].into_iter().enumerate() {
+        let lanes = lanes.as_array();
+        for lane in 0..GROUP {
+            sums[lane].0[term] = lanes[lane];
+        }
     }
     sums
 }
@@ -333,7 +477,10 @@ mod tests {
                 qef
             }).collect();
             let mut group = Group::default();
-            qefs.iter().enumerate().for_each(|(lane, qef)| group.set(lane, qef, [lane as f64; 3]));
+            qefs.iter().enumerate().for_each(|(lane, qef)| {
+                group.set(lane, qef);
+                group.place(lane, [lane; 3]);
+            });
             let together = group.solve(GROUP, 1e-4, 0.01);
             for (qef, point) in qefs.iter().zip(together.points) {
                 prop_assert_eq!(qef.solve(1e-4), point);

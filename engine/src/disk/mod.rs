@@ -8,6 +8,7 @@ pub(crate) mod planted;
 pub(crate) mod sim;
 pub(crate) mod write_back;
 
+use rustix::fs::{FallocateFlags, fallocate};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::{FileExt, MetadataExt};
@@ -27,6 +28,11 @@ pub trait DiskFile: Send + Sync {
     fn write_at(&self, bytes: &[u8], offset: u64) -> Result<usize>;
     /// Cuts the file off, or fills it up with zeros.
     fn set_size(&self, bytes: u64) -> Result<()>;
+    /// Asks for room for so many bytes, of which some may then count as written, as zeros; whether it is given. No
+    /// write needs it.
+    fn reserve(&self, _bytes: u64) -> bool {
+        false
+    }
     /// Returns when content and size are durable.
     fn sync(&self) -> Result<()>;
 }
@@ -110,6 +116,10 @@ impl DiskFile for File {
         self.set_len(bytes)
     }
 
+    fn reserve(&self, bytes: u64) -> bool {
+        fallocate(self, FallocateFlags::empty(), 0, bytes).is_ok()
+    }
+
     fn sync(&self) -> Result<()> {
         self.sync_data()
     }
@@ -176,6 +186,10 @@ mod tests {
         let file = SystemDisk.open_locked(&path).unwrap().expect("nobody has it");
         assert!(SystemDisk.open_locked(&path).unwrap().is_none());
         file.write_all_at(b"brick", 3).unwrap();
+        // Some file systems give no room; none loses what is there.
+        let reserved = file.reserve(100);
+        assert_eq!(file.size().unwrap(), if reserved { 100 } else { 8 });
+        file.set_size(8).unwrap();
         file.sync().unwrap();
         let mut bytes = [1; 8];
         file.read_all_at(&mut bytes, 0).unwrap();

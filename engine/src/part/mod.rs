@@ -13,6 +13,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// What small parts are gathered in before a system call; larger ones go to the file as they are.
 const BUFFER_BYTES: usize = 64 << 10;
+/// What the disk is asked for at a time, ahead of what is appended. With the place of its blocks settled beforehand a
+/// file takes ext4 half the time to write.
+const RESERVE_BYTES: u64 = 64 << 20;
+/// Smaller files ask for nothing.
+const SMALL_BYTES: u64 = 4 << 20;
 
 /// A file named `NAME.part`, locked against other writers, until it is finished; removed if it never is. A program that
 /// is killed leaves it, and the next writer of the same name begins by emptying it.
@@ -28,6 +33,8 @@ pub struct PartFile {
     buffer: Vec<u8>,
     /// Where the buffer goes.
     end: u64,
+    /// Up to where there is room, as far as it matters.
+    reserved: u64,
     written: Mutex<Written>,
     finished: bool,
 }
@@ -36,6 +43,8 @@ pub struct PartFile {
 #[derive(Default)]
 struct Written {
     bytes: u64,
+    /// Where the last of them ends.
+    end: u64,
     back: WriteBack,
     failed: bool,
 }
@@ -63,8 +72,17 @@ impl PartFile {
         let part = part_path(path);
         let file = disk.open_locked(&part).map_err(Error::io(path, "create"))?.ok_or_else(|| busy(path))?;
         let (buffer, written) = (Vec::with_capacity(BUFFER_BYTES), Mutex::default());
-        let created =
-            PartFile { disk, path: path.to_owned(), part, file, buffer, end: 0, written, finished: false };
+        let created = PartFile {
+            disk,
+            path: path.to_owned(),
+            part,
+            file,
+            buffer,
+            end: 0,
+            reserved: SMALL_BYTES,
+            written,
+            finished: false,
+        };
         created.file.set_size(0).map_err(Error::io(path, "empty"))?;
         Ok(created)
     }
@@ -95,16 +113,28 @@ impl PartFile {
             self.buffer.extend_from_slice(bytes);
             return Ok(());
         }
+        self.write_at_end(bytes)
+    }
+
+    fn write_at_end(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let end = self.end + bytes.len() as u64;
+        if end > self.reserved {
+            let wanted = end + RESERVE_BYTES;
+            // Whether there is none, or the file system cannot tell, is left to the writing to find out.
+            self.reserved = if self.file.reserve(wanted) { wanted } else { u64::MAX };
+        }
         self.try_write_at(bytes, self.end)?;
-        self.end += bytes.len() as u64;
+        self.end = end;
         Ok(())
     }
 
     fn write_buffer(&mut self) -> io::Result<()> {
         if !self.buffer.is_empty() {
-            self.try_write_at(&self.buffer, self.end)?;
-            self.end += self.buffer.len() as u64;
-            self.buffer.clear();
+            let mut buffer = std::mem::take(&mut self.buffer);
+            let done = self.write_at_end(&buffer);
+            buffer.clear();
+            self.buffer = buffer;
+            done?;
         }
         Ok(())
     }
@@ -123,6 +153,7 @@ impl PartFile {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.failed |= done.is_err();
         written.bytes += bytes.len() as u64;
+        written.end = written.end.max(offset + bytes.len() as u64);
         let bytes = written.bytes;
         written.back.wrote(&self.file, bytes);
         done
@@ -161,6 +192,9 @@ impl PartFile {
             return Err(io::Error::other("an earlier write failed"));
         }
         written.back.finish()?;
+        if self.reserved != SMALL_BYTES {
+            self.file.set_size(written.end)?;
+        }
         if planted(Bug::PartNotSynced) { Ok(()) } else { self.file.sync() }
     }
 }

@@ -4,7 +4,7 @@ mod obj;
 mod ply;
 mod stl;
 
-use super::measure::measure;
+use super::cut::{Cuts, encoded};
 use super::polygons::Facet;
 use crate::error::{Error, Result};
 use crate::part::PartFile;
@@ -28,9 +28,7 @@ pub trait MeshSink: Send {
     /// The next triangles. Their numbers are those of vertices received before.
     fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
         let Some(encoding) = self.encoding() else { return Ok(()) };
-        let mut bytes = Vec::new();
-        measure(facets, [0.0; 3], Some(encoding), &mut bytes);
-        self.encoded(Encoded::Triangles(facets.len(), &bytes))
+        self.encoded(Encoded::Triangles(facets.len(), &encoded(facets, encoding)))
     }
     /// How a file takes the mesh, so that any thread can make its bytes. Where there is an encoding, they are handed
     /// over by [`MeshSink::encoded`] in place of vertices and triangles, in the same order.
@@ -50,9 +48,8 @@ pub trait MeshSink: Send {
 pub struct Encoding {
     /// Appends the bytes of vertices at world positions.
     pub vertices: fn(&[[f32; 3]], &mut Vec<u8>),
-    /// Appends the bytes of triangles with their normals: of length one by the right-hand rule, zero for a triangle
-    /// without area.
-    pub facets: fn(&[Facet], &[[f32; 3]], &mut Vec<u8>),
+    /// Appends the bytes of triangles.
+    pub facets: fn(&Cuts, &mut Vec<u8>),
 }
 
 /// A part of a mesh as bytes of a file.

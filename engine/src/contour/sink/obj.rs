@@ -1,6 +1,6 @@
 //! Wavefront OBJ: text, shared vertices, indices from 1.
 
-use super::super::polygons::Facet;
+use super::super::cut::Cuts;
 use super::{Encoded, Encoding, MeshSink};
 use crate::error::Result;
 use crate::part::PartFile;
@@ -28,12 +28,12 @@ fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
-fn write_facets(facets: &[Facet], _normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
-    bytes.reserve(facets.len() * LINE_BYTES);
-    for facet in facets {
-        let [a, b, c] = facet.ids.map(|id| u64::from(id) + 1);
+fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
+    bytes.reserve(Cuts::MOST_FACETS * LINE_BYTES);
+    cuts.for_each(|ids, _, _| {
+        let [a, b, c] = ids.map(|id| u64::from(id) + 1);
         let _ = writeln!(bytes, "f {a} {b} {c}");
-    }
+    });
 }
 
 impl MeshSink for ObjSink {

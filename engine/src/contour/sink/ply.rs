@@ -1,6 +1,6 @@
 //! Binary little-endian PLY with shared vertices.
 
-use super::super::polygons::Facet;
+use super::super::cut::Cuts;
 use super::{Encoded, Encoding, MeshSink};
 use crate::error::Result;
 use crate::part::PartFile;
@@ -33,18 +33,19 @@ fn header(vertices: u64, faces: u64) -> String {
 }
 
 fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
-    bytes.extend(positions.as_flattened().iter().flat_map(|c| c.to_le_bytes()));
+    bytes.reserve(size_of_val(positions));
+    for position in positions {
+        bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+    }
 }
 
-fn write_facets(facets: &[Facet], _normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
-    bytes.reserve(facets.len() * FACE_BYTES);
-    for facet in facets {
+fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
+    bytes.reserve(Cuts::MOST_FACETS * FACE_BYTES);
+    cuts.for_each(|ids, _, _| {
         let mut record = [3; FACE_BYTES];
-        for (to, id) in record[1..].chunks_exact_mut(4).zip(facet.ids) {
-            to.copy_from_slice(&id.to_le_bytes());
-        }
+        record[1..].copy_from_slice(ids.map(u32::to_le_bytes).as_flattened());
         bytes.extend_from_slice(&record);
-    }
+    });
 }
 
 impl MeshSink for PlySink {

@@ -1,6 +1,6 @@
 //! Binary STL: 80 bytes of header, a 32-bit count, then 50 bytes a facet. Positions are f32 and not shared.
 
-use super::super::polygons::Facet;
+use super::super::cut::Cuts;
 use super::{Encoded, Encoding, MeshSink};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
@@ -25,16 +25,19 @@ impl StlSink {
     }
 }
 
-fn write_facets(facets: &[Facet], normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
-    let start = bytes.len();
-    bytes.resize(start + facets.len() * FACET_BYTES, 0);
-    let records = bytes[start..].as_chunks_mut::<FACET_BYTES>().0;
-    for ((facet, normal), record) in facets.iter().zip(normals).zip(records) {
-        let values = [*normal, facet.corners[0], facet.corners[1], facet.corners[2]];
-        for (to, value) in record.as_chunks_mut::<4>().0.iter_mut().zip(values.as_flattened()) {
-            *to = value.to_le_bytes();
+fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
+    // The last position's zero is the record's end and reaches into the next one, which is written later.
+    const PAST: usize = 2;
+    let mut end = bytes.len();
+    bytes.resize(end + Cuts::MOST_FACETS * FACET_BYTES + PAST, 0);
+    cuts.for_each(|_, [a, b, c], normal| {
+        let Some(record) = bytes[end..].first_chunk_mut::<{ FACET_BYTES + PAST }>() else { return };
+        for (n, vector) in [normal, a, b, c].into_iter().enumerate() {
+            record[12 * n..12 * n + 16].copy_from_slice(vector.map(f32::to_le_bytes).as_flattened());
         }
-    }
+        end += FACET_BYTES;
+    });
+    bytes.truncate(end);
 }
 
 impl MeshSink for StlSink {

@@ -204,10 +204,6 @@ fn deliver(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         return out.write_all(bytes).and_then(|()| out.flush()).map_err(Failure::stdout);
     }
     let mut part = PartFile::create(path)?;
-    part.file().write_all(bytes).map_err(|source| Error::Io {
-        path: path.to_owned(),
-        action: "write",
-        source,
-    })?;
+    part.append(bytes)?;
     Ok(part.finish()?)
 }
