@@ -279,21 +279,3 @@ fn differences_are_named() {
     let elsewhere = Scene::new(8, 5, false, 1, Refine::Hidden);
     assert!(!difference(&whole, &elsewhere.open("whole")).is_equal(false));
 }
-
-#[test]
-fn a_tree_that_contradicts_itself_is_not_cut() {
-    let scene = Scene::new(7, 3, false, 1, Refine::Hidden);
-    let whole = scene.open("whole");
-    let mut writer = StoreWriter::create(&scene.path("other"), whole.meta()).unwrap();
-    for entry in whole.entries() {
-        let is_surface = entry.leaf && entry.head.kind.has_hermite();
-        let brick = if is_surface { Brick::Uniform(5) } else { (*whole.brick(entry.key).unwrap()).clone() };
-        writer.append_brick(entry.key, entry.leaf, &brick).unwrap();
-    }
-    writer.finish(whole.meta().clone()).unwrap();
-    let other = scene.open("other");
-    let options = PruneOptions { level: Some(0), ..PruneOptions::default() };
-    let told = prune(&other, &scene.path("pruned"), &options, &Silent).unwrap_err().to_string();
-    assert!(told.contains("other") && told.contains("L0(0,0,0)") && told.contains("verify"), "{told}");
-    assert!(!scene.path("pruned").exists() && !scene.path("pruned.part").exists());
-}
