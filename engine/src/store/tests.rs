@@ -400,8 +400,11 @@ fn golden_path(version: &str, name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(version).join(name)
 }
 
-/// Each golden file of today with the function that writes its content.
-const WRITTEN_NOW: [(&str, &str, fn(&Path)); 4] = [
+/// Version, name, and the function that writes the content.
+type Golden = (&'static str, &'static str, fn(&Path));
+
+/// The golden files of today.
+const WRITTEN_NOW: [Golden; 4] = [
     ("v1", "boxes-palette.brf", write),
     ("v1", "fractions-palette.brf", write_fractions),
     ("v2", "beads-palette.brf", write_beads),
@@ -464,7 +467,9 @@ fn golden_shares_are_read_and_are_no_stores() {
         assert_eq!(store.meta().share, meta_of_share().share);
         assert_eq!(store.keys(), nodes_of_share().iter().map(|(key, _)| *key).collect::<Vec<_>>());
         for (key, leaf) in nodes_of_share() {
-            assert!(*store.brick(key).unwrap() == brick_at(key, leaf) && store.node(key).unwrap().leaf == leaf);
+            assert!(
+                *store.brick(key).unwrap() == brick_at(key, leaf) && store.node(key).unwrap().leaf == leaf
+            );
         }
         assert_eq!(store.identity_entries().len(), lists().len());
         assert_eq!(store.summary().total.nodes, 12);
