@@ -216,7 +216,7 @@ pub struct BackendArgs {
     /// The Vulkan device, by its number or a part of its name; `info --devices` lists them
     #[arg(long, value_name = "NAME|INDEX")]
     pub device: Option<String>,
-    /// Memory for batches on the device, as in 2GiB, taken off --memory; by default a quarter of that, or else an
+    /// Most memory to take of the device, as in 2GiB, taken off --memory; by default a quarter of that, or else an
     /// eighth of the device's, 1 GiB at most
     #[arg(long, value_name = "SIZE")]
     pub gpu_memory: Option<Size>,
