@@ -2,7 +2,7 @@
 
 use crate::brick::Brick;
 use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, ROOT_BITS, Units};
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey};
 use crate::store::BrickTree;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -37,7 +37,7 @@ fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
         let from_first = root.to_units(*point).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT);
         let leaf = match leaf_at(tree, from_first) {
             Some(leaf) => leaf,
-            None if is_inside(from_first) => return Err(not_yet(*point)),
+            None if NodeKey::deepest_holding(from_first).is_some() => return Err(not_yet(*point)),
             None => return Ok(0.0),
         };
         let brick = match &last {
@@ -52,12 +52,6 @@ fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
     points.iter().map(&mut sample).collect()
 }
 
-/// Whether the position lies in the root cube.
-fn is_inside(from_first: [f64; 3]) -> bool {
-    let edge = f64::from(1u32 << ROOT_BITS);
-    from_first.iter().all(|u| (0.0..edge).contains(u))
-}
-
 fn not_yet([x, y, z]: [f64; 3]) -> Error {
     let remedy = "give the command that builds it again: it goes on";
     Error::setting(
@@ -69,18 +63,10 @@ fn not_yet([x, y, z]: [f64; 3]) -> Error {
 /// The leaf whose cells hold the position, given in units from the root's first sample; `None` outside, and
 /// where an unfinished store has none yet.
 pub(super) fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
-    if !is_inside(from_first) {
-        return None;
-    }
-    let at: Units = from_first.map(|u| u as i32);
-    for level in 0..=MAX_LEVEL {
-        let key = NodeKey::new(level, at.map(|u| (u >> (ROOT_BITS - u32::from(level))) as u32))?;
-        // An unfinished store may lack the nodes above.
-        if tree.node(key).is_some_and(|node| node.leaf) {
-            return Some(key);
-        }
-    }
-    None
+    let deepest = NodeKey::deepest_holding(from_first)?;
+    // An unfinished store may lack the nodes above.
+    let mut keys = (0..=MAX_LEVEL).filter_map(|level| deepest.ancestor(level));
+    keys.find(|key| tree.node(*key).is_some_and(|node| node.leaf))
 }
 
 /// Interpolates between the samples around `at`, which counts samples from the brick's first one and lies in

@@ -1,6 +1,6 @@
 //! Where nodes lie in the world.
 
-use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, ROOT_BITS, RootCube};
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, RootCube};
 use crate::store::BrickTree;
 
 /// World positions of a node's first sample and of its last, the apron's; its cells lie between.
@@ -19,13 +19,9 @@ pub fn meets_box(key: NodeKey, root: &RootCube, corners: [[f64; 3]; 2]) -> bool 
 pub fn node_at(tree: &dyn BrickTree, point: [f64; 3], deepest: Option<u8>) -> Option<NodeKey> {
     // Cells begin at the first sample, which stands at (1, 1, 1).
     let at = tree.root().to_units(point).map(|u| u - 1.0);
-    let edge = f64::from(1u32 << ROOT_BITS);
-    if !at.iter().all(|u| (0.0..edge).contains(u)) {
-        return None;
-    }
-    let node = |level: u8| NodeKey::new(level, at.map(|u| u as u32 >> (ROOT_BITS - u32::from(level))));
-    let there = (0..=deepest.unwrap_or(MAX_LEVEL).min(MAX_LEVEL)).filter_map(node);
-    there.filter(|key| tree.node(*key).is_some()).last()
+    let finest = NodeKey::deepest_holding(at)?;
+    let keys = (0..=deepest.unwrap_or(MAX_LEVEL)).filter_map(|level| finest.ancestor(level));
+    keys.filter(|key| tree.node(*key).is_some()).last()
 }
 
 /// From a node's first sample, one unit above its base, to its last.

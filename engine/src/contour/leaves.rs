@@ -1,7 +1,7 @@
 //! The leaves that are contoured, in Morton order, and who lies next to whom.
 
 use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, ROOT_BITS, Units};
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, Units};
 use crate::store::BrickTree;
 
 /// A leaf of the tree, or an interior node that stands for its descendants where the tree is truncated.
@@ -112,11 +112,7 @@ impl Leaves {
     /// The leaf whose cells hold the lattice position `at`, counted from the root's first sample; `None`
     /// outside the root.
     pub(super) fn at(&self, at: Units) -> Option<u32> {
-        if at.iter().any(|&c| c < 0 || c >> ROOT_BITS != 0) {
-            return None;
-        }
-        let deepest = at.map(|c| c as u32 >> (ROOT_BITS - u32::from(MAX_LEVEL)));
-        NodeKey::new(MAX_LEVEL, deepest).map(|key| self.covering(key))
+        NodeKey::deepest_at(at).map(|key| self.covering(key))
     }
 
     /// What lies around a leaf.

@@ -106,6 +106,23 @@ impl NodeKey {
         NodeKey::new(level, position)
     }
 
+    /// The node of [`MAX_LEVEL`] whose cells hold the lattice position `at`, counted from the root's first sample; `None`
+    /// outside the root. [`NodeKey::ancestor`] gives those of other levels.
+    #[inline]
+    pub fn deepest_at(at: Units) -> Option<NodeKey> {
+        let is_inside = at.iter().all(|&c| c >= 0 && c >> ROOT_BITS == 0);
+        let position = at.map(|c| c as u32 >> (ROOT_BITS - u32::from(MAX_LEVEL)));
+        if is_inside { NodeKey::new(MAX_LEVEL, position) } else { None }
+    }
+
+    /// As [`NodeKey::deepest_at`], for a position between lattice positions.
+    #[inline]
+    pub fn deepest_holding(from_first: [f64; 3]) -> Option<NodeKey> {
+        let edge = f64::from(1u32 << ROOT_BITS);
+        let is_inside = from_first.iter().all(|u| (0.0..edge).contains(u));
+        if is_inside { NodeKey::deepest_at(from_first.map(|u| u as i32)) } else { None }
+    }
+
     /// Lower corner in units; sample `i` along an axis is at `base + i·spacing + 1`.
     pub fn base(self) -> Units {
         let shift = ROOT_BITS - self.level() as u32;
