@@ -41,13 +41,6 @@ impl Triangle {
         let axis = axis(&corners)?;
         Some(Triangle { face, vertices: mesh.triangles[face as usize], corners, axis })
     }
-
-    /// The lower and upper corner of the box around it.
-    pub(super) fn bounds(&self) -> [Point; 2] {
-        let [p, q, r] = &self.corners;
-        let over = |pick: fn(f64, f64) -> f64| std::array::from_fn(|a| pick(pick(p[a], q[a]), r[a]));
-        [over(f64::min), over(f64::max)]
-    }
 }
 
 /// The axis along which the projection is largest, as far as rounding lets see, but surely has an area; `None` if the

@@ -30,15 +30,8 @@ pub(super) fn search(mesh: &Mesh, progress: &dyn Progress) -> Result<Searched> {
     let numbers = || (0..mesh.triangles.len() as u32).into_par_iter().with_min_len(super::CHUNK);
     progress.phase("sorting", None, "triangles");
     let is_flat = |face: &u32| mesh.is_whole(*face as usize) && Triangle::new(mesh, *face).is_none();
-    let flat = numbers().filter(is_flat).fold(
-        || Tally::NONE,
-        |mut flat, face| {
-            flat.add(face);
-            flat
-        },
-    );
-    let flat = flat.reduce(|| Tally::NONE, Tally::merged);
-    let tree = Tree::new(mesh, |face| flat.count == 0 || Triangle::new(mesh, face).is_some());
+    let flat: Vec<u32> = numbers().filter(is_flat).collect();
+    let tree = Tree::new(mesh, |face| flat.binary_search(&face).is_err());
     progress.check()?;
     let leaves = tree.leaves();
     progress.phase("intersections", Some(mesh.triangles.len() as u64), "triangles");
@@ -54,7 +47,7 @@ pub(super) fn search(mesh: &Mesh, progress: &dyn Progress) -> Result<Searched> {
     };
     let tasks = (0..leaves.div_ceil(TASK_LEAVES)).into_par_iter();
     let intersections = tasks.map(of_task).try_reduce(Intersections::default, |a, b| Ok(merged(a, b)))?;
-    Ok(Searched { flat, intersections })
+    Ok(Searched { flat: Tally::of(&flat), intersections })
 }
 
 /// A triangle and the box around it.
@@ -67,7 +60,7 @@ struct Boxed {
 fn of_leaf(mesh: &Mesh, tree: &Tree, leaf: usize, found: &mut Intersections) {
     let boxed = |&face: &u32| {
         let triangle = Triangle::new(mesh, face)?;
-        let bounds = triangle.bounds();
+        let bounds = bounds_of(&triangle.corners);
         Some(Boxed { triangle, bounds })
     };
     let own: Vec<Boxed> = tree.faces(leaf).iter().filter_map(boxed).collect();
@@ -88,6 +81,7 @@ fn of_leaf(mesh: &Mesh, tree: &Tree, leaf: usize, found: &mut Intersections) {
     });
 }
 
+/// The lower and upper corner of the box around a triangle.
 fn bounds_of([p, q, r]: &[[f64; 3]; 3]) -> [[f64; 3]; 2] {
     let over = |pick: fn(f64, f64) -> f64| std::array::from_fn(|a| pick(pick(p[a], q[a]), r[a]));
     [over(f64::min), over(f64::max)]

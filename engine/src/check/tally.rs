@@ -13,6 +13,11 @@ pub(super) struct Tally {
 impl Tally {
     pub(super) const NONE: Tally = Tally { count: 0, first: u32::MAX };
 
+    /// All of these faces or vertices, in ascending order.
+    pub(super) fn of(numbers: &[u32]) -> Tally {
+        Tally { count: numbers.len() as u64, first: numbers.first().copied().unwrap_or(Tally::NONE.first) }
+    }
+
     /// One more, at the face or vertex `number`.
     pub(super) fn add(&mut self, number: u32) {
         self.count += 1;
