@@ -4,7 +4,7 @@ use crate::brick::{Brick, Hermite, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
 use crate::progress::Progress;
-use crate::store::{BrickTree, IndexEntry, Store};
+use crate::store::{IndexEntry, Scratch, Store};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -102,15 +102,15 @@ pub fn compare(first: &Store, second: &Store, progress: &dyn Progress) -> Result
     if !same_lattice {
         return Ok(Comparison { metadata, ..Comparison::default() });
     }
-    let pairs = pairs(first.entries(), second.entries());
+    let pairs = pairs(first.entries(), second.entries(), |entry| entry.key);
     progress.phase("comparing", Some(pairs.len() as u64), "nodes");
     let found = pairs
         .par_chunks(NODES_AT_ONCE)
         .map(|chunk| {
-            let mut found = Comparison::default();
+            let (mut found, mut desk) = (Comparison::default(), Desk::default());
             for pair in chunk {
                 progress.check()?;
-                found.take(first, second, *pair)?;
+                found.take(first, second, *pair, &mut desk)?;
             }
             progress.advance(chunk.len() as u64);
             Ok(found)
@@ -144,14 +144,15 @@ fn facts_that_differ(first: &Store, second: &Store) -> Vec<Fact> {
 }
 
 /// A node's entries in the two stores, of which one may lack it.
-type Pair<'a> = (Option<&'a IndexEntry>, Option<&'a IndexEntry>);
+type Pair<'a, T> = (Option<&'a T>, Option<&'a T>);
 
-/// All nodes of both, in key order.
-fn pairs<'a>(first: &'a [IndexEntry], second: &'a [IndexEntry]) -> Vec<Pair<'a>> {
+/// All nodes of either, in key order.
+fn pairs<'a, T>(first: &'a [T], second: &'a [T], key: impl Fn(&T) -> NodeKey) -> Vec<Pair<'a, T>> {
     let (mut first, mut second) = (first.iter().peekable(), second.iter().peekable());
     let mut pairs = Vec::new();
-    while let Some(key) = [first.peek(), second.peek()].into_iter().flatten().map(|entry| entry.key).min() {
-        pairs.push((first.next_if(|entry| entry.key == key), second.next_if(|entry| entry.key == key)));
+    while let Some(next) = [first.peek(), second.peek()].into_iter().flatten().map(|&entry| key(entry)).min()
+    {
+        pairs.push((first.next_if(|&entry| key(entry) == next), second.next_if(|&entry| key(entry) == next)));
     }
     pairs
 }
@@ -177,7 +178,13 @@ impl Comparison {
         }
     }
 
-    fn take(&mut self, first: &Store, second: &Store, pair: Pair<'_>) -> Result<()> {
+    fn take(
+        &mut self,
+        first: &Store,
+        second: &Store,
+        pair: Pair<'_, IndexEntry>,
+        desk: &mut Desk,
+    ) -> Result<()> {
         let (a, b) = match pair {
             (Some(a), Some(b)) => (a, b),
             (Some(a), None) => {
@@ -198,10 +205,14 @@ impl Comparison {
             let (leaf, divided) = if a.leaf { ("first", "second") } else { ("second", "first") };
             self.name(a.key, format!("it is a leaf in the {leaf} store and divided in the {divided}"));
         }
-        if has_same_bytes(first, a, second, b)? {
+        let Desk { mine, theirs, scratch } = desk;
+        first.read_payload(a, mine)?;
+        second.read_payload(b, theirs)?;
+        if a.head == b.head && mine == theirs {
             return Ok(());
         }
-        let found = differences(&*first.brick(a.key)?, &*second.brick(b.key)?, a.leaf && b.leaf);
+        let (mine, theirs) = (first.decode(a, mine, scratch)?, second.decode(b, theirs, scratch)?);
+        let found = differences(&mine, &theirs, a.leaf && b.leaf);
         if let Some(what) = found.phrase() {
             self.name(a.key, what);
         }
@@ -210,15 +221,12 @@ impl Comparison {
     }
 }
 
-/// Whether two records hold the same brick by their bytes. That they do not says nothing.
-fn has_same_bytes(first: &Store, a: &IndexEntry, second: &Store, b: &IndexEntry) -> Result<bool> {
-    if a.head != b.head || a.length != b.length {
-        return Ok(false);
-    }
-    let (mut mine, mut theirs) = (Vec::new(), Vec::new());
-    first.read_payload(a, &mut mine)?;
-    second.read_payload(b, &mut theirs)?;
-    Ok(mine == theirs)
+/// What a thread works with: the payloads of both stores, and the decoder's buffers.
+#[derive(Default)]
+struct Desk {
+    mine: Vec<u8>,
+    theirs: Vec<u8>,
+    scratch: Scratch,
 }
 
 impl BrickDifferences {
@@ -308,10 +316,8 @@ fn lists(first: &Store, second: &Store, progress: &dyn Progress) -> Result<Compa
         found.name(NodeKey::ROOT, "the tables of beads differ".to_owned());
     }
     let (mine, theirs) = (first.identity_entries(), second.identity_entries());
-    let (mut mine, mut theirs) = (mine.iter().peekable(), theirs.iter().peekable());
-    while let Some(key) = [mine.peek(), theirs.peek()].into_iter().flatten().map(|list| list.key).min() {
+    for (a, b) in pairs(mine, theirs, |list| list.key) {
         progress.check()?;
-        let (a, b) = (mine.next_if(|list| list.key == key), theirs.next_if(|list| list.key == key));
         let is_equal = match (a, b) {
             (Some(a), Some(b)) if a.length == b.length => {
                 first.read_identity(a)? == second.read_identity(b)?
@@ -320,7 +326,8 @@ fn lists(first: &Store, second: &Store, progress: &dyn Progress) -> Result<Compa
         };
         if !is_equal {
             found.lists += 1;
-            found.name(key, "its lists of beads differ".to_owned());
+            let keys = [a, b].into_iter().flatten().map(|list| list.key);
+            keys.take(1).for_each(|key| found.name(key, "its lists of beads differ".to_owned()));
         }
     }
     Ok(found)

@@ -4,7 +4,7 @@ use crate::brick::{Brick, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
 use crate::progress::Progress;
-use crate::store::{BrickTree, Compression, IndexEntry, Scratch, Store, encode_with, parts};
+use crate::store::{Compression, IndexEntry, Scratch, Store, encode_with, parts};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -196,9 +196,9 @@ impl RecordNumbers {
         let kind = self.kinds.entry(entry.head.kind.to_string()).or_default();
         kind.records += 1;
         kind.bytes += u64::from(entry.length);
-        let brick = store.brick(entry.key)?;
-        let Brick::Counts { samples, hermite } = &*brick else { return Ok(()) };
         store.read_payload(entry, stored)?;
+        let brick = store.decode(entry, stored, scratch)?;
+        let Brick::Counts { samples, hermite } = &brick else { return Ok(()) };
         plain.clear();
         let head = encode_with(&brick, Compression::None, scratch, plain);
         // Both have just been decoded or encoded, so they have their parts.

@@ -173,6 +173,15 @@ impl Store {
         self.copy_record(entry, bytes).map_err(|what| self.record_error(entry.key, what))
     }
 
+    /// The brick of a payload that [`Store::read_payload`] has given, for tools that need both.
+    ///
+    /// # Errors
+    /// [`Error::Store`] if the record is damaged.
+    pub fn decode(&self, entry: &IndexEntry, payload: &[u8], scratch: &mut Scratch) -> Result<Brick> {
+        let brick = decode(entry.head.kind, entry.head.min, payload, scratch);
+        brick.map_err(|what| self.record_error(entry.key, what))
+    }
+
     /// The list of one of the store's entries of beads as stored, its checksum compared.
     ///
     /// # Errors
