@@ -1,8 +1,8 @@
 //! Stores of random piles written anew, cut down and compared.
 
-use brickfield_bench_data::pile::random_pile;
+use crate::scene::pile_as_stl;
 use brickfield_bench_data::shapes::icosphere;
-use brickfield_bench_data::{Mesh, write};
+use brickfield_bench_data::write;
 use brickfield_engine::analysis::sample_at;
 use brickfield_engine::brick::{Brick, SignChanges};
 use brickfield_engine::build::{BuildOptions, Resolution, build};
@@ -25,14 +25,7 @@ struct Scene {
 impl Scene {
     fn new(seed: u64, pieces: usize, is_open: bool, depth: u8, refine: Refine) -> Scene {
         let dir = tempfile::tempdir().unwrap();
-        let mut bytes = Vec::new();
-        write::stl(&mut bytes, &Mesh::merged(&random_pile(seed, pieces))).unwrap();
-        if is_open {
-            let facets = (bytes.len() as u32 - 84) / 50 - 1;
-            bytes.truncate(84 + 50 * facets as usize);
-            bytes[80..84].copy_from_slice(&facets.to_le_bytes());
-        }
-        std::fs::write(dir.path().join("in.stl"), bytes).unwrap();
+        std::fs::write(dir.path().join("in.stl"), pile_as_stl(seed, pieces, is_open)).unwrap();
         let resolution = Resolution::Depth(depth);
         let options = BuildOptions { resolution, refine, gwn_error: 1e-2, ..BuildOptions::default() };
         let scene = Scene { dir, options };

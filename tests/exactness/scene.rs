@@ -1,7 +1,8 @@
 //! Soups, their trees, and the comparison of a brick with the oracle.
 
 use crate::oracle::Oracle;
-use brickfield_bench_data::{Mesh, Rng};
+use brickfield_bench_data::pile::random_pile;
+use brickfield_bench_data::{Mesh, Rng, write};
 use brickfield_engine::Result;
 use brickfield_engine::brick::Brick;
 use brickfield_engine::build::{TreeOptions, build_in_memory};
@@ -51,6 +52,18 @@ impl Scene {
     pub fn at_depth(&self, depth: u8) -> MemoryTree {
         self.build(TreeOptions { depth, ..Default::default() })
     }
+}
+
+/// A random pile as binary STL, without its last facet if it is to be open.
+pub fn pile_as_stl(seed: u64, pieces: usize, is_open: bool) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write::stl(&mut bytes, &Mesh::merged(&random_pile(seed, pieces))).unwrap();
+    if is_open {
+        let facets = (bytes.len() as u32 - 84) / 50 - 1;
+        bytes.truncate(84 + 50 * facets as usize);
+        bytes[80..84].copy_from_slice(&facets.to_le_bytes());
+    }
+    bytes
 }
 
 /// The box around a soup.

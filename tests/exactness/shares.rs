@@ -1,7 +1,6 @@
 //! Shares of random piles, each built with other threads and another bound of memory, joined, against one build.
 
-use brickfield_bench_data::pile::random_pile;
-use brickfield_bench_data::{Mesh, write};
+use crate::scene::pile_as_stl;
 use brickfield_engine::Silent;
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, build, merge};
 use brickfield_engine::store::{Refine, ShareId, Store};
@@ -28,14 +27,7 @@ proptest! {
     ) {
         let dir = tempfile::tempdir().unwrap();
         let (input, whole, joined) = (dir.path().join("in.stl"), dir.path().join("whole"), dir.path().join("joined"));
-        let mut bytes = Vec::new();
-        write::stl(&mut bytes, &Mesh::merged(&random_pile(seed, pieces))).unwrap();
-        if is_open {
-            let facets = (bytes.len() as u32 - 84) / 50 - 1;
-            bytes.truncate(84 + 50 * facets as usize);
-            bytes[80..84].copy_from_slice(&facets.to_le_bytes());
-        }
-        std::fs::write(&input, bytes).unwrap();
+        std::fs::write(&input, pile_as_stl(seed, pieces, is_open)).unwrap();
         let options = BuildOptions {
             // Open bricks take ten times as long.
             resolution: Resolution::Depth(if is_open { depth.min(2) } else { depth }),

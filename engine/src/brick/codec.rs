@@ -14,7 +14,7 @@
 //! | i8 samples, LZ4                    | 3,214 | 11.0 µs | 17.9 µs |
 //! | i8 differences along x, LZ4        | 2,524 |  9.2 µs | 26.0 µs |
 //! | rows as masks and changes, LZ4     | 1,078 | 19.8 µs | 13.0 µs |
-//! | with Hermite edges, normals as words| 5,586 | 41.4 µs | 24.0 µs |
+//! | with Hermite edges, words of normals | 5,586 | 41.4 µs | 24.0 µs |
 //!
 //! The first two lines leave out the range check and the sign classification that the others include. Normals
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.

@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::store::{
-    BrickTree, IdentityEntry, IdentityPlace, IndexEntry, Meta, Numbers, Share, Stats, Store, StoreWriter,
-    cell_key, check_target,
+    BrickTree, IdentityEntry, IndexEntry, Meta, Numbers, Share, Stats, Store, StoreWriter, cell_key,
+    check_target,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,8 @@ pub fn merge(shares: &[PathBuf], output: &Path, progress: &dyn Progress) -> Resu
     };
     parts.iter().try_for_each(|part| first.require_same_build(part))?;
     require_all(&parts)?;
-    let meta = whole(first.store.meta());
+    // The writer fills in what differs from share to share.
+    let meta = Meta { share: None, ..first.store.meta().clone() };
     let records = parts.iter().map(|part| part.store.entries().len() as u64).sum();
     progress.phase("joining", Some(records), "records");
     let mut writer = StoreWriter::create(output, &meta)?.of_files(REMEDY);
@@ -187,15 +188,6 @@ fn list(numbers: &[u32]) -> String {
         Some((last, before)) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
         _ => runs.concat(),
     }
-}
-
-/// The metadata of the whole store.
-fn whole(meta: &Meta) -> Meta {
-    let mut meta = Meta { share: None, ..meta.clone() };
-    if let Some(beads) = &mut meta.beads {
-        beads.identity = beads.identity.map(|_| IdentityPlace::default());
-    }
-    meta
 }
 
 /// Copies subtrees, and joins their top nodes to those above.

@@ -8,8 +8,8 @@ use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{
-    BrickTree, Compression, IdentityPlace, IndexEntry, Meta, PayloadHead, Scratch, Stats, Store, StoreWriter,
-    build_order, encode_with,
+    BrickTree, Compression, IndexEntry, Meta, PayloadHead, Scratch, Stats, Store, StoreWriter, build_order,
+    encode_with,
 };
 use serde::Serialize;
 use std::path::Path;
@@ -88,12 +88,8 @@ struct Desk {
 }
 
 impl Rewrite<'_> {
-    pub fn run(mut self, output: &Path, progress: &dyn Progress) -> Result<RewriteSummary> {
+    pub fn run(self, output: &Path, progress: &dyn Progress) -> Result<RewriteSummary> {
         let store = self.store;
-        // The writer puts its own place there.
-        if let Some(beads) = &mut self.meta.beads {
-            beads.identity = beads.identity.map(|_| IdentityPlace::default());
-        }
         let mut writer = StoreWriter::create(output, &self.meta)?.of_files(REMEDY);
         let kept = store.entries().iter().filter(|entry| !self.is_below_cut(entry.key));
         let ordered = build_order(kept, self.meta.depth);
