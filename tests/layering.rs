@@ -178,7 +178,8 @@ fn may_use(room: &str, used: &str) -> bool {
         return true;
     }
     match room {
-        "lattice" | "error" | "disk" => false,
+        "error" | "disk" => false,
+        "lattice" => used == "wide",
         "mmap" | "progress" | "schedule" => used == "error",
         "part" => ["disk", "error"].contains(&used),
         _ => {

@@ -8,7 +8,7 @@ use brickfield_engine::Silent;
 use brickfield_engine::brick::{Brick, codec};
 use brickfield_engine::build::{TreeOptions, build_in_memory};
 use brickfield_engine::ingest::{Facet, Input, runs};
-use brickfield_engine::lattice::{NodeKey, Octant, RootCube, Triangle, bounds, touches_cube};
+use brickfield_engine::lattice::{CubeTest, NodeKey, Octant, RootCube, Triangle, bounds};
 use brickfield_engine::winding::{CornerGrid, Evaluator, Triangles, winding_at};
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
@@ -103,7 +103,7 @@ fn touches(key: NodeKey, t: &Triangle) -> bool {
     let low = key.base().map(|b| b + 1);
     let size = 32 << key.spacing_bits();
     let (min, max) = bounds(t);
-    (0..3).all(|a| min[a] <= low[a] + size && max[a] >= low[a]) && touches_cube(t, low, size)
+    (0..3).all(|a| min[a] <= low[a] + size && max[a] >= low[a]) && CubeTest::new(t, size).touches(low)
 }
 
 fn evaluate(region: &Region, evaluator: &mut Evaluator, mut each: impl FnMut(Brick)) {

@@ -176,11 +176,20 @@ impl SignChanges {
     /// index.
     #[inline(always)]
     pub(crate) fn for_edges(&self, axis: Axis, mut each: impl FnMut([usize; 3])) {
-        for (k, j) in (0..BRICK_POINTS).flat_map(|k| (0..BRICK_POINTS).map(move |j| (k, j))) {
-            let mut bits = self.edges(axis, j, k);
-            while bits != 0 {
-                each([bits.trailing_zeros() as usize, j, k]);
-                bits &= bits - 1;
+        let layer = |k: usize| &self.inside[k * BRICK_POINTS..][..BRICK_POINTS];
+        for k in 0..BRICK_POINTS {
+            let next = match axis {
+                Axis::X => layer(k),
+                Axis::Y => &layer(k)[1..],
+                Axis::Z if k + 1 < BRICK_POINTS => layer(k + 1),
+                Axis::Z => &[],
+            };
+            for (j, (row, next)) in layer(k).iter().zip(next).enumerate() {
+                let mut bits = if axis == Axis::X { (row ^ row >> 1) & 0xffff_ffff } else { row ^ next };
+                while bits != 0 {
+                    each([bits.trailing_zeros() as usize, j, k]);
+                    bits &= bits - 1;
+                }
             }
         }
     }

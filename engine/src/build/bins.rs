@@ -1,7 +1,7 @@
 //! Sorting pieces into the cubes they touch.
 
 use super::field::Field;
-use crate::lattice::{NodeKey, ROOT_BITS, Units};
+use crate::lattice::{NodeKey, ROOT_BITS, Units, spread};
 use std::ops::Range;
 
 /// Finds the descendants of a node, `stride` levels below it, that a piece touches. A descendant's cube
@@ -56,7 +56,7 @@ impl Binner {
         let to: Units = std::array::from_fn(|a| (max[a] - self.origin[a]) >> self.shift);
         let within = (0..3).all(|a| from[a] >= 0 && to[a] <= self.last);
         if within && from == to {
-            return cell(self.morton(from));
+            return cell(morton(from));
         }
         self.for_touched_of_many(field, piece, from, to, within, &mut cell);
     }
@@ -75,32 +75,25 @@ impl Binner {
         // and spans cubes along one axis only touches them all, because it is connected.
         let surely = within && (0..3).filter(|&a| from[a] < to[a]).count() == 1;
         let (first, last) = (from.map(|c| c.max(0)), to.map(|c| c.min(self.last)));
-        let size = 1 << self.shift;
-        let points = field.points(piece);
-        let holds_point = |at: Units| {
-            let cube_of = |p: &Units| [0, 1, 2].map(|a| (p[a] - self.origin[a]) >> self.shift);
-            points.as_ref().iter().any(|p| cube_of(p) == at)
+        let held = field.points(piece).map(|p| [0, 1, 2].map(|a| (p[a] - self.origin[a]) >> self.shift));
+        let mut test = None;
+        let mut touches = |low: Units| {
+            let test = test.get_or_insert_with(|| field.cube_test(piece, 1 << self.shift));
+            test(low)
         };
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
+                let row = morton([0, y, z]);
                 for x in first[0]..=last[0] {
                     let at = [x, y, z];
                     let low = std::array::from_fn(|a| self.origin[a] + (at[a] << self.shift));
                     // A cube that holds a vertex needs no test; for a small facet that is most of them.
-                    if surely || holds_point(at) || field.touches_cube(piece, low, size) {
-                        cell(self.morton(at));
+                    if surely || held.contains(&at) || touches(low) {
+                        cell(row | morton([x, 0, 0]));
                     }
                 }
             }
         }
-    }
-
-    #[inline]
-    fn morton(&self, at: Units) -> usize {
-        (0..self.stride).fold(0, |m, bit| {
-            let octant = (at[0] >> bit & 1) | (at[1] >> bit & 1) << 1 | (at[2] >> bit & 1) << 2;
-            m | (octant as usize) << (3 * bit)
-        })
     }
 
     /// Indices of `pieces` by descendant. Void ones are left out, and descendants that are not kept.
@@ -137,6 +130,13 @@ impl Binner {
         }
         (CellLists { starts, indices }, taken)
     }
+}
+
+/// The Morton number of a position.
+#[inline]
+fn morton(at: Units) -> usize {
+    let [x, y, z] = at.map(|c| spread(c as u32) as usize);
+    x | y << 1 | z << 2
 }
 
 /// For each descendant, in Morton order, the indices of the pieces that touch it.

@@ -24,12 +24,12 @@ impl Field for CloudBricks {
         (piece.position.map(|c| c - piece.radius), piece.position.map(|c| c + piece.radius))
     }
 
-    fn points(&self, piece: &CloudPiece) -> impl AsRef<[Units]> {
-        [piece.position]
+    fn points(&self, piece: &CloudPiece) -> [Units; 3] {
+        [piece.position; 3]
     }
 
-    fn touches_cube(&self, piece: &CloudPiece, low: Units, size: i32) -> bool {
-        piece.touches_cube(low, size)
+    fn cube_test(&self, piece: &CloudPiece, size: i32) -> impl Fn(Units) -> bool {
+        move |low| piece.touches_cube(low, size)
     }
 
     fn is_void(&self, _: &CloudPiece) -> bool {

@@ -3,7 +3,7 @@
 use crate::backend::{Leaf, LeafQueue, Vulkan};
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
-use crate::lattice::{NodeKey, Triangle, Units, bounds, has_area, touches_cube};
+use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
 use crate::store::Refine;
 use crate::winding::{CornerGrid, Evaluation, Evaluator, Triangles};
 
@@ -27,11 +27,11 @@ pub(super) trait Field: Sync {
     }
     /// Smallest and largest coordinate along each axis.
     fn bounds(&self, piece: &Self::Piece) -> (Units, Units);
-    /// Some points of the piece: a cube that holds one needs no further test.
-    fn points(&self, piece: &Self::Piece) -> impl AsRef<[Units]>;
-    /// Whether the piece touches the closed cube `low..low + size`, given that its bounds do. May err towards
-    /// touching.
-    fn touches_cube(&self, piece: &Self::Piece, low: Units, size: i32) -> bool;
+    /// Some points of the piece, which may be equal: a cube that holds one needs no further test.
+    fn points(&self, piece: &Self::Piece) -> [Units; 3];
+    /// Asks of closed cubes `low..low + size`, given their `low` and that the bounds of the piece touch them, whether the
+    /// piece does. May err towards touching.
+    fn cube_test(&self, piece: &Self::Piece, size: i32) -> impl Fn(Units) -> bool;
     /// Whether the piece has no part in the field, wherever it lies.
     fn is_void(&self, piece: &Self::Piece) -> bool;
 
@@ -162,13 +162,14 @@ impl Field for Soup {
     }
 
     #[inline]
-    fn points(&self, t: &Triangle) -> impl AsRef<[Units]> {
+    fn points(&self, t: &Triangle) -> [Units; 3] {
         *t
     }
 
     #[inline]
-    fn touches_cube(&self, t: &Triangle, low: Units, size: i32) -> bool {
-        touches_cube(t, low, size)
+    fn cube_test(&self, t: &Triangle, size: i32) -> impl Fn(Units) -> bool {
+        let test = CubeTest::new(t, size);
+        move |low| test.touches(low)
     }
 
     /// A triangle without area crosses nothing.

@@ -7,7 +7,7 @@ use super::subtree::corner_at;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
-use crate::lattice::{NodeKey, RootCube, Triangle, Units, bounds, has_area, touches_cube};
+use crate::lattice::{CubeTest, NodeKey, RootCube, Triangle, Units, bounds, has_area};
 use crate::progress::Progress;
 use crate::store::Refine;
 use crate::winding::{CornerGrid, OpenBrick, OpenEvaluator, OpenField, OpenPiece};
@@ -28,12 +28,13 @@ impl Field for OpenField {
         bounds(&piece.triangle)
     }
 
-    fn points(&self, piece: &OpenPiece) -> impl AsRef<[Units]> {
+    fn points(&self, piece: &OpenPiece) -> [Units; 3] {
         piece.triangle
     }
 
-    fn touches_cube(&self, piece: &OpenPiece, low: Units, size: i32) -> bool {
-        touches_cube(&piece.triangle, low, size)
+    fn cube_test(&self, piece: &OpenPiece, size: i32) -> impl Fn(Units) -> bool {
+        let test = CubeTest::new(&piece.triangle, size);
+        move |low| test.touches(low)
     }
 
     fn is_void(&self, piece: &OpenPiece) -> bool {

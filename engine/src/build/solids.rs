@@ -26,13 +26,13 @@ impl Field for Solids {
     }
 
     #[inline]
-    fn points(&self, segment: &Segment) -> impl AsRef<[Units]> {
-        [segment.a, segment.b]
+    fn points(&self, segment: &Segment) -> [Units; 3] {
+        [segment.a, segment.a, segment.b]
     }
 
     #[inline]
-    fn touches_cube(&self, segment: &Segment, low: Units, size: i32) -> bool {
-        Solids::touches_cube(self, segment, low, size)
+    fn cube_test(&self, segment: &Segment, size: i32) -> impl Fn(Units) -> bool {
+        move |low| self.touches_cube(segment, low, size)
     }
 
     #[inline]

@@ -161,8 +161,9 @@ impl fmt::Display for NodeKey {
     }
 }
 
-/// Spreads the low 21 bits of `v` so that two zero bits follow each.
-fn spread(v: u32) -> u64 {
+/// Spreads the low 21 bits of `v` so that two zero bits follow each: an axis's share of a Morton number.
+#[inline]
+pub(crate) fn spread(v: u32) -> u64 {
     let mut x = v as u64 & 0x1f_ffff;
     x = (x | x << 32) & 0x1f_0000_0000_ffff;
     x = (x | x << 16) & 0x1f_0000_ff00_00ff;

@@ -9,7 +9,8 @@ mod facet;
 mod key;
 mod root;
 
-pub use facet::{bounds, has_area, normal, touches_cube};
+pub use facet::{CubeTest, bounds, has_area, normal};
+pub(crate) use key::spread;
 pub use key::{NodeKey, Octant};
 pub use root::RootCube;
 

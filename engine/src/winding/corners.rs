@@ -1,7 +1,7 @@
 //! Winding numbers on a coarse lattice: the corners from which bricks are evaluated.
 
 use super::scan::{Block, Facet};
-use crate::lattice::{NodeKey, ROOT_BITS, Triangle};
+use crate::lattice::{NodeKey, ROOT_BITS, Triangle, bounds};
 use crate::wide::{Simd, dispatch, level};
 
 /// The corner samples of all bricks `stride` levels below a node: 2^stride along each axis.
@@ -35,6 +35,12 @@ impl CornerGrid {
     /// Adds one triangle's crossings.
     #[inline]
     pub fn add(&mut self, t: &Triangle) {
+        // Most triangles lie between two lines.
+        let (min, max) = bounds(t);
+        let cell = |at: i32, axis: usize| (at - self.origin[axis]) >> self.block.shift;
+        if (0..3).map(|axis| u32::from(cell(min[axis], axis) != cell(max[axis], axis))).sum::<u32>() < 2 {
+            return;
+        }
         let Some(facet) = Facet::new(t, self.origin, self.block) else { return };
         dispatch!(level(), simd => self.add_facet(simd, &facet));
     }

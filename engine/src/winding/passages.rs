@@ -7,14 +7,14 @@
 
 use crate::brick::{HermiteEdge, OctNormal, POINTS, Samples};
 
-/// What crossings of one facet share: the normal in the low 32 bits, above it 16 ones if the winding number falls.
+/// What crossings of one facet share: the normal in the low 32 bits, above it 17 ones if the winding number falls.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passing(u64);
 
 impl Passing {
     /// Of a facet with this normal where the winding number changes by `jump`.
     pub fn new(jump: i32, normal: OctNormal) -> Passing {
-        Passing(flip(jump < 0) << 32 | u64::from(normal.0))
+        Passing(if jump < 0 { FALLS } else { 0 } | u64::from(normal.0))
     }
 
     fn normal(self) -> OctNormal {
@@ -25,18 +25,23 @@ impl Passing {
         if self.0 >> 32 == 0 { 1 } else { -1 }
     }
 
-    /// Puts crossings in order of their offset, or of falling offset where the winding number falls, then of their
-    /// normal.
+    /// Puts crossings that go one way in order of their offset, or of falling offset where the winding number falls, then
+    /// of their normal.
     #[inline]
     fn rank(self, offset: u16) -> u64 {
         self.0 ^ u64::from(offset) << 32
     }
 }
 
-/// What turns the order of offsets round.
+/// What [`Passing`] has above the normal if the winding number falls: what turns the order of offsets round, and a bit
+/// that says so.
+const FALLS: u64 = 0x1_ffff << 32;
+
+/// The crossing with this [`Passing::rank`].
 #[inline]
-fn flip(falls: bool) -> u64 {
-    if falls { u64::from(u16::MAX) } else { 0 }
+fn edge_at(rank: u64) -> HermiteEdge {
+    let turn = 0u16.wrapping_sub((rank >> 48) as u16);
+    HermiteEdge { offset: (rank >> 32) as u16 ^ turn, normal: OctNormal(rank as u32) }
 }
 
 /// What is known of an edge's crossings.
@@ -44,9 +49,12 @@ fn flip(falls: bool) -> u64 {
 struct Slot {
     /// The smallest [`Passing::rank`].
     first: u64,
-    /// How many there are.
+    /// How many there are, or [`MIXED`].
     count: u32,
 }
+
+/// In place of a count: that the first crossing does not decide. There are never so many.
+const MIXED: u32 = u32::MAX;
 
 /// One crossing of an edge.
 #[derive(Clone, Copy, Debug)]
@@ -66,6 +74,8 @@ pub(super) struct Passages {
     lowers: Vec<u16>,
     /// By place; the first one takes what nobody has asked for.
     slots: Vec<Slot>,
+    /// The places of edges that have no crossing, or more than one.
+    several: Vec<u16>,
     /// All crossings, if they are listed.
     list: Vec<Passage>,
     listing: bool,
@@ -77,7 +87,14 @@ const _: () = assert!(POINTS <= u16::MAX as usize);
 impl Default for Passages {
     fn default() -> Passages {
         let places = vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Passages { places, lowers: Vec::new(), slots: Vec::new(), list: Vec::new(), listing: false }
+        Passages {
+            places,
+            lowers: Vec::new(),
+            slots: Vec::new(),
+            several: Vec::new(),
+            list: Vec::new(),
+            listing: false,
+        }
     }
 }
 
@@ -135,19 +152,18 @@ impl Passages {
     /// The Hermite edges, given the samples and how far apart the ends of an edge are; and whether a list is needed
     /// for them.
     pub fn hermite(&mut self, samples: &Samples, step: usize) -> (Decided, bool) {
-        let mut mixed = 0;
-        let edge = |(&lower, slot): (&u16, &mut Slot)| {
-            let [start, end] = [0, step].map(|step| i32::from(samples.0[usize::from(lower) + step]));
-            // As many crossings as the winding number changes by all go one way. If the count begins at 0, it passes
-            // 0.5 at the nearest of them, if it ends at 0, at the farthest; several there are one step.
-            let one_way = slot.count == start.abs_diff(end);
-            let decided = one_way & ((start == 0) | (end == 0));
-            slot.count = u32::from(!decided);
-            mixed += slot.count;
-            let offset = (slot.first >> 32 ^ flip(start >= 1)) as u16;
-            HermiteEdge { offset, normal: OctNormal(slot.first as u32) }
+        // A single crossing goes from outside to the first shell, or back: nearly all edges have one.
+        self.several.resize(self.slots.len(), 0);
+        let mut several = 0;
+        let first_of = |(slot, place): (&Slot, u16)| {
+            // Without a branch: no processor foresees which.
+            self.several[several] = place;
+            several += usize::from(slot.count != 1);
+            edge_at(slot.first)
         };
-        let mut edges: Vec<HermiteEdge> = self.lowers.iter().zip(&mut self.slots[1..]).map(edge).collect();
+        let mut edges: Vec<HermiteEdge> = self.slots[1..].iter().zip(1..).map(first_of).collect();
+        self.several.truncate(several);
+        let mixed = self.mark_mixed(samples, step);
         let decided = match mixed {
             0 => Decided::All(edges),
             _ if !self.listing => Decided::ListNeeded,
@@ -156,15 +172,33 @@ impl Passages {
         (decided, mixed > 0)
     }
 
-    /// Decides the edges whose slots still have a count.
+    /// Marks the edges that are not decided by their first crossing; how many they are.
+    fn mark_mixed(&mut self, samples: &Samples, step: usize) -> usize {
+        let mut mixed = 0;
+        for &place in &self.several {
+            let slot = &mut self.slots[usize::from(place)];
+            let lower = usize::from(self.lowers[usize::from(place) - 1]);
+            let [start, end] = [lower, lower + step].map(|sample| i32::from(samples.0[sample]));
+            // As many crossings as the winding number changes by all go one way. If the count begins at 0, it passes
+            // 0.5 at the nearest of them, if it ends at 0, at the farthest; several there are one step.
+            let one_way = slot.count == start.abs_diff(end);
+            if !(one_way && (start == 0 || end == 0)) {
+                slot.count = MIXED;
+                mixed += 1;
+            }
+        }
+        mixed
+    }
+
+    /// Decides the edges that are marked.
     fn decide_mixed(&mut self, samples: &Samples, edges: &mut [HermiteEdge]) -> Option<()> {
         let Passages { lowers, slots, list, .. } = self;
         slots[0].count = 0;
-        list.retain(|passage| slots[usize::from(passage.place)].count > 0);
+        list.retain(|passage| slots[usize::from(passage.place)].count == MIXED);
         list.sort_unstable_by_key(|passage| (passage.place, passage.offset));
         let mut listed = list.chunk_by(|a, b| a.place == b.place);
         let edges = edges.iter_mut().zip(lowers).zip(&slots[1..]).zip(1u16..);
-        for (((edge, lower), _), place) in edges.filter(|((_, slot), _)| slot.count > 0) {
+        for (((edge, lower), _), place) in edges.filter(|((_, slot), _)| slot.count == MIXED) {
             let own = listed.next().filter(|own| own[0].place == place)?;
             *edge = first_passage(samples.0[usize::from(*lower)], own)?;
         }
