@@ -12,9 +12,9 @@ use std::path::Path;
 
 /// Modules: name, sources in order, buffers by binding.
 const MODULES: [(&str, &[&str], &[&str]); 4] = [
-    ("scan", &["brick", "normal", "scan"], &layout::BRICK_BUFFERS),
+    ("scan", &["brick", "normal", "crossing", "scan"], &layout::BRICK_BUFFERS),
     ("evaluate", &["brick", "evaluate"], &layout::BRICK_BUFFERS),
-    ("hermite", &["brick", "hermite"], &layout::BRICK_BUFFERS),
+    ("hermite", &["brick", "normal", "crossing", "hermite"], &layout::BRICK_BUFFERS),
     ("brute", &["brute"], &layout::BRUTE_BUFFERS),
 ];
 

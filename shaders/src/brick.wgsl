@@ -2,10 +2,14 @@
 
 struct Batch {
     pairs: u32,
+    way_max: u32,
+    other_max: u32,
     edges_max: u32,
-    crossings_max: u32,
+    more_max: u32,
+    way_spans: atomic<u32>,
+    other_spans: atomic<u32>,
     edges: atomic<u32>,
-    crossings: atomic<u32>,
+    more: atomic<u32>,
     doubles: atomic<u32>,
 }
 
@@ -31,18 +35,21 @@ struct Brick {
 @group(0) @binding(4) var<storage, read_write> samples: array<u32>;
 // By row: its first sample. Behind those of a brick, by row: which edges along x hold crossings.
 @group(0) @binding(5) var<storage, read_write> rows: array<u32>;
-// Which edges change sign, and where their places begin: see `changes_at` and `rank_at`.
-@group(0) @binding(6) var<storage, read_write> tables: array<u32>;
-// By sign-changing edge: how many crossings it holds, and the number of the last but the first one, from 1.
+// Binding 6 is `tables`, which the shaders see differently. By brick, axis and row two words: which edges change sign that
+// begin in the row, as bits over x, and how many such edges lie before the row's, if it has any and there is room for
+// the brick's, which bit 30 tells; bit 31 tells whether the one at x = 32 changes sign.
+// By sign-changing edge: how many crossings it holds, and the last but the first one's number in `more`, from 1.
 @group(0) @binding(7) var<storage, read_write> chains: array<atomic<u32>>;
 // By sign-changing edge: the offset of the first crossing with its way, and in the high half its normal; in the end the
 // Hermite edge's.
 @group(0) @binding(8) var<storage, read_write> hermite: array<u64>;
-// By crossing: its pair, and in the high half the line, later the crossing before it on its edge, from 1.
-@group(0) @binding(9) var<storage, read_write> crossings: array<u64>;
-// By crossing: its edge, and in the high half its offset with its way and its brick.
-@group(0) @binding(10) var<storage, read_write> positions: array<u64>;
-// By pair: the triangle's normal as a Hermite edge has it.
+// Lines that a triangle covers: first those that lead to samples, then the others. Its pair, and in the high half axis,
+// first line and how many there are.
+@group(0) @binding(9) var<storage, read_write> spans: array<u64>;
+// By crossing of a sign-changing edge but its first, in words of two numbers, the first one low: as in `hermite`; the
+// crossing before it in the chain, from 1; the sample where the edge begins, with its brick.
+@group(0) @binding(10) var<storage, read_write> more: array<u64>;
+// By pair that has a span: the triangle's normal as a Hermite edge has it.
 @group(0) @binding(11) var<storage, read_write> normals: array<u32>;
 // By sign-changing edge with several crossings: its second one, and in the high half its place.
 @group(0) @binding(12) var<storage, read_write> doubles: array<u64>;
@@ -59,15 +66,14 @@ fn high_of(both: u64) -> u32 {
     return u32(both >> 32u);
 }
 
-// Which edges change sign along an axis that begin in a row, as bits over x; of x = 32 see `rank_at`.
-fn changes_at(brick: u32, axis: u32, row: u32) -> u32 {
-    return brick * TABLE_WORDS + axis * ROWS + row;
+// The number of a row's two words in `tables`.
+fn table_at(brick: u32, axis: u32, row: u32) -> u32 {
+    return (brick * 3u + axis) * ROWS + row;
 }
 
-// How many sign-changing edges lie before a row's along an axis, if it has any and there is room for the brick's, which
-// bit 30 tells; bit 31 tells whether that at x = 32 changes sign.
-fn rank_at(brick: u32, axis: u32, row: u32) -> u32 {
-    return brick * TABLE_WORDS + (3u + axis) * ROWS + row;
+// Where the jump on the way to a sample is kept.
+fn jump_at(brick: u32, index: u32) -> u32 {
+    return brick * JUMP_WORDS + index;
 }
 
 // Where the edges of a row along x are kept that hold crossings.

@@ -1,7 +1,9 @@
 // Samples of bricks from the jumps of the winding number; twin of `winding/evaluate.rs`.
 //
-// `walk` follows the jumps, which `locate` has added up, from the corner to each sample, and finds the sign changes on the
+// `walk` follows the jumps, which `jump` has added up, from the corner to each sample, and finds the sign changes on the
 // way. An invocation has a row of samples.
+
+@group(0) @binding(6) var<storage, read_write> tables: array<u32>;
 
 // By row: its first sample, later what `find_changes` returns.
 var<workgroup> row_words: array<i32, ROWS>;
@@ -15,7 +17,7 @@ var<workgroup> sums: array<vec3<u32>, WORKGROUP>;
 var<workgroup> has_room: u32;
 
 fn jump_to(brick: u32, index: u32) -> i32 {
-    return atomicLoad(&jumps[brick * JUMP_WORDS + index]);
+    return atomicLoad(&jumps[jump_at(brick, index)]);
 }
 
 // The first samples of all rows: up the column, then along the face.
@@ -89,9 +91,9 @@ fn find_changes(brick: u32, row: u32) -> u32 {
     if row < CELLS * POINTS {
         z = vec2(low, high) ^ vec2(low_bits[row + POINTS], high_bit[row + POINTS]);
     }
-    if x != 0u { tables[changes_at(brick, 0u, row)] = x; }
-    if y.x != 0u { tables[changes_at(brick, 1u, row)] = y.x; }
-    if z.x != 0u { tables[changes_at(brick, 2u, row)] = z.x; }
+    if x != 0u { tables[2u * table_at(brick, 0u, row)] = x; }
+    if y.x != 0u { tables[2u * table_at(brick, 1u, row)] = y.x; }
+    if z.x != 0u { tables[2u * table_at(brick, 2u, row)] = z.x; }
     let counts = vec3(countOneBits(x), countOneBits(y.x) + y.y, countOneBits(z.x) + z.y);
     return counts.x | (counts.y << 8u) | (counts.z << 16u) | (y.y << 24u) | (z.y << 25u);
 }
@@ -161,9 +163,9 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         let packed = bitcast<u32>(row_words[row]);
         if packed != 0u && has_room != 0u {
             let there = 1u << 30u;
-            tables[rank_at(brick, 0u, row)] = there | next.x;
-            tables[rank_at(brick, 1u, row)] = there | next.y | ((packed & (1u << 24u)) << 7u);
-            tables[rank_at(brick, 2u, row)] = there | next.z | ((packed & (1u << 25u)) << 6u);
+            tables[2u * table_at(brick, 0u, row) + 1u] = there | next.x;
+            tables[2u * table_at(brick, 1u, row) + 1u] = there | next.y | ((packed & (1u << 24u)) << 7u);
+            tables[2u * table_at(brick, 2u, row) + 1u] = there | next.z | ((packed & (1u << 25u)) << 6u);
             next += counted(packed);
         }
     }

@@ -3,45 +3,63 @@
 // `tag` finds the crossings of sign-changing edges. Most edges have one, which is written where the Hermite edge belongs.
 // Others are chained, and `resolve` finds the one where the running count passes 0.5.
 
-fn tag_one(number: u32) {
-    let position = positions[number];
-    let edge = low_of(position);
-    if edge == NOWHERE {
-        return;
-    }
-    let brick = high_of(position) >> 17u;
-    let axis = edge >> 16u;
-    let row = (edge & 0xffffu) / POINTS;
-    let i = (edge & 0xffffu) % POINTS;
-    let rank = tables[rank_at(brick, axis, row)];
-    if rank == 0u {
-        return;
-    }
-    let bits = tables[changes_at(brick, axis, row)];
-    let is_last = i == CELLS;
-    let changes = select((bits >> (i & 31u)) & 1u, rank >> 31u, is_last);
-    if changes == 0u {
-        return;
-    }
-    let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
-    let place = (rank & 0x3fffffffu) + countOneBits(below);
-    let pair = low_of(crossings[number]);
+@group(0) @binding(6) var<storage, read_write> tables: array<u64>;
+
+// A crossing of a sign-changing edge: its offset with its way, and its normal.
+fn tag_crossing(place: u32, crossing: u64, brick: u32, start: u32) {
     let before = atomicAdd(&chains[2u * place], 1u);
     if before == 0u {
-        hermite[place] = both(high_of(position) & 0x1ffffu, normals[pair]);
+        hermite[place] = crossing;
         return;
     }
-    crossings[number] = both(pair, atomicExchange(&chains[2u * place + 1u], number + 1u));
+    let number = atomicAdd(&batch.more, 1u);
+    if number >= batch.more_max {
+        atomicOr(&bricks[brick].flags, FULL);
+        return;
+    }
+    more[2u * number] = crossing;
+    more[2u * number + 1u] = both(atomicExchange(&chains[2u * place + 1u], number + 1u), start | (brick << 16u));
     if before == 1u {
         doubles[atomicAdd(&batch.doubles, 1u)] = both(number, place);
     }
 }
 
+fn tag_one(packed: u64) {
+    let span = span_of(packed);
+    let normal = normals[span.pair];
+    let way = select(0u, 1u << 16u, span.jump < 0i);
+    var depth = span.depth;
+    for (var number = 0u; number < span.lines; number++) {
+        let edge = edge_at(span, depth);
+        if edge.x >= 0i && edge.x < i32(CELLS) {
+            let lower = u32(edge.x);
+            let u = span.line.x + number;
+            let v = span.line.y;
+            let row = select(select(lower * POINTS + v, u * POINTS + lower, span.axis == 1u), v * POINTS + u, span.axis == 0u);
+            let i = select(select(u, v, span.axis == 1u), lower, span.axis == 0u);
+            let table = tables[table_at(span.brick, span.axis, row)];
+            let bits = low_of(table);
+            let rank = high_of(table);
+            let is_last = i == CELLS;
+            let changes = select((bits >> (i & 31u)) & 1u, rank >> 31u, is_last);
+            if rank != 0u && changes != 0u {
+                let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
+                let place = (rank & 0x3fffffffu) + countOneBits(below);
+                let offset = offset_of(edge.y, depth.rest, span.across, span.per_n, span.shift);
+                tag_crossing(place, both(offset | way, normal), span.brick, row * POINTS + i);
+            }
+        }
+        depth = next_depth(span, depth);
+    }
+}
+
 @compute @workgroup_size(WORKGROUP)
 fn tag(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let count = min(atomicLoad(&batch.crossings), batch.crossings_max);
+    // The spans that lead to samples, and behind their room the others.
+    let ways = min(atomicLoad(&batch.way_spans), batch.way_max);
+    let count = ways + min(atomicLoad(&batch.other_spans), batch.other_max);
     for (var number = id.x; number < count; number += groups.x * WORKGROUP) {
-        tag_one(number);
+        tag_one(spans[select(batch.way_max - ways, 0u, number < ways) + number]);
     }
 }
 
@@ -104,10 +122,10 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
         var at = head;
         while at != 0u {
             steps += 1u;
-            let way = (high_of(positions[at - 1u]) >> 16u) & 1u;
+            let way = low_of(more[2u * at - 2u]) >> 16u;
             end += select(-1i, 1i, way == 0u);
             rises = rises || way == 0u;
-            at = high_of(crossings[at - 1u]);
+            at = low_of(more[2u * at - 1u]);
         }
         if end == 0i && !rises {
             turned = 0xffffu;
@@ -123,10 +141,9 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
             if steps > STEPS_MAX {
                 return CROWDED;
             }
-            let offset_and_way = high_of(positions[next - 1u]) & 0x1ffffu;
-            let crossing = crossings[next - 1u];
-            step = with_crossing(step, last, offset_and_way ^ turned, normals[low_of(crossing)]);
-            next = high_of(crossing);
+            let crossing = more[2u * next - 2u];
+            step = with_crossing(step, last, low_of(crossing) ^ turned, high_of(crossing));
+            next = low_of(more[2u * next - 1u]);
         }
         if step.offset == 65536i {
             break;
@@ -148,14 +165,15 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     let count = atomicLoad(&batch.doubles);
     steps = 0u;
     for (var double = id.x; double < count; double += groups.x * WORKGROUP) {
-        let place = high_of(doubles[double]);
-        let position = positions[low_of(doubles[double])];
-        let brick = high_of(position) >> 17u;
+        let packed = doubles[double];
+        let place = high_of(packed);
+        let where_from = high_of(more[2u * low_of(packed) + 1u]);
+        let brick = where_from >> 16u;
         // A brick whose crossings found no room has edges that lack some.
         if (atomicLoad(&bricks[brick].flags) & FULL) != 0u {
             continue;
         }
-        let start = sample(brick, low_of(position) & 0xffffu);
+        let start = sample(brick, where_from & 0xffffu);
         let wrong = decide(place, atomicLoad(&chains[2u * place + 1u]), start);
         if wrong != 0u {
             atomicOr(&bricks[brick].flags, wrong);

@@ -20,7 +20,6 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("CROWDED", CROWDED),
     ("STEPS_MAX", STEPS_MAX),
     ("PAIR_WORDS", PAIR_WORDS),
-    ("NOWHERE", NOWHERE),
     ("ANGLE_BITS", ANGLE_BITS),
 ];
 
@@ -36,15 +35,13 @@ pub const ROW_WORDS: u32 = POINTS.div_ceil(2);
 pub const SAMPLE_WORDS: u32 = ROWS * ROW_WORDS;
 /// Words of a brick's jumps: one a sample, and one a row.
 pub const JUMP_WORDS: u32 = ROWS * POINTS + ROWS;
-/// Words of what is known of a brick's rows: for each axis bits that say which edges change sign, and how many such edges
-/// the rows before hold.
+/// Words of what is known of a brick's rows: for each axis and row bits that say which edges change sign, and how many such
+/// edges the rows before hold.
 pub const TABLE_WORDS: u32 = 6 * ROWS;
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
 /// Words of a [`Pair`].
 pub const PAIR_WORDS: u32 = size_of::<Pair>() as u32 / 4;
-/// In place of a crossing's edge: it is none of the brick's.
-pub const NOWHERE: u32 = u32::MAX;
 /// Facets that one invocation of `brute` sums up, and steps that one of `resolve` takes along chains. Mesa's llvmpipe
 /// silently ends loops after 65,535 steps, which it counts for up to 16 invocations together.
 pub const STEPS_MAX: u32 = 1 << 11;
@@ -83,14 +80,22 @@ shared! {
     Batch {
         /// Pairs of a triangle and a brick that it touches.
         pairs: u32,
+        /// Spans of lines on the way to a sample for which there is room.
+        way_max: u32,
+        /// Other spans for which there is room.
+        other_max: u32,
         /// Sign-changing edges for which there is room.
         edges_max: u32,
-        /// Crossings for which there is room.
-        crossings_max: u32,
+        /// Crossings of such edges behind their first for which there is room.
+        more_max: u32,
+        /// Spans found on the way to a sample.
+        way_spans: u32,
+        /// Other spans found.
+        other_spans: u32,
         /// Sign-changing edges found.
         edges: u32,
-        /// Crossings found.
-        crossings: u32,
+        /// Crossings of such edges found behind their first.
+        more: u32,
         /// Sign-changing edges with several crossings.
         doubles: u32,
     }
@@ -155,8 +160,8 @@ pub const BRICK_BUFFERS: [&str; 13] = [
     "tables",
     "chains",
     "hermite",
-    "crossings",
-    "positions",
+    "spans",
+    "more",
     "normals",
     "doubles",
 ];

@@ -1,17 +1,18 @@
 // Crossings of triangles with the axis-parallel lines of the bricks that they touch; twin of `winding/scan.rs`.
 //
-// `find` lists which lines pass through which triangle, `locate` where, an invocation a crossing: triangles have few
-// crossings or many, so that invocations of a triangle each, in step, would mostly wait for each other. Everything is
-// decided in integers of 64 bits. Edge functions stay below 2^51. The position of a crossing along its line is a quotient
-// whose numerator has 75 bits; the numerator is kept modulo 2^64, and an estimate of the quotient in floats leaves a
-// remainder that fits 64 bits, so that the remainder is exact, and shows how the estimate is to be corrected.
+// `find` lists the spans of lines that pass through a triangle, `jump` follows those along which samples are found and
+// adds up what the winding number jumps by at each crossing, an invocation a span: triangles have few spans or many, and
+// spans that follow each other in the list are about as long, so that the invocations that run in step end together.
 
-// An edge function of a projected triangle, along the axes u and v.
+// An edge function of a projected triangle along a row of lines.
 struct EdgeFunction {
-    // At a line, less one where a tie counts as outside: not negative where the line is inside.
+    // At the first line, less one where a tie counts as outside: not negative where the line is inside.
     at: i64,
-    step_u: i64,
-    step_v: i64,
+    // From line to line, and from row to row.
+    step: i64,
+    step_row: i64,
+    // One over the step's magnitude.
+    per_step: f32,
 }
 
 fn edge_function(p: vec3<i32>, q: vec3<i32>, side: i32, u_first: bool, line: vec2<i32>, shift: u32) -> EdgeFunction {
@@ -22,133 +23,70 @@ fn edge_function(p: vec3<i32>, q: vec3<i32>, side: i32, u_first: bool, line: vec
     let second = select(along_u, along_v, u_first);
     let outside = i32(select(second, first, first != 0i) <= 0i);
     let value = i64(along_v) * i64(line.y - p.z) + i64(along_u) * i64(line.x - p.y);
-    return EdgeFunction(value - i64(outside), i64(along_u) << shift, i64(along_v) << shift);
+    let step = i64(along_u) << shift;
+    return EdgeFunction(value - i64(outside), step, i64(along_v) << shift, 1.0 / f32(magnitude(step)));
 }
 
-// Where a line crosses a plane: whole units, and the rest as a numerator over `n`.
-struct Depth {
-    units: i32,
-    rest: i64,
-}
-
-// The quotient of a numerator, given modulo 2^64, and a positive `n` below 2^49. `estimate` is off by less than 2^55 / n
-// and a few units.
-fn divide(numerator: i64, n: i64, per_n: f32, estimate: i32) -> Depth {
-    var units = estimate;
-    var rest = numerator - i64(estimate) * n;
-    // Each step leaves a 2^18th of what it finds, or a unit, of which the next one is sure.
-    for (var i = 0u; i < 6u; i++) {
-        if rest >= 0li && rest < n {
-            break;
-        }
-        var more = i32(floor(f32(rest) * per_n));
-        if more == 0i {
-            more = 1i;
-        }
-        units += more;
-        rest -= i64(more) * n;
+// The first and the last line of a row on the inside of an edge, among those from 0 to 32: the other end is out of their
+// range, both if all are inside, and if none is, the first lies behind the last.
+fn inside(edge: EdgeFunction) -> vec2<i32> {
+    if edge.step == 0li {
+        return select(vec2(64i, -64i), vec2(-64i, 64i), edge.at >= 0li);
     }
-    return Depth(units, rest);
+    let divisor = magnitude(edge.step);
+    // The estimate is off by a 2^15th at most where it is within bounds; beyond them, an exact one is of no use.
+    var lines = i32(floor(clamp(f32(edge.at) * edge.per_step, -64.0, 64.0)));
+    let rest = edge.at - i64(lines) * divisor;
+    lines += i32(rest >= divisor) - i32(rest < 0li);
+    return select(vec2(-64i, lines), vec2(-lines, 64i), edge.step > 0li);
 }
 
-// The distance from the sample before in 1/65536 of the spacing, rounded to nearest and at most 65535. `beyond` are the
-// whole units.
-fn offset_of(beyond: i32, rest: i64, n: i64, per_n: f32, shift: u32) -> u32 {
-    // The rest in 1/65536 of a unit; the estimate is off by one at most.
-    var fine = i32(f32(rest) * per_n * 65536.0);
-    let left = (rest << 16u) - i64(fine) * n;
-    if left < 0li {
-        fine -= 1i;
-    } else if left >= n {
-        fine += 1i;
-    }
-    let half = 1i << (shift - 1u);
-    let offset = ((i64(beyond) << 16u) + i64(half + fine)) >> shift;
-    return u32(min(offset, 65535li));
+// Where spans of a triangle are written: those on the way to a sample, and the others.
+struct Places {
+    way: u32,
+    other: u32,
 }
 
-// A triangle with a brick that it touches.
-struct Pair {
-    a: vec3<i32>,
-    b: vec3<i32>,
-    c: vec3<i32>,
-    brick: u32,
-    shift: u32,
-}
-
-fn pair_of(number: u32) -> Pair {
-    let at = number * (PAIR_WORDS / 2u);
-    let w = array<u64, 5>(pairs[at], pairs[at + 1u], pairs[at + 2u], pairs[at + 3u], pairs[at + 4u]);
-    let a = vec3(low_of(w[0]), high_of(w[0]), low_of(w[1]));
-    let b = vec3(high_of(w[1]), low_of(w[2]), high_of(w[2]));
-    let c = vec3(low_of(w[3]), high_of(w[3]), low_of(w[4]));
-    let owner = high_of(w[4]);
-    return Pair(bitcast<vec3<i32>>(a), bitcast<vec3<i32>>(b), bitcast<vec3<i32>>(c), owner & 0xffffu, owner >> 16u);
-}
-
-// Coordinates with an axis first and those after it in cyclic order behind.
-fn rotated(p: vec3<i32>, axis: u32) -> vec3<i32> {
-    return select(select(p.zxy, p.yzx, axis == 1u), p, axis == 0u);
-}
-
-// Lists the lines along `axis` inside the triangle. Vertices are relative to sample 0 of the brick and rotated.
-fn find_along(axis: u32, pair: u32, brick: u32, a: vec3<i32>, b: vec3<i32>, c: vec3<i32>, across: i64, shift: u32) {
+// The spans of lines along an axis. Vertices are relative to sample 0 of the brick and rotated. Returns where the next are
+// written; with `writes` these are.
+fn spans_along(axis: u32, pair: u32, a: vec3<i32>, b: vec3<i32>, c: vec3<i32>, side: i32, shift: u32, writes: bool, from_places: Places) -> Places {
+    var places = from_places;
+    let spans_end = batch.way_max + batch.other_max;
     let low = min(min(a, b), c);
     let high = max(max(a, b), c);
     let below = (1i << shift) - 1i;
     let first = max((low.yz + below) >> vec2(shift), vec2(0i));
     let last = min(high.yz >> vec2(shift), vec2(i32(CELLS)));
-    if any(first > last) || across == 0li {
-        return;
+    if any(first > last) || side == 0i {
+        return places;
     }
-    let side = sign_of(across);
     let line = first << vec2(shift);
     var ab = edge_function(a, b, side, axis != 1u, line, shift);
     var bc = edge_function(b, c, side, axis != 1u, line, shift);
     var ca = edge_function(c, a, side, axis != 1u, line, shift);
-    let crossings_max = batch.crossings_max;
-    var u = first.x;
-    var v = first.y;
-    var at_ab = ab.at;
-    var at_bc = bc.at;
-    var at_ca = ca.at;
-    var begins = true;
-    // Ends: at most 33² lines.
-    loop {
-        // On to the next line inside: a short loop of its own, so that most of the invocations that run in step have a
-        // crossing when the rest begins.
-        loop {
-            if !begins {
-                u += 1i;
-                at_ab += ab.step_u;
-                at_bc += bc.step_u;
-                at_ca += ca.step_u;
-                if u > last.x {
-                    u = first.x;
-                    v += 1i;
-                    ab.at += ab.step_v;
-                    bc.at += bc.step_v;
-                    ca.at += ca.step_v;
-                    at_ab = ab.at;
-                    at_bc = bc.at;
-                    at_ca = ca.at;
-                }
+    for (var v = first.y; v <= last.y; v++) {
+        let of_ab = inside(ab);
+        let of_bc = inside(bc);
+        let of_ca = inside(ca);
+        let begin = first.x + max(max(max(of_ab.x, of_bc.x), of_ca.x), 0i);
+        let end = min(first.x + min(min(of_ab.y, of_bc.y), of_ca.y), last.x);
+        if begin <= end {
+            // Along x samples are found from every line, along y in the face x = 0, along z in the column x = y = 0.
+            let is_way = axis == 0u || (v == 0i && (axis == 1u || begin == 0i));
+            let place = select(places.other, places.way, is_way);
+            if writes && place < select(spans_end, batch.way_max, is_way) {
+                let lines = u32(end + 1i - begin);
+                let what = axis | (u32(begin) << 2u) | (u32(v) << 8u) | (lines << 14u);
+                spans[place] = both(pair, what);
             }
-            begins = false;
-            if v > last.y || (at_ab | at_bc | at_ca) >= 0li {
-                break;
-            }
+            places.way += u32(is_way);
+            places.other += u32(!is_way);
         }
-        if v > last.y {
-            break;
-        }
-        let number = atomicAdd(&batch.crossings, 1u);
-        if number >= crossings_max {
-            atomicOr(&bricks[brick].flags, FULL);
-            break;
-        }
-        crossings[number] = both(pair, axis | (u32(u) << 2u) | (u32(v) << 8u));
+        ab.at += ab.step_row;
+        bc.at += bc.step_row;
+        ca.at += ca.step_row;
     }
+    return places;
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -161,89 +99,60 @@ fn find(@builtin(global_invocation_id) id: vec3<u32>) {
     var b = pair.b;
     var c = pair.c;
     let n = normal_of(a, b, c);
-    normals[id.x] = encode_normal(n);
-    for (var axis = 0u; axis < 3u; axis++) {
-        let across = select(select(n[2], n[1], axis == 1u), n[0], axis == 0u);
-        find_along(axis, id.x, pair.brick, a, b, c, across, pair.shift);
+    let sides = vec3(sign_of(n[0]), sign_of(n[1]), sign_of(n[2]));
+    // Counted first, so that there is one place to take for all.
+    var places = Places(0u, 0u);
+    for (var turn = 0u; turn < 6u; turn++) {
+        if turn == 3u {
+            if (places.way | places.other) == 0u {
+                break;
+            }
+            let way = atomicAdd(&batch.way_spans, places.way);
+            let other = atomicAdd(&batch.other_spans, places.other);
+            // Whatever fits is written, so that no span of the batch before is left among these.
+            if way + places.way > batch.way_max || other + places.other > batch.other_max {
+                atomicOr(&bricks[pair.brick].flags, FULL);
+            }
+            places = Places(way, batch.way_max + other);
+            normals[id.x] = encode_normal(n);
+        }
+        let axis = turn % 3u;
+        let side = select(select(sides.z, sides.y, axis == 1u), sides.x, axis == 0u);
+        places = spans_along(axis, id.x, a, b, c, side, pair.shift, turn >= 3u, places);
         a = a.yzx;
         b = b.yzx;
         c = c.yzx;
     }
 }
 
-// Adds up the jump at a crossing if it lies on the way to a sample: along x anywhere, along y in the face x = 0, along z
-// in the column x = y = 0. `line` are the indices along the axes after `axis`.
-fn jump_at(axis: u32, brick: u32, line: vec2<u32>, lower: u32, jump: i32) {
-    var index: u32;
-    var counts = true;
-    if axis == 0u {
-        index = (line.y * POINTS + line.x) * POINTS + lower + 1u;
-        atomicOr(&jumps[touched_at(brick, line.y * POINTS + line.x)], bitcast<i32>(1u << lower));
-    } else if axis == 1u {
-        index = (line.x * POINTS + lower + 1u) * POINTS;
-        counts = line.y == 0u;
-    } else {
-        index = (lower + 1u) * ROWS;
-        counts = (line.x | line.y) == 0u;
+// Adds up the jumps of the crossings with the lines of a span.
+fn jump_one(packed: u64) {
+    let span = span_of(packed);
+    var depth = span.depth;
+    // Along z only the first line leads to samples.
+    let lines = select(span.lines, 1u, span.axis == 2u);
+    for (var number = 0u; number < lines; number++) {
+        let lower = edge_at(span, depth).x;
+        if lower >= 0i && lower < i32(CELLS) {
+            let u = span.line.x + number;
+            var at = jump_at(span.brick, (u32(lower) + 1u) * ROWS);
+            if span.axis == 0u {
+                let row = span.line.y * POINTS + u;
+                atomicOr(&jumps[touched_at(span.brick, row)], bitcast<i32>(1u << u32(lower)));
+                at = jump_at(span.brick, row * POINTS + u32(lower) + 1u);
+            } else if span.axis == 1u {
+                at = jump_at(span.brick, (u * POINTS + u32(lower) + 1u) * POINTS);
+            }
+            atomicAdd(&jumps[at], span.jump);
+        }
+        depth = next_depth(span, depth);
     }
-    if counts {
-        atomicAdd(&jumps[brick * JUMP_WORDS + index], jump);
-    }
-}
-
-// The sample at which an edge begins.
-fn edge_start(axis: u32, line: vec2<u32>, lower: u32) -> u32 {
-    let ijk = select(select(vec3(line, lower), vec3(line.y, lower, line.x), axis == 1u), vec3(lower, line), axis == 0u);
-    return (ijk.z * POINTS + ijk.y) * POINTS + ijk.x;
-}
-
-fn locate_one(number: u32) {
-    let crossing = crossings[number];
-    let pair = pair_of(low_of(crossing));
-    let packed = high_of(crossing);
-    let axis = packed & 3u;
-    let line = vec2((packed >> 2u) & 63u, packed >> 8u);
-    let shift = pair.shift;
-    let a = rotated(pair.a, axis);
-    let b = rotated(pair.b, axis);
-    let c = rotated(pair.c, axis);
-    let n = normal_of(a, b, c);
-    let side = sign_of(n[0]);
-    // The numerator of the depth at the line, over a positive number.
-    let across = n[0] * i64(side);
-    let slope_u = n[1] * i64(side);
-    let slope_v = n[2] * i64(side);
-    let from_line = a.yz - (vec2<i32>(line) << vec2(shift));
-    let numerator = across * i64(a.x) + slope_u * i64(from_line.x) + slope_v * i64(from_line.y);
-    let per_n = 1.0 / f32(across);
-    let tilt = vec2(f32(slope_u), f32(slope_v)) * per_n;
-    // Rounding leaves an error of 2^-21 of each term, whose numerators are below 2^74.
-    let estimate = f32(a.x) + tilt.x * f32(from_line.x) + tilt.y * f32(from_line.y);
-    let low = f32(min(min(a.x, b.x), c.x));
-    let high = f32(max(max(a.x, b.x), c.x));
-    let depth = divide(numerator, across, per_n, i32(floor(clamp(estimate, low, high))));
-    var lower = depth.units >> shift;
-    var beyond = depth.units & ((1i << shift) - 1i);
-    // On a sample: it lies behind the crossing if the perturbed sample is on the side that the line leaves to.
-    if depth.rest == 0li && beyond == 0i && leading_sign(n, axis) == side {
-        lower -= 1i;
-        beyond = 1i << shift;
-    }
-    if lower < 0i || lower >= i32(CELLS) {
-        positions[number] = u64(NOWHERE);
-        return;
-    }
-    let falls = u32(side > 0i);
-    let offset = offset_of(beyond, depth.rest, across, per_n, shift);
-    let edge = edge_start(axis, line, u32(lower)) | (axis << 16u);
-    positions[number] = both(edge, offset | (falls << 16u) | (pair.brick << 17u));
-    jump_at(axis, pair.brick, line, u32(lower), -side);
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn locate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let count = min(atomicLoad(&batch.crossings), batch.crossings_max);
+fn jump(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let count = min(atomicLoad(&batch.way_spans), batch.way_max);
     for (var number = id.x; number < count; number += groups.x * WORKGROUP) {
-        locate_one(number);
+        jump_one(spans[number]);
     }
 }

@@ -62,7 +62,7 @@ impl Gpu {
         let context = Arc::new(Context::new(instance, index, cap)?);
         let entries: [_; KERNELS] = [
             (SCAN, c"find"),
-            (SCAN, c"locate"),
+            (SCAN, c"jump"),
             (EVALUATE, c"walk"),
             (HERMITE, c"tag"),
             (HERMITE, c"resolve"),

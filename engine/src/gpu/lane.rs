@@ -120,8 +120,10 @@ impl Lane {
         let load = self.load(input, limit);
         let batch = Batch {
             pairs: load.pairs,
+            way_max: load.way_spans,
+            other_max: load.other_spans,
             edges_max: load.edges,
-            crossings_max: load.crossings,
+            more_max: load.more,
             ..Batch::default()
         };
         let parts: [&[u8]; UPLOADED] = [
@@ -163,7 +165,7 @@ impl Lane {
             bricks: bricks.len() as u32,
             pairs: pairs.len() as u32,
             edges: share(self.sizes.edges),
-            crossings: self.sizes.crossings,
+            ..self.sizes
         }
     }
 

@@ -11,7 +11,12 @@ pub(super) struct Sizes {
     pub bricks: u32,
     pub pairs: u32,
     pub edges: u32,
-    pub crossings: u32,
+    /// Spans on the way to a sample.
+    pub way_spans: u32,
+    /// Other spans.
+    pub other_spans: u32,
+    /// Crossings of sign-changing edges behind their first.
+    pub more: u32,
 }
 
 /// Pairs of a triangle and a brick for which a brick makes room. Leaves of a part have 100 to 2,000; those with more
@@ -19,8 +24,12 @@ pub(super) struct Sizes {
 const PAIRS_OF_BRICK: u32 = 2048;
 /// Sign-changing edges for which a brick makes room: a plane through it has 3,000.
 const EDGES_OF_BRICK: u32 = 8192;
-/// Crossings of lattice lines with triangles, also beside the brick. Beads that overlap have two to three on an edge.
-const CROSSINGS_OF_BRICK: u32 = 2 * EDGES_OF_BRICK;
+/// Crossings of these edges behind their first. Beads that overlap have two to three on an edge.
+const MORE_OF_BRICK: u32 = EDGES_OF_BRICK;
+/// Spans of lattice lines along x. A triangle that is larger than a cell has a span a row, a plane some 30 to 100.
+const WAY_SPANS_OF_BRICK: u32 = 6144;
+/// Spans along y and z.
+const OTHER_SPANS_OF_BRICK: u32 = 10240;
 /// Bricks of a batch at most: as many as the subtrees of the usual depths have leaves. Decoded they take 7 MB.
 const BRICKS_MAX: u32 = 64;
 
@@ -38,8 +47,14 @@ impl Sizes {
     /// For this many bricks.
     pub fn of(bricks: u32) -> Sizes {
         let pairs = bricks * PAIRS_OF_BRICK;
-        let (edges, crossings) = (bricks * EDGES_OF_BRICK, bricks * CROSSINGS_OF_BRICK);
-        Sizes { bricks, pairs, edges, crossings }
+        Sizes {
+            bricks,
+            pairs,
+            edges: bricks * EDGES_OF_BRICK,
+            way_spans: bricks * WAY_SPANS_OF_BRICK,
+            other_spans: bricks * OTHER_SPANS_OF_BRICK,
+            more: bricks * MORE_OF_BRICK,
+        }
     }
 
     /// The most that fits in `bytes`, all buffers of a slot taken together; at least one brick. No buffer is longer than
@@ -68,8 +83,8 @@ impl Sizes {
             words(self.bricks, TABLE_WORDS),
             words(self.edges, 2),
             words(self.edges, 2),
-            words(self.crossings, 2),
-            words(self.crossings, 2),
+            words(self.way_spans + self.other_spans, 2),
+            words(self.more, 4),
             words(self.pairs, 1),
             words(self.edges, 2),
         ]

@@ -8,8 +8,10 @@ use ash::vk;
 use brickfield_shaders::WORKGROUP;
 use std::sync::Arc;
 
-/// Workgroups for each brick that share the crossings: a leaf of a part has 1,000 to 10,000.
-const CROSSING_GROUPS: u32 = 16;
+/// Workgroups for each brick that share the spans on the way to samples: a leaf of a part has 50 to 1,000.
+const WAY_GROUPS: u32 = 4;
+/// Workgroups for each brick that share all spans.
+const SPAN_GROUPS: u32 = 8;
 /// Workgroups for each brick that share the edges with several crossings.
 const RESOLVE_GROUPS: u32 = 4;
 /// Kernels of a batch.
@@ -186,8 +188,9 @@ impl Slot {
 
     fn record_kernels(&self, kernels: &Kernels, buffers: Buffers, load: &Sizes) {
         let of_pairs = load.pairs.div_ceil(WORKGROUP);
-        let of_crossings = load.bricks * CROSSING_GROUPS;
-        let groups = [of_pairs, of_crossings, load.bricks, of_crossings, load.bricks * RESOLVE_GROUPS];
+        let of_bricks = [WAY_GROUPS, 1, SPAN_GROUPS, RESOLVE_GROUPS].map(|groups| load.bricks * groups);
+        let [of_way, each, of_spans, of_doubles] = of_bricks;
+        let groups = [of_pairs, of_way, each, of_spans, of_doubles];
         let device = &self.context.raw;
         for (number, groups) in groups.into_iter().enumerate() {
             if number > 0 {
