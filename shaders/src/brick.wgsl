@@ -29,16 +29,18 @@ struct Brick {
 // of samples.
 @group(0) @binding(2) var<storage, read> pairs: array<u64>;
 // By sample, x fastest: the jump on the way to it, along x, or in the face x = 0 along y, or in the column x = y = 0
-// along z. Behind those of a brick, by row: which edges along x hold crossings, as bits.
+// along z. Behind those of a brick, as bits: which edges along x hold crossings, by row; along y in the face, by z; along
+// z in the column.
 @group(0) @binding(3) var<storage, read_write> jumps: array<atomic<i32>>;
 // By row, two a word, the first one low: the samples behind the edges along x that hold crossings.
 @group(0) @binding(4) var<storage, read_write> samples: array<u32>;
-// By row: its first sample. Behind those of a brick, by row: which edges along x hold crossings.
-@group(0) @binding(5) var<storage, read_write> rows: array<u32>;
-// Binding 6 is `tables`, which the shaders see differently. By brick, axis and row two words: which edges change sign that
-// begin in the row, as bits over x, and how many such edges lie before the row's, if it has any and there is room for
-// the brick's, which bit 30 tells; bit 31 tells whether the one at x = 32 changes sign.
-// By sign-changing edge: how many crossings it holds, and the last but the first one's number in `more`, from 1.
+// By row: its first sample, and in the high half which edges along x hold crossings.
+@group(0) @binding(5) var<storage, read_write> rows: array<u64>;
+// By brick, axis and row: which edges change sign that begin in the row, as bits over x; in the high half how many such
+// edges lie before the row's, if it has any and there is room for the brick's, which bit 30 tells; bit 31 tells whether
+// the one at x = 32 changes sign.
+@group(0) @binding(6) var<storage, read_write> tables: array<u64>;
+// By sign-changing edge: how many crossings it holds, and the number of its last one in `more`, from 1.
 @group(0) @binding(7) var<storage, read_write> chains: array<atomic<u32>>;
 // By sign-changing edge: the offset of the first crossing with its way, and in the high half its normal; in the end the
 // Hermite edge's.
@@ -46,13 +48,14 @@ struct Brick {
 // Lines that a triangle covers: first those that lead to samples, then the others. Its pair, and in the high half axis,
 // first line and how many there are.
 @group(0) @binding(9) var<storage, read_write> spans: array<u64>;
-// By crossing of a sign-changing edge but its first, in words of two numbers, the first one low: as in `hermite`; the
-// crossing before it in the chain, from 1; the sample where the edge begins, with its brick.
+// By crossing of a sign-changing edge behind its second, two words: as in `hermite`; the one before it in the chain, from 1.
 @group(0) @binding(10) var<storage, read_write> more: array<u64>;
 // By pair that has a span: the triangle's normal as a Hermite edge has it.
 @group(0) @binding(11) var<storage, read_write> normals: array<u32>;
-// By sign-changing edge with several crossings: its second one, and in the high half its place.
+// By sign-changing edge with several crossings: its place, and in the high half the sample where it begins with its brick.
 @group(0) @binding(12) var<storage, read_write> doubles: array<u64>;
+// By sign-changing edge: its second crossing, as in `hermite`.
+@group(0) @binding(13) var<storage, read_write> seconds: array<u64>;
 
 fn both(low: u32, high: u32) -> u64 {
     return u64(low) | (u64(high) << 32u);
@@ -66,7 +69,6 @@ fn high_of(both: u64) -> u32 {
     return u32(both >> 32u);
 }
 
-// The number of a row's two words in `tables`.
 fn table_at(brick: u32, axis: u32, row: u32) -> u32 {
     return (brick * 3u + axis) * ROWS + row;
 }
@@ -76,7 +78,23 @@ fn jump_at(brick: u32, index: u32) -> u32 {
     return brick * JUMP_WORDS + index;
 }
 
-// Where the edges of a row along x are kept that hold crossings.
+// Where the edges that hold crossings are kept: those of a row along x, in the face along y, in the column.
 fn touched_at(brick: u32, row: u32) -> u32 {
     return brick * JUMP_WORDS + ROWS * POINTS + row;
+}
+
+fn face_touched_at(brick: u32, z: u32) -> u32 {
+    return touched_at(brick, ROWS + z);
+}
+
+fn column_touched_at(brick: u32) -> u32 {
+    return touched_at(brick, ROWS + POINTS);
+}
+
+// The part of a list that a workgroup has: the first and the end. Parts are whole, so that what lies close in memory is
+// used together.
+fn part_of(count: u32, group: u32, groups: u32) -> vec2<u32> {
+    let turns = (count + groups * WORKGROUP - 1u) / (groups * WORKGROUP);
+    let each = turns * WORKGROUP;
+    return vec2(min(group * each, count), min((group + 1u) * each, count));
 }

@@ -3,119 +3,116 @@
 // `walk` follows the jumps, which `jump` has added up, from the corner to each sample, and finds the sign changes on the
 // way. An invocation has a row of samples.
 
-@group(0) @binding(6) var<storage, read_write> tables: array<u32>;
-
-// By row: its first sample, later what `find_changes` returns.
-var<workgroup> row_words: array<i32, ROWS>;
-// By row: which samples are inside, those of 0 to 31 as bits, and that of 32.
-var<workgroup> low_bits: array<u32, ROWS>;
-var<workgroup> high_bit: array<u32, ROWS>;
-// Sign-changing edges of each invocation's rows, by axis; then of those before them.
-var<workgroup> sums: array<vec3<u32>, WORKGROUP>;
-
-// Whether the brick has edges, and there is room for them.
+// By z: the sample in the column x = y = 0, and in the high half which edges along y from there on hold crossings.
+var<workgroup> starts: array<u64, POINTS>;
+// By row: which samples are inside, as bits.
+var<workgroup> insides: array<u64, ROWS>;
+// Sign-changing edges of each invocation's rows, those along an axis in 16 bits; then of those before them.
+var<workgroup> sums: array<u64, WORKGROUP>;
+// Where the brick's edges along each axis begin, and whether there are any and room for them.
+var<workgroup> places: vec3<u32>;
 var<workgroup> has_room: u32;
 
 fn jump_to(brick: u32, index: u32) -> i32 {
     return atomicLoad(&jumps[jump_at(brick, index)]);
 }
 
-// The first samples of all rows: up the column, then along the face.
-fn start_rows(brick: u32, me: u32) {
-    if me == 0u {
-        var w = bricks[brick].corner;
-        row_words[0] = w;
-        for (var k = 1u; k < POINTS; k++) {
-            w += jump_to(brick, k * ROWS);
-            row_words[k * POINTS] = w;
-        }
-    }
-    workgroupBarrier();
+fn touched(at: u32) -> u32 {
+    return bitcast<u32>(atomicLoad(&jumps[at]));
+}
+
+// The samples of the column.
+fn start_column(brick: u32, me: u32) {
     if me < POINTS {
-        var w = row_words[me * POINTS];
-        for (var j = 1u; j < POINTS; j++) {
-            w += jump_to(brick, (me * POINTS + j) * POINTS);
-            row_words[me * POINTS + j] = w;
+        var w = bricks[brick].corner;
+        let below = select((1u << (me & 31u)) - 1u, 0xffffffffu, me == CELLS);
+        for (var left = touched(column_touched_at(brick)) & below; left != 0u; left &= left - 1u) {
+            w += jump_to(brick, (countTrailingZeros(left) + 1u) * ROWS);
         }
+        starts[me] = both(bitcast<u32>(w), touched(face_touched_at(brick, me)));
     }
     workgroupBarrier();
+}
+
+// The first sample of a row.
+fn start_of(brick: u32, row: u32) -> i32 {
+    let z = row / POINTS;
+    let y = row % POINTS;
+    let start = starts[z];
+    var w = bitcast<i32>(low_of(start));
+    let below = select((1u << (y & 31u)) - 1u, 0xffffffffu, y == CELLS);
+    for (var left = high_of(start) & below; left != 0u; left &= left - 1u) {
+        w += jump_to(brick, (z * POINTS + countTrailingZeros(left) + 1u) * POINTS);
+    }
+    return w;
 }
 
 fn found_at(w: i32, corner: i32) -> u32 {
     return select(0u, VARIES, w != corner) | select(0u, EXCESS, w != extractBits(w, 0u, 16u));
 }
 
-// The samples of a row, of which those behind crossings are written down; returns what was found. What is 0 is 0 already.
+// The samples of a row, of which those behind crossings are written down; returns what was found.
 fn walk_row(brick: u32, corner: i32, row: u32) -> u32 {
-    let start = row_words[row];
+    let start = start_of(brick, row);
     var found = found_at(start, corner);
-    if start != 0i {
-        rows[2u * brick * ROWS + row] = bitcast<u32>(start);
-    }
-    let touched = bitcast<u32>(atomicLoad(&jumps[touched_at(brick, row)]));
-    if touched != 0u {
-        rows[(2u * brick + 1u) * ROWS + row] = touched;
-    }
+    let crossed = touched(touched_at(brick, row));
+    rows[brick * ROWS + row] = both(bitcast<u32>(start), crossed);
     let to_word = brick * SAMPLE_WORDS + row * ROW_WORDS;
     let from_jump = row * POINTS;
     var w = start;
-    var bits = select(0u, 0xffffffffu, start >= 1i);
+    var bits = select(0lu, 0x1fffffffflu, start >= 1i);
     var word = 0u;
     var word_at = 0u;
-    for (var left = touched; left != 0u; left &= left - 1u) {
+    for (var left = crossed; left != 0u; left &= left - 1u) {
         let i = countTrailingZeros(left) + 1u;
         w += jump_to(brick, from_jump + i);
         found |= found_at(w, corner);
         word = select(0u, word, word_at == (i >> 1u)) | ((bitcast<u32>(w) & 0xffffu) << (16u * (i & 1u)));
         word_at = i >> 1u;
         samples[to_word + word_at] = word;
-        let behind = select(0xffffffffu << (i & 31u), 0u, i == CELLS);
-        bits = select(bits & ~behind, bits | behind, w >= 1i);
+        let before = (1lu << i) - 1lu;
+        bits = (bits & before) | select(0lu, 0x1fffffffflu & ~before, w >= 1i);
     }
-    low_bits[row] = bits;
-    high_bit[row] = u32(w >= 1i);
+    insides[row] = bits;
     return found;
 }
 
-// Which edges change sign that begin in a row, written down if any do but for those at x = 32; returns how many there are
-// by axis, eight bits each, and behind these whether those at x = 32 along y and z do.
-fn find_changes(brick: u32, row: u32) -> u32 {
-    let low = low_bits[row];
-    let high = high_bit[row];
-    let x = low ^ ((low >> 1u) | (high << 31u));
-    var y = vec2(0u, 0u);
-    if row % POINTS != CELLS {
-        y = vec2(low, high) ^ vec2(low_bits[row + 1u], high_bit[row + 1u]);
-    }
-    var z = vec2(0u, 0u);
-    if row < CELLS * POINTS {
-        z = vec2(low, high) ^ vec2(low_bits[row + POINTS], high_bit[row + POINTS]);
-    }
-    if x != 0u { tables[2u * table_at(brick, 0u, row)] = x; }
-    if y.x != 0u { tables[2u * table_at(brick, 1u, row)] = y.x; }
-    if z.x != 0u { tables[2u * table_at(brick, 2u, row)] = z.x; }
-    let counts = vec3(countOneBits(x), countOneBits(y.x) + y.y, countOneBits(z.x) + z.y);
-    return counts.x | (counts.y << 8u) | (counts.z << 16u) | (y.y << 24u) | (z.y << 25u);
+// Which edges change sign that begin in a row, as bits.
+struct Changes {
+    x: u64,
+    y: u64,
+    z: u64,
 }
 
-// What `find_changes` has counted.
-fn counted(packed: u32) -> vec3<u32> {
-    return (vec3(packed) >> vec3(0u, 8u, 16u)) & vec3(0xffu);
+// `inside` are the samples of the row, `next` those of the next one.
+fn changes_of(row: u32, inside: u64, next: u64) -> Changes {
+    let z = insides[min(row + POINTS, ROWS - 1u)];
+    return Changes(
+        (inside ^ (inside >> 1u)) & 0xfffffffflu,
+        select(0lu, inside ^ next, row % POINTS != CELLS),
+        select(0lu, inside ^ z, row < CELLS * POINTS),
+    );
+}
+
+fn count(bits: u64) -> u32 {
+    return countOneBits(low_of(bits)) + high_of(bits);
 }
 
 // Takes room for the brick's edges; turns the sums into what lies before each invocation's rows.
 fn take_room(brick: u32) {
-    var total = vec3(0u, 0u, 0u);
+    var total = 0lu;
     for (var other = 0u; other < WORKGROUP; other++) {
         let own = sums[other];
         sums[other] = total;
         total += own;
     }
-    let edges = total.x + total.y + total.z;
+    let x = low_of(total) & 0xffffu;
+    let y = low_of(total) >> 16u;
+    let edges = x + y + high_of(total);
     let from_place = atomicAdd(&batch.edges, edges);
     bricks[brick].edges_from = from_place;
-    bricks[brick].edges_x = total.x;
-    bricks[brick].edges_y = total.y;
+    bricks[brick].edges_x = x;
+    bricks[brick].edges_y = y;
     if from_place > batch.edges_max || edges > batch.edges_max - from_place {
         atomicOr(&bricks[brick].flags, FULL);
         bricks[brick].edges = 0u;
@@ -124,16 +121,18 @@ fn take_room(brick: u32) {
     }
     bricks[brick].edges = edges;
     has_room = edges;
-    for (var other = 0u; other < WORKGROUP; other++) {
-        sums[other] += vec3(from_place) + vec3(0u, total.x, total.x + total.y);
-    }
+    places = vec3(from_place, from_place + x, from_place + x + y);
+}
+
+fn write_table(brick: u32, axis: u32, row: u32, bits: u64, place: u32) {
+    tables[table_at(brick, axis, row)] = both(low_of(bits), (1u << 30u) | (high_of(bits) << 31u) | place);
 }
 
 @compute @workgroup_size(WORKGROUP)
 fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) me: u32) {
     let brick = group.x;
     let corner = bricks[brick].corner;
-    start_rows(brick, me);
+    start_column(brick, me);
     var found = 0u;
     for (var row = me; row < ROWS; row += WORKGROUP) {
         found |= walk_row(brick, corner, row);
@@ -146,11 +145,14 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let each = (ROWS + WORKGROUP - 1u) / WORKGROUP;
     let first = min(me * each, ROWS);
     let end = min(first + each, ROWS);
-    var sum = vec3(0u, 0u, 0u);
+    let first_inside = insides[min(first, ROWS - 1u)];
+    var sum = 0lu;
+    var inside = first_inside;
     for (var row = first; row < end; row++) {
-        let packed = find_changes(brick, row);
-        row_words[row] = bitcast<i32>(packed);
-        sum += counted(packed);
+        let next = insides[min(row + 1u, ROWS - 1u)];
+        let changes = changes_of(row, inside, next);
+        sum += both(count(changes.x) | (count(changes.y) << 16u), count(changes.z));
+        inside = next;
     }
     sums[me] = sum;
     workgroupBarrier();
@@ -158,15 +160,21 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         take_room(brick);
     }
     workgroupBarrier();
-    var next = sums[me];
+    if has_room == 0u {
+        return;
+    }
+    let before = sums[me];
+    var place = places + vec3(low_of(before) & 0xffffu, low_of(before) >> 16u, high_of(before));
+    inside = first_inside;
     for (var row = first; row < end; row++) {
-        let packed = bitcast<u32>(row_words[row]);
-        if packed != 0u && has_room != 0u {
-            let there = 1u << 30u;
-            tables[2u * table_at(brick, 0u, row) + 1u] = there | next.x;
-            tables[2u * table_at(brick, 1u, row) + 1u] = there | next.y | ((packed & (1u << 24u)) << 7u);
-            tables[2u * table_at(brick, 2u, row) + 1u] = there | next.z | ((packed & (1u << 25u)) << 6u);
-            next += counted(packed);
+        let next = insides[min(row + 1u, ROWS - 1u)];
+        let changes = changes_of(row, inside, next);
+        if (changes.x | changes.y | changes.z) != 0lu {
+            write_table(brick, 0u, row, changes.x, place.x);
+            write_table(brick, 1u, row, changes.y, place.y);
+            write_table(brick, 2u, row, changes.z, place.z);
+            place += vec3(count(changes.x), count(changes.y), count(changes.z));
         }
+        inside = next;
     }
 }

@@ -3,63 +3,117 @@
 // `tag` finds the crossings of sign-changing edges. Most edges have one, which is written where the Hermite edge belongs.
 // Others are chained, and `resolve` finds the one where the running count passes 0.5.
 
-@group(0) @binding(6) var<storage, read_write> tables: array<u64>;
+// The second crossing of a sign-changing edge: its offset with its way, and its normal. `start` is the sample where the edge
+// begins, and in the high half the brick.
+fn keep_second(place: u32, crossing: u64, start: u32) {
+    seconds[place] = crossing;
+    doubles[atomicAdd(&batch.doubles, 1u)] = both(place, start);
+}
 
-// A crossing of a sign-changing edge: its offset with its way, and its normal.
-fn tag_crossing(place: u32, crossing: u64, brick: u32, start: u32) {
-    let before = atomicAdd(&chains[2u * place], 1u);
-    if before == 0u {
-        hermite[place] = crossing;
-        return;
-    }
+// One behind the second.
+fn keep_more(place: u32, crossing: u64, brick: u32, more_max: u32) {
     let number = atomicAdd(&batch.more, 1u);
-    if number >= batch.more_max {
+    if number >= more_max {
         atomicOr(&bricks[brick].flags, FULL);
         return;
     }
     more[2u * number] = crossing;
-    more[2u * number + 1u] = both(atomicExchange(&chains[2u * place + 1u], number + 1u), start | (brick << 16u));
-    if before == 1u {
-        doubles[atomicAdd(&batch.doubles, 1u)] = both(number, place);
-    }
+    more[2u * number + 1u] = u64(atomicExchange(&chains[2u * place + 1u], number + 1u));
 }
 
-fn tag_one(packed: u64) {
+// A crossing of a sign-changing edge.
+struct Tag {
+    // Whether there is one.
+    found: bool,
+    place: u32,
+    // Where the edge begins in the brick.
+    sample: u32,
+    // From the edge's beginning: units, and the rest.
+    beyond: i32,
+    rest: i64,
+}
+
+// A span with the next of its lines.
+struct Cursor {
+    line: u32,
+    depth: Depth,
+}
+
+// Looks at the next line.
+fn look(span: Span, cursor: Cursor) -> Tag {
+    let edge = edge_at(span, cursor.depth);
+    let is_inside = edge.x >= 0i && edge.x < i32(CELLS);
+    let lower = u32(clamp(edge.x, 0i, i32(CELLS) - 1i));
+    let u = span.line.x + cursor.line;
+    let v = span.line.y;
+    let row = select(select(lower * POINTS + v, u * POINTS + lower, span.axis == 1u), v * POINTS + u, span.axis == 0u);
+    let i = select(select(u, v, span.axis == 1u), lower, span.axis == 0u);
+    let table = tables[table_at(span.brick, span.axis, row)];
+    let bits = low_of(table);
+    let rank = high_of(table);
+    let is_last = i == CELLS;
+    let changes = select((bits >> (i & 31u)) & 1u, rank >> 31u, is_last);
+    let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
+    let place = (rank & 0x3fffffffu) + countOneBits(below);
+    return Tag(is_inside && rank != 0u && changes != 0u, place, row * POINTS + i, edge.y, cursor.depth.rest);
+}
+
+// Loops within loops, so that invocations that run in step come together where less is to be done: llvmpipe goes through
+// whatever a loop holds for all of them, and leaves out nothing because it is none's.
+fn tag_one(packed: u64, more_max: u32) {
     let span = span_of(packed);
     let normal = normals[span.pair];
     let way = select(0u, 1u << 16u, span.jump < 0i);
-    var depth = span.depth;
-    for (var number = 0u; number < span.lines; number++) {
-        let edge = edge_at(span, depth);
-        if edge.x >= 0i && edge.x < i32(CELLS) {
-            let lower = u32(edge.x);
-            let u = span.line.x + number;
-            let v = span.line.y;
-            let row = select(select(lower * POINTS + v, u * POINTS + lower, span.axis == 1u), v * POINTS + u, span.axis == 0u);
-            let i = select(select(u, v, span.axis == 1u), lower, span.axis == 0u);
-            let table = tables[table_at(span.brick, span.axis, row)];
-            let bits = low_of(table);
-            let rank = high_of(table);
-            let is_last = i == CELLS;
-            let changes = select((bits >> (i & 31u)) & 1u, rank >> 31u, is_last);
-            if rank != 0u && changes != 0u {
-                let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
-                let place = (rank & 0x3fffffffu) + countOneBits(below);
-                let offset = offset_of(edge.y, depth.rest, span.across, span.per_n, span.shift);
-                tag_crossing(place, both(offset | way, normal), span.brick, row * POINTS + i);
+    var cursor = Cursor(0u, span.depth);
+    loop {
+        var tag = Tag(false, 0u, 0u, 0i, 0li);
+        var crossing = 0lu;
+        var before = 0u;
+        loop {
+            loop {
+                if cursor.line >= span.lines {
+                    tag.found = false;
+                    break;
+                }
+                tag = look(span, cursor);
+                cursor = Cursor(cursor.line + 1u, next_depth(span, cursor.depth));
+                if tag.found {
+                    break;
+                }
             }
+            before = 0u;
+            if !tag.found {
+                break;
+            }
+            let offset = offset_of(tag.beyond, tag.rest, span.across, span.per_n, span.shift);
+            crossing = both(offset | way, normal);
+            before = atomicAdd(&chains[2u * tag.place], 1u);
+            if before != 0u {
+                break;
+            }
+            hermite[tag.place] = crossing;
         }
-        depth = next_depth(span, depth);
+        if before == 0u {
+            break;
+        }
+        if before == 1u {
+            keep_second(tag.place, crossing, tag.sample | (span.brick << 16u));
+        } else {
+            keep_more(tag.place, crossing, span.brick, more_max);
+        }
     }
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn tag(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn tag(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) me: u32) {
+    let way_max = batch.way_max;
+    let more_max = batch.more_max;
     // The spans that lead to samples, and behind their room the others.
-    let ways = min(atomicLoad(&batch.way_spans), batch.way_max);
+    let ways = min(atomicLoad(&batch.way_spans), way_max);
     let count = ways + min(atomicLoad(&batch.other_spans), batch.other_max);
-    for (var number = id.x; number < count; number += groups.x * WORKGROUP) {
-        tag_one(spans[select(batch.way_max - ways, 0u, number < ways) + number]);
+    let part = part_of(count, group.x, groups.x);
+    for (var number = part.x + me; number < part.y; number += WORKGROUP) {
+        tag_one(spans[select(way_max - ways, 0u, number < ways) + number], more_max);
     }
 }
 
@@ -71,9 +125,10 @@ fn sample(brick: u32, index: u32) -> i32 {
     let row = index / POINTS;
     let i = index % POINTS;
     let before = select((1u << (i & 31u)) - 1u, 0xffffffffu, i == CELLS);
-    let touched = rows[(2u * brick + 1u) * ROWS + row] & before;
+    let packed = rows[brick * ROWS + row];
+    let touched = high_of(packed) & before;
     if touched == 0u {
-        return bitcast<i32>(rows[2u * brick * ROWS + row]);
+        return bitcast<i32>(low_of(packed));
     }
     let behind = firstLeadingBit(touched) + 1u;
     let word = samples[brick * SAMPLE_WORDS + row * ROW_WORDS + (behind >> 1u)];
@@ -108,26 +163,24 @@ fn with_crossing(step: Step, last: i32, offset_and_way: u32, normal: u32) -> Ste
     return out;
 }
 
-// Finds the crossing of an edge at which the running count passes 0.5; `head` is its last crossing, from 1. Returns what
-// is wrong, if anything is.
+// Finds the crossing of an edge at which the running count passes 0.5. `head` is the last of its crossings behind the
+// second, from 1. Returns what is wrong, if anything is.
 fn decide(place: u32, head: u32, start: i32) -> u32 {
     let first = vec2(low_of(hermite[place]), high_of(hermite[place]));
+    let second = vec2(low_of(seconds[place]), high_of(seconds[place]));
     var w = start;
     var last = -1i;
     // Towards 0 from above, by crossings that all go one way, the farthest one counts: offsets are turned round.
     var turned = 0u;
     if start >= 1i {
-        var end = start + select(-1i, 1i, (first.x >> 16u) == 0u);
-        var rises = (first.x >> 16u) == 0u;
-        var at = head;
-        while at != 0u {
+        var falls = (first.x >> 16u) + (second.x >> 16u);
+        var crossings = 2u;
+        for (var at = head; at != 0u; at = low_of(more[2u * at - 1u])) {
             steps += 1u;
-            let way = low_of(more[2u * at - 2u]) >> 16u;
-            end += select(-1i, 1i, way == 0u);
-            rises = rises || way == 0u;
-            at = low_of(more[2u * at - 1u]);
+            falls += low_of(more[2u * at - 2u]) >> 16u;
+            crossings += 1u;
         }
-        if end == 0i && !rises {
+        if falls == crossings && start == i32(falls) {
             turned = 0xffffu;
             w = 1i;
         }
@@ -135,15 +188,14 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
     loop {
         // All crossings at the next offset count as one step.
         var step = with_crossing(Step(65536i, 0i, 0u, 0u), last, first.x ^ turned, first.y);
-        var next = head;
-        while next != 0u {
+        step = with_crossing(step, last, second.x ^ turned, second.y);
+        for (var at = head; at != 0u; at = low_of(more[2u * at - 1u])) {
             steps += 1u;
             if steps > STEPS_MAX {
                 return CROWDED;
             }
-            let crossing = more[2u * next - 2u];
+            let crossing = more[2u * at - 2u];
             step = with_crossing(step, last, low_of(crossing) ^ turned, high_of(crossing));
-            next = low_of(more[2u * next - 1u]);
         }
         if step.offset == 65536i {
             break;
@@ -161,19 +213,19 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) me: u32) {
     let count = atomicLoad(&batch.doubles);
     steps = 0u;
-    for (var double = id.x; double < count; double += groups.x * WORKGROUP) {
+    let part = part_of(count, group.x, groups.x);
+    for (var double = part.x + me; double < part.y; double += WORKGROUP) {
         let packed = doubles[double];
-        let place = high_of(packed);
-        let where_from = high_of(more[2u * low_of(packed) + 1u]);
-        let brick = where_from >> 16u;
+        let place = low_of(packed);
+        let brick = high_of(packed) >> 16u;
         // A brick whose crossings found no room has edges that lack some.
         if (atomicLoad(&bricks[brick].flags) & FULL) != 0u {
             continue;
         }
-        let start = sample(brick, where_from & 0xffffu);
+        let start = sample(brick, high_of(packed) & 0xffffu);
         let wrong = decide(place, atomicLoad(&chains[2u * place + 1u]), start);
         if wrong != 0u {
             atomicOr(&bricks[brick].flags, wrong);

@@ -11,7 +11,6 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("ROW_WORDS", ROW_WORDS),
     ("SAMPLE_WORDS", SAMPLE_WORDS),
     ("JUMP_WORDS", JUMP_WORDS),
-    ("TABLE_WORDS", TABLE_WORDS),
     ("WORKGROUP", WORKGROUP),
     ("VARIES", VARIES),
     ("EXCESS", EXCESS),
@@ -33,8 +32,8 @@ pub const ROWS: u32 = POINTS * POINTS;
 pub const ROW_WORDS: u32 = POINTS.div_ceil(2);
 /// Words of a brick's samples.
 pub const SAMPLE_WORDS: u32 = ROWS * ROW_WORDS;
-/// Words of a brick's jumps: one a sample, and one a row.
-pub const JUMP_WORDS: u32 = ROWS * POINTS + ROWS;
+/// Words of a brick's jumps: one a sample, and one for each line of edges that holds some of them.
+pub const JUMP_WORDS: u32 = ROWS * POINTS + ROWS + POINTS + 1;
 /// Words of what is known of a brick's rows: for each axis and row bits that say which edges change sign, and how many such
 /// edges the rows before hold.
 pub const TABLE_WORDS: u32 = 6 * ROWS;
@@ -86,7 +85,7 @@ shared! {
         other_max: u32,
         /// Sign-changing edges for which there is room.
         edges_max: u32,
-        /// Crossings of such edges behind their first for which there is room.
+        /// Crossings of such edges behind their second for which there is room.
         more_max: u32,
         /// Spans found on the way to a sample.
         way_spans: u32,
@@ -94,7 +93,7 @@ shared! {
         other_spans: u32,
         /// Sign-changing edges found.
         edges: u32,
-        /// Crossings of such edges found behind their first.
+        /// Crossings of such edges found behind their second.
         more: u32,
         /// Sign-changing edges with several crossings.
         doubles: u32,
@@ -150,20 +149,9 @@ pub const STRUCTURES: &[(&str, usize, Members)] = &[
 ];
 
 /// Buffers of the kernels that evaluate bricks, by binding.
-pub const BRICK_BUFFERS: [&str; 13] = [
-    "batch",
-    "bricks",
-    "pairs",
-    "jumps",
-    "samples",
-    "rows",
-    "tables",
-    "chains",
-    "hermite",
-    "spans",
-    "more",
-    "normals",
-    "doubles",
+pub const BRICK_BUFFERS: [&str; 14] = [
+    "batch", "bricks", "pairs", "jumps", "samples", "rows", "tables", "chains", "hermite", "spans", "more",
+    "normals", "doubles", "seconds",
 ];
 /// Buffers of the kernel that sums solid angles, by binding.
 pub const BRUTE_BUFFERS: [&str; 4] = ["sum", "facets", "points", "angles"];

@@ -47,11 +47,10 @@ struct Places {
     other: u32,
 }
 
-// The spans of lines along an axis. Vertices are relative to sample 0 of the brick and rotated. Returns where the next are
-// written; with `writes` these are.
-fn spans_along(axis: u32, pair: u32, a: vec3<i32>, b: vec3<i32>, c: vec3<i32>, side: i32, shift: u32, writes: bool, from_places: Places) -> Places {
+// The spans of lines along an axis. Vertices are relative to sample 0 of the brick and rotated. Writes those that lie before
+// the ends, and returns where the next ones belong.
+fn spans_along(axis: u32, pair: u32, a: vec3<i32>, b: vec3<i32>, c: vec3<i32>, side: i32, shift: u32, ends: Places, from_places: Places) -> Places {
     var places = from_places;
-    let spans_end = batch.way_max + batch.other_max;
     let low = min(min(a, b), c);
     let high = max(max(a, b), c);
     let below = (1i << shift) - 1i;
@@ -74,7 +73,7 @@ fn spans_along(axis: u32, pair: u32, a: vec3<i32>, b: vec3<i32>, c: vec3<i32>, s
             // Along x samples are found from every line, along y in the face x = 0, along z in the column x = y = 0.
             let is_way = axis == 0u || (v == 0i && (axis == 1u || begin == 0i));
             let place = select(places.other, places.way, is_way);
-            if writes && place < select(spans_end, batch.way_max, is_way) {
+            if place < select(ends.other, ends.way, is_way) {
                 let lines = u32(end + 1i - begin);
                 let what = axis | (u32(begin) << 2u) | (u32(v) << 8u) | (lines << 14u);
                 spans[place] = both(pair, what);
@@ -91,6 +90,8 @@ fn spans_along(axis: u32, pair: u32, a: vec3<i32>, b: vec3<i32>, c: vec3<i32>, s
 
 @compute @workgroup_size(WORKGROUP)
 fn find(@builtin(global_invocation_id) id: vec3<u32>) {
+    let way_max = batch.way_max;
+    let other_max = batch.other_max;
     if id.x >= batch.pairs {
         return;
     }
@@ -102,6 +103,7 @@ fn find(@builtin(global_invocation_id) id: vec3<u32>) {
     let sides = vec3(sign_of(n[0]), sign_of(n[1]), sign_of(n[2]));
     // Counted first, so that there is one place to take for all.
     var places = Places(0u, 0u);
+    var ends = Places(0u, 0u);
     for (var turn = 0u; turn < 6u; turn++) {
         if turn == 3u {
             if (places.way | places.other) == 0u {
@@ -110,15 +112,16 @@ fn find(@builtin(global_invocation_id) id: vec3<u32>) {
             let way = atomicAdd(&batch.way_spans, places.way);
             let other = atomicAdd(&batch.other_spans, places.other);
             // Whatever fits is written, so that no span of the batch before is left among these.
-            if way + places.way > batch.way_max || other + places.other > batch.other_max {
+            if way + places.way > way_max || other + places.other > other_max {
                 atomicOr(&bricks[pair.brick].flags, FULL);
             }
-            places = Places(way, batch.way_max + other);
+            places = Places(way, way_max + other);
+            ends = Places(way_max, way_max + other_max);
             normals[id.x] = encode_normal(n);
         }
         let axis = turn % 3u;
         let side = select(select(sides.z, sides.y, axis == 1u), sides.x, axis == 0u);
-        places = spans_along(axis, id.x, a, b, c, side, pair.shift, turn >= 3u, places);
+        places = spans_along(axis, id.x, a, b, c, side, pair.shift, ends, places);
         a = a.yzx;
         b = b.yzx;
         c = c.yzx;
@@ -135,14 +138,18 @@ fn jump_one(packed: u64) {
         let lower = edge_at(span, depth).x;
         if lower >= 0i && lower < i32(CELLS) {
             let u = span.line.x + number;
-            var at = jump_at(span.brick, (u32(lower) + 1u) * ROWS);
+            let behind = u32(lower) + 1u;
+            var touched = column_touched_at(span.brick);
+            var at = jump_at(span.brick, behind * ROWS);
             if span.axis == 0u {
                 let row = span.line.y * POINTS + u;
-                atomicOr(&jumps[touched_at(span.brick, row)], bitcast<i32>(1u << u32(lower)));
-                at = jump_at(span.brick, row * POINTS + u32(lower) + 1u);
+                touched = touched_at(span.brick, row);
+                at = jump_at(span.brick, row * POINTS + behind);
             } else if span.axis == 1u {
-                at = jump_at(span.brick, (u * POINTS + u32(lower) + 1u) * POINTS);
+                touched = face_touched_at(span.brick, u);
+                at = jump_at(span.brick, (u * POINTS + behind) * POINTS);
             }
+            atomicOr(&jumps[touched], bitcast<i32>(1u << u32(lower)));
             atomicAdd(&jumps[at], span.jump);
         }
         depth = next_depth(span, depth);
@@ -150,9 +157,10 @@ fn jump_one(packed: u64) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn jump(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn jump(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) me: u32) {
     let count = min(atomicLoad(&batch.way_spans), batch.way_max);
-    for (var number = id.x; number < count; number += groups.x * WORKGROUP) {
+    let part = part_of(count, group.x, groups.x);
+    for (var number = part.x + me; number < part.y; number += WORKGROUP) {
         jump_one(spans[number]);
     }
 }

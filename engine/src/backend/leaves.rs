@@ -1,4 +1,4 @@
-//! Leaves of a subtree, evaluated ahead of their turn in batches on a device.
+//! Leaves of subtrees, evaluated ahead of their turn in batches on a device.
 //!
 //! What the device cannot do, or fails to do, the processor does with the same result: bricks with too many triangles
 //! or crossings for the buffers, winding numbers beyond 16 bits, which end in an error, and everything after the device
@@ -16,12 +16,14 @@ use std::ops::Range;
 
 /// A leaf to evaluate.
 #[derive(Clone, Copy)]
-pub struct Leaf<'a> {
+pub struct Leaf<'a, P = Triangle> {
     /// The brick.
     pub key: NodeKey,
     /// Its sample (0, 0, 0).
     pub corner: i16,
-    /// The triangles that touch it, of the array that [`LeafQueue::next`] is given.
+    /// Pieces of the field.
+    pub array: &'a [P],
+    /// Those of them that touch the brick.
     pub indices: &'a [u32],
 }
 
@@ -71,40 +73,33 @@ impl LeafQueue {
         }
     }
 
-    /// The brick of the next leaf; must be called once for each of the leaves, which are the same in every call, as is
-    /// the array.
+    /// The brick of the next leaf; must be called once for each of the leaves, which are the same in every call.
     ///
     /// # Errors
     /// As [`Evaluator::evaluate`].
-    pub fn next(
-        &mut self,
-        vulkan: &Vulkan,
-        evaluator: &mut Evaluator,
-        array: &[Triangle],
-        leaves: &[Leaf<'_>],
-    ) -> Result<Brick> {
+    pub fn next(&mut self, vulkan: &Vulkan, evaluator: &mut Evaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
         loop {
-            self.send(vulkan, array, leaves);
+            self.send(vulkan, leaves);
             if let Some(brick) = self.ready.pop_front() {
                 return Ok(brick);
             }
             match self.work.pop_front() {
                 Some(Work::Cpu(range)) => {
-                    let brick = evaluate_here(evaluator, array, &leaves[range.start])?;
+                    let brick = evaluate_here(evaluator, &leaves[range.start])?;
                     vulkan.report().cpu_bricks += 1;
                     if range.len() > 1 {
                         self.work.push_front(Work::Cpu(range.start + 1..range.end));
                     }
                     return Ok(brick);
                 }
-                Some(Work::Device(range)) => self.receive(vulkan, evaluator, array, leaves, range)?,
+                Some(Work::Device(range)) => self.receive(vulkan, evaluator, leaves, range)?,
                 None => unreachable!("the queue is asked for as many bricks as there are leaves"),
             }
         }
     }
 
     /// Sends batches as long as the lane takes any.
-    fn send(&mut self, vulkan: &Vulkan, array: &[Triangle], leaves: &[Leaf<'_>]) {
+    fn send(&mut self, vulkan: &Vulkan, leaves: &[Leaf<'_>]) {
         while self.sent < leaves.len() {
             let Some(Some(lane)) = &mut self.lane else {
                 self.work.push_back(Work::Cpu(self.sent..leaves.len()));
@@ -122,7 +117,7 @@ impl LeafQueue {
                 self.work.push_back(Work::Cpu(range));
                 continue;
             }
-            pack(&mut self.input, array, batch);
+            pack(&mut self.input, batch);
             match lane.submit(&self.input, self.limit) {
                 Ok(()) => {
                     self.sent = range.end;
@@ -151,7 +146,6 @@ impl LeafQueue {
         &mut self,
         vulkan: &Vulkan,
         evaluator: &mut Evaluator,
-        array: &[Triangle],
         leaves: &[Leaf<'_>],
         range: Range<usize>,
     ) -> Result<()> {
@@ -177,7 +171,7 @@ impl LeafQueue {
                 None => {
                     here += 1;
                     is_full |= received.bricks[number].flags & shaders::FULL != 0;
-                    evaluate_here(evaluator, array, leaf)?
+                    evaluate_here(evaluator, leaf)?
                 }
             };
             self.ready.push_back(brick);
@@ -204,14 +198,14 @@ fn take(leaves: &[Leaf<'_>], bricks: usize, pairs: usize) -> usize {
 }
 
 /// Writes a batch down.
-fn pack(input: &mut BatchInput, array: &[Triangle], leaves: &[Leaf<'_>]) {
+fn pack(input: &mut BatchInput, leaves: &[Leaf<'_>]) {
     input.clear();
     for (number, leaf) in (0..).zip(leaves) {
         input.bricks.push(shaders::Brick { corner: leaf.corner.into(), ..shaders::Brick::default() });
         let origin = leaf.key.base().map(|base| base + 1);
         let owner = number | leaf.key.spacing_bits() << 16;
         let relative = |v: Units| std::array::from_fn(|axis| v[axis] - origin[axis]);
-        let pair = |&index: &u32| shaders::Pair { vertices: array[index as usize].map(relative), owner };
+        let pair = |&index: &u32| shaders::Pair { vertices: leaf.array[index as usize].map(relative), owner };
         input.pairs.extend(leaf.indices.iter().map(pair));
     }
 }
@@ -240,12 +234,13 @@ fn unpack(output: &BatchOutput<'_>, number: usize) -> Option<Brick> {
 
 fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
     const ROWS: usize = shaders::ROWS as usize;
-    let [starts, touched] = &output.rows[number];
+    let rows = &output.rows[number];
     let mut samples = Vec::with_capacity(POINTS);
     for (row, words) in output.samples[number * ROWS..][..ROWS].iter().enumerate() {
-        let mut values = [starts[row] as i16; BRICK_POINTS];
+        let [start, touched] = rows[row];
+        let mut values = [start as i16; BRICK_POINTS];
         let behind: &[i16] = bytemuck::cast_slice(words);
-        let mut left = touched[row];
+        let mut left = touched;
         while left != 0 {
             let i = left.trailing_zeros() as usize + 1;
             values[i..].fill(behind[i]);
@@ -256,7 +251,7 @@ fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
     Samples(samples.into_boxed_slice().try_into().expect("the length is POINTS"), 0)
 }
 
-fn evaluate_here(evaluator: &mut Evaluator, array: &[Triangle], leaf: &Leaf<'_>) -> Result<Brick> {
-    let list = Triangles { array, indices: leaf.indices };
+fn evaluate_here(evaluator: &mut Evaluator, leaf: &Leaf<'_>) -> Result<Brick> {
+    let list = Triangles { array: leaf.array, indices: leaf.indices };
     evaluator.evaluate(leaf.key, leaf.corner, list)?.into_leaf()
 }

@@ -7,7 +7,7 @@ use super::field::Field;
 use super::jobs::{Plan, sort_level};
 use super::records::Recorder;
 use super::sorted::SortedPieces;
-use super::subtree::{Node, STRIDE, SubtreeBuilder, corner_at};
+use super::subtree::{Node, STRIDE, SubtreeBuilder, Top, corner_at};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
@@ -37,32 +37,36 @@ struct Branch<F: Field> {
 }
 
 /// A touched cube of a branch.
-struct Job<F: Field> {
-    branch: Arc<Branch<F>>,
+#[derive(Clone, Copy)]
+struct Cube {
     cell: usize,
     pieces: u64,
 }
 
+/// Touched cubes of a branch that follow each other: one, or several that are small and built together.
+struct Job<F: Field> {
+    branch: Arc<Branch<F>>,
+    cubes: Vec<Cube>,
+}
+
+/// A subtree that is built.
+struct Built<R> {
+    cell: usize,
+    node: Node,
+    records: R,
+}
+
 /// What the jobs yield, in the order of the records.
 enum Yield<R> {
-    Built { cell: usize, node: Node, records: R },
+    Built(Vec<Built<R>>),
     Opened(Opening),
 }
 
 impl<F: Field> Job<F> {
-    fn key(&self) -> NodeKey {
-        let code = self.branch.key.code() << (3 * u32::from(self.branch.stride)) | self.cell as u64;
-        NodeKey::from_code(code).expect("a descendant of a legal key")
-    }
-
     /// Where the job's records stand: by its first descendant, nodes before those below them.
     fn place(&self) -> Place {
-        let key = self.key();
+        let key = self.branch.key_of(self.cubes[0]);
         (key.code() << (3 * u32::from(MAX_LEVEL - key.level())), key.level())
-    }
-
-    fn corner(&self) -> i16 {
-        corner_at(&self.branch.corners, self.branch.stride, self.cell)
     }
 }
 
@@ -79,19 +83,30 @@ impl<F: Field> Branch<F> {
         }
     }
 
+    fn key_of(&self, cube: Cube) -> NodeKey {
+        let code = self.key.code() << (3 * u32::from(self.stride)) | cube.cell as u64;
+        NodeKey::from_code(code).expect("a descendant of a legal key")
+    }
+
+    fn corner_of(&self, cube: Cube) -> i16 {
+        corner_at(&self.corners, self.stride, cube.cell)
+    }
+
     /// The jobs of its touched cubes, and what their consumer has to know. `cell` as in [`Opening`].
-    fn open(self, cell: usize) -> (Opening, Vec<(Place, Job<F>)>) {
+    fn open(self, cell: usize, shares: Shares) -> (Opening, Vec<(Place, Job<F>)>) {
         let branch = Arc::new(self);
-        let mut jobs = Vec::new();
-        for cell in 0..1usize << (3 * u32::from(branch.stride)) {
-            let pieces = branch.sorted.count(cell) as u64;
-            if pieces > 0 {
-                let job = Job { branch: Arc::clone(&branch), cell, pieces };
-                jobs.push((job.place(), job));
-            }
-        }
+        let cube = |cell| Cube { cell, pieces: branch.sorted.count(cell) as u64 };
+        let cubes: Vec<Cube> =
+            (0..1usize << (3 * u32::from(branch.stride))).map(cube).filter(|cube| cube.pieces > 0).collect();
+        let level = branch.key.level() + branch.stride;
+        let coming = cubes.len();
+        let job = |cubes| {
+            let job = Job { branch: Arc::clone(&branch), cubes };
+            (job.place(), job)
+        };
+        let jobs = shares.groups::<F>(level, cubes).into_iter().map(job).collect();
         let (key, stride, corners) = (branch.key, branch.stride, Arc::clone(&branch.corners));
-        (Opening { key, stride, corners, coming: jobs.len(), cell }, jobs)
+        (Opening { key, stride, corners, coming, cell }, jobs)
     }
 }
 
@@ -101,18 +116,46 @@ struct Shares {
     depth: u8,
     /// Of one job.
     job: u64,
+    /// Leaves that are worth having together: see [`Field::leaves_together`].
+    together: u64,
 }
 
 impl Shares {
-    /// What a job takes if it is built as a whole.
-    fn whole<F: Field>(&self, level: u8, pieces: u64) -> u64 {
+    /// Leaves that pieces may have in a cube.
+    fn leaves(&self, level: u8, pieces: u64) -> u64 {
         let leaves = 1u64.checked_shl(3 * u32::from(self.depth - level)).unwrap_or(u64::MAX);
-        let records = leaves.min(pieces.saturating_mul(8)).saturating_mul(LEAF_BYTES);
+        leaves.min(pieces.saturating_mul(8))
+    }
+
+    /// What a cube takes if it is built as a whole.
+    fn whole<F: Field>(&self, level: u8, pieces: u64) -> u64 {
+        let records = self.leaves(level, pieces).saturating_mul(LEAF_BYTES);
         let crossings = if level == self.depth { CROSSING_BYTES } else { 0 };
         pieces.saturating_mul(size_of::<F::Piece>() as u64 + LIST_BYTES + crossings).saturating_add(records)
     }
 
-    /// Levels that a branch at the job's node descends; `None` if the job is built as a whole.
+    /// Cubes that follow each other, as jobs: together while these have few leaves and take no more than one may.
+    fn groups<F: Field>(&self, level: u8, cubes: Vec<Cube>) -> Vec<Vec<Cube>> {
+        let mut groups: Vec<Vec<Cube>> = Vec::new();
+        let (mut leaves, mut bytes) = (0u64, 0u64);
+        for cube in cubes {
+            let own = (self.leaves(level, cube.pieces), self.whole::<F>(level, cube.pieces));
+            leaves = leaves.saturating_add(own.0);
+            bytes = bytes.saturating_add(own.1);
+            let is_whole = self.branches::<F>(level, cube.pieces).is_none();
+            match groups.last_mut() {
+                Some(group) if is_whole && leaves <= self.together && bytes <= self.job => group.push(cube),
+                _ => {
+                    groups.push(vec![cube]);
+                    // Nothing joins a cube that is opened.
+                    (leaves, bytes) = if is_whole { own } else { (u64::MAX, u64::MAX) };
+                }
+            }
+        }
+        groups
+    }
+
+    /// Levels that a branch at a cube descends; `None` if the cube is built as a whole.
     fn branches<F: Field>(&self, level: u8, pieces: u64) -> Option<u8> {
         let below = self.depth - level;
         if below > DEPTH_AT_ONCE {
@@ -121,17 +164,18 @@ impl Shares {
         (below > 0 && self.whole::<F>(level, pieces) > self.job).then_some(below.min(STRIDE))
     }
 
-    /// Memory that a job's pieces take, sorted again.
+    /// Memory that a cube's pieces take, sorted again.
     fn sorted<F: Field>(&self, pieces: u64) -> u64 {
         pieces.saturating_mul(2 * size_of::<F::Piece>() as u64)
     }
 
     fn need<F: Field>(&self, job: &Job<F>) -> u64 {
-        let level = job.key().level();
-        match self.branches::<F>(level, job.pieces) {
-            None => self.whole::<F>(level, job.pieces),
-            Some(_) => self.sorted::<F>(job.pieces).min(self.job),
-        }
+        let level = job.branch.key.level() + job.branch.stride;
+        let of_cube = |cube: &Cube| match self.branches::<F>(level, cube.pieces) {
+            None => self.whole::<F>(level, cube.pieces),
+            Some(_) => self.sorted::<F>(cube.pieces).min(self.job),
+        };
+        job.cubes.iter().map(of_cube).fold(0, u64::saturating_add)
     }
 }
 
@@ -149,31 +193,28 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
     // Of every two jobs a thread one runs and one waits for its turn; one more can always begin.
-    let shares = Shares { depth: rules.depth, job: memory / (2 * threads + 1) };
+    let shares =
+        Shares { depth: rules.depth, job: memory / (2 * threads + 1), together: field.leaves_together() };
     let bounds = Bounds { memory, reserve: shares.job, window: 2 * threads as usize };
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
-    let (opening, jobs) = root.open(0);
-    progress.phase("building", Some(jobs.len() as u64), "subtrees");
+    let (opening, jobs) = root.open(0, shares);
+    progress.phase("building", Some(opening.coming as u64), "subtrees");
     let mut assembler = share.map_or_else(Assembler::new, |share| Assembler::of_cells(share.cells()));
     let mut joined = R::default();
     assembler.open(opening, &mut joined);
     let work =
-        |(builder, pieces): &mut (SubtreeBuilder<F, R>, Vec<F::Piece>), job: Job<F>, mut held: Held| {
+        |(builder, pieces): &mut (SubtreeBuilder<F, R>, Vec<Vec<F::Piece>>), job: Job<F>, mut held: Held| {
             progress.check()?;
-            if let Some(node) = plan.built(job.key())? {
-                held.resize(0);
-                return Ok(Outcome::Done(Yield::Built { cell: job.cell, node, records: R::default() }, held));
+            let first = job.cubes[0];
+            let key = job.branch.key_of(first);
+            if let Some(stride) = shares.branches::<F>(key.level(), first.pieces)
+                && plan.built(key)?.is_none()
+            {
+                return branch(field, &job, first, stride, shares, held);
             }
-            match shares.branches::<F>(job.key().level(), job.pieces) {
-                Some(stride) => branch(field, &job, stride, shares, held),
-                None => {
-                    job.branch.sorted.gather(job.cell, pieces)?;
-                    let node = builder.build(job.key(), job.corner(), pieces)?;
-                    let records = std::mem::take(&mut builder.records);
-                    held.resize(records.heap_bytes());
-                    Ok(Outcome::Done(Yield::Built { cell: job.cell, node, records }, held))
-                }
-            }
+            let built = build(builder, pieces, &job, plan)?;
+            held.resize(built.iter().map(|built| built.records.heap_bytes()).sum());
+            Ok(Outcome::Done(Yield::Built(built), held))
         };
     let local = || (SubtreeBuilder::<F, R>::new(field, rules, progress), Vec::new());
     run_tasks(
@@ -184,21 +225,54 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
         work,
         |yielded| {
             let mut kept = None;
-            let completed = match yielded {
-                Yield::Opened(opening) => assembler.open(opening, &mut joined),
-                Yield::Built { cell, node, records } => {
-                    assembler.reach(cell, &mut joined);
-                    flush(&mut joined, consume, &mut kept)?;
-                    kept = Some(consume(records)?);
-                    assembler.add(node, &mut joined)
+            let mut completed = 0;
+            match yielded {
+                Yield::Opened(opening) => completed = assembler.open(opening, &mut joined),
+                Yield::Built(built) => {
+                    for Built { cell, node, records } in built {
+                        assembler.reach(cell, &mut joined);
+                        flush(&mut joined, consume, &mut kept)?;
+                        kept = Some(consume(records)?);
+                        completed += assembler.add(node, &mut joined);
+                    }
                 }
-            };
+            }
             flush(&mut joined, consume, &mut kept)?;
             progress.advance(completed);
             Ok(kept.map(|kept| kept + assembler.top.heap_bytes()))
         },
     )?;
     Ok(assembler.finish())
+}
+
+/// Builds the subtrees of a job that is not opened, but those that an earlier run has built.
+fn build<F: Field, R: Recorder>(
+    builder: &mut SubtreeBuilder<F, R>,
+    pieces: &mut Vec<Vec<F::Piece>>,
+    job: &Job<F>,
+    plan: Plan<'_>,
+) -> Result<Vec<Built<R>>> {
+    let branch = &*job.branch;
+    pieces.resize_with(pieces.len().max(job.cubes.len()), Vec::new);
+    let mut tops = Vec::with_capacity(job.cubes.len());
+    let mut done = Vec::with_capacity(job.cubes.len());
+    for (cube, pieces) in job.cubes.iter().zip(pieces) {
+        let node = plan.built(branch.key_of(*cube))?;
+        if node.is_none() {
+            branch.sorted.gather(cube.cell, pieces)?;
+            tops.push(Top { key: branch.key_of(*cube), corner: branch.corner_of(*cube), pieces });
+        }
+        done.push(node);
+    }
+    let mut built = builder.build_all(&tops)?.into_iter();
+    let mut next = |(cube, node): (&Cube, Option<Node>)| {
+        let (node, records) = match node {
+            Some(node) => (node, R::default()),
+            None => built.next().expect("each was built"),
+        };
+        Built { cell: cube.cell, node, records }
+    };
+    Ok(job.cubes.iter().zip(done).map(&mut next).collect())
 }
 
 /// Hands on the records of joined nodes.
@@ -213,23 +287,24 @@ fn flush<R: Recorder>(
     Ok(())
 }
 
-/// Sorts a job's pieces again, by smaller cubes: in memory if they fit there, else on disk.
+/// Sorts a cube's pieces again, by smaller cubes: in memory if they fit there, else on disk.
 fn branch<F: Field, R>(
     field: &F,
     job: &Job<F>,
+    cube: Cube,
     stride: u8,
     shares: Shares,
     mut held: Held,
 ) -> Result<Outcome<Job<F>, Yield<R>>> {
-    let binner = Binner::new(job.key(), stride);
+    let binner = Binner::new(job.branch.key_of(cube), stride);
     let from = &job.branch.sorted;
     let sorted = match &from.elsewhere {
-        Some(store) if shares.sorted::<F>(job.pieces) > shares.job => {
-            store.split(job.cell, &binner, shares.job / 2)?
+        Some(store) if shares.sorted::<F>(cube.pieces) > shares.job => {
+            store.split(cube.cell, &binner, shares.job / 2)?
         }
         _ => {
             let mut sorted = SortedPieces::default();
-            from.for_blocks(job.cell, &mut |pieces| {
+            from.for_blocks(cube.cell, &mut |pieces| {
                 sorted.push(field, &binner, pieces);
                 Ok(())
             })?;
@@ -237,7 +312,7 @@ fn branch<F: Field, R>(
         }
     };
     held.resize(sorted.heap_bytes());
-    let branch = Branch::new(field, binner, i64::from(job.corner()), sorted, Some(held));
-    let (opening, jobs) = branch.open(job.cell);
+    let branch = Branch::new(field, binner, i64::from(job.branch.corner_of(cube)), sorted, Some(held));
+    let (opening, jobs) = branch.open(cube.cell, shares);
     Ok(Outcome::Opened(Yield::Opened(opening), jobs))
 }

@@ -73,14 +73,19 @@ pub(super) trait Field: Sync {
     fn begin_leaves(&self, _evaluator: &mut Self::Evaluator) -> bool {
         false
     }
-    /// The next one of some leaves, whose pieces are some of an array; to be called once for each.
+
+    /// The next one of some leaves; to be called once for each.
     fn next_leaf(
         &self,
         _evaluator: &mut Self::Evaluator,
-        _array: &[Self::Piece],
-        _leaves: &[Leaf<'_>],
+        _leaves: &[Leaf<'_, Self::Piece>],
     ) -> Result<Brick> {
         unreachable!("no leaves were begun")
+    }
+
+    /// How many leaves are worth having together, of several jobs if one has fewer.
+    fn leaves_together(&self) -> u64 {
+        1
     }
 }
 
@@ -213,14 +218,15 @@ impl Field for Soup {
         self.device.as_ref().inspect(|device| evaluator.queue.begin(device)).is_some()
     }
 
-    fn next_leaf(
-        &self,
-        evaluator: &mut SoupEvaluator,
-        array: &[Triangle],
-        leaves: &[Leaf<'_>],
-    ) -> Result<Brick> {
+    fn next_leaf(&self, evaluator: &mut SoupEvaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
         let device = self.device.as_ref().expect("leaves were begun");
-        evaluator.queue.next(device, &mut evaluator.cpu, array, leaves)
+        evaluator.queue.next(device, &mut evaluator.cpu, leaves)
+    }
+
+    fn leaves_together(&self) -> u64 {
+        /// A batch of fewer bricks leaves processors of the device without work, llvmpipe's two already.
+        const LEAVES: u64 = 32;
+        if self.device.is_some() { LEAVES } else { 1 }
     }
 }
 

@@ -53,6 +53,39 @@ impl Half {
     }
 }
 
+/// A subtree to build.
+pub(super) struct Top<'a, P> {
+    /// Its node.
+    pub key: NodeKey,
+    /// The node's sample (0, 0, 0).
+    pub corner: i16,
+    /// All pieces that touch it.
+    pub pieces: &'a [P],
+}
+
+/// What is known of the nodes some levels below another.
+struct Cells {
+    stride: u8,
+    corners: Vec<i64>,
+    lists: CellLists,
+}
+
+impl Cells {
+    /// The one with this Morton number.
+    fn leaf<'a, P>(&'a self, top: &Top<'a, P>, number: usize) -> Leaf<'a, P> {
+        let code = top.key.code() << (3 * u32::from(self.stride)) | number as u64;
+        let key = NodeKey::from_code(code).expect("a descendant of a legal key");
+        let corner = corner_at(&self.corners, self.stride, number);
+        Leaf { key, corner, array: top.pieces, indices: self.lists.of(number) }
+    }
+}
+
+impl<'a, P> From<&Leaf<'a, P>> for Pieces<'a, P> {
+    fn from(leaf: &Leaf<'a, P>) -> Self {
+        Pieces { array: leaf.array, indices: leaf.indices }
+    }
+}
+
 /// Builds subtrees one after the other; one per thread.
 pub(super) struct SubtreeBuilder<'a, F: Field, R> {
     field: &'a F,
@@ -86,65 +119,69 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
 
     fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
         self.progress.check()?;
-        let ahead = self.rules.refines_all_touched();
-        let brick = if ahead && self.field.begin_leaves(&mut self.evaluator) {
-            let leaf = Leaf { key, corner, indices: list.indices };
-            self.field.next_leaf(&mut self.evaluator, list.array, &[leaf])?
-        } else {
-            self.field.evaluate(&mut self.evaluator, key, corner, list)?.into_leaf()?
-        };
+        let brick = self.field.evaluate(&mut self.evaluator, key, corner, list)?.into_leaf()?;
         self.records.push(key, true, &brick);
         Ok(Node::Stored(Half::of(&brick)))
     }
 
-    /// The bottom of a subtree whose leaves are evaluated in batches.
-    fn leaves_ahead(
-        &mut self,
-        top: NodeKey,
-        stride: u8,
-        corners: &[i64],
-        pieces: &[F::Piece],
-        lists: &CellLists,
-    ) -> Result<Node> {
-        let SubtreeBuilder { field, progress, evaluator, records, .. } = self;
-        let settled = |key, number| {
-            let list = Pieces { array: pieces, indices: lists.of(number) };
-            field.settled(key, corner_at(corners, stride, number), list)
+    /// Builds several subtrees of a tree that follows the pieces, those of each with its records apart.
+    pub fn build_all(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
+        let depth = self.rules.depth;
+        let is_at_bottom = |top: &Top<'_, F::Piece>| depth - top.key.level() <= STRIDE;
+        if tops.iter().all(is_at_bottom) && self.field.begin_leaves(&mut self.evaluator) {
+            return self.build_ahead(tops);
+        }
+        let build = |top: &Top<'_, F::Piece>| {
+            let node = self.build(top.key, top.corner, top.pieces)?;
+            Ok((node, std::mem::take(&mut self.records)))
         };
-        let below = |number: usize| top.code() << (3 * u32::from(stride)) | number as u64;
-        let leaves: Vec<Leaf<'_>> = (0..1usize << (3 * stride))
-            .map(|number| (NodeKey::from_code(below(number)).expect("a descendant of a legal key"), number))
-            .filter(|&(key, number)| settled(key, number).is_none())
-            .map(|(key, number)| {
-                let corner = corner_at(corners, stride, number);
-                Leaf { key, corner, indices: lists.of(number) }
-            })
-            .collect();
-        descend(top, stride, &mut |step, number| match step {
-            Step::Joined(key, children) => Ok(join(key, children, field.binary_places(), records)),
-            Step::Reached(key) => match settled(key, number) {
-                Some(w) => Ok(Node::Empty(w)),
-                None => {
+        tops.iter().map(build).collect()
+    }
+
+    /// Subtrees whose leaves are evaluated in batches, which do not end where a subtree does.
+    fn build_ahead(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
+        let cells: Vec<Cells> = tops.iter().map(|top| self.cells(top.key, top.corner, top.pieces)).collect();
+        let SubtreeBuilder { field, progress, evaluator, records, .. } = self;
+        let is_settled =
+            |leaf: &Leaf<'_, F::Piece>| field.settled(leaf.key, leaf.corner, leaf.into()).is_some();
+        let mut leaves = Vec::new();
+        for (top, cells) in tops.iter().zip(&cells) {
+            let all = (0..1usize << (3 * cells.stride)).map(|number| cells.leaf(top, number));
+            leaves.extend(all.filter(|leaf| !is_settled(leaf)));
+        }
+        let mut built = Vec::with_capacity(tops.len());
+        for (top, cells) in tops.iter().zip(&cells) {
+            let node = descend(top.key, cells.stride, &mut |step, number| match step {
+                Step::Joined(key, children) => Ok(join(key, children, field.binary_places(), records)),
+                Step::Reached(key) => {
+                    let leaf = cells.leaf(top, number);
+                    if let Some(w) = field.settled(key, leaf.corner, (&leaf).into()) {
+                        return Ok(Node::Empty(w));
+                    }
                     progress.check()?;
-                    let brick = field.next_leaf(evaluator, pieces, &leaves)?;
+                    let brick = field.next_leaf(evaluator, &leaves)?;
                     records.push(key, true, &brick);
                     Ok(Node::Stored(Half::of(&brick)))
                 }
-            },
-        })
+            })?;
+            built.push((node, std::mem::take(records)));
+        }
+        Ok(built)
+    }
+
+    /// The cells of a node, [`STRIDE`] levels below it or at the bottom of the tree.
+    fn cells(&self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Cells {
+        let stride = STRIDE.min(self.rules.depth - key.level());
+        let mut sums = self.field.corners(key, stride);
+        pieces.iter().for_each(|piece| self.field.add_corners(&mut sums, piece));
+        let corners = self.field.finish_corners(sums, i64::from(corner));
+        Cells { stride, corners, lists: Binner::new(key, stride).sort_indices(self.field, pieces) }
     }
 
     /// Every touched node above the depth limit is refined, so only leaves are evaluated; a node's samples
     /// are a part of its children's.
     fn descend_to_leaves(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
-        let stride = STRIDE.min(self.rules.depth - key.level());
-        let mut sums = self.field.corners(key, stride);
-        pieces.iter().for_each(|piece| self.field.add_corners(&mut sums, piece));
-        let corners = self.field.finish_corners(sums, i64::from(corner));
-        let lists = Binner::new(key, stride).sort_indices(self.field, pieces);
-        if key.level() + stride == self.rules.depth && self.field.begin_leaves(&mut self.evaluator) {
-            return self.leaves_ahead(key, stride, &corners, pieces, &lists);
-        }
+        let Cells { stride, corners, lists } = self.cells(key, corner, pieces);
         let mut copies = Vec::new();
         descend(key, stride, &mut |step, number| {
             let key = match step {

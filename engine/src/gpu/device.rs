@@ -60,13 +60,8 @@ impl Gpu {
             bytes => bytes,
         };
         let context = Arc::new(Context::new(instance, index, cap)?);
-        let entries: [_; KERNELS] = [
-            (SCAN, c"find"),
-            (SCAN, c"jump"),
-            (EVALUATE, c"walk"),
-            (HERMITE, c"tag"),
-            (HERMITE, c"resolve"),
-        ];
+        let entries: [_; KERNELS] =
+            [(SCAN, c"find"), (SCAN, c"jump"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
             let what = format!("{}: the kernels cannot be compiled ({failure})", context.info.name);
             Unavailable::new(what, "update the driver, or use --backend cpu")

@@ -66,9 +66,14 @@ pub enum Stage {
     Submit,
     /// As a batch is waited for.
     Wait,
+    /// As memory is given back: it never is.
+    FreeMemory,
+    /// As the commands of a batch are given back: they never are.
+    FreeCommands,
 }
 
-/// A failure that a test wants to see, in place of the call that it strikes.
+/// A failure that a test wants to see, in place of the call that it strikes. Where something is to be given back it is a
+/// leak, a mistake that tests are shown to find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// Where it strikes.

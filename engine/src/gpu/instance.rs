@@ -204,7 +204,7 @@ impl Instance {
             (properties.api_version >= vk::API_VERSION_1_2, "Vulkan 1.2"),
             (has_int64, "64-bit integers in shaders (shaderInt64)"),
             (twelve.timeline_semaphore == vk::TRUE, "timeline semaphores"),
-            (properties.limits.max_per_stage_descriptor_storage_buffers >= BUFFERS, "13 storage buffers"),
+            (properties.limits.max_per_stage_descriptor_storage_buffers >= BUFFERS, "14 storage buffers"),
             (self.compute_family(device).is_some(), "a compute queue"),
         ];
         let heaps = memory.memory_heaps_as_slice().iter();

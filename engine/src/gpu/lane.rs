@@ -37,8 +37,8 @@ pub struct BatchOutput<'a> {
     pub bricks: &'a [Brick],
     /// By brick and row: two a word, the samples behind edges along x that hold crossings; others hold anything.
     pub samples: &'a [[u32; ROW_WORDS as usize]],
-    /// By brick: the first samples of its rows, and which of their edges along x hold crossings.
-    pub rows: &'a [[[u32; ROWS as usize]; 2]],
+    /// By brick and row: the first sample, and which edges along x hold crossings.
+    pub rows: &'a [[[u32; 2]; ROWS as usize]],
     /// The Hermite edges of all bricks: offset and normal.
     pub hermite: &'a [[u32; 2]],
     /// How long it took, if the device has a clock.

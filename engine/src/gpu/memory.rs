@@ -122,7 +122,7 @@ impl Arena {
 
 impl Drop for Arena {
     fn drop(&mut self) {
-        if self.context.is_abandoned() {
+        if self.context.is_abandoned() || self.context.strike(Stage::FreeMemory).is_err() {
             return;
         }
         let device = &self.context.raw;

@@ -15,7 +15,7 @@ pub(super) struct Sizes {
     pub way_spans: u32,
     /// Other spans.
     pub other_spans: u32,
-    /// Crossings of sign-changing edges behind their first.
+    /// Crossings of sign-changing edges behind their second.
     pub more: u32,
 }
 
@@ -24,8 +24,8 @@ pub(super) struct Sizes {
 const PAIRS_OF_BRICK: u32 = 2048;
 /// Sign-changing edges for which a brick makes room: a plane through it has 3,000.
 const EDGES_OF_BRICK: u32 = 8192;
-/// Crossings of these edges behind their first. Beads that overlap have two to three on an edge.
-const MORE_OF_BRICK: u32 = EDGES_OF_BRICK;
+/// Crossings of these edges behind their second. Beads that overlap have two to three on an edge.
+const MORE_OF_BRICK: u32 = EDGES_OF_BRICK / 2;
 /// Spans of lattice lines along x. A triangle that is larger than a cell has a span a row, a plane some 30 to 100.
 const WAY_SPANS_OF_BRICK: u32 = 6144;
 /// Spans along y and z.
@@ -38,8 +38,8 @@ pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
 
 /// Buffers that are uploaded: batch, bricks, pairs.
 pub(super) const UPLOADED: usize = 3;
-/// Buffers that begin with zeros: jumps, rows, tables, chains.
-pub(super) const ZEROED: [usize; 4] = [3, 5, 6, 7];
+/// Buffers that begin with zeros: jumps, tables, chains.
+pub(super) const ZEROED: [usize; 3] = [3, 6, 7];
 /// Buffers that are read back: bricks, samples, rows, hermite.
 pub(super) const READ: [usize; 4] = [1, 4, 5, 8];
 
@@ -86,6 +86,7 @@ impl Sizes {
             words(self.way_spans + self.other_spans, 2),
             words(self.more, 4),
             words(self.pairs, 1),
+            words(self.edges, 2),
             words(self.edges, 2),
         ]
     }

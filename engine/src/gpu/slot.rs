@@ -1,17 +1,18 @@
 //! One place of a lane's ring: the commands of a batch, from upload to read-back.
 
 use super::context::Context;
-use super::failure::Failure;
+use super::failure::{Failure, Stage};
 use super::kernels::Kernels;
 use super::sizes::{READ, Ranges, Sizes, UPLOADED, ZEROED};
 use ash::vk;
-use brickfield_shaders::WORKGROUP;
+use brickfield_shaders::{POINTS, WORKGROUP};
 use std::sync::Arc;
 
-/// Workgroups for each brick that share the spans on the way to samples: a leaf of a part has 50 to 1,000.
-const WAY_GROUPS: u32 = 4;
-/// Workgroups for each brick that share all spans.
-const SPAN_GROUPS: u32 = 8;
+/// Spans that one invocation follows at most, of 33 lines each: see [`brickfield_shaders::STEPS_MAX`] for what bounds the
+/// steps of its loops.
+const SPANS_OF_INVOCATION: u32 = 16;
+/// Spans that a triangle has in a brick at most, on the way to samples and in all.
+const SPANS_OF_PAIR: [u32; 2] = [POINTS + 2, 3 * POINTS];
 /// Workgroups for each brick that share the edges with several crossings.
 const RESOLVE_GROUPS: u32 = 4;
 /// Kernels of a batch.
@@ -188,9 +189,12 @@ impl Slot {
 
     fn record_kernels(&self, kernels: &Kernels, buffers: Buffers, load: &Sizes) {
         let of_pairs = load.pairs.div_ceil(WORKGROUP);
-        let of_bricks = [WAY_GROUPS, 1, SPAN_GROUPS, RESOLVE_GROUPS].map(|groups| load.bricks * groups);
-        let [of_way, each, of_spans, of_doubles] = of_bricks;
-        let groups = [of_pairs, of_way, each, of_spans, of_doubles];
+        let rooms = [load.way_spans, load.way_spans + load.other_spans];
+        let [of_way, of_spans] = std::array::from_fn(|i| {
+            let spans = rooms[i].min(load.pairs * SPANS_OF_PAIR[i]);
+            spans.div_ceil(WORKGROUP * SPANS_OF_INVOCATION)
+        });
+        let groups = [of_pairs, of_way, load.bricks, of_spans, load.bricks * RESOLVE_GROUPS];
         let device = &self.context.raw;
         for (number, groups) in groups.into_iter().enumerate() {
             if number > 0 {
@@ -258,7 +262,7 @@ impl Drop for Slot {
             // abandoned.
             let _ = self.context.wait(self.semaphore, self.value);
         }
-        if self.context.is_abandoned() {
+        if self.context.is_abandoned() || self.context.strike(Stage::FreeCommands).is_err() {
             return;
         }
         let device = &self.context.raw;
