@@ -1,7 +1,7 @@
 //! Leaves of subtrees, evaluated ahead of their turn in batches on a device.
 //!
 //! What the device cannot do, or fails to do, the processor does with the same result: bricks with too many triangles
-//! or crossings for the buffers, winding numbers beyond 16 bits, which end in an error, and everything after the device
+//! or spans for the buffers, winding numbers beyond 16 bits, which end in an error, and everything after the device
 //! was lost.
 
 use super::vulkan::Vulkan;

@@ -19,7 +19,8 @@ pub struct DeviceReport {
     pub peak_bytes: u64,
     /// Seconds of the device's clock for uploads, if it has one.
     pub upload_seconds: f64,
-    /// Seconds for kernels: which lines cross which triangle, where, samples, crossings of the boundary, Hermite edges.
+    /// Seconds for kernels: which lines pass through which triangle, jumps, samples, sign-changing edges, those of them with
+    /// several crossings.
     pub kernel_seconds: [f64; 5],
     /// Seconds for read-backs.
     pub read_seconds: f64,
