@@ -126,6 +126,13 @@ proptest! {
         prop_assert!(plain.file_bytes() >= whole.file_bytes());
         repack(&plain, &scene.path("packed"), Compression::Lz4, &Silent).unwrap();
         prop_assert!(scene.bytes("packed") == built);
+        repack(&plain, &scene.path("coded"), Compression::Range, &Silent).unwrap();
+        let coded = scene.open("coded");
+        prop_assert!(difference(&whole, &coded).is_equal(true));
+        prop_assert_eq!(coded.verify(&Silent).unwrap().first_damage, None);
+        prop_assert!(mesh(&coded, None, &scene.path("coded.ply")) == mesh(&whole, None, &scene.path("whole.ply")));
+        repack(&coded, &scene.path("packed"), Compression::Lz4, &Silent).unwrap();
+        prop_assert!(scene.bytes("packed") == built);
     }
 
     #[test]

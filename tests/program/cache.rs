@@ -208,6 +208,44 @@ fn a_store_is_cut_to_a_box_and_to_an_error() {
 }
 
 #[test]
+fn the_range_coder_changes_no_answer() {
+    let dir = Scratch::new();
+    let pack = |from: &Path, to: &Path, name: &str| {
+        run(&[&"cache", &"repack", &from, &"-o", &to, &"--compression", &name, &"--quiet"]).ok();
+    };
+    let inputs =
+        [(example("clover.gcode"), "2"), (stl("featuretype50_model"), "2"), (stl("open_box_no_lid"), "1")];
+    for (input, depth) in inputs {
+        let store = built(&dir, "store.brf", &[&input, &"--depth", &depth]);
+        let (coded, back) = (dir.path("coded.brf"), dir.path("back.brf"));
+        pack(&store, &coded, "range");
+        run(&[&"verify", &coded, &"--quiet"]).ok();
+        let bytes = |path: &Path| fs::read(path).unwrap();
+        assert!(bytes(&coded).len() * 3 < bytes(&store).len() * 2);
+        pack(&coded, &back, "lz4");
+        assert!(bytes(&back) == bytes(&store));
+        assert!(run(&[&"cache", &"diff", &store, &coded]).ok().contains("are equal"));
+        let points = dir.path("points.csv");
+        fs::write(&points, "0,0,0\n1,2,3\n10,10,1\n-3.5,0.25,0.5\n0.1,0.2,0.3\n").unwrap();
+        let answers = |store: &Path| {
+            let (mesh, array) = (dir.path("mesh.ply"), dir.path("array.npy"));
+            run(&[&"mesh", &store, &"-o", &mesh, &"--quiet"]).ok();
+            run(&[&"export", &store, &"--level", &"1", &"-o", &array, &"--quiet"]).ok();
+            let coarse = dir.path("coarse.brf");
+            run(&[&"cache", &"prune", &store, &"-o", &coarse, &"--level", &"1", &"--quiet"]).ok();
+            let samples = run(&[&"sample", &store, &"--points", &points]).ok();
+            (bytes(&mesh), bytes(&array), samples, coarse)
+        };
+        let (of_store, of_coded) = (answers(&store), answers(&coded));
+        assert!((of_store.0, of_store.1, of_store.2) == (of_coded.0, of_coded.1, of_coded.2));
+        // What is cut down stays in the coding that it had.
+        let kinds = run(&[&"cache", &"stat", &of_coded.3, &"--json"]).json();
+        let kinds = kinds["total"]["kinds"].as_object().unwrap().clone();
+        assert!(kinds.keys().all(|kind| kind == "uniform" || kind.ends_with("+range")), "{kinds:?}");
+    }
+}
+
+#[test]
 fn diff_tells_by_its_status() {
     let dir = Scratch::new();
     let (store, plain) = (dir.store("overlap_boxes", 2), dir.path("plain.brf"));

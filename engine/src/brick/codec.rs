@@ -3,7 +3,8 @@
 //! A brick of counts is mostly runs: its samples change by one where a row crosses a facet and are constant
 //! elsewhere. So a row is stored as its first sample, a mask of the places where it changes, and the
 //! changes. Hermite edges follow as byte planes; how many there are is derived from the samples. LZ4 goes on
-//! top of each of the two parts where it helps. The byte diagrams are in `FORMAT.md`.
+//! top of each of the two parts where it helps. `range` codes either part in fewer bytes. The byte diagrams are in
+//! `FORMAT.md`.
 //!
 //! Chosen by measurement (`cargo test --release -p brickfield-engine codec_variants -- --ignored
 //! --nocapture`): twelve bricks of balls, planes and crossing beads with 2,195 Hermite edges on average, one
@@ -16,10 +17,13 @@
 //! | rows as masks and changes, LZ4     | 1,078 | 19.8 µs | 13.0 µs |
 //! | with Hermite edges, words of normals | 5,586 | 41.4 µs | 24.0 µs |
 //!
+//! | the same, range coder              | 1,386 |         |         |
+//!
 //! The first two lines leave out the range check and the sign classification that the others include. Normals
 //! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
 
 use super::hermite_part::{self, EDGE_BYTES, Palette};
+use super::range::{self, Layers};
 use super::{Brick, Hermite, Samples, SamplesInOrder, SignChanges, fractions, inside_from};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, i16x16, level};
@@ -49,6 +53,10 @@ impl PayloadKind {
     pub(crate) const WIDE: u8 = 2;
     /// Type of samples with binary places.
     pub(crate) const FRACTIONS: u8 = 3;
+    /// Type of counts, and of their Hermite edges, as the range coder has them.
+    pub(crate) const RANGE_COUNTS: u8 = 4;
+    /// Type of samples with binary places, and of their Hermite edges, as the range coder has them.
+    pub(crate) const RANGE_FRACTIONS: u8 = 5;
     /// Flag: Hermite edges follow the samples.
     pub(crate) const HERMITE: u8 = 0x10;
     /// Flag: the samples part is an LZ4 block.
@@ -66,6 +74,7 @@ impl PayloadKind {
             Self::NARROW | Self::WIDE | Self::FRACTIONS => {
                 Self::HERMITE | Self::LZ4_SAMPLES | Self::LZ4_HERMITE | Self::PALETTE
             }
+            Self::RANGE_COUNTS | Self::RANGE_FRACTIONS => Self::HERMITE,
             _ => return None,
         };
         if bits & 0xf0 & !flags == 0 { Some(PayloadKind(bits)) } else { None }
@@ -93,7 +102,12 @@ impl PayloadKind {
 
     /// True if samples have binary places.
     pub const fn has_fractions(self) -> bool {
-        self.0 & 0x0f == Self::FRACTIONS
+        matches!(self.0 & 0x0f, Self::FRACTIONS | Self::RANGE_FRACTIONS)
+    }
+
+    /// True if the payload is the range coder's.
+    pub const fn is_range_coded(self) -> bool {
+        matches!(self.0 & 0x0f, Self::RANGE_COUNTS | Self::RANGE_FRACTIONS)
     }
 
     const fn has(self, flag: u8) -> bool {
@@ -107,13 +121,18 @@ impl std::fmt::Display for PayloadKind {
             return f.write_str("uniform");
         }
         f.write_str(match self.0 & 0x0f {
-            Self::FRACTIONS => "fractions",
+            Self::FRACTIONS | Self::RANGE_FRACTIONS => "fractions",
+            Self::RANGE_COUNTS => "counts",
             Self::WIDE => "counts16",
             _ => "counts8",
         })?;
         f.write_str(if self.has_hermite() { "+hermite" } else { "" })?;
         f.write_str(if self.has(Self::PALETTE) { "+palette" } else { "" })?;
-        f.write_str(if self.has(Self::LZ4_SAMPLES | Self::LZ4_HERMITE) { "+lz4" } else { "" })
+        f.write_str(match self.has(Self::LZ4_SAMPLES | Self::LZ4_HERMITE) {
+            true => "+lz4",
+            false if self.is_range_coded() => "+range",
+            false => "",
+        })
     }
 }
 
@@ -149,6 +168,9 @@ pub enum DecodeError {
     /// LZ4 refuses a part.
     #[error("the compressed bytes are damaged")]
     Lz4,
+    /// The range coder refuses a part.
+    #[error("the range-coded bytes are damaged")]
+    Range,
     /// A part has another size than its type and its samples ask for.
     #[error("the samples have the wrong size")]
     SamplesSize,
@@ -165,6 +187,8 @@ pub enum Compression {
     Lz4,
     /// None: twice to ten times the bytes, for file systems that compress by themselves.
     None,
+    /// A range coder: a quarter to a half of the bytes of LZ4, many times the work to write and to read.
+    Range,
 }
 
 /// Reusable buffers of [`encode_into`] and [`decode`]: some 100 KB for surface bricks, at most 0.8 MB.
@@ -175,6 +199,7 @@ pub struct Scratch {
     signs: SignChanges,
     plain: Vec<u8>,
     palette: Palette,
+    layers: Option<Layers>,
     small_table: CompressTable,
     large_table: CompressTable,
 }
@@ -195,6 +220,7 @@ impl Scratch {
             signs: SignChanges::outside(),
             plain: Vec::new(),
             palette: Palette::default(),
+            layers: None,
             small_table: CompressTable::small(),
             large_table: CompressTable::large(),
         }
@@ -240,7 +266,37 @@ pub fn encode_with(
         _ => return PayloadHead { kind: PayloadKind::UNIFORM, min, max },
     };
     scratch.signs = SignChanges::of(samples);
-    let mut bits = if samples.1 > 0 {
+    if !hermite.is_empty() {
+        let counts = Axis::ALL.map(|axis| hermite.edges[axis.index()].len());
+        assert_eq!(counts, scratch.signs.counts(), "one Hermite edge per sign-changing lattice edge");
+    }
+    let start = out.len();
+    if !hermite.is_empty() {
+        out.extend_from_slice(&[0; PART_LENGTH_BYTES]);
+    }
+    let part = out.len();
+    let mut bits = encode_samples(samples, compression, scratch, out);
+    if !hermite.is_empty() {
+        let length = (out.len() - part) as u32;
+        out[start..part].copy_from_slice(&length.to_le_bytes());
+        bits |= PayloadKind::HERMITE | encode_hermite(hermite, compression, scratch, out);
+    }
+    PayloadHead { kind: PayloadKind(bits), min, max }
+}
+
+/// Appends the samples part; gives its type and flags.
+fn encode_samples(
+    samples: &Samples,
+    compression: Compression,
+    scratch: &mut Scratch,
+    out: &mut Vec<u8>,
+) -> u8 {
+    let has_fractions = samples.1 > 0;
+    if compression == Compression::Range {
+        range::encode_samples(samples, out);
+        return if has_fractions { PayloadKind::RANGE_FRACTIONS } else { PayloadKind::RANGE_COUNTS };
+    }
+    let bits = if has_fractions {
         fractions::to_plain(samples, &mut scratch.plain);
         PayloadKind::FRACTIONS
     } else {
@@ -248,28 +304,24 @@ pub fn encode_with(
         samples_plain(narrow, scratch);
         if narrow { PayloadKind::NARROW } else { PayloadKind::WIDE }
     };
-    let start = out.len();
-    if !hermite.is_empty() {
-        out.extend_from_slice(&[0; PART_LENGTH_BYTES]);
+    if compress_plain(compression, scratch, out) { bits | PayloadKind::LZ4_SAMPLES } else { bits }
+}
+
+/// Appends the Hermite part of edges that fit the signs; gives its flags.
+fn encode_hermite(
+    hermite: &Hermite,
+    compression: Compression,
+    scratch: &mut Scratch,
+    out: &mut Vec<u8>,
+) -> u8 {
+    if compression == Compression::Range {
+        let Scratch { signs, layers, .. } = scratch;
+        range::encode_hermite(signs, hermite, layers.get_or_insert_default(), out);
+        return 0;
     }
-    let part = out.len();
-    if compress_plain(compression, scratch, out) {
-        bits |= PayloadKind::LZ4_SAMPLES;
-    }
-    if !hermite.is_empty() {
-        let length = (out.len() - part) as u32;
-        out[start..part].copy_from_slice(&length.to_le_bytes());
-        let counts = Axis::ALL.map(|axis| hermite.edges[axis.index()].len());
-        assert_eq!(counts, scratch.signs.counts(), "one Hermite edge per sign-changing lattice edge");
-        bits |= PayloadKind::HERMITE;
-        if hermite_part::to_plain(hermite, &mut scratch.palette, &mut scratch.plain) {
-            bits |= PayloadKind::PALETTE;
-        }
-        if compress_plain(compression, scratch, out) {
-            bits |= PayloadKind::LZ4_HERMITE;
-        }
-    }
-    PayloadHead { kind: PayloadKind(bits), min, max }
+    let indexed = hermite_part::to_plain(hermite, &mut scratch.palette, &mut scratch.plain);
+    let palette = if indexed { PayloadKind::PALETTE } else { 0 };
+    if compress_plain(compression, scratch, out) { palette | PayloadKind::LZ4_HERMITE } else { palette }
 }
 
 /// Takes a payload apart. `uniform` is the value of a brick without payload. Any bytes give a brick or an
@@ -287,6 +339,9 @@ pub fn decode(
         return if bytes.is_empty() { Ok(Brick::Uniform(uniform)) } else { Err(DecodeError::UniformBytes) };
     }
     let [samples_part, hermite_bytes] = parts(kind, bytes)?;
+    if kind.is_range_coded() {
+        return decode_range(kind, samples_part, hermite_bytes, scratch);
+    }
     let Scratch { plain, signs, .. } = scratch;
     let lz4 = kind.has(PayloadKind::LZ4_SAMPLES);
     let plain_samples = unpack(samples_part, lz4, SAMPLES_PART_MAX, plain)?;
@@ -306,6 +361,23 @@ pub fn decode(
     let part = unpack(hermite_bytes, kind.has(PayloadKind::LZ4_HERMITE), size_max, plain)?;
     let hermite = hermite_part::from_plain(part, kind.has(PayloadKind::PALETTE), counts);
     Ok(Brick::Counts { samples, hermite: hermite.ok_or(DecodeError::HermiteSize)? })
+}
+
+/// [`decode`] of what the range coder has made.
+fn decode_range(
+    kind: PayloadKind,
+    samples_part: &[u8],
+    hermite_part: &[u8],
+    scratch: &mut Scratch,
+) -> Result<Brick, DecodeError> {
+    let samples = range::decode_samples(samples_part, kind.has_fractions()).ok_or(DecodeError::Range)?;
+    if !kind.has_hermite() {
+        return Ok(Brick::Counts { samples, hermite: Hermite::default() });
+    }
+    let signs = SignChanges::of(&samples);
+    let layers = scratch.layers.get_or_insert_default();
+    let hermite = range::decode_hermite(&signs, hermite_part, layers).ok_or(DecodeError::Range)?;
+    Ok(Brick::Counts { samples, hermite })
 }
 
 /// The samples part and the Hermite part of a payload, as stored; the latter empty where the kind has none.

@@ -112,25 +112,47 @@ fn typical_bricks() -> Vec<Brick> {
     ]
 }
 
+/// The payload that a compression gives.
+fn encoded(brick: &Brick, compression: Compression) -> Payload {
+    let mut bytes = Vec::new();
+    let head = encode_with(brick, compression, &mut Scratch::new(), &mut bytes);
+    Payload { head, bytes }
+}
+
+const COMPRESSIONS: [Compression; 3] = [Compression::Lz4, Compression::None, Compression::Range];
+
+/// The payload that a build writes, after every compression has given the brick back.
 fn round_trip(brick: &Brick) -> Payload {
-    let payload = encode(brick);
-    let back = decode(payload.head.kind, payload.head.min, &payload.bytes, &mut Scratch::new());
-    assert!(back.as_ref() == Ok(brick), "{:?} {:?}", back, payload.head);
-    assert_eq!((payload.head.min, payload.head.max), brick.range());
-    payload
+    for compression in COMPRESSIONS {
+        let payload = encoded(brick, compression);
+        let back = decode(payload.head.kind, payload.head.min, &payload.bytes, &mut Scratch::new());
+        assert!(back.as_ref() == Ok(brick), "{:?} {:?}", back, payload.head);
+        assert_eq!((payload.head.min, payload.head.max), brick.range());
+        let is_coded = compression == Compression::Range && !payload.bytes.is_empty();
+        assert_eq!(payload.head.kind.is_range_coded(), is_coded);
+    }
+    encode(brick)
 }
 
 #[test]
 fn typical_bricks_round_trip_and_shrink() {
     let mut scratch = Scratch::new();
+    let mut lengths = [0; 2];
     for brick in typical_bricks() {
         let payload = round_trip(&brick);
         assert!(payload.bytes.len() < 2500 + brick_edges(&brick).len() * 6);
-        // A used scratch gives the same bytes as a new one.
-        let mut again = vec![7];
-        assert_eq!(encode_into(&brick, &mut scratch, &mut again), payload.head);
-        assert_eq!(again[1..], payload.bytes);
+        // A used scratch gives the same bytes as a new one, and the same brick.
+        for compression in COMPRESSIONS {
+            let payload = encoded(&brick, compression);
+            let mut again = vec![0xff];
+            assert_eq!(encode_with(&brick, compression, &mut scratch, &mut again), payload.head);
+            assert_eq!((again[0], &again[1..]), (0xff, &payload.bytes[..]));
+            assert!(decode(payload.head.kind, 0, &payload.bytes, &mut scratch) == Ok(brick.clone()));
+        }
+        lengths[0] += payload.bytes.len();
+        lengths[1] += encoded(&brick, Compression::Range).bytes.len();
     }
+    assert!(lengths[1] * 3 < lengths[0], "{lengths:?}");
     assert!(round_trip(&Brick::Uniform(-7)).bytes.is_empty());
 }
 
@@ -154,7 +176,9 @@ fn kinds_are_a_closed_set() {
     let known = (0..=255).filter(|&bits| PayloadKind::from_bits(bits).is_some()).collect::<Vec<u8>>();
     let flags = [0x00, 0x10, 0x20, 0x30, 0x50, 0x70, 0x90, 0xb0, 0xd0, 0xf0];
     let expected = [0].into_iter().chain(flags.iter().flat_map(|f| [f | 1, f | 2, f | 3]));
-    assert_eq!(known, expected.collect::<Vec<u8>>());
+    let mut expected: Vec<u8> = expected.chain([0x04, 0x05, 0x14, 0x15]).collect();
+    expected.sort_unstable();
+    assert_eq!(known, expected);
 }
 
 /// Samples from a small choice of values, in runs, with edges for the sign changes on leaves.
@@ -209,8 +233,9 @@ proptest! {
 
     #[test]
     fn damaged_payloads_never_panic(brick in any_brick(), at in any::<prop::sample::Index>(),
-                                    bits in any::<u8>(), cut in any::<prop::sample::Index>()) {
-        let Payload { head, mut bytes } = encode(&brick);
+                                    bits in any::<u8>(), cut in any::<prop::sample::Index>(),
+                                    compression in prop::sample::select(COMPRESSIONS.to_vec())) {
+        let Payload { head, mut bytes } = encoded(&brick, compression);
         prop_assume!(!bytes.is_empty());
         let mut scratch = Scratch::new();
         let short = &bytes[..cut.index(bytes.len())];
@@ -228,6 +253,31 @@ proptest! {
             let _ = decode(kind, 0, &bytes, &mut Scratch::new());
         }
     }
+}
+
+/// Without the checksum that catches it in a store: a changed byte of the range coder is found, or makes another brick.
+#[test]
+fn every_byte_of_a_coded_brick_counts() {
+    let mut scratch = Scratch::new();
+    let mut found = [0; 2];
+    for brick in typical_bricks().into_iter().step_by(4) {
+        let Payload { head, mut bytes } = encoded(&brick, Compression::Range);
+        for at in 0..bytes.len() {
+            assert!(decode(head.kind, 0, &bytes[..at], &mut scratch).is_err(), "cut at {at}");
+            for flip in [1 << (at % 8), 0xff] {
+                bytes[at] ^= flip;
+                let back = decode(head.kind, 0, &bytes, &mut scratch);
+                assert!(back.as_ref() != Ok(&brick), "byte {at}");
+                found[usize::from(back.is_ok())] += 1;
+                bytes[at] ^= flip;
+            }
+        }
+        bytes.push(0);
+        assert!(decode(head.kind, 0, &bytes, &mut scratch).is_err());
+        assert!(decode(PayloadKind(PayloadKind::RANGE_COUNTS), 0, &bytes, &mut scratch).is_err());
+    }
+    println!("{} changes refused, {} other bricks", found[0], found[1]);
+    assert!(found[0] > 1000 && found[1] * 100 < found[0]);
 }
 
 /// Microseconds a call, the best of ten rounds.
@@ -299,13 +349,19 @@ fn codec_variants() {
     let mut scratch = Scratch::new();
     let bare: Vec<Brick> =
         samples.iter().map(|s| Brick::Counts { samples: s.clone(), hermite: Hermite::default() }).collect();
-    for (name, set) in [("rows as masks and changes", &bare), ("the same with Hermite edges", &bricks)] {
-        let packed: Vec<Payload> = set.iter().map(encode).collect();
+    let stored = [
+        ("rows as masks and changes, LZ4", &bare, Compression::Lz4),
+        ("the same with Hermite edges", &bricks, Compression::Lz4),
+        ("range coder", &bare, Compression::Range),
+        ("the same with Hermite edges", &bricks, Compression::Range),
+    ];
+    for (name, set, compression) in stored {
+        let packed: Vec<Payload> = set.iter().map(|brick| encoded(brick, compression)).collect();
         let size = packed.iter().map(|p| p.bytes.len()).sum::<usize>() / packed.len();
         let mut out = Vec::new();
         let encode = time(set, |b| {
             out.clear();
-            std::hint::black_box(encode_into(b, &mut scratch, &mut out));
+            std::hint::black_box(encode_with(b, compression, &mut scratch, &mut out));
         });
         let decode = time(&packed, |p| {
             std::hint::black_box(decode(p.head.kind, 0, &p.bytes, &mut scratch).unwrap());

@@ -6,7 +6,7 @@ use super::{POINTS, Samples};
 use crate::lattice::BRICK_POINTS;
 
 /// Most binary places.
-const BITS_MAX: u8 = 14;
+pub(super) const BITS_MAX: u8 = 14;
 
 /// Replaces the content of `plain` by the samples' bytes.
 pub(super) fn to_plain(samples: &Samples, plain: &mut Vec<u8>) {
@@ -49,7 +49,7 @@ pub(super) fn from_plain(plain: &[u8]) -> Option<Samples> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brick::codec::{Scratch, decode, encode};
+    use crate::brick::codec::{Compression, Scratch, decode, encode_with};
     use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, SignChanges};
     use proptest::prelude::*;
 
@@ -68,11 +68,15 @@ mod tests {
                 });
             }
             let brick = Brick::Counts { samples, hermite };
-            let payload = encode(&brick);
-            prop_assert!(payload.head.kind.has_fractions());
-            prop_assert_eq!((payload.head.min, payload.head.max), brick.range());
-            let back = decode(payload.head.kind, 0, &payload.bytes, &mut Scratch::new());
-            prop_assert_eq!(back, Ok(brick));
+            for compression in [Compression::Lz4, Compression::Range] {
+                let mut bytes = Vec::new();
+                let head = encode_with(&brick, compression, &mut Scratch::new(), &mut bytes);
+                prop_assert!(head.kind.has_fractions());
+                prop_assert_eq!((head.min, head.max), brick.range());
+                let back = decode(head.kind, 0, &bytes, &mut Scratch::new());
+                prop_assert_eq!(back.as_ref(), Ok(&brick));
+                prop_assert!(decode(head.kind, 0, &bytes[..bytes.len() - 1], &mut Scratch::new()).is_err());
+            }
         }
     }
 

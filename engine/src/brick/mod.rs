@@ -5,6 +5,7 @@ pub mod codec;
 mod fractions;
 mod hermite;
 mod hermite_part;
+mod range;
 mod samples;
 
 pub(crate) use hermite::inside_from;

@@ -47,7 +47,7 @@ pub fn compact(store: &Store, output: &Path, progress: &dyn Progress) -> Result<
 }
 
 /// Writes `store` to `output` as [`compact`] does, with every payload compressed in the way asked for. The bricks are the
-/// same; [`Compression::Lz4`] gives the bytes of a build by this program.
+/// same; [`Compression::Lz4`] gives the bytes of a build by this program, from any other.
 ///
 /// # Errors
 /// As [`compact`].
@@ -137,7 +137,9 @@ impl Rewrite<'_> {
             entry.head
         } else {
             let brick = self.store.brick(entry.key)?;
-            let compression = self.compression.unwrap_or_default();
+            let as_it_was =
+                if entry.head.kind.is_range_coded() { Compression::Range } else { Compression::Lz4 };
+            let compression = self.compression.unwrap_or(as_it_was);
             match is_cut.then(|| boundary(self.store, entry.key)).flatten().transpose()? {
                 Some((_, hermite)) => {
                     encode_with(&with_hermite(&brick, hermite), compression, scratch, &mut made.bytes)

@@ -1,8 +1,9 @@
 //! A small tree, given by a formula, for the tests of the store.
 
 use super::{
-    BeadRow, BeadSegment, BeadTables, BeadsMeta, BrickTree, IdentityPlace, MemoryTree, Meta, Numbers, Refine,
-    SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter, cells_of, encode_segments,
+    BeadRow, BeadSegment, BeadTables, BeadsMeta, BrickTree, Compression, IdentityPlace, MemoryTree, Meta,
+    Numbers, Refine, Scratch, SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter, cells_of,
+    encode_segments, encode_with,
 };
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
@@ -109,6 +110,28 @@ fn append_all(writer: &mut StoreWriter) {
         let leaf = tree.node(key).expect("its own key").leaf;
         writer.append_brick(key, leaf, &tree.brick(key).expect("its own key")).expect("room on the disk");
     }
+}
+
+/// Writes these bricks as the range coder has them.
+pub fn write_coded(path: &Path, meta: Meta, bricks: impl Iterator<Item = (NodeKey, bool, Brick)>) {
+    let mut writer = StoreWriter::create(path, &meta).expect("a writable directory");
+    for (key, leaf, brick) in bricks {
+        let mut bytes = Vec::new();
+        let head = encode_with(&brick, Compression::Range, &mut Scratch::new(), &mut bytes);
+        writer.append(key, leaf, head, &bytes).expect("room on the disk");
+    }
+    writer.finish(meta).expect("a complete tree");
+}
+
+/// Writes the small tree as the range coder has it.
+pub fn write_range(path: &Path) {
+    write_coded(path, meta(2), nodes().into_iter().map(|(key, leaf)| (key, leaf, brick_at(key, leaf))));
+}
+
+/// Writes the brick of 1/1024ths as the range coder has it.
+pub fn write_range_fractions(path: &Path) {
+    let meta = Meta { numbers: Numbers { nodes_per_level: vec![1], ..meta(0).numbers }, ..meta(0) };
+    write_coded(path, meta, [(NodeKey::ROOT, true, fractions())].into_iter());
 }
 
 /// A brick of 1/1024ths by formula: a slope, bent along z, with jumps of a whole number and of −3 in x and y.

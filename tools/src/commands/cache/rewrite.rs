@@ -32,6 +32,7 @@ pub fn repack(args: &RepackArgs) -> Result<(), Failure> {
     let compression = match args.compression {
         CompressionArg::Lz4 => Compression::Lz4,
         CompressionArg::None => Compression::None,
+        CompressionArg::Range => Compression::Range,
     };
     run(&args.output, Accept::Shares, |store, output, bars| cache::repack(store, output, compression, bars))
 }
