@@ -279,3 +279,40 @@ fn differences_are_named() {
     let elsewhere = Scene::new(8, 5, false, 1, Refine::Hidden);
     assert!(!difference(&whole, &elsewhere.open("whole")).is_equal(false));
 }
+
+/// Records that are sound each by itself, with checksums that fit, but not together. Where the contradiction is cut off with
+/// what is left out, what is left is sound.
+#[test]
+fn a_tree_that_contradicts_itself_is_refused_or_cut_into_a_sound_one() {
+    let scene = Scene::new(7, 5, false, 2, Refine::Hidden);
+    let whole = scene.open("whole");
+    let leaves: Vec<NodeKey> =
+        whole.entries().iter().filter(|entry| entry.head.kind.has_hermite()).map(|entry| entry.key).collect();
+    assert!(leaves.len() >= 8);
+    let mut refusals = 0;
+    for victim in leaves.iter().step_by(leaves.len() / 8) {
+        let mut writer = StoreWriter::create(&scene.path("other"), whole.meta()).unwrap();
+        for entry in whole.entries() {
+            let brick = whole.brick(entry.key).unwrap();
+            let inside_out = Brick::Uniform(i16::from(brick.sample([0; 3]) < 1));
+            let brick = if entry.key == *victim { &inside_out } else { &*brick };
+            writer.append_brick(entry.key, entry.leaf, brick).unwrap();
+        }
+        writer.finish(whole.meta().clone()).unwrap();
+        let other = scene.open("other");
+        assert!(other.verify(&Silent).unwrap().damaged > 0);
+        let options = PruneOptions { level: Some(0), ..PruneOptions::default() };
+        match prune(&other, &scene.path("pruned"), &options, &Silent) {
+            Ok(_) => {
+                assert_eq!(scene.open("pruned").verify(&Silent).unwrap().first_damage, None);
+                std::fs::remove_file(scene.path("pruned")).unwrap();
+            }
+            Err(refused) => {
+                assert!(refused.to_string().contains("contradicts the nodes around it"), "{refused}");
+                refusals += 1;
+            }
+        }
+        assert!(!scene.path("pruned").exists());
+    }
+    assert!(refusals > 0);
+}
