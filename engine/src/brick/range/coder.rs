@@ -1,5 +1,5 @@
-//! An adaptive binary range coder in integers: the arithmetic of Subbotin's carryless coder's elder brother with carries
-//! (Martin 1979), one decision at a time, each with a probability of its own that learns.
+//! An adaptive binary range coder in integers (Martin 1979): one decision at a time, each with a probability of its own that
+//! learns.
 //!
 //! A model is written once, for both directions: it asks a [`Coder`] to code a decision and goes on with the answer,
 //! which of an encoder is the one that was given, of a decoder the one that was read. So the two cannot disagree.
@@ -390,7 +390,7 @@ mod tests {
         let mut out = Vec::new();
         let mut encoder = Encoder::new(&mut out);
         let mut model = Bit::NEW;
-        bits.iter().for_each(|&bit| drop(encoder.bit(&mut model, bit)));
+        assert!(bits.iter().all(|&bit| encoder.bit(&mut model, bit) == bit));
         encoder.finish();
         let mut decoder = Decoder::new(&out);
         let mut model = Bit::NEW;

@@ -135,14 +135,13 @@ impl Model {
             own.fill(left);
             return;
         }
-        for i in 0..BRICK_POINTS {
+        for (i, value) in own.iter_mut().enumerate() {
             let is_quiet = quiet >> i & 1 != 0 && left == around.up[i + 1];
-            if is_surprising || !is_quiet {
-                own[i] = self.sample(coder, around, i, [before, left], is_quiet, own[i]);
-            } else {
-                own[i] = left;
-            }
-            (before, left) = (left, own[i]);
+            *value = match is_surprising || !is_quiet {
+                true => self.sample(coder, around, i, [before, left], is_quiet, *value),
+                false => left,
+            };
+            (before, left) = (left, *value);
         }
     }
 
