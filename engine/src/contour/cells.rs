@@ -14,8 +14,10 @@
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::field::{Field, Frame};
+use super::halo::Place;
 use super::leaves::{Around, Side, direction_index};
 use super::mixed::Surroundings;
+use super::outliers::{Outliers, minimisers};
 use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
@@ -24,7 +26,8 @@ use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, edge_lower, face_cuts};
 use crate::brick::{SignChanges, point_index};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
-use crate::wide::{dispatch, level};
+use crate::wide::{Simd, dispatch, level};
+use std::sync::{Mutex, PoisonError};
 
 /// Rows of cells along x in a leaf.
 pub(super) const CELL_ROWS: usize = BRICK_CELLS * BRICK_CELLS;
@@ -62,7 +65,10 @@ struct Extra {
     vertex: u32,
 }
 
-/// Stands in [`BrickCells::quads`] where a cell needs a closer look.
+/// The vertices of four cells around an edge.
+pub(super) type Quad = [u16; 4];
+
+/// Stands in a [`Quad`] where a cell needs a closer look.
 pub(super) const NO_VERTEX: u16 = u16::MAX;
 
 /// Cells and vertices of a leaf.
@@ -82,9 +88,8 @@ pub(super) struct BrickCells {
     mixed_edges: Vec<(u64, u32)>,
     /// Sorted by face and edge.
     extras: Vec<Extra>,
-    /// For each sign-changing edge of the leaf, those along x first, the vertices of the four cells around it in the
-    /// order of [`SQUARE`], [`NO_VERTEX`] for those that are not plain cells of this leaf without ambiguous faces.
-    pub quads: Vec<[u16; 4]>,
+    /// See [`BrickCells::take_quads`].
+    quads: Mutex<Vec<Quad>>,
     /// World positions of the vertices.
     pub positions: Vec<[f32; 3]>,
     /// Faces with extra vertices.
@@ -126,6 +131,13 @@ impl BrickCells {
         Ok(builder.finish())
     }
 
+    /// For the leaf's own polygons, for each sign-changing edge of it, those along x first, the vertices of the four cells
+    /// around it in the order of [`super::topology::SQUARE`], [`NO_VERTEX`] for those that are not plain cells of this
+    /// leaf without ambiguous faces. They are handed over once, because the cells stay for the leaves around.
+    pub(super) fn take_quads(&self) -> Vec<Quad> {
+        std::mem::take(&mut *self.quads.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
     /// Number of vertices.
     pub(super) fn len(&self) -> usize {
         self.positions.len()
@@ -145,7 +157,7 @@ impl BrickCells {
             + 4 * (self.first.capacity() + self.mixed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.extras.capacity() * size_of::<Extra>()
-            + self.quads.capacity() * size_of::<[u16; 4]>()
+            + self.quads.lock().unwrap_or_else(PoisonError::into_inner).capacity() * size_of::<Quad>()
             + self.positions.capacity() * size_of::<[f32; 3]>()
             + size_of::<BrickCells>()
     }
@@ -156,8 +168,15 @@ impl BrickCells {
         self.rows.get(k * BRICK_CELLS + j).copied().unwrap_or_default()
     }
 
+    /// Number of active cells in the rows before one, which is k·32 + j.
+    #[inline]
+    pub(super) fn cells_before(&self, row: usize) -> usize {
+        self.rows[row].rank as usize
+    }
+
     /// The vertex of the loop of a plain cell without ambiguous faces through its edge number `edge`; `None` for
     /// other cells.
+    #[inline(always)]
     pub(super) fn plain_vertex(&self, [i, j, k]: [usize; 3], edge: usize) -> Option<u32> {
         let row = self.row(j, k);
         if (row.active & !row.mixed) >> i & 1 == 0 {
@@ -222,12 +241,21 @@ pub(super) struct Builder<'a> {
     pub changes: Option<&'a Changes>,
     /// The leaf's Hermite edges.
     planes: &'a [EdgePlane],
+    /// One for each of them; see [`BrickCells::take_quads`].
+    quads: Vec<Quad>,
     pub cells: BrickCells,
     /// Plain cells with one loop that is not flat, for [`super::corner`].
     pub creased: Vec<[usize; 3]>,
-    /// The sums over the crossings of each active cell, about the leaf's first sample, and then, when all cells are
-    /// filled, over those of all cells before it; none where there are mixed cells.
+    /// Those of them that may be at a corner, where there are sums.
+    pub candidates: Vec<Place>,
+    /// How many of the creased cells, and of the layers of cells along z, these are of.
+    pub seen: usize,
+    pub decided: usize,
+    /// For each active cell the sums over the crossings of all cells before it, about the leaf's first sample, and at
+    /// the end those of all; none where there are mixed cells.
     pub sums: Option<Vec<PlaneSums>>,
+    /// Those of all cells that are placed.
+    sum: PlaneSums,
     /// Cells, as bit rows, whose own planes rule out a corner in any block that they are part of.
     pub apart: Box<[u32; CELL_ROWS]>,
     /// Extra vertices come after all others: (face, the two edges, position).
@@ -235,6 +263,8 @@ pub(super) struct Builder<'a> {
     /// Loops whose vertices are placed next; these are the last ones.
     group: Group,
     waiting: Vec<Waiting>,
+    /// Lone vertices that need more, of groups before.
+    outliers: Outliers,
 }
 
 /// A loop in a group.
@@ -260,7 +290,6 @@ impl<'a> Builder<'a> {
         let planes = changes.map_or(&[][..], |c| &c.planes);
         let cells = BrickCells {
             signs: changes.map(|c| c.signs.clone()),
-            quads: vec![[NO_VERTEX; 4]; planes.len()],
             rows,
             masks: Vec::with_capacity(active),
             first: Vec::with_capacity(active),
@@ -268,6 +297,8 @@ impl<'a> Builder<'a> {
             ..BrickCells::default()
         };
         let key = field.leaves.get(leaf).key;
+        let mut quads = field.spare_quads.take();
+        quads.resize(planes.len(), [NO_VERTEX; 4]);
         Builder {
             field,
             leaf,
@@ -276,28 +307,37 @@ impl<'a> Builder<'a> {
             around,
             changes,
             planes,
+            quads,
             cells,
             creased: Vec::new(),
+            candidates: Vec::new(),
+            seen: 0,
+            decided: 0,
             sums: (!around.contains(&Side::Finer)).then(|| {
-                let mut sums = field.take_sums();
+                let mut sums = field.spare_sums.take();
                 sums.reserve(active + 1);
                 sums
             }),
+            sum: PlaneSums::default(),
             apart: Box::new([0; CELL_ROWS]),
             splits: Vec::new(),
             group: Group::default(),
             waiting: Vec::with_capacity(GROUP),
+            outliers: Outliers::default(),
         }
     }
 
     /// As compiled for this processor: bits are counted for every edge of every cell.
     fn fill(&mut self, surroundings: Option<&mut Surroundings>) -> Result<()> {
-        dispatch!(level(), _simd => self.fill_rows(surroundings))
+        dispatch!(level(), simd => self.fill_rows(simd, surroundings))
     }
 
     #[inline(always)]
-    fn fill_rows(&mut self, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
+    fn fill_rows<S: Simd>(&mut self, simd: S, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
         for n in 0..CELL_ROWS {
+            if n % BRICK_CELLS == 0 {
+                self.keep_candidates(simd, false);
+            }
             let row = self.cells.rows[n];
             if row.active == 0 {
                 continue;
@@ -317,14 +357,11 @@ impl<'a> Builder<'a> {
             }
         }
         self.place();
+        self.place_outliers();
         if let Some(sums) = &mut self.sums {
-            let mut before = PlaneSums::default();
-            sums.push(before);
-            for sums in sums {
-                let own = std::mem::replace(sums, before);
-                before.add_all(&own);
-            }
+            sums.push(self.sum);
         }
+        self.keep_candidates(simd, true);
         Ok(())
     }
 
@@ -341,9 +378,6 @@ impl<'a> Builder<'a> {
         let first = self.cells.positions.len();
         self.cells.masks.push(mask);
         self.cells.first.push(first as u32);
-        if let Some(sums) = &mut self.sums {
-            sums.push(PlaneSums::default());
-        }
         for l in 0..loops.count as usize {
             let vertex = first + l;
             let named =
@@ -354,8 +388,9 @@ impl<'a> Builder<'a> {
                 let place = &EDGE_PLACES[edges.trailing_zeros() as usize];
                 let slot = streams.slot(cell[0], place);
                 let plane = &self.planes[slot];
-                self.group.add(lane, place.seen_from_centre(plane), plane.normal);
-                self.cells.quads[slot][place.quadrant] = named;
+                let [x, y, z] = plane.normal;
+                self.group.add(lane, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
+                self.quads[slot][place.quadrant] = named;
                 edges &= edges - 1;
             }
             self.push_vertex(cell, first, loops.count == 1);
@@ -369,7 +404,8 @@ impl<'a> Builder<'a> {
     /// The crossing on edge `edge` of cell `i` in a row, which changes sign, in cell coordinates.
     fn crossing(&self, i: usize, edge: usize, streams: &EdgeStreams) -> [f64; 3] {
         let place = &EDGE_PLACES[edge];
-        place.seen_from_centre(&self.planes[streams.slot(i, place)]).map(|c| f64::from(c) + 0.5)
+        let [x, y, z, _] = place.seen_from_centre(&self.planes[streams.slot(i, place)]);
+        [x, y, z].map(|c| f64::from(c) + 0.5)
     }
 
     /// Leaves the vertex of a loop, whose planes the group has, to it; `first` is the cell's first vertex.
@@ -386,22 +422,54 @@ impl<'a> Builder<'a> {
 
     /// Places the vertices that wait.
     fn place(&mut self) {
+        dispatch!(level(), simd => self.place_group(simd))
+    }
+
+    #[inline(always)]
+    fn place_group<S: Simd>(&mut self, simd: S) {
         let margin = self.frame.margin;
-        let solved = self.group.solve(self.waiting.len(), margin, MISS);
-        for (lane, waiting) in self.waiting.drain(..).enumerate() {
-            let Waiting { cell, first, vertex, is_lone } = waiting;
-            let before = &self.cells.positions[first as usize..vertex as usize];
-            let position = apart(&self.frame, cell, solved.points[lane], before);
-            self.cells.positions[vertex as usize] = position;
+        let solved = self.group.solve(simd, self.waiting.len(), margin, MISS);
+        let mut sum = self.sum.load(simd);
+        for lane in 0..self.waiting.len() {
+            let Waiting { cell, first, vertex, is_lone } = self.waiting[lane];
+            let is_left = solved.left >> lane & 1 == 1;
+            if is_left && is_lone {
+                let pushed = self.outliers.push(simd, (&solved.terms, lane), (vertex, cell), margin);
+                if let Some((names, points)) = pushed {
+                    for ((vertex, cell), point) in names.into_iter().zip(points) {
+                        self.cells.positions[vertex as usize] = self.frame.world(cell, point);
+                    }
+                }
+            } else {
+                let mut point = solved.points[lane];
+                if is_left {
+                    // The cell's next vertex must know where this one is.
+                    point = minimisers(simd, &solved.terms, margin)[lane];
+                }
+                let (placed, own) = self.cells.positions.split_at_mut(vertex as usize);
+                own[0] = apart(&self.frame, cell, point, &placed[first as usize..]);
+            }
             if is_lone && solved.flat >> lane & 1 == 0 {
                 self.creased.push(cell);
             }
             if let Some(sums) = &mut self.sums {
-                let row = cell[2] * BRICK_CELLS + cell[1];
-                self.apart[row] |= ((solved.apart >> lane & 1) as u32) << cell[0];
-                sums[self.cells.rows[row].slot(cell[0])].add_all(&solved.sums[lane]);
+                if vertex == first {
+                    sums.push(PlaneSums::of(sum));
+                }
+                sum = (sum.0 + solved.sums[lane].0, sum.1 + solved.sums[lane].1);
+                self.apart[cell[2] * BRICK_CELLS + cell[1]] |= ((solved.apart >> lane & 1) as u32) << cell[0];
             }
         }
+        self.sum = PlaneSums::of(sum);
+        self.waiting.clear();
+    }
+
+    /// Places the vertices that wait for others that need more.
+    fn place_outliers(&mut self) {
+        let (frame, positions) = (&self.frame, &mut self.cells.positions);
+        dispatch!(level(), simd => self.outliers.drain(simd, frame.margin, |(vertex, cell), point| {
+            positions[vertex as usize] = frame.world(cell, point);
+        }))
     }
 
     /// Extra vertices on the faces of a plain cell that this leaf owns and that need them.
@@ -493,13 +561,14 @@ impl<'a> Builder<'a> {
     /// Called when all vertices are placed.
     fn finish(mut self) -> BrickCells {
         if let Some(sums) = self.sums.take() {
-            self.field.keep_sums(sums);
+            self.field.spare_sums.keep(sums);
         }
         for (face, edges, position) in self.splits {
             let vertex = self.cells.positions.len() as u32;
             self.cells.positions.push(position);
             self.cells.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
         }
+        self.cells.quads = Mutex::new(self.quads);
         self.cells.extras.sort_unstable_by_key(|e| (e.face, e.edge));
         self.cells
     }

@@ -16,7 +16,7 @@
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.
 
-use super::cells::{Builder, CELL_ROWS};
+use super::cells::{BrickCells, Builder, CELL_ROWS};
 use super::halo::{Halo, Named, Place};
 use super::planes::Plane;
 use super::qef::{PlaneSums, Qef};
@@ -24,7 +24,7 @@ use super::symmetric::dot;
 use super::topology::CELL_LOOPS;
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
-use crate::wide::{dispatch, level};
+use crate::wide::{Simd, dispatch, level};
 use glam::DVec3;
 use std::collections::HashSet;
 
@@ -48,13 +48,15 @@ impl Builder<'_> {
     /// were placed. Where a corner lies and whose vertex goes there is a function of the crossings about it
     /// alone, so leaves next to each other agree; each moves its own vertices.
     pub(super) fn complete_corners(&mut self) -> Result<()> {
-        let creased = std::mem::take(&mut self.creased);
-        if creased.is_empty() {
+        let candidates = match self.sums {
+            Some(_) => std::mem::take(&mut self.candidates),
+            None => self.creased.iter().map(|&cell| place_of(cell)).collect(),
+        };
+        if candidates.is_empty() {
             return Ok(());
         }
         let halo = Halo::new(self.field, self.leaf)?;
         let mut search = Search { builder: self, halo, planes: Vec::new() };
-        let candidates = search.candidates(creased);
         let mut homes = HashSet::new();
         let (mut aside, mut moves) = (Vec::new(), Vec::new());
         for cell in candidates {
@@ -83,6 +85,33 @@ impl Builder<'_> {
         Ok(())
     }
 
+    /// Adds to the candidates those of the creased cells whose block may hold a corner as far as the cells of the leaf
+    /// can tell: creases are many and corners few. Layer by layer, as soon as the sums of the next are there, while they
+    /// are in the processor's cache: those of all cells are more than it holds.
+    #[inline(always)]
+    pub(super) fn keep_candidates<S: Simd>(&mut self, simd: S, is_filled: bool) {
+        let Builder { sums: Some(sums), cells, apart, creased, candidates, .. } = self else { return };
+        while self.decided < BRICK_CELLS {
+            let layer = self.decided;
+            // The first row after the next layer.
+            let after = (layer + 2) * BRICK_CELLS;
+            if !is_filled && (after >= CELL_ROWS || cells.cells_before(after) >= sums.len()) {
+                break;
+            }
+            self.decided += 1;
+            let apart = near(apart, layer);
+            while let Some(&[i, j, k]) = creased.get(self.seen)
+                && k == layer
+            {
+                self.seen += 1;
+                let cell = place_of([i, j, k]);
+                if apart[j] >> i & 1 == 0 && may_meet_within(simd, cells, cell, sums) {
+                    candidates.push(cell);
+                }
+            }
+        }
+    }
+
     /// The vertex of a plain active cell of this leaf with a single loop.
     fn lone_vertex(&self, cell: Place) -> Option<usize> {
         if cell.iter().any(|&c| c < 0 || c >= BRICK_CELLS as i32) {
@@ -97,6 +126,10 @@ impl Builder<'_> {
         let loops = &CELL_LOOPS[self.cells.masks[slot] as usize];
         (loops.count == 1).then(|| self.cells.first[slot] as usize)
     }
+}
+
+fn place_of(cell: [usize; 3]) -> Place {
+    cell.map(|c| c as i32)
 }
 
 /// The cell that holds a point.
@@ -220,59 +253,13 @@ impl Search<'_> {
         best.map(|(_, point)| point.to_array())
     }
 
-    /// Those of the cells whose block may hold a corner as far as the cells of the leaf can tell: creases are many and
-    /// corners few.
-    fn candidates(&self, creased: Vec<[usize; 3]>) -> Vec<Place> {
-        let mut places: Vec<Place> = creased.into_iter().map(|cell| cell.map(|c| c as i32)).collect();
-        if let Some(sums) = &self.builder.sums {
-            dispatch!(level(), _simd => self.keep_candidates(&mut places, sums));
-        }
-        places
-    }
-
-    #[inline(always)]
-    fn keep_candidates(&self, places: &mut Vec<Place>, sums: &[PlaneSums]) {
-        let apart = dilated(&self.builder.apart);
-        // A loop: the closure of an iterator may stay a call, compiled for the narrowest vectors.
-        let mut kept = 0;
-        for n in 0..places.len() {
-            let cell = places[n];
-            let [i, j, k] = cell.map(|c| c as usize);
-            if apart[k * BRICK_CELLS + j] >> i & 1 == 0 && self.may_meet_within(cell, sums) {
-                places[kept] = cell;
-                kept += 1;
-            }
-        }
-        places.truncate(kept);
-    }
-
-    #[inline(always)]
-    fn may_meet_within(&self, cell: Place, sums: &[PlaneSums]) -> bool {
-        const LAST: i32 = BRICK_CELLS as i32 - 1;
-        let sums = self.sums_within(cell, sums);
-        let is_within = cell.iter().all(|&c| 0 < c && c < LAST);
-        if is_within { may_meet(&sums, cell) } else { sums.may_share_point(middle(cell), BLOCK_REACH, MISS) }
-    }
-
-    /// The sums over the cells of the leaf in the block about a cell, from those over all cells before each.
-    #[inline(always)]
-    fn sums_within(&self, cell: Place, before: &[PlaneSums]) -> PlaneSums {
-        let mut sums = PlaneSums::default();
-        let [x, y, z] = cell.map(|c| (c - 1).max(0) as usize..(c + 2).min(BRICK_CELLS as i32) as usize);
-        for k in z {
-            for j in y.clone() {
-                let row = self.builder.cells.row(j, k);
-                sums.add_all(&before[row.slot(x.end)]);
-                sums.take_all(&before[row.slot(x.start)]);
-            }
-        }
-        sums
-    }
-
     /// Whether the block about a cell may hold a corner. Within the leaf the sums of its cells serve; the crossings
     /// beyond its border are added up.
     fn may_meet(&self, cell: Place, low: Place, high: Place) -> bool {
-        let within = self.builder.sums.as_ref().map(|before| self.sums_within(cell, before));
+        let within =
+            self.builder.sums.as_ref().map(
+                |before| dispatch!(level(), simd => sums_within(simd, &self.builder.cells, cell, before)),
+            );
         let beyond = within.is_some();
         let mut sums = within.unwrap_or_default();
         self.halo.any_plane(low, high, beyond, |(point, normal)| {
@@ -281,6 +268,30 @@ impl Search<'_> {
         });
         may_meet(&sums, cell)
     }
+}
+
+#[inline(always)]
+fn may_meet_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[PlaneSums]) -> bool {
+    const LAST: i32 = BRICK_CELLS as i32 - 1;
+    let sums = sums_within(simd, cells, cell, before);
+    let is_within = cell.iter().all(|&c| 0 < c && c < LAST);
+    if is_within { may_meet(&sums, cell) } else { sums.may_share_point(middle(cell), BLOCK_REACH, MISS) }
+}
+
+/// The sums over the cells of the leaf in the block about a cell, from those over all cells before each.
+#[inline(always)]
+fn sums_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[PlaneSums]) -> PlaneSums {
+    let (mut first, mut rest) = PlaneSums::default().load(simd);
+    let [x, y, z] = cell.map(|c| (c - 1).max(0) as usize..(c + 2).min(BRICK_CELLS as i32) as usize);
+    for k in z {
+        for j in y.clone() {
+            let row = cells.row(j, k);
+            let (end, start) = (before[row.slot(x.end)].load(simd), before[row.slot(x.start)].load(simd));
+            first += end.0 - start.0;
+            rest += end.1 - start.1;
+        }
+    }
+    PlaneSums::of((first, rest))
 }
 
 /// Whether the planes of the block about a cell may meet in a corner.
@@ -294,16 +305,23 @@ fn middle(cell: Place) -> [f64; 3] {
     cell.map(|c| f64::from(c) + 0.5)
 }
 
-/// The cells of the leaf, as bit rows, that have one of the set ones in their block.
-fn dilated(rows: &[u32; CELL_ROWS]) -> Vec<u32> {
-    let along_x: Vec<u32> = rows.iter().map(|row| row | row << 1 | row >> 1).collect();
-    let around = |rows: &[u32], n: usize, at: usize, step: usize| {
-        let below = if at > 0 { rows[n - step] } else { 0 };
-        let above = if at + 1 < BRICK_CELLS { rows[n + step] } else { 0 };
-        below | rows[n] | above
-    };
-    let along_y: Vec<u32> = (0..CELL_ROWS).map(|n| around(&along_x, n, n % BRICK_CELLS, 1)).collect();
-    (0..CELL_ROWS).map(|n| around(&along_y, n, n / BRICK_CELLS, BRICK_CELLS)).collect()
+/// The cells of a layer, as bit rows, that have one of the set ones in their block.
+#[inline(always)]
+fn near(rows: &[u32; CELL_ROWS], layer: usize) -> [u32; BRICK_CELLS] {
+    let mut along_z = [0; BRICK_CELLS];
+    for k in layer.saturating_sub(1)..(layer + 2).min(BRICK_CELLS) {
+        for j in 0..BRICK_CELLS {
+            along_z[j] |= rows[k * BRICK_CELLS + j];
+        }
+    }
+    let mut near = [0; BRICK_CELLS];
+    for j in 0..BRICK_CELLS {
+        let below = if j > 0 { along_z[j - 1] } else { 0 };
+        let above = if j + 1 < BRICK_CELLS { along_z[j + 1] } else { 0 };
+        let any = below | along_z[j] | above;
+        near[j] = any | any << 1 | any >> 1;
+    }
+    near
 }
 
 /// True if the corner is not on a crossing's plane.
@@ -341,14 +359,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cell_dilates_into_its_block() {
+    fn a_cell_is_near_those_of_its_block() {
         for cell in [[0, 0, 0], [31, 31, 31], [5, 0, 31], [31, 17, 0], [9, 8, 7]] {
             let mut rows = [0; CELL_ROWS];
             rows[cell[2] as usize * BRICK_CELLS + cell[1] as usize] = 1 << cell[0];
-            let dilated = dilated(&rows);
+            let near: Vec<_> = (0..BRICK_CELLS).map(|layer| near(&rows, layer)).collect();
             for n in 0..BRICK_CELLS * CELL_ROWS {
                 let [i, j, k] = [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / CELL_ROWS];
-                let is_set = dilated[k * BRICK_CELLS + j] >> i & 1 == 1;
+                let is_set = near[k][j] >> i & 1 == 1;
                 assert_eq!(is_set, is_next_to([i as i32, j as i32, k as i32], cell));
             }
         }

@@ -2,7 +2,9 @@
 
 use super::polygons::Facet;
 use super::sink::Encoding;
-use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, level};
+use crate::wide::{
+    Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, level, transposed, widened,
+};
 
 /// Polygons in a vector.
 const GROUP: usize = 8;
@@ -85,8 +87,6 @@ pub(super) struct Cutter {
     centre: [f64; 3],
     encoding: Option<Encoding>,
     cuts: Cuts,
-    /// By corner and axis the positions of the polygons that wait.
-    lanes: [[[f32; GROUP]; 3]; 4],
     /// All facets if there is no encoding.
     pub facets: Vec<Facet>,
     /// What the encoding makes of them.
@@ -107,16 +107,7 @@ impl Cutter {
             from_first: 0,
             normals: [[[0.0; 4]; GROUP]; 2],
         };
-        Cutter {
-            centre,
-            encoding,
-            cuts,
-            lanes: [[[0.0; GROUP]; 3]; 4],
-            facets: Vec::new(),
-            bytes,
-            count: 0,
-            measured: Measured::default(),
-        }
+        Cutter { centre, encoding, cuts, facets: Vec::new(), bytes, count: 0, measured: Measured::default() }
     }
 
     /// The next polygon.
@@ -126,9 +117,6 @@ impl Cutter {
         for (n, (id, [x, y, z])) in corners.into_iter().enumerate() {
             self.cuts.ids[lane][n] = id;
             self.cuts.corners[lane][n] = [x, y, z, 0.0];
-            self.lanes[n][0][lane] = x;
-            self.lanes[n][1][lane] = y;
-            self.lanes[n][2][lane] = z;
         }
         self.cuts.shapes[lane] = shape;
         self.cuts.count += 1;
@@ -146,15 +134,14 @@ impl Cutter {
     pub(super) fn finish(mut self) -> Cutter {
         if self.cuts.count > 0 {
             // Lanes that are left have no area.
-            let count = self.cuts.count;
-            self.lanes.as_flattened_mut().iter_mut().for_each(|lanes| lanes[count..].fill(0.0));
+            self.cuts.corners[self.cuts.count..].fill([[0.0; 4]; 4]);
             self.cut();
         }
         self
     }
 
     fn cut(&mut self) {
-        let measured = dispatch!(level(), simd => cut(simd, &self.lanes, self.centre, &mut self.cuts));
+        let measured = dispatch!(level(), simd => cut(simd, self.centre, &mut self.cuts));
         self.measured.area += measured.area;
         self.measured.volume += measured.volume;
         let facets = |cuts: &Cuts, lane: usize| ORDERS[cuts.shapes[lane] as usize][0].len();
@@ -170,17 +157,18 @@ impl Cutter {
 }
 
 #[inline(always)]
-fn cut<S: Simd>(simd: S, lanes: &[[[f32; GROUP]; 3]; 4], centre: [f64; 3], cuts: &mut Cuts) -> Measured {
+fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> Measured {
     let zero = f64x8::splat(simd, 0.0);
     let mut p = [[zero; 3]; 4];
-    for c in 0..4 {
-        for a in 0..3 {
-            let mut wide = [0.0; GROUP];
-            for lane in 0..GROUP {
-                wide[lane] = f64::from(lanes[c][a][lane]);
-            }
-            p[c][a] = f64x8::from_slice(simd, &wide);
+    for half in 0..2 {
+        let mut polygons = [f32x8::splat(simd, 0.0); GROUP];
+        for lane in 0..GROUP {
+            polygons[lane] =
+                f32x8::from_slice(simd, cuts.corners[lane][2 * half..2 * half + 2].as_flattened());
         }
+        let [a, b, c, _, d, e, f, _] = transposed(polygons);
+        p[2 * half] = [widened(simd, a), widened(simd, b), widened(simd, c)];
+        p[2 * half + 1] = [widened(simd, d), widened(simd, e), widened(simd, f)];
     }
     let (mut turned, mut lone) = ([0.0; GROUP], [0.0; GROUP]);
     for lane in 0..GROUP {

@@ -15,12 +15,12 @@ pub(super) struct EdgeStreams {
 }
 
 /// For each of a cell's 12 edges the stream it belongs to, whether it starts at the next index, and its
-/// lower end and direction.
+/// lower end as the cell's centre sees it and direction, with a zero that makes them vectors.
 pub(super) struct EdgePlace {
     stream: usize,
     step: u32,
-    lower: [f32; 3],
-    direction: [f32; 3],
+    lower: [f32; 4],
+    direction: [f32; 4],
     /// Which of the four cells around the edge the cell is, in the order of [`SQUARE`].
     pub quadrant: usize,
 }
@@ -54,24 +54,23 @@ impl EdgeStreams {
 impl EdgePlace {
     /// The crossing on the edge, seen from the cell's centre: exact, as fractions have 16 bits.
     #[inline(always)]
-    pub(super) fn seen_from_centre(&self, plane: &EdgePlane) -> [f32; 3] {
-        let [x, y, z] = self.lower;
-        let [u, v, w] = self.direction;
+    pub(super) fn seen_from_centre(&self, plane: &EdgePlane) -> [f32; 4] {
+        let ([x, y, z, _], [u, v, w, _]) = (self.lower, self.direction);
         let fraction = plane.fraction;
-        [x - 0.5 + fraction * u, y - 0.5 + fraction * v, z - 0.5 + fraction * w]
+        [x + fraction * u, y + fraction * v, z + fraction * w, 0.0]
     }
 }
 
 pub(super) static EDGE_PLACES: [EdgePlace; 12] = {
     const NONE: EdgePlace =
-        EdgePlace { stream: 0, step: 0, lower: [0.0; 3], direction: [0.0; 3], quadrant: 0 };
+        EdgePlace { stream: 0, step: 0, lower: [0.0; 4], direction: [0.0; 4], quadrant: 0 };
     let mut places = [NONE; 12];
     let mut edge = 0;
     while edge < 12 {
         let (axis, [i, j, k]) = derive_edge(edge);
         places[edge].stream = [j + 2 * k, 4 + k, 6 + j][axis.index()];
         places[edge].step = i as u32;
-        places[edge].lower = [i as f32, j as f32, k as f32];
+        places[edge].lower = [i as f32 - 0.5, j as f32 - 0.5, k as f32 - 0.5, 0.0];
         places[edge].direction[axis.index()] = 1.0;
         // By the offsets of the edge along the other two axes.
         places[edge].quadrant = [2, 3, 1, 0][edge % 4];

@@ -1,15 +1,16 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
 use super::cache::Cache;
-use super::cells::BrickCells;
+use super::cells::{BrickCells, Quad};
 use super::leaves::{Around, Leaves, Side};
 use super::qef::PlaneSums;
+use super::spare::Spare;
 use super::surface::{Level, Surface};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use crate::store::BrickTree;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// A level set of a tree, ready to be contoured leaf by leaf from any thread.
 pub(super) struct Field<'a> {
@@ -21,8 +22,9 @@ pub(super) struct Field<'a> {
     cells: Cache<BrickCells>,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
     users: Vec<AtomicU32>,
-    /// Room that cells were made in, to be used again instead of fresh pages from the kernel.
-    spare_sums: Mutex<Vec<Vec<PlaneSums>>>,
+    /// Room that cells were made in.
+    pub spare_sums: Spare<PlaneSums>,
+    pub spare_quads: Spare<Quad>,
 }
 
 impl<'a> Field<'a> {
@@ -51,7 +53,8 @@ impl<'a> Field<'a> {
             surfaces,
             cells,
             users,
-            spare_sums: Mutex::default(),
+            spare_sums: Spare::default(),
+            spare_quads: Spare::default(),
         })
     }
 
@@ -80,17 +83,6 @@ impl<'a> Field<'a> {
                 self.surfaces.remove(other);
             }
         }
-    }
-
-    /// Empty room for sums.
-    pub(super) fn take_sums(&self) -> Vec<PlaneSums> {
-        self.spare_sums.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
-    }
-
-    /// Keeps room that is used no more.
-    pub(super) fn keep_sums(&self, mut sums: Vec<PlaneSums>) {
-        sums.clear();
-        self.spare_sums.lock().unwrap_or_else(PoisonError::into_inner).push(sums);
     }
 
     /// Where the cells of `key` lie in the world.

@@ -17,6 +17,7 @@
 //! | `symmetric` | symmetric matrices |
 //! | `qef` | where a vertex goes |
 //! | `solve` | the same for eight vertices at a time |
+//! | `outliers` | the few that need more, eight at a time, too |
 //! | `edges` | the edges of a row of cells |
 //! | `cells` | pass 1: active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
@@ -24,6 +25,7 @@
 //! | `mixed` | cells next to finer leaves |
 //! | `polygons` | pass 2: triangles of a leaf |
 //! | `cut` | polygons into triangles, their area, volume and normals |
+//! | `spare` | room that is used again |
 //! | `order` | leaves in parallel, their output in order |
 //! | `sink` | STL, PLY and OBJ files |
 
@@ -37,11 +39,13 @@ mod halo;
 mod leaves;
 mod mixed;
 mod order;
+mod outliers;
 mod planes;
 mod polygons;
 mod qef;
 mod sink;
 mod solve;
+mod spare;
 mod surface;
 mod symmetric;
 #[cfg(test)]
@@ -58,7 +62,8 @@ use crate::store::BrickTree;
 use cells::BrickCells;
 use field::Field;
 use order::in_order;
-use polygons::{LeafFacets, Making, Spare};
+use polygons::{LeafFacets, Making};
+use spare::Spare;
 use std::sync::Arc;
 use surface::Level;
 

@@ -11,17 +11,18 @@
 //!   polygon at that cut only the two cells at the face are the same;
 //! - other polygons with extra vertices are fans about a finest cell's vertex.
 
-use super::cells::{BrickCells, NO_VERTEX, edge_key, face_key};
+use super::cells::{BrickCells, NO_VERTEX, Quad, edge_key, face_key};
 use super::cut::{Cutter, Measured, Shape, Vertex};
 use super::field::Field;
 use super::leaves::{Around, Side, broken, direction_index};
 use super::sink::Encoding;
+use super::spare::Spare;
 use super::topology::{SQUARE, edge_index};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Units};
 use crate::wide::{dispatch, level};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// One triangle of the mesh, counter-clockwise seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,32 +45,14 @@ pub(super) struct LeafFacets {
     pub measured: Measured,
 }
 
-/// Room for bytes that has been used before: fresh pages from the kernel cost a tenth of the time of contouring.
-#[derive(Default)]
-pub(super) struct Spare(Mutex<Vec<Vec<u8>>>);
-
-impl Spare {
-    /// Empty room.
-    fn take(&self) -> Vec<u8> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
-    }
-
-    /// Keeps what is used no more.
-    pub(super) fn keep(&self, mut bytes: Vec<u8>) {
-        bytes.clear();
-        if bytes.capacity() > 0 {
-            self.0.lock().unwrap_or_else(PoisonError::into_inner).push(bytes);
-        }
-    }
-}
-
 /// How the facets of a mesh are made, beside the field.
 pub(super) struct Making<'a> {
     /// The number of each leaf's first vertex, if numbers are wanted.
     pub first_vertex: Option<&'a [u32]>,
     /// How a file takes them.
     pub encoding: Option<Encoding>,
-    pub spare: Spare,
+    /// Room for the bytes of leaves.
+    pub spare: Spare<u8>,
 }
 
 /// The triangles of `leaf`, which is done with then, as are the cells that no other leaf needs.
@@ -94,7 +77,9 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<L
         borders: [Border::Unknown; 27],
         cutter: Cutter::new(centre, making.encoding, bytes),
     };
-    dispatch!(level(), _simd => maker.rows(&cells, signs))?;
+    let quads = cells.take_quads();
+    dispatch!(level(), _simd => maker.rows(&cells, signs, &quads))?;
+    field.spare_quads.keep(quads);
     let Cutter { count, facets, bytes, measured, .. } = maker.cutter.finish();
     field.release(leaf, &around);
     Ok(LeafFacets { count, facets, bytes, measured })
@@ -144,10 +129,23 @@ enum Border {
     Unknown,
     /// Their polygons belong to another leaf.
     Foreign,
-    /// Around them are leaves of this one's level, in these directions; the cells of all are fetched.
-    Equal([usize; 4]),
+    /// Around them are leaves of this one's level, whose cells are fetched.
+    Equal([Quarter; 4]),
     /// Leaves of several levels meet.
     Uneven,
+}
+
+/// Where the cell in one quadrant around such edges is found.
+#[derive(Clone, Copy, Default)]
+struct Quarter {
+    /// The leaf, as a direction.
+    direction: usize,
+    /// What leads from the edge's lower sample to the cell, along each axis modulo the cells of a leaf.
+    step: [usize; 3],
+    /// Which of the cell's edges it is.
+    edge: usize,
+    /// Number of the leaf's first vertex.
+    first: u32,
 }
 
 /// Makes the facets of one leaf.
@@ -167,14 +165,14 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
-    /// All edges of the leaf, in the order of [`BrickCells::quads`].
+    /// All edges of the leaf, in the order of [`BrickCells::take_quads`].
     #[inline(always)]
-    fn rows(&mut self, cells: &BrickCells, signs: &SignChanges) -> Result<()> {
-        let mut slot = 0;
+    fn rows(&mut self, cells: &BrickCells, signs: &SignChanges, quads: &[Quad]) -> Result<()> {
+        let mut quads = quads.iter();
         for axis in Axis::ALL {
             for k in 0..BRICK_POINTS {
                 for j in 0..BRICK_POINTS {
-                    self.row(axis, j, k, cells, (signs, &mut slot))?;
+                    self.row(axis, j, k, cells, (signs, &mut quads))?;
                 }
             }
         }
@@ -186,8 +184,8 @@ impl Maker<'_> {
         self.first_vertex.map_or(0, |first| first[leaf as usize])
     }
 
-    /// All edges along `axis` whose lower samples lie in the row (j, k) and that this leaf owns; `slot` counts the
-    /// edges.
+    /// All edges along `axis` whose lower samples lie in the row (j, k) and that this leaf owns; `quads` are those of
+    /// these edges and of all after them.
     #[inline(always)]
     fn row(
         &mut self,
@@ -195,7 +193,7 @@ impl Maker<'_> {
         j: usize,
         k: usize,
         cells: &BrickCells,
-        (signs, slot): (&SignChanges, &mut usize),
+        (signs, quads): (&SignChanges, &mut std::slice::Iter<'_, Quad>),
     ) -> Result<()> {
         let mut bits = signs.edges(axis, j, k);
         let inside = signs.row(j, k);
@@ -204,18 +202,17 @@ impl Maker<'_> {
             bits &= bits - 1;
             let inside = inside >> i & 1 == 1;
             // None where no cell of the leaf is active: then all its edges with a sign change lie on its border.
-            match cells.quads.get(*slot) {
+            match quads.next() {
                 Some(quad) if !quad.contains(&NO_VERTEX) => self.plain(quad, cells, inside),
-                _ => self.border(axis, [i, j, k], inside)?,
+                quad => self.border(axis, [i, j, k], quad.unwrap_or(&[NO_VERTEX; 4]), inside)?,
             }
-            *slot += 1;
         }
         Ok(())
     }
 
     /// The polygon of an edge among four plain cells of this leaf, none of which has a split face.
     #[inline(always)]
-    fn plain(&mut self, quad: &[u16; 4], cells: &BrickCells, inside: bool) {
+    fn plain(&mut self, quad: &Quad, cells: &BrickCells, inside: bool) {
         let [a, b, c, d] = *quad;
         let at = |n: u16| (self.first + u32::from(n), cells.positions[usize::from(n)]);
         let shape = if inside { Shape::Quad } else { Shape::TurnedBack };
@@ -223,7 +220,8 @@ impl Maker<'_> {
     }
 
     /// The polygon of an edge on the leaf's border, or next to a cell that is not plain, if this leaf owns it.
-    fn border(&mut self, axis: Axis, low: [usize; 3], inside: bool) -> Result<()> {
+    #[inline(always)]
+    fn border(&mut self, axis: Axis, low: [usize; 3], quad: &Quad, inside: bool) -> Result<()> {
         let (u, v) = axis.others();
         let side = |c: usize| usize::from(c > 0) + usize::from(c == BRICK_CELLS);
         let place = 9 * axis.index() + 3 * side(low[u.index()]) + side(low[v.index()]);
@@ -232,8 +230,8 @@ impl Maker<'_> {
         }
         match self.borders[place] {
             Border::Foreign => return Ok(()),
-            Border::Equal(directions) => {
-                if let Some(corners) = self.equal(axis, low, directions) {
+            Border::Equal(ref quarters) => {
+                if let Some(corners) = self.equal(low, quarters, quad) {
                     self.cutter.push(corners, if inside { Shape::Quad } else { Shape::Turned });
                     return Ok(());
                 }
@@ -248,24 +246,35 @@ impl Maker<'_> {
         if !self.owns(axis, low) {
             return Ok(Border::Foreign);
         }
-        let mut directions = [0; 4];
-        for (n, quadrant) in SQUARE.into_iter().enumerate() {
-            directions[n] = direction_index(direction(Self::quadrant_cell(axis, low, quadrant)));
-            let Side::Same(leaf) = self.around[directions[n]] else { return Ok(Border::Uneven) };
-            self.fetch(leaf, directions[n])?;
+        let mut quarters = [Quarter::default(); 4];
+        for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
+            let cell = Self::quadrant_cell(axis, low, [qu, qv]);
+            let direction = direction_index(direction(cell));
+            let Side::Same(leaf) = self.around[direction] else { return Ok(Border::Uneven) };
+            self.fetch(leaf, direction)?;
+            let step =
+                std::array::from_fn(|a| (cell[a] - low[a] as i32).rem_euclid(BRICK_CELLS as i32) as usize);
+            let (edge, first) = (edge_index(axis, 1 - qu, 1 - qv), self.first_vertex(leaf));
+            quarters[n] = Quarter { direction, step, edge, first };
         }
-        Ok(Border::Equal(directions))
+        Ok(Border::Equal(quarters))
     }
 
-    /// The corners of a polygon among plain cells, without split faces, of leaves of this level.
-    fn equal(&self, axis: Axis, low: [usize; 3], directions: [usize; 4]) -> Option<[Vertex; 4]> {
+    /// The corners of a polygon among plain cells, without split faces, of leaves of this level; `quad` as in
+    /// [`BrickCells::take_quads`].
+    #[inline(always)]
+    fn equal(&self, low: [usize; 3], quarters: &[Quarter; 4], quad: &Quad) -> Option<[Vertex; 4]> {
         let mut corners = [Vertex::default(); 4];
-        for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
-            let Side::Same(leaf) = self.around[directions[n]] else { return None };
-            let cells = self.neighbours[directions[n]].as_deref()?;
-            let cell = Self::quadrant_cell(axis, low, [qu, qv]).map(|c| c as usize % BRICK_CELLS);
-            let vertex = cells.plain_vertex(cell, edge_index(axis, 1 - qu, 1 - qv))?;
-            corners[n] = (self.first_vertex(leaf) + vertex, cells.positions[vertex as usize]);
+        for n in 0..4 {
+            let quarter = &quarters[n];
+            let cells = self.neighbours[quarter.direction].as_deref()?;
+            let vertex = if quad[n] == NO_VERTEX {
+                let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
+                cells.plain_vertex(cell, quarter.edge)?
+            } else {
+                u32::from(quad[n])
+            };
+            corners[n] = (quarter.first + vertex, cells.positions[vertex as usize]);
         }
         Some(corners)
     }

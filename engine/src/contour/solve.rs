@@ -2,11 +2,15 @@
 //!
 //! Every lane does the same operations in the same order, and none is fused: a vertex has the same bits for any
 //! width and whatever loops share its group. Lanes without a closed form, a few in a hundred, and minimisers outside
-//! their cell that do not lie on the one face that they are beyond are left to [`super::qef`].
+//! their cell that do not lie on the one face that they are beyond are left to [`super::outliers`].
 
-use super::qef::{Centred, PlaneSums, Qef, TRUNCATION_SQUARED, Vector, most_least, ridge};
+use super::outliers::Terms;
+use super::qef::{Qef, TRUNCATION_SQUARED, Vector, WideSums, most_least, ridge};
 use super::symmetric::{Symmetric, dot};
-use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, each_of, f64x8, level, mask64x8};
+use crate::wide::{
+    Select, Simd, SimdBase, SimdFloat, SimdMask, SimdSplit, each_of, f32x8, f64x8, mask64x8, transposed,
+    widened,
+};
 
 #[inline(always)]
 fn put<const N: usize>(terms: &mut [Lanes; N], lane: usize, values: &[f64; N]) {
@@ -22,7 +26,7 @@ pub(super) const REACH: f64 = 2.5;
 pub(super) const GROUP: usize = 8;
 
 /// One number for each loop.
-type Lanes = [f64; GROUP];
+pub(super) type Lanes = [f64; GROUP];
 
 /// Most planes of a loop: one on each edge of the cell.
 const MOST_PLANES: usize = 12;
@@ -30,8 +34,9 @@ const MOST_PLANES: usize = 12;
 /// Up to [`GROUP`] loops, each as its planes or as their sums; all is zero in lanes that are not in use.
 #[derive(Clone, Default)]
 pub(super) struct Group {
-    /// By number within a loop, in the order of addition: the points as the cells' centres see them, and the normals.
-    planes: [[[f32; GROUP]; 6]; MOST_PLANES],
+    /// By number within a loop, in the order of addition, and by loop: the points as the cells' centres see them, and
+    /// the normals, each filled up to a vector.
+    planes: [[[f32; 8]; GROUP]; MOST_PLANES],
     /// How many planes each loop has.
     counts: [usize; GROUP],
     /// Term by term, as in [`Qef`].
@@ -52,29 +57,32 @@ struct Sums {
 }
 
 /// What comes out of a group.
-pub(super) struct Solved {
+pub(super) struct Solved<S: Simd> {
     /// By loop the point of the box `margin..1 − margin` of the cell with the least error, nearest to the mass
     /// point where the error does not tell.
     pub points: [Vector; GROUP],
+    /// Bit per loop: its point is left to [`super::outliers`].
+    pub left: u64,
+    /// What those need.
+    pub terms: Terms,
     /// Bit per loop: all normals agree so well that two eigenvalues are truncated anyway.
     pub flat: u64,
     /// Bit per loop: no point within [`REACH`] cells of its cell's centre along every axis is within the miss asked for
     /// of all planes.
     pub apart: u64,
     /// The sums about the origin that the corners are counted from.
-    pub sums: [PlaneSums; GROUP],
+    pub sums: [WideSums<S>; GROUP],
 }
 
 impl Group {
-    /// Adds a plane to the loop in a lane.
+    /// Adds a plane to the loop in a lane: a point of it as the cell's centre sees it, and the normal. The last numbers
+    /// fill the vectors.
     #[inline(always)]
-    pub(super) fn add(&mut self, lane: usize, from_centre: [f32; 3], normal: [f32; 3]) {
+    pub(super) fn add(&mut self, lane: usize, from_centre: [f32; 4], normal: [f32; 4]) {
         let lane = lane % GROUP;
-        let terms = &mut self.planes[self.counts[lane]];
-        for a in 0..3 {
-            terms[a][lane] = from_centre[a];
-            terms[3 + a][lane] = normal[a];
-        }
+        let terms = &mut self.planes[self.counts[lane]][lane];
+        terms[..4].copy_from_slice(&from_centre);
+        terms[4..].copy_from_slice(&normal);
         self.counts[lane] += 1;
     }
 
@@ -96,13 +104,29 @@ impl Group {
     }
 
     /// Solves the first `used` lanes, and empties all.
-    pub(super) fn solve(&mut self, used: usize, margin: f64, miss: f64) -> Solved {
-        let solved = dispatch!(level(), simd => solve(simd, self, used, margin, miss));
+    #[inline(always)]
+    pub(super) fn solve<S: Simd>(&mut self, simd: S, used: usize, margin: f64, miss: f64) -> Solved<S> {
+        let solved = solve(simd, self, used, margin, miss);
         let most = self.counts.into_iter().max().unwrap_or(0);
-        self.planes[..most].fill([[0.0; GROUP]; 6]);
+        self.planes[..most].fill([[0.0; 8]; GROUP]);
         self.counts = [0; GROUP];
         self.sums = None;
         solved
+    }
+}
+
+#[cfg(test)]
+impl Group {
+    /// The points of the first `used` lanes.
+    pub(super) fn points(&mut self, used: usize, margin: f64) -> [Vector; GROUP] {
+        crate::wide::dispatch!(crate::wide::level(), simd => {
+            let mut solved = self.solve(simd, used, margin, 0.01);
+            let left = super::outliers::minimisers(simd, &solved.terms, margin);
+            for lane in (0..used).filter(|lane| solved.left >> lane & 1 == 1) {
+                solved.points[lane] = left[lane];
+            }
+            solved.points
+        })
     }
 }
 
@@ -144,14 +168,13 @@ impl<S: Simd> Planes<S> {
         }
         // Planes that a loop does not have are zero, and so is what they add.
         for terms in &group.planes[..most.min(MOST_PLANES)] {
-            let mut wide = [[0.0; GROUP]; 6];
-            for term in 0..6 {
-                for lane in 0..GROUP {
-                    wide[term][lane] = f64::from(terms[term][lane]);
-                }
+            let mut loops = [f32x8::splat(simd, 0.0); GROUP];
+            for lane in 0..GROUP {
+                loops[lane] = f32x8::from_slice(simd, &terms[lane]);
             }
-            let [px, py, pz, nx, ny, nz] = wide;
-            let (p, n) = (each_of(simd, &[px, py, pz]), each_of(simd, &[nx, ny, nz]));
+            let [px, py, pz, _, nx, ny, nz, _] = transposed(loops);
+            let p = [widened(simd, px), widened(simd, py), widened(simd, pz)];
+            let n = [widened(simd, nx), widened(simd, ny), widened(simd, nz)];
             let d = dot(n, p);
             sums.matrix = sums.matrix.plus(n);
             for a in 0..3 {
@@ -166,7 +189,7 @@ impl<S: Simd> Planes<S> {
 }
 
 #[inline(always)]
-fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -> Solved {
+fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -> Solved<S> {
     let planes = Planes::of(simd, group);
     let Planes { matrix, rhs: at_centre, normals, count, .. } = planes;
     let half = f64x8::splat(simd, 0.5);
@@ -188,19 +211,9 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     }
     let mass = [mean[0] + half, mean[1] + half, mean[2] + half];
     let mut at = [mass[0] + free.x[0], mass[1] + free.x[1], mass[2] + free.x[2]];
-    let of =
-        |vector: &Vec3<S>, lane: usize| -> Vector { [vector[0][lane], vector[1][lane], vector[2][lane]] };
-    let centred =
-        |lane: usize| Centred::new(matrix.0.map(|term| term[lane]), of(&rhs, lane), of(&mass, lane));
-    for lane in each_bit(lanes & !free.is_sound.to_bitmask()) {
-        let (point, largest) = centred(lane).free();
-        for a in 0..3 {
-            at[a][lane] = point[a];
-        }
-        free.largest[lane] = largest;
-    }
     let bounds = [f64x8::splat(simd, margin), f64x8::splat(simd, 1.0 - margin)];
-    let rest = lanes & !on_faces(&matrix, rhs, mass, free.largest, bounds, &mut at);
+    let done = on_faces(&matrix, rhs, mass, free.largest, bounds, &mut at);
+    let left = lanes & !(done & free.is_sound.to_bitmask());
     let mut points = [[0.0; 3]; GROUP];
     for a in 0..3 {
         let at = at[a].as_array();
@@ -208,28 +221,26 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
             points[lane][a] = at[lane];
         }
     }
-    for lane in each_bit(rest) {
-        points[lane] = centred(lane).constrained(points[lane], free.largest[lane], margin);
+    let mut terms = [[0.0; GROUP]; 16];
+    if left != 0 {
+        let largest = free.is_sound.select(free.largest, f64x8::splat(simd, -1.0));
+        let [xx, yy, zz, xy, yz, zx] = matrix.0;
+        let ([ra, rb, rc], [ma, mb, mc], [ax, ay, az]) = (rhs, mass, at);
+        let all = [xx, yy, zz, xy, yz, zx, ra, rb, rc, ma, mb, mc, ax, ay, az, largest];
+        for n in 0..16 {
+            all[n].store_slice(&mut terms[n]);
+        }
     }
     let sums = about_origin(simd, &planes, group);
     let apart = apart(&planes, miss).to_bitmask() & lanes;
-    Solved { points, flat, apart, sums }
-}
-
-#[inline(always)]
-fn each_bit(mut bits: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (lane < GROUP).then_some(lane)
-    })
+    Solved { points, left, terms, flat, apart, sums }
 }
 
 /// Moves minimisers that are beyond one face of the box to those over the face, where these lie within the face and
 /// no direction of the face is truncated: no edge or corner of the face has a smaller error then. Returns a bit for
 /// each lane whose point is the minimiser over the box.
 #[inline(always)]
-fn on_faces<S: Simd>(
+pub(super) fn on_faces<S: Simd>(
     matrix: &Matrix<S>,
     rhs: Vec3<S>,
     mass: Vec3<S>,
@@ -284,7 +295,7 @@ fn apart<S: Simd>(planes: &Planes<S>, miss: f64) -> mask64x8<S> {
 
 /// The sums about the origin of the corners, for the search for corners.
 #[inline(always)]
-fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, group: &Group) -> [PlaneSums; GROUP] {
+fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, group: &Group) -> [WideSums<S>; GROUP] {
     let mut centre = each_of(simd, &group.corners);
     for c in &mut centre {
         *c += 0.5;
@@ -294,12 +305,17 @@ fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, group: &Group) -> [PlaneSu
     let constant = planes.constant + dot(*rhs, centre) * 2.0 + dot(centre, moved);
     let [xx, yy, zz, xy, yz, zx] = matrix.0;
     let [x, y, z] = [rhs[0] + moved[0], rhs[1] + moved[1], rhs[2] + moved[2]];
-    let mut sums = [PlaneSums::default(); GROUP];
-    for (term, lanes) in [xx, yy, zz, xy, yz, zx, x, y, z, constant, *count].into_iter().enumerate() {
-        let lanes = lanes.as_array();
-        for lane in 0..GROUP {
-            sums[lane].0[term] = lanes[lane];
-        }
+    let terms = transposed([xx, yy, zz, xy, yz, zx, x, y]);
+    let zero = f64x8::splat(simd, 0.0);
+    let mut sums = [(zero, zero.split().0); GROUP];
+    let ((z_count, z_count_high), (constant, constant_high)) =
+        (z.interleave(*count), constant.interleave(zero));
+    let (first, second) = z_count.interleave(constant);
+    let (third, fourth) = z_count_high.interleave(constant_high);
+    for (pair, more) in [first, second, third, fourth].into_iter().enumerate() {
+        let (even, odd) = more.split();
+        sums[2 * pair] = (terms[2 * pair], even);
+        sums[2 * pair + 1] = (terms[2 * pair + 1], odd);
     }
     sums
 }
@@ -389,7 +405,7 @@ fn least_eigenvector<S: Simd>(matrix: &Matrix<S>, adjugate: &Matrix<S>) -> (Vec3
     (v, value, stands_out & is_sharp)
 }
 
-type Vec3<S> = [f64x8<S>; 3];
+pub(super) type Vec3<S> = [f64x8<S>; 3];
 
 #[inline(always)]
 fn minus<S: Simd>(a: Vec3<S>, b: Vec3<S>) -> Vec3<S> {
@@ -407,10 +423,10 @@ fn divided<S: Simd>(a: Vec3<S>, s: f64x8<S>) -> Vec3<S> {
 }
 
 /// The matrices of eight loops.
-type Matrix<S> = Symmetric<f64x8<S>>;
+pub(super) type Matrix<S> = Symmetric<f64x8<S>>;
 
 #[inline(always)]
-fn load<S: Simd>(simd: S, terms: &[Lanes; 6]) -> Matrix<S> {
+pub(super) fn load<S: Simd>(simd: S, terms: &[Lanes; 6]) -> Matrix<S> {
     let mut all = [f64x8::splat(simd, 0.0); 6];
     for (to, term) in all.iter_mut().zip(terms) {
         *to = f64x8::from_slice(simd, term);
@@ -426,8 +442,9 @@ fn scaled_down<S: Simd>(matrix: &Matrix<S>, s: f64x8<S>) -> Matrix<S> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::qef::{largest_of, truncated as by_rotations};
+    use super::super::tests::one_by_one::{largest_of, truncated as by_rotations};
     use super::*;
+    use crate::wide::{dispatch, level};
     use proptest::prelude::*;
 
     /// Offset and largest eigenvalue of one lane, if there is a closed form.
@@ -481,8 +498,8 @@ mod tests {
                 group.set(lane, qef);
                 group.place(lane, [lane; 3]);
             });
-            let together = group.solve(GROUP, 1e-4, 0.01);
-            for (qef, point) in qefs.iter().zip(together.points) {
+            let together = group.points(GROUP, 1e-4);
+            for (qef, point) in qefs.iter().zip(together) {
                 prop_assert_eq!(qef.solve(1e-4), point);
             }
         }

@@ -49,7 +49,8 @@ impl Surface {
         if !leaf.changes {
             return Ok(Surface::Uniform(leaf.inside));
         }
-        let brick = tree.brick(leaf.key)?;
+        // The surface is what is kept.
+        let brick = tree.brick_once(leaf.key)?;
         let Brick::Counts { samples, hermite } = &*brick else { return Ok(Surface::Uniform(leaf.inside)) };
         let signs = signs(samples, level);
         let is_complete = hermite.edges.each_ref().map(Vec::len) == signs.counts();

@@ -361,6 +361,12 @@ impl BrickTree for Store {
         let entry = self.entry_of(key)?;
         self.cached(entry).map_err(|what| self.record_error(key, what))
     }
+
+    fn brick_once(&self, key: NodeKey) -> Result<Arc<Brick>> {
+        let entry = self.entry_of(key)?;
+        let brick = self.cache.get(key).map_or_else(|| self.load(entry).map(Arc::new), Ok);
+        brick.map_err(|what| self.record_error(key, what))
+    }
 }
 
 /// What is wrong with a file, and where.

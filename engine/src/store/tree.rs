@@ -29,6 +29,10 @@ pub trait BrickTree: Sync {
     fn keys(&self) -> Vec<NodeKey>;
     /// The node's brick, verified and decoded.
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>>;
+    /// The same for who does not come back for it, so that it need not be kept.
+    fn brick_once(&self, key: NodeKey) -> Result<Arc<Brick>> {
+        self.brick(key)
+    }
 }
 
 /// A tree in memory, for tests and small work.

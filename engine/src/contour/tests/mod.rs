@@ -2,6 +2,7 @@
 
 mod check;
 mod fields;
+pub(super) mod one_by_one;
 
 use super::*;
 use crate::lattice::{Axis, NodeKey, Units};
