@@ -162,9 +162,8 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> Measured {
     let mut p = [[zero; 3]; 4];
     for half in 0..2 {
         let mut polygons = [f32x8::splat(simd, 0.0); GROUP];
-        for lane in 0..GROUP {
-            polygons[lane] =
-                f32x8::from_slice(simd, cuts.corners[lane][2 * half..2 * half + 2].as_flattened());
+        for (polygon, corners) in polygons.iter_mut().zip(&cuts.corners) {
+            *polygon = f32x8::from_slice(simd, corners[2 * half..2 * half + 2].as_flattened());
         }
         let [a, b, c, _, d, e, f, _] = transposed(polygons);
         p[2 * half] = [widened(simd, a), widened(simd, b), widened(simd, c)];

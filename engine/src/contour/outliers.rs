@@ -58,9 +58,12 @@ impl Outliers {
         for batch in &mut self.0 {
             if batch.used > 0 {
                 let points = minimisers(simd, &batch.terms, margin);
-                for lane in 0..batch.used {
-                    each(batch.names[lane], points[lane]);
-                }
+                batch
+                    .names
+                    .into_iter()
+                    .zip(points)
+                    .take(batch.used)
+                    .for_each(|(name, point)| each(name, point));
                 batch.used = 0;
             }
         }
@@ -110,13 +113,14 @@ fn by_rotations<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> (Vec3<S>,
     let [xx, yy, zz, xy, yz, zx] = matrix.0;
     // Off the diagonal by the axis that is not theirs.
     let (mut values, mut off) = ([xx, yy, zz], [yz, zx, xy]);
+    // By axis and number.
     let mut vectors = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];
     let trace = xx + yy + zz;
     let limit = trace * trace * 1e-28;
     let mut is_turning = mask64x8::splat(simd, true);
     for _ in 0..6 {
         let rest = off[2] * off[2] + off[0] * off[0] + off[1] * off[1];
-        is_turning = is_turning & !rest.simd_le(limit);
+        is_turning &= !rest.simd_le(limit);
         if !is_turning.any_true() {
             break;
         }
@@ -133,10 +137,10 @@ fn by_rotations<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> (Vec3<S>,
             off[r] = turns.select(zero, pq);
             off[q] = turns.select(c * rp - s * rq, rp);
             off[p] = turns.select(s * rp + c * rq, rq);
-            for a in 0..3 {
-                let (vp, vq) = (vectors[p][a], vectors[q][a]);
-                vectors[p][a] = turns.select(c * vp - s * vq, vp);
-                vectors[q][a] = turns.select(s * vp + c * vq, vq);
+            for axis in &mut vectors {
+                let (vp, vq) = (axis[p], axis[q]);
+                axis[p] = turns.select(c * vp - s * vq, vp);
+                axis[q] = turns.select(s * vp + c * vq, vq);
             }
         }
     }
@@ -144,10 +148,11 @@ fn by_rotations<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> (Vec3<S>,
     let threshold = largest * TRUNCATION_SQUARED;
     let mut x = [zero; 3];
     for n in 0..3 {
-        let along = dot(vectors[n], rhs) / values[n];
+        let vector = [vectors[0][n], vectors[1][n], vectors[2][n]];
+        let along = dot(vector, rhs) / values[n];
         let counts = values[n].simd_gt(threshold);
         for a in 0..3 {
-            x[a] = counts.select(x[a] + vectors[n][a] * along, x[a]);
+            x[a] = counts.select(x[a] + vector[a] * along, x[a]);
         }
     }
     (x, largest)
@@ -177,7 +182,7 @@ impl<S: Simd> Bounded<S> {
         for a in 0..3 {
             beyond[0][a] = free[a].simd_lt(low);
             beyond[1][a] = free[a].simd_gt(high);
-            is_within = is_within & free[a].simd_ge(low) & free[a].simd_le(high);
+            is_within &= free[a].simd_ge(low) & free[a].simd_le(high);
         }
         let mut best = free;
         for best in &mut best {
@@ -190,7 +195,7 @@ impl<S: Simd> Bounded<S> {
             let mut is_tried = none;
             for a in 0..3 {
                 if digits[a] < 2 {
-                    is_tried = is_tried | beyond[digits[a]][a];
+                    is_tried |= beyond[digits[a]][a];
                 }
             }
             if !is_tried.any_true() {
@@ -198,7 +203,7 @@ impl<S: Simd> Bounded<S> {
             }
             let (x, point) = self.with_fixed(simd, digits);
             for p in point {
-                is_tried = is_tried & !(p.simd_lt(low) | p.simd_gt(high));
+                is_tried &= !(p.simd_lt(low) | p.simd_gt(high));
             }
             let error = dot(x, self.matrix.times(x)) - dot(x, self.rhs) * 2.0 + dot(x, x) * PULL;
             let is_better = is_tried & error.simd_lt(least);
