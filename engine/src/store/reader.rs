@@ -276,10 +276,8 @@ impl Store {
     fn copy_record(&self, entry: &IndexEntry, bytes: &mut Vec<u8>) -> std::result::Result<(), String> {
         self.source.read(entry.offset, u64::from(entry.length), bytes)?;
         let sound = record_crc(self.version, entry.key, entry.leaf, entry.head, bytes) == entry.crc;
-        if sound || planted(Bug::RecordChecksumIgnored) {
-            return Ok(());
-        }
-        Err("the checksum differs".to_owned())
+        let counts = sound || planted(Bug::RecordChecksumIgnored);
+        counts.then_some(()).ok_or_else(|| "the checksum differs".to_owned())
     }
 
     /// Changes a byte of a store in memory.
@@ -310,9 +308,8 @@ impl Store {
     }
 
     fn entry_of(&self, key: NodeKey) -> Result<&IndexEntry> {
-        let place = || format!("record {key}");
-        let missing =
-            || Error::store(&self.path, place(), "the store has no such node", "ask for another one");
+        let (place, what) = (|| format!("record {key}"), "the store has no such node");
+        let missing = || Error::store(&self.path, place(), what, "ask for another one");
         self.index.get(key).ok_or_else(missing)
     }
 
@@ -358,14 +355,13 @@ impl BrickTree for Store {
     }
 
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
-        let entry = self.entry_of(key)?;
-        self.cached(entry).map_err(|what| self.record_error(key, what))
+        self.cached(self.entry_of(key)?).map_err(|what| self.record_error(key, what))
     }
 
     fn brick_once(&self, key: NodeKey) -> Result<Arc<Brick>> {
         let entry = self.entry_of(key)?;
-        let brick = self.cache.get(key).map_or_else(|| self.load(entry).map(Arc::new), Ok);
-        brick.map_err(|what| self.record_error(key, what))
+        let kept = self.cache.get(key).map_or_else(|| self.load(entry).map(Arc::new), Ok);
+        kept.map_err(|what| self.record_error(key, what))
     }
 }
 
