@@ -178,8 +178,7 @@ fn may_use(room: &str, used: &str) -> bool {
         return true;
     }
     match room {
-        "error" | "disk" => false,
-        "lattice" => used == "wide",
+        "lattice" | "error" | "disk" => false,
         "mmap" | "progress" | "schedule" => used == "error",
         "part" => ["disk", "error"].contains(&used),
         _ => {

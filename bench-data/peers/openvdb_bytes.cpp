@@ -7,58 +7,18 @@
 //
 // Writes /tmp/band-*.vdb and prints a line of JSON for each: bytes of the file, active voxels, bytes a voxel.
 
+#include "stl.h"
+
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/version.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
-
-struct Mesh {
-    std::vector<openvdb::Vec3s> points;
-    std::vector<openvdb::Vec3I> triangles;
-    openvdb::Vec3s low{1e30f}, high{-1e30f};
-};
-
-// A binary STL with three points of its own for each facet: OpenVDB needs no shared ones.
-static Mesh read_stl(const char* path) {
-    std::ifstream file(path, std::ios::binary);
-    char header[84];
-    if (!file.read(header, sizeof header)) {
-        std::fprintf(stderr, "%s: not a binary STL\n", path);
-        std::exit(1);
-    }
-    std::uint32_t count;
-    std::memcpy(&count, header + 80, sizeof count);
-    Mesh mesh;
-    for (std::uint32_t f = 0; f < count; ++f) {
-        char facet[50];
-        if (!file.read(facet, sizeof facet)) {
-            std::fprintf(stderr, "%s: ends within facet %u\n", path, f);
-            std::exit(1);
-        }
-        float corner[9];
-        std::memcpy(corner, facet + 12, sizeof corner);
-        const auto first = std::uint32_t(mesh.points.size());
-        for (int v = 0; v < 3; ++v) {
-            const openvdb::Vec3s p(corner[3 * v], corner[3 * v + 1], corner[3 * v + 2]);
-            for (int a = 0; a < 3; ++a) {
-                mesh.low[a] = std::min(mesh.low[a], p[a]);
-                mesh.high[a] = std::max(mesh.high[a], p[a]);
-            }
-            mesh.points.push_back(p);
-        }
-        mesh.triangles.emplace_back(first, first + 1, first + 2);
-    }
-    return mesh;
-}
 
 int main(int argc, char** argv) {
     if (argc != 5) {
@@ -69,11 +29,7 @@ int main(int argc, char** argv) {
     const float half_width = std::strtof(argv[3], nullptr);
     openvdb::initialize();
     Mesh soup = read_stl(argv[1]);
-
-    // As in our root cube: its edge is 32/31 of the longest side.
-    const openvdb::Vec3s size = soup.high - soup.low;
-    const double edge = std::max({size[0], size[1], size[2]}) * 32.0 / 31.0;
-    auto transform = openvdb::math::Transform::createLinearTransform(edge / cells);
+    auto transform = root_cube(soup, cells);
     auto grid = openvdb::tools::meshToLevelSet<openvdb::FloatGrid>(*transform, soup.points, soup.triangles, half_width);
     const auto active = static_cast<unsigned long long>(grid->activeVoxelCount());
 

@@ -104,6 +104,12 @@ pub(crate) fn inside_from(w: i32, from: usize) -> u64 {
     if w >= 1 { all } else { 0 }
 }
 
+/// Bit `i` is set where the edge along x from sample `i` of a row changes sign.
+#[inline(always)]
+fn along_row(row: u64) -> u64 {
+    (row ^ row >> 1) & 0xffff_ffff
+}
+
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 
@@ -165,7 +171,7 @@ impl SignChanges {
     pub fn edges(&self, axis: Axis, j: usize, k: usize) -> u64 {
         let row = self.row(j, k);
         match axis {
-            Axis::X => (row ^ row >> 1) & 0xffff_ffff,
+            Axis::X => along_row(row),
             Axis::Y if j + 1 < BRICK_POINTS => row ^ self.row(j + 1, k),
             Axis::Z if k + 1 < BRICK_POINTS => row ^ self.row(j, k + 1),
             _ => 0,
@@ -185,7 +191,7 @@ impl SignChanges {
                 Axis::Z => &[],
             };
             for (j, (row, next)) in layer(k).iter().zip(next).enumerate() {
-                let mut bits = if axis == Axis::X { (row ^ row >> 1) & 0xffff_ffff } else { row ^ next };
+                let mut bits = if axis == Axis::X { along_row(*row) } else { row ^ next };
                 while bits != 0 {
                     each([bits.trailing_zeros() as usize, j, k]);
                     bits &= bits - 1;
@@ -212,7 +218,7 @@ impl SignChanges {
             rows.iter().zip(next).map(|(row, next)| u64::from((row ^ next).count_ones())).sum()
         };
         let rows = &self.inside[..];
-        let along_x = rows.iter().map(|row| u64::from(((row ^ row >> 1) & 0xffff_ffff).count_ones())).sum();
+        let along_x = rows.iter().map(|row| u64::from(along_row(*row).count_ones())).sum();
         let along_y = rows.chunks_exact(BRICK_POINTS).map(|layer| count(layer, &layer[1..])).sum();
         let along_z = count(rows, &rows[BRICK_POINTS..]);
         [along_x, along_y, along_z].map(|count: u64| count as usize)

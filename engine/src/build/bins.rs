@@ -1,7 +1,7 @@
 //! Sorting pieces into the cubes they touch.
 
 use super::field::Field;
-use crate::lattice::{NodeKey, ROOT_BITS, Units, spread};
+use crate::lattice::{NodeKey, ROOT_BITS, Units, morton};
 use std::ops::Range;
 
 /// Finds the descendants of a node, `stride` levels below it, that a piece touches. A descendant's cube
@@ -56,7 +56,7 @@ impl Binner {
         let to: Units = std::array::from_fn(|a| (max[a] - self.origin[a]) >> self.shift);
         let within = (0..3).all(|a| from[a] >= 0 && to[a] <= self.last);
         if within && from == to {
-            return cell(morton(from));
+            return cell(number(from));
         }
         self.for_touched_of_many(field, piece, from, to, within, &mut cell);
     }
@@ -83,13 +83,13 @@ impl Binner {
         };
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
-                let row = morton([0, y, z]);
+                let row = number([0, y, z]);
                 for x in first[0]..=last[0] {
                     let at = [x, y, z];
                     let low = std::array::from_fn(|a| self.origin[a] + (at[a] << self.shift));
                     // A cube that holds a vertex needs no test; for a small facet that is most of them.
                     if surely || held.contains(&at) || touches(low) {
-                        cell(row | morton([x, 0, 0]));
+                        cell(row | number([x, 0, 0]));
                     }
                 }
             }
@@ -132,11 +132,10 @@ impl Binner {
     }
 }
 
-/// The Morton number of a position.
+/// The Morton number of a descendant.
 #[inline]
-fn morton(at: Units) -> usize {
-    let [x, y, z] = at.map(|c| spread(c as u32) as usize);
-    x | y << 1 | z << 2
+fn number(at: Units) -> usize {
+    morton(at.map(|c| c as u32)) as usize
 }
 
 /// For each descendant, in Morton order, the indices of the pieces that touch it.

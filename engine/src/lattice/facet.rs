@@ -1,7 +1,6 @@
 //! Integer predicates on one snapped triangle: its normal, and whether it touches a box.
 
 use super::{Triangle, Units};
-use crate::wide::{Simd, SimdBase, SimdFrom, SimdMask, dispatch, f64x4, level, mask64x4};
 
 /// Cross product of two edges: the outward normal scaled by twice the area, in units². Components stay
 /// below 2^49. The zero vector means that the triangle has no area and crosses no lattice line.
@@ -38,88 +37,71 @@ pub fn bounds(t: &Triangle) -> (Units, Units) {
 /// overlap test, the nine edge cross products are edge functions in the three projections, and the plane is
 /// compared in 128 bits. What does not depend on the cube is kept: a triangle is asked of several.
 pub struct CubeTest {
-    /// In the projections along the three axes.
-    edges: [EdgeRanges; 3],
+    /// Per projection, along an axis, and edge.
+    edges: [[EdgeRange; 3]; 3],
     normal: [i64; 3],
-    /// Smallest and largest product of the normal and a cube's lower corner at which the plane meets the cube.
+    /// Of the normal times the cube's lower corner, where the plane meets the cube.
     plane: [i128; 2],
 }
 
-/// The edges of a projected triangle, the first one twice. In f64 without rounding: coordinates stay below 2^25, so
-/// that no product or sum of two passes 2^52.
-struct EdgeRanges {
-    /// Where the edges go along the two axes.
-    along: [[f64; 4]; 2],
-    /// Smallest and largest value of the edge function at a cube's lower corner for which a line along the edge has not
-    /// the cube on one side and the triangle on the other.
-    range: [[f64; 4]; 2],
+/// The values of an edge function at a cube's lower corner for which a line along the edge, seen in a projection, has
+/// not the cube on one side and the triangle on the other.
+#[derive(Clone, Copy)]
+struct EdgeRange {
+    along: [i64; 2],
+    from: i64,
+    /// Not negative.
+    width: i64,
 }
 
 impl CubeTest {
     /// Of a triangle and closed cubes `low..low + size`.
+    #[inline]
     pub fn new(t: &Triangle, size: i32) -> CubeTest {
-        let edges = dispatch!(level(), simd => edge_ranges(simd, t, f64::from(size)));
+        let edges = [0, 1, 2].map(|axis| {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            [0, 1, 2]
+                .map(|i| EdgeRange::new([t[i], t[(i + 1) % 3], t[(i + 2) % 3]].map(|p| [p[u], p[v]]), size))
+        });
         let normal = normal(t);
-        let at_triangle: i128 = (0..3).map(|a| i128::from(normal[a]) * i128::from(t[0][a])).sum();
-        // Of one sign, each is below 2^51.
-        let growth = |sign: i64| normal.iter().map(|n| (sign * n).max(0)).sum::<i64>();
-        let [back, ahead] = [growth(1), growth(-1)].map(|sum| i128::from(sum) * i128::from(size));
-        CubeTest { edges, normal, plane: [at_triangle - back, at_triangle + ahead] }
+        let n = normal.map(i128::from);
+        let at_triangle: i128 = (0..3).map(|a| n[a] * i128::from(t[0][a])).sum();
+        let grow = n.map(|c| c * i128::from(size));
+        let growth = |pick: fn(i128, i128) -> i128| grow.iter().map(|g| pick(*g, 0)).sum::<i128>();
+        CubeTest { edges, normal, plane: [at_triangle - growth(i128::max), at_triangle - growth(i128::min)] }
     }
 
     /// Whether the triangle shares a point with the cube that begins at `low`, given that its bounding box does.
+    #[inline]
     pub fn touches(&self, low: Units) -> bool {
-        let at = low.map(f64::from);
-        dispatch!(level(), simd => self.meets_in_projections(simd, at)) && {
+        let in_projection = |(axis, edges): (usize, &[EdgeRange; 3])| {
+            let low = [low[(axis + 1) % 3], low[(axis + 2) % 3]].map(i64::from);
+            edges.iter().all(|edge| edge.holds(low))
+        };
+        self.edges.iter().enumerate().all(in_projection) && {
             let at = (0..3).map(|a| i128::from(self.normal[a]) * i128::from(low[a])).sum::<i128>();
             (self.plane[0]..=self.plane[1]).contains(&at)
         }
     }
-
-    #[inline(always)]
-    fn meets_in_projections<S: Simd>(&self, simd: S, low: [f64; 3]) -> bool {
-        let [x, y, z] = &self.edges;
-        let all =
-            x.hold(simd, [low[1], low[2]]) & y.hold(simd, [low[2], low[0]]) & z.hold(simd, [low[0], low[1]]);
-        all.all_true()
-    }
 }
 
-#[inline(always)]
-fn edge_ranges<S: Simd>(simd: S, t: &Triangle, size: f64) -> [EdgeRanges; 3] {
-    let [x, y, z] = [corners(simd, t, 0), corners(simd, t, 1), corners(simd, t, 2)];
-    [EdgeRanges::new(simd, y, z, size), EdgeRanges::new(simd, z, x, size), EdgeRanges::new(simd, x, y, size)]
-}
-
-/// Along an axis: where the edges begin, where they end, and the corners opposite to them.
-#[inline(always)]
-fn corners<S: Simd>(simd: S, t: &Triangle, axis: usize) -> [f64x4<S>; 3] {
-    let [p, q, r] = [f64::from(t[0][axis]), f64::from(t[1][axis]), f64::from(t[2][axis])];
-    [
-        f64x4::simd_from(simd, [p, q, r, p]),
-        f64x4::simd_from(simd, [q, r, p, q]),
-        f64x4::simd_from(simd, [r, p, q, r]),
-    ]
-}
-
-impl EdgeRanges {
-    #[inline(always)]
-    fn new<S: Simd>(simd: S, u: [f64x4<S>; 3], v: [f64x4<S>; 3], size: f64) -> EdgeRanges {
-        let (du, dv) = (u[1] - u[0], v[1] - v[0]);
-        let (line, third) = (du * v[0] - dv * u[0], du * v[2] - dv * u[2]);
-        let (grow_u, grow_v) = (-dv * size, du * size);
-        let zero = f64x4::splat(simd, 0.0);
-        let from = line.min(third) - grow_u.max(zero) - grow_v.max(zero);
-        let to = line.max(third) - grow_u.min(zero) - grow_v.min(zero);
-        EdgeRanges { along: [du.into(), dv.into()], range: [from.into(), to.into()] }
+impl EdgeRange {
+    /// Of the edge from `a` to `b`, opposite to `c`.
+    #[inline]
+    fn new([a, b, c]: [[i32; 2]; 3], size: i32) -> EdgeRange {
+        let [du, dv] = [0, 1].map(|i| i64::from(b[i] - a[i]));
+        let at = |p: [i32; 2]| du * i64::from(p[1]) - dv * i64::from(p[0]);
+        let (line, third) = (at(a), at(c));
+        let (grow_u, grow_v) = (-dv * i64::from(size), du * i64::from(size));
+        let from = line.min(third) - grow_u.max(0) - grow_v.max(0);
+        let to = line.max(third) - grow_u.min(0) - grow_v.min(0);
+        EdgeRange { along: [du, dv], from, width: to - from }
     }
 
-    /// Where the edge functions lie in their ranges.
-    #[inline(always)]
-    fn hold<S: Simd>(&self, simd: S, [u, v]: [f64; 2]) -> mask64x4<S> {
-        let load = |values: &[f64; 4]| f64x4::simd_from(simd, *values);
-        let at = load(&self.along[0]) * v - load(&self.along[1]) * u;
-        at.simd_ge(load(&self.range[0])) & at.simd_le(load(&self.range[1]))
+    #[inline]
+    fn holds(&self, [u, v]: [i64; 2]) -> bool {
+        let [du, dv] = self.along;
+        (0..=self.width).contains(&(du * v - dv * u - self.from))
     }
 }
 

@@ -42,8 +42,7 @@ impl NodeKey {
         if level > MAX_LEVEL || position.iter().any(|&p| p >> level != 0) {
             return None;
         }
-        let [x, y, z] = position.map(spread);
-        Some(NodeKey(1 << (3 * level as u32) | z << 2 | y << 1 | x))
+        Some(NodeKey(1 << (3 * level as u32) | morton(position)))
     }
 
     /// Reads a code as stored in a file; `None` unless it is a node no deeper than [`MAX_LEVEL`].
@@ -161,9 +160,16 @@ impl fmt::Display for NodeKey {
     }
 }
 
+/// The Morton number of a position, of which each coordinate has 21 bits at most.
+#[inline]
+pub(crate) fn morton(position: [u32; 3]) -> u64 {
+    let [x, y, z] = position.map(spread);
+    x | y << 1 | z << 2
+}
+
 /// Spreads the low 21 bits of `v` so that two zero bits follow each: an axis's share of a Morton number.
 #[inline]
-pub(crate) fn spread(v: u32) -> u64 {
+fn spread(v: u32) -> u64 {
     let mut x = v as u64 & 0x1f_ffff;
     x = (x | x << 32) & 0x1f_0000_0000_ffff;
     x = (x | x << 16) & 0x1f_0000_ff00_00ff;

@@ -10,7 +10,7 @@ mod key;
 mod root;
 
 pub use facet::{CubeTest, bounds, has_area, normal};
-pub(crate) use key::spread;
+pub(crate) use key::morton;
 pub use key::{NodeKey, Octant};
 pub use root::RootCube;
 

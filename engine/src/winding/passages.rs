@@ -49,12 +49,9 @@ fn edge_at(rank: u64) -> HermiteEdge {
 struct Slot {
     /// The smallest [`Passing::rank`].
     first: u64,
-    /// How many there are, or [`MIXED`].
+    /// How many there are.
     count: u32,
 }
-
-/// In place of a count: that the first crossing does not decide. There are never so many.
-const MIXED: u32 = u32::MAX;
 
 /// One crossing of an edge.
 #[derive(Clone, Copy, Debug)]
@@ -74,8 +71,6 @@ pub(super) struct Passages {
     lowers: Vec<u16>,
     /// By place; the first one takes what nobody has asked for.
     slots: Vec<Slot>,
-    /// The places of edges that have no crossing, or more than one.
-    several: Vec<u16>,
     /// All crossings, if they are listed.
     list: Vec<Passage>,
     listing: bool,
@@ -87,14 +82,7 @@ const _: () = assert!(POINTS <= u16::MAX as usize);
 impl Default for Passages {
     fn default() -> Passages {
         let places = vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Passages {
-            places,
-            lowers: Vec::new(),
-            slots: Vec::new(),
-            several: Vec::new(),
-            list: Vec::new(),
-            listing: false,
-        }
+        Passages { places, lowers: Vec::new(), slots: Vec::new(), list: Vec::new(), listing: false }
     }
 }
 
@@ -152,18 +140,14 @@ impl Passages {
     /// The Hermite edges, given the samples and how far apart the ends of an edge are; and whether a list is needed
     /// for them.
     pub fn hermite(&mut self, samples: &Samples, step: usize) -> (Decided, bool) {
-        // A single crossing goes from outside to the first shell, or back: nearly all edges have one.
-        self.several.resize(self.slots.len(), 0);
+        // One crossing goes from outside to the first shell, or back: nearly all edges are such.
         let mut several = 0;
-        let first_of = |(slot, place): (&Slot, u16)| {
-            // Without a branch: no processor foresees which.
-            self.several[several] = place;
-            several += usize::from(slot.count != 1);
+        let first_of = |slot: &Slot| {
+            several |= slot.count ^ 1;
             edge_at(slot.first)
         };
-        let mut edges: Vec<HermiteEdge> = self.slots[1..].iter().zip(1..).map(first_of).collect();
-        self.several.truncate(several);
-        let mixed = self.mark_mixed(samples, step);
+        let mut edges: Vec<HermiteEdge> = self.slots[1..].iter().map(first_of).collect();
+        let mixed = if several == 0 { 0 } else { self.count_mixed(samples, step) };
         let decided = match mixed {
             0 => Decided::All(edges),
             _ if !self.listing => Decided::ListNeeded,
@@ -172,33 +156,35 @@ impl Passages {
         (decided, mixed > 0)
     }
 
-    /// Marks the edges that are not decided by their first crossing; how many they are.
-    fn mark_mixed(&mut self, samples: &Samples, step: usize) -> usize {
+    /// How many edges are not decided by their first crossing; the slots of all others get a count of one.
+    fn count_mixed(&mut self, samples: &Samples, step: usize) -> usize {
         let mut mixed = 0;
-        for &place in &self.several {
-            let slot = &mut self.slots[usize::from(place)];
-            let lower = usize::from(self.lowers[usize::from(place) - 1]);
-            let [start, end] = [lower, lower + step].map(|sample| i32::from(samples.0[sample]));
+        for (&lower, slot) in self.lowers.iter().zip(&mut self.slots[1..]) {
+            if slot.count == 1 {
+                continue;
+            }
+            let [start, end] = [0, step].map(|step| i32::from(samples.0[usize::from(lower) + step]));
             // As many crossings as the winding number changes by all go one way. If the count begins at 0, it passes
             // 0.5 at the nearest of them, if it ends at 0, at the farthest; several there are one step.
             let one_way = slot.count == start.abs_diff(end);
-            if !(one_way && (start == 0 || end == 0)) {
-                slot.count = MIXED;
+            if one_way && (start == 0 || end == 0) {
+                slot.count = 1;
+            } else {
                 mixed += 1;
             }
         }
         mixed
     }
 
-    /// Decides the edges that are marked.
+    /// Decides the edges whose slots have another count than one.
     fn decide_mixed(&mut self, samples: &Samples, edges: &mut [HermiteEdge]) -> Option<()> {
         let Passages { lowers, slots, list, .. } = self;
-        slots[0].count = 0;
-        list.retain(|passage| slots[usize::from(passage.place)].count == MIXED);
+        slots[0].count = 1;
+        list.retain(|passage| slots[usize::from(passage.place)].count != 1);
         list.sort_unstable_by_key(|passage| (passage.place, passage.offset));
         let mut listed = list.chunk_by(|a, b| a.place == b.place);
         let edges = edges.iter_mut().zip(lowers).zip(&slots[1..]).zip(1u16..);
-        for (((edge, lower), _), place) in edges.filter(|((_, slot), _)| slot.count == MIXED) {
+        for (((edge, lower), _), place) in edges.filter(|((_, slot), _)| slot.count != 1) {
             let own = listed.next().filter(|own| own[0].place == place)?;
             *edge = first_passage(samples.0[usize::from(*lower)], own)?;
         }
