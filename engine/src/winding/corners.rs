@@ -41,8 +41,11 @@ impl CornerGrid {
         if (0..3).map(|axis| u32::from(cell(min[axis], axis) != cell(max[axis], axis))).sum::<u32>() < 2 {
             return;
         }
-        let Some(facet) = Facet::new(t, self.origin, self.block) else { return };
-        dispatch!(level(), simd => self.add_facet(simd, &facet));
+        dispatch!(level(), simd => {
+            if let Some(facet) = Facet::new(simd, t, self.origin, self.block) {
+                self.add_facet(simd, &facet);
+            }
+        });
     }
 
     #[inline(always)]

@@ -13,6 +13,7 @@ use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, po
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
 use crate::wide::{Simd, dispatch, level};
+use std::ops::AddAssign;
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -24,8 +25,9 @@ pub struct Evaluator {
     /// The triangles that meet lattice lines.
     facets: Vec<Facet>,
     /// Jumps along y by the lower sample of the edge; all zero between bricks, as the next two. Those at the last
-    /// sample of a line lie beyond it and count for nothing.
-    jumps: Box<[i32; POINTS]>,
+    /// sample of a line lie beyond it and count for nothing. In bricks of so many facets that a sum might not fit, they
+    /// are right modulo 2^16.
+    jumps: Box<[i16; POINTS]>,
     /// Jumps along x in the face y = 0: [k][edge].
     face: Box<[[i32; C]; P]>,
     /// Jumps along z in the column x = y = 0.
@@ -100,7 +102,11 @@ impl Evaluator {
         list: Triangles<'a>,
     ) -> Result<Evaluation<'a>> {
         dispatch!(level(), simd => self.collect(simd, key, list));
-        let Some(samples) = dispatch!(level(), simd => self.walk(simd, corner)) else {
+        // From the corner to a sample the walk goes along three lines, each of which crosses a facet once at most.
+        let most = 3 * self.facets.len() + usize::from(corner.unsigned_abs());
+        let few = most <= i16::MAX as usize;
+        let samples = if few { self.walk_few(corner) } else { self.walk_many(corner) };
+        let Some(samples) = samples else {
             return Err(Error::setting(
                 format!("more than {} shells overlap in brick {key}", i16::MAX),
                 "remove repeated pieces from the input",
@@ -119,7 +125,7 @@ impl Evaluator {
         facets.clear();
         crossings.clear();
         for position in 0..list.indices.len() {
-            let Some(facet) = Facet::new(list.get(position), origin, block) else { continue };
+            let Some(facet) = Facet::new(simd, list.get(position), origin, block) else { continue };
             let jump = [0, 1, 2].map(|axis| facet.jump(axis));
             facet.scan::<S, 2>(simd, block, [0, 0], |c| column[c.lower as usize] += jump[2]);
             facet.scan::<S, 0>(simd, block, [0, block.last], |c| {
@@ -128,7 +134,7 @@ impl Evaluator {
             // The last sample takes crossings that lie between no two, without a branch.
             facet.scan_lines::<S, 1>(simd, block, [block.last; 2], |c| {
                 let lower = lower_of::<1>(c);
-                jumps[lower] += jump[1];
+                jumps[lower] = jumps[lower].wrapping_add(jump[1] as i16);
                 crossings.add(lower, c.offset);
             });
             crossings.end_facet();
@@ -136,32 +142,77 @@ impl Evaluator {
         }
     }
 
-    /// Prefix sums from the corner; `None` if a value does not fit 16 bits. Leaves no jumps for the next brick.
-    #[inline(always)]
-    fn walk<S: Simd>(&mut self, _: S, corner: i16) -> Option<Samples> {
-        let mut samples = Vec::with_capacity(POINTS);
-        let mut excess = 0;
-        let mut at_k = i32::from(corner);
-        let layers = self.jumps.as_chunks_mut::<P>().0.chunks_exact_mut(P);
-        for (k, (layer, face)) in layers.zip(self.face.iter_mut()).enumerate() {
-            let mut row = [at_k; P];
-            for i in 0..C {
-                row[i + 1] = row[i] + std::mem::take(&mut face[i]);
-            }
-            for jumps in layer {
-                samples.extend_from_slice(&row.map(|w| w as i16));
-                for (w, jump) in row.iter_mut().zip(std::mem::replace(jumps, [0; P])) {
-                    excess |= *w ^ i32::from(*w as i16);
-                    *w += jump;
-                }
-            }
-            if k < C {
-                at_k += std::mem::take(&mut self.column[k]);
+    /// The samples where no winding number can leave 16 bits.
+    fn walk_few(&mut self, corner: i16) -> Option<Samples> {
+        let Evaluator { jumps, face, column, .. } = self;
+        dispatch!(level(), simd => walk(simd, corner, column, face, jumps))
+    }
+
+    /// The samples, with sums in 32 bits; `None` if one does not fit 16 bits.
+    #[cold]
+    fn walk_many(&mut self, corner: i16) -> Option<Samples> {
+        let Evaluator { facets, jumps, face, column, crossings, .. } = self;
+        jumps.fill(0);
+        let mut jumps: Box<[i32; POINTS]> = vec![0; POINTS].try_into().expect("the length is POINTS");
+        for (number, own) in crossings.by_facet() {
+            let jump = facets[number].jump(1);
+            own.iter().for_each(|place| jumps[usize::from(place.lower)] += jump);
+        }
+        dispatch!(level(), simd => walk(simd, corner, column, face, &mut jumps))
+    }
+}
+
+/// A number in which jumps are added.
+trait Sum: Copy + Default + AddAssign + Into<i32> {
+    /// Of a number that fits.
+    fn of(w: i32) -> Self;
+}
+
+impl Sum for i16 {
+    fn of(w: i32) -> i16 {
+        w as i16
+    }
+}
+
+impl Sum for i32 {
+    fn of(w: i32) -> i32 {
+        w
+    }
+}
+
+/// Prefix sums from the corner; `None` if a value does not fit 16 bits. Leaves no jumps for the next brick.
+#[inline(always)]
+fn walk<S: Simd, T: Sum>(
+    _: S,
+    corner: i16,
+    column: &mut [i32; C],
+    face: &mut [[i32; C]; P],
+    jumps: &mut [T; POINTS],
+) -> Option<Samples> {
+    let mut samples = Vec::with_capacity(POINTS);
+    let mut excess = 0;
+    let mut at_k = i32::from(corner);
+    let layers = jumps.as_chunks_mut::<P>().0.chunks_exact_mut(P);
+    for (k, (layer, face)) in layers.zip(face.iter_mut()).enumerate() {
+        let mut row = [T::of(at_k); P];
+        for i in 0..C {
+            row[i + 1] = row[i];
+            row[i + 1] += T::of(std::mem::take(&mut face[i]));
+        }
+        for jumps in layer {
+            samples.extend_from_slice(&row.map(|w| w.into() as i16));
+            for (w, jump) in row.iter_mut().zip(std::mem::replace(jumps, [T::default(); P])) {
+                let whole: i32 = (*w).into();
+                excess |= whole ^ i32::from(whole as i16);
+                *w += jump;
             }
         }
-        let samples = samples.into_boxed_slice().try_into().expect("P rows of P layers are POINTS");
-        (excess == 0).then_some(Samples(samples, 0))
+        if k < C {
+            at_k += std::mem::take(&mut column[k]);
+        }
     }
+    let samples = samples.into_boxed_slice().try_into().expect("P rows of P layers are POINTS");
+    (excess == 0).then_some(Samples(samples, 0))
 }
 
 impl Evaluator {

@@ -120,7 +120,7 @@ fn jump_before(t: &Triangle, p: Units) -> i64 {
     const BLOCK: Block = Block { shift: ROOT_BITS + 1, last: 1 };
     let origin = [p[0] - (1 << BLOCK.shift), p[1], p[2]];
     let mut jump = 0;
-    if let Some(facet) = Facet::new(t, origin, BLOCK) {
+    if let Some(facet) = dispatch!(level(), simd => Facet::new(simd, t, origin, BLOCK)) {
         let crossed = |_| jump = i64::from(facet.jump(0));
         dispatch!(level(), simd => facet.scan::<_, 0>(simd, BLOCK, [0, 0], crossed));
     }

@@ -7,7 +7,9 @@
 
 use super::edges::{EdgeMasks, Lowers};
 use crate::lattice::{Triangle, normal};
-use crate::wide::{Bytes, Select, Simd, SimdBase, SimdFloat, SimdFrom, SimdMask, f64x4, mask64x4, u64x4};
+use crate::wide::{
+    Bytes, Select, Simd, SimdBase, SimdFloat, SimdFrom, SimdMask, f64x4, i32x4, mask64x4, u64x4,
+};
 
 /// A cubic block of samples `0..=last` along each axis, `1 << shift` units apart, sample 0 at the origin.
 #[derive(Clone, Copy, Debug)]
@@ -47,29 +49,39 @@ pub(crate) struct Facet {
 // Bricks of few levels have ten thousands of them, scanned once for each axis.
 const _: () = assert!(size_of::<Facet>() == 72);
 
+/// A number for each axis, and a zero.
+#[inline(always)]
+fn point<S: Simd>(simd: S, [x, y, z]: [i32; 3]) -> i32x4<S> {
+    i32x4::simd_from(simd, [x, y, z, 0])
+}
+
+/// Without the fourth.
+#[inline(always)]
+fn axes<S: Simd>(numbers: i32x4<S>) -> [i32; 3] {
+    let [x, y, z, _] = numbers.into();
+    [x, y, z]
+}
+
 impl Facet {
     /// `None` if the triangle meets no line of the block or has no area.
     #[inline(always)]
-    pub fn new(t: &Triangle, origin: [i32; 3], block: Block) -> Option<Facet> {
-        let vertices = t.map(|p| std::array::from_fn(|a| p[a] - origin[a]));
+    pub fn new<S: Simd>(simd: S, t: &Triangle, origin: [i32; 3], block: Block) -> Option<Facet> {
+        let base = point(simd, origin);
+        let (p, q, r) = (point(simd, t[0]) - base, point(simd, t[1]) - base, point(simd, t[2]) - base);
+        let (min, max) = (p.min(q).min(r), p.max(q).max(r));
         let below = (1 << block.shift) - 1;
-        let mut first = [0; 3];
-        let mut last = [0; 3];
-        let (mut min, mut max) = ([0; 3], [0; 3]);
-        let (mut met, mut size) = (0, 0);
-        for a in 0..3 {
-            min[a] = vertices[0][a].min(vertices[1][a]).min(vertices[2][a]);
-            max[a] = vertices[0][a].max(vertices[1][a]).max(vertices[2][a]);
-            first[a] = ((min[a] + below) >> block.shift).clamp(0, LINES_MAX) as i8;
-            last[a] = (max[a] >> block.shift).clamp(-1, block.last) as i8;
-            met += i32::from(first[a] <= last[a]);
-            size = size.max(max[a]).max(-min[a]);
-        }
+        let first = ((min + below) >> block.shift).max(0).min(LINES_MAX);
+        let last = (max >> block.shift).max(-1).min(block.last);
         // A line along one axis needs a line index along both others.
-        if met < 2 {
+        let met = first.simd_le(last).to_bitmask() & 7;
+        if met.count_ones() < 2 {
             return None;
         }
+        let vertices = [axes(p), axes(q), axes(r)];
         let normal = normal(&vertices);
+        let size = max.max(-min).reduce_max();
+        let narrow = |lines: [i32; 3]| lines.map(|line| line as i8);
+        let (first, last) = (narrow(axes(first)), narrow(axes(last)));
         (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, size })
     }
 

@@ -39,9 +39,13 @@ fn reference<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)>
     out
 }
 
+fn facet_of(t: &Triangle, block: Block) -> Option<Facet> {
+    dispatch!(level(), simd => Facet::new(simd, t, [0; 3], block))
+}
+
 fn scanned<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)> {
     let mut out = Vec::new();
-    if let Some(facet) = Facet::new(t, [0; 3], block) {
+    if let Some(facet) = facet_of(t, block) {
         let add = |c: Crossing| out.push((c.u, c.v, c.lower));
         dispatch!(level(), simd => facet.scan::<_, A>(simd, block, [block.last; 2], add));
     }
@@ -89,7 +93,7 @@ proptest! {
         let t = t.map(|v| v.map(|c| 2 * c + 1));
         let last = if shift < 20 { 32 } else { 1 };
         let block = Block { shift, last };
-        if let Some(facet) = Facet::new(&t, [0; 3], block) {
+        if let Some(facet) = facet_of(&t, block) {
             let mut checked = Vec::new();
             dispatch!(level(), simd => {
                 facet.scan::<_, 0>(simd, block, [last; 2], |c| checked.push((0, c)));
@@ -135,7 +139,7 @@ proptest! {
         let t = t.map(|v| v.map(|c| 2 * (c >> small) + 1));
         // Blocks of a brick, and of one cell larger than the root, as for single points.
         let block = Block { shift, last: if shift < 20 { 32 } else { 1 } };
-        if let Some(facet) = Facet::new(&t, [0; 3], block) {
+        if let Some(facet) = facet_of(&t, block) {
             prop_assert!(spans_are_exact::<0, false>(&facet, block) && spans_are_exact::<0, true>(&facet, block));
             prop_assert!(spans_are_exact::<1, false>(&facet, block) && spans_are_exact::<1, true>(&facet, block));
             prop_assert!(spans_are_exact::<2, false>(&facet, block) && spans_are_exact::<2, true>(&facet, block));
@@ -149,7 +153,7 @@ proptest! {
         let block = Block { shift, last: 32 };
         let inside = |i: usize| rows[i / BRICK_POINTS % 8].rotate_left(i as u32 / 64) >> (i % BRICK_POINTS) & 1 != 0;
         let signs = SignChanges::from_fn(inside);
-        let Some(facet) = Facet::new(&t, [0; 3], block) else { return Ok(()) };
+        let Some(facet) = facet_of(&t, block) else { return Ok(()) };
         let mut masks = EdgeMasks::default();
         let changes = |axis, [i, j, k]: [i32; 3]| signs.edges(axis, j as usize, k as usize) >> i & 1 != 0;
         let (mut all, mut asked) = (Vec::new(), Vec::new());

@@ -334,7 +334,8 @@ impl OpenBrick {
         let all = [block.last; 2];
         let mut found = Vec::new();
         for t in &self.facets {
-            let Some(facet) = Facet::new(t, origin, block) else { continue };
+            let facet = dispatch!(level(), simd => Facet::new(simd, t, origin, block));
+            let Some(facet) = facet else { continue };
             let normal = OctNormal::from_integer(normal(t));
             let jump = facet.jump(axis.index());
             let mut add = |[i, j, k]: [i32; 3], offset| {
