@@ -371,15 +371,19 @@ impl Report {
         let Some(report) = &self.summary.device else {
             return self.processor.as_ref().map(|why| format!("  backend  processor: {why}"));
         };
-        let DeviceReport { name, bricks, cpu_bricks, batches, .. } = report;
-        let DeviceReport { upload_seconds, kernel_seconds, read_seconds, .. } = report;
-        let kernels: f64 = kernel_seconds.iter().sum();
+        let DeviceReport { name, bricks, cpu_bricks, batches, samples, settled, .. } = report;
+        let DeviceReport { upload_seconds, kernel_seconds, read_seconds, sum_seconds, .. } = report;
+        let kernels: f64 = kernel_seconds.iter().sum::<f64>() + sum_seconds;
         let times = format!("{upload_seconds:.2} s up, {kernels:.2} s computing, {read_seconds:.2} s back");
         let others = match cpu_bricks {
             0 => String::new(),
             n => format!(", {n} by the processor"),
         };
-        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}"))
+        let close = match samples {
+            0 => String::new(),
+            _ => format!("; {:.1}% of samples settled here", 100.0 * *settled as f64 / *samples as f64),
+        };
+        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}{close}"))
     }
 }
 
