@@ -395,11 +395,10 @@ fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &Summary) -> Option<String> {
     if summary.device.is_some() {
         return None;
     }
-    let known = not_for_devices(&plan.options, summary.points > 0);
-    Some(known.unwrap_or("the bricks of open surfaces are the processor's").to_owned())
+    not_for_devices(&plan.options, summary.points > 0).map(str::to_owned)
 }
 
-/// Why no device evaluates the bricks, as far as is known before the triangles are read: whether they are closed is not.
+/// Why no device evaluates the bricks.
 fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static str> {
     if are_clouds {
         Some("the bricks of point clouds are the processor's")
