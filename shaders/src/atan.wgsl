@@ -19,14 +19,18 @@ fn angle_of(y: vec4<f32>, x: vec4<f32>) -> Bounded {
     let beside = abs(x);
     let small = min(y, beside);
     let large = max(y, beside);
-    let eight = 8.0 * small;
+    // Not a loop: its steps would count as the caller's (see STEPS_MAX).
+    let eighths = 8.0 * small;
     var c = vec4(0.0);
     var base = vec4(0.0);
-    for (var step = 0u; step < 4u; step++) {
-        let is_beyond = eight >= f32(2u * step + 1u) * large;
-        c = select(c, vec4(0.25 * f32(step + 1u)), is_beyond);
-        base = select(base, vec4(vec4(0.24497866, 0.46364761, 0.64350111, 0.78539816)[step]), is_beyond);
-    }
+    c = select(c, vec4(0.25), eighths >= large);
+    base = select(base, vec4(0.24497866), eighths >= large);
+    c = select(c, vec4(0.5), eighths >= 3.0 * large);
+    base = select(base, vec4(0.46364761), eighths >= 3.0 * large);
+    c = select(c, vec4(0.75), eighths >= 5.0 * large);
+    base = select(base, vec4(0.64350111), eighths >= 5.0 * large);
+    c = select(c, vec4(1.0), eighths >= 7.0 * large);
+    base = select(base, vec4(0.78539816), eighths >= 7.0 * large);
     let z = (small - c * large) / (large + c * small);
     let s = z * z;
     let series = -1.0 / 3.0 + s * (1.0 / 5.0 + s * (-1.0 / 7.0 + s * (1.0 / 9.0)));
