@@ -11,12 +11,17 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Modules: name, sources in order, buffers by binding.
-const MODULES: [(&str, &[&str], &[&str]); 4] = [
+const MODULES: [(&str, &[&str], &[&str]); 5] = [
     ("scan", &["brick", "normal", "crossing", "scan"], &layout::BRICK_BUFFERS),
     ("evaluate", &["brick", "evaluate"], &layout::BRICK_BUFFERS),
     ("hermite", &["brick", "normal", "crossing", "hermite"], &layout::BRICK_BUFFERS),
     ("brute", &["brute"], &layout::BRUTE_BUFFERS),
+    ("open", &["row", "atan", "angle", "moments", "local", "cells"], &layout::SUM_BUFFERS),
 ];
+
+/// Modules whose arithmetic is as written: bounds on its errors hold, which they would not if the driver might move
+/// operations around or join them.
+const AS_WRITTEN: [&str; 1] = ["open"];
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
@@ -29,7 +34,10 @@ fn main() {
         for source in sources {
             text += &std::fs::read_to_string(format!("src/{source}.wgsl")).expect("a source of the crate");
         }
-        let words = compile(name, &text, buffers);
+        let mut words = compile(name, &text, buffers);
+        if AS_WRITTEN.contains(&name) {
+            words = without_contraction(&words);
+        }
         writeln!(
             modules,
             "/// `{name}.wgsl`.\npub const {}: Shader = Shader {{ name: \"{name}\", words: &{words:?} }};",
@@ -59,6 +67,36 @@ fn compile(name: &str, text: &str, buffers: &[&str]) -> Vec<u32> {
         ..spv::Options::default()
     };
     spv::write_vec(&module, &info, &options, None).expect("a valid module can be written")
+}
+
+/// The module with the decoration `NoContraction` on all arithmetic of floats. By Vulkan's rules a driver may rearrange
+/// what does not have it, and naga never sets it.
+fn without_contraction(words: &[u32]) -> Vec<u32> {
+    /// Words before the first instruction.
+    const HEADER: usize = 5;
+    const OP_DECORATE: u32 = 71;
+    const NO_CONTRACTION: u32 = 42;
+    // OpTypeVoid and all other types, before which decorations stand.
+    const TYPES: std::ops::RangeInclusive<u32> = 19..=39;
+    // OpFNegate, OpFAdd, OpFSub, OpFMul, OpFDiv, OpFRem, OpFMod, OpVectorTimesScalar, OpDot.
+    const ARITHMETIC: [u32; 9] = [127, 129, 131, 133, 136, 140, 141, 142, 148];
+    let mut decorations = Vec::new();
+    let mut types_at = None;
+    let mut at = HEADER;
+    while let Some(&first) = words.get(at) {
+        let (length, code) = ((first >> 16) as usize, first & 0xffff);
+        if TYPES.contains(&code) {
+            types_at.get_or_insert(at);
+        }
+        if ARITHMETIC.contains(&code) {
+            // The type of the result comes first, then its number.
+            decorations.extend([3 << 16 | OP_DECORATE, words[at + 2], NO_CONTRACTION]);
+        }
+        at += length;
+    }
+    let types_at = types_at.expect("a module has types");
+    assert!(!decorations.is_empty(), "nothing to decorate");
+    [&words[..types_at], &decorations, &words[types_at..]].concat()
 }
 
 /// A structure that lies in a buffer, or an array of it does, is the host's: the same members at the same offsets.

@@ -40,6 +40,18 @@ macro_rules! instance {
             fn any_triangles_give_the_same_store() {
                 backend::$name(suite::any_triangles_give_the_same_store);
             }
+
+            $(#[$attribute])*
+            #[test]
+            fn open_soups_give_the_same_store() {
+                backend::$name(suite::open_soups_give_the_same_store);
+            }
+
+            $(#[$attribute])*
+            #[test]
+            fn interrupted_builds_go_on_to_the_same_store() {
+                backend::$name(suite::interrupted_builds_go_on_to_the_same_store);
+            }
         }
     };
 }

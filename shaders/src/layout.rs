@@ -20,6 +20,12 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("STEPS_MAX", STEPS_MAX),
     ("PAIR_WORDS", PAIR_WORDS),
     ("ANGLE_BITS", ANGLE_BITS),
+    ("DEGREE", DEGREE),
+    ("COEFFICIENTS", COEFFICIENTS),
+    ("CLUSTER_WORDS", CLUSTER_WORDS),
+    ("ELEMENT_WORDS", ELEMENT_WORDS),
+    ("TERM_BITS", TERM_BITS),
+    ("UNSURE", UNSURE),
 ];
 
 /// Samples along a brick's axis.
@@ -46,6 +52,20 @@ pub const PAIR_WORDS: u32 = size_of::<Pair>() as u32 / 4;
 pub const STEPS_MAX: u32 = 1 << 11;
 /// Binary places of sums of solid angles, in steradians.
 pub const ANGLE_BITS: u32 = 36;
+/// The powers of a polynomial of the far field add up to less than this.
+pub const DEGREE: u32 = 6;
+/// Coefficients of such a polynomial.
+pub const COEFFICIENTS: u32 = DEGREE * (DEGREE + 1) * (DEGREE + 2) / 6;
+/// Words of a cluster: its centre, what rounding took of that, its scale, and the factors of its expansion.
+pub const CLUSTER_WORDS: u32 = 26;
+/// Words of an element: three vertices, and twice the area vector.
+pub const ELEMENT_WORDS: u32 = 12;
+/// Clusters and elements of a block at most: see [`STEPS_MAX`].
+pub const TERMS_MAX: u32 = STEPS_MAX;
+/// Binary places of a term of a block's sum.
+pub const TERM_BITS: u32 = 30;
+/// In place of a sample that single precision does not decide.
+pub const UNSURE: u32 = 1 << 31;
 
 /// [`Brick::flags`]: the samples are not all equal.
 pub const VARIES: u32 = 1;
@@ -138,6 +158,44 @@ shared! {
     }
 }
 
+shared! {
+    /// Samples of a cluster tree's sum, four in a row.
+    Sums {
+        /// How many rows.
+        rows: u32,
+        /// Binary places to which they are rounded.
+        bits: u32,
+    }
+}
+
+shared! {
+    /// Samples on a lattice that see a cluster tree alike.
+    Block {
+        /// Position of the first.
+        low_x: i32,
+        /// Along y.
+        low_y: i32,
+        /// Along z.
+        low_z: i32,
+        /// log₂ of their distance.
+        spacing: u32,
+        /// How many along an axis, at most eight.
+        steps: u32,
+        /// Where the numbers of its clusters begin; those of its elements follow.
+        terms_from: u32,
+        /// How many clusters.
+        clusters: u32,
+        /// How many elements.
+        elements: u32,
+        /// Constant of the polynomial with [`TERM_BITS`] binary places, the low half.
+        base_low: u32,
+        /// The high half.
+        base_high: u32,
+        /// Bound on the error of the polynomial and all clusters.
+        bound: f32,
+    }
+}
+
 /// Names of members with their offsets in bytes.
 pub type Members = &'static [(&'static str, usize)];
 
@@ -146,6 +204,8 @@ pub const STRUCTURES: &[(&str, usize, Members)] = &[
     ("Batch", size_of::<Batch>(), Batch::MEMBERS),
     ("Brick", size_of::<Brick>(), Brick::MEMBERS),
     ("Sum", size_of::<Sum>(), Sum::MEMBERS),
+    ("Sums", size_of::<Sums>(), Sums::MEMBERS),
+    ("Block", size_of::<Block>(), Block::MEMBERS),
 ];
 
 /// Buffers of the kernels that evaluate bricks, by binding.
@@ -155,3 +215,6 @@ pub const BRICK_BUFFERS: [&str; 14] = [
 ];
 /// Buffers of the kernel that sums solid angles, by binding.
 pub const BRUTE_BUFFERS: [&str; 4] = ["sum", "facets", "points", "angles"];
+/// Buffers of the kernel that sums over a cluster tree, by binding.
+pub const SUM_BUFFERS: [&str; 8] =
+    ["clusters", "elements", "sums", "blocks", "coefficients", "terms", "rows", "quanta"];

@@ -1,7 +1,8 @@
 //! Compute shaders as SPIR-V, and what host and device agree on.
 //!
 //! A shader has the name of its twin among the engine's sources: `scan` finds the crossings of triangles with
-//! lattice lines, `evaluate` the samples of bricks, `hermite` their Hermite edges, `brute` sums solid angles.
+//! lattice lines, `evaluate` the samples of bricks, `hermite` their Hermite edges, `brute` sums solid angles. Those of an
+//! open soup's caps have a module of several files, named after their twins: `cells` sums over the tree of their clusters.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -26,8 +27,29 @@ mod tests {
 
     #[test]
     fn modules_are_spir_v() {
-        for shader in [SCAN, EVALUATE, HERMITE, BRUTE] {
+        for shader in [SCAN, EVALUATE, HERMITE, BRUTE, OPEN] {
             assert_eq!(shader.words[..2], [0x0723_0203, 0x0001_0300], "{}", shader.name);
         }
+    }
+
+    /// Numbers of the results of additions and the like, or of what is decorated with NoContraction, in order.
+    fn numbers(shader: Shader, is_meant: fn(&[u32]) -> Option<u32>) -> std::collections::BTreeSet<u32> {
+        let mut found = std::collections::BTreeSet::new();
+        let mut left = &shader.words[5..];
+        while let Some(first) = left.first() {
+            let (instruction, rest) = left.split_at((first >> 16) as usize);
+            found.extend(is_meant(instruction));
+            left = rest;
+        }
+        found
+    }
+
+    #[test]
+    fn arithmetic_with_proven_bounds_is_as_written() {
+        let sums = |i: &[u32]| [129, 131, 133, 136].contains(&(i[0] & 0xffff)).then(|| i[2]);
+        let decorated = |i: &[u32]| (i[0] & 0xffff == 71 && i[2] == 42).then(|| i[1]);
+        let (all, exact) = (numbers(OPEN, sums), numbers(OPEN, decorated));
+        assert!(all.len() > 100 && all.is_subset(&exact));
+        assert!(numbers(BRUTE, decorated).is_empty());
     }
 }

@@ -1,10 +1,11 @@
 //! The backends under test.
 
-use brickfield_engine::Silent;
 use brickfield_engine::backend::{DeviceReport, Vulkan};
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
 use brickfield_engine::gpu::{Gpu, Settings};
 use brickfield_engine::ingest::Input;
+use brickfield_engine::{Progress, Result, Silent};
+use std::path::Path;
 use std::sync::Mutex;
 
 /// Something that builds stores.
@@ -22,13 +23,23 @@ impl Backend {
     pub fn build_with(&self, input: &Input, depth: u8, options: &BuildOptions) -> (Vec<u8>, Summary) {
         let directory = tempfile::tempdir().unwrap();
         let out = directory.path().join("part.brf");
-        let resources = Resources { device: self.device.clone(), ..options.resources.clone() };
-        let options = BuildOptions { resolution: Resolution::Depth(depth), resources, ..options.clone() };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build().unwrap();
-        let inputs = std::slice::from_ref(input);
-        let summary =
-            pool.install(|| build_opened(inputs, &out, &options, &Silent)).unwrap_or_else(|e| panic!("{e}"));
+        let options = BuildOptions { resolution: Resolution::Depth(depth), ..options.clone() };
+        let summary = self.build_at(input, &out, &options, &Silent).unwrap_or_else(|e| panic!("{e}"));
         (std::fs::read(&out).unwrap(), summary)
+    }
+
+    /// Builds a file, or begins to.
+    pub fn build_at(
+        &self,
+        input: &Input,
+        out: &Path,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) -> Result<Summary> {
+        let resources = Resources { device: self.device.clone(), ..options.resources.clone() };
+        let options = BuildOptions { resources, ..options.clone() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build().unwrap();
+        pool.install(|| build_opened(std::slice::from_ref(input), out, &options, progress))
     }
 
     /// What the device did since it was last asked.

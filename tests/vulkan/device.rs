@@ -100,6 +100,48 @@ fn failures_end_in_the_same_store() {
     }
 }
 
+/// So does one of an open soup, whether the clusters fail to get there or the samples to come back.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn failures_amid_open_soups_end_in_the_same_store() {
+    let input = open_data("stl/open_box_no_lid.stl");
+    let expected = reference(&input, 2);
+    let fault = |stage, after, times, failure| Fault { stage, after, times, failure };
+    for fault in [
+        fault(Stage::Allocate, 0, 1, Failure::OutOfMemory),
+        fault(Stage::Allocate, 3, 1000, Failure::OutOfMemory),
+        fault(Stage::Submit, 1, 1, Failure::Lost),
+        fault(Stage::Submit, 6, 1, Failure::OutOfMemory),
+        fault(Stage::Wait, 1, 1, Failure::Timeout),
+        fault(Stage::Wait, 9, 1, Failure::Lost),
+    ] {
+        let backend = Backend { device: Some(open(0)), threads: 2 };
+        backend.device.as_ref().unwrap().gpu().inject(fault);
+        let (store, summary) = backend.build_with(&input, 2, &options(2));
+        assert!(store == expected, "{fault:?}");
+        let report = summary.device.unwrap();
+        assert_eq!(report.failure, Some(fault.failure.to_string()), "{fault:?}");
+        assert!(report.cpu_bricks > 0, "{fault:?}: {report:?}");
+        silent(&backend);
+    }
+}
+
+/// With room for no brick, or for one at a time, and never more than is allowed.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn little_memory_is_enough_for_open_soups() {
+    let input = open_data("stl/open_box_no_lid.stl");
+    let expected = reference(&input, 2);
+    for (memory, is_used) in [(1, false), (2 << 20, false), (8 << 20, true)] {
+        let backend = Backend { device: Some(open(memory)), threads: 2 };
+        let (store, summary) = backend.build_with(&input, 2, &options(2));
+        let report = summary.device.unwrap();
+        assert!(store == expected, "{memory} bytes: {report:?}");
+        assert!(report.peak_bytes <= memory && (report.bricks > 0) == is_used, "{memory}: {report:?}");
+        silent(&backend);
+    }
+}
+
 /// Whatever may be allocated, no more is; with room for no brick, or for a few, or for fewer edges than some have.
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]

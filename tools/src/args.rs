@@ -209,8 +209,8 @@ pub enum BeadsArg {
 /// What computes.
 #[derive(Args, Clone, Debug)]
 pub struct BackendArgs {
-    /// What computes. Results do not depend on it. Devices evaluate the bricks of closed meshes, with the default
-    /// --refine and --stddev; everything else is the processor's
+    /// What computes. Results do not depend on it. With the default --refine and --stddev, devices evaluate the bricks of
+    /// closed meshes and sum up what closes open ones; everything else is the processor's
     #[arg(long, value_enum, default_value_t)]
     pub backend: BackendArg,
     /// The Vulkan device, by its number or a part of its name; `info --devices` lists them

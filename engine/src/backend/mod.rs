@@ -3,9 +3,11 @@
 mod brute;
 mod leaves;
 mod report;
+mod shares;
 mod vulkan;
 
 pub use brute::brute_at;
 pub use leaves::{Leaf, LeafQueue};
 pub use report::DeviceReport;
+pub use shares::{DeviceShares, ShareQueue};
 pub use vulkan::Vulkan;

@@ -22,6 +22,12 @@ pub struct DeviceReport {
     /// Seconds for kernels: which lines pass through which triangle, jumps, samples, sign-changing edges, those of them with
     /// several crossings.
     pub kernel_seconds: [f64; 5],
+    /// Seconds for sums over the caps of an open soup.
+    pub sum_seconds: f64,
+    /// Samples of open soups in the bricks that it evaluated.
+    pub samples: u64,
+    /// Those of them that the processor settled.
+    pub settled: u64,
     /// Seconds for read-backs.
     pub read_seconds: f64,
     /// The first thing that went wrong.

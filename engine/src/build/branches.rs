@@ -316,3 +316,35 @@ fn branch<F: Field, R>(
     let (opening, jobs) = branch.open(cube.cell, shares);
     Ok(Outcome::Opened(Yield::Opened(opening), jobs))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::field::Soup;
+    use super::*;
+    use crate::lattice::Triangle;
+
+    /// The cells of the groups of cubes with so many pieces.
+    fn groups(shares: &Shares, level: u8, pieces: &[u64]) -> Vec<Vec<usize>> {
+        let cubes = pieces.iter().enumerate().map(|(cell, &pieces)| Cube { cell, pieces }).collect();
+        let groups = shares.groups::<Soup>(level, cubes);
+        groups.iter().map(|group| group.iter().map(|cube| cube.cell).collect()).collect()
+    }
+
+    #[test]
+    fn cubes_join_while_they_are_small() {
+        // A cube one level above the leaves has as many leaves as pieces can make, eight at most.
+        let mut shares = Shares { depth: 4, job: u64::MAX, together: 20 };
+        assert_eq!(groups(&shares, 3, &[9, 9, 9, 9, 9]), [vec![0, 1], vec![2, 3], vec![4]]);
+        assert!(groups(&shares, 3, &[]).is_empty());
+        shares.together = 1;
+        assert_eq!(groups(&shares, 3, &[9, 9, 9]), [[0], [1], [2]]);
+        // Three of these take more than a job may, two do not.
+        shares = Shares { job: 5 * shares.whole::<Soup>(3, 1000) / 2, together: 1000, ..shares };
+        assert_eq!(groups(&shares, 3, &[1000, 1000, 1, 1, 1000]), [vec![0, 1], vec![2, 3], vec![4]]);
+        // Nothing joins one that is opened, and it joins nothing.
+        let large = shares.job / size_of::<Triangle>() as u64;
+        assert_eq!(groups(&shares, 3, &[1, large, 1, 1]), [vec![0], vec![1], vec![2, 3]]);
+        // Deep cubes are all opened.
+        assert_eq!(groups(&shares, 0, &[1, 1]), [[0], [1]]);
+    }
+}

@@ -69,6 +69,14 @@ pub(super) trait Field: Sync {
         list: Pieces<'a, Self::Piece>,
     ) -> Result<Self::Evaluation<'a>>;
 
+    /// Tells which nodes are evaluated next.
+    fn foresee(&self, _evaluator: &mut Self::Evaluator, _keys: &[NodeKey]) {}
+
+    /// Whether that is of use: a device does better with several.
+    fn foresees(&self) -> bool {
+        false
+    }
+
     /// Whether leaves are evaluated in batches, ahead of their turn: then [`Field::next_leaf`] gives them.
     fn begin_leaves(&self, _evaluator: &mut Self::Evaluator) -> bool {
         false

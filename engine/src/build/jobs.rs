@@ -214,6 +214,8 @@ fn run_jobs<F: Field, R: Recorder>(
         if let Some(node) = plan.built(*key)? {
             return Ok((R::default(), node));
         }
+        let all: Vec<u32> = (0..pieces.len() as u32).collect();
+        builder.foresee(std::iter::once((*key, *corner, Pieces { array: pieces, indices: &all })));
         let node = builder.build(*key, *corner, pieces)?;
         Ok((std::mem::take(&mut builder.records), node))
     };

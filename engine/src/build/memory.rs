@@ -3,7 +3,7 @@
 use super::cloud;
 use super::field::{Field, Soup};
 use super::jobs::{Plan, build_tree, sort_cubes};
-use super::open;
+use super::open::{self, OpenSoup};
 use super::records::KeptBricks;
 use super::resources::Room;
 use super::rules::{Rules, TreeOptions};
@@ -38,7 +38,7 @@ pub fn build_open_in_memory(
     error: f64,
 ) -> Result<MemoryTree> {
     let rules = Rules { evaluate_interior: true, ..Rules::new(options)? };
-    let field = OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?;
+    let field = OpenSoup::new(OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?, None);
     let sorted = open::gather(&field, sources, root, &Silent)?;
     tree_of(&field, sorted, &rules, root)
 }

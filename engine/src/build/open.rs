@@ -4,6 +4,7 @@ use super::bins::{Binner, SortedRun};
 use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::sorted::SortedPieces;
 use super::subtree::corner_at;
+use crate::backend::{DeviceShares, ShareQueue, Vulkan};
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
@@ -13,15 +14,36 @@ use crate::store::Refine;
 use crate::winding::{CornerGrid, OpenBrick, OpenEvaluator, OpenField, OpenPiece};
 use rayon::prelude::*;
 
-impl Field for OpenField {
+/// The field of an open soup, and what evaluates it.
+pub(super) struct OpenSoup {
+    pub field: OpenField,
+    /// What sums over the caps, if it is not the processor alone.
+    pub device: Option<DeviceShares>,
+}
+
+impl OpenSoup {
+    /// Evaluated on the processor, or with a device.
+    pub fn new(field: OpenField, device: Option<&Vulkan>) -> OpenSoup {
+        OpenSoup { field, device: device.map(DeviceShares::new) }
+    }
+}
+
+/// Evaluates bricks of open soups.
+#[derive(Default)]
+pub(super) struct OpenSoupEvaluator {
+    cpu: OpenEvaluator,
+    queue: ShareQueue,
+}
+
+impl Field for OpenSoup {
     type Piece = OpenPiece;
     /// Corners are counts of the parent, or of its pieces: no node is reached but through its parent.
     type Corners = ();
-    type Evaluator = OpenEvaluator;
+    type Evaluator = OpenSoupEvaluator;
     type Evaluation<'a> = OpenBrick;
 
     fn binary_places(&self) -> u8 {
-        OpenField::binary_places(self)
+        self.field.binary_places()
     }
 
     fn bounds(&self, piece: &OpenPiece) -> (Units, Units) {
@@ -76,13 +98,27 @@ impl Field for OpenField {
 
     fn evaluate<'a>(
         &'a self,
-        evaluator: &'a mut OpenEvaluator,
+        evaluator: &'a mut OpenSoupEvaluator,
         key: NodeKey,
         corner: i16,
         list: Pieces<'a, OpenPiece>,
     ) -> Result<OpenBrick> {
         let pieces = list.indices.iter().map(|&i| list.array[i as usize]);
-        OpenField::evaluate(self, evaluator, key, corner, pieces)
+        let OpenSoupEvaluator { cpu, queue } = evaluator;
+        match self.device.as_ref().and_then(|device| queue.take(device, key)) {
+            Some(shares) => self.field.evaluate_with(cpu, key, corner, pieces, &shares),
+            None => self.field.evaluate(cpu, key, corner, pieces),
+        }
+    }
+
+    fn foresee(&self, evaluator: &mut OpenSoupEvaluator, keys: &[NodeKey]) {
+        if let Some(device) = &self.device {
+            evaluator.queue.find(device, &self.field, keys);
+        }
+    }
+
+    fn foresees(&self) -> bool {
+        self.device.is_some()
     }
 }
 
@@ -118,11 +154,11 @@ impl Evaluated for OpenBrick {
 
 /// All triangles of the sources and the caps, for a tree whose nodes decide from the root on.
 pub(super) fn gather(
-    field: &OpenField,
+    soup: &OpenSoup,
     sources: &[&dyn Facets],
     root: RootCube,
     progress: &dyn Progress,
-) -> Result<SortedPieces<OpenField>> {
+) -> Result<SortedPieces<OpenSoup>> {
     let snapper = root.snapper();
     let binner = Binner::new(NodeKey::ROOT, 0);
     let of_run = |(source, range): (usize, std::ops::Range<u64>)| {
@@ -134,12 +170,12 @@ pub(super) fn gather(
         world.into_iter().map(piece).collect::<Vec<OpenPiece>>()
     };
     let runs: Vec<SortedRun<OpenPiece>> =
-        runs(sources).into_par_iter().map(|run| SortedRun::new(field, &binner, &of_run(run))).collect();
+        runs(sources).into_par_iter().map(|run| SortedRun::new(soup, &binner, &of_run(run))).collect();
     progress.check()?;
     let mut sorted = SortedPieces::default();
     runs.into_iter().for_each(|run| sorted.push_sorted(run));
     let caps: Vec<OpenPiece> =
-        field.part().caps.iter().map(|&triangle: &Triangle| OpenPiece { triangle, cap: true }).collect();
-    sorted.push(field, &binner, &caps);
+        soup.field.part().caps.iter().map(|&triangle: &Triangle| OpenPiece { triangle, cap: true }).collect();
+    sorted.push(soup, &binner, &caps);
     Ok(sorted)
 }

@@ -4,7 +4,7 @@ use super::bins::Binner;
 use super::cut::cut;
 use super::field::{Field, Soup};
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
-use super::open;
+use super::open::{self, OpenSoup};
 use super::records::EncodedBricks;
 use super::resources::{Resources, Room};
 use super::rules::{Rules, TreeOptions};
@@ -233,12 +233,14 @@ pub fn build_opened(
         task.rules.evaluate_interior = true;
         let field = OpenField::new(OpenPart::of(&soups, root, progress)?, options.gwn_error)?;
         clock.lap("close");
+        let field = OpenSoup::new(field, options.resources.device.as_ref());
         task.build(&field, open::gather(&field, &soups, root, progress)?, progress)?;
-        field.part().summary
+        field.field.part().summary
     };
     clock.lap("build");
-    // Where nodes decide for themselves, one waits for the other: their leaves are the processor's.
-    let device = options.resources.device.as_ref().filter(|_| task.rules.refines_all_touched());
+    // Where nodes of a closed soup decide for themselves, one waits for the other: their leaves are the processor's.
+    let is_for_devices = open.open_edges > 0 || task.rules.refines_all_touched();
+    let device = options.resources.device.as_ref().filter(|_| is_for_devices);
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
         device: device.map(Vulkan::take_report),

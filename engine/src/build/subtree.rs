@@ -230,6 +230,23 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         Ok(Node::Stored(Half::of(&brick)))
     }
 
+    /// Tells the field which of some nodes, each with its corner and its pieces, will be evaluated as they are built.
+    pub fn foresee<'p>(&mut self, nodes: impl Iterator<Item = (NodeKey, i16, Pieces<'p, F::Piece>)>)
+    where
+        F::Piece: 'p,
+    {
+        if !self.field.foresees() {
+            return;
+        }
+        let is_evaluated = |(key, corner, list): &(NodeKey, i16, Pieces<'p, F::Piece>)| {
+            let is_deepest = key.level() == self.rules.depth;
+            let refined = || self.field.refined_unseen(self.rules.refine, *key, *corner, *list);
+            self.field.settled(*key, *corner, *list).is_none() && (is_deepest || refined().is_none())
+        };
+        let keys: Vec<NodeKey> = nodes.filter(is_evaluated).map(|(key, ..)| key).collect();
+        self.field.foresee(&mut self.evaluator, &keys);
+    }
+
     fn build_children(
         &mut self,
         key: NodeKey,
@@ -238,6 +255,10 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     ) -> Result<[Node; 8]> {
         let lists = Binner::new(key, 1).sort_indices(self.field, list.array);
         let mut children = [const { Node::Empty(0) }; 8];
+        self.foresee(Octant::all().map(|octant| {
+            let list = Pieces { array: list.array, indices: lists.of(octant.index()) };
+            (key.child(octant), corners[octant.index()], list)
+        }));
         for octant in Octant::all() {
             let own: Vec<F::Piece> =
                 lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect();

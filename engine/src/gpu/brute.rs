@@ -59,7 +59,7 @@ impl AngleSums {
         let upload = Arena::new(context, Use::Upload, end(UPLOADED - 1), 1)?;
         let read = Arena::new(context, Use::ReadBack, LENGTHS[UPLOADED], 1)?;
         let sets = kernels.sets(1)?;
-        sets.point(0, device.buffer(0), &ranges);
+        sets.point(0, 0, device.buffer(0), &ranges);
         Ok(AngleSums { slot: Slot::new(context)?, upload, device, read, sets, kernels, gpu: gpu.clone() })
     }
 

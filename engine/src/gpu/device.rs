@@ -140,7 +140,8 @@ fn lacks(found: &[DeviceInfo]) -> String {
 mod tests {
     use super::*;
 
-    fn device(index: usize, name: &str, kind: DeviceKind, missing: Vec<&'static str>) -> DeviceInfo {
+    fn device(index: usize, name: &str, kind: DeviceKind, missing: Vec<&str>) -> DeviceInfo {
+        let missing = missing.into_iter().map(str::to_owned).collect();
         let (driver, version) = (String::new(), String::new());
         DeviceInfo { index, name: name.to_owned(), kind, driver, version, memory: 0, missing }
     }

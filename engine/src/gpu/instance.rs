@@ -3,6 +3,7 @@
 use super::failure::Unavailable;
 use ash::ext::{debug_utils, validation_features};
 use ash::{Entry, vk};
+use brickfield_shaders::WORKGROUP;
 use std::ffi::{CStr, c_void};
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -50,7 +51,7 @@ pub struct DeviceInfo {
     /// Bytes of its largest heap of own memory.
     pub memory: u64,
     /// What the kernels need and it lacks; empty if it can be used.
-    pub missing: Vec<&'static str>,
+    pub missing: Vec<String>,
 }
 
 impl DeviceInfo {
@@ -81,6 +82,8 @@ const INSTALL: &str = "install the GPU's Vulkan driver, or use --backend cpu";
 
 /// Storage buffers that the kernels bind.
 const BUFFERS: u32 = brickfield_shaders::BRICK_BUFFERS.len() as u32;
+/// Bytes that a workgroup shares: what `evaluate` knows of a brick's rows and columns takes 9.5 KB.
+const SHARED_BYTES: u32 = 10 << 10;
 
 /// The loader with an instance.
 pub(super) struct Instance {
@@ -204,9 +207,9 @@ impl Instance {
             (properties.api_version >= vk::API_VERSION_1_2, "Vulkan 1.2"),
             (has_int64, "64-bit integers in shaders (shaderInt64)"),
             (twelve.timeline_semaphore == vk::TRUE, "timeline semaphores"),
-            (properties.limits.max_per_stage_descriptor_storage_buffers >= BUFFERS, "14 storage buffers"),
             (self.compute_family(device).is_some(), "a compute queue"),
         ];
+        let lacking = needs.iter().filter(|(there, _)| !there).map(|(_, what)| (*what).to_owned());
         let heaps = memory.memory_heaps_as_slice().iter();
         let own = heaps.filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
         let text = |chars: &[std::ffi::c_char]| -> String {
@@ -232,9 +235,26 @@ impl Instance {
                 vk::api_version_patch(version)
             ),
             memory: own.map(|heap| heap.size).max().unwrap_or(0),
-            missing: needs.iter().filter(|(there, _)| !there).map(|(_, what)| *what).collect(),
+            missing: lacking.chain(too_small(&properties.limits)).collect(),
         }
     }
+}
+
+/// Limits of a device that are too small for the kernels, with Vulkan's names for them. Other limits that matter are
+/// large enough wherever there is Vulkan.
+fn too_small(limits: &vk::PhysicalDeviceLimits) -> impl Iterator<Item = String> {
+    let needs = [
+        (limits.max_per_stage_descriptor_storage_buffers, BUFFERS, "maxPerStageDescriptorStorageBuffers"),
+        (limits.max_descriptor_set_storage_buffers, BUFFERS, "maxDescriptorSetStorageBuffers"),
+        (limits.max_per_stage_resources, BUFFERS, "maxPerStageResources"),
+        (limits.max_compute_work_group_size[0], WORKGROUP, "maxComputeWorkGroupSize"),
+        (limits.max_compute_work_group_invocations, WORKGROUP, "maxComputeWorkGroupInvocations"),
+        (limits.max_compute_shared_memory_size, SHARED_BYTES, "maxComputeSharedMemorySize"),
+    ];
+    let lack = |(has, needed, name): (u32, u32, &str)| {
+        (has < needed).then(|| format!("{name} of {needed} (it has {has})"))
+    };
+    needs.into_iter().filter_map(lack)
 }
 
 impl Drop for Instance {
@@ -263,4 +283,34 @@ unsafe extern "system" fn keep_message(
     };
     messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
     vk::FALSE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_that_is_too_small_is_named() {
+        let mut limits = vk::PhysicalDeviceLimits {
+            max_per_stage_descriptor_storage_buffers: 14,
+            max_descriptor_set_storage_buffers: 24,
+            max_per_stage_resources: 128,
+            max_compute_work_group_size: [128, 128, 64],
+            max_compute_work_group_invocations: 128,
+            max_compute_shared_memory_size: 16384,
+            ..Default::default()
+        };
+        assert_eq!(too_small(&limits).count(), 0);
+        limits.max_per_stage_descriptor_storage_buffers = 8;
+        limits.max_compute_work_group_size[0] = 32;
+        let found: Vec<String> = too_small(&limits).collect();
+        assert_eq!(
+            found,
+            [
+                "maxPerStageDescriptorStorageBuffers of 14 (it has 8)",
+                "maxComputeWorkGroupSize of 64 (it has 32)"
+            ]
+        );
+        assert_eq!(too_small(&vk::PhysicalDeviceLimits::default()).count(), 6);
+    }
 }

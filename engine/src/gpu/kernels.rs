@@ -116,14 +116,14 @@ pub(super) struct Sets {
 }
 
 impl Sets {
-    /// Points the bindings of a set, in order, to ranges (offset, length) of a buffer.
-    pub fn point(&self, set: usize, buffer: vk::Buffer, ranges: &[(u64, u64)]) {
+    /// Points bindings of a set, from the number `first` on, to ranges (offset, length) of a buffer.
+    pub fn point(&self, set: usize, first: u32, buffer: vk::Buffer, ranges: &[(u64, u64)]) {
         let infos: Vec<[vk::DescriptorBufferInfo; 1]> = ranges
             .iter()
             .map(|&(offset, range)| [vk::DescriptorBufferInfo { buffer, offset, range }])
             .collect();
         let mut writes = Vec::with_capacity(infos.len());
-        for (number, info) in (0..).zip(&infos) {
+        for (number, info) in (first..).zip(&infos) {
             let write = vk::WriteDescriptorSet::default()
                 .dst_set(self.sets[set])
                 .dst_binding(number)

@@ -76,7 +76,7 @@ impl Lane {
         let sets = gpu.kernels.sets(RING as u32)?;
         let ranges = sizes.ranges();
         let device_buffers: Vec<_> = (0..RING).map(|slot| device.buffer(slot)).collect();
-        device_buffers.iter().enumerate().for_each(|(slot, buffer)| sets.point(slot, *buffer, &ranges));
+        device_buffers.iter().enumerate().for_each(|(slot, buffer)| sets.point(slot, 0, *buffer, &ranges));
         let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
         Ok(Lane {
             slots,

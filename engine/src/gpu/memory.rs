@@ -34,6 +34,8 @@ pub(super) struct Arena {
 
 // SAFETY: the pointer is to memory that the arena alone owns; reads go through `&self`, writes through `&mut self`.
 unsafe impl Send for Arena {}
+// SAFETY: as above: whoever shares an arena only reads what is mapped, and its handles.
+unsafe impl Sync for Arena {}
 
 impl Arena {
     /// `count` buffers of `size` bytes.

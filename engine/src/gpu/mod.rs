@@ -15,6 +15,7 @@ mod lane;
 mod memory;
 mod sizes;
 mod slot;
+mod sums;
 
 pub use brute::AngleSums;
 pub use device::{Gpu, Settings};
@@ -22,3 +23,4 @@ pub use failure::{Failure, Fault, Stage, Unavailable};
 pub use instance::{DeviceInfo, DeviceKind, devices, may_be_there};
 pub use lane::{BatchInput, BatchOutput, Lane};
 pub use slot::Seconds;
+pub use sums::{SumInput, SumLane, SumRoom, SumTree};

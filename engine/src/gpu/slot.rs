@@ -131,14 +131,16 @@ impl Slot {
         self.commands
     }
 
-    fn reset_times(&self) {
+    /// Begins to note times.
+    pub fn reset_times(&self) {
         if self.context.tick_ns.is_some() {
             // SAFETY: the buffer is being recorded; the queries of the last batch were read.
             unsafe { self.context.raw.cmd_reset_query_pool(self.commands, self.times, 0, TIMES) };
         }
     }
 
-    fn note_time(&self, number: u32) {
+    /// Notes when all before is done.
+    pub fn note_time(&self, number: u32) {
         if self.context.tick_ns.is_some() {
             // SAFETY: the buffer is being recorded; the query was reset.
             unsafe {
@@ -150,6 +152,11 @@ impl Slot {
                 );
             }
         }
+    }
+
+    /// Notes the time for all numbers from this one on: what has fewer steps than a batch of bricks.
+    pub fn note_times_from(&self, number: u32) {
+        (number..TIMES).for_each(|number| self.note_time(number));
     }
 
     /// What the stages before have written, those behind may read and write.

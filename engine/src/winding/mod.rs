@@ -22,7 +22,8 @@ pub use cloud::{
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};
 pub use open::{
-    Boundary, ClusterTree, Element, FAR_FIELD_BYTES, OpenBrick, OpenEdge, OpenEvaluator, OpenField, OpenPart,
-    OpenPiece, OpenSummary, open_winding_at,
+    BlockSample, Boundary, ClusterParts, ClusterTree, Element, FAR_FIELD_BYTES, OpenBrick, OpenEdge,
+    OpenEvaluator, OpenField, OpenPart, OpenPiece, OpenSummary, RoundedShares, SumBlock, SumBlocks,
+    open_winding_at,
 };
 pub use points::{brute_at, winding_at};

@@ -371,15 +371,19 @@ impl Report {
         let Some(report) = &self.summary.device else {
             return self.processor.as_ref().map(|why| format!("  backend  processor: {why}"));
         };
-        let DeviceReport { name, bricks, cpu_bricks, batches, .. } = report;
-        let DeviceReport { upload_seconds, kernel_seconds, read_seconds, .. } = report;
-        let kernels: f64 = kernel_seconds.iter().sum();
+        let DeviceReport { name, bricks, cpu_bricks, batches, samples, settled, .. } = report;
+        let DeviceReport { upload_seconds, kernel_seconds, read_seconds, sum_seconds, .. } = report;
+        let kernels: f64 = kernel_seconds.iter().sum::<f64>() + sum_seconds;
         let times = format!("{upload_seconds:.2} s up, {kernels:.2} s computing, {read_seconds:.2} s back");
         let others = match cpu_bricks {
             0 => String::new(),
             n => format!(", {n} by the processor"),
         };
-        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}"))
+        let close = match samples {
+            0 => String::new(),
+            _ => format!("; {:.1}% of samples settled here", 100.0 * *settled as f64 / *samples as f64),
+        };
+        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}{close}"))
     }
 }
 
@@ -391,11 +395,10 @@ fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &Summary) -> Option<String> {
     if summary.device.is_some() {
         return None;
     }
-    let known = not_for_devices(&plan.options, summary.points > 0);
-    Some(known.unwrap_or("the bricks of open surfaces are the processor's").to_owned())
+    not_for_devices(&plan.options, summary.points > 0).map(str::to_owned)
 }
 
-/// Why no device evaluates the bricks, as far as is known before the triangles are read: whether they are closed is not.
+/// Why no device evaluates the bricks.
 fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static str> {
     if are_clouds {
         Some("the bricks of point clouds are the processor's")

@@ -64,6 +64,16 @@ impl Cap {
         Cap { vertices: t.map(|v| v.map(f64::from)), normal: normal(t).map(|c| c as f64) }
     }
 
+    /// Its corners.
+    pub fn vertices(&self) -> Triangle {
+        self.vertices.map(|v| v.map(|c| c as i32))
+    }
+
+    /// Twice its area vector.
+    pub fn normal(&self) -> [f64; 3] {
+        self.normal
+    }
+
     /// The signed solid angle of the cap over 4π, seen from p + (ε, ε², ε³) for an odd lattice position p
     /// within 2^26 units of the root, in the limit ε → 0. Positive from behind.
     ///

@@ -2,6 +2,8 @@
 
 use super::super::evaluate::{Evaluator, Triangles};
 use super::super::scan::{Block, Facet};
+use super::angle::Cap;
+use super::blocks::{SumBlock, SumBlocks};
 use super::cells::{CellCache, Cells, Grain, Points};
 use super::{ClusterTree, Element, OpenPart};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
@@ -12,7 +14,7 @@ use crate::wide::{dispatch, level};
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
 /// log₂ of the samples along a block, which are answered together.
-const BLOCK_BITS: u32 = 3;
+pub(super) const BLOCK_BITS: u32 = 3;
 /// Most binary places of a sample: two shells still fit its 16 bits.
 const BITS_MAX: u8 = 13;
 /// Fewest: where a large error is asked for, samples are still far more exact than that on average.
@@ -48,16 +50,24 @@ pub struct OpenEvaluator {
 pub(in crate::winding) struct Shares {
     cells: CellCache,
     points: Points,
-    /// Which samples these are.
-    numbers: Vec<u16>,
     values: Box<[f64; POINTS]>,
 }
 
 impl Default for Shares {
     fn default() -> Self {
         let values = vec![0.0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Shares { cells: CellCache::default(), points: Points::default(), numbers: Vec::new(), values }
+        Shares { cells: CellCache::default(), points: Points::default(), values }
     }
+}
+
+/// The sums over the caps at the samples of a brick, as far as the stored samples depend on them.
+#[derive(Debug)]
+pub struct RoundedShares {
+    /// By sample: less the sum, rounded as samples are, in units of their last binary place. Anything where it is given
+    /// exactly.
+    pub negative: Box<[i32; POINTS]>,
+    /// Linear indices of samples, with their sums as the processor computes them.
+    pub exact: Vec<(u16, f64)>,
 }
 
 /// The samples of one brick, and the facets that touch it.
@@ -103,20 +113,27 @@ pub(in crate::winding) fn fixed_point(
     bits: u8,
     values: impl Iterator<Item = f64>,
 ) -> Result<Samples> {
-    let scale = f64::from(1u32 << bits);
     let mut samples = Samples::fractions(bits);
     for (sample, w) in samples.0.iter_mut().zip(values) {
-        let rounded = floor(w * scale + 0.5);
-        *sample = i16::try_from(rounded).map_err(|_| {
+        *sample = i16::try_from(rounded(w, bits)).map_err(|_| {
             Error::setting(
                 format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
                 "use a larger --gwn-error",
             )
         })?;
     }
-    let half = 1i16 << (bits - 1);
-    for_root_face(key, |index| samples.0[index] = samples.0[index].min(half - 1));
+    keep_root_faces_outside(key, &mut samples);
     Ok(samples)
+}
+
+/// A winding number in units of its last binary place.
+fn rounded(w: f64, bits: u8) -> i32 {
+    floor(w * f64::from(1u32 << bits) + 0.5)
+}
+
+fn keep_root_faces_outside(key: NodeKey, samples: &mut Samples) {
+    let half = 1i16 << (samples.1 - 1);
+    for_root_face(key, |index| samples.0[index] = samples.0[index].min(half - 1));
 }
 
 impl OpenField {
@@ -156,7 +173,68 @@ impl OpenField {
         corner: i16,
         pieces: impl Iterator<Item = OpenPiece>,
     ) -> Result<OpenBrick> {
-        let OpenEvaluator { evaluator, triangles, indices, shares } = scratch;
+        let (counts, facets) = scratch.count(key, corner, pieces)?;
+        scratch.shares.find(&self.part.tree, self.error, self.bits, key);
+        self.finish(key, counts, facets, &scratch.shares)
+    }
+
+    /// As [`OpenField::evaluate`], where the sums over the caps are known already.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if a winding number does not fit 16 bits.
+    pub fn evaluate_with(
+        &self,
+        scratch: &mut OpenEvaluator,
+        key: NodeKey,
+        corner: i16,
+        pieces: impl Iterator<Item = OpenPiece>,
+        shares: &RoundedShares,
+    ) -> Result<OpenBrick> {
+        let (counts, facets) = scratch.count(key, corner, pieces)?;
+        let Some(samples) = shares.subtracted_from(&counts, key, self.bits) else {
+            // Too much for 16 bits: the error tells how much.
+            scratch.shares.find(&self.part.tree, self.error, self.bits, key);
+            return self.finish(key, counts, facets, &scratch.shares);
+        };
+        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
+    }
+
+    fn finish(
+        &self,
+        key: NodeKey,
+        counts: Samples,
+        facets: Vec<Triangle>,
+        shares: &Shares,
+    ) -> Result<OpenBrick> {
+        let values = counts.0.iter().zip(shares.values.iter());
+        let samples = fixed_point(key, self.bits, values.map(|(count, share)| f64::from(*count) - share))?;
+        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
+    }
+
+    /// The sums over the caps at all samples of a brick, to be computed elsewhere, added to `blocks`.
+    pub fn lay_open(&self, key: NodeKey, blocks: &mut SumBlocks) {
+        blocks.add(self.cells(), key);
+    }
+
+    /// The sums over the caps at some samples of a block, by their numbers among all of `blocks`.
+    pub fn settle(&self, blocks: &SumBlocks, block: &SumBlock, samples: &[usize]) -> Vec<f64> {
+        blocks.settle(&self.cells(), block, samples)
+    }
+
+    fn cells(&self) -> Cells<'_, Cap> {
+        cells_of(&self.part.tree, self.error, self.bits)
+    }
+}
+
+impl OpenEvaluator {
+    /// Counts of S ∪ C at the samples of a brick, and the facets among its pieces.
+    fn count(
+        &mut self,
+        key: NodeKey,
+        corner: i16,
+        pieces: impl Iterator<Item = OpenPiece>,
+    ) -> Result<(Samples, Vec<Triangle>)> {
+        let OpenEvaluator { evaluator, triangles, indices, .. } = self;
         triangles.clear();
         let mut facets = Vec::new();
         for piece in pieces {
@@ -167,14 +245,32 @@ impl OpenField {
         }
         indices.clear();
         indices.extend(0..triangles.len() as u32);
-        shares.find(&self.part.tree, self.error, self.bits, key);
-        let shares = &shares.values;
         let list = Triangles { array: triangles, indices };
-        let counts = evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples;
-        let values = counts.0.iter().zip(shares.iter()).map(|(count, share)| f64::from(*count) - share);
-        let samples = fixed_point(key, self.bits, values)?;
-        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
+        Ok((evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples, facets))
     }
+}
+
+impl RoundedShares {
+    /// The samples of a brick with these counts; `None` if one does not fit 16 bits.
+    fn subtracted_from(&self, counts: &Samples, key: NodeKey, bits: u8) -> Option<Samples> {
+        let mut samples = Samples::fractions(bits);
+        for ((sample, count), share) in samples.0.iter_mut().zip(counts.0.iter()).zip(self.negative.iter()) {
+            *sample = (i32::from(*count) << bits).checked_add(*share)?.try_into().ok()?;
+        }
+        for &(index, share) in &self.exact {
+            let index = usize::from(index);
+            let w = f64::from(counts.0[index]) - share;
+            samples.0[index] = rounded(w, bits).try_into().ok()?;
+        }
+        keep_root_faces_outside(key, &mut samples);
+        Some(samples)
+    }
+}
+
+/// The sums over a tree, so exact that they are off by at most `error` when rounded to `bits` binary places.
+fn cells_of<E: Element>(tree: &ClusterTree<E>, error: f64, bits: u8) -> Cells<'_, E> {
+    // Rounding takes half a quantum.
+    Cells::new(tree, error - 0.5 / f64::from(1u32 << bits))
 }
 
 impl Shares {
@@ -190,30 +286,35 @@ impl Shares {
     /// that level's lattice, which is a cell of the octree over the elements. The cell answers it, whatever brick asks:
     /// a brick's own, a neighbour for its apron, a parent or a child.
     pub fn find<E: Element>(&mut self, tree: &ClusterTree<E>, error: f64, bits: u8, key: NodeKey) {
-        let Shares { cells, points, numbers, values } = self;
+        let Shares { cells, points, values } = self;
         if tree.elements().is_empty() {
             values.fill(0.0);
             return;
         }
-        // Rounding takes half a quantum.
-        let tree = Cells::new(tree, error - 0.5 / f64::from(1u32 << bits));
-        for up in 0..=u32::from(key.level()) {
-            let axes = key.first_sample().map(|first| blocks_along(first, up));
-            for z in &axes[2] {
-                for y in &axes[1] {
-                    for x in &axes[0] {
-                        points.positions.clear();
-                        numbers.clear();
-                        for_own(key, up, [x, y, z], |index| {
-                            numbers.push(index as u16);
-                            points.positions.push(position(key, index));
-                        });
-                        let spacing = key.spacing_bits() + up;
-                        tree.answer(cells, spacing + BLOCK_BITS, Grain::Lattice(spacing), points);
-                        for (number, value) in numbers.iter().zip(&points.values) {
-                            values[usize::from(*number)] = *value;
-                        }
-                    }
+        let tree = cells_of(tree, error, bits);
+        for_blocks(key, |spacing, samples| {
+            points.positions.clear();
+            points.positions.extend(samples.iter().map(|(position, _)| *position));
+            tree.answer(cells, spacing + BLOCK_BITS, Grain::Lattice(spacing), points);
+            for ((_, index), value) in samples.iter().zip(&points.values) {
+                values[usize::from(*index)] = *value;
+            }
+        });
+    }
+}
+
+/// Calls `block` with the samples of a brick, those of one block at a time: log₂ of their distance, and their positions
+/// with their linear indices.
+pub(super) fn for_blocks(key: NodeKey, mut block: impl FnMut(u32, &[(Units, u16)])) {
+    let mut samples = Vec::new();
+    for up in 0..=u32::from(key.level()) {
+        let axes = key.first_sample().map(|first| blocks_along(first, up));
+        for z in &axes[2] {
+            for y in &axes[1] {
+                for x in &axes[0] {
+                    samples.clear();
+                    for_own(key, up, [x, y, z], |index| samples.push((position(key, index), index as u16)));
+                    block(key.spacing_bits() + up, &samples);
                 }
             }
         }

@@ -72,7 +72,7 @@ struct Cell {
 
 /// How the points of a cell are answered beyond the polynomial.
 #[derive(Debug)]
-enum Plan {
+pub(super) enum Plan {
     /// By a polynomial, clusters, and elements one by one.
     Here(Box<Sum>),
     /// In each eighth of the cell on its own.
@@ -81,11 +81,21 @@ enum Plan {
 
 /// What adds up to the answer.
 #[derive(Debug)]
-struct Sum {
+pub(super) struct Sum {
     center: [f64; 3],
-    local: Local,
-    clusters: Vec<u32>,
-    elements: Vec<u32>,
+    pub local: Local,
+    pub clusters: Vec<u32>,
+    pub elements: Vec<u32>,
+}
+
+/// Points of a lattice in one cell with the same plan.
+pub(super) struct Found {
+    /// Never [`Plan::Divide`].
+    pub plan: Arc<Plan>,
+    /// The cell's lowest point.
+    pub low: Units,
+    /// Points along its edge.
+    pub steps: u32,
 }
 
 type CellId = (u32, [u32; 3]);
@@ -234,18 +244,60 @@ impl<'a, E: Element> Cells<'a, E> {
     }
 
     fn answer_in(&self, cache: &mut CellCache, id: CellId, grain: Grain, points: &mut Points) {
+        match &*self.plan_of(id, grain) {
+            Plan::Here(sum) => self.sum(sum, points),
+            Plan::Divide => self.answer_in_parts(cache, id, grain, points),
+        }
+    }
+
+    fn plan_of(&self, id: CellId, grain: Grain) -> Arc<Plan> {
         let spacing = match grain {
             Grain::Lattice(spacing) => spacing,
             Grain::Anywhere => u32::MAX,
         };
-        let plan = self.tree.made().plans.get_or_make((self.error.to_bits(), id, spacing), || {
+        self.tree.made().plans.get_or_make((self.error.to_bits(), id, spacing), || {
             let (bits, place) = id;
             let above = self.cell((bits + 1, place.map(|c| c >> 1)));
             self.plan(&above, id, grain)
-        });
-        match &*plan {
-            Plan::Here(sum) => self.sum(sum, points),
-            Plan::Divide => self.answer_in_parts(cache, id, grain, points),
+        })
+    }
+
+    /// How [`Cells::answer`] answers points of a lattice 2^spacing apart that all lie in one cell: `found` gets them
+    /// with what adds up to their sums, the points of one plan at a time.
+    pub fn find<P: Copy>(
+        &self,
+        bits: u32,
+        spacing: u32,
+        points: &[(Units, P)],
+        found: &mut impl FnMut(Found, &[(Units, P)]),
+    ) {
+        if let Some((first, _)) = points.first() {
+            let place = first.map(|c| ((i64::from(c) - TOP_LOW) >> bits) as u32);
+            self.find_in((bits, place), spacing, points, found);
+        }
+    }
+
+    fn find_in<P: Copy>(
+        &self,
+        id: CellId,
+        spacing: u32,
+        points: &[(Units, P)],
+        found: &mut impl FnMut(Found, &[(Units, P)]),
+    ) {
+        let plan = self.plan_of(id, Grain::Lattice(spacing));
+        let (bits, place) = id;
+        let low = |bits: u32, place: u32| ((i64::from(place) << bits) + TOP_LOW) as i32;
+        if let Plan::Here(_) = *plan {
+            let low = place.map(|c| low(bits, c) + 1);
+            return found(Found { plan, low, steps: 1 << bits.saturating_sub(spacing) }, points);
+        }
+        let middle = place.map(|c| low(bits - 1, 2 * c + 1));
+        let octant_of = |p: &Units| (0..3).fold(0, |o, a| o | usize::from(p[a] >= middle[a]) << a);
+        let mut parts: [Vec<(Units, P)>; 8] = Default::default();
+        points.iter().for_each(|point| parts[octant_of(&point.0)].push(*point));
+        for (octant, part) in (0u32..).zip(&parts).filter(|(_, part)| !part.is_empty()) {
+            let place = std::array::from_fn(|a| 2 * place[a] + (octant >> a & 1));
+            self.find_in((bits - 1, place), spacing, part, found);
         }
     }
 
@@ -344,7 +396,7 @@ impl<'a, E: Element> Cells<'a, E> {
     }
 
     /// The sums at points of a cell.
-    fn sum(&self, sum: &Sum, points: &mut Points) {
+    pub fn sum(&self, sum: &Sum, points: &mut Points) {
         dispatch!(level(), simd => self.sum_with(simd, sum, points));
     }
 

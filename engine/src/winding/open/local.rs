@@ -110,6 +110,15 @@ impl Local {
         all.iter_mut().zip(found.0.as_flattened().as_flattened()).for_each(|(a, b)| *a += b);
     }
 
+    /// Powers of x, y, z with their coefficients, in the order of [`Local::at`]: falling, those of z first.
+    pub fn coefficients(&self) -> impl Iterator<Item = ([usize; 3], f64)> {
+        let falling = |last: usize| (0..=last).rev();
+        let powers = falling(C - 1).flat_map(move |z| {
+            falling(C - 1 - z).flat_map(move |y| falling(C - 1 - z - y).map(move |x| [x, y, z]))
+        });
+        powers.map(|[x, y, z]| ([x, y, z], self.0[z][y][x]))
+    }
+
     /// The same polynomial about another centre, `way` from this one.
     pub fn shifted(&self, way: [f64; 3]) -> Local {
         let mut to = self.clone();

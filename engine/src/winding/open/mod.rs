@@ -11,6 +11,7 @@
 
 mod angle;
 mod atan;
+mod blocks;
 mod boundary;
 mod brick;
 mod caps;
@@ -23,8 +24,9 @@ mod points;
 mod tree;
 mod wide;
 
+pub use blocks::{BlockSample, ClusterParts, SumBlock, SumBlocks};
 pub use boundary::{Boundary, OpenEdge};
-pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece};
+pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece, RoundedShares};
 pub(super) use brick::{Shares, binary_places, fixed_point};
 pub use cells::FAR_FIELD_BYTES;
 pub use local::GROUP;

@@ -151,6 +151,11 @@ impl Expansion {
         ]
     }
 
+    /// Factors of the dipole, the quadrupole and the octupole: see [`Expansion::at_each`].
+    pub fn factors(&self) -> ([f64; 3], [f64; 6], [f64; 10]) {
+        (self.dipole, self.quadrupole, self.octupole)
+    }
+
     /// The winding number seen from a point, given the way `r` from there to the centre.
     pub fn at(&self, r: [f64; 3]) -> f64 {
         dispatch!(level(), simd => self.at_each(simd, r.map(|c| f64x8::splat(simd, c)))[0])
