@@ -2,6 +2,9 @@
 
 #[cfg(test)]
 pub(crate) mod outputs;
+mod pair;
+
+pub use pair::PartPair;
 
 use crate::disk::planted::{Bug, planted};
 use crate::disk::write_back::WriteBack;
