@@ -107,10 +107,10 @@ fn corners(
     beyond: &mut impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
 ) -> Option<[Corner; 4]> {
     let mut corners = [Corner::default(); 4];
-    for n in 0..4 {
+    for (n, corner) in corners.iter_mut().enumerate() {
         let vertex = edge.vertices[n];
         if vertex < FROZEN {
-            corners[n] = draft.corner(OWN, vertex, of_vertex);
+            *corner = draft.corner(OWN, vertex, of_vertex);
             continue;
         }
         let cell = edge.cell(n);
@@ -118,7 +118,7 @@ fn corners(
             // Next to a leaf of another level.
             return None;
         }
-        corners[n] = beyond(edge, n, cell)?;
+        *corner = beyond(edge, n, cell)?;
     }
     Some(corners)
 }
