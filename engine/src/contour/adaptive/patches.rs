@@ -65,7 +65,7 @@ impl Patches {
         vertex as usize
     }
 
-    /// The set of a vertex that stands for it.
+    /// The vertices of the set that one of them, `root`, stands for.
     pub(super) fn members(&self, root: usize) -> impl Iterator<Item = u32> + '_ {
         let first = root as u32;
         let mut next = Some(first);
