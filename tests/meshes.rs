@@ -99,6 +99,44 @@ fn every_closed_file_gives_a_closed_manifold_at_three_depths() {
     }
 }
 
+/// Merged vertices leave every shell and handle of real parts and random piles, and what they enclose.
+#[test]
+fn a_tolerance_keeps_manifolds_and_their_topology() {
+    let files = ["clover_model", "featuretype50_model", "overlap_boxes", "spot40_model", "void_ladder"];
+    let mut parts: Vec<(String, Soup, u8)> =
+        files.map(|name| (name.to_owned(), file(&format!("{name}.stl")), 2)).into();
+    parts.push(("clover_beads".to_owned(), file("clover_beads.stl"), 3));
+    for seed in 0..4 {
+        let pile = Mesh::merged(&random_pile(70 + seed, 10)).facets().collect();
+        parts.push((format!("pile {seed}"), pile, (seed % 3) as u8 + 1));
+    }
+    for (name, soup, depth) in parts {
+        let (root, options) = (root_of(&soup), at_depth(depth));
+        let tree = build_in_memory(&[&soup], root, options).unwrap_or_else(|e| panic!("{e}"));
+        let judged = |tolerance: f64| {
+            let mut kept = Kept::default();
+            let options = ContourOptions { tolerance, ..Default::default() };
+            contour(&tree, &options, &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
+            let report = check(&kept.vertices, &kept.triangles);
+            assert!(report.is_closed_manifold() && report.is_oriented(), "{name}: {report}");
+            assert_eq!((report.duplicate_triangles, report.unused_vertices), (0, 0), "{name}: {report}");
+            report
+        };
+        let plain = judged(0.0);
+        for cells in [0.01, 0.1, 0.5] {
+            let tolerance = cells * root.spacing(depth);
+            let merged = judged(tolerance);
+            assert_eq!(merged.euler_characteristic, plain.euler_characteristic, "{name}");
+            assert_eq!(merged.components, plain.components, "{name}");
+            assert!(merged.triangles < plain.triangles, "{name}");
+            // A tenth of a cell is what the crossings do not see.
+            let most = (tolerance + 0.1 * root.spacing(depth)) * plain.area;
+            assert!((merged.signed_volume - plain.signed_volume).abs() < most, "{name}: {merged}");
+            println!("{name} at {cells} cells: {} of {} triangles", merged.triangles, plain.triangles);
+        }
+    }
+}
+
 #[test]
 fn volumes_are_true_and_better_as_cells_shrink() {
     let truth = [

@@ -2,10 +2,11 @@
 
 use crate::support::*;
 use brickfield_bench_data::judge::mesh::{Report, check_file};
+use std::path::Path;
 
 /// Closed, oriented, manifold, and of the volume expected.
 #[track_caller]
-fn judged(path: &std::path::Path, volume: f64, tolerance: f64) -> Report {
+fn judged(path: &Path, volume: f64, tolerance: f64) -> Report {
     let report = check_file(path).unwrap();
     let name = path.display();
     assert!(report.is_balanced(), "{name}: {report:?}");
@@ -63,4 +64,50 @@ fn iso_and_level() {
     let empty = dir.path("empty.obj");
     let text = run(&[&"mesh", &store, &"-o", &empty, &"--iso", &"2.5"]).ok();
     assert!(text.contains("empty"), "{text}");
+}
+
+#[test]
+fn a_tolerance_makes_fewer_triangles() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 3);
+    let meshed = |name: &str, tolerance: Option<&str>| {
+        let out = dir.path(name);
+        let mut words: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"mesh", &store, &"-o", &out];
+        if let Some(tolerance) = &tolerance {
+            words.extend([&"--tolerance" as &dyn AsRef<std::ffi::OsStr>, tolerance]);
+        }
+        run(&words).ok();
+        out
+    };
+    let plain = std::fs::read(meshed("plain.ply", None)).unwrap();
+    for (name, tolerance) in [("zero.ply", "0"), ("zero_um.ply", "0um")] {
+        assert!(std::fs::read(meshed(name, Some(tolerance))).unwrap() == plain);
+    }
+    // A hundredth of the lattice's cell, in two units and two formats.
+    let merged = meshed("merged.ply", Some("3um"));
+    judged(&merged, truth("overlap_boxes", "union_volume"), 0.001);
+    assert!(std::fs::read(&merged).unwrap().len() * 20 < plain.len());
+    assert!(std::fs::read(meshed("mm.ply", Some("0.003 mm"))).unwrap() == std::fs::read(&merged).unwrap());
+    let stl = meshed("merged.stl", Some("3um"));
+    assert!(facets_of(&stl).len() * 20 < facets_of(&meshed("plain.stl", None)).len());
+    judged(&stl, truth("overlap_boxes", "union_volume"), 0.001);
+    // Beads, which touch each other in long creases.
+    let beads = dir.path("beads.brf");
+    let toolpath = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/clover.gcode");
+    run(&[&"build", &toolpath, &"-o", &beads, &"--depth", &"2"]).ok();
+    let [plain, merged] = ["0", "50um"].map(|tolerance| {
+        let out = dir.path(&format!("beads{tolerance}.ply"));
+        run(&[&"mesh", &beads, &"-o", &out, &"--tolerance", &tolerance]).ok();
+        check_file(&out).unwrap()
+    });
+    assert!(merged.is_closed_manifold() && merged.is_oriented(), "{merged}");
+    assert_eq!(merged.euler_characteristic, plain.euler_characteristic);
+    assert_eq!(merged.components, plain.components);
+    assert!(merged.triangles < plain.triangles, "{} of {}", merged.triangles, plain.triangles);
+    let out = dir.path("no.ply");
+    for wrong in ["-1mm", "3 furlongs", "NaN", ""] {
+        run(&[&"mesh", &store, &"-o", &out, &format!("--tolerance={wrong}")]).misused();
+    }
+    assert!(run(&[&"mesh", &"--check", &stl, &"--tolerance", &"1um"]).misused().contains("--output"));
+    assert!(!out.exists());
 }

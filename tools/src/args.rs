@@ -2,7 +2,7 @@
 
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::toolpaths::ToolpathArgs;
-use crate::units::{GwnError, Length, Shard, Size, Unit};
+use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -272,6 +272,9 @@ pub struct MeshArgs {
     /// Deepest level to use; a coarser mesh
     #[arg(long, value_name = "L", requires = "output")]
     pub level: Option<u8>,
+    /// How far the surface may move for the sake of fewer triangles, as in 0.05mm; 0 keeps them all
+    #[arg(long, value_name = "LEN", default_value = "0", requires = "output")]
+    pub tolerance: Tolerance,
     /// Memory to stay within, as in 512MiB, maps of files not counted; 160 MiB with two threads, and 40 MiB more for
     /// each further one, are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]

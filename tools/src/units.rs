@@ -77,29 +77,56 @@ impl Length {
     }
 }
 
+/// A length that may be 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance(Length);
+
+impl Tolerance {
+    /// The number of units that have this symbol, if it is one; `None` if the length has a unit and the symbol is
+    /// unknown.
+    pub fn in_unit_of(self, symbol: &str) -> Option<f64> {
+        match Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol) {
+            Some(unit) => Some(self.0.in_unit(unit)),
+            None => self.0.unit.is_none().then_some(self.0.value),
+        }
+    }
+}
+
+impl FromStr for Tolerance {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Tolerance, String> {
+        parse_length(text, true).map(Tolerance)
+    }
+}
+
 impl FromStr for Length {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Length, String> {
-        let (number, suffix) = split(text);
-        let unit = match suffix {
-            "" => None,
-            "µm" | "μm" => Some(Unit::Um),
-            _ => match Unit::ALL.into_iter().find(|unit| unit.symbol() == suffix) {
-                Some(unit) => Some(unit),
-                None => {
-                    return Err(format!(
-                        "no unit \"{suffix}\"; use {}",
-                        Unit::ALL.map(Unit::symbol).join(", ")
-                    ));
-                }
-            },
-        };
-        match number.parse::<f64>() {
-            Ok(value) if value > 0.0 && value.is_finite() => Ok(Length { value, unit }),
-            Ok(_) => Err("a length must be above 0".to_owned()),
-            Err(_) => Err("expected a number and a unit, as in 0.05mm".to_owned()),
+        parse_length(text, false)
+    }
+}
+
+fn parse_length(text: &str, may_be_zero: bool) -> Result<Length, String> {
+    let (number, suffix) = split(text);
+    let unit = match suffix {
+        "" => None,
+        "µm" | "μm" => Some(Unit::Um),
+        _ => match Unit::ALL.into_iter().find(|unit| unit.symbol() == suffix) {
+            Some(unit) => Some(unit),
+            None => {
+                return Err(format!("no unit \"{suffix}\"; use {}", Unit::ALL.map(Unit::symbol).join(", ")));
+            }
+        },
+    };
+    match number.parse::<f64>() {
+        Ok(value) if value.is_finite() && (value > 0.0 || may_be_zero && value == 0.0) => {
+            Ok(Length { value, unit })
         }
+        Ok(_) if may_be_zero => Err("a tolerance must not be below 0".to_owned()),
+        Ok(_) => Err("a length must be above 0".to_owned()),
+        Err(_) => Err("expected a number and a unit, as in 0.05mm".to_owned()),
     }
 }
 

@@ -59,10 +59,10 @@ pub(super) fn face_key(axis: Axis, corner: [usize; 3]) -> u32 {
 }
 
 /// The vertex on one cut of a split face, found from either edge that the cut joins.
-struct Extra {
-    face: u32,
-    edge: u64,
-    vertex: u32,
+pub(super) struct Extra {
+    pub face: u32,
+    pub edge: u64,
+    pub vertex: u32,
 }
 
 /// The vertices of four cells around an edge.
@@ -77,23 +77,25 @@ pub(super) struct BrickCells {
     /// Signs of the leaf's own samples; `None` if they are all alike.
     pub signs: Option<SignChanges>,
     /// Row k·32 + j; empty if no cell is active.
-    rows: Vec<CellRow>,
+    pub rows: Vec<CellRow>,
     /// Corner mask of each active cell.
     pub masks: Vec<u8>,
     /// For each active cell its first vertex or, if it is mixed, its place in `mixed`.
     pub first: Vec<u32>,
     /// Where the edges of each mixed cell end in `mixed_edges`, after a leading zero.
-    mixed: Vec<u32>,
+    pub mixed: Vec<u32>,
     /// Minimal edges of mixed cells with the vertex of their loop, sorted within a cell.
-    mixed_edges: Vec<(u64, u32)>,
+    pub mixed_edges: Vec<(u64, u32)>,
     /// Sorted by face and edge.
-    extras: Vec<Extra>,
+    pub extras: Vec<Extra>,
     /// See [`BrickCells::take_quads`].
-    quads: Mutex<Vec<Quad>>,
+    pub quads: Mutex<Vec<Quad>>,
     /// World positions of the vertices.
     pub positions: Vec<[f32; 3]>,
     /// Faces with extra vertices.
     pub split_faces: u64,
+    /// By number as first made, the number of each vertex that [`super::adaptive`] has merged; empty if none is.
+    pub renamed: Vec<u32>,
 }
 
 impl BrickCells {
@@ -154,7 +156,7 @@ impl BrickCells {
         signs
             + self.rows.capacity() * size_of::<CellRow>()
             + self.masks.capacity()
-            + 4 * (self.first.capacity() + self.mixed.capacity())
+            + 4 * (self.first.capacity() + self.mixed.capacity() + self.renamed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.extras.capacity() * size_of::<Extra>()
             + self.quads.lock().unwrap_or_else(PoisonError::into_inner).capacity() * size_of::<Quad>()

@@ -1,5 +1,7 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
+use super::ContourOptions;
+use super::adaptive::{self, Draft};
 use super::cache::Cache;
 use super::cells::{BrickCells, Quad};
 use super::leaves::{Around, Leaves, Side};
@@ -18,8 +20,12 @@ pub(super) struct Field<'a> {
     pub leaves: Leaves,
     tree: &'a dyn BrickTree,
     level: Level,
+    /// As in [`super::ContourOptions::tolerance`].
+    pub tolerance: f64,
     surfaces: Cache<Surface>,
     cells: Cache<BrickCells>,
+    /// Where vertices are merged.
+    drafts: Option<Cache<Draft>>,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
     users: Vec<AtomicU32>,
     /// Room that cells were made in.
@@ -28,16 +34,15 @@ pub(super) struct Field<'a> {
 }
 
 impl<'a> Field<'a> {
-    /// `truncate` as in [`super::ContourOptions::level`].
-    pub(super) fn new(
-        tree: &'a dyn BrickTree,
-        level: Level,
-        truncate: Option<u8>,
-        cache_bytes: usize,
-    ) -> Result<Field<'a>> {
-        let leaves = Leaves::new(tree, truncate, level.threshold)?;
+    /// Of the level set `level` of `tree`.
+    pub(super) fn new(tree: &'a dyn BrickTree, level: Level, options: &ContourOptions) -> Result<Field<'a>> {
+        let cache_bytes = options.cache_bytes;
+        let leaves = Leaves::new(tree, options.level, level.threshold)?;
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
-        let (surfaces, cells) = (Cache::new(cache_bytes / 4), Cache::new(cache_bytes - cache_bytes / 4));
+        let merges = options.tolerance > 0.0;
+        let drafts = merges.then(|| Cache::new(cache_bytes / 2));
+        let for_cells = if merges { cache_bytes / 4 } else { cache_bytes - cache_bytes / 4 };
+        let (surfaces, cells) = (Cache::new(cache_bytes / 4), Cache::new(for_cells));
         let mut users = Vec::new();
         users.resize_with(leaves.len(), AtomicU32::default);
         for leaf in 0..leaves.len() as u32 {
@@ -50,8 +55,10 @@ impl<'a> Field<'a> {
             leaves,
             tree,
             level,
+            tolerance: options.tolerance,
             surfaces,
             cells,
+            drafts,
             users,
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),
@@ -74,10 +81,26 @@ impl<'a> Field<'a> {
 
     pub(super) fn cells(&self, leaf: u32) -> Result<Arc<BrickCells>> {
         self.cells.get_or_make(leaf, || {
-            let cells = BrickCells::build(self, leaf)?;
+            let cells = match self.drafts {
+                Some(_) => adaptive::merged(self, leaf)?,
+                None => BrickCells::build(self, leaf)?,
+            };
             let bytes = cells.heap_bytes();
             Ok((cells, bytes))
         })
+    }
+
+    /// What may be merged of a leaf's cells; only with a tolerance.
+    pub(super) fn draft(&self, leaf: u32) -> Result<Arc<Draft>> {
+        let make = || {
+            let draft = Draft::of(self, leaf, self.tolerance, BrickCells::build(self, leaf)?)?;
+            let bytes = draft.heap_bytes();
+            Ok((draft, bytes))
+        };
+        match &self.drafts {
+            Some(drafts) => drafts.get_or_make(leaf, make),
+            None => Ok(Arc::new(make()?.0)),
+        }
     }
 
     /// The polygons of a leaf are made: what no others need is dropped, so that its room serves the next leaves. A

@@ -23,12 +23,14 @@
 //! | `halo` | crossings and signs about a leaf |
 //! | `corner` | vertices at corners that no single cell sees |
 //! | `mixed` | cells next to finer leaves |
+//! | `adaptive` | vertices that stand for several cells' |
 //! | `polygons` | pass 2: triangles of a leaf |
 //! | `cut` | polygons into triangles, their area, volume and normals |
 //! | `spare` | room that is used again |
 //! | `order` | leaves in parallel, their output in order |
 //! | `sink` | STL, PLY and OBJ files |
 
+mod adaptive;
 mod cache;
 mod cells;
 mod corner;
@@ -78,11 +80,13 @@ pub struct ContourOptions {
     pub level: Option<u8>,
     /// Bytes for decoded bricks and cells that several leaves ask for. Less costs time, not correctness.
     pub cache_bytes: usize,
+    /// How far, in world units, the surface may be moved for the sake of fewer triangles; 0 to keep every vertex.
+    pub tolerance: f64,
 }
 
 impl Default for ContourOptions {
     fn default() -> ContourOptions {
-        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20 }
+        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20, tolerance: 0.0 }
     }
 }
 
@@ -110,7 +114,7 @@ pub struct MeshSummary {
 ///
 /// # Errors
 ///
-/// [`Error::Setting`] if `iso` is not a finite number above 0, if the tree contradicts itself or if there are
+/// [`Error::Setting`] if `iso` is not a finite number above 0, if the tolerance is none from 0 on, if the tree contradicts itself or if there are
 /// more than 2^32 − 1 shared vertices; [`Error::Interrupted`] when `progress` says so; what reading the tree and
 /// writing to the sink give.
 pub fn contour(
@@ -121,7 +125,8 @@ pub fn contour(
 ) -> Result<MeshSummary> {
     let level = level(options.iso)?;
     require_half(tree, options.iso)?;
-    let field = Field::new(tree, level, options.level, options.cache_bytes)?;
+    require_tolerance(options.tolerance)?;
+    let field = Field::new(tree, level, options)?;
     require_resolution(tree, options.level)?;
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
@@ -150,6 +155,13 @@ fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+fn require_tolerance(tolerance: f64) -> Result<()> {
+    if tolerance >= 0.0 && tolerance.is_finite() {
+        return Ok(());
+    }
+    Err(Error::setting(format!("no surface can be within {tolerance}"), "choose a length, or 0"))
 }
 
 /// Samples with binary places are told apart by their nearest whole numbers.

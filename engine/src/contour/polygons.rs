@@ -11,6 +11,8 @@
 //!   polygon at that cut only the two cells at the face are the same;
 //! - other polygons with extra vertices are fans about a finest cell's vertex.
 
+mod merged;
+
 use super::cells::{BrickCells, NO_VERTEX, Quad, edge_key, face_key};
 use super::cut::{Cutter, Measured, Shape, Vertex};
 use super::field::Field;
@@ -78,7 +80,11 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<L
         cutter: Cutter::new(centre, making.encoding, bytes),
     };
     let quads = cells.take_quads();
-    dispatch!(level(), _simd => maker.rows(&cells, signs, &quads))?;
+    if field.tolerance > 0.0 {
+        maker.merged_rows(&cells, signs, &quads)?;
+    } else {
+        dispatch!(level(), _simd => maker.rows(&cells, signs, &quads))?;
+    }
     field.spare_quads.keep(quads);
     let Cutter { count, facets, bytes, measured, .. } = maker.cutter.finish();
     field.release(leaf, &around);
@@ -222,12 +228,7 @@ impl Maker<'_> {
     /// The polygon of an edge on the leaf's border, or next to a cell that is not plain, if this leaf owns it.
     #[inline(always)]
     fn border(&mut self, axis: Axis, low: [usize; 3], quad: &Quad, inside: bool) -> Result<()> {
-        let (u, v) = axis.others();
-        let side = |c: usize| usize::from(c > 0) + usize::from(c == BRICK_CELLS);
-        let place = 9 * axis.index() + 3 * side(low[u.index()]) + side(low[v.index()]);
-        if matches!(self.borders[place], Border::Unknown) {
-            self.borders[place] = self.explore(axis, low)?;
-        }
+        let place = self.border_place(axis, low)?;
         match self.borders[place] {
             Border::Foreign => return Ok(()),
             Border::Equal(ref quarters) => {
@@ -239,6 +240,18 @@ impl Maker<'_> {
             Border::Unknown | Border::Uneven => {}
         }
         self.general(axis, low, inside)
+    }
+
+    /// Where in `borders`, which is then known, the edges like one along `axis` stand.
+    #[inline(always)]
+    fn border_place(&mut self, axis: Axis, low: [usize; 3]) -> Result<usize> {
+        let (u, v) = axis.others();
+        let side = |c: usize| usize::from(c > 0) + usize::from(c == BRICK_CELLS);
+        let place = 9 * axis.index() + 3 * side(low[u.index()]) + side(low[v.index()]);
+        if matches!(self.borders[place], Border::Unknown) {
+            self.borders[place] = self.explore(axis, low)?;
+        }
+        Ok(place)
     }
 
     #[cold]
@@ -353,19 +366,25 @@ impl Maker<'_> {
         }
         let [a, b, c, d] = places.map(|place| self.quadrant(place));
         let quadrants = [a?, b?, c?, d?];
-        let is_same = |a: &Quadrant, b: &Quadrant| a.leaf == b.leaf && a.cell == b.cell;
+        let mut vertices = [0; 4];
+        for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
+            let this = &quadrants[n];
+            let key = edge_key(relative(lower, this.key, this.cell), axis, self.key.level());
+            let vertex = this.cells.vertex(this.cell, edge_index(axis, 1 - qu, 1 - qv), key);
+            vertices[n] = this.cells.name_of(vertex.ok_or_else(|| broken(this.key))?);
+        }
+        // A cell in two quadrants, or cells that have one vertex.
+        let is_same =
+            |a: usize, b: usize| quadrants[a].leaf == quadrants[b].leaf && vertices[a] == vertices[b];
         let mut polygon = Polygon::default();
         for n in 0..4 {
-            let [before, this, after] = [&quadrants[(n + 3) % 4], &quadrants[n], &quadrants[(n + 1) % 4]];
-            if !is_same(before, this) {
-                let [qu, qv] = SQUARE[n];
-                let key = edge_key(relative(lower, this.key, this.cell), axis, self.key.level());
-                let vertex = this.cells.vertex(this.cell, edge_index(axis, 1 - qu, 1 - qv), key);
-                let vertex = vertex.ok_or_else(|| broken(this.key))?;
-                polygon.push(self.corner(this, vertex, false, this.key.level() == self.key.level()));
+            let (before, after) = ((n + 3) % 4, (n + 1) % 4);
+            let this = &quadrants[n];
+            if !is_same(before, n) {
+                polygon.push(self.corner(this, vertices[n], false, this.key.level() == self.key.level()));
             }
-            if !is_same(this, after)
-                && let Some((owner, vertex)) = self.extra(axis, n, this, after, lower)
+            if !is_same(n, after)
+                && let Some((owner, vertex)) = self.extra(axis, n, this, &quadrants[after], lower)
             {
                 polygon.push(self.corner(owner, vertex, true, owner.key.level() == self.key.level()));
             }

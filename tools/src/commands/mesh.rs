@@ -6,6 +6,7 @@ use crate::args::MeshArgs;
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct};
+use crate::units::Tolerance;
 use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
 use brickfield_engine::store::{Accept, CacheStats, Store};
 use brickfield_engine::{Error, Progress};
@@ -36,6 +37,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         iso: args.iso,
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
+        tolerance: tolerance_in(args.tolerance, &store)?,
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.
@@ -49,6 +51,13 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         print(&report.text())?;
     }
     report.check.as_ref().map_or(Ok(()), require_sound)
+}
+
+/// The tolerance in the store's unit.
+fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
+    tolerance.in_unit_of(&store.meta().unit).ok_or_else(|| {
+        Failure::Usage("the store has no unit of length; give --tolerance as a number alone".to_owned())
+    })
 }
 
 /// The file for a mesh; a name whose format is unknown is wrong usage.

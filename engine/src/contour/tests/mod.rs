@@ -1,5 +1,6 @@
 //! The whole pipeline on trees of every shape.
 
+mod adaptive;
 mod check;
 mod fields;
 pub(super) mod one_by_one;

@@ -1,0 +1,207 @@
+//! The sign-changing edges of a leaf with the vertices of the cells around each: what merging starts from.
+
+use super::super::cells::{BrickCells, NO_VERTEX, edge_key};
+use super::super::field::Field;
+use super::super::leaves::{Side, direction_index, directions};
+use super::super::qef::Vector;
+use super::super::surface::Changes;
+use super::super::topology::{CELL_LOOPS, SQUARE, edge_index, face_cuts};
+use super::LEVELS;
+use crate::lattice::{Axis, BRICK_CELLS};
+use std::sync::PoisonError;
+
+/// Stands for a cell beyond the leaf.
+pub(super) const BEYOND: u32 = u32::MAX;
+/// Stands for a cell whose vertices stay as they are.
+pub(super) const FROZEN: u32 = u32::MAX - 1;
+
+/// A sign-changing edge.
+pub(super) struct Crossing {
+    pub axis: Axis,
+    /// Its lower sample.
+    pub low: [usize; 3],
+    /// Levels of the planes across the other two axes that the edge lies in; see [`plane_level`].
+    pub levels: [u8; 2],
+    /// Vertices of the four cells around it in the order of [`SQUARE`], [`BEYOND`] or [`FROZEN`].
+    pub vertices: [u32; 4],
+    /// Where the surface crosses it, in cells of the leaf.
+    pub point: Vector,
+    /// Unit length.
+    pub normal: Vector,
+}
+
+/// A face that is cut twice, seen from one of its cells.
+pub(super) struct Ambiguous {
+    /// The cell's vertices at the two cuts.
+    pub vertices: [u32; 2],
+    /// Level of its plane.
+    pub level: u8,
+}
+
+/// The edges of a leaf and the vertices at them.
+pub(super) struct Crossings {
+    pub all: Vec<Crossing>,
+    pub ambiguous: Vec<Ambiguous>,
+    /// For each vertex, frozen ones and those on split faces too, where its edges begin in `edges`, and the end.
+    starts: Vec<u32>,
+    edges: Vec<u32>,
+}
+
+/// The least level of a node that has a plane in its inside: nodes of level `n` are 2ⁿ cells wide, and the plane
+/// has `plane` cells of the leaf below it. Above [`LEVELS`] for the leaf's own faces.
+pub(super) fn plane_level(plane: usize) -> u8 {
+    if plane.is_multiple_of(BRICK_CELLS) { LEVELS + 1 } else { plane.trailing_zeros() as u8 + 1 }
+}
+
+/// Which cells of a leaf keep their vertices: those with edges of finer leaves on their boundary, and those next to
+/// coarser leaves, whose cells count on them.
+pub(super) struct Frozen {
+    coarser: Vec<[i32; 3]>,
+}
+
+impl Frozen {
+    pub(super) fn of(field: &Field, leaf: u32) -> Frozen {
+        let around = field.leaves.around(leaf);
+        let is_coarser = |d: &[i32; 3]| matches!(around[direction_index(*d)], Side::Coarser(_));
+        Frozen { coarser: directions().filter(is_coarser).collect() }
+    }
+
+    pub(super) fn holds(&self, cells: &BrickCells, cell: [usize; 3]) -> bool {
+        let touches = |d: &[i32; 3]| {
+            (0..3).all(|a| match d[a] {
+                -1 => cell[a] == 0,
+                0 => true,
+                _ => cell[a] == BRICK_CELLS - 1,
+            })
+        };
+        cells.row(cell[1], cell[2]).mixed >> cell[0] & 1 == 1 || self.coarser.iter().any(touches)
+    }
+}
+
+impl Crossings {
+    pub(super) fn of(field: &Field, leaf: u32, changes: &Changes, cells: &BrickCells) -> Crossings {
+        let frozen = Frozen::of(field, leaf);
+        let key = field.leaves.get(leaf).key;
+        let quads = cells.quads.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all = Vec::with_capacity(changes.planes.len());
+        for axis in Axis::ALL {
+            let (u, v) = axis.others();
+            changes.signs.for_edges(axis, |low| {
+                let plane = &changes.planes[all.len()];
+                let mut point = low.map(|c| c as f64);
+                point[axis.index()] += f64::from(plane.fraction);
+                let mut vertices = [BEYOND; 4];
+                for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
+                    let mut cell = low;
+                    cell[u.index()] = (cell[u.index()] + qu).wrapping_sub(1);
+                    cell[v.index()] = (cell[v.index()] + qv).wrapping_sub(1);
+                    if cell.iter().any(|&c| c >= BRICK_CELLS) {
+                        continue;
+                    }
+                    vertices[n] = if frozen.holds(cells, cell) {
+                        FROZEN
+                    } else if quads[all.len()][n] != NO_VERTEX {
+                        u32::from(quads[all.len()][n])
+                    } else {
+                        // Not mixed, so any name will do.
+                        let name = edge_key([0; 3], axis, key.level());
+                        cells.vertex(cell, edge_index(axis, 1 - qu, 1 - qv), name).unwrap_or(FROZEN)
+                    };
+                }
+                let levels = [u, v].map(|a| plane_level(low[a.index()]));
+                all.push(Crossing {
+                    axis,
+                    low,
+                    levels,
+                    vertices,
+                    point,
+                    normal: plane.normal.map(f64::from),
+                });
+            });
+        }
+        drop(quads);
+        let (starts, edges) = by_vertex(&all, cells.len());
+        let ambiguous = ambiguous(cells, changes, &frozen);
+        Crossings { all, ambiguous, starts, edges }
+    }
+
+    /// The edges of a vertex' cell that its loop passes through.
+    pub(super) fn at(&self, vertex: u32) -> impl Iterator<Item = &Crossing> {
+        let range = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
+        self.edges[range].iter().map(|&edge| &self.all[edge as usize])
+    }
+
+    /// The cell of a vertex that is not frozen.
+    pub(super) fn cell_of(&self, vertex: u32) -> [usize; 3] {
+        let mut cell = [0; 3];
+        if let Some(crossing) = self.at(vertex).next() {
+            let n = crossing.vertices.iter().position(|&v| v == vertex).unwrap_or(0);
+            let (u, v) = crossing.axis.others();
+            cell = crossing.low;
+            cell[u.index()] += SQUARE[n][0];
+            cell[v.index()] += SQUARE[n][1];
+            cell[u.index()] -= 1;
+            cell[v.index()] -= 1;
+        }
+        cell
+    }
+}
+
+fn by_vertex(all: &[Crossing], vertices: usize) -> (Vec<u32>, Vec<u32>) {
+    let named = || {
+        all.iter().enumerate().flat_map(|(n, crossing)| {
+            crossing.vertices.into_iter().filter(|&v| v < FROZEN).map(move |v| (n as u32, v as usize))
+        })
+    };
+    let mut starts = vec![0u32; vertices + 2];
+    named().for_each(|(_, vertex)| starts[vertex + 2] += 1);
+    for n in 2..starts.len() {
+        starts[n] += starts[n - 1];
+    }
+    let mut edges = vec![0; starts[vertices + 1] as usize];
+    for (edge, vertex) in named() {
+        edges[starts[vertex + 1] as usize] = edge;
+        starts[vertex + 1] += 1;
+    }
+    starts.pop();
+    (starts, edges)
+}
+
+fn ambiguous(cells: &BrickCells, changes: &Changes, frozen: &Frozen) -> Vec<Ambiguous> {
+    let mut found = Vec::new();
+    for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
+        let row = cells.row(j, k);
+        let mut bits = row.active & !row.mixed;
+        while bits != 0 {
+            let cell = [bits.trailing_zeros() as usize, j, k];
+            bits &= bits - 1;
+            let mask = changes.mask(cell);
+            let loops = &CELL_LOOPS[mask as usize];
+            if loops.ambiguous == 0 || frozen.holds(cells, cell) {
+                continue;
+            }
+            let first = cells.first[row.slot(cell[0])];
+            for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
+                let (axis, side) = (Axis::ALL[face / 2], face % 2);
+                let mut cuts =
+                    face_cuts(mask, axis, side).map(|(enter, _)| first + u32::from(loops.of_edge[enter]));
+                if let (Some(a), Some(b)) = (cuts.next(), cuts.next()) {
+                    found.push(Ambiguous { vertices: [a, b], level: plane_level(cell[axis.index()] + side) });
+                }
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lattice::BRICK_POINTS;
+
+    #[test]
+    fn planes_belong_to_the_smallest_node_around_them() {
+        assert_eq!([1, 2, 3, 4, 12, 16, 31].map(plane_level), [1, 2, 1, 3, 3, 5, 1]);
+        assert!([0, BRICK_POINTS - 1].map(plane_level).iter().all(|&level| level > LEVELS));
+    }
+}

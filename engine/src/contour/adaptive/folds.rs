@@ -1,0 +1,153 @@
+//! Where merged vertices would fold the surface back onto itself, and which of them are given up for that.
+//!
+//! Seen along a sign-changing edge, the patches around it lie around a point, and the triangles between their vertices
+//! should run around it the same way. Vertices of cells always do, or can be cut so. Those of larger nodes may not, where
+//! only three meet: on the side of a large node, if its vertex is far along the side. Then the largest of the three is
+//! given up, and what it is made of takes its place. The rules of [`super`] hold whichever candidates are taken, so
+//! leaves need not agree on this.
+
+use super::super::topology::SQUARE;
+use super::crossings::{Crossing, FROZEN};
+use super::draft::Draft;
+use super::{LEVELS, NONE};
+use crate::lattice::{Axis, BRICK_CELLS};
+
+/// A sign-changing edge of a leaf.
+pub(super) struct Edge {
+    pub axis: Axis,
+    /// Its lower sample.
+    pub low: [u8; 3],
+    /// As [`Crossing::vertices`].
+    pub vertices: [u32; 4],
+}
+
+/// A corner of a polygon.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Corner {
+    /// Leaf, as a direction, and what tells its vertices apart.
+    pub name: (usize, bool, u32),
+    pub position: [f32; 3],
+    /// The level of its node, 0 for a cell.
+    pub level: u8,
+}
+
+impl Edge {
+    pub(super) fn of(crossing: &Crossing) -> Edge {
+        Edge { axis: crossing.axis, low: crossing.low.map(|c| c as u8), vertices: crossing.vertices }
+    }
+
+    /// The cell in a quadrant, from -1 to 32 along each axis.
+    fn cell(&self, quadrant: usize) -> [i32; 3] {
+        let (u, v) = self.axis.others();
+        let mut cell = self.low.map(i32::from);
+        cell[u.index()] += SQUARE[quadrant][0] as i32 - 1;
+        cell[v.index()] += SQUARE[quadrant][1] as i32 - 1;
+        cell
+    }
+}
+
+impl Draft {
+    /// The corner that a vertex is, the candidates being assigned like this.
+    pub(super) fn corner(&self, direction: usize, vertex: u32, of_vertex: &[u32]) -> Corner {
+        match of_vertex[vertex as usize] {
+            NONE => Corner {
+                name: (direction, false, vertex),
+                position: self.cells.positions[vertex as usize],
+                level: 0,
+            },
+            merged => {
+                let candidate = &self.candidates[merged as usize];
+                Corner {
+                    name: (direction, true, merged),
+                    position: candidate.position,
+                    level: candidate.node.level,
+                }
+            }
+        }
+    }
+}
+
+/// Bars candidates until no edge is left that would fold and has a candidate of the leaf among the largest there, and
+/// returns what stands for each vertex. `beyond` gives the corner in a cell beyond the leaf: the edge, its quadrant and
+/// the cell.
+pub(super) fn without(
+    draft: &Draft,
+    barred: &mut [bool],
+    mut beyond: impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
+) -> Vec<u32> {
+    let mut of_vertex = draft.assigned(barred);
+    // What is given up is divided each time.
+    for _ in 0..LEVELS {
+        let mut is_done = true;
+        for edge in &draft.edges {
+            let Some(corners) = corners(draft, edge, &of_vertex, &mut beyond) else { continue };
+            let most = corners.iter().map(|corner| corner.level).max().unwrap_or(0);
+            if most == 0 || !is_folded(edge.axis, &corners) {
+                continue;
+            }
+            for corner in corners.iter().filter(|corner| corner.level == most && corner.name.0 == OWN) {
+                is_done &= std::mem::replace(&mut barred[corner.name.2 as usize], true);
+            }
+        }
+        if is_done {
+            break;
+        }
+        of_vertex = draft.assigned(barred);
+    }
+    of_vertex
+}
+
+/// The direction of the leaf itself.
+pub(super) const OWN: usize = 13;
+
+fn corners(
+    draft: &Draft,
+    edge: &Edge,
+    of_vertex: &[u32],
+    beyond: &mut impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
+) -> Option<[Corner; 4]> {
+    let mut corners = [Corner::default(); 4];
+    for (n, corner) in corners.iter_mut().enumerate() {
+        let vertex = edge.vertices[n];
+        if vertex < FROZEN {
+            *corner = draft.corner(OWN, vertex, of_vertex);
+            continue;
+        }
+        let cell = edge.cell(n);
+        if cell.iter().all(|c| (0..BRICK_CELLS as i32).contains(c)) {
+            // Next to a leaf of another level.
+            return None;
+        }
+        *corner = beyond(edge, n, cell)?;
+    }
+    Some(corners)
+}
+
+/// Whether the polygon of four corners, of which equal ones follow each other, is folded back however it is cut.
+fn is_folded(axis: Axis, corners: &[Corner; 4]) -> bool {
+    let mut distinct = [[0.0; 3]; 4];
+    let mut count = 0;
+    for n in 0..4 {
+        if corners[n].name != corners[(n + 3) % 4].name {
+            distinct[count] = corners[n].position;
+            count += 1;
+        }
+    }
+    match count {
+        3 => !turns(axis, [distinct[0], distinct[1], distinct[2]]),
+        4 => {
+            let [a, b, c, d] = distinct;
+            let [at_a, at_b, at_c, at_d] =
+                [[d, a, b], [a, b, c], [b, c, d], [c, d, a]].map(|corners| turns(axis, corners));
+            !(at_a && at_c || at_b && at_d)
+        }
+        _ => false,
+    }
+}
+
+/// Whether a triangle runs counter-clockwise, seen from the upper end of `axis`.
+pub(in super::super) fn turns(axis: Axis, corners: [[f32; 3]; 3]) -> bool {
+    let (u, v) = axis.others();
+    let [p, q, r] = corners.map(|corner| [corner[u.index()], corner[v.index()]].map(f64::from));
+    (q[0] - p[0]) * (r[1] - q[1]) - (q[1] - p[1]) * (r[0] - q[0]) > 0.0
+}

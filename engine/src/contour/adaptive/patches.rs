@@ -1,0 +1,177 @@
+//! Which vertices hang together within a node, and whether what they stand for is a disk that meets the node's
+//! border as a plane would.
+
+use super::super::qef::Qef;
+use super::super::topology::{SQUARE, edge_index, edge_lower};
+use super::crossings::{Crossings, FROZEN};
+use std::sync::LazyLock;
+
+/// By face, number `2·axis + side`, the edges of a cube that bound it.
+static FACE_EDGES: LazyLock<[u16; 6]> = LazyLock::new(|| {
+    std::array::from_fn(|face| {
+        let bounds = |edge: &usize| {
+            let (along, lower) = edge_lower(*edge);
+            along.index() != face / 2 && lower[face / 2] == face % 2
+        };
+        (0..12).filter(bounds).fold(0, |edges, edge| edges | 1 << edge)
+    })
+});
+
+/// Sets of vertices whose part of the surface hangs together within the nodes of a level.
+pub(super) struct Patches {
+    /// One vertex of each set stands for it; the others lead to it.
+    parent: Vec<u32>,
+    /// The vertices of a set in a ring.
+    next: Vec<u32>,
+    size: Vec<u32>,
+    /// Twice the cells, less the ends of the cuts between them, plus twice the edges within: twice the Euler
+    /// characteristic of the part of the surface without its border, and 2 for a disk alone.
+    euler: Vec<i32>,
+    /// Sets that reach a frozen cell.
+    is_frozen: Vec<bool>,
+    /// Bit per edge of the node that the set crosses.
+    border: Vec<u16>,
+    /// Sets whose part of the node's border is none that a disk can have.
+    is_bad: Vec<bool>,
+    /// Level at which a set was last joined with another.
+    joined: Vec<u8>,
+    pub sums: Vec<Qef>,
+}
+
+impl Patches {
+    /// Every vertex alone, with the sums of its planes.
+    pub(super) fn new(sums: Vec<Qef>) -> Patches {
+        let count = sums.len();
+        let each: Vec<u32> = (0..count as u32).collect();
+        Patches {
+            next: each.clone(),
+            parent: each,
+            size: vec![1; count],
+            euler: vec![2; count],
+            is_frozen: vec![false; count],
+            border: vec![0; count],
+            is_bad: vec![false; count],
+            joined: vec![0; count],
+            sums,
+        }
+    }
+
+    fn root(&mut self, mut vertex: u32) -> usize {
+        while self.parent[vertex as usize] != vertex {
+            let up = self.parent[self.parent[vertex as usize] as usize];
+            self.parent[vertex as usize] = up;
+            vertex = up;
+        }
+        vertex as usize
+    }
+
+    /// The vertices of the set that one of them, `root`, stands for.
+    pub(super) fn members(&self, root: usize) -> impl Iterator<Item = u32> + '_ {
+        let first = root as u32;
+        let mut next = Some(first);
+        std::iter::from_fn(move || {
+            let this = next?;
+            next = Some(self.next[this as usize]).filter(|&next| next != first);
+            Some(this)
+        })
+    }
+
+    fn unite(&mut self, a: u32, b: u32, level: u8) -> usize {
+        let (a, b) = (self.root(a), self.root(b));
+        if a == b {
+            return a;
+        }
+        // The lower one of equal ones, so that the outcome is a matter of the numbers alone.
+        let is_first = (self.size[b], a) < (self.size[a], b);
+        let (to, from) = if is_first { (a, b) } else { (b, a) };
+        self.parent[from] = to as u32;
+        self.next.swap(to, from);
+        self.size[to] += self.size[from];
+        self.euler[to] += self.euler[from];
+        self.is_frozen[to] |= self.is_frozen[from];
+        self.joined[to] = level;
+        let (sums, more) = if to < from {
+            let (low, high) = self.sums.split_at_mut(from);
+            (&mut low[to], &high[0])
+        } else {
+            let (low, high) = self.sums.split_at_mut(to);
+            (&mut high[0], &low[from])
+        };
+        sums.add_all(more);
+        to
+    }
+
+    /// Joins what hangs together in nodes of `level`, whose parts have been joined, and returns those sets that came
+    /// of it and may have one vertex.
+    pub(super) fn join(&mut self, crossings: &Crossings, level: u8) -> Vec<usize> {
+        let mut changed = Vec::new();
+        for crossing in &crossings.all {
+            let [u, v] = crossing.levels;
+            if u != level && v != level {
+                continue;
+            }
+            for n in 0..4 {
+                // Quadrants 0, 1 and 2, 3 differ along the first axis, the others along the second.
+                if crossing.levels[n % 2] != level {
+                    continue;
+                }
+                let [a, b] = [crossing.vertices[n], crossing.vertices[(n + 1) % 4]];
+                match (a < FROZEN, b < FROZEN) {
+                    (true, true) => {
+                        let root = self.unite(a, b, level);
+                        self.euler[root] -= 1;
+                        changed.push(root as u32);
+                    }
+                    (true, false) | (false, true) => {
+                        let root = self.root(a.min(b));
+                        self.is_frozen[root] = true;
+                    }
+                    (false, false) => {}
+                }
+            }
+            if u.max(v) == level && crossing.vertices[0] < FROZEN {
+                let root = self.root(crossing.vertices[0]);
+                self.euler[root] += 2;
+            }
+        }
+        for vertex in &mut changed {
+            *vertex = self.root(*vertex) as u32;
+        }
+        changed.sort_unstable();
+        changed.dedup();
+        let mut disks: Vec<usize> = changed.into_iter().map(|root| root as usize).collect();
+        disks.retain(|&root| !self.is_frozen[root] && self.euler[root] == 2);
+        self.study_borders(crossings, level, &disks);
+        disks.retain(|&root| !self.is_bad[root]);
+        disks
+    }
+
+    /// Finds out which of some disks meet the border of their nodes of `level` otherwise than along one line in each
+    /// face that ends on two edges.
+    fn study_borders(&mut self, crossings: &Crossings, level: u8, disks: &[usize]) {
+        for &root in disks {
+            self.border[root] = 0;
+            self.is_bad[root] = false;
+        }
+        let is_beyond = |crossing: &&super::crossings::Crossing| crossing.levels.iter().all(|&l| l > level);
+        for crossing in crossings.all.iter().filter(is_beyond) {
+            for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
+                if crossing.vertices[n] < FROZEN {
+                    let root = self.root(crossing.vertices[n]);
+                    let edge = 1 << edge_index(crossing.axis, 1 - qu, 1 - qv);
+                    self.is_bad[root] |= self.border[root] & edge != 0;
+                    self.border[root] |= edge;
+                }
+            }
+        }
+        for face in crossings.ambiguous.iter().filter(|face| face.level > level) {
+            let [a, b] = face.vertices.map(|vertex| self.root(vertex));
+            self.is_bad[a] |= a == b;
+        }
+        for &root in disks {
+            let edges = self.border[root];
+            self.is_bad[root] |=
+                edges == 0 || FACE_EDGES.iter().any(|face| !matches!((face & edges).count_ones(), 0 | 2));
+        }
+    }
+}
