@@ -159,3 +159,71 @@ fn meshes_beyond_32_bit_coordinates_are_refused() {
     assert!(line.contains("32 bits"), "{line}");
     assert!(!mesh.exists());
 }
+
+/// Waits until a process has mapped a file.
+#[cfg(target_os = "linux")]
+fn wait_for_map(process: u32, path: &std::path::Path) {
+    let name = path.file_name().unwrap().to_str().unwrap();
+    let has_map = || std::fs::read_to_string(format!("/proc/{process}/maps")).is_ok_and(|m| m.contains(name));
+    // Inputs are looked at once before they are opened.
+    let mut seen = 0;
+    while seen < 30 {
+        seen = if has_map() { seen + 1 } else { 0 };
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+}
+
+/// Starts a command that waits for points when it has opened `path`; cuts that short; gives it the points.
+#[cfg(target_os = "linux")]
+fn cut_meanwhile(args: &[&dyn AsRef<std::ffi::OsStr>], path: &std::path::Path) -> Run {
+    use std::io::Write;
+    use std::process::Stdio;
+    let mut command = program();
+    command.args(args.iter().map(AsRef::as_ref));
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("it runs");
+    wait_for_map(child.id(), path);
+    std::fs::File::options().write(true).open(path).unwrap().set_len(20_000).unwrap();
+    // It may have ended by now.
+    let point = |n: i32| format!("{},{},{}\n", 70 + n % 10 * 6, 70 + n / 10 % 10 * 6, n / 100 * 2);
+    let points: String = (0..1000).map(point).collect();
+    let _ = child.stdin.take().unwrap().write_all(points.as_bytes());
+    child.wait_with_output().unwrap().into()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn files_that_are_cut_short_meanwhile_are_errors_of_one_line() {
+    let dir = Scratch::new();
+    let input = dir.file("input.stl", std::fs::read(stl("clover_beads")).unwrap());
+    let line = cut_meanwhile(&[&"winding", &input, &"--points", &"-"], &input).failed();
+    // The latter on a machine so busy that it had not been opened yet.
+    let told = ["leave the file alone", "header claims"].iter().any(|what| line.contains(what));
+    assert!(line.contains("input.stl: ") && told, "{line}");
+    let store = dir.store("clover_beads", 3);
+    let ran = cut_meanwhile(&[&"sample", &store, &"--io", &"mmap", &"--points", &"-"], &store);
+    // The header of the answer has been printed.
+    let line = Run { stdout: String::new(), ..ran }.failed();
+    assert!(line.contains("clover_beads-3.brf: record ") && line.contains("cut short"), "{line}");
+}
+
+#[test]
+fn names_with_line_breaks_stay_in_their_line() {
+    let dir = Scratch::new();
+    let input = dir.file("a\nb.stl", std::fs::read(stl("overlap_boxes")).unwrap());
+    let store = dir.path("c\nd.brf");
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"1", &"--quiet"]).ok();
+    let text = run(&[&"info", &store]).ok();
+    assert!(text.lines().next().unwrap().contains("c d.brf: brick store"), "{text}");
+    assert!(text.contains("a b.stl: STL binary"), "{text}");
+    let array = dir.path("e\nf.npy");
+    assert_eq!(run(&[&"export", &store, &"--level", &"0", &"-o", &array]).ok().lines().count(), 1);
+    for command in ["verify", "mesh"] {
+        let out = dir.path("g\nh.stl");
+        let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&command, &store];
+        if command == "mesh" {
+            args.extend([&"-o" as &dyn AsRef<std::ffi::OsStr>, &out]);
+        }
+        assert_eq!(run(&args).ok().lines().count(), 1, "{command}");
+    }
+}

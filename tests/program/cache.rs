@@ -246,6 +246,45 @@ fn the_range_coder_changes_no_answer() {
 }
 
 #[test]
+fn a_build_compresses_as_repack_does() {
+    let dir = Scratch::new();
+    let cases: [(&str, PathBuf, &[&str]); 4] = [
+        ("closed", stl("featuretype50_model"), &["--depth", "3"]),
+        ("open", stl("open_box_no_lid"), &["--depth", "1"]),
+        ("beads", example("clover.gcode"), &["--depth", "2", "--identity"]),
+        ("decided", stl("overlap_boxes"), &["--depth", "3", "--refine", "surface"]),
+    ];
+    for (name, input, settings) in cases {
+        for way in ["none", "range", "lz4"] {
+            let store = |name: &str, how: &[&str]| {
+                let mut args: Vec<&dyn AsRef<OsStr>> = vec![&input];
+                args.extend(settings.iter().chain(how).map(|arg| arg as &dyn AsRef<OsStr>));
+                built(&dir, name, &args)
+            };
+            let (plain, direct) = (store("plain.brf", &[]), store("direct.brf", &["--compression", way]));
+            let packed = dir.path("packed.brf");
+            run(&[&"cache", &"repack", &plain, &"-o", &packed, &"--compression", &way, &"--quiet"]).ok();
+            assert!(fs::read(&packed).unwrap() == fs::read(&direct).unwrap(), "{name}, {way}");
+            let same = fs::read(&packed).unwrap() == fs::read(&plain).unwrap();
+            assert_eq!(same, way == "lz4", "{name}, {way}");
+        }
+    }
+    let share: [&dyn AsRef<OsStr>; 6] =
+        [&"build", &"x.stl", &"-o", &"x.brf", &"--shard=1/2", &"--compression=range"];
+    assert!(run(&share).misused().contains("`cache repack` when they are joined"));
+}
+
+#[test]
+fn a_cut_store_has_the_lists_of_one_that_was_built_so() {
+    let dir = Scratch::new();
+    let (fine, coarse, cut) = (clover(&dir, 3), clover(&dir, 2), dir.path("cut.brf"));
+    run(&[&"cache", &"prune", &fine, &"-o", &cut, &"--level", &"2", &"--quiet"]).ok();
+    let ran = run(&[&"cache", &"diff", &coarse, &cut, &"--json"]);
+    let json: Value = serde_json::from_str(&ran.stdout).expect("JSON");
+    assert_eq!((&json["lists"], &json["samples"], &json["only_first"]), (&0.into(), &0.into(), &0.into()));
+}
+
+#[test]
 fn diff_tells_by_its_status() {
     let dir = Scratch::new();
     let (store, plain) = (dir.store("overlap_boxes", 2), dir.path("plain.brf"));
@@ -293,7 +332,10 @@ fn a_link_stays_one_when_what_it_names_is_replaced() {
     let info = run(&[&"info", &store, &"--json"]).json();
     assert_eq!((&info["depth"], &info["store"]["total"]["nodes"]), (&1.into(), &9.into()));
     let meshed = run(&[&"mesh", &link, &"-o", &dir.path("x.stl"), &"--json"]).json();
-    assert!(meshed["brick_cache"]["misses"].as_u64() > Some(0) && meshed["brick_cache"]["hits"].is_u64());
+    let cache = &meshed["brick_cache"];
+    assert!(cache["misses"].as_u64() > Some(0) && cache["hits"].is_u64());
+    // Whatever a traversal names ahead is read.
+    assert!(cache["ahead"].as_u64() > Some(0) && cache["ahead"] == cache["ahead_used"], "{cache}");
 }
 
 #[test]

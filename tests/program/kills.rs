@@ -154,12 +154,18 @@ fn a_build_is_resumed_only_by_its_like() {
             vec!["--depth", "6", "--gwn-error", "0.01"],
             "its error of samples is 0.001, that of this build is 0.01",
         ),
+        (
+            vec!["--depth", "6", "--compression", "range"],
+            "its compression is lz4, that of this build is range",
+        ),
         (vec!["--depth", "6", "--sides", "8"], "number of sides"),
     ] {
         let line = Run::from(build(&stl("clover_beads"), &other, &output).output().unwrap()).failed();
         assert!(line.contains("o.brf.part: unfinished store") && line.contains(named), "{line}");
         assert!(line.contains("--restart"), "{line}");
     }
+    let share = ["--depth", "6", "--shard", "1/2", "--compression", "range"];
+    Run::from(build(&stl("clover_beads"), &share, &output).output().unwrap()).misused();
     let line = Run::from(build(&stl("clover_model"), &settings, &output).output().unwrap()).failed();
     assert!(line.contains("BLAKE3 hash of input 1"), "{line}");
     assert_eq!(dir.names(), ["o.brf.journal", "o.brf.part"]);

@@ -1,6 +1,6 @@
 //! What the user types. The commands turn it into checked plans.
 
-use crate::cache_args::CacheArgs;
+use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Unit};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -126,6 +126,10 @@ pub struct BuildArgs {
     /// some may be empty
     #[arg(long, value_name = "I/N", conflicts_with = "mesh")]
     pub shard: Option<Shard>,
+    /// How the bricks are compressed. The store has the bytes that `cache repack` with the same option makes of one with
+    /// another; shares take lz4, to be repacked when they are joined
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: CompressionArg,
     /// Seconds after which what there is of the store is made safe, again and again: what a crash may cost
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
     pub commit_every: f64,
@@ -181,7 +185,7 @@ pub enum IoArg {
     /// By positioned reads: a file that is cut short, or a network that fails, is an error
     #[default]
     Pread,
-    /// Through a memory map: it ends the program
+    /// Through a memory map: such a file is an error too; quicker where bricks are small and all in memory
     Mmap,
 }
 
@@ -377,7 +381,8 @@ pub struct WindingArgs {
 #[derive(Args)]
 #[command(after_help = "\
 The array is indexed [z,y,x] and has 32·2^L samples an axis. Beside W.npy, W.json says where it lies: `origin` \
-are the world coordinates of the sample [0,0,0], `spacing` the step along every axis, `units` their unit.
+are the world coordinates of the sample [0,0,0], `spacing` the step along every axis, `units` their unit. If the power \
+goes while the two get their names, W.json may be missing, but it is never that of another array.
 
 Bricks that end above the level fill it from their own samples: exactly where all of them are equal, otherwise \
 the nearest lower sample for i2 and trilinear interpolation for f4.")]

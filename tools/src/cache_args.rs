@@ -2,6 +2,7 @@
 
 use crate::args::{IoArg, ProgressArg, VerifyArgs, WorkArgs};
 use crate::units::{BoxArg, NodeArg, PointArg};
+use brickfield_engine::store::Compression;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -155,8 +156,10 @@ asks for it. Its Hermite edges are those crossings of the finer ones that lie on
 cut at level L gives the bytes of `mesh --level L` of the whole. A build of depth L has the same samples, and of \
 closed meshes the same tree; its crossings stand up to 1/65536 of an edge aside.
 
-With --error E, w interpolated anywhere (`sample`) is off by at most E from what the whole store gives. Samples of \
-closed input being whole numbers, E below 0.5 leaves all of them that differ from their neighbours' interpolation.
+With --error E, w interpolated anywhere (`sample`) is off by at most E from what the whole store gives. At a facet w \
+jumps by 1, which no interpolation follows to less than 0.5. So below that nothing through which a facet passes is cut, \
+and of a mesh built with the default --refine nothing at all: whatever is divided there has a facet. It is for smooth \
+fields, as those of point clouds.
 
 Examples:
   brickfield cache prune part.brf -o preview.brf --level 3
@@ -182,7 +185,7 @@ pub struct PruneArgs {
 /// How payloads are compressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum CompressionArg {
-    /// LZ4, as `build` does
+    /// LZ4, quick to write and to read
     #[default]
     Lz4,
     /// Not at all, for file systems that compress by themselves
@@ -191,12 +194,22 @@ pub enum CompressionArg {
     Range,
 }
 
+impl From<CompressionArg> for Compression {
+    fn from(compression: CompressionArg) -> Compression {
+        match compression {
+            CompressionArg::Lz4 => Compression::Lz4,
+            CompressionArg::None => Compression::None,
+            CompressionArg::Range => Compression::Range,
+        }
+    }
+}
+
 /// Write a store with its payloads compressed in another way
 #[derive(Args)]
 #[command(after_help = "\
-Bricks are the same in each, and so is every answer, to the last byte; `cache diff` finds the stores equal. With lz4 a \
-store of this version gets the bytes of a build back. range is for stores that are kept or sent: programs of before it \
-refuse to read them, and `mesh` takes about twice the time.
+Bricks are the same in each, and so is every answer, to the last byte; `cache diff` finds the stores equal. A store of \
+this version gets the bytes that `build` with the same --compression gives. range is for stores that are kept or sent: \
+programs of before it refuse to read them, and `mesh` takes about twice the time.
 
 Examples:
   brickfield cache repack part.brf -o archived.brf --compression range

@@ -20,6 +20,7 @@ mod units;
 use args::{Cli, Command};
 use clap::Parser;
 use failure::Failure;
+use output::one_line;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -57,11 +58,6 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Completions(args) => commands::shell::completions(&args),
         Command::Man(args) => commands::shell::man(&args),
     }
-}
-
-/// File names may hold line breaks; messages must not.
-fn one_line(message: &str) -> String {
-    message.replace(['\n', '\r'], " ")
 }
 
 /// A program compiled for newer processors dies of an illegal instruction on older ones; better to say why.

@@ -20,7 +20,17 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 
 /// A line on standard error that does not end the program.
 pub fn warn(message: &str) {
-    eprintln!("brickfield: warning: {message}");
+    eprintln!("brickfield: warning: {}", one_line(message));
+}
+
+/// File names may hold line breaks; messages must not.
+pub fn one_line(message: &str) -> String {
+    message.replace(['\n', '\r'], " ")
+}
+
+/// A file's name as it stands in a line.
+pub fn in_line(path: &Path) -> String {
+    one_line(&path.display().to_string())
 }
 
 /// Standard output for many lines.

@@ -5,7 +5,7 @@ use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
-use crate::store::BrickTree;
+use crate::store::{BrickTree, Walk};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -88,9 +88,18 @@ impl<'a> Dense<'a> {
         let bricks = 1u64 << self.level;
         progress.phase("exporting", Some(bricks * bricks), "strips");
         let row_bytes = self.axis() * self.element.bytes();
-        (0..bricks * bricks).into_par_iter().try_for_each_init(Vec::new, |strip: &mut Vec<u8>, number| {
+        let place = |number: u64| ((number % bricks) as u32, (number / bricks) as u32);
+        let walk = Walk::new(self.tree, (bricks * bricks * bricks) as usize, |step| {
+            let (y, z) = place(step as u64 / bricks);
+            let key = self.node_at([(step as u64 % bricks) as u32, y, z]).ok()?;
+            self.tree.node(key).filter(|node| node.min != node.max || node.fractions).map(|_| key)
+        });
+        // Handed out in order, so that all threads together go through the store from one end to the other.
+        let strips = (0..bricks * bricks).par_bridge();
+        strips.try_for_each_init(Vec::new, |strip: &mut Vec<u8>, number| {
             progress.check()?;
-            let (y, z) = ((number % bricks) as u32, (number / bricks) as u32);
+            let (y, z) = place(number);
+            walk.at((number * bricks) as usize);
             self.fill(y, z, strip)?;
             let axis = self.axis() as u64;
             for (k, layer) in strip.chunks_exact(row_bytes * BRICK_CELLS).enumerate() {

@@ -7,9 +7,6 @@ use crate::store::BrickTree;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Points are resolved to 2^-10 of a lattice unit: a sample's own position, having gone through decimal or
-/// binary fractions of the world's unit, is that sample again, and the weights below are exact.
-const STEPS_PER_UNIT: f64 = 1024.0;
 /// Points that a thread takes at once.
 const POINTS_AT_ONCE: usize = 1024;
 
@@ -33,8 +30,7 @@ fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
     let root = tree.root();
     let mut last: Option<(NodeKey, Arc<Brick>)> = None;
     let mut sample = |point: &[f64; 3]| {
-        // Relative to the root's first sample, which stands at (1, 1, 1).
-        let from_first = root.to_units(*point).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT);
+        let from_first = root.from_first_sample(*point);
         let leaf = match leaf_at(tree, from_first) {
             Some(leaf) => leaf,
             None if NodeKey::deepest_holding(from_first).is_some() => return Err(not_yet(*point)),

@@ -4,7 +4,7 @@ use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
-use crate::store::BrickTree;
+use crate::store::{BrickTree, Walk};
 use rayon::prelude::*;
 
 /// Leaves that a thread takes at once.
@@ -94,10 +94,16 @@ pub fn volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<Volumes> 
         };
         Ok(sums.scaled(1 << (3 * (MAX_LEVEL - key.level()))))
     };
+    let is_read = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.min != node.max);
+    let walk = Walk::new(tree, leaves.len(), |leaf| Some(leaves[leaf]).filter(is_read));
+    // Handed out in order, so that all threads together go through the store from one end to the other.
     let sums = leaves
-        .par_chunks(LEAVES_AT_ONCE)
-        .map(|chunk| {
+        .chunks(LEAVES_AT_ONCE)
+        .enumerate()
+        .par_bridge()
+        .map(|(number, chunk)| {
             progress.check()?;
+            walk.at(number * LEAVES_AT_ONCE);
             let sums = chunk.iter().try_fold(Sums::default(), |sums, key| Ok(sums.and(of_leaf(key)?)));
             progress.advance(chunk.len() as u64);
             sums

@@ -28,6 +28,7 @@ use super::{Brick, Hermite, Samples, SamplesInOrder, SignChanges, fractions, ins
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, i16x16, level};
 use lz4_flex::block::{CompressTable, compress_into_with_table, decompress_into, get_maximum_output_size};
+use std::fmt;
 
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
@@ -189,6 +190,16 @@ pub enum Compression {
     None,
     /// A range coder: a quarter to a half of the bytes of LZ4, many times the work to write and to read.
     Range,
+}
+
+impl fmt::Display for Compression {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Compression::Lz4 => "lz4",
+            Compression::None => "none",
+            Compression::Range => "range",
+        })
+    }
 }
 
 /// Reusable buffers of [`encode_into`] and [`decode`]: some 100 KB for surface bricks, at most 0.8 MB.

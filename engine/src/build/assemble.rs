@@ -4,6 +4,7 @@ use super::records::Recorder;
 use super::subtree::{Node, corner_at, join};
 use crate::brick::Brick;
 use crate::lattice::NodeKey;
+use crate::store::Compression;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -52,13 +53,11 @@ struct Apart {
 }
 
 impl<R: Recorder> Assembler<R> {
-    pub fn new() -> Assembler<R> {
-        Assembler { open: Vec::new(), top: R::default(), root: None, apart: None }
-    }
-
-    /// For some of the root's descendants, which are left as they are: no node above them is made.
-    pub fn of_cells(cells: Range<u64>) -> Assembler<R> {
-        Assembler { apart: Some(Apart { cells, empty: Vec::new() }), ..Assembler::new() }
+    /// For a store with this compression. If `cells` says which of the root's descendants are wanted, these are left as
+    /// they are: no node above them is made.
+    pub fn new(cells: Option<Range<u64>>, compression: Compression) -> Assembler<R> {
+        let apart = cells.map(|cells| Apart { cells, empty: Vec::new() });
+        Assembler { open: Vec::new(), top: R::new(compression), root: None, apart }
     }
 
     /// The descendant number `cell` of the last opening comes next, whose records stand behind what is joined now.

@@ -199,8 +199,8 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
     let (opening, jobs) = root.open(0, shares);
     progress.phase("building", Some(opening.coming as u64), "subtrees");
-    let mut assembler = share.map_or_else(Assembler::new, |share| Assembler::of_cells(share.cells()));
-    let mut joined = R::default();
+    let mut assembler = Assembler::new(share.map(|share| share.cells()), rules.compression);
+    let mut joined = R::new(rules.compression);
     assembler.open(opening, &mut joined);
     let work =
         |(builder, pieces): &mut (SubtreeBuilder<F, R>, Vec<Vec<F::Piece>>), job: Job<F>, mut held: Held| {
@@ -267,7 +267,7 @@ fn build<F: Field, R: Recorder>(
     let mut built = builder.build_all(&tops)?.into_iter();
     let mut next = |(cube, node): (&Cube, Option<Node>)| {
         let (node, records) = match node {
-            Some(node) => (node, R::default()),
+            Some(node) => (node, R::new(plan.rules.compression)),
             None => built.next().expect("each was built"),
         };
         Built { cell: cube.cell, node, records }
@@ -282,7 +282,7 @@ fn flush<R: Recorder>(
     kept: &mut Option<u64>,
 ) -> Result<()> {
     if !joined.is_empty() {
-        *kept = Some(consume(std::mem::take(joined))?);
+        *kept = Some(consume(joined.take())?);
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// Whether the soup of all inputs is closed. One pass over the input, on all threads.
 ///
 /// # Errors
-/// If the user interrupts.
+/// If an input has changed since it was opened, or the user interrupts.
 pub fn is_closed(inputs: &[Input], root: RootCube, progress: &dyn Progress) -> Result<bool> {
     progress.phase("checking edges", Some(inputs.iter().map(Input::facets).sum()), "facets");
     let sources = sources(inputs);
@@ -28,7 +28,9 @@ pub fn is_closed(inputs: &[Input], root: RootCube, progress: &dyn Progress) -> R
         Ok(a)
     };
     let sums = runs(&sources).into_par_iter().map_init(Vec::new, sum_of_run);
-    Ok(sums.try_reduce(EdgeBalance::default, add)?.is_closed())
+    let sum = sums.try_reduce(EdgeBalance::default, add)?;
+    inputs.iter().try_for_each(Input::check)?;
+    Ok(sum.is_closed())
 }
 
 fn sources(inputs: &[Input]) -> Vec<&dyn Facets> {

@@ -116,7 +116,7 @@ pub fn build_clouds(
     let mut clock = Clock::default();
     check_target(output)?;
     let first = inputs.first().map(|input| input.path().to_owned());
-    let sources: Vec<Source> = inputs.iter().map(|input| describe(input, estimate)).collect();
+    let sources = inputs.iter().map(|input| describe(input, estimate)).collect::<Result<Vec<Source>>>()?;
     let surfels = surfels(inputs, estimate, progress)?;
     let (root, depth) = place_cloud(&surfels, first.as_deref(), options.resolution)?;
     clock.lap("measure");
@@ -176,13 +176,13 @@ fn place_cloud(surfels: &Surfels, first: Option<&Path>, resolution: Resolution) 
     Ok((root, (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)))
 }
 
-fn describe(input: &CloudInput, estimated: bool) -> Source {
+fn describe(input: &CloudInput, estimated: bool) -> Result<Source> {
     let normals = if estimated { ", estimated normals" } else { "" };
-    Source {
+    Ok(Source {
         path: input.path().display().to_string(),
         bytes: input.bytes(),
         facets: input.cloud.points.len() as u64,
         format: format!("{}{normals}", input.describe()),
-        blake3: input.identity(),
-    }
+        blake3: input.identity()?,
+    })
 }

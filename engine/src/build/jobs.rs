@@ -129,7 +129,7 @@ fn decide_from_the_top<F: Field, R: Recorder>(
         join_unseen(field, unseen, jobs.collect(), &mut settled);
     }
     settled.sort_by_key(|(key, ..)| key.post_order());
-    let mut top = R::default();
+    let mut top = R::new(rules.compression);
     settled.iter().for_each(|(key, leaf, brick)| top.push(*key, *leaf, brick));
     Ok(top)
 }
@@ -212,12 +212,12 @@ fn run_jobs<F: Field, R: Recorder>(
     let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {
         let Job { key, corner, pieces } = &jobs[number];
         if let Some(node) = plan.built(*key)? {
-            return Ok((R::default(), node));
+            return Ok((R::new(plan.rules.compression), node));
         }
         let all: Vec<u32> = (0..pieces.len() as u32).collect();
         builder.foresee(std::iter::once((*key, *corner, Pieces { array: pieces, indices: &all })));
         let node = builder.build(*key, *corner, pieces)?;
-        Ok((std::mem::take(&mut builder.records), node))
+        Ok((builder.records.take(), node))
     };
     progress.phase("building", Some(jobs.len() as u64), "subtrees");
     let window = 2 * rayon::current_num_threads();

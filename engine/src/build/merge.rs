@@ -4,14 +4,14 @@
 //! build, or copied where a build evaluates them. So the bytes are those of a build without shares.
 
 use super::assemble::{Assembler, Opening};
-use super::records::EncodedBricks;
+use super::records::{EncodedBricks, Recorder};
 use super::subtree::{Half, Node};
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::store::{
-    BrickTree, IdentityEntry, IndexEntry, Meta, Numbers, Share, Stats, Store, StoreWriter, cell_key,
-    check_target,
+    BrickTree, Compression, IdentityEntry, IndexEntry, Meta, Numbers, Share, Stats, Store, StoreWriter,
+    cell_key, check_target,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -193,8 +193,10 @@ fn list(numbers: &[u32]) -> String {
 /// Copies subtrees, and joins their top nodes to those above.
 fn join_subtrees(parts: &[Part], writer: &mut StoreWriter, progress: &dyn Progress) -> Result<()> {
     let Some(Part { share: Share { level, .. }, .. }) = parts.first() else { return Ok(()) };
-    let mut assembler = Assembler::<EncodedBricks>::new();
-    let mut joined = EncodedBricks::default();
+    // Shares are built with it.
+    let compression = Compression::Lz4;
+    let mut assembler = Assembler::<EncodedBricks>::new(None, compression);
+    let mut joined = EncodedBricks::new(compression);
     // Every cube comes, so no corner needs to be known.
     let (corners, coming) = (Arc::default(), 1 << (3 * u32::from(*level)));
     let opening = Opening { key: NodeKey::ROOT, stride: *level, corners, coming, cell: 0 };

@@ -19,8 +19,8 @@ use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::progress::Progress;
 use crate::solid::Outline;
 use crate::store::{
-    BeadsMeta, Meta, Numbers, Refine, Settings, Share, ShareId, ShareNumbers, Source, Stats, StoreWriter,
-    check_target,
+    BeadsMeta, Compression, Meta, Numbers, Refine, Settings, Share, ShareId, ShareNumbers, Source, Stats,
+    StoreWriter, check_target,
 };
 use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
 use serde::{Serialize, Serializer};
@@ -60,6 +60,8 @@ pub struct BuildOptions {
     pub identity: bool,
     /// Build only this share of the tree, to be joined with the others by [`super::merge`].
     pub share: Option<ShareId>,
+    /// How payloads are stored. The store has the bytes that [`crate::cache::repack`] makes of one with another.
+    pub compression: Compression,
     /// What the build may take.
     pub resources: Resources,
     /// What is kept if it is interrupted.
@@ -82,6 +84,7 @@ impl Default for BuildOptions {
             solids: None,
             identity: false,
             share: None,
+            compression: Compression::Lz4,
             resources: Resources::default(),
             keeping: Keeping::default(),
             unit: "mm".to_owned(),
@@ -219,6 +222,7 @@ pub fn build_opened(
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
     let soup = snap(&soups, root, (task.cubes(), depth), &task.room, progress)?;
+    opened.iter().try_for_each(Input::check)?;
     require_area(&soup, opened)?;
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
     task.meta.numbers.degenerate_facets = soup.degenerate;
@@ -234,7 +238,9 @@ pub fn build_opened(
         let field = OpenField::new(OpenPart::of(&soups, root, progress)?, options.gwn_error)?;
         clock.lap("close");
         let field = OpenSoup::new(field, options.resources.device.as_ref());
-        task.build(&field, open::gather(&field, &soups, root, progress)?, progress)?;
+        let pieces = open::gather(&field, &soups, root, progress)?;
+        opened.iter().try_for_each(Input::check)?;
+        task.build(&field, pieces, progress)?;
         field.field.part().summary
     };
     clock.lap("build");
@@ -274,7 +280,16 @@ impl Task {
         options: &BuildOptions,
         beads: Option<BeadsMeta>,
     ) -> Result<Task> {
+        let compression = options.compression;
+        if options.share.is_some() && compression != Compression::Lz4 {
+            let what = format!("a share of a store is not built with the compression {compression}");
+            return Err(Error::setting(
+                what,
+                "leave it out, and repack the whole when the shares are joined",
+            ));
+        }
         let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
+        let rules = Rules { compression, ..rules };
         let meta = Meta {
             program: options.program.clone(),
             sources,
@@ -297,7 +312,11 @@ impl Task {
         };
         let room = Room::new(&options.resources, output)?;
         let Keeping { pace, restart, settings } = options.keeping.clone();
-        let of_build = [("made by", "build".to_owned()), ("error of samples", options.gwn_error.to_string())];
+        let of_build = [
+            ("made by", "build".to_owned()),
+            ("error of samples", options.gwn_error.to_string()),
+            ("compression", compression.to_string()),
+        ];
         let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
         let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
         Ok(Task { rules, meta, writer, room, work: 1.0 })

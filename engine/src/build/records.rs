@@ -3,10 +3,14 @@
 use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::NodeKey;
-use crate::store::{PayloadHead, Scratch, StoreWriter, encode_into};
+use crate::store::{Compression, PayloadHead, Scratch, StoreWriter, encode_with};
 
 /// Receives the nodes of a subtree.
-pub(super) trait Recorder: Default + Send {
+pub(super) trait Recorder: Sized + Send {
+    /// Without nodes, for those of a store with this compression.
+    fn new(compression: Compression) -> Self;
+    /// What there is, and goes on without it.
+    fn take(&mut self) -> Self;
     /// Adds a node.
     fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick);
     /// Whether there are none.
@@ -20,6 +24,14 @@ pub(super) trait Recorder: Default + Send {
 pub(super) struct KeptBricks(pub Vec<(NodeKey, bool, Brick)>);
 
 impl Recorder for KeptBricks {
+    fn new(_: Compression) -> Self {
+        Self::default()
+    }
+
+    fn take(&mut self) -> Self {
+        std::mem::take(self)
+    }
+
     fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
         self.0.push((key, leaf, brick.clone()));
     }
@@ -45,12 +57,22 @@ pub(super) struct EncodedBricks {
     /// Key, leaf or not, head and end of the payload in `bytes`.
     nodes: Vec<(NodeKey, bool, PayloadHead, usize)>,
     bytes: Vec<u8>,
+    compression: Compression,
     scratch: Scratch,
 }
 
 impl Recorder for EncodedBricks {
+    fn new(compression: Compression) -> Self {
+        EncodedBricks { compression, ..EncodedBricks::default() }
+    }
+
+    fn take(&mut self) -> Self {
+        let next = EncodedBricks::new(self.compression);
+        std::mem::replace(self, next)
+    }
+
     fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
-        let head = encode_into(brick, &mut self.scratch, &mut self.bytes);
+        let head = encode_with(brick, self.compression, &mut self.scratch, &mut self.bytes);
         self.nodes.push((key, leaf, head, self.bytes.len()));
     }
 

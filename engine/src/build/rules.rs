@@ -4,7 +4,7 @@ use super::field::{Evaluated, Fractions};
 use crate::brick::{Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL};
-use crate::store::Refine;
+use crate::store::{Compression, Refine};
 
 /// How deep and where the tree is refined, as asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,6 +23,8 @@ pub(super) struct Rules {
     pub depth: u8,
     pub refine: Refine,
     pub stddev: f64,
+    /// How payloads are stored.
+    pub compression: Compression,
     /// Evaluate every node from its pieces even where its children would give its samples: for fields that
     /// change where no piece is, and for tests.
     pub evaluate_interior: bool,
@@ -43,7 +45,7 @@ impl Rules {
                 "use a threshold of 0 or more",
             ));
         }
-        Ok(Rules { depth, refine, stddev, evaluate_interior: false })
+        Ok(Rules { depth, refine, stddev, compression: Compression::Lz4, evaluate_interior: false })
     }
 
     /// True if every node that a piece touches is refined down to the depth limit, whatever its samples.

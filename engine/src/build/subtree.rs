@@ -98,7 +98,8 @@ pub(super) struct SubtreeBuilder<'a, F: Field, R> {
 
 impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     pub fn new(field: &'a F, rules: &'a Rules, progress: &'a dyn Progress) -> Self {
-        SubtreeBuilder { field, rules, progress, evaluator: F::Evaluator::default(), records: R::default() }
+        let records = R::new(rules.compression);
+        SubtreeBuilder { field, rules, progress, evaluator: F::Evaluator::default(), records }
     }
 
     /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all pieces that touch it.
@@ -133,7 +134,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         }
         let build = |top: &Top<'_, F::Piece>| {
             let node = self.build(top.key, top.corner, top.pieces)?;
-            Ok((node, std::mem::take(&mut self.records)))
+            Ok((node, self.records.take()))
         };
         tops.iter().map(build).collect()
     }
@@ -164,7 +165,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
                     Ok(Node::Stored(Half::of(&brick)))
                 }
             })?;
-            built.push((node, std::mem::take(records)));
+            built.push((node, records.take()));
         }
         Ok(built)
     }

@@ -14,12 +14,10 @@ pub fn meets_box(key: NodeKey, root: &RootCube, corners: [[f64; 3]; 2]) -> bool 
     (0..3).all(|a| low[a] <= max[a] && high[a] >= min[a])
 }
 
-/// The leaf whose cells hold a point of the world, or the node there of level `deepest`; `None` outside the root, and where a
-/// share or an unfinished store has none.
+/// The leaf whose cells hold a point of the world, the one that [`crate::analysis::sample_at`] takes, or the node there
+/// of level `deepest`; `None` outside the root, and where a share or an unfinished store has none.
 pub fn node_at(tree: &dyn BrickTree, point: [f64; 3], deepest: Option<u8>) -> Option<NodeKey> {
-    // Cells begin at the first sample, which stands at (1, 1, 1).
-    let at = tree.root().to_units(point).map(|u| u - 1.0);
-    let finest = NodeKey::deepest_holding(at)?;
+    let finest = NodeKey::deepest_holding(tree.root().from_first_sample(point))?;
     let keys = (0..=deepest.unwrap_or(MAX_LEVEL)).filter_map(|level| finest.ancestor(level));
     keys.filter(|key| tree.node(*key).is_some()).last()
 }
@@ -54,6 +52,13 @@ mod tests {
             for other in Octant::all().filter(|other| *other != octant) {
                 assert!(!meets_box(NodeKey::ROOT.child(other), &root, [middle; 2]));
             }
+        }
+        // The first sample of the upper half, having gone through the world and decimal places.
+        let key = NodeKey::ROOT.child(Octant::all().last().unwrap());
+        let [low, _] = corners(key, &root);
+        for digits in 10..17 {
+            let point = low.map(|c| format!("{c:.digits$}").parse().unwrap());
+            assert_eq!(node_at(&tree, point, None), Some(key), "{digits}");
         }
         for outside in [[-3.1, 11.0, 1.0], [0.0, 17.1, 1.0], [f64::NAN; 3]] {
             assert_eq!(node_at(&tree, outside, None), None);

@@ -8,8 +8,8 @@ use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{
-    BrickTree, Compression, IndexEntry, Meta, PayloadHead, Scratch, Stats, Store, StoreWriter, build_order,
-    encode_with,
+    BrickTree, Compression, IndexEntry, Meta, PayloadHead, Scratch, Stats, Store, StoreWriter, Walk,
+    build_order, encode_with,
 };
 use serde::Serialize;
 use std::path::Path;
@@ -95,7 +95,9 @@ impl Rewrite<'_> {
         let ordered = build_order(kept, self.meta.depth);
         progress.phase("rewriting", Some(ordered.len() as u64), "records");
         let chunks: Vec<&[&IndexEntry]> = ordered.chunks(RECORDS_AT_ONCE).collect();
+        let walk = Walk::new(store, ordered.len(), |number| Some(ordered[number].key));
         let make = |desk: &mut Desk, number: usize| {
+            walk.at(number * RECORDS_AT_ONCE);
             let mut made = Made::default();
             for entry in chunks[number] {
                 progress.check()?;

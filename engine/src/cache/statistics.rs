@@ -4,7 +4,7 @@ use crate::brick::{Brick, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
 use crate::progress::Progress;
-use crate::store::{Compression, IndexEntry, Scratch, Store, encode_with, parts};
+use crate::store::{Compression, IndexEntry, Scratch, Store, Walk, encode_with, parts};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -154,7 +154,9 @@ fn ratio(bytes: u64, count: u64) -> Option<f64> {
 }
 
 fn numbers_of(store: &Store, entries: &[IndexEntry], progress: &dyn Progress) -> Result<RecordNumbers> {
-    let of_chunk = |chunk: &[IndexEntry]| {
+    let walk = Walk::new(store, entries.len(), |number| Some(entries[number].key));
+    let of_chunk = |(number, chunk): (usize, &[IndexEntry])| {
+        walk.at(number * RECORDS_AT_ONCE);
         let mut numbers = RecordNumbers::default();
         let mut desk = (Scratch::new(), Vec::new(), Vec::new());
         for entry in chunk {
@@ -164,7 +166,8 @@ fn numbers_of(store: &Store, entries: &[IndexEntry], progress: &dyn Progress) ->
         progress.advance(chunk.len() as u64);
         Ok(numbers)
     };
-    let chunks = entries.par_chunks(RECORDS_AT_ONCE).map(of_chunk);
+    // Handed out in order, so that all threads together go through the level from one end to the other.
+    let chunks = entries.chunks(RECORDS_AT_ONCE).enumerate().par_bridge().map(of_chunk);
     chunks.try_reduce(RecordNumbers::default, |a, b| Ok(a.and(b)))
 }
 

@@ -102,7 +102,7 @@ fn is_whole([a, b, c]: &[u32; 3]) -> bool {
 ///
 /// # Errors
 /// If there are more than 1,431,655,765 triangles, if a finite coordinate other than 0 is beyond 10^100 or within
-/// 10^−90, or if the user interrupts.
+/// 10^−90, if the file has changed since it was opened, or if the user interrupts.
 pub fn check(input: &Input, weld: bool, progress: &dyn Progress) -> Result<Report> {
     let triangles = Facets::facets(input);
     if triangles > TRIANGLES_MAX {
@@ -115,6 +115,7 @@ pub fn check(input: &Input, weld: bool, progress: &dyn Progress) -> Result<Repor
         }
         _ => weld::weld(input, progress)?,
     };
+    input.check()?;
     mesh.take_stock().map_err(|[x, y, z]| {
         let what =
             format!("a vertex ({x}, {y}, {z}) has a coordinate that is not 0 and not within 1e-90 to 1e100");

@@ -8,7 +8,7 @@ use super::spare::Spare;
 use super::surface::{Level, Surface};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
-use crate::store::BrickTree;
+use crate::store::{BrickTree, Walk};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -56,6 +56,12 @@ impl<'a> Field<'a> {
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),
         })
+    }
+
+    /// A walk over all leaves in order.
+    pub(super) fn walk(&self) -> Walk<'_> {
+        let is_read = |leaf: usize| Some(self.leaves.get(leaf as u32)).filter(|leaf| leaf.changes);
+        Walk::new(self.tree, self.leaves.len(), move |leaf| is_read(leaf).map(|leaf| leaf.key))
     }
 
     pub(super) fn surface(&self, leaf: u32) -> Result<Arc<Surface>> {

@@ -186,7 +186,9 @@ fn vertices(
     first_vertex.push(0u32);
     progress.phase("vertices", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
+    let walk = field.walk();
     let make = |leaf| {
+        walk.at(leaf as usize);
         let cells = field.cells(leaf)?;
         let mut bytes = Vec::new();
         if let Some(encoding) = encoding {
@@ -223,7 +225,11 @@ fn triangles(
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
     let making =
         Making { first_vertex: Some(first_vertex), encoding: sink.encoding(), spare: Spare::default() };
-    let make = |leaf| polygons::leaf_facets(field, leaf, &making);
+    let walk = field.walk();
+    let make = |leaf| {
+        walk.at(leaf as usize);
+        polygons::leaf_facets(field, leaf, &making)
+    };
     in_order(field.leaves.len(), progress, make, |leaf| hand_over(leaf, &making, sink, summary))
 }
 
@@ -237,7 +243,9 @@ fn lone_triangles(
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
     let making = Making { first_vertex: None, encoding: sink.encoding(), spare: Spare::default() };
+    let walk = field.walk();
     let make = |leaf| {
+        walk.at(leaf as usize);
         let part = MeshSummary::of_cells(&*field.cells(leaf)?);
         Ok((part, polygons::leaf_facets(field, leaf, &making)?))
     };

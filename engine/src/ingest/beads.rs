@@ -42,7 +42,7 @@ pub(super) fn read(path: &Path, options: &OpenOptions, progress: &dyn Progress) 
 /// Hands the beads of a toolpath's file to `sink` in order, keeping none.
 ///
 /// # Errors
-/// If the file is no toolpath or a damaged one; if `sink` fails or the user interrupts.
+/// If the file is no toolpath or a damaged one, or is changed meanwhile; if `sink` fails or the user interrupts.
 pub fn read_beads(
     path: &Path,
     options: &GcodeOptions,
@@ -50,9 +50,14 @@ pub fn read_beads(
     sink: &mut BeadSink<'_>,
 ) -> Result<GcodeReport> {
     let file = MappedFile::open(path)?;
-    if detect::family(path, file.bytes())? != Family::Gcode {
+    let family = detect::family(path, file.bytes());
+    file.check()?;
+    if family? != Family::Gcode {
         let what = "is a mesh, not a toolpath";
         return Err(Error::input(path, "byte 0", what, "give a G-code file"));
     }
-    read_gcode(path, options, progress, sink)
+    let report = read_gcode(path, options, progress, sink)?;
+    // A file that ends early looks like one that ends.
+    file.check()?;
+    Ok(report)
 }

@@ -36,24 +36,28 @@ impl CloudInput {
         let file = MappedFile::open(path)?;
         let bytes = file.bytes();
         let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xyz"));
-        if ply::is_ply(bytes) { Ok(!ply::has_faces(path, bytes)?) } else { Ok(is_text) }
+        let has_faces = ply::is_ply(bytes).then(|| ply::has_faces(path, bytes)).transpose();
+        file.check()?;
+        Ok(has_faces?.map_or(is_text, |has_faces| !has_faces))
     }
 
     /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, with the normals nx, ny, nz if it has those; or
     /// text with x y z or x y z nx ny nz a line, separated by white space or commas.
     ///
     /// # Errors
-    /// If the file is missing or damaged, has no points, or has a coordinate that is not finite: the message
-    /// names the line, byte or point.
+    /// If the file is missing or damaged, has no points, has a coordinate that is not finite, or is changed meanwhile: the
+    /// message names the line, byte or point.
     pub fn open(path: &Path, progress: &dyn Progress) -> Result<CloudInput> {
         let file = MappedFile::open(path)?;
         let bytes = file.bytes();
         file.advise(Access::Sequential);
         progress.phase("reading", Some(file.len()), "bytes");
-        let (cloud, format) = match ply::is_ply(bytes) {
-            true => (ply::read_cloud(path, bytes, progress)?, "PLY points"),
-            false => (read_text(path, bytes, progress)?, "XYZ points"),
+        let (read, format) = match ply::is_ply(bytes) {
+            true => (ply::read_cloud(path, bytes, progress), "PLY points"),
+            false => (read_text(path, bytes, progress), "XYZ points"),
         };
+        file.check()?;
+        let cloud = read?;
         cloud.check(path)?;
         Ok(CloudInput { path: path.to_owned(), file, format, cloud })
     }
@@ -74,8 +78,11 @@ impl CloudInput {
     }
 
     /// As [`super::Input::identity`].
-    pub fn identity(&self) -> [u8; 32] {
-        identity_of(self.file.bytes())
+    ///
+    /// # Errors
+    /// As there.
+    pub fn identity(&self) -> Result<[u8; 32]> {
+        identity_of(&self.file)
     }
 
     /// The points of some files as one cloud.

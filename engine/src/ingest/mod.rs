@@ -43,8 +43,8 @@ pub type Facet = [[f64; 3]; 3];
 /// Positions of vertices, and triangles that name their corners by number.
 pub type Indexed<'a> = (&'a [[f64; 3]], &'a [[u32; 3]]);
 
-/// An opened mesh or toolpath. Any number of threads may read it at once. The file must not be changed while it is open
-/// (see [`crate::mmap`]).
+/// An opened mesh or toolpath. Any number of threads may read it at once. A file that is cut short or changed while it is
+/// open is an error, not a crash: of what reads it here where that says so, else of [`Input::check`].
 #[derive(Debug)]
 pub struct Input {
     path: PathBuf,
@@ -86,13 +86,26 @@ impl Input {
     /// line, byte or header. Also if an option does not fit or the user interrupts.
     pub fn open_with(path: &Path, options: &OpenOptions, progress: &dyn Progress) -> Result<Input> {
         let file = MappedFile::open(path)?;
+        let parsed = Input::parse(path, &file, options, progress);
+        file.check()?;
+        let (format, facets, soup) = parsed?;
+        Ok(Input { path: path.to_owned(), file, format, facets, soup })
+    }
+
+    /// What is in a file: the name of its format, how many facets, and those.
+    fn parse(
+        path: &Path,
+        file: &MappedFile,
+        options: &OpenOptions,
+        progress: &dyn Progress,
+    ) -> Result<(&'static str, u64, Soup)> {
         let bytes = file.bytes();
         let family = detect::family(path, bytes)?;
         file.advise(Access::Sequential);
         if !matches!(family, Family::BinaryStl | Family::Gcode) {
             progress.phase("reading", Some(file.len()), "bytes");
         }
-        let (format, facets, soup) = match family {
+        Ok(match family {
             Family::BinaryStl => ("STL binary", stl::facets(path, bytes)?, Soup::Mapped),
             Family::AsciiStl => {
                 let facets = stl_text::read(path, bytes, progress)?;
@@ -114,8 +127,16 @@ impl Input {
                 let sweeps = Sweeps::read(path, bytes, progress)?;
                 ("X3D", sweeps.facets(), Soup::Sweeps(Box::new(sweeps)))
             }
-        };
-        Ok(Input { path: path.to_owned(), file, format, facets, soup })
+        })
+    }
+
+    /// Whether all that was read so far is what the file held when it was opened. To be asked after a pass of
+    /// [`Self::read`] and before anything is made of it that lasts.
+    ///
+    /// # Errors
+    /// If the file has been cut short or changed, or cannot be read any more.
+    pub fn check(&self) -> Result<()> {
+        self.file.check()
     }
 
     /// Where it was opened.
@@ -188,7 +209,8 @@ impl Input {
 
     /// Replaces the content of `out` by the facets of `range` (numbered from 0; what lies beyond
     /// [`Self::facets`] is left out). Coordinates are as in the file, thus possibly NaN or infinite unless
-    /// [`Self::bounds`] has passed. Allocates only if `out` lacks room; ask for some 16,384 facets at a time.
+    /// [`Self::bounds`] has passed, and zeros where the file has lost them, which [`Self::check`] tells. Allocates only
+    /// if `out` lacks room; ask for some 16,384 facets at a time.
     pub fn read(&self, range: Range<u64>, out: &mut Vec<Facet>) {
         out.clear();
         let to = range.end.min(self.facets) as usize;
@@ -214,13 +236,14 @@ impl Input {
     ///
     /// # Errors
     /// If there are no facets; if a facet has a coordinate that is NaN or infinite, naming the first such
-    /// facet, counted from 1; if the user interrupts.
+    /// facet, counted from 1; if the file has changed since it was opened; if the user interrupts.
     pub fn bounds(&self, progress: &dyn Progress) -> Result<([f64; 3], [f64; 3])> {
         if self.facets == 0 {
             let remedy = "give a mesh with at least one triangle";
             return Err(Error::input(&self.path, self.format, "has no facets", remedy));
         }
         let extent = bounds::of_all(self.facets, progress, |range| self.extent(range))?;
+        self.check()?;
         extent.corners().map_err(|facet| self.not_finite(facet))
     }
 

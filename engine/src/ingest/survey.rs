@@ -4,6 +4,7 @@
 use super::bounds::Extent;
 use super::{Input, Soup, bounds_of, stl};
 use crate::error::Result;
+use crate::mmap::MappedFile;
 use crate::progress::Progress;
 use rayon::prelude::*;
 
@@ -47,6 +48,7 @@ impl Input {
         };
         let (hashes, extents): (Vec<_>, Vec<_>) =
             chunks.map(of_chunk).collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        self.check()?;
         let extent = extents.into_iter().fold(Extent::EMPTY, Extent::union);
         let bounds = extent.corners().map_err(|facet| self.not_finite(facet))?;
         Ok(Survey { bounds, identity: hash_of_chunks(hashes) })
@@ -78,18 +80,20 @@ impl Input {
     /// whole file on all threads.
     ///
     /// # Errors
-    /// None so far; a file system that fails under a map ends the program (see [`crate::mmap`]).
+    /// If the file has been cut short or changed since it was opened.
     pub fn identity(&self) -> Result<[u8; 32]> {
-        Ok(identity_of(self.file.bytes()))
+        identity_of(&self.file)
     }
 }
 
 /// See [`Input::identity`].
-pub(super) fn identity_of(bytes: &[u8]) -> [u8; 32] {
+pub(super) fn identity_of(file: &MappedFile) -> Result<[u8; 32]> {
     // Handed out in order, so that all threads together read the file from front to back.
-    let chunks = bytes.chunks(CHUNK_BYTES).enumerate().par_bridge();
+    let chunks = file.bytes().chunks(CHUNK_BYTES).enumerate().par_bridge();
     let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
-    hash_of_chunks(chunks.map(hash).collect())
+    let identity = hash_of_chunks(chunks.map(hash).collect());
+    file.check()?;
+    Ok(identity)
 }
 
 /// The hash of the chunks' hashes in the order of their numbers.

@@ -77,6 +77,14 @@ impl RootCube {
         std::array::from_fn(|a| (world[a] - self.origin[a]) * (ROOT_UNITS / self.edge))
     }
 
+    /// Lattice position of a world position, counted from the root's first sample, which stands at (1, 1, 1), and resolved
+    /// to 2^-10 of a unit: a sample's own position, having gone through decimal or binary fractions of the world's unit, is
+    /// that sample again, and weights of interpolation between samples are exact.
+    pub fn from_first_sample(&self, world: [f64; 3]) -> [f64; 3] {
+        const STEPS_PER_UNIT: f64 = 1024.0;
+        self.to_units(world).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT)
+    }
+
     /// World distance of two samples of `level`, the cell size there.
     pub fn spacing(&self, level: u8) -> f64 {
         self.edge / f64::from(super::BRICK_CELLS as u32) / f64::from(1u32 << level)

@@ -2,6 +2,9 @@
 
 #[cfg(test)]
 pub(crate) mod outputs;
+mod pair;
+
+pub use pair::PartPair;
 
 use crate::disk::direct::{ALIGN, DirectWriter};
 use crate::disk::planted::{Bug, planted};

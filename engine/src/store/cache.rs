@@ -32,6 +32,10 @@ pub struct CacheStats {
     pub bricks: u64,
     /// Memory they take.
     pub bytes: u64,
+    /// Records that the system was asked for ahead of a traversal.
+    pub ahead: u64,
+    /// Those of them that were then read.
+    pub ahead_used: u64,
 }
 
 #[derive(Default)]
@@ -67,6 +71,11 @@ impl BrickCache {
         let counter = if found.is_some() { &self.hits } else { &self.misses };
         counter.fetch_add(1, Ordering::Relaxed);
         found
+    }
+
+    /// Whether the brick is held; counts nothing, and does not make it stay.
+    pub(super) fn holds(&self, key: NodeKey) -> bool {
+        self.shard(key).places.contains_key(&key)
     }
 
     /// Holds the brick, and lets go of others for it.
@@ -174,7 +183,7 @@ mod tests {
             assert!(cache.stats().bytes <= 10 * one);
         }
         assert_eq!(cache.get(key(1000)).expect("the newest").sample([0; 3]), 1000);
-        let CacheStats { hits, misses, bricks, bytes } = cache.stats();
+        let CacheStats { hits, misses, bricks, bytes, .. } = cache.stats();
         assert_eq!((hits, misses, bricks, bytes), (1001, 1000, 10, 10 * one));
     }
 

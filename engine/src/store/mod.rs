@@ -3,8 +3,10 @@
 //! [`StoreWriter`] makes one, [`Store`] answers from it, through the view that [`BrickTree`] gives of any
 //! octree. The file's layout is described in `FORMAT.md` beside this crate's manifest.
 
+mod ahead;
 mod begin;
 mod cache;
+mod fault;
 mod identity;
 mod index;
 mod journal;
@@ -20,6 +22,7 @@ mod tree;
 mod verify;
 mod writer;
 
+pub use ahead::Walk;
 pub use cache::CacheStats;
 pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,

@@ -1,6 +1,8 @@
 //! Opens a store and answers from it, without trusting a number in it.
 
+use super::ahead::Ahead;
 use super::cache::{BrickCache, CacheStats};
+use super::fault::{Fault, REBUILD, fault, preamble_fault};
 use super::identity::{
     BeadSegment, BeadTables, IDENTITY_ENTRY_BYTES, IdentityEntry, IdentityPlace, decode_segments,
     identity_crc,
@@ -8,8 +10,8 @@ use super::identity::{
 use super::index::Index;
 use super::journal::{Journal, journal_of_part};
 use super::layout::{
-    ENTRY_BYTES, FileId, HEADER_BYTES, IndexEntry, META_BYTES_MAX, PAGE_BYTES, PreambleError, SLOT_BYTES,
-    SLOT_OFFSETS, Slot, Version, decode_preamble, record_crc,
+    ENTRY_BYTES, FileId, HEADER_BYTES, IndexEntry, META_BYTES_MAX, PAGE_BYTES, SLOT_BYTES, SLOT_OFFSETS,
+    Slot, Version, decode_preamble, record_crc,
 };
 use super::meta::Meta;
 use super::source::{Io, Source};
@@ -22,9 +24,6 @@ use crate::lattice::{NodeKey, RootCube};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// The remedy for a damaged file.
-const REBUILD: &str = "restore the file from a copy or build it again";
 
 /// A store open for reading. Any number of threads may read at once.
 pub struct Store {
@@ -39,6 +38,7 @@ pub struct Store {
     end: u64,
     unfinished: bool,
     cache: BrickCache,
+    ahead: Ahead,
 }
 
 /// What may be opened as a store.
@@ -130,8 +130,9 @@ impl Store {
         let commit = read_commit(&source, &of_journal);
         let Commit { version, meta, index, identity, end, unfinished } =
             commit.map_err(|fault| Error::store(path, fault.place, fault.what, fault.remedy))?;
-        let cache = BrickCache::new(cache_bytes);
-        Ok(Store { path: path.to_owned(), source, version, meta, index, identity, end, unfinished, cache })
+        let (cache, ahead) = (BrickCache::new(cache_bytes), Ahead::default());
+        let path = path.to_owned();
+        Ok(Store { path, source, version, meta, index, identity, end, unfinished, cache, ahead })
     }
 
     /// Whether the building of the store has not ended. It has the subtrees that were committed when it was opened, each
@@ -251,9 +252,9 @@ impl Store {
         if sound { Ok(bytes) } else { Err("the checksum differs".to_owned()) }
     }
 
-    /// What the cache of decoded bricks has done and holds. Uniform bricks take no part in it.
+    /// What the cache of decoded bricks has done and holds, and what was read ahead. Uniform bricks take no part in it.
     pub fn cache_stats(&self) -> CacheStats {
-        self.cache.stats()
+        self.ahead.add_to(self.cache.stats())
     }
 
     pub(super) fn index(&self) -> &Index {
@@ -274,6 +275,7 @@ impl Store {
     /// Copies a record's payload into `bytes` and verifies the copy: the file may change between the checksum and the
     /// decoder. The error is one phrase.
     fn copy_record(&self, entry: &IndexEntry, bytes: &mut Vec<u8>) -> std::result::Result<(), String> {
+        self.ahead.reading(entry.key);
         self.source.read(entry.offset, u64::from(entry.length), bytes)?;
         let sound = record_crc(self.version, entry.key, entry.leaf, entry.head, bytes) == entry.crc;
         let counts = sound || planted(Bug::RecordChecksumIgnored);
@@ -358,22 +360,16 @@ impl BrickTree for Store {
         self.cached(self.entry_of(key)?).map_err(|what| self.record_error(key, what))
     }
 
+    fn ahead(&self, keys: &[NodeKey]) -> usize {
+        let wanted = |key: &NodeKey| self.index.get(*key).filter(|_| !self.cache.holds(*key));
+        self.ahead.tell(keys.iter().map(wanted), |offset, bytes| self.source.ahead(offset, bytes))
+    }
+
     fn brick_once(&self, key: NodeKey) -> Result<Arc<Brick>> {
         let entry = self.entry_of(key)?;
         let kept = self.cache.get(key).map_or_else(|| self.load(entry).map(Arc::new), Ok);
         kept.map_err(|what| self.record_error(key, what))
     }
-}
-
-/// What is wrong with a file, and where.
-struct Fault {
-    place: String,
-    what: String,
-    remedy: String,
-}
-
-fn fault(place: impl ToString, what: impl ToString) -> Fault {
-    Fault { place: place.to_string(), what: what.to_string(), remedy: REBUILD.to_owned() }
 }
 
 /// Everything of a file but the records.
@@ -454,22 +450,6 @@ fn unfinished_commit(journal: Journal) -> std::result::Result<Commit, Fault> {
         beads.identity = None;
     }
     Ok(Commit { version: head.version, meta, index, identity, end, unfinished: true })
-}
-
-fn preamble_fault(error: PreambleError) -> Fault {
-    match error {
-        PreambleError::NotAStore => Fault {
-            place: "header".into(),
-            what: "this is not a brick store".into(),
-            remedy: "give a file that `brickfield build` has finished".into(),
-        },
-        PreambleError::Version(version) => Fault {
-            place: "header".into(),
-            what: format!("format version {version} is unknown to this program"),
-            remedy: "use the program that wrote it or build the store again".into(),
-        },
-        PreambleError::Damaged => fault("header", "the checksum differs"),
-    }
 }
 
 /// The parts of the file that a commit names.

@@ -2,8 +2,10 @@
 
 use crate::error::Result;
 use crate::mmap::{Access, MappedFile, open_regular};
+use rustix::fs::{Advice, fadvise};
 use std::fs::File;
 use std::io::ErrorKind;
+use std::num::NonZeroU64;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
@@ -19,10 +21,14 @@ pub enum Io {
     /// network mounts.
     #[default]
     Pread,
-    /// Through a memory map. A map cannot report: if the file is cut short, or its disk or network fails, the system ends
-    /// the program with SIGBUS. Saves a system call a record, which counts where bricks are small and all in memory.
+    /// Through a memory map. If the file is cut short, or its disk fails, reading is an error too, by way of a signal; see
+    /// [`crate::mmap`] for what that cannot do. Saves a system call a record, which counts where bricks are small and all in
+    /// memory.
     Mmap,
 }
+
+/// Of a record that was there when the file was opened.
+const CUT_SHORT: &str = "the file has been cut short since it was opened, or its disk has failed";
 
 /// An open file, or the bytes of one.
 pub(super) enum Source {
@@ -76,11 +82,14 @@ impl Source {
             Source::Map(map) => {
                 to.clear();
                 to.extend_from_slice(&map.bytes()[offset as usize..end]);
+                if map.lost().is_some_and(|from| from < end as u64) {
+                    return Err(CUT_SHORT.to_owned());
+                }
             }
             Source::File { file, .. } => {
                 to.resize(length as usize, 0);
                 file.read_exact_at(to, offset).map_err(|error| match error.kind() {
-                    ErrorKind::UnexpectedEof => "the file has been cut short since it was opened".to_owned(),
+                    ErrorKind::UnexpectedEof => CUT_SHORT.to_owned(),
                     _ => format!("it cannot be read: {error}"),
                 })?;
             }
@@ -91,6 +100,18 @@ impl Source {
             }
         }
         Ok(())
+    }
+
+    /// Tells the system that a part will be read before long. Only a hint, so nobody is told of a refusal.
+    pub fn ahead(&self, offset: u64, bytes: u64) {
+        match self {
+            Source::Map(map) => map.advise_ahead(offset, bytes),
+            Source::File { file, .. } => {
+                let _ = fadvise(file, offset, NonZeroU64::new(bytes), Advice::WillNeed);
+            }
+            #[cfg(any(test, feature = "fuzzing"))]
+            Source::Memory(_) => {}
+        }
     }
 
     /// A part of the file.
@@ -129,10 +150,14 @@ mod tests {
     fn a_file_cut_short_is_an_error() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("x");
-        std::fs::write(&path, [7; 10_000]).unwrap();
-        let source = Source::open(&path, Io::Pread).unwrap();
+        std::fs::write(&path, vec![7; 100_000]).unwrap();
+        let [read, mapped] = [Io::Pread, Io::Mmap].map(|io| Source::open(&path, io).unwrap());
         File::options().write(true).open(&path).unwrap().set_len(5_000).unwrap();
-        assert_eq!(source.part(4_000, 1_000).unwrap(), [7; 1_000]);
-        assert!(source.part(4_500, 1_000).unwrap_err().contains("cut short"));
+        for source in [read, mapped] {
+            assert_eq!(source.part(4_000, 1_000).unwrap(), [7; 1_000]);
+            assert!(source.part(4_500, 95_000).unwrap_err().contains("cut short"));
+            // What is left is still read.
+            assert_eq!(source.part(0, 1_000).unwrap(), [7; 1_000]);
+        }
     }
 }

@@ -33,6 +33,11 @@ pub trait BrickTree: Sync {
     fn brick_once(&self, key: NodeKey) -> Result<Arc<Brick>> {
         self.brick(key)
     }
+    /// Tells which bricks will be asked for next, in this order, so that the tree can have the first of them fetched
+    /// meanwhile. Returns how many it took note of; of the others it is to be told again. See [`super::Walk`].
+    fn ahead(&self, keys: &[NodeKey]) -> usize {
+        keys.len()
+    }
 }
 
 /// A tree in memory, for tests and small work.

@@ -1,5 +1,6 @@
 //! Reads every record of a store and checks what records say of each other.
 
+use super::ahead::Walk;
 use super::identity::IdentityEntry;
 use super::layout::IndexEntry;
 use super::reader::Store;
@@ -78,10 +79,15 @@ impl Store {
         let entries = self.entries();
         progress.phase("verify", Some(entries.len() as u64), "records");
         let identity = self.verify_identity(progress)?;
+        let walk = Walk::new(self, entries.len(), |number| Some(entries[number].key));
+        // Handed out in order, so that all threads together go through the levels from one end to the other.
         let bricks = entries
-            .par_chunks(NODES_AT_ONCE)
-            .map(|chunk| {
+            .chunks(NODES_AT_ONCE)
+            .enumerate()
+            .par_bridge()
+            .map(|(number, chunk)| {
                 progress.check()?;
+                walk.at(number * NODES_AT_ONCE);
                 let report = chunk.iter().map(|e| self.verify_record(e)).reduce(VerifyReport::and);
                 progress.advance(chunk.len() as u64);
                 Ok(report.unwrap_or_default())

@@ -4,7 +4,7 @@ use super::start;
 use crate::args::BeadsArgs;
 use crate::failure::Failure;
 use crate::memory;
-use crate::output::{print, print_json, require_distinct, warn};
+use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::toolpaths::{ToolpathReport, joints_text};
 use crate::units::Size;
 use brickfield_engine::bead::{Joints, StlBeads, Sweep, Written};
@@ -185,7 +185,7 @@ impl Report {
             Some(facets) => format!("{facets} facets of {tubes} tubes"),
             None => format!("{tubes} extrusions"),
         };
-        let mut text = format!("{}: {of}, {}\n", self.output, Size(*bytes));
+        let mut text = format!("{}: {of}, {}\n", one_line(&self.output), Size(*bytes));
         let mut line = |line: String| text += &format!("  {line}\n");
         self.toolpaths.iter().for_each(|toolpath| line(format!("source   {}", toolpath.text())));
         if let Some(joints) = joints {

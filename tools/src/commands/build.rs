@@ -3,11 +3,12 @@
 use super::mesh::{MeshReport, mesh_sink, write_mesh};
 use super::{open_inputs, start, unit_of, volumes_text};
 use crate::args::{BackendArg, BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
+use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
 use crate::failure::Failure;
 use crate::memory;
-use crate::output::{print, print_json, warn};
+use crate::output::{one_line, print, print_json, warn};
 use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
@@ -54,6 +55,10 @@ impl TryFrom<BuildArgs> for Plan {
         if !(args.stddev >= 0.0 && args.stddev.is_finite()) {
             return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
         }
+        if args.shard.is_some() && args.compression != CompressionArg::Lz4 {
+            let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
+            return Err(Failure::Usage(what.to_owned()));
+        }
         let open = args.toolpath.options()?;
         let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
             return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
@@ -73,6 +78,7 @@ impl TryFrom<BuildArgs> for Plan {
             unit: args.units.symbol().to_owned(),
             solids: None,
             share: args.shard.map(|shard| shard.0),
+            compression: args.compression.into(),
             resources: Resources { temp_dir: args.temp_dir, ..Resources::default() },
             keeping: Keeping { pace, restart: args.restart, settings: args.toolpath.settings(&open) },
             identity: args.identity,
@@ -312,7 +318,7 @@ impl Report {
         let mut text = String::new();
         let mut line = |line: String| text += &format!("{line}\n");
         let kept = format!("{} nodes, {} leaves, {}", nodes, leaves, Size(*file_bytes));
-        line(format!("{}: {kept}", self.output));
+        line(format!("{}: {kept}", one_line(&self.output)));
         if let Some(ShareSummary { id, level, cubes, work }) = &self.summary.share {
             let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
             line(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));

@@ -1,15 +1,15 @@
 //! `brickfield export`: a level as a NumPy array with a description beside it.
 
-use super::{CACHE_BYTES, open_store, require_level, start};
+use super::{CACHE_BYTES, of_store, open_store, require_level, start};
 use crate::args::{DtypeArg, ExportArgs};
 use crate::failure::Failure;
 use crate::npy;
-use crate::output::{print, print_json, require_distinct};
+use crate::output::{in_line, print, print_json, require_distinct};
 use crate::units::Size;
 use anyhow::Context;
 use brickfield_engine::Progress;
 use brickfield_engine::analysis::{Dense, Element};
-use brickfield_engine::part::PartFile;
+use brickfield_engine::part::{PartFile, PartPair};
 use brickfield_engine::store::{Accept, Store};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -45,23 +45,21 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
     require_level(&store, args.level)?;
     require_distinct(&[&args.output, &plan.description], &[&args.store])?;
-    let grid = Dense::new(&store, args.level, plan.element)?;
+    let grid =
+        Dense::new(&store, args.level, plan.element).map_err(|error| of_store(&store, "levels", error))?;
     let description = describe(&plan, &store, &grid);
-    let mut array = PartFile::create(&args.output)?;
-    let mut text = PartFile::create(&plan.description)?;
-    write_array(&plan, &grid, &array, &bars)?;
+    let mut pair = PartPair::create(&args.output, &plan.description)?;
+    write_array(&plan, &grid, &pair.file, &bars)?;
     let json = serde_json::to_string_pretty(&description).context("cannot write JSON")?;
-    text.append(format!("{json}\n").as_bytes())?;
-    // The description first: whoever finds the array finds it described.
-    text.finish()?;
-    array.finish()?;
+    pair.description.append(format!("{json}\n").as_bytes())?;
+    pair.finish()?;
     bars.clear();
     if args.json {
         print_json(&description)
     } else if args.work.quiet {
         Ok(())
     } else {
-        let (name, axis) = (args.output.display(), grid.axis());
+        let (name, axis) = (in_line(&args.output), grid.axis());
         let size = Size(grid.bytes().try_into().unwrap_or(u64::MAX));
         print(&format!("{name}: {axis} × {axis} × {axis} {}, {size}", plan.dtype))
     }

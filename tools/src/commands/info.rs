@@ -3,7 +3,7 @@
 use super::{info_devices, info_mesh, open_store, unit_of, volumes_text};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
-use crate::output::{print, print_json};
+use crate::output::{in_line, one_line, print, print_json};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
@@ -106,7 +106,7 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let kind = if meta.holds_points() { "points" } else { "facets" };
     let mut text = String::new();
     let mut line = |line: String| text += &format!("{line}\n");
-    line(format!("{}: brick store, written by {}", store.path().display(), meta.program));
+    line(format!("{}: brick store, written by {}", in_line(store.path()), meta.program));
     if store.is_unfinished() {
         line("  state    unfinished: the command that builds it goes on from what is here".to_owned());
     }
@@ -118,6 +118,7 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     for Source { path, bytes, facets, format, blake3 } in &meta.sources {
         let hash = &hex(blake3)[..16];
         let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} {kind}, ") };
+        let path = one_line(path);
         line(format!("  source   {path}: {format}, {pieces}{}, blake3 {hash}…", Size(*bytes)));
     }
     let degenerate = meta.numbers.degenerate_facets;

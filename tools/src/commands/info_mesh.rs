@@ -4,7 +4,7 @@ use super::info::point;
 use super::{open_inputs, start};
 use crate::args::{InfoArgs, ProgressArg, WorkArgs};
 use crate::failure::Failure;
-use crate::output::{print, print_json};
+use crate::output::{one_line, print, print_json};
 use anyhow::anyhow;
 use brickfield_engine::build::is_closed;
 use brickfield_engine::ingest::OpenOptions;
@@ -39,6 +39,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     } else {
         OpenPart::of(&[input], root, &bars)?.summary
     };
+    input.check()?;
     bars.clear();
     let OpenSummary { open_edges, loops, flipped_patches, .. } = summary;
     if args.json {
@@ -59,6 +60,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     } else {
         format!("open: {open_edges} open edges in {loops} loops, {flipped_patches} flipped patches")
     };
+    let path = one_line(&path);
     print(&format!(
         "{path}: {}, {} facets\n  bounds   {} to {}\n  surface  {closed}\n",
         input.describe(),

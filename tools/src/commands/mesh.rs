@@ -1,11 +1,11 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
 use super::mesh_check::{Checked, require_sound};
-use super::{open_store, require_level, start};
+use super::{of_store, open_store, require_level, start};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
 use crate::memory;
-use crate::output::{print, print_json, require_distinct};
+use crate::output::{one_line, print, print_json, require_distinct};
 use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
 use brickfield_engine::store::{Accept, CacheStats, Store};
 use brickfield_engine::{Error, Progress};
@@ -81,17 +81,21 @@ pub struct MeshReport {
     check: Option<Checked>,
 }
 
-/// How often the store's decoded bricks were asked for again.
+/// How often the store's decoded bricks were asked for again; and how many records the system was asked for ahead of
+/// their reading, and how many of these were read.
 #[derive(Serialize)]
 struct BrickCache {
     hits: u64,
     misses: u64,
+    ahead: u64,
+    ahead_used: u64,
 }
 
 impl MeshReport {
     /// For people.
     pub fn text(&self) -> String {
-        let MeshReport { output, unit, vertices, triangles, area, volume, seconds, .. } = self;
+        let MeshReport { unit, vertices, triangles, area, volume, seconds, .. } = self;
+        let output = one_line(&self.output);
         if *triangles == 0 {
             return format!("{output}: empty, no sample reaches w = {}", self.iso);
         }
@@ -116,8 +120,8 @@ pub fn write_mesh(
 ) -> Result<MeshReport, Failure> {
     let started = Instant::now();
     let MeshSummary { vertices, triangles, area, volume, bounds, .. } =
-        contour(store, options, sink, progress)?;
-    let CacheStats { hits, misses, .. } = store.cache_stats();
+        contour(store, options, sink, progress).map_err(|error| of_store(store, "settings", error))?;
+    let CacheStats { hits, misses, ahead, ahead_used, .. } = store.cache_stats();
     Ok(MeshReport {
         output: path.display().to_string(),
         unit: super::unit_of(store.meta()).to_owned(),
@@ -127,7 +131,7 @@ pub fn write_mesh(
         area,
         volume,
         bounds,
-        brick_cache: BrickCache { hits, misses },
+        brick_cache: BrickCache { hits, misses, ahead, ahead_used },
         seconds: started.elapsed().as_secs_f64(),
         check: None,
     })

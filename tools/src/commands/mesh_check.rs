@@ -4,7 +4,7 @@ use super::info::point;
 use super::info_mesh::is_mesh;
 use crate::args::MeshArgs;
 use crate::failure::Failure;
-use crate::output::{print, print_json};
+use crate::output::{one_line, print, print_json};
 use brickfield_engine::Progress;
 use brickfield_engine::check::{Defect, Report, check};
 use brickfield_engine::ingest::Input;
@@ -66,7 +66,8 @@ impl Checked {
 
     /// For people.
     pub fn text(&self) -> String {
-        let Checked { path, format, report, seconds, .. } = self;
+        let Checked { format, report, seconds, .. } = self;
+        let path = one_line(&self.path);
         let Report { triangles, vertices, edges, area, volume, .. } = report;
         let mut text = format!(
             "{path}: {format}, {triangles} triangles, {vertices} vertices, {edges} edges, {seconds:.2} s\n"

@@ -62,6 +62,14 @@ fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: Accept) -> Resul
     Store::open_with(path, StoreOptions { cache_bytes, io, accept })
 }
 
+/// An error in a setting, with the store that it does not fit.
+fn of_store(store: &Store, place: &str, error: Error) -> Error {
+    match error {
+        Error::Setting { what, remedy } => Error::store(store.path(), place, what, remedy),
+        error => error,
+    }
+}
+
 /// The store's unit for messages, or the word for an unknown one.
 fn unit_of(meta: &Meta) -> &str {
     if meta.unit.is_empty() { "units" } else { &meta.unit }

@@ -1,6 +1,6 @@
 //! `brickfield sample`: w at points, from a store.
 
-use super::{CACHE_BYTES, open_store, start};
+use super::{CACHE_BYTES, of_store, open_store, start};
 use crate::args::SampleArgs;
 use crate::failure::Failure;
 use crate::points::{PointBead, PointReader, PointWriter};
@@ -34,12 +34,7 @@ pub fn run(args: &SampleArgs) -> Result<(), Failure> {
             return writer.flush();
         }
         bars.check()?;
-        let values = match sample_at(&store, &batch) {
-            Err(Error::Setting { what, remedy }) => {
-                return Err(Error::store(store.path(), "points", what, remedy).into());
-            }
-            values => values?,
-        };
+        let values = sample_at(&store, &batch).map_err(|error| of_store(&store, "points", error))?;
         match &tables {
             Some(tables) => {
                 let beads = beads_at_points(&store, tables, &batch)?;

@@ -3,7 +3,7 @@
 use super::{CACHE_BYTES, open_store, start};
 use crate::args::VerifyArgs;
 use crate::failure::Failure;
-use crate::output::{print, print_json};
+use crate::output::{in_line, print, print_json};
 use crate::units::Size;
 use brickfield_engine::store::{Accept, Damage, VerifyReport};
 use serde_json::json;
@@ -33,7 +33,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
     if args.json || args.work.quiet {
         return Ok(());
     }
-    let path = args.store.display();
+    let path = in_line(&args.store);
     let unfinished = if store.is_unfinished() { " so far, unfinished" } else { "" };
     let share = share.map_or(String::new(), |share| format!(", share {share}"));
     print(&format!(

@@ -75,17 +75,18 @@ fn of_triangles(
         let device = device(args)?;
         bars.phase("adding up", total, "facets");
         if let Some(device) = device {
-            return write(args, bars, points, &backend::brute_at(&device, &sources, root, points, bars)?);
+            let values = backend::brute_at(&device, &sources, root, points, bars)?;
+            return write_of(args, bars, inputs, points, &values);
         }
-        write(args, bars, points, &brute_at(&sources, root, points, bars)?)
+        write_of(args, bars, inputs, points, &brute_at(&sources, root, points, bars)?)
     } else if is_closed(inputs, root, bars)? {
         bars.phase("counting", total, "facets");
-        write(args, bars, points, &winding_at(&sources, root, points, bars)?)
+        write_of(args, bars, inputs, points, &winding_at(&sources, root, points, bars)?)
     } else {
         let open = OpenPart::of(&sources, root, bars)?;
         bars.phase("counting", total, "facets");
         let values = open_winding_at(&sources, root, &open, points, args.gwn_error.0, bars)?;
-        write(args, bars, points, &values)
+        write_of(args, bars, inputs, points, &values)
     }
 }
 
@@ -114,6 +115,18 @@ fn root_around(path: &Path, (min, max): ([f64; 3], [f64; 3])) -> Result<RootCube
         let spans = format!("the input spans {min:?} to {max:?}, which fits no lattice");
         anyhow!("{path}: bounds: {spans}; give it an extent").into()
     })
+}
+
+/// As [`write`], if the inputs have not changed since they were opened.
+fn write_of(
+    args: &WindingArgs,
+    bars: &Bars,
+    inputs: &[Input],
+    points: &[[f64; 3]],
+    values: &[impl Display + Copy],
+) -> Result<(), Failure> {
+    inputs.iter().try_for_each(Input::check)?;
+    write(args, bars, points, values)
 }
 
 fn write(

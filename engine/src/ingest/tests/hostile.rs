@@ -1,7 +1,8 @@
 //! Damaged and lying files: an error or a mesh, never a panic, and never memory that the file does not back.
 
 use super::*;
-use crate::ingest::Soup;
+use crate::ingest::{OpenOptions, Soup};
+use crate::mmap::MappedFile;
 
 /// Opens what may be damaged and, if it opens, uses it in every way.
 fn exercise(folder: &Folder, name: &str, bytes: &[u8]) {
@@ -127,4 +128,55 @@ fn one_face_of_very_many_corners() {
     // Continued lines are joined once each.
     let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf{}", " 1 2 3 \\\n".repeat(corners / 3));
     assert_eq!(folder.open("a.obj", text.as_bytes()).unwrap().facets(), corners as u64 - 2);
+}
+
+/// A strip of triangles, some hundred pages in each format.
+fn strip() -> Mesh {
+    let vertex = |n: u32| [n as f32, (n % 2) as f32, (n % 7) as f32 * 0.1];
+    let count = 12_000;
+    Mesh {
+        vertices: (0..count).map(vertex).collect(),
+        faces: (2..count).map(|n| vec![n - 2, n - 1, n]).collect(),
+    }
+}
+
+#[test]
+fn inputs_that_are_cut_short_are_errors() {
+    let mesh = strip();
+    let gcode: String = (0..20_000).map(|n| format!("G1 X{} Y{} E{}\n", n % 200, n / 200, n)).collect();
+    let gcode = format!("M82\nG1 Z0.2 F1200\n{gcode}").into_bytes();
+    let [little, big, ascii] =
+        ["binary_little_endian", "binary_big_endian", "ascii"].map(|format| mesh.ply(format));
+    let files = [
+        ("a.stl", mesh.stl()),
+        ("t.stl", mesh.stl_text()),
+        ("a.obj", mesh.obj()),
+        ("l.ply", little),
+        ("b.ply", big),
+        ("a.ply", ascii),
+        ("a.gcode", gcode),
+    ];
+    let dir = tempfile::tempdir().unwrap();
+    for (name, bytes) in files {
+        let path = dir.path().join(name);
+        let half = bytes.len() as u64 / 2;
+        let cut = |to| std::fs::File::options().write(true).open(&path).unwrap().set_len(to).unwrap();
+        // After it was opened, and before it is read: whatever the readers make of zeros, they end, and the file is to
+        // blame.
+        std::fs::write(&path, &bytes).unwrap();
+        let file = MappedFile::open(&path).unwrap();
+        cut(half);
+        let _ = Input::parse(&path, &file, &OpenOptions::default(), &Silent);
+        let line = file.check().unwrap_err().to_string();
+        assert!(line.contains(name) && line.contains("leave the file alone"), "{line}");
+        // After it was parsed: who hashes or measures it finds out.
+        std::fs::write(&path, &bytes).unwrap();
+        let input = Input::open(&path, &Silent).unwrap_or_else(|error| panic!("{error}"));
+        assert!(input.check().is_ok() && input.survey(&Silent).is_ok());
+        cut(half);
+        for told in [input.survey(&Silent).map(drop), input.identity().map(drop), input.check()] {
+            let line = told.unwrap_err().to_string();
+            assert!(line.contains(name) && !line.contains('\n'), "{line}");
+        }
+    }
 }

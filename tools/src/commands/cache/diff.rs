@@ -3,7 +3,7 @@
 use crate::cache_args::DiffArgs;
 use crate::commands::{open_store, start};
 use crate::failure::Failure;
-use crate::output::{print, print_json};
+use crate::output::{one_line, print, print_json};
 use brickfield_engine::cache::{BrickDifferences, Comparison, Difference, Fact, compare};
 use brickfield_engine::store::Accept;
 use serde::Serialize;
@@ -27,7 +27,7 @@ pub fn run(args: &DiffArgs) -> Result<(), Failure> {
     bars.clear();
     let equal = comparison.is_equal(!args.ignore_metadata);
     let stores = [&args.first, &args.second].map(|path| path.display().to_string());
-    let [a, b] = &stores;
+    let [a, b] = stores.each_ref().map(|path| one_line(path));
     let verdict = format!("{a} and {b} {}", if equal { "are equal" } else { "differ" });
     let told = as_text(&verdict, &comparison, args.ignore_metadata);
     if args.json {

@@ -5,7 +5,7 @@ use crate::cache_args::GetArgs;
 use crate::commands::open_store;
 use crate::failure::Failure;
 use crate::npy;
-use crate::output::{print, print_json, require_distinct};
+use crate::output::{one_line, print, print_json, require_distinct};
 use brickfield_engine::Error;
 use brickfield_engine::brick::{Brick, Hermite, SignChanges};
 use brickfield_engine::cache::node_at;
@@ -123,6 +123,7 @@ fn as_text(report: &Report) -> String {
     let [low, high] = corners.map(|[x, y, z]| format!("({x:.6}, {y:.6}, {z:.6})"));
     let leaf = if *leaf { "a leaf" } else { "an interior node" };
     let [x, y, z] = hermite_edges;
+    let store = one_line(store);
     let mut text = format!("{store}: {node}, {leaf}, key {key}\n");
     let _ = write!(
         text,

@@ -4,7 +4,7 @@ use crate::args::WorkArgs;
 use crate::cache_args::MergeArgs;
 use crate::commands::start;
 use crate::failure::Failure;
-use crate::output::{print, print_json, require_distinct};
+use crate::output::{one_line, print, print_json, require_distinct};
 use crate::units::Size;
 use brickfield_engine::build::{MergeSummary, merge};
 use serde::Serialize;
@@ -38,5 +38,6 @@ pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     }
     let MergeSummary { shares, nodes, leaves, file_bytes } = summary;
     let kept = format!("{nodes} nodes, {leaves} leaves, {}", Size(file_bytes));
+    let output = one_line(&output);
     print(&format!("{output}: {kept}, joined from {shares} shares in {seconds:.2} s"))
 }

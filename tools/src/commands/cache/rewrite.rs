@@ -1,14 +1,14 @@
 //! `brickfield cache compact`, `prune` and `repack`: a store written anew.
 
-use crate::cache_args::{CompactArgs, CompressionArg, OutputArgs, PruneArgs, RepackArgs};
-use crate::commands::{CACHE_BYTES, open_store, start};
+use crate::cache_args::{CompactArgs, OutputArgs, PruneArgs, RepackArgs};
+use crate::commands::{CACHE_BYTES, of_store, open_store, start};
 use crate::failure::Failure;
-use crate::output::{print, print_json, require_distinct};
+use crate::output::{one_line, print, print_json, require_distinct};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::Error;
 use brickfield_engine::cache::{self, PruneOptions, Region, RewriteSummary};
-use brickfield_engine::store::{Accept, Compression, Store};
+use brickfield_engine::store::{Accept, Store};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -29,11 +29,7 @@ pub fn compact(args: &CompactArgs) -> Result<(), Failure> {
 
 /// `cache repack`.
 pub fn repack(args: &RepackArgs) -> Result<(), Failure> {
-    let compression = match args.compression {
-        CompressionArg::Lz4 => Compression::Lz4,
-        CompressionArg::None => Compression::None,
-        CompressionArg::Range => Compression::Range,
-    };
+    let compression = args.compression.into();
     run(&args.output, Accept::Shares, |store, output, bars| cache::repack(store, output, compression, bars))
 }
 
@@ -63,7 +59,7 @@ fn run(
         None => std::fs::canonicalize(&args.store).unwrap_or(args.store.clone()),
     };
     let store = open_store(&args.store, CACHE_BYTES, args.io, accept)?;
-    let summary = rewrite(&store, &output, &bars)?;
+    let summary = rewrite(&store, &output, &bars).map_err(|error| of_store(&store, "settings", error))?;
     bars.clear();
     let seconds = started.elapsed().as_secs_f64();
     let output = output.display().to_string();
@@ -75,6 +71,7 @@ fn run(
     }
     let RewriteSummary { nodes_before, file_bytes_before, nodes, leaves, file_bytes, .. } = summary;
     let (before, now) = (Size(file_bytes_before), Size(file_bytes));
+    let output = one_line(&output);
     print(&format!(
         "{output}: {nodes} nodes, {leaves} leaves, {now}, from {nodes_before} nodes and {before} in {seconds:.2} s"
     ))

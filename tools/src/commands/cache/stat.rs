@@ -3,7 +3,7 @@
 use crate::cache_args::StatArgs;
 use crate::commands::{open_store, start};
 use crate::failure::Failure;
-use crate::output::{print, print_json};
+use crate::output::{one_line, print, print_json};
 use crate::units::Size;
 use brickfield_engine::cache::{FileBytes, KindNumbers, PartBytes, RecordNumbers, Statistics, statistics};
 use brickfield_engine::store::Accept;
@@ -35,7 +35,7 @@ pub fn run(args: &StatArgs) -> Result<(), Failure> {
 fn as_text(path: &str, statistics: &Statistics) -> String {
     let Statistics { levels, total, lists, file } = statistics;
     let FileBytes { bytes, payloads, lists: list_bytes, tables, index, rest, .. } = *file;
-    let mut text = format!("{path}: {}\n", Size(bytes));
+    let mut text = format!("{}: {}\n", one_line(path), Size(bytes));
     let mut line = |line: String| text += &format!("{line}\n");
     line(format!("  {:<28} {:>12} bytes", "payloads", payloads));
     if list_bytes + tables > 0 {
