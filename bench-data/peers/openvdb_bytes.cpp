@@ -1,11 +1,17 @@
 // What the narrow band of a soup of closed pieces takes as an OpenVDB file: meshToVolume, then the level set written in
-// floats and in halves, with each compression that the library was built with.
+// floats and in halves, with each compression that the library was built with; and as a NanoVDB file, in floats and
+// quantized to 4, 8, 16 and a variable number of bits, where that library's headers are there.
 //
 //     apt-get install g++ libopenvdb-dev            (or OpenVDB built from source)
 //     g++ -O3 -march=native -std=c++17 openvdb_bytes.cpp -o openvdb_bytes -lopenvdb -ltbb
 //     ./openvdb_bytes pile.stl 1024 3 /tmp/band     (cells along the longest side, half width of the band in voxels)
 //
-// Writes /tmp/band-*.vdb and prints a line of JSON for each: bytes of the file, active voxels, bytes a voxel.
+// With NanoVDB, which is headers alone (the folder nanovdb of OpenVDB's source), of which Blosc and zlib are options:
+//
+//     g++ ... -I openvdb/nanovdb -DNANOVDB_USE_BLOSC -DNANOVDB_USE_ZIP ... -lblosc -lz
+//
+// Writes /tmp/band-*.vdb and .nvdb and prints a line of JSON for each: bytes of the file, active voxels, bytes a voxel, and
+// of quantized values how far they are off, in voxels, at most and as the root of the mean square over active voxels.
 
 #include "stl.h"
 
@@ -13,12 +19,66 @@
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/version.h>
 
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
+
+#if __has_include(<nanovdb/tools/CreateNanoGrid.h>)
+#define NANOVDB_USE_OPENVDB
+#include <nanovdb/NanoVDB.h>
+#include <nanovdb/io/IO.h>
+#include <nanovdb/tools/CreateNanoGrid.h>
+
+// One way to store the values, with each compression.
+template <typename Build>
+void nano(const openvdb::FloatGrid& grid, const char* values, const char* prefix, unsigned long long active) {
+    using namespace nanovdb;
+    auto handle = tools::createNanoGrid<openvdb::FloatGrid, Build>(grid, tools::StatsMode::Disable, CheckMode::Disable);
+    auto accessor = handle.template grid<Build>()->getAccessor();
+    double worst = 0, squares = 0;
+    for (auto value = grid.cbeginValueOn(); value; ++value) {
+        const auto at = value.getCoord();
+        const double off = double(accessor.getValue(Coord(at[0], at[1], at[2]))) - double(*value);
+        worst = std::max(worst, std::abs(off));
+        squares += off * off;
+    }
+    const double voxel = grid.voxelSize()[0];
+    const struct { const char* name; io::Codec codec; } codings[] = {
+        {"none", io::Codec::NONE},
+#ifdef NANOVDB_USE_ZIP
+        {"zip", io::Codec::ZIP},
+#endif
+#ifdef NANOVDB_USE_BLOSC
+        {"blosc", io::Codec::BLOSC},
+#endif
+    };
+    for (const auto& coding : codings) {
+        const std::string path = std::string(prefix) + "-" + values + "-" + coding.name + ".nvdb";
+        io::writeGrid(path, handle, coding.codec);
+        const auto bytes = static_cast<unsigned long long>(std::filesystem::file_size(path));
+        std::printf("{\"nanovdb\": \"%i.%i.%i\", \"values\": \"%s\", \"compression\": \"%s\", \"bytes\": %llu, "
+                    "\"active_voxels\": %llu, \"bytes_per_voxel\": %.3f, \"off_at_most\": %.2g, \"off_rms\": %.2g}\n",
+                    NANOVDB_MAJOR_VERSION_NUMBER, NANOVDB_MINOR_VERSION_NUMBER, NANOVDB_PATCH_VERSION_NUMBER, values,
+                    coding.name, bytes, active, double(bytes) / double(active), worst / voxel,
+                    std::sqrt(squares / double(active)) / voxel);
+    }
+}
+
+static void all_nano(const openvdb::FloatGrid& grid, const char* prefix, unsigned long long active) {
+    nano<float>(grid, "float", prefix, active);
+    nano<nanovdb::Fp16>(grid, "Fp16", prefix, active);
+    nano<nanovdb::Fp8>(grid, "Fp8", prefix, active);
+    nano<nanovdb::Fp4>(grid, "Fp4", prefix, active);
+    // Up to a thirtieth of the half width, as its own tools choose for level sets.
+    nano<nanovdb::FpN>(grid, "FpN", prefix, active);
+}
+#else
+static void all_nano(const openvdb::FloatGrid&, const char*, unsigned long long) {}
+#endif
 
 int main(int argc, char** argv) {
     if (argc != 5) {
@@ -57,5 +117,6 @@ int main(int argc, char** argv) {
                         active, double(bytes) / double(active));
         }
     }
+    all_nano(*grid, argv[4], active);
     return 0;
 }
