@@ -3,17 +3,15 @@
 //! They stand behind two traits, so that tests can let any one of them fail, and can work out what a crash between
 //! any two of them leaves.
 
-pub(crate) mod direct;
 pub(crate) mod planted;
 #[cfg(test)]
 pub(crate) mod sim;
 pub(crate) mod write_back;
 
-use rustix::fs::{FallocateFlags, OFlags, fallocate};
+use rustix::fs::{FallocateFlags, fallocate};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
-use std::os::fd::AsRawFd;
-use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -37,12 +35,6 @@ pub trait DiskFile: Send + Sync {
     }
     /// Returns when content and size are durable.
     fn sync(&self) -> Result<()>;
-    /// The same file for writes that go past the page cache; `None` where there is no such way. It may take whole blocks
-    /// of 4 KiB only, from memory that begins at a multiple of that, and refuse them with
-    /// [`ErrorKind::InvalidInput`] even so. What it has written [`DiskFile::sync`] makes durable.
-    fn direct(&self) -> Option<Arc<dyn DiskFile>> {
-        None
-    }
 }
 
 impl dyn DiskFile {
@@ -130,13 +122,6 @@ impl DiskFile for File {
 
     fn sync(&self) -> Result<()> {
         self.sync_data()
-    }
-
-    fn direct(&self) -> Option<Arc<dyn DiskFile>> {
-        // By a name that stays its own whatever becomes of the file's. The lock stays with this one.
-        let path = format!("/proc/self/fd/{}", self.as_raw_fd());
-        let direct = OpenOptions::new().write(true).custom_flags(OFlags::DIRECT.bits() as i32).open(path);
-        direct.ok().map(|file| Arc::new(file) as Arc<dyn DiskFile>)
     }
 }
 

@@ -47,8 +47,6 @@ pub(crate) enum Bug {
     PartDirectoryNotSynced,
     /// A mesh or an array gets its name although writing a part of it has failed.
     PartFailureIgnored,
-    /// A mesh or an array gets its name although a write past the page cache has failed.
-    DirectFailureIgnored,
     /// What was written of a mesh or an array that failed stays under its unfinished name.
     PartLeftBehind,
 }

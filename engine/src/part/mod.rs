@@ -6,7 +6,6 @@ mod pair;
 
 pub use pair::PartPair;
 
-use crate::disk::direct::{ALIGN, DirectWriter};
 use crate::disk::planted::{Bug, planted};
 use crate::disk::write_back::WriteBack;
 use crate::disk::{Disk, DiskFile, SystemDisk};
@@ -22,8 +21,6 @@ const BUFFER_BYTES: usize = 64 << 10;
 const RESERVE_BYTES: u64 = 64 << 20;
 /// Smaller files ask for nothing.
 const SMALL_BYTES: u64 = 4 << 20;
-/// What comes after so many bytes goes past the page cache. Less may well be read at once, and costs little in it.
-const CACHED_BYTES: u64 = if cfg!(test) { BUFFER_BYTES as u64 } else { 16 << 20 };
 
 /// A file named `NAME.part`, locked against other writers, until it is finished; removed if it never is. A program that
 /// is killed leaves it, and the next writer of the same name begins by emptying it.
@@ -41,19 +38,8 @@ pub struct PartFile {
     end: u64,
     /// Up to where there is room, as far as it matters.
     reserved: u64,
-    way: Way,
     written: Mutex<Written>,
     finished: bool,
-}
-
-/// How appended bytes reach the disk.
-enum Way {
-    /// Through the page cache until there are more.
-    Small,
-    /// Past the page cache.
-    Direct(DirectWriter),
-    /// Through the page cache.
-    Cached,
 }
 
 /// How far writing has come.
@@ -97,7 +83,6 @@ impl PartFile {
             buffer,
             end: 0,
             reserved: SMALL_BYTES,
-            way: Way::Small,
             written,
             finished: false,
         };
@@ -141,42 +126,8 @@ impl PartFile {
             // Whether there is none, or the file system cannot tell, is left to the writing to find out.
             self.reserved = if self.file.reserve(wanted) { wanted } else { u64::MAX };
         }
-        let bytes = if matches!(self.way, Way::Small) { self.leave_cache(bytes)? } else { bytes };
-        let Way::Direct(writer) = &mut self.way else { return self.write_cached(bytes) };
-        let done = writer.append(bytes);
-        self.end = end;
-        let written = self.written.get_mut().unwrap_or_else(PoisonError::into_inner);
-        written.failed |= done.is_err();
-        written.end = written.end.max(end);
-        done
-    }
-
-    fn write_cached(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.try_write_at(bytes, self.end)?;
-        self.end += bytes.len() as u64;
-        Ok(())
-    }
-
-    /// If the file has become large, writes what is missing to whole pages, and the rest is to go past the page cache.
-    fn leave_cache<'a>(&mut self, bytes: &'a [u8]) -> io::Result<&'a [u8]> {
-        if self.end < CACHED_BYTES {
-            return Ok(bytes);
-        }
-        let missing = self.end.next_multiple_of(ALIGN as u64) - self.end;
-        let Some((page, rest)) = bytes.split_at_checked(missing as usize) else { return Ok(bytes) };
-        self.write_cached(page)?;
-        self.way = DirectWriter::begin(&self.file, self.end).map_or(Way::Cached, Way::Direct);
-        Ok(rest)
-    }
-
-    /// Writes everything that waits here. From then on the page cache sees all.
-    fn write_waiting(&mut self) -> io::Result<()> {
-        self.write_buffer()?;
-        if let Way::Direct(writer) = std::mem::replace(&mut self.way, Way::Cached) {
-            let done = writer.finish();
-            self.written.get_mut().unwrap_or_else(PoisonError::into_inner).failed |= done.is_err();
-            done?;
-        }
+        self.end = end;
         Ok(())
     }
 
@@ -216,7 +167,7 @@ impl PartFile {
     /// # Errors
     /// If they cannot be written.
     pub fn overwrite(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
-        self.write_waiting().map_err(Error::io(&self.path, "write"))?;
+        self.write_buffer().map_err(Error::io(&self.path, "write"))?;
         self.write_at(bytes, offset)
     }
 
@@ -238,7 +189,7 @@ impl PartFile {
     }
 
     fn sync(&mut self) -> io::Result<()> {
-        self.write_waiting()?;
+        self.write_buffer()?;
         let written = self.written.get_mut().unwrap_or_else(PoisonError::into_inner);
         if written.failed && !planted(Bug::PartFailureIgnored) {
             return Err(io::Error::other("an earlier write failed"));
@@ -258,7 +209,7 @@ impl Write for PartFile {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.write_waiting()
+        self.write_buffer()
     }
 }
 
@@ -270,8 +221,7 @@ impl std::fmt::Debug for PartFile {
 
 impl Drop for PartFile {
     fn drop(&mut self) {
-        // The threads that write hold the file open, and with it the lock.
-        self.way = Way::Cached;
+        // The thread that writes back holds the file open, and with it the lock.
         let _ = self.written.get_mut().unwrap_or_else(PoisonError::into_inner).back.finish();
         if !self.finished && !planted(Bug::PartLeftBehind) {
             // Nobody would look for the temporary name; the error that led here is the one to report.
@@ -306,10 +256,7 @@ mod tests {
         file.append(b"small")?;
         file.append(&[7; BUFFER_BYTES])?;
         file.append(b"parts")?;
-        file.append(&[8; 2 * BUFFER_BYTES])?;
-        file.append(b"more")?;
         file.overwrite(1, b"M")?;
-        file.append(&[9; BUFFER_BYTES])?;
         let end = file.appended();
         file.write_at(b"places", end + 10)?;
         file.write_at(b"0123456789", end)?;
@@ -375,7 +322,6 @@ mod tests {
             // Who does not look at errors.
             let _ = file.append(&[7; BUFFER_BYTES]);
             let _ = file.append(&[8; BUFFER_BYTES]);
-            let _ = file.append(&[9; BUFFER_BYTES]);
             file.finish()
         })
     }
@@ -387,7 +333,6 @@ mod tests {
             (Bug::PartNotSynced, cut),
             (Bug::PartDirectoryNotSynced, cut),
             (Bug::PartFailureIgnored, ignore_failures),
-            (Bug::DirectFailureIgnored, || fail_everywhere(&write)),
             (Bug::PartLeftBehind, || fail_everywhere(&write)),
         ];
         for (bug, test) in cases {

@@ -1,6 +1,5 @@
 //! A disk in memory that can fail at any call, and that knows what a crash may leave.
 
-use super::direct::ALIGN;
 use super::{Disk, DiskFile};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Error, ErrorKind, Result};
@@ -74,8 +73,6 @@ pub struct SimDisk(Arc<Mutex<State>>);
 struct SimFile {
     disk: SimDisk,
     inode: usize,
-    /// Past the page cache: takes whole blocks only, and holds no lock.
-    direct: bool,
 }
 
 impl State {
@@ -218,9 +215,7 @@ impl SimDisk {
 impl Disk for SimDisk {
     fn open_locked(&self, path: &Path) -> Result<Option<Arc<dyn DiskFile>>> {
         let inode = self.open(path)?;
-        let file =
-            |inode| Arc::new(SimFile { disk: self.clone(), inode, direct: false }) as Arc<dyn DiskFile>;
-        Ok(inode.map(file))
+        Ok(inode.map(|inode| Arc::new(SimFile { disk: self.clone(), inode }) as Arc<dyn DiskFile>))
     }
 
     fn exists(&self, path: &Path) -> Result<bool> {
@@ -273,11 +268,6 @@ impl DiskFile for SimFile {
     }
 
     fn write_at(&self, bytes: &[u8], offset: u64) -> Result<usize> {
-        let at_block = |at: usize| at.is_multiple_of(ALIGN);
-        let in_blocks = at_block(offset as usize) && at_block(bytes.len()) && at_block(bytes.as_ptr().addr());
-        if self.direct && !in_blocks {
-            return Err(ErrorKind::InvalidInput.into());
-        }
         let mut state = self.disk.lock();
         let count = state.call(bytes.len())?;
         state.apply(Op::Write(self.inode, offset, bytes[..count].to_vec()));
@@ -298,17 +288,11 @@ impl DiskFile for SimFile {
         state.apply(op);
         step
     }
-
-    fn direct(&self) -> Option<Arc<dyn DiskFile>> {
-        Some(Arc::new(SimFile { disk: self.disk.clone(), inode: self.inode, direct: true }))
-    }
 }
 
 impl Drop for SimFile {
     fn drop(&mut self) {
-        if !self.direct {
-            self.disk.lock().locked.remove(&self.inode);
-        }
+        self.disk.lock().locked.remove(&self.inode);
     }
 }
 
