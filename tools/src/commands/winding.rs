@@ -117,7 +117,7 @@ fn root_around(path: &Path, (min, max): ([f64; 3], [f64; 3])) -> Result<RootCube
     })
 }
 
-/// As [`write`], if the inputs have not changed since they were opened.
+/// As [`write()`], if the inputs have not changed since they were opened.
 fn write_of(
     args: &WindingArgs,
     bars: &Bars,
