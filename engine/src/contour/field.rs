@@ -5,11 +5,13 @@ use super::adaptive::{self, Draft};
 use super::cache::Cache;
 use super::cells::{BrickCells, Quad};
 use super::leaves::{Around, Leaves, Side};
+use super::order::in_order;
 use super::qef::PlaneSums;
 use super::spare::Spare;
 use super::surface::{Level, Surface};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
+use crate::progress::Progress;
 use crate::store::{BrickTree, Walk};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -65,10 +67,21 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// A walk over all leaves in order.
-    pub(super) fn walk(&self) -> Walk<'_> {
+    /// Calls `make` for every leaf and `use_item` with what it gives, as [`in_order`]; the tree is told which bricks
+    /// come next.
+    pub(super) fn in_order<T: Send>(
+        &self,
+        progress: &dyn Progress,
+        make: impl Fn(u32) -> Result<T> + Sync,
+        use_item: impl FnMut(T) -> Result<()> + Send,
+    ) -> Result<()> {
         let is_read = |leaf: usize| Some(self.leaves.get(leaf as u32)).filter(|leaf| leaf.changes);
-        Walk::new(self.tree, self.leaves.len(), move |leaf| is_read(leaf).map(|leaf| leaf.key))
+        let walk = Walk::new(self.tree, self.leaves.len(), move |leaf| is_read(leaf).map(|leaf| leaf.key));
+        let make = |leaf| {
+            walk.at(leaf as usize);
+            make(leaf)
+        };
+        in_order(self.leaves.len(), progress, make, use_item)
     }
 
     pub(super) fn surface(&self, leaf: u32) -> Result<Arc<Surface>> {

@@ -63,7 +63,6 @@ use crate::progress::Progress;
 use crate::store::BrickTree;
 use cells::BrickCells;
 use field::Field;
-use order::in_order;
 use polygons::{LeafFacets, Making};
 use spare::Spare;
 use std::sync::Arc;
@@ -114,9 +113,9 @@ pub struct MeshSummary {
 ///
 /// # Errors
 ///
-/// [`Error::Setting`] if `iso` is not a finite number above 0, if the tolerance is none from 0 on, if the tree contradicts itself or if there are
-/// more than 2^32 − 1 shared vertices; [`Error::Interrupted`] when `progress` says so; what reading the tree and
-/// writing to the sink give.
+/// [`Error::Setting`] if `iso` is not a finite number above 0, if the tolerance is below 0 or no finite number, if the
+/// tree contradicts itself or if there are more than 2^32 − 1 shared vertices; [`Error::Interrupted`] when `progress`
+/// says so; what reading the tree and writing to the sink give.
 pub fn contour(
     tree: &dyn BrickTree,
     options: &ContourOptions,
@@ -198,9 +197,7 @@ fn vertices(
     first_vertex.push(0u32);
     progress.phase("vertices", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
-    let walk = field.walk();
     let make = |leaf| {
-        walk.at(leaf as usize);
         let cells = field.cells(leaf)?;
         let mut bytes = Vec::new();
         if let Some(encoding) = encoding {
@@ -209,7 +206,7 @@ fn vertices(
         let part = MeshSummary::of_cells(&cells);
         Ok((cells, bytes, part))
     };
-    in_order(field.leaves.len(), progress, make, |(cells, bytes, part): (Arc<BrickCells>, Vec<u8>, _)| {
+    field.in_order(progress, make, |(cells, bytes, part): (Arc<BrickCells>, Vec<u8>, _)| {
         match encoding {
             Some(_) => sink.encoded(Encoded::Vertices(cells.len(), &bytes))?,
             None => sink.vertices(&cells.positions)?,
@@ -237,12 +234,8 @@ fn triangles(
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
     let making =
         Making { first_vertex: Some(first_vertex), encoding: sink.encoding(), spare: Spare::default() };
-    let walk = field.walk();
-    let make = |leaf| {
-        walk.at(leaf as usize);
-        polygons::leaf_facets(field, leaf, &making)
-    };
-    in_order(field.leaves.len(), progress, make, |leaf| hand_over(leaf, &making, sink, summary))
+    let make = |leaf| polygons::leaf_facets(field, leaf, &making);
+    field.in_order(progress, make, |leaf| hand_over(leaf, &making, sink, summary))
 }
 
 /// Both passes in one, for a sink that shares no vertices. A leaf's polygons need the cells of the leaves below it,
@@ -255,13 +248,11 @@ fn lone_triangles(
 ) -> Result<()> {
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
     let making = Making { first_vertex: None, encoding: sink.encoding(), spare: Spare::default() };
-    let walk = field.walk();
     let make = |leaf| {
-        walk.at(leaf as usize);
         let part = MeshSummary::of_cells(&*field.cells(leaf)?);
         Ok((part, polygons::leaf_facets(field, leaf, &making)?))
     };
-    in_order(field.leaves.len(), progress, make, |(part, leaf)| {
+    field.in_order(progress, make, |(part, leaf)| {
         summary.add(&part);
         hand_over(leaf, &making, sink, summary)
     })
