@@ -11,7 +11,7 @@ use brickfield_bench_data::pile::bead_pile;
 use brickfield_bench_data::write::StlWriter;
 use brickfield_engine::analysis::{Dense, Element};
 use brickfield_engine::build::{BuildOptions, Resolution, Summary, build};
-use brickfield_engine::contour::{ContourOptions, contour, create_sink};
+use brickfield_engine::contour::{ContourOptions, MeshArrays, MeshSink, contour, create_sink};
 use brickfield_engine::ingest::{Facet, Input, runs};
 use brickfield_engine::lattice::{RootCube, Units};
 use brickfield_engine::store::Store;
@@ -63,6 +63,9 @@ fn write_pile(path: &Path, facets: u64) -> std::io::Result<()> {
     stl.finish().map(drop)
 }
 
+/// The rows that make a mesh.
+const MESHES: [&str; 2] = ["mesh of the depth 4 store, STL", "the same, arrays in memory"];
+
 /// One round: the floor, then every job.
 fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<Summary> {
     // To replace the files of the round before would take the time that freeing their pages takes.
@@ -82,10 +85,13 @@ fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<Summary> {
     let (seconds, summary) = timed(|| build_to(input, &deep, 5))?;
     row("build, depth 5 (1024³)", seconds);
     row("export 128³ of the depth 5 store", timed(|| export(&deep, &folder.join("w.raw"), 2))?.0);
-    let (seconds, triangles) = timed(|| mesh(&folder.join("512.brf"), &folder.join("out.stl")))?;
-    row("mesh of the depth 4 store, STL", seconds);
-    table.note =
-        format!("mesh: {triangles} triangles, {:.1} M triangles/s", triangles as f64 / seconds / 1e6);
+    let store = folder.join("512.brf");
+    let (seconds, triangles) = timed(|| mesh(&store, &mut *create_sink(&folder.join("out.stl"))?))?;
+    row(MESHES[0], seconds);
+    let (seconds, in_memory) = timed(|| mesh(&store, &mut MeshArrays::default()))?;
+    row(MESHES[1], seconds);
+    assert_eq!(in_memory, triangles, "the same mesh");
+    table.triangles = triangles;
     Ok(summary)
 }
 
@@ -133,17 +139,17 @@ fn export(store: &Path, output: &Path, level: u8) -> Result<()> {
     Dense::new(&store, level, Element::I16)?.write(&Silent, &write_at)
 }
 
-fn mesh(store: &Path, output: &Path) -> Result<u64> {
+fn mesh(store: &Path, sink: &mut dyn MeshSink) -> Result<u64> {
     let store = Store::open(store, CACHE_BYTES)?;
-    let mut sink = create_sink(output)?;
-    Ok(contour(&store, &ContourOptions::default(), &mut *sink, &Silent)?.triangles)
+    Ok(contour(&store, &ContourOptions::default(), sink, &Silent)?.triangles)
 }
 
 /// Seconds and floors of every job in every round.
 #[derive(Default)]
 struct Table {
     rows: Vec<(&'static str, Vec<(f64, f64)>)>,
-    note: String,
+    /// Of the mesh.
+    triangles: u64,
 }
 
 impl Table {
@@ -169,7 +175,11 @@ impl Table {
                 format!("({ms_low:.1} to {ms_high:.1})"),
                 format!("({low:.1} to {high:.1})")
             );
+            if MESHES.contains(name) {
+                let rate = |ms: f64| self.triangles as f64 / ms / 1e3;
+                println!("  {:.1} M triangles/s, {:.1} in the best round", rate(ms), rate(ms_low));
+            }
         }
-        println!("{}", self.note);
+        println!("mesh: {} triangles", self.triangles);
     }
 }

@@ -13,7 +13,7 @@ use brickfield_engine::build::{
     BuildOptions, Resolution, TreeOptions, bead_sources, bounds_of_sources, build_beads_in_memory,
     build_in_memory, build_opened,
 };
-use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour};
+use brickfield_engine::contour::{ContourOptions, MeshArrays, contour};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::lattice::{NodeKey, RootCube};
 use brickfield_engine::solid::{Outline, Solids, beads_at, bounds_of_beads, brute_beads_at};
@@ -351,26 +351,6 @@ fn swept_meshes_approach_the_solids_as_their_sides_grow() {
     assert!(results[3] * 8 < results[0], "{results:?}");
 }
 
-/// Keeps the mesh.
-#[derive(Default)]
-struct Kept(Vec<V>, Vec<[u32; 3]>);
-
-impl MeshSink for Kept {
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> brickfield_engine::Result<()> {
-        self.0.extend(positions.iter().map(|p| p.map(f64::from)));
-        Ok(())
-    }
-
-    fn triangles(&mut self, facets: &[Facet]) -> brickfield_engine::Result<()> {
-        self.1.extend(facets.iter().map(|f| f.ids));
-        Ok(())
-    }
-
-    fn finish(&mut self) -> brickfield_engine::Result<()> {
-        Ok(())
-    }
-}
-
 #[test]
 fn meshes_of_beads_are_closed_and_have_the_volume_of_the_union() {
     for name in ["five_axis_ded.gcode", "nonplanar.gcode", "clover.gcode"] {
@@ -382,9 +362,10 @@ fn meshes_of_beads_are_closed_and_have_the_volume_of_the_union() {
         for (refine, depth) in [(Refine::Hidden, 3), (Refine::Surface, 3)] {
             let options = TreeOptions { depth, refine, ..Default::default() };
             let tree = build_beads_in_memory(&[path], Outline::Stadium, root, options).unwrap();
-            let mut kept = Kept::default();
+            let mut kept = MeshArrays::default();
             contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap();
-            let report = check(&kept.0, &kept.1);
+            let positions: Vec<V> = kept.positions.iter().map(|p| p.map(f64::from)).collect();
+            let report = check(&positions, &kept.triangles);
             assert!(report.is_closed_manifold() && report.is_oriented(), "{name}: {report}");
             let union = volume(&tree, &Silent).unwrap().union;
             assert!((report.signed_volume / union - 1.0).abs() < 0.06, "{name}: {union} {report}");

@@ -28,7 +28,7 @@
 //! | `cut` | polygons into triangles, their area, volume and normals |
 //! | `spare` | room that is used again |
 //! | `order` | leaves in parallel, their output in order |
-//! | `sink` | STL, PLY and OBJ files |
+//! | `sink` | arrays; STL, PLY and OBJ files |
 
 mod adaptive;
 mod cache;
@@ -56,7 +56,7 @@ mod topology;
 
 pub use cut::Cuts;
 pub use polygons::Facet;
-pub use sink::{Encoded, Encoding, MeshSink, create_sink};
+pub use sink::{Encoded, Encoding, MeshArrays, MeshSink, create_sink};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;

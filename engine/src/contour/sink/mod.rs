@@ -1,5 +1,6 @@
-//! Where a mesh goes: files by format, written under a temporary name.
+//! Where a mesh goes: arrays in memory, or files by format, written under a temporary name.
 
+mod arrays;
 mod obj;
 mod ply;
 mod stl;
@@ -9,6 +10,8 @@ use super::polygons::Facet;
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;
+
+pub use arrays::MeshArrays;
 
 /// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`]. One that keeps a mesh has its own
 /// `vertices` and `triangles`, one that writes a file its own `encoding` and `encoded`.
@@ -173,6 +176,16 @@ mod tests {
         }
         assert_eq!(positions, POSITIONS);
         assert_eq!(faces, TRIANGLES);
+    }
+
+    #[test]
+    fn arrays_hold_what_they_are_given() {
+        let mut arrays = MeshArrays::default();
+        arrays.vertices(&POSITIONS[..3]).unwrap();
+        arrays.vertices(&POSITIONS[3..]).unwrap();
+        facets().chunks(1).for_each(|part| arrays.triangles(part).unwrap());
+        arrays.finish().unwrap();
+        assert_eq!(arrays, MeshArrays { positions: POSITIONS.to_vec(), triangles: TRIANGLES.to_vec() });
     }
 
     #[test]

@@ -32,7 +32,7 @@ fn header(vertices: u64, faces: u64) -> String {
     )
 }
 
-fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
+pub(super) fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(size_of_val(positions));
     for position in positions {
         bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());

@@ -1,0 +1,47 @@
+//! A mesh in memory.
+
+use super::super::cut::Cuts;
+use super::ply::write_vertices;
+use super::{Encoded, Encoding, MeshSink};
+use crate::error::Result;
+
+/// A mesh as arrays, for whoever goes on with it: 12 bytes a vertex and 12 a triangle, all of them in memory.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshArrays {
+    /// World positions.
+    pub positions: Vec<[f32; 3]>,
+    /// Places among `positions` of the corners of each triangle, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
+    bytes.reserve(Cuts::MOST_FACETS * size_of::<[u32; 3]>());
+    cuts.for_each(|ids, _, _| bytes.extend_from_slice(ids.map(u32::to_le_bytes).as_flattened()));
+}
+
+/// Appends what little-endian numbers, three each, say.
+fn append<T>(bytes: &[u8], number: impl Fn([u8; 4]) -> T, to: &mut Vec<[T; 3]>) {
+    let (triples, _) = bytes.as_chunks::<12>();
+    to.extend(triples.iter().map(|bytes| {
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = *bytes;
+        [[a, b, c, d], [e, f, g, h], [i, j, k, l]].map(&number)
+    }));
+}
+
+impl MeshSink for MeshArrays {
+    fn encoding(&self) -> Option<Encoding> {
+        Some(Encoding { vertices: write_vertices, facets: write_facets })
+    }
+
+    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+        match part {
+            Encoded::Vertices(_, bytes) => append(bytes, f32::from_le_bytes, &mut self.positions),
+            Encoded::Triangles(_, bytes) => append(bytes, u32::from_le_bytes, &mut self.triangles),
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
