@@ -162,10 +162,11 @@ impl Search<'_> {
     fn seen_from(&mut self, cell: Place) -> Result<Option<[f64; 3]>> {
         let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c + 2));
         self.halo.fetch(low, high)?;
-        if !self.may_meet(cell, low, high) {
+        // As compiled for this processor: bits are counted for every crossing.
+        if !dispatch!(level(), simd => self.may_meet(simd, cell, low, high)) {
             return Ok(None);
         }
-        self.halo.gather(low, high, &mut self.planes);
+        dispatch!(level(), _simd => self.halo.gather(low, high, &mut self.planes));
         Ok(meeting_point(cell, &self.planes))
     }
 
@@ -255,11 +256,10 @@ impl Search<'_> {
 
     /// Whether the block about a cell may hold a corner. Within the leaf the sums of its cells serve; the crossings
     /// beyond its border are added up.
-    fn may_meet(&self, cell: Place, low: Place, high: Place) -> bool {
-        let within =
-            self.builder.sums.as_ref().map(
-                |before| dispatch!(level(), simd => sums_within(simd, &self.builder.cells, cell, before)),
-            );
+    #[inline(always)]
+    fn may_meet<S: Simd>(&self, simd: S, cell: Place, low: Place, high: Place) -> bool {
+        let before = self.builder.sums.as_ref();
+        let within = before.map(|before| sums_within(simd, &self.builder.cells, cell, before));
         let beyond = within.is_some();
         let mut sums = within.unwrap_or_default();
         self.halo.any_plane(low, high, beyond, |(point, normal)| {

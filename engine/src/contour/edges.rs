@@ -55,9 +55,7 @@ impl EdgePlace {
     /// The crossing on the edge, seen from the cell's centre: exact, as fractions have 16 bits.
     #[inline(always)]
     pub(super) fn seen_from_centre(&self, plane: &EdgePlane) -> [f32; 4] {
-        let ([x, y, z, _], [u, v, w, _]) = (self.lower, self.direction);
-        let fraction = plane.fraction;
-        [x + fraction * u, y + fraction * v, z + fraction * w, 0.0]
+        std::array::from_fn(|n| self.lower[n] + plane.fraction * self.direction[n])
     }
 }
 

@@ -80,6 +80,7 @@ impl<'a> Halo<'a> {
 
     /// The crossings on the lattice edges between the samples `low` and `high`, both included, in an order that
     /// does not depend on the leaf that asks.
+    #[inline(always)]
     pub(super) fn gather(&self, low: Place, high: Place, found: &mut Vec<Named>) {
         found.clear();
         let mut is_sorted = true;
@@ -100,7 +101,7 @@ impl<'a> Halo<'a> {
 
     /// Whether the predicate holds for one of those crossings, or of those of other leaves if `beyond`; some may come
     /// twice, and those after it are not looked at.
-    #[inline]
+    #[inline(always)]
     pub(super) fn any_plane(
         &self,
         low: Place,
@@ -113,7 +114,7 @@ impl<'a> Halo<'a> {
             .any(|d| self.any_of_piece(d, low, high, |_, _, plane| holds(plane)))
     }
 
-    #[inline]
+    #[inline(always)]
     fn any_of_piece(
         &self,
         d: Place,
@@ -150,7 +151,7 @@ impl<'a> Halo<'a> {
 }
 
 /// The directions, z slowest, of the leaves that hold the cells between two samples.
-#[inline]
+#[inline(always)]
 fn directions(low: Place, high: Place) -> impl Iterator<Item = Place> {
     let range = |a: usize| low[a].div_euclid(SIDE)..=(high[a] - 1).div_euclid(SIDE);
     let (x, y, z) = (range(0), range(1), range(2));

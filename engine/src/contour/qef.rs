@@ -95,7 +95,7 @@ impl PlaneSums {
     }
 
     /// Adds the plane through the point `p` with the unit normal `n`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn add(&mut self, p: Vector, n: Vector) {
         let d = dot(n, p);
         let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[1] * n[2], n[2] * n[0]];
