@@ -12,6 +12,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod inputs;
 pub mod judge;
 mod mesh;
 pub mod pile;

@@ -1,5 +1,6 @@
 //! `make-input`: writes generated inputs to files, and judges meshes.
 
+use brickfield_bench_data::inputs;
 use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile};
 use brickfield_bench_data::shapes::{
     Polygon, cuboid, extrude, icosphere, octahedron, slant, spiked_cube, spiral_tube, torus,
@@ -92,6 +93,15 @@ enum Command {
     Octahedron(Output),
     /// A box sheared by 45 degrees
     Slant(Output),
+    /// An input of `brickfield bench` by its file's name, but for those that are swept along toolpaths
+    Bench {
+        name: String,
+        /// The file of what it is made from, of those with cracks
+        #[arg(long)]
+        base: Option<PathBuf>,
+        #[arg(short, long)]
+        output: PathBuf,
+    },
     /// Judge the mesh in a binary STL, binary PLY or OBJ file; exit status 1 unless closed and manifold
     Check {
         /// File to read
@@ -113,6 +123,9 @@ fn run(command: Command) -> Result<ExitCode, String> {
     let (mesh, to) = match command {
         Command::Pile { triangles, seed, size, to } => {
             return pile(triangles, seed, [size[0], size[1], size[2]], &to).map(|()| ExitCode::SUCCESS);
+        }
+        Command::Bench { name, base, output } => {
+            return bench(&name, base.as_deref(), &output).map(|()| ExitCode::SUCCESS);
         }
         Command::Check { file } => return check(&file),
         Command::Random { pieces, seed, to } => (Mesh::merged(&random_pile(seed, pieces)), to),
@@ -161,6 +174,15 @@ fn pile(triangles: u64, seed: u64, size: [f64; 3], to: &Output) -> Result<(), St
     })
 }
 
+fn bench(name: &str, base: Option<&Path>, output: &Path) -> Result<(), String> {
+    let spec = inputs::ALL.iter().find(|spec| spec.name == name).ok_or_else(|| {
+        let names: Vec<&str> = inputs::ALL.iter().map(|spec| spec.name).collect();
+        format!("there is no input {name}; there are {}", names.join(", "))
+    })?;
+    let written = hashed(output, |out| spec.write(base, out))?;
+    say(format_args!("{written}"))
+}
+
 fn save(mesh: &Mesh, to: &Output) -> Result<(), String> {
     let kind = ending(&to.output);
     // Before the file is created, or a mistyped name leaves an empty one.
@@ -186,12 +208,21 @@ fn written(
     facets: u64,
     body: impl FnOnce(&mut BufWriter<Hashed<File>>) -> io::Result<()>,
 ) -> Result<(), String> {
-    let fail = |e: io::Error| format!("cannot write {}: {e}", to.output.display());
-    let file = File::create(&to.output).map_err(fail)?;
+    let written = hashed(&to.output, body)?;
+    say(format_args!("{facets} facets, {written}"))
+}
+
+/// Opens the output, lets `body` fill it, and says how many bytes it has and their hash.
+fn hashed(
+    output: &Path,
+    body: impl FnOnce(&mut BufWriter<Hashed<File>>) -> io::Result<()>,
+) -> Result<String, String> {
+    let fail = |e: io::Error| format!("cannot write {}: {e}", output.display());
+    let file = File::create(output).map_err(fail)?;
     let mut out = BufWriter::with_capacity(1 << 20, Hashed::new(file));
     body(&mut out).and_then(|()| out.flush()).map_err(fail)?;
     let hashed = out.get_ref();
-    say(format_args!("{facets} facets, {} bytes, FNV-1a {:016x}", hashed.bytes(), hashed.hash()))
+    Ok(format!("{} bytes, FNV-1a {:016x}", hashed.bytes(), hashed.hash()))
 }
 
 /// A line on standard output; a reader that went away is an error, not a panic.
