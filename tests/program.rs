@@ -6,6 +6,7 @@ mod program {
     mod backend;
     mod bad_input;
     mod beads;
+    mod bench;
     mod build;
     mod cache;
     mod check;

@@ -3,7 +3,7 @@
 use crate::support::*;
 use std::ffi::OsStr;
 
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 12] = [
     "build",
     "beads",
     "mesh",
@@ -13,6 +13,7 @@ const COMMANDS: [&str; 11] = [
     "export",
     "verify",
     "cache",
+    "bench",
     "completions",
     "man",
 ];

@@ -1,5 +1,6 @@
 //! What the user types. The commands turn it into checked plans.
 
+use crate::bench_args::BenchArgs;
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
@@ -26,6 +27,7 @@ pub enum Command {
     Export(ExportArgs),
     Verify(VerifyArgs),
     Cache(CacheArgs),
+    Bench(BenchArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
 }

@@ -102,7 +102,7 @@ fn segments(inputs: &[Input]) -> u64 {
 }
 
 /// Memory of the machine, or of the control group that the program runs in if that is less.
-fn available() -> Option<Size> {
+pub fn available() -> Option<Size> {
     let machine = field(Path::new("/proc/meminfo"), "MemTotal:");
     machine.into_iter().chain(group_limits()).min()
 }

@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 const CACHE_BYTES: u64 = 512 << 20;
 
 /// Sets the number of threads and makes the progress bars.
-fn start(work: WorkArgs) -> Result<Bars, Failure> {
+pub fn start(work: WorkArgs) -> Result<Bars, Failure> {
     let threads = work.threads.map_or(0, usize::from);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
     Ok(Bars::new(work.quiet, work.progress))

@@ -1,0 +1,149 @@
+//! `brickfield bench`: results, their comparison, their reports. No time is asserted.
+
+use crate::support::*;
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Measures a small suite once, and gives the file.
+fn measured(dir: &Scratch, suite: &str, rounds: &str, name: &str) -> PathBuf {
+    let (cache, output) = (dir.path("cache"), dir.path(name));
+    let args = [suite, "--quick", "--quiet", "--rounds", rounds];
+    let told = program().arg("bench").args(args).arg("--cache").arg(&cache).arg("-o").arg(&output).output();
+    let told: Run = told.expect("it runs").into();
+    // That the machine is busy is told as a warning.
+    assert_eq!((told.status, told.stdout.as_str()), (Some(0), ""), "{}", told.stderr);
+    assert!(told.stderr.lines().all(|line| line.contains("was not idle")), "{}", told.stderr);
+    output
+}
+
+fn read(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).expect("it is there")).expect("it is JSON")
+}
+
+/// The file with something else in it.
+fn doctored(dir: &Scratch, result: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let mut value = read(result);
+    change(&mut value);
+    dir.file(name, value.to_string())
+}
+
+#[test]
+fn a_suite_is_measured_compared_and_reported() {
+    let dir = Scratch::new();
+    let result = measured(&dir, "store", "3", "a.json");
+    let value = read(&result);
+    assert_eq!((&value["format"], &value["settings"]["suites"]), (&json!(1), &json!(["store"])));
+    assert_eq!(value["inputs"][0]["triangles"], json!(50_000));
+    let figures = value["figures"].as_array().expect("figures");
+    assert!(figures.len() >= 8);
+    for figure in figures {
+        let rounds = figure["rounds"].as_array().expect("rounds");
+        assert_eq!(rounds.len(), 3, "{figure}");
+        let positive = |round: &Value, name: &str| round[name].as_f64().is_some_and(|value| value > 0.0);
+        assert!(rounds.iter().all(|r| positive(r, "seconds") && positive(r, "floor_seconds")), "{figure}");
+    }
+    let verified = figures.iter().find(|figure| figure["job"] == "verify, lz4").expect("it is there");
+    let built =
+        figures.iter().find(|figure| figure["job"] == "build --depth 2 --compression lz4").expect("too");
+    assert_eq!(verified["facts"]["records"], built["facts"]["nodes"]);
+    // Of what was written while measuring nothing is left.
+    let mut kept: Vec<_> = fs::read_dir(dir.path("cache")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    kept.sort();
+    assert_eq!(kept, ["pile-50k.stl"]);
+
+    let same = run(&[&"bench", &"compare", &result, &result]).ok();
+    assert!(same.contains("within the noise") && !same.contains("SLOWER"), "{same}");
+    let slower = doctored(&dir, &result, "slow.json", |value| {
+        for round in value["figures"][0]["rounds"].as_array_mut().unwrap() {
+            round["seconds"] = json!(1e3 * round["seconds"].as_f64().unwrap());
+        }
+    });
+    let told = run(&[&"bench", &"compare", &result, &slower, &"--json"]);
+    assert_eq!((told.status, told.stderr.lines().count()), (Some(1), 1), "{}", told.stderr);
+    assert!(told.stderr.contains("1 slower"), "{}", told.stderr);
+    let told: Value = serde_json::from_str(&told.stdout).unwrap();
+    let verdicts: Vec<&Value> = told["figures"].as_array().unwrap().iter().map(|f| &f["verdict"]).collect();
+    assert_eq!(verdicts.iter().filter(|verdict| **verdict != "same").count(), 1, "{verdicts:?}");
+    assert_eq!(verdicts[0], "slower");
+    let other =
+        doctored(&dir, &result, "other.json", |value| value["figures"][0]["facts"]["leaves"] = json!(1));
+    assert!(run(&[&"bench", &"compare", &result, &other]).stdout.contains("OTHER RESULT"));
+    let other = doctored(&dir, &result, "input.json", |value| value["inputs"][0]["fnv1a"] = json!("0"));
+    assert!(run(&[&"bench", &"compare", &result, &other]).stdout.contains("OTHER INPUT"));
+
+    let page = dir.path("r.html");
+    run(&[&"bench", &"report", &result, &result, &"-o", &page]).ok();
+    let page = fs::read_to_string(page).unwrap();
+    assert!(page.starts_with("<!doctype html>") && page.contains("verify, range"), "{page}");
+    assert!(!page.contains("http://") || page.matches("http://").all(|_| page.contains("http://www.w3.org")));
+}
+
+#[test]
+fn a_report_has_plots() {
+    let dir = Scratch::new();
+    let result = measured(&dir, "scale", "1", "a.json");
+    let page = dir.path("r.html");
+    run(&[&"bench", &"report", &result, &"-o", &page]).ok();
+    let html = fs::read_to_string(page).unwrap();
+    assert!(html.matches("<svg").count() >= 3, "{}", html.len());
+    run(&[&"bench", &"report", &result, &"-o", &dir.path("r.md")]).ok();
+    let text = fs::read_to_string(dir.path("r.md")).unwrap();
+    for name in ["r-triangles.svg", "r-depth.svg", "r-memory.svg"] {
+        assert!(text.contains(&format!("({name})")), "{name}: {text}");
+        assert!(fs::read_to_string(dir.path(name)).unwrap().starts_with("<svg"), "{name}");
+    }
+    // With one round each nothing is known of the noise, and little is beyond it.
+    let half = doctored(&dir, &result, "b.json", |value| {
+        let seconds = &mut value["figures"][0]["rounds"][0]["seconds"];
+        *seconds = json!(1.2 * seconds.as_f64().unwrap());
+    });
+    run(&[&"bench", &"compare", &result, &half]).ok();
+}
+
+#[test]
+fn bad_results_are_refused() {
+    let dir = Scratch::new();
+    let none = dir.path("none.json");
+    let text = dir.file("text.json", "solid");
+    let old = dir.file("old.json", r#"{"format": 1}"#);
+    let good = json!({
+        "format": 1, "program": "p", "commit": null, "date": "2026-11-22", "seconds": 1.0, "input_seconds": 0.0,
+        "machine": {"cpu": "c", "cores": 1, "memory_bytes": null, "kernel": "k"}, "load": [0.0, 0.0],
+        "settings": {"suites": ["mesh"], "quick": true, "full": false, "rounds": 1, "threads": 1}, "inputs": [],
+        "figures": [{"suite": "mesh", "input": "i", "job": "j", "rounds": [
+            {"seconds": 1.0, "cpu_seconds": 1.0, "floor_seconds": 1.0, "anonymous_bytes": 1}]}],
+    });
+    let whole = dir.file("whole.json", good.to_string());
+    run(&[&"bench", &"compare", &whole, &whole]).ok();
+    let new = doctored(&dir, &whole, "new.json", |value| value["format"] = json!(2));
+    let rounds = doctored(&dir, &whole, "rounds.json", |value| value["figures"][0]["rounds"] = json!([]));
+    let negative = doctored(&dir, &whole, "negative.json", |value| {
+        value["figures"][0]["rounds"][0]["seconds"] = json!(-1.0)
+    });
+    let empty = doctored(&dir, &whole, "empty.json", |value| value["figures"] = json!([]));
+    for bad in [&none, &text, &old, &new, &rounds, &negative] {
+        let name = bad.file_name().unwrap().to_str().unwrap();
+        let line = run(&[&"bench", &"compare", &whole, bad]).failed();
+        assert!(line.contains(name), "{line}");
+        let line = run(&[&"bench", &"report", bad, &"-o", &dir.path("r.html")]).failed();
+        assert!(line.contains(name), "{line}");
+    }
+    assert!(run(&[&"bench", &"compare", &whole, &empty]).failed().contains("no figure in common"));
+    assert!(!dir.path("r.html").exists());
+    run(&[&"bench", &"report", &whole, &"-o", &dir.path("r.pdf")]).misused();
+    let page = dir.file("whole.md", good.to_string());
+    run(&[&"bench", &"report", &page, &"-o", &page]).failed();
+    run(&[&"bench", &"everything"]).misused();
+    run(&[&"bench", &"store", &"--quick", &"--full"]).misused();
+    run(&[&"bench", &"store", &"--quick", &"--report", &"r.pdf", &"--cache", &dir.path("c")]).misused();
+}
+
+#[test]
+fn a_damaged_input_is_made_again() {
+    let dir = Scratch::new();
+    fs::create_dir(dir.path("cache")).unwrap();
+    let input = dir.file("cache/pile-50k.stl", "no triangles");
+    measured(&dir, "mesh", "1", "a.json");
+    assert_eq!(fs::metadata(input).unwrap().len(), 2_500_084);
+}

@@ -1,0 +1,121 @@
+//! This program, run anew as its user runs it: its time, its memory, what it printed.
+
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::output::one_line;
+use anyhow::{Context, anyhow};
+use std::ffi::OsString;
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// How often the memory of a process is looked at. Looking takes 20 µs.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+/// Clock ticks a second in /proc: the same on all Linux systems.
+const TICKS: f64 = 100.0;
+
+/// What a process took, and what it printed.
+pub struct Ran {
+    pub seconds: f64,
+    /// User and system time, to 10 ms.
+    pub cpu_seconds: f64,
+    pub anonymous_bytes: u64,
+    pub printed: Vec<u8>,
+}
+
+/// Runs this program with `args` in `folder`.
+///
+/// # Errors
+/// If it fails, with what it said, or the user asked to stop.
+pub fn run_self(args: &[OsString], folder: &Path) -> Result<Ran, Failure> {
+    let program = std::env::current_exe().context("cannot find this program's own file")?;
+    let mut command = Command::new(program);
+    command.args(args);
+    run(command, folder)
+}
+
+/// Runs a command in `folder`.
+///
+/// # Errors
+/// As [`run_self`].
+pub fn run(mut command: Command, folder: &Path) -> Result<Ran, Failure> {
+    command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let name = told(&command);
+    let cpu_before = children_seconds();
+    let start = Instant::now();
+    let mut child = command.spawn().with_context(|| format!("cannot run {name}"))?;
+    let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+    let (id, child, ended) = (child.id(), Mutex::new(child), AtomicBool::new(false));
+    let (status, seconds, printed, said, anonymous_bytes) = thread::scope(|scope| {
+        let watch = scope.spawn(|| watch(id, &child, &ended));
+        let said = scope.spawn(|| {
+            let mut said = Vec::new();
+            // What cannot be read is only missing from a message.
+            let _ = stderr.map(|mut pipe| pipe.read_to_end(&mut said));
+            said
+        });
+        let printed = stdout.map_or(Ok(Vec::new()), read_all);
+        let status = child.lock().unwrap_or_else(PoisonError::into_inner).wait();
+        let seconds = start.elapsed().as_secs_f64();
+        ended.store(true, Ordering::Relaxed);
+        (status, seconds, printed, said.join().unwrap_or_default(), watch.join().unwrap_or(0))
+    });
+    if interrupt::requested() {
+        return Err(brickfield_engine::Error::Interrupted.into());
+    }
+    let status = status.with_context(|| format!("cannot wait for {name}"))?;
+    if !status.success() {
+        let said = String::from_utf8_lossy(&said);
+        let last = said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it said nothing");
+        return Err(anyhow!("{name}: {status}: {last}").into());
+    }
+    let printed = printed.with_context(|| format!("cannot read what {name} printed"))?;
+    Ok(Ran { seconds, cpu_seconds: children_seconds() - cpu_before, anonymous_bytes, printed })
+}
+
+fn read_all(mut pipe: ChildStdout) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    pipe.read_to_end(&mut bytes).map(|_| bytes)
+}
+
+/// The command as a line of text.
+fn told(command: &Command) -> String {
+    let program = Path::new(command.get_program()).file_name().unwrap_or_default();
+    let words = std::iter::once(program).chain(command.get_args());
+    one_line(&words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" "))
+}
+
+/// The largest RssAnon of a process until it has ended; ends it if the user asks to stop.
+fn watch(id: u32, child: &Mutex<Child>, ended: &AtomicBool) -> u64 {
+    let status = format!("/proc/{id}/status");
+    let mut most = 0;
+    while !ended.load(Ordering::Relaxed) {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("RssAnon:"));
+        let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());
+        most = most.max(kib.unwrap_or(0) * 1024);
+        // Whoever waits for the process holds the lock only when it has closed its output, and is about to end.
+        if interrupt::requested()
+            && let Ok(mut child) = child.try_lock()
+        {
+            // It may have ended by itself.
+            let _ = child.kill();
+        }
+        thread::sleep(LOOK_EVERY);
+    }
+    most
+}
+
+/// User and system time of all processes that this one has started and that have ended.
+fn children_seconds() -> f64 {
+    let text = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // Behind the program's name, which may hold anything, from the third field on.
+    let fields = text.rsplit_once(") ").map_or("", |(_, fields)| fields);
+    let ticks: f64 = fields.split(' ').skip(13).take(2).filter_map(|field| field.parse::<f64>().ok()).sum();
+    ticks / TICKS
+}

@@ -1,0 +1,195 @@
+//! `brickfield bench`: how fast this program is on this machine, beside what the machine can do at best.
+//!
+//! Suites are lists of jobs, jobs are commands of this program (`plan`, `suites`, `paper`) that are run as processes of
+//! their own (`child`), on inputs that are made once (`inputs`), beside the read floor (`floor`). What was measured is one
+//! file (`result`), for people a table (`table`), compared with another (`compare`) or shown (`report`, `plots`).
+
+mod child;
+mod compare;
+mod floor;
+mod inputs;
+mod machine;
+mod paper;
+mod plan;
+mod plots;
+mod report;
+mod result;
+mod sections;
+mod suites;
+mod table;
+
+use crate::bench_args::{BenchArgs, BenchCommand, BenchRunArgs, SuiteArg};
+use crate::commands::start;
+use crate::failure::Failure;
+use crate::output::{print, print_json, require_distinct, warn};
+use crate::progress::Bars;
+use anyhow::{Context, anyhow};
+use brickfield_engine::Progress;
+use brickfield_engine::part::PartFile;
+use clap::ValueEnum;
+use inputs::Cache;
+use machine::Machine;
+use plan::{Bench, Job, OUT};
+use result::{Results, Round, Settings};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Runs the command.
+pub fn run(args: BenchArgs) -> Result<(), Failure> {
+    match args.command {
+        Some(BenchCommand::Compare(args)) => compare::run(&args),
+        Some(BenchCommand::Report(args)) => report::run(&args),
+        None => measure(args.run),
+    }
+}
+
+/// Measures the suites and tells of them.
+fn measure(args: BenchRunArgs) -> Result<(), Failure> {
+    let bars = start(args.work)?;
+    let outputs: Vec<&Path> =
+        [&args.output, &args.report].into_iter().flatten().map(PathBuf::as_path).collect();
+    require_distinct(&outputs, &[])?;
+    // Refused before the long work.
+    let format = args.report.as_deref().map(report::Format::of).transpose()?;
+    let cache = Cache::open(args.cache)?;
+    let mut suites = args.suites.clone();
+    if suites.is_empty() {
+        suites.extend([SuiteArg::Paper, SuiteArg::Scale]);
+    }
+    suites.sort_unstable();
+    suites.dedup();
+    let begun = Instant::now();
+    let (date, load) = (machine::date(), machine::load());
+    let mut results = Results {
+        format: Results::format(),
+        program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
+        commit: machine::commit(),
+        date,
+        machine: Machine::this(),
+        settings: Settings {
+            suites: suites
+                .iter()
+                .filter_map(|suite| Some(suite.to_possible_value()?.get_name().to_owned()))
+                .collect(),
+            quick: args.quick,
+            full: args.full,
+            rounds: args.rounds,
+            threads: rayon::current_num_threads(),
+        },
+        seconds: 0.0,
+        input_seconds: 0.0,
+        load: [load, load],
+        inputs: Vec::new(),
+        figures: Vec::new(),
+    };
+    for suite in suites {
+        add_suite(suite, &cache, &bars, &mut results)?;
+    }
+    bars.clear();
+    results.seconds = begun.elapsed().as_secs_f64();
+    results.load[1] = machine::load();
+    if results.load[0] > results.machine.cores as f64 * 0.5 {
+        let load = results.load[0];
+        warn(&format!(
+            "the machine was not idle: its load was {load} before; compare such figures as ratios only"
+        ));
+    }
+    if let Some(path) = &args.output {
+        write_file(path, &serde_json::to_vec_pretty(&results).context("cannot write JSON")?)?;
+    }
+    let text = table::of(&results);
+    let json = args.json.then(|| serde_json::to_value(&results)).transpose().context("cannot write JSON")?;
+    if let (Some(path), Some(format)) = (&args.report, format) {
+        report::write(&[results], path, format)?;
+    }
+    match json {
+        Some(json) => print_json(&json),
+        None if args.work.quiet => Ok(()),
+        None => print(&text),
+    }
+}
+
+/// Measures a suite, round by round, each job once a round.
+fn add_suite(suite: SuiteArg, cache: &Cache, bars: &Bars, results: &mut Results) -> Result<(), Failure> {
+    let scratch = tempfile::Builder::new().prefix("bench-").tempdir_in(cache.folder());
+    let scratch = scratch.with_context(|| format!("{}: cannot be written to", cache.folder().display()))?;
+    let Settings { quick, full, rounds, threads, .. } = results.settings;
+    let folder = scratch.path().to_owned();
+    let inputs = std::mem::take(&mut results.inputs);
+    let mut bench = Bench { cache, folder, threads, quick, full, progress: bars, inputs, input_seconds: 0.0 };
+    let mut jobs = suites::jobs(suite, &mut bench)?;
+    let name = suite.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
+    for round in 1..=rounds {
+        bars.phase(&format!("{name} {round}/{rounds}"), Some(jobs.len() as u64), "jobs");
+        for job in &mut jobs {
+            bars.check()?;
+            measure_once(job, &bench)?;
+            bars.advance(1);
+        }
+    }
+    results.inputs = bench.inputs;
+    results.input_seconds += bench.input_seconds;
+    results.figures.extend(jobs.into_iter().flat_map(|job| job.figures).map(|(figure, _)| figure));
+    Ok(())
+}
+
+/// One round of a job.
+fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
+    let is_mesh = job.input.name.ends_with(".stl");
+    let floor_seconds = floor::read_floor(&bench.cache.path(job.input), is_mesh)?;
+    let mut facts = serde_json::Map::new();
+    let mut run_all = |lines: &[plan::Line]| -> Result<Round, Failure> {
+        // To replace a file would take the time that freeing its pages takes.
+        let out = bench.folder.join(OUT);
+        let emptied = fs::remove_dir_all(&out).or_else(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => Ok(()),
+            _ => Err(error),
+        });
+        let told = || format!("{}: cannot be emptied", out.display());
+        emptied.and_then(|()| fs::create_dir(&out)).with_context(told)?;
+        let mut round = Round { seconds: 0.0, cpu_seconds: 0.0, floor_seconds, anonymous_bytes: 0 };
+        for line in lines {
+            let ran = child::run_self(line, &bench.folder)?;
+            round.seconds += ran.seconds;
+            round.cpu_seconds += ran.cpu_seconds;
+            round.anonymous_bytes = round.anonymous_bytes.max(ran.anonymous_bytes);
+            facts.extend(plan::facts_of(&ran));
+        }
+        Ok(round)
+    };
+    let fewer = job.fewer.as_deref().map(&mut run_all).transpose()?;
+    let whole = run_all(&job.lines)?;
+    for (figure, factor) in &mut job.figures {
+        figure.rounds.push(match &fewer {
+            None => whole,
+            Some(fewer) => extrapolate(fewer, &whole, *factor),
+        });
+        if figure.rounds.len() > 1 && figure.facts != facts {
+            return Err(anyhow!(
+                "{}: two rounds gave different results, which is a mistake of the program",
+                figure.id()
+            )
+            .into());
+        }
+        figure.facts = facts.clone();
+    }
+    Ok(())
+}
+
+/// What `factor` times the difference of two runs takes beside the lesser one.
+fn extrapolate(fewer: &Round, whole: &Round, factor: f64) -> Round {
+    let of = |less: f64, more: f64| less + factor * (more - less).max(0.0);
+    Round {
+        seconds: of(fewer.seconds, whole.seconds),
+        cpu_seconds: of(fewer.cpu_seconds, whole.cpu_seconds),
+        ..*whole
+    }
+}
+
+/// Writes a file that gets its name when it is durable.
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let mut file = PartFile::create(path)?;
+    file.append(bytes)?;
+    Ok(file.finish()?)
+}

@@ -1,0 +1,159 @@
+//! Figures for people.
+
+use crate::bench::result::{Figure, InputFact, Results, Spread};
+use crate::units::Size;
+use std::fmt::Write;
+
+/// A table of text, in a terminal, Markdown or HTML.
+pub struct Table {
+    pub head: Vec<String>,
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// With these columns.
+    pub fn new(head: &[&str]) -> Table {
+        Table { head: head.iter().map(|&name| name.to_owned()).collect(), rows: Vec::new() }
+    }
+
+    /// In columns, all but the first two flush right.
+    fn aligned(&self) -> String {
+        let lines = || std::iter::once(&self.head).chain(&self.rows);
+        let width = |column: usize| lines().map(|line| line[column].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..self.head.len()).map(width).collect();
+        let mut text = String::new();
+        for line in lines() {
+            let mut told = String::new();
+            for (column, (cell, width)) in line.iter().zip(&widths).enumerate() {
+                let space = " ".repeat(width - cell.chars().count());
+                told += &if column < 2 { format!("{cell}{space}  ") } else { format!("{space}{cell}  ") };
+            }
+            text += told.trim_end();
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// All figures of a result.
+pub fn of(results: &Results) -> String {
+    let mut text = heading(results);
+    for suite in &results.settings.suites {
+        let _ = write!(text, "\n{suite}\n{}", of_suite(results, suite).aligned());
+    }
+    text
+}
+
+/// What was measured on what, in a few lines.
+pub fn heading(results: &Results) -> String {
+    let Results { program, commit, date, machine, settings, seconds, input_seconds, load, .. } = results;
+    let commit = commit.as_ref().map_or(String::new(), |commit| format!(" ({commit})"));
+    let memory = machine.memory_bytes.map_or(String::new(), |bytes| format!(", {} of memory", Size(bytes)));
+    let size = if settings.quick {
+        "quick, "
+    } else if settings.full {
+        "full, "
+    } else {
+        ""
+    };
+    format!(
+        "{program}{commit}, {date}: {size}{} rounds with {} threads in {seconds:.0} s, {input_seconds:.0} s of it for inputs\n\
+         {}, {} cores{memory}, {}, load {:.1} before and {:.1} after\n",
+        settings.rounds, settings.threads, machine.cpu, machine.cores, machine.kernel, load[0], load[1]
+    )
+}
+
+/// The figures of a suite.
+pub fn of_suite(results: &Results, suite: &str) -> Table {
+    let mut table =
+        Table::new(&["input", "job", "seconds", "(range)", "floors", "(range)", "cpu s", "memory", "result"]);
+    for figure in results.figures.iter().filter(|figure| figure.suite == suite) {
+        let (seconds, floors) = (figure.seconds(), figure.floors());
+        let job =
+            if figure.extrapolated { format!("{} (extrapolated)", figure.job) } else { figure.job.clone() };
+        table.rows.push(vec![
+            figure.input.clone(),
+            job,
+            number(seconds.median),
+            range(seconds),
+            unless_extrapolated(figure, number(floors.median)),
+            unless_extrapolated(figure, range(floors)),
+            number(figure.cpu_seconds().median),
+            memory(figure),
+            facts(figure),
+        ]);
+    }
+    table
+}
+
+/// The inputs of results, each once.
+pub fn of_inputs(results: &[Results]) -> Table {
+    let mut table = Table::new(&["input", "FNV-1a", "bytes", "triangles"]);
+    for InputFact { name, bytes, triangles, fnv1a } in results.iter().flat_map(|result| &result.inputs) {
+        let triangles = triangles.map_or(String::new(), |count| count.to_string());
+        let row = vec![name.clone(), fnv1a.clone(), bytes.to_string(), triangles];
+        if !table.rows.contains(&row) {
+            table.rows.push(row);
+        }
+    }
+    table
+}
+
+/// Three digits that matter.
+pub fn number(value: f64) -> String {
+    let digits = match value.abs() {
+        v if v == 0.0 || v >= 100.0 => 0,
+        v if v >= 10.0 => 1,
+        v if v >= 1.0 => 2,
+        v if v >= 0.1 => 3,
+        _ => 4,
+    };
+    format!("{value:.digits$}")
+}
+
+/// From the least to the greatest.
+pub fn range(spread: Spread) -> String {
+    if spread.rounds < 2 {
+        "one round".to_owned()
+    } else {
+        format!("{} to {}", number(spread.min), number(spread.max))
+    }
+}
+
+/// The floor of an input says nothing of what was not measured as a whole.
+fn unless_extrapolated(figure: &Figure, text: String) -> String {
+    if figure.extrapolated { "–".to_owned() } else { text }
+}
+
+fn memory(figure: &Figure) -> String {
+    match figure.anonymous_bytes() {
+        0 => "not seen".to_owned(),
+        bytes => Size(bytes).to_string(),
+    }
+}
+
+/// What the job told that says how much was done.
+fn facts(figure: &Figure) -> String {
+    let told =
+        [("triangles", "triangles"), ("leaves", "leaves"), ("records", "records"), ("file_bytes", "bytes")];
+    let known = told.iter().filter_map(|(name, of)| Some(format!("{} {of}", figure.facts.get(*name)?)));
+    known.collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits() {
+        let texts = [0.0, 0.01234, 0.1234, 1.234, 12.34, 123.4, 12_345.6].map(number);
+        assert_eq!(texts, ["0", "0.0123", "0.123", "1.23", "12.3", "123", "12346"]);
+    }
+
+    #[test]
+    fn columns_stand_below_each_other() {
+        let mut table = Table::new(&["a", "b", "c"]);
+        table.rows.push(["ü", "long", "10"].map(str::to_owned).into());
+        assert_eq!(table.aligned(), "a  b      c\nü  long  10\n");
+    }
+}

@@ -1,0 +1,110 @@
+//! What the user types behind `brickfield bench`.
+
+use crate::args::WorkArgs;
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Measure this program on this machine, and compare and show what was measured
+#[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
+#[command(after_help = "\
+Inputs are made on demand in the cache folder and their bytes checked; 3 GB for `paper`, 7 GB with --full. Every figure \
+is that of whole commands of this program, started anew for each round, and stands beside the read floor of its \
+input in the same round: streaming the file with all cores and snapping every vertex in plain code. Memory is the \
+largest RssAnon of the process, read every 2 ms. What is told is the median of the rounds, with the least and the \
+greatest.
+
+Examples:
+  brickfield bench -o now.json --report now.html
+  brickfield bench scale mesh --quick
+  brickfield bench compare before.json now.json
+  brickfield bench report now.json -o now.md")]
+pub struct BenchArgs {
+    #[command(subcommand)]
+    pub command: Option<BenchCommand>,
+    #[command(flatten)]
+    pub run: BenchRunArgs,
+}
+
+#[derive(Subcommand)]
+pub enum BenchCommand {
+    Compare(BenchCompareArgs),
+    Report(BenchReportArgs),
+}
+
+#[derive(Args)]
+pub struct BenchRunArgs {
+    /// What to measure [default: paper scale]
+    #[arg(value_name = "SUITE")]
+    pub suites: Vec<SuiteArg>,
+    /// Small inputs, to see that all works and what is roughly to be expected
+    #[arg(long)]
+    pub quick: bool,
+    /// All of `scale`, up to 45 million triangles and depth 7, and open input of all sizes in `paper`; an hour
+    #[arg(long, conflicts_with = "quick")]
+    pub full: bool,
+    /// Folder for inputs, kept, and for what is written while measuring, removed
+    /// [default: brickfield in $XDG_CACHE_HOME or ~/.cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// How often every figure is measured
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub rounds: u16,
+    /// Write everything that was measured, every round of it, as JSON
+    #[arg(long, short, value_name = "RESULT.json")]
+    pub output: Option<PathBuf>,
+    /// Also write the report, as `bench report` does
+    #[arg(long, value_name = "OUT.html|OUT.md")]
+    pub report: Option<PathBuf>,
+    /// Print what -o writes in place of the table
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// The suites.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum SuiteArg {
+    /// Table 3 of Peelar et al. 2019: 32³ to 128³ samples of inputs of its sizes, dense, open and sparse, and the sum over
+    /// all triangles that it measured
+    Paper,
+    /// Builds by the number of triangles, depth, threads and memory
+    Scale,
+    /// Meshes of stores: uniform and with --tolerance, STL and PLY
+    Mesh,
+    /// Stores as files: compression, verify, stat, repack, export
+    Store,
+    /// Answers at points: from stores, from closed and open soups; builds from point clouds
+    Points,
+}
+
+/// Say what differs between two results beyond the noise of their rounds
+#[derive(Args)]
+#[command(after_help = "\
+A figure differs if the ranges of its rounds do not overlap and the medians are farther apart than the noise: three \
+standard errors of the medians, estimated from the rounds' deviations, and at least 2 percent; 25 percent where one \
+of the two has fewer than 3 rounds. Answers (triangles, bytes, leaves) must be equal. Status 0 if nothing differs, 1 \
+otherwise.")]
+pub struct BenchCompareArgs {
+    /// The result to compare with
+    #[arg(value_name = "A.json")]
+    pub before: PathBuf,
+    /// The result that is judged
+    #[arg(value_name = "B.json")]
+    pub after: PathBuf,
+    /// Print the comparison as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Write tables and plots of results as one HTML page, or as Markdown with SVG files beside it
+#[derive(Args)]
+pub struct BenchReportArgs {
+    /// What `bench -o` wrote; the plots show all of them
+    #[arg(required = true, value_name = "RESULT.json")]
+    pub results: Vec<PathBuf>,
+    /// The report; .html or .md
+    #[arg(long, short, value_name = "OUT.html|OUT.md")]
+    pub output: PathBuf,
+}
