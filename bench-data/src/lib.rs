@@ -25,6 +25,9 @@ pub mod write;
 pub use mesh::Mesh;
 pub use rng::Rng;
 
+/// The program in Python that asks one peer one question; `peers/peers.py`.
+pub const ASK_PEER: &str = include_str!("../peers/peers.py");
+
 /// One facet as STL stores it: three corners, counter-clockwise seen from outside.
 pub type Facet = [[f32; 3]; 3];
 /// One facet in double precision.

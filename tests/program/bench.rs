@@ -102,6 +102,33 @@ fn a_report_has_plots() {
 }
 
 #[test]
+fn peers_that_fail_say_so_in_their_rows() {
+    let dir = Scratch::new();
+    let (cache, output) = (dir.path("cache"), dir.path("a.json"));
+    let args = ["bench", "points", "--quick", "--rounds", "1", "--peers=false"];
+    let told = program().args(args).arg("--cache").arg(&cache).arg("-o").arg(&output).output();
+    let told: Run = told.expect("it runs").into();
+    assert_eq!(told.status, Some(0), "{}", told.stderr);
+    assert!(told.stdout.contains("failed: "), "{}", told.stdout);
+    let value = read(&output);
+    let figures = value["figures"].as_array().expect("figures").iter().filter(|f| f["suite"] == "peers");
+    let (ours, theirs): (Vec<&Value>, Vec<&Value>) =
+        figures.partition(|figure| figure["job"].as_str().is_some_and(|job| job.starts_with("this program")));
+    assert!(ours.len() == 5 && theirs.len() > 5, "{} {}", ours.len(), theirs.len());
+    assert!(theirs.iter().all(|f| f["failed"].is_string() && f["rounds"] == json!([])), "{theirs:?}");
+    // Closed soups are exact, and open ones within what was asked for.
+    for figure in ours.iter().filter(|figure| figure["facts"].get("judged").is_some()) {
+        let open = figure["input"].as_str().is_some_and(|name| name.starts_with("cracked"));
+        let worst = figure["facts"]["worst_error"].as_f64().expect("an error");
+        assert!(worst < if open { 0.1 } else { 1e-9 }, "{figure}");
+        assert_eq!(figure["facts"]["wrong_side"], 0, "{figure}");
+    }
+    run(&[&"bench", &"compare", &output, &output]).ok();
+    run(&[&"bench", &"report", &output, &"-o", &dir.path("r.md")]).ok();
+    assert!(fs::read_to_string(dir.path("r.md")).unwrap().contains("failed: "));
+}
+
+#[test]
 fn bad_results_are_refused() {
     let dir = Scratch::new();
     let none = dir.path("none.json");

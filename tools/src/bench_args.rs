@@ -2,14 +2,15 @@
 
 use crate::args::WorkArgs;
 use clap::{Args, Subcommand, ValueEnum};
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// Measure this program on this machine, and compare and show what was measured
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]
 #[command(after_help = "\
-Inputs are made on demand in the cache folder and their bytes checked; 3 GB for `paper`, 7 GB with --full. Every figure \
-is that of whole commands of this program, started anew for each round, and stands beside the read floor of its \
+Inputs are made on demand in the cache folder and their bytes checked; 3 GB for `paper`, 7 GB with --full. Every \
+figure is that of whole commands of this program, started anew for each round, and stands beside the read floor of its \
 input in the same round: streaming the file with all cores and snapping every vertex in plain code. Memory is the \
 largest RssAnon of the process, read every 2 ms. What is told is the median of the rounds, with the least and the \
 greatest.
@@ -50,6 +51,10 @@ pub struct BenchRunArgs {
     /// How often every figure is measured
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub rounds: u16,
+    /// Also ask other programs the same questions, by turns with this one, through the Python of the environment that
+    /// bench-data/peers/setup makes [default: peers/bin/python in the cache folder]
+    #[arg(long, value_name = "PYTHON", num_args = 0..=1, require_equals = true)]
+    pub peers: Option<Option<OsString>>,
     /// Write everything that was measured, every round of it, as JSON
     #[arg(long, short, value_name = "RESULT.json")]
     pub output: Option<PathBuf>,
@@ -66,8 +71,8 @@ pub struct BenchRunArgs {
 /// The suites.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum SuiteArg {
-    /// Table 3 of Peelar et al. 2019: 32³ to 128³ samples of inputs of its sizes, dense, open and sparse, and the sum over
-    /// all triangles that it measured
+    /// Table 3 of Peelar et al. 2019: 32³ to 128³ samples of inputs of its sizes, dense, open and sparse, and the sum
+    /// over all triangles that it measured
     Paper,
     /// Builds by the number of triangles, depth, threads and memory
     Scale,

@@ -36,23 +36,24 @@ pub fn run_self(args: &[OsString], folder: &Path) -> Result<Ran, Failure> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
     command.args(args);
-    run(command, folder)
+    run(command, folder, None)
 }
 
-/// Runs a command in `folder`.
+/// Runs a command in `folder`, for as long as `limit` at most.
 ///
 /// # Errors
-/// As [`run_self`].
-pub fn run(mut command: Command, folder: &Path) -> Result<Ran, Failure> {
+/// As [`run_self`], or if it takes longer.
+pub fn run(mut command: Command, folder: &Path, limit: Option<Duration>) -> Result<Ran, Failure> {
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let name = told(&command);
     let cpu_before = children_seconds();
     let start = Instant::now();
     let mut child = command.spawn().with_context(|| format!("cannot run {name}"))?;
     let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
-    let (id, child, ended) = (child.id(), Mutex::new(child), AtomicBool::new(false));
+    let (id, child, ended) = (child.id(), &Mutex::new(child), &AtomicBool::new(false));
     let (status, seconds, printed, said, anonymous_bytes) = thread::scope(|scope| {
-        let watch = scope.spawn(|| watch(id, &child, &ended));
+        let late = |start: Instant| limit.is_some_and(|limit| start.elapsed() > limit);
+        let watch = scope.spawn(move || watch(id, child, ended, &|| interrupt::requested() || late(start)));
         let said = scope.spawn(|| {
             let mut said = Vec::new();
             // What cannot be read is only missing from a message.
@@ -69,6 +70,9 @@ pub fn run(mut command: Command, folder: &Path) -> Result<Ran, Failure> {
         return Err(brickfield_engine::Error::Interrupted.into());
     }
     let status = status.with_context(|| format!("cannot wait for {name}"))?;
+    if limit.is_some_and(|limit| seconds > limit.as_secs_f64()) {
+        return Err(anyhow!("{name}: stopped after {seconds:.0} s").into());
+    }
     if !status.success() {
         let said = String::from_utf8_lossy(&said);
         let last = said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it said nothing");
@@ -90,8 +94,8 @@ fn told(command: &Command) -> String {
     one_line(&words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" "))
 }
 
-/// The largest RssAnon of a process until it has ended; ends it if the user asks to stop.
-fn watch(id: u32, child: &Mutex<Child>, ended: &AtomicBool) -> u64 {
+/// The largest RssAnon of a process until it has ended; ends it when it must end.
+fn watch(id: u32, child: &Mutex<Child>, ended: &AtomicBool, must_end: &dyn Fn() -> bool) -> u64 {
     let status = format!("/proc/{id}/status");
     let mut most = 0;
     while !ended.load(Ordering::Relaxed) {
@@ -100,7 +104,7 @@ fn watch(id: u32, child: &Mutex<Child>, ended: &AtomicBool) -> u64 {
         let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());
         most = most.max(kib.unwrap_or(0) * 1024);
         // Whoever waits for the process holds the lock only when it has closed its output, and is about to end.
-        if interrupt::requested()
+        if must_end()
             && let Ok(mut child) = child.try_lock()
         {
             // It may have ended by itself.

@@ -1,8 +1,9 @@
 //! `brickfield bench`: how fast this program is on this machine, beside what the machine can do at best.
 //!
 //! Suites are lists of jobs, jobs are commands of this program (`plan`, `suites`, `paper`) that are run as processes of
-//! their own (`child`), on inputs that are made once (`inputs`), beside the read floor (`floor`). What was measured is one
-//! file (`result`), for people a table (`table`), compared with another (`compare`) or shown (`report`, `plots`).
+//! their own (`child`), on inputs that are made once (`inputs`), beside the read floor (`floor`). What was measured is
+//! one file (`result`), for people a table (`table`), compared with another (`compare`) or shown (`report`,
+//! `sections`, `plots`). Other programs are asked by `peers`.
 
 mod child;
 mod compare;
@@ -10,6 +11,7 @@ mod floor;
 mod inputs;
 mod machine;
 mod paper;
+mod peers;
 mod plan;
 mod plots;
 mod report;
@@ -24,14 +26,12 @@ use crate::failure::Failure;
 use crate::output::{print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use anyhow::{Context, anyhow};
-use brickfield_engine::Progress;
 use brickfield_engine::part::PartFile;
 use clap::ValueEnum;
 use inputs::Cache;
 use machine::Machine;
-use plan::{Bench, Job, OUT};
-use result::{Results, Round, Settings};
-use std::fs;
+use plan::{Bench, Job};
+use result::{Figure, Results, Round, Settings};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -84,7 +84,13 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
         figures: Vec::new(),
     };
     for suite in suites {
-        add_suite(suite, &cache, &bars, &mut results)?;
+        let name = suite.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
+        with_bench(&cache, &bars, &mut results, |bench, rounds| measure_suite(suite, &name, bench, rounds))?;
+    }
+    if let Some(python) = &args.peers {
+        let python = python.clone().unwrap_or_else(|| peers::default_python(cache.folder()));
+        results.settings.suites.push(peers::PEERS.to_owned());
+        with_bench(&cache, &bars, &mut results, |bench, rounds| peers::measure(bench, &python, rounds))?;
     }
     bars.clear();
     results.seconds = begun.elapsed().as_secs_f64();
@@ -110,28 +116,41 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
     }
 }
 
-/// Measures a suite, round by round, each job once a round.
-fn add_suite(suite: SuiteArg, cache: &Cache, bars: &Bars, results: &mut Results) -> Result<(), Failure> {
+/// Adds the figures that come of `work` in a folder that is removed afterwards.
+fn with_bench(
+    cache: &Cache,
+    bars: &Bars,
+    results: &mut Results,
+    work: impl FnOnce(&mut Bench<'_>, u16) -> Result<Vec<Figure>, Failure>,
+) -> Result<(), Failure> {
     let scratch = tempfile::Builder::new().prefix("bench-").tempdir_in(cache.folder());
     let scratch = scratch.with_context(|| format!("{}: cannot be written to", cache.folder().display()))?;
     let Settings { quick, full, rounds, threads, .. } = results.settings;
-    let folder = scratch.path().to_owned();
-    let inputs = std::mem::take(&mut results.inputs);
+    let (folder, inputs) = (scratch.path().to_owned(), std::mem::take(&mut results.inputs));
     let mut bench = Bench { cache, folder, threads, quick, full, progress: bars, inputs, input_seconds: 0.0 };
-    let mut jobs = suites::jobs(suite, &mut bench)?;
-    let name = suite.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
-    for round in 1..=rounds {
-        bars.phase(&format!("{name} {round}/{rounds}"), Some(jobs.len() as u64), "jobs");
-        for job in &mut jobs {
-            bars.check()?;
-            measure_once(job, &bench)?;
-            bars.advance(1);
-        }
-    }
+    results.figures.extend(work(&mut bench, rounds)?);
     results.inputs = bench.inputs;
     results.input_seconds += bench.input_seconds;
-    results.figures.extend(jobs.into_iter().flat_map(|job| job.figures).map(|(figure, _)| figure));
     Ok(())
+}
+
+/// Measures a suite, round by round, each job once a round.
+fn measure_suite(
+    suite: SuiteArg,
+    name: &str,
+    bench: &mut Bench<'_>,
+    rounds: u16,
+) -> Result<Vec<Figure>, Failure> {
+    let mut jobs = suites::jobs(suite, bench)?;
+    for round in 1..=rounds {
+        bench.progress.phase(&format!("{name} {round}/{rounds}"), Some(jobs.len() as u64), "jobs");
+        for job in &mut jobs {
+            bench.progress.check()?;
+            measure_once(job, bench)?;
+            bench.progress.advance(1);
+        }
+    }
+    Ok(jobs.into_iter().flat_map(|job| job.figures).map(|(figure, _)| figure).collect())
 }
 
 /// One round of a job.
@@ -140,20 +159,11 @@ fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
     let floor_seconds = floor::read_floor(&bench.cache.path(job.input), is_mesh)?;
     let mut facts = serde_json::Map::new();
     let mut run_all = |lines: &[plan::Line]| -> Result<Round, Failure> {
-        // To replace a file would take the time that freeing its pages takes.
-        let out = bench.folder.join(OUT);
-        let emptied = fs::remove_dir_all(&out).or_else(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => Ok(()),
-            _ => Err(error),
-        });
-        let told = || format!("{}: cannot be emptied", out.display());
-        emptied.and_then(|()| fs::create_dir(&out)).with_context(told)?;
+        bench.empty_out()?;
         let mut round = Round { seconds: 0.0, cpu_seconds: 0.0, floor_seconds, anonymous_bytes: 0 };
         for line in lines {
             let ran = child::run_self(line, &bench.folder)?;
-            round.seconds += ran.seconds;
-            round.cpu_seconds += ran.cpu_seconds;
-            round.anonymous_bytes = round.anonymous_bytes.max(ran.anonymous_bytes);
+            round.add(&ran);
             facts.extend(plan::facts_of(&ran));
         }
         Ok(round)

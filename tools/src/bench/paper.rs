@@ -1,5 +1,5 @@
-//! The suite `paper`: inputs of the sizes in Table 3 of Peelar et al. 2019 ("Toward the automated generation of implicit
-//! boundaries ..."), whose brute force took the times in [`TABLE_3`], and the same samples by this program.
+//! The suite `paper`: inputs of the sizes in Table 3 of Peelar et al. 2019, whose brute force took the times in
+//! [`TABLE_3`], and the same samples by this program.
 
 use crate::bench::plan::{Bench, Job, figure};
 use crate::bench::suites::out;
@@ -107,11 +107,16 @@ fn resolution(path: &Path, samples: u64) -> Result<(u8, (&'static str, String)),
     if samples.is_power_of_two() {
         return Ok((level, ("--depth", level.to_string())));
     }
-    let (min, max) = bounds_of_all(&[Input::open(path, &Silent)?], &Silent)?;
+    let (min, max) = bounds(path)?;
     let longest = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f64::max);
     // A root leaves 1/64 of its edge free on both sides.
     let cell = longest * 32.0 / 31.0 / samples as f64;
     Ok((level, ("--cell", cell.to_string())))
+}
+
+/// Lower and upper corner of a mesh.
+pub fn bounds(path: &Path) -> Result<([f64; 3], [f64; 3]), Failure> {
+    Ok(bounds_of_all(&[Input::open(path, &Silent)?], &Silent)?)
 }
 
 /// From the file of triangles to the file of samples.

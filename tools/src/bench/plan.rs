@@ -9,8 +9,8 @@ use brickfield_bench_data::inputs::{Recipe, Spec};
 use brickfield_engine::Progress;
 use serde_json::{Map, Value};
 use std::ffi::OsString;
-use std::fs::File;
-use std::io::BufWriter;
+use std::fs::{self, File};
+use std::io::{BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -84,6 +84,17 @@ impl Bench<'_> {
         Ok(name.into())
     }
 
+    /// Empties the folder of outputs: to replace a file would take the time that freeing its pages takes.
+    pub fn empty_out(&self) -> Result<(), Failure> {
+        let out = self.folder.join(OUT);
+        let emptied = fs::remove_dir_all(&out).or_else(|error| match error.kind() {
+            ErrorKind::NotFound => Ok(()),
+            _ => Err(error),
+        });
+        let told = || format!("{}: cannot be emptied", out.display());
+        Ok(emptied.and_then(|()| fs::create_dir(&out)).with_context(told)?)
+    }
+
     /// Runs a command that prepares something, and gives what it told as JSON.
     pub fn prepare(&self, line: Line) -> Result<Value, Failure> {
         self.progress.phase("preparing", None, "");
@@ -131,6 +142,7 @@ pub fn figure(suite: &str, input: &Spec, job: &str, at: &[(&str, f64)]) -> Figur
         series: None,
         at: at.iter().map(|&(name, value)| (name.to_owned(), Value::from(value))).collect(),
         extrapolated: false,
+        failed: None,
         rounds: Vec::new(),
         facts: Map::new(),
     }

@@ -22,6 +22,8 @@ pub struct Plot {
     pub title: String,
     /// What is told along x and y, with units.
     pub axes: [&'static str; 2],
+    /// Where x has its ticks: at powers of this.
+    pub base: f64,
     pub series: Vec<Series>,
 }
 
@@ -69,7 +71,10 @@ impl Plot {
                 .margin(12)
                 .x_label_area_size(42)
                 .y_label_area_size(66)
-                .build_cartesian_2d((across.0..across.1).log_scale(), (up.0..up.1).log_scale())?;
+                .build_cartesian_2d(
+                    (across.0..across.1).log_scale().base(self.base),
+                    (up.0..up.1).log_scale(),
+                )?;
             chart
                 .configure_mesh()
                 .x_desc(self.axes[0])
@@ -133,7 +138,8 @@ mod tests {
     fn a_plot_shows_its_series() {
         let points = vec![Point { x: 1.0, y: 2.0, low: 1.5, high: 3.0 }, Point::exact(100.0, 20.0)];
         let series = vec![Series { name: "one <of> them".to_owned(), points }];
-        let plot = Plot { name: "p", title: "Title".to_owned(), axes: ["across, m", "up, s"], series };
+        let plot =
+            Plot { name: "p", title: "Title".to_owned(), axes: ["across, m", "up, s"], base: 10.0, series };
         let svg = plot.svg().unwrap();
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{svg}");
         assert!(svg.contains("one &lt;of&gt; them") && svg.contains("across, m") && svg.contains("up, s"));

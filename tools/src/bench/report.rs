@@ -75,7 +75,7 @@ fn markdown(table: &Table) -> String {
     line(&table.head) + &rule + &table.rows.iter().map(|row| line(row)).collect::<String>()
 }
 
-const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:1100px;padding:0 1em;color:#222}\
+const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:1100px;padding:0 1em}\
     table{border-collapse:collapse;margin:1em 0;font-size:13px;display:block;overflow-x:auto}\
     th,td{border-bottom:1px solid #ddd;padding:3px 9px;text-align:right;white-space:nowrap}\
     th{border-bottom:2px solid #999}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}\

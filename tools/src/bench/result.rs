@@ -1,5 +1,6 @@
 //! What was measured, as it stands in a file.
 
+use crate::bench::child::Ran;
 use crate::bench::machine::Machine;
 use crate::failure::Failure;
 use crate::output::in_line;
@@ -74,6 +75,10 @@ pub struct Figure {
     /// Not measured as a whole: samples in proportion to what was measured of a few.
     #[serde(default)]
     pub extrapolated: bool,
+    /// Why there is nothing to tell: of other programs only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failed: Option<String>,
+    /// None if it failed.
     pub rounds: Vec<Round>,
     /// What the job told of its result; equal in all rounds.
     #[serde(default)]
@@ -90,6 +95,15 @@ pub struct Round {
     pub floor_seconds: f64,
     /// The most anonymous memory of the process; 0 if it ended too soon to be seen.
     pub anonymous_bytes: u64,
+}
+
+impl Round {
+    /// With another process, which ran after the others.
+    pub fn add(&mut self, ran: &Ran) {
+        self.seconds += ran.seconds;
+        self.cpu_seconds += ran.cpu_seconds;
+        self.anonymous_bytes = self.anonymous_bytes.max(ran.anonymous_bytes);
+    }
 }
 
 impl Results {
@@ -140,7 +154,7 @@ impl Figure {
     fn is_sound(&self) -> bool {
         let positive = |seconds: f64| seconds.is_finite() && seconds > 0.0;
         let sound = |r: &Round| positive(r.seconds) && positive(r.floor_seconds) && r.cpu_seconds >= 0.0;
-        !self.rounds.is_empty() && self.rounds.iter().all(sound)
+        self.rounds.is_empty() == self.failed.is_some() && self.rounds.iter().all(sound)
     }
 
     /// Seconds over the rounds.

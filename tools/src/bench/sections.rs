@@ -49,14 +49,14 @@ pub fn sections(results: &[Results]) -> Vec<Section> {
     sections
 }
 
-const HOW: &str = "Times are those of whole commands, started anew for each round: medians, and ranges over the rounds. \
+const HOW: &str = "Times are those of whole commands, started anew for each round: medians, with ranges over rounds. \
     Floors are times divided by the read floor of the input, measured just before in the same round: streaming the \
     file with all cores and snapping every vertex in plain code. Memory is the largest RssAnon of the process.";
 
-const PAPER: &str = "Peelar et al. 2019, Table 3: the sum over all triangles on a GTX 1080 Ti, upload to download. Here: \
-    from the file of triangles to the file of samples, with a store between, on inputs of about the size. 96³ has no level \
-    of its own: the root cube has 128³, of which the input spans 96. Brute force is this program's sum in double precision \
-    over all triangles at a few points, extrapolated to all samples.";
+const PAPER: &str = "Peelar et al. 2019, Table 3: the sum over all triangles on a GTX 1080 Ti, upload to download. \
+    Here: from the file of triangles to the file of samples, with a store between, on inputs of about the size. 96³ \
+    has no level of its own: the root cube has 128³, of which the input spans 96. Brute force is this program's sum in \
+    double precision over all triangles at a few points, extrapolated to all samples.";
 
 /// The paper's table with ours beside.
 fn table_3(result: &Results) -> Table {
@@ -108,35 +108,26 @@ fn job<'a>(figures: &[&'a Figure], name: &str) -> Option<&'a Figure> {
 
 /// Plots of all results together.
 fn plots(results: &[Results]) -> Vec<Plot> {
-    let builds = |title: &str, name, axes, varied, points: &dyn Fn(&Figure) -> Option<Point>| {
+    let builds = |title: &str, axes, varied: &'static str, points: &dyn Fn(&Figure) -> Option<Point>| {
+        let base = if varied == "triangles" { 10.0 } else { 2.0 };
         let of = |result| Series { name: name_of(result), points: series(result, varied, points) };
         let series: Vec<Series> = results.iter().map(of).filter(|series| series.points.len() > 1).collect();
-        (!series.is_empty()).then(|| Plot { name, title: title.to_owned(), axes, series })
+        (!series.is_empty()).then(|| Plot { name: varied, title: title.to_owned(), axes, base, series })
     };
     let seconds = |x: f64, figure: &Figure| {
         let spread = figure.seconds();
         Point { x, y: spread.median, low: spread.min, high: spread.max }
     };
-    let by_triangles = builds(
-        "Build at one depth, by triangles",
-        "triangles",
-        ["triangles", "seconds"],
-        "triangles",
-        &|f| Some(seconds(f.at("triangles")?, f)),
-    );
-    let by_depth = builds(
-        "Build of one pile, by depth",
-        "depth",
-        ["cells along the longest side", "seconds"],
-        "depth",
-        &|f| Some(seconds(32.0 * f.at("depth")?.exp2(), f)),
-    );
-    let by_threads = builds(
-        "Throughput of a build, by threads",
-        "threads",
-        ["threads", "triangles a second"],
-        "threads",
-        &|f| {
+    let by_triangles =
+        builds("Build at one depth, by triangles", ["triangles", "seconds"], "triangles", &|f| {
+            Some(seconds(f.at("triangles")?, f))
+        });
+    let by_depth =
+        builds("Build of one pile, by depth", ["cells along the longest side", "seconds"], "depth", &|f| {
+            Some(seconds(32.0 * f.at("depth")?.exp2(), f))
+        });
+    let by_threads =
+        builds("Throughput of a build, by threads", ["threads", "triangles a second"], "threads", &|f| {
             let (spread, triangles) = (f.seconds(), f.at("triangles")?);
             let rate = |seconds: f64| triangles / seconds;
             Some(Point {
@@ -145,11 +136,9 @@ fn plots(results: &[Results]) -> Vec<Plot> {
                 low: rate(spread.max),
                 high: rate(spread.min),
             })
-        },
-    );
+        });
     let mut by_memory = builds(
         "Memory of a build, by what --memory allows",
-        "memory",
         ["allowed, MiB", "anonymous memory, MiB"],
         "memory",
         &|f| {
@@ -167,8 +156,8 @@ fn plots(results: &[Results]) -> Vec<Plot> {
 
 const MIB: f64 = 1024.0 * 1024.0;
 
-/// The figures along one axis, in order: those of the series, and the builds of the same input and depth that are another
-/// series' but differ from them in nothing else.
+/// The figures along one axis, in order: those of the series, and the builds of the same input and depth that are
+/// another series' but differ from them in nothing else.
 fn series(result: &Results, varied: &str, point: &dyn Fn(&Figure) -> Option<Point>) -> Vec<Point> {
     let own = |figure: &&Figure| figure.series.as_deref() == Some(varied);
     let Some(first) = result.figures.iter().find(own) else { return Vec::new() };
@@ -208,6 +197,7 @@ fn paper_plot(result: &Results) -> Option<Plot> {
         name: "paper",
         title: format!("Dense samples of {}", row.input.name),
         axes: ["samples an axis", "seconds"],
+        base: 2.0,
         series: series.into_iter().filter(|series| series.points.len() > 1).collect(),
     })
 }

@@ -2,6 +2,7 @@
 
 use crate::bench::result::{Figure, InputFact, Results, Spread};
 use crate::units::Size;
+use serde_json::Value;
 use std::fmt::Write;
 
 /// A table of text, in a terminal, Markdown or HTML.
@@ -57,8 +58,8 @@ pub fn heading(results: &Results) -> String {
         ""
     };
     format!(
-        "{program}{commit}, {date}: {size}{} rounds with {} threads in {seconds:.0} s, {input_seconds:.0} s of it for inputs\n\
-         {}, {} cores{memory}, {}, load {:.1} before and {:.1} after\n",
+        "{program}{commit}, {date}: {size}{} rounds with {} threads in {seconds:.0} s, \
+         {input_seconds:.0} s of it for inputs\n{}, {} cores{memory}, {}, load {:.1} before and {:.1} after\n",
         settings.rounds, settings.threads, machine.cpu, machine.cores, machine.kernel, load[0], load[1]
     )
 }
@@ -68,6 +69,13 @@ pub fn of_suite(results: &Results, suite: &str) -> Table {
     let mut table =
         Table::new(&["input", "job", "seconds", "(range)", "floors", "(range)", "cpu s", "memory", "result"]);
     for figure in results.figures.iter().filter(|figure| figure.suite == suite) {
+        if let Some(why) = &figure.failed {
+            let mut row = vec![figure.input.clone(), figure.job.clone()];
+            row.resize(table.head.len() - 1, "–".to_owned());
+            row.push(format!("failed: {why}"));
+            table.rows.push(row);
+            continue;
+        }
         let (seconds, floors) = (figure.seconds(), figure.floors());
         let job =
             if figure.extrapolated { format!("{} (extrapolated)", figure.job) } else { figure.job.clone() };
@@ -78,7 +86,7 @@ pub fn of_suite(results: &Results, suite: &str) -> Table {
             range(seconds),
             unless_extrapolated(figure, number(floors.median)),
             unless_extrapolated(figure, range(floors)),
-            number(figure.cpu_seconds().median),
+            Some(figure.cpu_seconds().median).filter(|&cpu| cpu > 0.0).map_or("–".to_owned(), number),
             memory(figure),
             facts(figure),
         ]);
@@ -137,7 +145,18 @@ fn facts(figure: &Figure) -> String {
     let told =
         [("triangles", "triangles"), ("leaves", "leaves"), ("records", "records"), ("file_bytes", "bytes")];
     let known = told.iter().filter_map(|(name, of)| Some(format!("{} {of}", figure.facts.get(*name)?)));
-    known.collect::<Vec<_>>().join(", ")
+    let mut told: Vec<String> = known.collect();
+    let fact = |name: &str| figure.facts.get(name).and_then(Value::as_f64);
+    if let (Some(rms), Some(worst), Some(wrong), Some(judged)) =
+        (fact("rms_error"), fact("worst_error"), fact("wrong_side"), fact("judged"))
+    {
+        told.push(format!("error {rms:.1e} rms, {worst:.1e} at most, {wrong} of {judged} on the wrong side"));
+    }
+    told.extend(fact("volume").map(|volume| format!("volume {volume:.1}")));
+    told.extend(
+        figure.facts.get("version").and_then(Value::as_str).map(|version| format!("version {version}")),
+    );
+    told.join(", ")
 }
 
 #[cfg(test)]
