@@ -41,7 +41,7 @@ pub struct BenchRunArgs {
     /// Small inputs, to see that all works and what is roughly to be expected
     #[arg(long)]
     pub quick: bool,
-    /// All of `scale`, up to 45 million triangles and depth 7, and open input of all sizes in `paper`; an hour
+    /// All of `scale`, up to 45 million triangles and depth 7, and open input of all sizes in `paper`; takes much longer
     #[arg(long, conflicts_with = "quick")]
     pub full: bool,
     /// Folder for inputs, kept, and for what is written while measuring, removed

@@ -286,6 +286,9 @@ fn why(failure: &Failure) -> String {
     let Failure::Run(error) = failure else { return "it failed".to_owned() };
     let text = format!("{error:#}");
     match text.split_once(".question: ") {
+        Some((command, reason)) if command.starts_with("cannot run") => {
+            format!("cannot run Python: {reason}")
+        }
         Some((_, reason)) => reason.trim_start_matches("exit status: 1: ").to_owned(),
         None => text,
     }
