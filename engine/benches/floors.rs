@@ -86,7 +86,7 @@ fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<Summary> {
     row("build, depth 5 (1024³)", seconds);
     row("export 128³ of the depth 5 store", timed(|| export(&deep, &folder.join("w.raw"), 2))?.0);
     let store = folder.join("512.brf");
-    let (seconds, triangles) = timed(|| mesh(&store, &mut *create_sink(&folder.join("out.stl"))?))?;
+    let (seconds, triangles) = timed(|| mesh(&store, &mut *create_sink(&folder.join("out.stl"), None)?))?;
     row(MESHES[0], seconds);
     let (seconds, in_memory) = timed(|| mesh(&store, &mut MeshArrays::default()))?;
     row(MESHES[1], seconds);

@@ -68,7 +68,7 @@ fn nodes(store: &Store) -> u64 {
 }
 
 fn mesh(store: &Store, level: Option<u8>, path: &Path) -> Vec<u8> {
-    let mut sink = create_sink(path).unwrap();
+    let mut sink = create_sink(path, None).unwrap();
     let options = ContourOptions { level, ..ContourOptions::default() };
     contour(store, &options, &mut *sink, &Silent).unwrap_or_else(|e| panic!("{e}"));
     std::fs::read(path).unwrap()

@@ -48,6 +48,47 @@ fn the_boundary_has_the_known_volume_in_every_format() {
 }
 
 #[test]
+fn a_glb_holds_the_mesh_of_the_ply_in_metres_and_a_3mf_names_the_unit() {
+    let dir = Scratch::new();
+    let (store, ply, glb) = (dir.path("a.brf"), dir.path("a.ply"), dir.path("a.glb"));
+    let part = stl("overlap_boxes");
+    run(&[&"build", &part, &"-o", &store, &"--depth", &"2", &"--units", &"in", &"--mesh", &glb]).ok();
+    run(&[&"mesh", &store, &"-o", &ply]).ok();
+    let read = |path: &Path| std::fs::read(path).unwrap();
+    let (ply, first) = (read(&ply), read(&glb));
+    let again = dir.path("again.glb");
+    run(&[&"mesh", &store, &"-o", &again]).ok();
+    assert!(read(&again) == first);
+    let number = |at: usize| u32::from_le_bytes(first[at..at + 4].try_into().unwrap()) as usize;
+    let data = &first[20 + number(12) + 8..];
+    let json: serde_json::Value = serde_json::from_slice(&first[20..20 + number(12)]).unwrap();
+    assert_eq!(json["nodes"][0]["matrix"][0], 0.0254);
+    let end = b"end_header\n";
+    let ply = &ply[ply.windows(end.len()).position(|w| w == end).unwrap() + end.len()..];
+    let positions = 12 * json["accessors"][0]["count"].as_u64().unwrap() as usize;
+    assert!(data[..positions] == ply[..positions] && positions > 1000);
+    let ids: Vec<u8> = ply[positions..].chunks_exact(13).flat_map(|face| face[1..].to_vec()).collect();
+    assert!(data[positions..] == ids);
+    for name in ["a.3mf", "b.3mf"] {
+        run(&[
+            &"mesh",
+            &store,
+            &"-o",
+            &dir.path(name),
+            &"--threads",
+            &if name == "a.3mf" { "1" } else { "3" },
+        ])
+        .ok();
+    }
+    let archive = read(&dir.path("a.3mf"));
+    assert!(archive == read(&dir.path("b.3mf")) && archive.starts_with(b"PK\x03\x04"));
+    // The checker does not read what it could not check.
+    let refused = run(&[&"mesh", &store, &"-o", &dir.path("c.glb"), &"--check"]).misused();
+    assert!(refused.contains("c.glb") && refused.contains(".ply"), "{refused}");
+    assert!(!dir.path("c.glb").exists());
+}
+
+#[test]
 fn iso_and_level() {
     let dir = Scratch::new();
     let store = dir.store("overlap_boxes", 3);

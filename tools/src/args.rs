@@ -138,7 +138,7 @@ pub struct BuildArgs {
     /// Begin anew, whatever an unfinished store of that name holds
     #[arg(long)]
     pub restart: bool,
-    /// Also write the boundary mesh, w = 0.5, as .stl, .ply or .obj
+    /// Also write the boundary mesh, w = 0.5, as .stl, .ply, .obj, .3mf or .glb
     #[arg(long, value_name = "OUT")]
     pub mesh: Option<PathBuf>,
     /// Print the summary as JSON
@@ -258,7 +258,7 @@ pub struct MeshArgs {
     /// The store; with --check and without -o the mesh to check: STL, OBJ, PLY
     #[arg(value_name = "PART.brf|MESH")]
     pub file: PathBuf,
-    /// The mesh to write; its ending decides the format: .stl (binary), .ply (binary), .obj
+    /// The mesh to write; its ending decides the format: .stl (binary), .ply (binary), .obj, .3mf, .glb
     #[arg(long, short, value_name = "OUT", required_unless_present = "check")]
     pub output: Option<PathBuf>,
     /// Check the mesh that was written, or without -o the one that is given

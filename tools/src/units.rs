@@ -40,6 +40,16 @@ impl Unit {
         }
     }
 
+    /// The unit's length in metres.
+    pub fn metres(self) -> f64 {
+        self.nanometres() / 1e9
+    }
+
+    /// The unit that has this symbol.
+    pub fn of_symbol(symbol: &str) -> Option<Unit> {
+        Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol)
+    }
+
     /// As typed and as stored.
     pub fn symbol(self) -> &'static str {
         match self {
@@ -85,7 +95,7 @@ impl Tolerance {
     /// The number of units that have this symbol, if it is one; `None` if the length has a unit and the symbol is
     /// unknown.
     pub fn in_unit_of(self, symbol: &str) -> Option<f64> {
-        match Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol) {
+        match Unit::of_symbol(symbol) {
             Some(unit) => Some(self.0.in_unit(unit)),
             None => self.0.unit.is_none().then_some(self.0.value),
         }
@@ -113,7 +123,7 @@ fn parse_length(text: &str, may_be_zero: bool) -> Result<Length, String> {
     let unit = match suffix {
         "" => None,
         "µm" | "μm" => Some(Unit::Um),
-        _ => match Unit::ALL.into_iter().find(|unit| unit.symbol() == suffix) {
+        _ => match Unit::of_symbol(suffix) {
             Some(unit) => Some(unit),
             None => {
                 return Err(format!("no unit \"{suffix}\"; use {}", Unit::ALL.map(Unit::symbol).join(", ")));

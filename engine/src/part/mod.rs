@@ -167,8 +167,13 @@ impl PartFile {
     /// # Errors
     /// If they cannot be written.
     pub fn overwrite(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
-        self.write_buffer().map_err(Error::io(&self.path, "write"))?;
-        self.write_at(bytes, offset)
+        self.write_over(offset, bytes).map_err(Error::io(&self.path, "write"))
+    }
+
+    /// As [`PartFile::overwrite`].
+    pub(crate) fn write_over(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
+        self.write_buffer()?;
+        self.try_write_at(bytes, offset)
     }
 
     /// Makes the file durable, gives it its name, and makes that durable too. Nothing may be written any more.

@@ -1,12 +1,13 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
+use super::info_mesh::is_mesh;
 use super::mesh_check::{Checked, require_sound};
 use super::{of_store, open_store, require_level, start};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct};
-use crate::units::Tolerance;
+use crate::units::{Tolerance, Unit};
 use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
 use brickfield_engine::store::{Accept, CacheStats, Store};
 use brickfield_engine::{Error, Progress};
@@ -24,6 +25,10 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
+    if args.check && !is_mesh(output) {
+        let what = "--check reads .stl, .obj and .ply only; choose such a name or leave --check out";
+        return Err(Failure::Usage(format!("{}: {what}", output.display())));
+    }
     // The contourer keeps what it makes of bricks and asks the store for each about once.
     let cache_bytes = memory::mesh_caches(args.memory);
     let brick_bytes = (cache_bytes / 8).min(BRICK_CACHE_BYTES);
@@ -32,7 +37,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         require_level(&store, level)?;
     }
     require_distinct(&[output], &[&args.file])?;
-    let mut sink = mesh_sink(output)?;
+    let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit))?;
     let options = ContourOptions {
         iso: args.iso,
         level: args.level,
@@ -60,14 +65,14 @@ fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
     })
 }
 
-/// The file for a mesh; a name whose format is unknown is wrong usage.
-pub fn mesh_sink(path: &Path) -> Result<Box<dyn MeshSink>, Failure> {
+/// The file for a mesh in this unit; a name whose format is unknown is wrong usage.
+pub fn mesh_sink(path: &Path, unit: Option<Unit>) -> Result<Box<dyn MeshSink>, Failure> {
     if path.is_dir() {
         return Err(
             anyhow::anyhow!("{}: this is a directory; give the mesh a name in it", path.display()).into()
         );
     }
-    create_sink(path).map_err(|error| match error {
+    create_sink(path, unit.map(Unit::metres)).map_err(|error| match error {
         Error::Setting { .. } => Failure::Usage(error.to_string()),
         error => error.into(),
     })

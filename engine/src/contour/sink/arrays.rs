@@ -14,18 +14,18 @@ pub struct MeshArrays {
     pub triangles: Vec<[u32; 3]>,
 }
 
-fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
+/// Numbers of the corners, little-endian.
+pub(super) fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
     bytes.reserve(Cuts::MOST_FACETS * size_of::<[u32; 3]>());
     cuts.for_each(|ids, _, _| bytes.extend_from_slice(ids.map(u32::to_le_bytes).as_flattened()));
 }
 
-/// Appends what little-endian numbers, three each, say.
-fn append<T>(bytes: &[u8], number: impl Fn([u8; 4]) -> T, to: &mut Vec<[T; 3]>) {
-    let (triples, _) = bytes.as_chunks::<12>();
-    to.extend(triples.iter().map(|bytes| {
+/// What little-endian numbers, three each, say.
+pub(super) fn triples<T>(bytes: &[u8], number: impl Fn([u8; 4]) -> T) -> impl Iterator<Item = [T; 3]> {
+    bytes.as_chunks::<12>().0.iter().map(move |bytes| {
         let [a, b, c, d, e, f, g, h, i, j, k, l] = *bytes;
         [[a, b, c, d], [e, f, g, h], [i, j, k, l]].map(&number)
-    }));
+    })
 }
 
 impl MeshSink for MeshArrays {
@@ -35,8 +35,8 @@ impl MeshSink for MeshArrays {
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
         match part {
-            Encoded::Vertices(_, bytes) => append(bytes, f32::from_le_bytes, &mut self.positions),
-            Encoded::Triangles(_, bytes) => append(bytes, u32::from_le_bytes, &mut self.triangles),
+            Encoded::Vertices(_, bytes) => self.positions.extend(triples(bytes, f32::from_le_bytes)),
+            Encoded::Triangles(_, bytes) => self.triangles.extend(triples(bytes, u32::from_le_bytes)),
         }
         Ok(())
     }

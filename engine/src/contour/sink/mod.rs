@@ -1,9 +1,11 @@
 //! Where a mesh goes: arrays in memory, or files by format, written under a temporary name.
 
 mod arrays;
+mod glb;
 mod obj;
 mod ply;
 mod stl;
+mod three_mf;
 
 use super::cut::{Cuts, encoded};
 use super::polygons::Facet;
@@ -65,28 +67,33 @@ pub enum Encoded<'a> {
 }
 
 /// Known file endings.
-const ENDINGS: &str = ".stl (binary), .ply (binary), .obj";
+const ENDINGS: &str = ".stl (binary), .ply (binary), .obj, .3mf, .glb";
 
 /// A sink for a mesh file by the ending of its name: binary STL, binary little-endian PLY with shared
-/// vertices, or OBJ. The file is written as `<name>.part` beside `path`, and made durable and renamed when it is
-/// finished.
+/// vertices, OBJ, 3MF, or binary glTF (GLB). The file is written as `<name>.part` beside `path`, and made durable and
+/// renamed when it is finished.
+///
+/// `metres` is the length of the unit of positions, for the two formats that know lengths; without it positions count
+/// as millimetres in a 3MF, as metres in a GLB.
 ///
 /// # Errors
 ///
 /// [`Error::Setting`] for an unknown ending, [`Error::Io`] if the file cannot be made.
-pub fn create_sink(path: &Path) -> Result<Box<dyn MeshSink>> {
-    format_of(path)?(PartFile::create(path)?)
+pub fn create_sink(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
+    format_of(path)?(PartFile::create(path)?, metres)
 }
 
-/// Begins a mesh in a file.
-type Begin = fn(PartFile) -> Result<Box<dyn MeshSink>>;
+/// Begins a mesh in a file, in units of so many metres.
+type Begin = fn(PartFile, Option<f64>) -> Result<Box<dyn MeshSink>>;
 
 fn format_of(path: &Path) -> Result<Begin> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     Ok(match ending.as_str() {
-        "stl" => |file| Ok(Box::new(stl::StlSink::new(file)?)),
-        "ply" => |file| Ok(Box::new(ply::PlySink::new(file)?)),
-        "obj" => |file| Ok(Box::new(obj::ObjSink::new(file)?)),
+        "stl" => |file, _| Ok(Box::new(stl::StlSink::new(file)?)),
+        "ply" => |file, _| Ok(Box::new(ply::PlySink::new(file)?)),
+        "obj" => |file, _| Ok(Box::new(obj::ObjSink::new(file)?)),
+        "3mf" => |file, metres| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)),
+        "glb" => |file, metres| Ok(Box::new(glb::GlbSink::new(file, metres.unwrap_or(1.0))?)),
         _ => {
             return Err(Error::setting(
                 format!("{}: unknown mesh format", path.display()),
@@ -104,12 +111,18 @@ mod tests {
     const POSITIONS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.0, 1e-7], [-3.25, 0.1, 7e8]];
     const TRIANGLES: [[u32; 3]; 2] = [[0, 1, 2], [1, 3, 2]];
 
+    const FORMATS: [&str; 5] = ["a.stl", "a.ply", "a.obj", "a.3mf", "a.glb"];
+
     fn facets() -> Vec<Facet> {
         TRIANGLES.iter().map(|&ids| Facet { ids, corners: ids.map(|n| POSITIONS[n as usize]) }).collect()
     }
 
     fn write(path: &Path) -> Vec<u8> {
-        let mut sink = create_sink(path).unwrap();
+        write_in(path, None)
+    }
+
+    fn write_in(path: &Path, metres: Option<f64>) -> Vec<u8> {
+        let mut sink = create_sink(path, metres).unwrap();
         sink.vertices(&POSITIONS[..3]).unwrap();
         sink.vertices(&POSITIONS[3..]).unwrap();
         sink.triangles(&facets()[..1]).unwrap();
@@ -178,6 +191,110 @@ mod tests {
         assert_eq!(faces, TRIANGLES);
     }
 
+    /// The JSON of a GLB file, and its data.
+    fn read_glb(bytes: &[u8]) -> (serde_json::Value, &[u8]) {
+        let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        assert_eq!((&bytes[..4], number(4), number(8)), (&b"glTF"[..], 2, bytes.len()));
+        let json = number(12);
+        assert_eq!((&bytes[16..20], json % 4), (&b"JSON"[..], 0));
+        let data = &bytes[20 + json..];
+        if !data.is_empty() {
+            assert_eq!((number(20 + json), &data[4..8]), (data.len() - 8, &b"BIN\0"[..]));
+        }
+        (serde_json::from_slice(&bytes[20..20 + json]).unwrap(), data.get(8..).unwrap_or_default())
+    }
+
+    #[test]
+    fn glb_round_trips() {
+        let dir = tempfile::tempdir().unwrap();
+        let bytes = write_in(&dir.path().join("a.glb"), Some(1e-3));
+        let (json, data) = read_glb(&bytes);
+        let accessors = &json["accessors"];
+        assert_eq!((&accessors[0]["count"], &accessors[1]["count"]), (&4.into(), &6.into()));
+        let bound = |name: &str| -> Vec<f32> { serde_json::from_value(accessors[0][name].clone()).unwrap() };
+        assert_eq!((bound("min"), bound("max")), (vec![-3.25, 0.0, 0.0], vec![1.5, 2.0, 7e8]));
+        let view = |n: usize| {
+            let at = |name: &str| json["bufferViews"][n][name].as_u64().unwrap_or(0) as usize;
+            &data[at("byteOffset")..at("byteOffset") + at("byteLength")]
+        };
+        assert_eq!(json["buffers"][0]["byteLength"], data.len());
+        assert_eq!(floats(view(0)), POSITIONS.concat());
+        assert_eq!(
+            view(1),
+            TRIANGLES.as_flattened().iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<_>>()
+        );
+        // Column by column; a point at the top of the part is up, along y, and a metre is a thousand of its units.
+        let matrix: Vec<f64> = serde_json::from_value(json["nodes"][0]["matrix"].clone()).unwrap();
+        let place =
+            |p: [f64; 3]| [0, 1, 2].map(|row| (0..3).map(|n| matrix[4 * n + row] * p[n]).sum::<f64>());
+        assert_eq!(place([0.0, 0.0, 1000.0]), [0.0, 1.0, 0.0]);
+        assert_eq!(place([1000.0, 2000.0, 0.0]), [1.0, 0.0, -2.0]);
+    }
+
+    /// The model of a 3MF file.
+    fn read_3mf(bytes: &[u8]) -> String {
+        let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
+        let mut text = |name: &str| std::io::read_to_string(archive.by_name(name).unwrap()).unwrap();
+        assert!(text("[Content_Types].xml").contains("3dmodel+xml"));
+        assert!(text("_rels/.rels").contains("/3D/3dmodel.model"));
+        text("3D/3dmodel.model")
+    }
+
+    /// The attributes of each element of a name.
+    fn elements(xml: &str, name: &str) -> Vec<Vec<String>> {
+        let mut reader = quick_xml::Reader::from_str(xml);
+        let mut found = Vec::new();
+        loop {
+            match reader.read_event().unwrap() {
+                quick_xml::events::Event::Eof => return found,
+                quick_xml::events::Event::Empty(e) | quick_xml::events::Event::Start(e)
+                    if e.name().as_ref() == name =>
+                {
+                    found.push(e.attributes().map(|a| a.unwrap().value.into_owned()).collect());
+                }
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn three_mf_round_trips() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.3mf");
+        for (metres, unit, scale) in [
+            (None, "millimeter", None),
+            (Some(0.0254), "inch", None),
+            (Some(2.54e-5), "meter", Some("0.0000254")),
+        ] {
+            let model = read_3mf(&write_in(&path, metres));
+            assert_eq!(elements(&model, "model")[0][0], unit);
+            let numbers = |name| -> Vec<f32> {
+                elements(&model, name).concat().iter().map(|number| number.parse().unwrap()).collect()
+            };
+            assert_eq!(numbers("vertex"), POSITIONS.concat());
+            assert_eq!(numbers("triangle"), TRIANGLES.concat().iter().map(|&n| n as f32).collect::<Vec<_>>());
+            let item = &elements(&model, "item")[0];
+            assert_eq!(item[0], elements(&model, "object")[0][0]);
+            let transform = scale.map(|s| format!("{s} 0 0 0 {s} 0 0 0 {s} 0 0 0"));
+            assert_eq!(item.get(1), transform.as_ref());
+        }
+    }
+
+    #[test]
+    fn empty_meshes_are_files_too() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str| {
+            let path = dir.path().join(name);
+            create_sink(&path, None).unwrap().finish().unwrap();
+            std::fs::read(path).unwrap()
+        };
+        let glb = write("a.glb");
+        let (json, data) = read_glb(&glb);
+        assert!(data.is_empty() && json.get("meshes").is_none() && json["scenes"][0].is_object());
+        let model = read_3mf(&write("a.3mf"));
+        assert!(elements(&model, "object").is_empty() && elements(&model, "build").len() == 1);
+    }
+
     #[test]
     fn arrays_hold_what_they_are_given() {
         let mut arrays = MeshArrays::default();
@@ -191,24 +308,24 @@ mod tests {
     #[test]
     fn an_unfinished_mesh_leaves_nothing() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["a.stl", "a.ply", "a.obj"] {
+        for name in FORMATS {
             std::fs::write(dir.path().join(name), "old").unwrap();
-            let mut sink = create_sink(&dir.path().join(name)).unwrap();
+            let mut sink = create_sink(&dir.path().join(name), None).unwrap();
             sink.vertices(&POSITIONS).unwrap();
             drop(sink);
             assert_eq!(std::fs::read(dir.path().join(name)).unwrap(), b"old");
         }
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), FORMATS.len());
     }
 
     #[test]
     fn every_call_may_fail_and_the_power_go() {
-        for format in ["a.stl", "a.ply", "a.obj"] {
+        for format in FORMATS {
             let begin = format_of(Path::new(format)).unwrap();
             // Enough for several writes.
             let many = vec![facets(); 1000].concat();
             let write = |disk| {
-                let mut sink = begin(PartFile::create_on(disk, Path::new(NAME))?)?;
+                let mut sink = begin(PartFile::create_on(disk, Path::new(NAME))?, None)?;
                 sink.vertices(&POSITIONS)?;
                 (0..4).try_for_each(|_| sink.triangles(&many))?;
                 sink.finish()
@@ -220,8 +337,8 @@ mod tests {
 
     #[test]
     fn errors_are_one_line_and_name_the_way_out() {
-        let message = |path: &str| create_sink(Path::new(path)).err().unwrap().to_string();
-        assert!(message("a.step").contains(".stl (binary), .ply (binary), .obj"));
+        let message = |path: &str| create_sink(Path::new(path), None).err().unwrap().to_string();
+        assert!(message("a.step").contains(".stl (binary), .ply (binary), .obj, .3mf, .glb"));
         let missing = message("/nonexistent/a.stl");
         assert!(missing.contains("/nonexistent/a.stl") && !missing.contains('\n'), "{missing}");
     }

@@ -477,7 +477,7 @@ fn speed() {
                 for _ in 0..8 {
                     let mut sink: Box<dyn MeshSink> = match ending {
                         "none" => Box::new(Count(0)),
-                        _ => create_sink(&dir.path().join("a").with_extension(ending)).unwrap(),
+                        _ => create_sink(&dir.path().join("a").with_extension(ending), None).unwrap(),
                     };
                     let start = std::time::Instant::now();
                     summary = contour(tree, &ContourOptions::default(), &mut *sink, &Silent).unwrap();

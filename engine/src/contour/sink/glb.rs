@@ -1,0 +1,126 @@
+//! Binary glTF 2.0 (`.glb`): a header, a chunk of JSON, and a chunk of positions and indices (Khronos glTF 2.0, §4.4).
+//!
+//! glTF counts in metres and has y up; a matrix turns the part, which has z up, and scales it.
+
+use super::arrays::{triples, write_facets};
+use super::ply::write_vertices;
+use super::{Encoded, Encoding, MeshSink};
+use crate::error::{Error, Result};
+use crate::part::PartFile;
+
+/// Room for the JSON, which is known at the end only and filled up with spaces. Most of it is nine numbers of up to 24
+/// characters.
+const JSON_BYTES: usize = 1024;
+/// Header of the file, and of a chunk.
+const HEAD_BYTES: usize = 12;
+const CHUNK_BYTES: usize = 8;
+/// Where the positions begin.
+const DATA: u64 = (HEAD_BYTES + CHUNK_BYTES + JSON_BYTES + CHUNK_BYTES) as u64;
+/// Bytes of a position, and of the indices of a triangle.
+const TRIPLE_BYTES: u64 = 12;
+
+pub(super) struct GlbSink {
+    file: PartFile,
+    vertices: u64,
+    triangles: u64,
+    /// Least and greatest coordinates.
+    bounds: [[f32; 3]; 2],
+    metres: f64,
+}
+
+impl GlbSink {
+    /// `metres` is the length of the unit of the positions.
+    pub(super) fn new(mut file: PartFile, metres: f64) -> Result<GlbSink> {
+        file.append(&[0; DATA as usize - CHUNK_BYTES])?;
+        let bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+        Ok(GlbSink { file, vertices: 0, triangles: 0, bounds, metres })
+    }
+
+    /// Bytes of the positions and indices.
+    fn data_bytes(&self) -> u64 {
+        TRIPLE_BYTES * (self.vertices + self.triangles)
+    }
+
+    /// All that stands before the second chunk.
+    fn head(&self) -> Vec<u8> {
+        let chunk = if self.vertices == 0 { 0 } else { CHUNK_BYTES as u64 + self.data_bytes() };
+        let total = (HEAD_BYTES + CHUNK_BYTES + JSON_BYTES) as u64 + chunk;
+        let mut head = b"glTF".to_vec();
+        // Both fit: `encoded` has seen to it.
+        for number in [2, total as u32, JSON_BYTES as u32] {
+            head.extend(number.to_le_bytes());
+        }
+        head.extend(b"JSON");
+        head.extend(self.json().bytes());
+        head.resize(HEAD_BYTES + CHUNK_BYTES + JSON_BYTES, b' ');
+        head
+    }
+
+    fn json(&self) -> String {
+        let asset = r#""asset":{"version":"2.0","generator":"Brickfield"},"scene":0"#;
+        if self.vertices == 0 {
+            // Without anything in it glTF knows no mesh.
+            return format!(r#"{{{asset},"scenes":[{{}}]}}"#);
+        }
+        // With an exponent, or small numbers would take a line of zeros.
+        let [low, high] = self.bounds.map(|at| at.map(|c| format!("{:e}", f64::from(c))).join(","));
+        let (metres, indices) = (format!("{:e}", self.metres), 3 * self.triangles);
+        let (positions_bytes, indices_bytes) = (TRIPLE_BYTES * self.vertices, TRIPLE_BYTES * self.triangles);
+        [
+            format!(r#"{{{asset},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"#),
+            format!(r#""matrix":[{metres},0,0,0,0,0,-{metres},0,0,{metres},0,0,0,0,0,1]}}],"#),
+            r#""meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],"#.to_owned(),
+            format!(r#""accessors":[{{"bufferView":0,"componentType":5126,"count":{},"#, self.vertices),
+            format!(r#""type":"VEC3","min":[{low}],"max":[{high}]}},"#),
+            format!(r#"{{"bufferView":1,"componentType":5125,"count":{indices},"type":"SCALAR"}}],"#),
+            format!(r#""bufferViews":[{{"buffer":0,"byteLength":{positions_bytes},"target":34962}},"#),
+            format!(r#"{{"buffer":0,"byteOffset":{positions_bytes},"byteLength":{indices_bytes},"#),
+            format!(r#""target":34963}}],"buffers":[{{"byteLength":{}}}]}}"#, self.data_bytes()),
+        ]
+        .concat()
+    }
+}
+
+impl MeshSink for GlbSink {
+    fn encoding(&self) -> Option<Encoding> {
+        Some(Encoding { vertices: write_vertices, facets: write_facets })
+    }
+
+    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+        if self.vertices == 0 {
+            self.file.append(&[0; CHUNK_BYTES])?;
+        }
+        let bytes = match part {
+            Encoded::Vertices(count, bytes) => {
+                self.vertices += count as u64;
+                let [low, high] = &mut self.bounds;
+                for position in triples(bytes, f32::from_le_bytes) {
+                    *low = std::array::from_fn(|a| low[a].min(position[a]));
+                    *high = std::array::from_fn(|a| high[a].max(position[a]));
+                }
+                bytes
+            }
+            Encoded::Triangles(count, bytes) => {
+                self.triangles += count as u64;
+                bytes
+            }
+        };
+        if DATA + self.data_bytes() > u64::from(u32::MAX) {
+            return Err(Error::setting(
+                format!("{}: a GLB file cannot hold 4 GiB", self.file.path().display()),
+                "write .ply or choose a coarser level with --level",
+            ));
+        }
+        self.file.append(bytes)
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.file.overwrite(0, &self.head())?;
+        if self.vertices > 0 {
+            let mut chunk = (self.data_bytes() as u32).to_le_bytes().to_vec();
+            chunk.extend(b"BIN\0");
+            self.file.overwrite(DATA - CHUNK_BYTES as u64, &chunk)?;
+        }
+        self.file.finish()
+    }
+}
