@@ -9,7 +9,7 @@ const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 18] = [
+const ROOMS: [(&str, &[&str]); 20] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
@@ -26,7 +26,9 @@ const ROOMS: [(&str, &[&str]); 18] = [
     ("contour", &["brick", "store"]),
     ("analysis", &["brick", "solid", "store"]),
     ("csg", &["brick", "store"]),
-    ("render", &["gpu", "brick", "store"]),
+    ("picture", &[]),
+    ("section", &["brick", "store", "picture"]),
+    ("render", &["gpu", "brick", "store", "picture"]),
     ("fuzz", &["toolpath", "x3d", "ingest", "store"]),
 ];
 

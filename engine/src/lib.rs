@@ -3,7 +3,8 @@
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
 //! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
-//! [`check`], [`store`] → [`backend`] → [`build`] → [`cache`], [`contour`], [`analysis`].
+//! [`check`], [`store`] → [`backend`] → [`build`] → [`cache`], [`contour`], [`analysis`],
+//! [`section`], [`render`], which draw with [`picture`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -27,8 +28,11 @@ pub mod lattice;
 #[allow(unsafe_code)] // maps
 pub mod mmap;
 pub mod part;
+pub mod picture;
 mod progress;
+pub mod render;
 mod schedule;
+pub mod section;
 pub mod solid;
 pub mod store;
 pub mod toolpath;

@@ -3,7 +3,7 @@
 use crate::support::*;
 use std::ffi::OsStr;
 
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 14] = [
     "build",
     "beads",
     "mesh",
@@ -11,6 +11,8 @@ const COMMANDS: [&str; 12] = [
     "sample",
     "winding",
     "export",
+    "slice",
+    "render",
     "verify",
     "cache",
     "bench",

@@ -2,6 +2,7 @@
 
 use crate::bench_args::BenchArgs;
 use crate::cache_args::{CacheArgs, CompressionArg};
+use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -25,6 +26,8 @@ pub enum Command {
     Sample(SampleArgs),
     Winding(WindingArgs),
     Export(ExportArgs),
+    Slice(SliceArgs),
+    Render(RenderArgs),
     Verify(VerifyArgs),
     Cache(CacheArgs),
     Bench(BenchArgs),

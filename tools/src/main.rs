@@ -14,6 +14,7 @@ mod interrupt;
 mod memory;
 mod npy;
 mod output;
+mod picture_args;
 mod points;
 mod progress;
 mod toolpaths;
@@ -55,6 +56,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Sample(args) => commands::sample::run(&args),
         Command::Winding(args) => commands::winding::run(&args),
         Command::Export(args) => commands::export::run(&args),
+        Command::Slice(args) => commands::slice::run(&args),
+        Command::Render(args) => commands::render::run(&args),
         Command::Verify(args) => commands::verify::run(&args),
         Command::Cache(args) => commands::cache::run(args),
         Command::Bench(args) => bench::run(args),

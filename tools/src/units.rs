@@ -87,18 +87,25 @@ impl Length {
     }
 }
 
+impl Length {
+    /// The number of units that have this symbol, if it is one; `None` if the length has a unit and the symbol is
+    /// unknown.
+    pub fn in_unit_of(self, symbol: &str) -> Option<f64> {
+        match Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol) {
+            Some(unit) => Some(self.in_unit(unit)),
+            None => self.unit.is_none().then_some(self.value),
+        }
+    }
+}
+
 /// A length that may be 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance(Length);
 
 impl Tolerance {
-    /// The number of units that have this symbol, if it is one; `None` if the length has a unit and the symbol is
-    /// unknown.
+    /// As [`Length::in_unit_of`].
     pub fn in_unit_of(self, symbol: &str) -> Option<f64> {
-        match Unit::of_symbol(symbol) {
-            Some(unit) => Some(self.0.in_unit(unit)),
-            None => self.0.unit.is_none().then_some(self.0.value),
-        }
+        self.0.in_unit_of(symbol)
     }
 }
 
@@ -106,7 +113,26 @@ impl FromStr for Tolerance {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Tolerance, String> {
-        parse_length(text, true).map(Tolerance)
+        parse_length(text, Sign::NotBelowZero).map(Tolerance)
+    }
+}
+
+/// A coordinate: a length of either sign.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Position(Length);
+
+impl Position {
+    /// As [`Length::in_unit_of`].
+    pub fn in_unit_of(self, symbol: &str) -> Option<f64> {
+        self.0.in_unit_of(symbol)
+    }
+}
+
+impl FromStr for Position {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Position, String> {
+        parse_length(text, Sign::Any).map(Position)
     }
 }
 
@@ -114,11 +140,19 @@ impl FromStr for Length {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Length, String> {
-        parse_length(text, false)
+        parse_length(text, Sign::AboveZero)
     }
 }
 
-fn parse_length(text: &str, may_be_zero: bool) -> Result<Length, String> {
+/// Which lengths are wanted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Sign {
+    AboveZero,
+    NotBelowZero,
+    Any,
+}
+
+fn parse_length(text: &str, sign: Sign) -> Result<Length, String> {
     let (number, suffix) = split(text);
     let unit = match suffix {
         "" => None,
@@ -131,10 +165,11 @@ fn parse_length(text: &str, may_be_zero: bool) -> Result<Length, String> {
         },
     };
     match number.parse::<f64>() {
-        Ok(value) if value.is_finite() && (value > 0.0 || may_be_zero && value == 0.0) => {
+        Ok(value) if !value.is_finite() => Err("a length must be a finite number".to_owned()),
+        Ok(value) if value > 0.0 || sign == Sign::Any || sign == Sign::NotBelowZero && value == 0.0 => {
             Ok(Length { value, unit })
         }
-        Ok(_) if may_be_zero => Err("a tolerance must not be below 0".to_owned()),
+        Ok(_) if sign == Sign::NotBelowZero => Err("a tolerance must not be below 0".to_owned()),
         Ok(_) => Err("a length must be above 0".to_owned()),
         Err(_) => Err("expected a number and a unit, as in 0.05mm".to_owned()),
     }
@@ -322,6 +357,16 @@ mod tests {
         for bad in ["", "mm", "-1mm", "0", "nan", "inf", "1e999", "1 parsec", "1,5mm", "1mm2"] {
             assert!(bad.parse::<Length>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn coordinates_have_signs() {
+        let mm = |text: &str| text.parse::<Position>().map(|at| at.in_unit_of("mm"));
+        assert_eq!(mm("-0.1in"), Ok(Some(-2.54)));
+        assert_eq!(mm("0"), Ok(Some(0.0)));
+        assert_eq!("-2mm".parse::<Position>().unwrap().in_unit_of("parsec"), None);
+        assert_eq!("-2".parse::<Position>().unwrap().in_unit_of("parsec"), Some(-2.0));
+        assert!("-inf".parse::<Position>().is_err() && "-1".parse::<Tolerance>().is_err());
     }
 
     #[test]

@@ -1,6 +1,5 @@
-//! Decoded bricks in memory, under a byte budget.
+//! Decoded bricks, or what was made of them, in memory under a byte budget.
 
-use crate::brick::Brick;
 use crate::lattice::NodeKey;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,9 +12,9 @@ const SHARD_BYTES_MIN: u64 = 4 << 20;
 /// Memory of an entry beside the brick's heap: the brick, its counters, its places in map and ring.
 const OVERHEAD_BYTES: u64 = 256;
 
-/// Keeps decoded bricks by the clock rule: a brick used since the hand last passed gets a second turn.
-pub(super) struct BrickCache {
-    shards: Vec<Mutex<Shard>>,
+/// Keeps bricks by the clock rule: a brick used since the hand last passed gets a second turn.
+pub(crate) struct BrickCache<T> {
+    shards: Vec<Mutex<Shard<T>>>,
     shard_bytes_max: u64,
     hits: AtomicU64,
     misses: AtomicU64,
@@ -38,24 +37,29 @@ pub struct CacheStats {
     pub ahead_used: u64,
 }
 
-#[derive(Default)]
-struct Shard {
+struct Shard<T> {
     places: HashMap<NodeKey, usize>,
-    ring: Vec<Slot>,
+    ring: Vec<Slot<T>>,
     hand: usize,
     bytes: u64,
 }
 
-struct Slot {
+impl<T> Default for Shard<T> {
+    fn default() -> Shard<T> {
+        Shard { places: HashMap::new(), ring: Vec::new(), hand: 0, bytes: 0 }
+    }
+}
+
+struct Slot<T> {
     key: NodeKey,
-    brick: Arc<Brick>,
+    brick: Arc<T>,
     bytes: u64,
     used: bool,
 }
 
-impl BrickCache {
+impl<T> BrickCache<T> {
     /// An empty cache that will hold at most `bytes_max`.
-    pub(super) fn new(bytes_max: u64) -> BrickCache {
+    pub(crate) fn new(bytes_max: u64) -> BrickCache<T> {
         let count = (bytes_max / SHARD_BYTES_MIN).clamp(1, SHARDS_MAX);
         BrickCache {
             shards: (0..count).map(|_| Mutex::default()).collect(),
@@ -66,7 +70,7 @@ impl BrickCache {
     }
 
     /// The brick, if it is held; counts a hit or a miss.
-    pub(super) fn get(&self, key: NodeKey) -> Option<Arc<Brick>> {
+    pub(crate) fn get(&self, key: NodeKey) -> Option<Arc<T>> {
         let found = self.shard(key).get(key);
         let counter = if found.is_some() { &self.hits } else { &self.misses };
         counter.fetch_add(1, Ordering::Relaxed);
@@ -74,13 +78,13 @@ impl BrickCache {
     }
 
     /// Whether the brick is held; counts nothing, and does not make it stay.
-    pub(super) fn holds(&self, key: NodeKey) -> bool {
+    pub(crate) fn holds(&self, key: NodeKey) -> bool {
         self.shard(key).places.contains_key(&key)
     }
 
-    /// Holds the brick, and lets go of others for it.
-    pub(super) fn insert(&self, key: NodeKey, brick: &Arc<Brick>) {
-        let bytes = brick.heap_bytes() as u64 + OVERHEAD_BYTES;
+    /// Holds the brick, which takes `heap_bytes`, and lets go of others for it.
+    pub(crate) fn insert(&self, key: NodeKey, brick: &Arc<T>, heap_bytes: usize) {
+        let bytes = heap_bytes as u64 + OVERHEAD_BYTES;
         if bytes > self.shard_bytes_max {
             return;
         }
@@ -95,7 +99,7 @@ impl BrickCache {
         drop(evicted);
     }
 
-    pub(super) fn stats(&self) -> CacheStats {
+    pub(crate) fn stats(&self) -> CacheStats {
         let mut stats = CacheStats {
             hits: self.hits.load(Ordering::Relaxed),
             misses: self.misses.load(Ordering::Relaxed),
@@ -109,7 +113,7 @@ impl BrickCache {
         stats
     }
 
-    fn shard(&self, key: NodeKey) -> MutexGuard<'_, Shard> {
+    fn shard(&self, key: NodeKey) -> MutexGuard<'_, Shard<T>> {
         // Fibonacci hashing: neighbours, which threads want at once, fall into different shards.
         let hash = key.code().wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
         lock(&self.shards[hash as usize % self.shards.len()])
@@ -117,25 +121,25 @@ impl BrickCache {
 }
 
 /// No code that may panic runs under the lock, so a poisoned one holds sound data.
-fn lock(shard: &Mutex<Shard>) -> MutexGuard<'_, Shard> {
+fn lock<T>(shard: &Mutex<Shard<T>>) -> MutexGuard<'_, Shard<T>> {
     shard.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Shard {
-    fn get(&mut self, key: NodeKey) -> Option<Arc<Brick>> {
+impl<T> Shard<T> {
+    fn get(&mut self, key: NodeKey) -> Option<Arc<T>> {
         let slot = &mut self.ring[*self.places.get(&key)?];
         slot.used = true;
         Some(Arc::clone(&slot.brick))
     }
 
-    fn insert(&mut self, slot: Slot) {
+    fn insert(&mut self, slot: Slot<T>) {
         self.bytes += slot.bytes;
         self.places.insert(slot.key, self.ring.len());
         self.ring.push(slot);
     }
 
     /// Turns the hand until no more than `bytes_max` are held.
-    fn make_room(&mut self, bytes_max: u64) -> Vec<Slot> {
+    fn make_room(&mut self, bytes_max: u64) -> Vec<Slot<T>> {
         let mut evicted = Vec::new();
         while self.bytes > bytes_max {
             if self.hand >= self.ring.len() {
@@ -160,7 +164,7 @@ impl Shard {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brick::{Hermite, Samples};
+    use crate::brick::{Brick, Hermite, Samples};
 
     fn brick(w: i16) -> Arc<Brick> {
         Arc::new(Brick::Counts { samples: Samples::filled(w), hermite: Hermite::default() })
@@ -174,11 +178,12 @@ mod tests {
     fn the_budget_holds_and_the_used_stay() {
         let one = brick(0).heap_bytes() as u64 + OVERHEAD_BYTES;
         let cache = BrickCache::new(10 * one);
-        cache.insert(key(0), &brick(0));
+        let bytes = brick(0).heap_bytes();
+        cache.insert(key(0), &brick(0), bytes);
         for x in 1..=1000 {
             assert_eq!(cache.get(key(x)), None);
-            cache.insert(key(x), &brick(x as i16));
-            cache.insert(key(x), &brick(-1));
+            cache.insert(key(x), &brick(x as i16), bytes);
+            cache.insert(key(x), &brick(-1), bytes);
             assert_eq!(cache.get(key(0)).expect("used all the time").sample([0; 3]), 0);
             assert!(cache.stats().bytes <= 10 * one);
         }
@@ -190,12 +195,12 @@ mod tests {
     #[test]
     fn a_brick_beyond_the_budget_is_not_held() {
         let cache = BrickCache::new(1000);
-        cache.insert(key(0), &brick(0));
+        cache.insert(key(0), &brick(0), brick(0).heap_bytes());
         assert_eq!(cache.stats(), CacheStats::default());
         let large = BrickCache::new(1 << 30);
         assert_eq!(large.shards.len() as u64, SHARDS_MAX);
         for x in 0..500 {
-            large.insert(key(x), &brick(0));
+            large.insert(key(x), &brick(0), brick(0).heap_bytes());
         }
         assert_eq!(large.stats().bricks, 500);
     }

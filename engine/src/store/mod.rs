@@ -23,6 +23,7 @@ mod verify;
 mod writer;
 
 pub use ahead::Walk;
+pub(crate) use cache::BrickCache;
 pub use cache::CacheStats;
 pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,

@@ -37,7 +37,7 @@ pub struct Store {
     /// Where what the commit names ends.
     end: u64,
     unfinished: bool,
-    cache: BrickCache,
+    cache: BrickCache<Brick>,
     ahead: Ahead,
 }
 
@@ -323,7 +323,7 @@ impl Store {
     pub(super) fn load_into_cache(&self, entry: &IndexEntry) -> std::result::Result<Arc<Brick>, String> {
         let brick = Arc::new(self.load(entry)?);
         if !entry.head.kind.is_uniform() {
-            self.cache.insert(entry.key, &brick);
+            self.cache.insert(entry.key, &brick, brick.heap_bytes());
         }
         Ok(brick)
     }

@@ -9,8 +9,10 @@ mod info_devices;
 mod info_mesh;
 pub mod mesh;
 mod mesh_check;
+pub mod render;
 pub mod sample;
 pub mod shell;
+pub mod slice;
 pub mod verify;
 pub mod winding;
 

@@ -1,0 +1,205 @@
+//! Where the eye is, and the ray through each point of the picture.
+
+use crate::error::{Error, Result};
+
+pub(super) type Vector = [f64; 3];
+
+pub(super) fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn cross(a: Vector, b: Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(super) fn scaled(a: Vector, by: f64) -> Vector {
+    a.map(|c| c * by)
+}
+
+pub(super) fn sum(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|n| a[n] + b[n])
+}
+
+/// A vector of length 1; zero stays zero.
+pub(super) fn unit(a: Vector) -> Vector {
+    let length = dot(a, a).sqrt();
+    if length > 0.0 { scaled(a, 1.0 / length) } else { a }
+}
+
+/// From where the part is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Degrees from the x axis towards the y axis, of the direction in which the eye lies.
+    pub azimuth: f64,
+    /// Degrees above the xy plane.
+    pub elevation: f64,
+    /// Degrees between the upper and the lower border of the picture, below 180; 0 for parallel rays.
+    pub opening: f64,
+}
+
+impl View {
+    /// Names with azimuth and elevation.
+    pub const NAMED: [(&'static str, [f64; 2]); 7] = [
+        ("iso", [-45.0, 35.264_389_682_754_654]),
+        ("top", [-90.0, 90.0]),
+        ("bottom", [-90.0, -90.0]),
+        ("front", [-90.0, 0.0]),
+        ("back", [90.0, 0.0]),
+        ("left", [180.0, 0.0]),
+        ("right", [0.0, 0.0]),
+    ];
+
+    /// A view of that name, with parallel rays.
+    pub fn named(name: &str) -> Option<View> {
+        let (_, [azimuth, elevation]) = View::NAMED.into_iter().find(|(known, _)| *known == name)?;
+        Some(View { azimuth, elevation, opening: 0.0 })
+    }
+}
+
+/// A line from the eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it begins, in world coordinates.
+    pub origin: Vector,
+    /// Its direction, of length 1.
+    pub direction: Vector,
+}
+
+/// The eye, its screen, and how large a pixel is.
+#[derive(Clone, Debug)]
+pub(super) struct Camera {
+    /// To the right, upward, and towards the eye.
+    pub axes: [Vector; 3],
+    /// What the middle of the picture shows.
+    centre: Vector,
+    /// From there to the eye.
+    distance: f64,
+    /// Size of a pixel at the centre.
+    pixel: f64,
+    size: [u32; 2],
+    parallel: bool,
+}
+
+/// Free space on each side, as a share of the picture.
+const MARGIN: f64 = 0.03;
+
+impl Camera {
+    /// Sees the box `corners` as large as a picture of `size` pixels allows.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if angles are no numbers or the opening is none.
+    pub fn fit(view: View, corners: [Vector; 2], size: [u32; 2]) -> Result<Camera> {
+        let View { azimuth, elevation, opening } = view;
+        let sound = azimuth.is_finite() && (-90.0..=90.0).contains(&elevation);
+        if !(sound && (opening == 0.0 || (1.0..=150.0).contains(&opening))) {
+            return Err(Error::setting(
+                format!("nobody can see from {azimuth}, {elevation} degrees with an opening of {opening}"),
+                "choose an elevation from -90 to 90, and an opening of 0 or from 1 to 150 degrees",
+            ));
+        }
+        let ([sin_a, cos_a], [sin_e, cos_e]) = (sin_cos(azimuth), sin_cos(elevation));
+        let towards = [cos_e * cos_a, cos_e * sin_a, sin_e];
+        let right = [-sin_a, cos_a, 0.0];
+        let axes = [right, cross(towards, right), towards];
+        let middle: Vector = std::array::from_fn(|a| (corners[0][a] + corners[1][a]) / 2.0);
+        // The box from its middle, along the axes of the picture.
+        let ends: Vec<Vector> = (0..8)
+            .map(|n| {
+                let corner = std::array::from_fn(|a| corners[n >> a & 1][a] - middle[a]);
+                axes.map(|axis| dot(axis, corner))
+            })
+            .collect();
+        let most = |f: &dyn Fn(&Vector) -> f64| ends.iter().map(f).fold(0.0, f64::max);
+        let share = 1.0 - 2.0 * MARGIN;
+        let halves = size.map(|side| f64::from(side) / 2.0 * share);
+        let nearest = most(&|end| end[2]);
+        let (pixel, distance) = if opening == 0.0 {
+            let pixel = (0..2).map(|a| most(&|end| end[a].abs()) / halves[a]).fold(0.0, f64::max);
+            (pixel, nearest * 2.0)
+        } else {
+            let [sin, cos] = sin_cos(opening / 2.0);
+            // Height of half the picture at a distance of 1, and of a pixel.
+            let pixel = sin / cos / (f64::from(size[1]) / 2.0);
+            let needed = |a: usize| most(&|end| end[2] + end[a].abs() / (pixel * halves[a]));
+            let distance = needed(0).max(needed(1)).max(nearest * 1.01);
+            (pixel * distance, distance)
+        };
+        let parallel = opening == 0.0;
+        Ok(Camera { axes, centre: middle, distance, pixel, size, parallel })
+    }
+
+    /// The ray through a point of the picture, in pixels from its upper left corner.
+    pub fn ray(&self, at: [f64; 2]) -> Ray {
+        let [right, up, towards] = self.axes;
+        let x = (at[0] - f64::from(self.size[0]) / 2.0) * self.pixel;
+        let y = (f64::from(self.size[1]) / 2.0 - at[1]) * self.pixel;
+        let target = sum(self.centre, sum(scaled(right, x), scaled(up, y)));
+        let back = scaled(towards, self.distance);
+        if self.parallel {
+            return Ray { origin: sum(target, back), direction: scaled(towards, -1.0) };
+        }
+        let origin = sum(self.centre, back);
+        Ray { origin, direction: unit(sum(target, scaled(origin, -1.0))) }
+    }
+
+    /// Size of a pixel at a distance from the eye.
+    pub fn pixel_at(&self, distance: f64) -> f64 {
+        if self.parallel { self.pixel } else { self.pixel * distance / self.distance }
+    }
+}
+
+/// Sine and cosine of degrees, the same on every machine, and exact where they are 0 or 1.
+fn sin_cos(degrees: f64) -> [f64; 2] {
+    let angle = degrees.to_radians();
+    [libm::sin(angle), libm::cos(angle)].map(|c| {
+        let nearest = c.round();
+        if (c - nearest).abs() < 1e-14 { nearest } else { c }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn named_views_look_where_they_say() {
+        let axes = |name| {
+            let view = View::named(name).unwrap();
+            Camera::fit(view, [[0.0; 3], [1.0, 2.0, 3.0]], [100, 50]).unwrap().axes
+        };
+        assert_eq!(axes("top"), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert_eq!(axes("front"), [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]);
+        assert_eq!(axes("right"), [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
+        assert_eq!(View::named("inside"), None);
+        for (name, _) in View::NAMED {
+            let [right, up, towards] = axes(name);
+            assert!(dot(cross(right, up), towards) > 0.999_999, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_whole_box_is_seen_and_fills_the_picture() {
+        let corners = [[-3.0, 1.0, 5.0], [4.0, 2.0, 9.0]];
+        for opening in [0.0, 1.0, 30.0, 120.0] {
+            for (_, [azimuth, elevation]) in View::NAMED {
+                let camera = Camera::fit(View { azimuth, elevation, opening }, corners, [200, 100]).unwrap();
+                let [right, up, towards] = camera.axes;
+                let mut fullest: f64 = 0.0;
+                for n in 0..8 {
+                    let corner: Vector = std::array::from_fn(|a| corners[n >> a & 1][a]);
+                    let from = sum(corner, scaled(camera.centre, -1.0));
+                    let near = if opening == 0.0 { 1.0 } else { 1.0 - dot(towards, from) / camera.distance };
+                    let x = dot(right, from) / near / camera.pixel / 100.0;
+                    let y = dot(up, from) / near / camera.pixel / 50.0;
+                    fullest = fullest.max(x.abs()).max(y.abs());
+                    // The ray through the corner's place in the picture meets it.
+                    let ray = camera.ray([100.0 + x * 100.0, 50.0 - y * 50.0]);
+                    let to = sum(corner, scaled(ray.origin, -1.0));
+                    let off = sum(to, scaled(ray.direction, -dot(to, ray.direction)));
+                    assert!(dot(off, off) < 1e-18 && dot(to, ray.direction) > 0.0);
+                }
+                assert!((0.93..=0.9401).contains(&fullest), "{fullest} {azimuth} {elevation} {opening}");
+            }
+        }
+    }
+}

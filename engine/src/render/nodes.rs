@@ -1,0 +1,63 @@
+//! The tree as rays see it: which nodes hold nothing to be seen.
+
+use crate::store::BrickTree;
+
+/// What is known of a node and of all below it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    /// Number of its first child, the others following; 0 where it has none, or none that count.
+    pub children: u32,
+    /// Smallest and largest sample of the leaves below, or of the node's own as a leaf.
+    pub range: (i16, i16),
+    /// Of the node's own samples.
+    pub own: (i16, i16),
+    /// Whether samples below have binary places, so that `range` is rounded.
+    pub fractions: bool,
+}
+
+/// All nodes down to a level, level by level.
+pub(super) struct Nodes(Vec<Node>);
+
+impl Nodes {
+    /// The nodes of a complete tree, which come along the Morton curve level by level, so that the children of a level's
+    /// interior nodes are the next level.
+    pub fn new(tree: &dyn BrickTree, level: u8) -> Nodes {
+        let mut nodes = Vec::new();
+        let mut interior = Vec::new();
+        for key in tree.keys() {
+            if key.level() > level {
+                break;
+            }
+            let Some(info) = tree.node(key) else { continue };
+            if !info.leaf && key.level() < level {
+                interior.push(nodes.len());
+            }
+            let own = (info.min, info.max);
+            nodes.push(Node { children: 0, range: own, own, fractions: info.fractions });
+        }
+        for (rank, &parent) in interior.iter().enumerate().rev() {
+            let first = 1 + 8 * rank;
+            // A tree that contradicts itself has holes; they show as coarse bricks.
+            let Some(children) = nodes.get(first..first + 8) else { continue };
+            let low = children.iter().map(|child| child.range.0).min().unwrap_or(0);
+            let high = children.iter().map(|child| child.range.1).max().unwrap_or(0);
+            let fractions = children.iter().any(|child| child.fractions);
+            let node: &mut Node = &mut nodes[parent];
+            (node.children, node.range, node.fractions) = (first as u32, (low, high), fractions);
+        }
+        Nodes(nodes)
+    }
+
+    pub fn get(&self, number: u32) -> Node {
+        self.0[number as usize]
+    }
+
+    /// Bytes that they take.
+    pub fn heap_bytes(&self) -> u64 {
+        (self.0.capacity() * size_of::<Node>()) as u64
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}

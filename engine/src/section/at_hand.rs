@@ -1,0 +1,107 @@
+//! The bricks that a thread looks at.
+
+use crate::brick::Brick;
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey};
+use crate::store::BrickTree;
+use std::sync::Arc;
+
+/// A brick and where its samples lie.
+pub(super) struct Held {
+    pub key: NodeKey,
+    pub brick: Arc<Brick>,
+    /// First sample, in units from the root's first one.
+    pub base: [f64; 3],
+    /// Distance of samples in units.
+    pub spacing: f64,
+}
+
+impl Held {
+    fn holds(&self, at: [f64; 3]) -> bool {
+        let edge = self.spacing * BRICK_CELLS as f64;
+        (0..3).all(|a| at[a] >= self.base[a] && at[a] < self.base[a] + edge)
+    }
+
+    /// A position in samples from the brick's first one, 0 to 32.
+    pub fn local(&self, at: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| (at[a] - self.base[a]) / self.spacing)
+    }
+}
+
+/// Finds bricks by place and keeps those found until told otherwise.
+pub(super) struct AtHand<'a> {
+    tree: &'a dyn BrickTree,
+    level: u8,
+    held: Vec<Held>,
+    last: usize,
+}
+
+impl<'a> AtHand<'a> {
+    /// Of the tree cut off at `level`, whose interior nodes stand for what is below them.
+    pub fn new(tree: &'a dyn BrickTree, level: u8) -> AtHand<'a> {
+        AtHand { tree, level, held: Vec::new(), last: 0 }
+    }
+
+    /// Lets go of all bricks.
+    pub fn clear(&mut self) {
+        self.held.clear();
+        self.last = 0;
+    }
+
+    /// How many bricks are kept.
+    pub fn count(&self) -> usize {
+        self.held.len()
+    }
+
+    /// The brick whose cells hold a position, in units from the root's first sample; `None` outside the root.
+    pub fn at(&mut self, at: [f64; 3]) -> Result<Option<&Held>> {
+        if !self.held.get(self.last).is_some_and(|held| held.holds(at)) {
+            self.last = match self.held.iter().position(|held| held.holds(at)) {
+                Some(found) => found,
+                None => {
+                    let Some(key) = node_at(self.tree, self.level, at) else { return Ok(None) };
+                    self.take(key)?
+                }
+            };
+        }
+        Ok(self.held.get(self.last))
+    }
+
+    fn take(&mut self, key: NodeKey) -> Result<usize> {
+        let brick = match self.tree.node(key) {
+            // The index knows; no need to read the brick.
+            Some(node) if node.min == node.max && !node.fractions => Arc::new(Brick::Uniform(node.min)),
+            _ => self.tree.brick(key)?,
+        };
+        let (base, spacing) = (key.base().map(f64::from), f64::from(1u32 << key.spacing_bits()));
+        self.held.push(Held { key, brick, base, spacing });
+        Ok(self.held.len() - 1)
+    }
+}
+
+/// The leaf, or the interior node of the level, whose cells hold the position.
+fn node_at(tree: &dyn BrickTree, level: u8, at: [f64; 3]) -> Option<NodeKey> {
+    let deepest = NodeKey::deepest_holding(at)?;
+    let mut keys = (0..=level.min(MAX_LEVEL)).filter_map(|level| deepest.ancestor(level));
+    keys.find(|key| tree.node(*key).is_some_and(|node| node.leaf || key.level() == level))
+}
+
+/// Interpolates `value` of the samples around a position, in samples from the brick's first one.
+pub(super) fn trilinear(brick: &Brick, at: [f64; 3], value: impl Fn(f64) -> f64) -> f64 {
+    if let Brick::Uniform(w) = brick {
+        return value(f64::from(*w));
+    }
+    let low: [usize; 3] = at.map(|a| (a as usize).min(BRICK_CELLS - 1));
+    let part: [f64; 3] = std::array::from_fn(|a| at[a] - low[a] as f64);
+    let corner =
+        |dx: usize, dy: usize, dz: usize| value(brick.value([low[0] + dx, low[1] + dy, low[2] + dz]));
+    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+    let row = |dy, dz| mix(corner(0, dy, dz), corner(1, dy, dz), part[0]);
+    let face = |dz| mix(row(0, dz), row(1, dz), part[1]);
+    mix(face(0), face(1), part[2])
+}
+
+/// The nearest sample's whole number.
+pub(super) fn nearest(brick: &Brick, at: [f64; 3]) -> f64 {
+    f64::from(brick.sample(at.map(|a| ((a + 0.5) as usize).min(BRICK_CELLS))))
+}

@@ -1,0 +1,209 @@
+//! w in a plane as a picture.
+
+use super::at_hand::{AtHand, nearest, trilinear};
+use super::legend::Legend;
+use super::plane::Plane;
+use crate::error::{Error, Result};
+use crate::lattice::{ROOT_BITS, RootCube, spacing_bits};
+use crate::picture::{PngRows, Rgba, SIDE_MAX, Scale, WHITE, mean, write_png};
+use crate::progress::Progress;
+use crate::store::BrickTree;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Pixels along the side of a tile, which a thread takes at once: those of a brick where a pixel is a sample.
+const TILE: usize = 32;
+/// Most samples along each side of a pixel that are averaged where it is larger than a cell.
+const SAMPLES_MAX: f64 = 4.0;
+
+/// What to draw.
+#[derive(Clone, Debug)]
+pub struct SectionPicture {
+    /// Where.
+    pub plane: Plane,
+    /// Least and greatest world coordinates of what is to be seen, by the axes of [`Plane::sides`].
+    pub window: [[f64; 2]; 2],
+    /// Size of a pixel in world units; `None` for one pixel a sample of the finest level.
+    pub pixel: Option<f64>,
+    /// Deepest level to use; `None` for all.
+    pub level: Option<u8>,
+    /// The unit of length for legend and scale bar below the picture; `None` for the samples alone.
+    pub legend: Option<String>,
+}
+
+/// What was drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SectionSummary {
+    /// Width and height in pixels, without the legend.
+    pub size: [u32; 2],
+    /// Size of a pixel in world units.
+    pub pixel: f64,
+    /// World position of the centre of the lower left pixel.
+    pub origin: [f64; 3],
+    /// Smallest and largest w of the whole tree, which the colours span.
+    pub range: (i16, i16),
+}
+
+/// Where the pixels lie: `first` is the centre of the lower left one, in units from the root's first sample.
+struct Grid {
+    plane: Plane,
+    first: [f64; 2],
+    at: f64,
+    /// In units.
+    pixel: f64,
+    size: [usize; 2],
+    /// Samples along each side of a pixel.
+    samples: usize,
+    level: u8,
+    whole: bool,
+    scale: Scale,
+}
+
+/// Writes a picture of w in a plane. Of closed input every pixel shows the sample nearest to its centre in the finest brick
+/// there, of open input w between the samples, trilinear. Pixels larger than a cell average up to 4 × 4 samples, of a level
+/// that is fine enough for them. Works in bands of tiles on all threads; memory is that of a band and of the bricks that the
+/// tree keeps. The bytes do not depend on the number of threads.
+///
+/// # Errors
+/// [`Error::Setting`] if the window is empty or the picture too large; [`Error::Interrupted`]; what reading the tree and
+/// writing the file give.
+pub fn write_picture(
+    tree: &dyn BrickTree,
+    what: &SectionPicture,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<SectionSummary> {
+    let (range, whole, deepest) = survey(tree);
+    let scale = if whole { Scale::Counted } else { Scale::Even(f64::from(range.1.max(1))) };
+    let grid = Grid::new(tree.root(), what, deepest.min(what.level.unwrap_or(deepest)), whole, scale)?;
+    let root = tree.root();
+    let pixel = grid.pixel * root.edge / f64::from(1u32 << ROOT_BITS);
+    let legend = what.legend.as_ref().map(|unit| {
+        let title = format!("{} = {} {unit}", what.plane.letter(), plain(what.plane.at));
+        Legend { title, scale, range, pixel, unit }.draw(grid.size[0])
+    });
+    let width = legend.as_ref().map_or(0, |legend| legend.width()).max(grid.size[0]);
+    let height = grid.size[1] + legend.as_ref().map_or(0, |legend| legend.rows().count());
+    let size = [width as u32, height as u32];
+    write_png(path, size, true, |rows| {
+        grid.draw(tree, width, rows, progress)?;
+        legend.iter().flat_map(|legend| legend.rows()).try_for_each(|row| {
+            let mut row = row.to_vec();
+            row.resize(width, WHITE);
+            rows.row(&row)
+        })
+    })?;
+    let origin = root.to_world(what.plane.point(grid.first, grid.at).map(|u| u + 1.0));
+    Ok(SectionSummary { size: grid.size.map(|side| side as u32), pixel, origin, range })
+}
+
+/// A number with as many digits as it needs, six after the point at most.
+pub(super) fn plain(value: f64) -> String {
+    let text = format!("{value:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Smallest and largest w, whether all samples are whole, and the deepest level. Reads no brick.
+fn survey(tree: &dyn BrickTree) -> ((i16, i16), bool, u8) {
+    let keys = tree.keys();
+    let mut found = ((i16::MAX, i16::MIN), true, keys.last().map_or(0, |key| key.level()));
+    for node in keys.into_iter().filter_map(|key| tree.node(key)) {
+        found.0 = (found.0.0.min(node.min), found.0.1.max(node.max));
+        found.1 &= !node.fractions;
+    }
+    found
+}
+
+impl Grid {
+    fn new(root: RootCube, what: &SectionPicture, deepest: u8, whole: bool, scale: Scale) -> Result<Grid> {
+        let plane = what.plane;
+        let units = |uv: [f64; 2]| root.from_first_sample(plane.point(uv, plane.at));
+        let [low, high] = what.window.map(units);
+        let at = low[plane.axis.index()];
+        let [low, high] = [low, high].map(|point| plane.within(point));
+        let cell = f64::from(1u32 << spacing_bits(deepest));
+        let pixel = what.pixel.map_or(cell, |pixel| pixel * f64::from(1u32 << ROOT_BITS) / root.edge);
+        // Without a size of their own pixels are samples.
+        let first = match what.pixel {
+            None => low.map(|c| (c / cell).floor() * cell),
+            Some(_) => low.map(|c| c + pixel / 2.0),
+        };
+        let sides = [0, 1].map(|a| ((high[a] - first[a]) / pixel + 0.5).ceil().max(1.0));
+        let most = f64::from(SIDE_MAX) - 1000.0;
+        if !sides.iter().all(|side| *side <= most) {
+            return Err(Error::setting(
+                format!("the picture would have {} × {} pixels", sides[0], sides[1]),
+                "choose larger pixels with --pixel, or a size with --size",
+            ));
+        }
+        let samples = (pixel / cell - 0.01).ceil().clamp(1.0, SAMPLES_MAX);
+        let fine_enough = |level: &u8| f64::from(1u32 << spacing_bits(*level)) <= pixel / samples * 1.01;
+        let level = (0..=deepest).find(fine_enough).unwrap_or(deepest);
+        let size = sides.map(|side| side as usize);
+        Ok(Grid { plane, first, at, pixel, size, samples: samples as usize, level, whole, scale })
+    }
+
+    fn draw(
+        &self,
+        tree: &dyn BrickTree,
+        width: usize,
+        rows: &mut PngRows<'_>,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let bands = self.size[1].div_ceil(TILE);
+        progress.phase("drawing", Some(bands as u64), "bands");
+        for band in 0..bands {
+            progress.check()?;
+            let tiles: Vec<Vec<Rgba>> = (0..self.size[0].div_ceil(TILE))
+                .into_par_iter()
+                .map_init(
+                    || AtHand::new(tree, self.level),
+                    |at_hand, tile| {
+                        at_hand.clear();
+                        self.tile(at_hand, [tile * TILE, band * TILE])
+                    },
+                )
+                .collect::<Result<_>>()?;
+            for y in 0..TILE.min(self.size[1] - band * TILE) {
+                let mut row: Vec<Rgba> =
+                    tiles.iter().flat_map(|tile| &tile[y * TILE..(y + 1) * TILE]).copied().collect();
+                row.truncate(self.size[0]);
+                row.resize(width, WHITE);
+                rows.row(&row)?;
+            }
+            progress.advance(1);
+        }
+        Ok(())
+    }
+
+    /// The pixels of a tile whose upper left one is `from`, counted from the picture's upper left one.
+    fn tile(&self, at_hand: &mut AtHand<'_>, from: [usize; 2]) -> Result<Vec<Rgba>> {
+        let mut pixels = Vec::with_capacity(TILE * TILE);
+        let mut parts = Vec::with_capacity(self.samples * self.samples);
+        for y in 0..TILE {
+            let up = self.size[1] as f64 - 1.0 - (from[1] + y) as f64;
+            for x in 0..TILE {
+                parts.clear();
+                for part in 0..self.samples * self.samples {
+                    let offset = |n: usize| (n as f64 + 0.5) / self.samples as f64 - 0.5;
+                    let steps = [
+                        (from[0] + x) as f64 + offset(part % self.samples),
+                        up + offset(part / self.samples),
+                    ];
+                    let uv = std::array::from_fn(|a| self.first[a] + steps[a] * self.pixel);
+                    parts.push(self.scale.colour(self.value(at_hand, self.plane.point(uv, self.at))?));
+                }
+                pixels.push(mean(&parts));
+            }
+        }
+        Ok(pixels)
+    }
+
+    fn value(&self, at_hand: &mut AtHand<'_>, at: [f64; 3]) -> Result<f64> {
+        Ok(match at_hand.at(at)? {
+            None => 0.0,
+            Some(held) if self.whole => nearest(&held.brick, held.local(at)),
+            Some(held) => trilinear(&held.brick, held.local(at), |w| w),
+        })
+    }
+}

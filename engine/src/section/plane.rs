@@ -1,0 +1,42 @@
+//! Where a section lies.
+
+use crate::lattice::Axis;
+
+/// A plane across an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// The axis that it is perpendicular to.
+    pub axis: Axis,
+    /// Its world coordinate on that axis.
+    pub at: f64,
+}
+
+impl Plane {
+    /// The axes of the picture: to the right, and upward. (x, y), (x, z) or (y, z).
+    pub fn sides(self) -> [Axis; 2] {
+        match self.axis {
+            Axis::X => [Axis::Y, Axis::Z],
+            Axis::Y => [Axis::X, Axis::Z],
+            Axis::Z => [Axis::X, Axis::Y],
+        }
+    }
+
+    /// The axis as a letter.
+    pub fn letter(self) -> char {
+        ['x', 'y', 'z'][self.axis.index()]
+    }
+
+    /// The point of space at `uv` of the plane `at`, in whatever coordinates both are.
+    pub(super) fn point<T: Copy>(self, uv: [T; 2], at: T) -> [T; 3] {
+        let mut point = [at; 3];
+        for (side, c) in self.sides().into_iter().zip(uv) {
+            point[side.index()] = c;
+        }
+        point
+    }
+
+    /// The two coordinates of a point in the plane.
+    pub(super) fn within<T: Copy>(self, point: [T; 3]) -> [T; 2] {
+        self.sides().map(|side| point[side.index()])
+    }
+}

@@ -1,0 +1,300 @@
+//! Sections and ray-cast pictures of real trees, against what geometry says.
+
+use brickfield_bench_data::Mesh;
+use brickfield_bench_data::shapes::{cuboid, icosphere};
+use brickfield_engine::Silent;
+use brickfield_engine::build::{TreeOptions, build_in_memory};
+use brickfield_engine::lattice::{Axis, RootCube};
+use brickfield_engine::render::{Cut, Ray, RenderOptions, Scene, Style, View};
+use brickfield_engine::section::{Contour, ContourLimits, Plane, contour};
+use brickfield_engine::store::{BrickTree, MemoryTree, Refine};
+
+type Soup = Vec<[[f64; 3]; 3]>;
+
+fn soup(mesh: &Mesh) -> Soup {
+    mesh.triangles.iter().map(|t| t.map(|v| mesh.vertices[v as usize])).collect()
+}
+
+fn tree(soup: &Soup, options: TreeOptions) -> MemoryTree {
+    let all = || soup.iter().flatten();
+    let min = std::array::from_fn(|a| all().fold(f64::MAX, |m, v| m.min(v[a])));
+    let max = std::array::from_fn(|a| all().fold(f64::MIN, |m, v| m.max(v[a])));
+    let root = RootCube::around(min, max).expect("an extent");
+    build_in_memory(&[soup], root, options).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn depth(depth: u8) -> TreeOptions {
+    TreeOptions { depth, ..TreeOptions::default() }
+}
+
+fn cell(tree: &MemoryTree) -> f64 {
+    tree.root().spacing(tree.keys().last().unwrap().level())
+}
+
+fn section(tree: &MemoryTree, axis: Axis, at: f64) -> Contour {
+    let limits = ContourLimits { level: None, memory_bytes: 1 << 30 };
+    contour(tree, Plane { axis, at }, limits, &Silent).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Area of the cut through a soup: by Green's theorem over the stretches in which the plane meets triangles.
+fn area_of_cut(soup: &Soup, axis: Axis, at: f64) -> f64 {
+    let [u, v] = Plane { axis, at }.sides().map(Axis::index);
+    let mut area = 0.0;
+    for triangle in soup {
+        let mut ends = Vec::new();
+        for n in 0..3 {
+            let (a, b) = (triangle[n], triangle[(n + 1) % 3]);
+            let (da, db) = (a[axis.index()] - at, b[axis.index()] - at);
+            if (da < 0.0) != (db < 0.0) {
+                let t = da / (da - db);
+                ends.push(([u, v].map(|c| a[c] + t * (b[c] - a[c])), da < 0.0));
+            }
+        }
+        if let [(a, upward), (b, _)] = ends[..] {
+            let (from, to) = if upward { (b, a) } else { (a, b) };
+            area += (from[0] * to[1] - to[0] * from[1]) / 2.0;
+        }
+    }
+    // Which way is left depends on the axes of the picture.
+    area.abs()
+}
+
+#[test]
+fn sections_have_the_area_of_the_cut_and_their_inside_to_the_left() {
+    let mesh = soup(&icosphere(4, 10.0));
+    let mut errors = Vec::new();
+    for level in [1, 2, 3] {
+        let tree = tree(&mesh, depth(level));
+        let mut worst: f64 = 0.0;
+        for axis in Axis::ALL {
+            for at in [-9.1, -3.137, 0.0, 0.05, 6.6] {
+                let found = section(&tree, axis, at);
+                assert_eq!(found.loops.len(), 1, "{axis:?} {at}");
+                let expected = area_of_cut(&mesh, axis, at);
+                worst = worst.max((found.area - expected).abs() / expected);
+            }
+        }
+        errors.push(worst);
+    }
+    // Of the second order: a quarter for each level.
+    assert!(errors[0] < 5e-3 && errors[1] < 2e-3 && errors[2] < 5e-4, "{errors:?}");
+    assert_eq!(section(&tree(&mesh, depth(2)), Axis::Z, 10.2), Contour::default());
+}
+
+#[test]
+fn flat_sides_are_exact_and_cavities_run_the_other_way() {
+    let mut soup_of_boxes = soup(&cuboid([-5.0, -4.0, -3.0], [5.0, 4.0, 3.0]));
+    let hole = soup(&cuboid([-1.03, -2.0, -1.0], [1.0, 2.011, 1.0]));
+    soup_of_boxes.extend(hole.into_iter().map(|[a, b, c]| [a, c, b]));
+    let tree = tree(&soup_of_boxes, depth(3));
+    for at in [-0.9, 0.0, 0.013, 0.77] {
+        let found = section(&tree, Axis::Z, at);
+        assert_eq!(found.loops.len(), 2);
+        let signed = |line: &[[f64; 2]]| -> f64 {
+            let next = line.iter().cycle().skip(1);
+            line.iter().zip(next).map(|(a, b)| (a[0] * b[1] - b[0] * a[1]) / 2.0).sum()
+        };
+        let mut areas: Vec<f64> = found.loops.iter().map(|line| signed(line)).collect();
+        areas.sort_by(f64::total_cmp);
+        // Corners are cut off within their cell.
+        let corner = 2.0 * cell(&tree).powi(2);
+        assert!((areas[0] + 2.03 * 4.011).abs() < corner && (areas[1] - 80.0).abs() < corner, "{areas:?}");
+        assert!((found.area - areas[0] - areas[1]).abs() < 1e-9);
+        for [x, y] in found.loops.concat() {
+            let on = |at: f64, side: f64| (at - side).abs() < 1e-4;
+            let is_on_side = on(x.abs(), 5.0)
+                || on(y.abs(), 4.0)
+                || on(x, -1.03)
+                || on(x, 1.0)
+                || on(y, -2.0)
+                || on(y, 2.011);
+            assert!(is_on_side, "{x} {y}");
+        }
+    }
+}
+
+#[test]
+fn loops_close_where_levels_meet() {
+    let mesh = soup(&icosphere(3, 10.0));
+    // Every other leaf is left coarse.
+    let options = TreeOptions { refine: Refine::Stddev, stddev: 0.35, ..depth(4) };
+    let tree = tree(&mesh, options);
+    let levels: std::collections::BTreeSet<u8> = tree
+        .keys()
+        .into_iter()
+        .filter(|key| tree.node(*key).is_some_and(|node| node.leaf && node.min < 1 && node.max >= 1))
+        .map(|key| key.level())
+        .collect();
+    assert!(levels.len() > 1, "{levels:?}");
+    for at in [-7.0, -2.5, 0.3, 4.4, 8.0] {
+        let found = section(&tree, Axis::Z, at);
+        let expected = area_of_cut(&mesh, Axis::Z, at);
+        assert!((found.area / expected - 1.0).abs() < 0.1, "{} for {expected}", found.area);
+    }
+}
+
+#[test]
+fn points_are_bounded() {
+    let tree = tree(&soup(&icosphere(3, 10.0)), depth(3));
+    let limits = ContourLimits { level: None, memory_bytes: 10_000 };
+    let error = contour(&tree, Plane { axis: Axis::X, at: 0.0 }, limits, &Silent).unwrap_err().to_string();
+    assert!(error.contains("more than 104 points") && error.contains("--memory"), "{error}");
+}
+
+fn options(style: Style, view: View, cuts: Vec<Cut>) -> RenderOptions {
+    RenderOptions {
+        style,
+        view,
+        bounds: [[-10.0; 3], [10.0; 3]],
+        cuts,
+        size: [96, 72],
+        supersample: 1,
+        background: [255; 4],
+        level: None,
+        cache_bytes: 64 << 20,
+    }
+}
+
+/// Rays through the middle of every pixel, and where they first meet the part.
+fn depth_map(tree: &MemoryTree, options: &RenderOptions) -> Vec<(Ray, Option<f64>)> {
+    let scene = Scene::new(tree, options).unwrap_or_else(|e| panic!("{e}"));
+    let [width, height] = options.size;
+    let at = |n: u32| [f64::from(n % width) + 0.5, f64::from(n / width) + 0.5];
+    let rays: Vec<Ray> = (0..width * height).map(|n| scene.ray(at(n))).collect();
+    let distances = scene.distances(&rays).unwrap_or_else(|e| panic!("{e}"));
+    rays.into_iter().zip(distances).collect()
+}
+
+/// Where a ray enters a sphere about the origin.
+fn sphere(ray: &Ray, radius: f64) -> Option<f64> {
+    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|n| a[n] * b[n]).sum::<f64>();
+    let along = -dot(ray.origin, ray.direction);
+    let beside = dot(ray.origin, ray.origin) - along * along;
+    (beside < radius * radius).then(|| along - (radius * radius - beside).sqrt())
+}
+
+fn all_views() -> impl Iterator<Item = View> {
+    View::NAMED
+        .into_iter()
+        .flat_map(|(_, [azimuth, elevation])| [0.0, 40.0].map(|opening| View { azimuth, elevation, opening }))
+}
+
+#[test]
+fn every_ray_meets_a_sphere_within_half_a_cell_of_where_it_is() {
+    let tree = tree(&soup(&icosphere(5, 10.0)), depth(2));
+    let half = cell(&tree) / 2.0;
+    let (mut met, mut worst): (usize, f64) = (0, 0.0);
+    for view in all_views() {
+        for (ray, found) in depth_map(&tree, &options(Style::Solid, view, vec![])) {
+            // The mesh lies within 0.01 of the sphere, and no ray says much of what it only touches: there the distance
+            // from the surface counts, not that along the ray.
+            let point =
+                |t: f64| (0..3).map(|a| (ray.origin[a] + t * ray.direction[a]).powi(2)).sum::<f64>().sqrt();
+            match (found, sphere(&ray, 10.0)) {
+                (Some(found), Some(truth)) => {
+                    let error = (found - truth).abs();
+                    let grazing = sphere(&ray, 10.0 - half).is_none();
+                    let off = if grazing { (point(found) - 10.0).abs() } else { error };
+                    assert!(off < half, "{off} at {ray:?}");
+                    worst = worst.max(off);
+                    met += 1;
+                }
+                (Some(found), None) => assert!((point(found) - 10.0).abs() < half),
+                (None, Some(_)) => assert!(sphere(&ray, 10.0 - half).is_none(), "a hole at {ray:?}"),
+                (None, None) => {}
+            }
+        }
+    }
+    assert!(met > 20_000, "{met}");
+    println!("{met} rays, at most {:.3} cells off", worst / half / 2.0);
+}
+
+#[test]
+fn cuts_and_boxes_open_the_part_where_they_say() {
+    let tree = tree(&soup(&icosphere(5, 10.0)), depth(2));
+    let half = cell(&tree) / 2.0;
+    let cut = Cut { axis: Axis::Z, at: 2.5, above: true };
+    let view = View::named("top").unwrap();
+    let mut caps = 0;
+    for (ray, found) in depth_map(&tree, &options(Style::Solid, view, vec![cut])) {
+        let beside = (ray.origin[0].powi(2) + ray.origin[1].powi(2)).sqrt();
+        let rim = (100.0f64 - 2.5 * 2.5).sqrt();
+        if beside < rim - 2.0 * half {
+            let z = ray.origin[2] - found.expect("the sphere is below");
+            assert!((z - 2.5).abs() < 1e-9, "{z}");
+            caps += 1;
+        }
+    }
+    assert!(caps > 1000);
+    let nothing = vec![cut, Cut { axis: Axis::Z, at: 3.0, above: false }];
+    let error = Scene::new(&tree, &options(Style::Solid, view, nothing)).err().unwrap().to_string();
+    assert!(error.contains("leave nothing"), "{error}");
+}
+
+#[test]
+fn overlaps_are_met_within_the_part() {
+    let mut both = soup(&cuboid([-10.0, -3.0, -3.0], [4.0, 3.0, 3.0]));
+    both.extend(soup(&cuboid([-4.0, -2.0, -2.0], [10.0, 2.0, 2.0])));
+    let tree = tree(&both, depth(3));
+    let view = View::named("front").unwrap();
+    let half = cell(&tree);
+    let mut met = 0;
+    for (ray, found) in depth_map(&tree, &options(Style::Overlap, view, vec![])) {
+        let inside = |margin: f64| ray.origin[0].abs() < 4.0 - margin && ray.origin[2].abs() < 2.0 - margin;
+        if inside(half) {
+            let y = ray.origin[1] + found.expect("two boxes");
+            assert!((y + 2.0).abs() < half, "{y}");
+            met += 1;
+        } else if !inside(-half) {
+            assert_eq!(found, None);
+        }
+    }
+    assert!(met > 200);
+}
+
+/// Pixels of a scene.
+fn pixels(tree: &MemoryTree, options: &RenderOptions, threads: usize) -> Vec<[u8; 4]> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let mut pixels = Vec::new();
+    pool.install(|| {
+        let scene = Scene::new(tree, options).unwrap();
+        scene.draw(&Silent, |row| {
+            pixels.extend_from_slice(row);
+            Ok(())
+        })
+    })
+    .unwrap();
+    pixels
+}
+
+#[test]
+fn neither_threads_nor_memory_show() {
+    let mut both = soup(&icosphere(4, 9.0));
+    both.extend(soup(&cuboid([-10.0, -3.0, -3.0], [4.0, 3.0, 3.0])));
+    let tree = tree(&both, depth(3));
+    for (_, style) in Style::NAMED {
+        let view = View { azimuth: 20.0, elevation: 30.0, opening: 25.0 };
+        let cut = Cut { axis: Axis::Y, at: -5.0, above: false };
+        let some = RenderOptions { size: [203, 101], ..options(style, view, vec![cut]) };
+        let one = pixels(&tree, &some, 1);
+        assert_eq!(one.len(), 203 * 101);
+        assert!(one.iter().any(|pixel| *pixel != [255; 4]));
+        assert!(one == pixels(&tree, &some, 4), "{style:?}");
+        assert!(one == pixels(&tree, &RenderOptions { cache_bytes: 0, ..some }, 3), "{style:?}");
+    }
+}
+
+#[test]
+fn a_closed_void_shows_through_the_boundary_and_not_through_the_solid() {
+    let mut hollow = soup(&cuboid([-10.0; 3], [10.0; 3]));
+    let solid = tree(&hollow, depth(2));
+    hollow.extend(soup(&icosphere(4, 4.0)).into_iter().map(|[a, b, c]| [a, c, b]));
+    let hollow = tree(&hollow, depth(2));
+    let view = View::named("front").unwrap();
+    for (style, differs) in [(Style::Solid, false), (Style::Boundary, true)] {
+        let [a, b] = [&solid, &hollow].map(|tree| pixels(tree, &options(style, view, vec![]), 2));
+        let middle = 36 * 96 + 48;
+        assert_eq!(a[middle] != b[middle], differs, "{style:?}");
+        assert_eq!(a[20 * 96 + 20], b[20 * 96 + 20]);
+    }
+}

@@ -1,0 +1,307 @@
+//! `brickfield slice` and `brickfield render`, held against `winding`, the truth, and pictures that somebody has looked at.
+
+use crate::support::*;
+use brickfield_engine::picture::Scale;
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+/// A picture: width, height, and pixels without their opacity.
+struct Pixels(usize, usize, Vec<[u8; 3]>);
+
+fn read(path: &Path) -> Pixels {
+    let file = std::io::BufReader::new(std::fs::File::open(path).expect("it is there"));
+    let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("it fits")];
+    let info = reader.next_frame(&mut bytes).expect("all of it");
+    assert_eq!(info.color_type, png::ColorType::Rgb);
+    Pixels(info.width as usize, info.height as usize, bytes.as_chunks::<3>().0.to_vec())
+}
+
+fn slice(store: &Path, out: &Path, more: &[&str]) -> Value {
+    let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"slice", &store, &"-o", &out, &"--json"];
+    args.extend(more.iter().map(|arg| arg as &dyn AsRef<OsStr>));
+    run(&args).json()
+}
+
+#[test]
+fn pixels_are_the_exact_winding_numbers() {
+    let dir = Scratch::new();
+    for (name, axis, at) in
+        [("clover_beads", "--z", "9.1"), ("overlap_boxes", "--x", "8"), ("clover_beads", "--y", "97.3")]
+    {
+        let store = dir.store(name, 2);
+        let out = dir.path("s.png");
+        let said = slice(&store, &out, &[axis, at, "--no-legend"]);
+        let Pixels(width, height, pixels) = read(&out);
+        assert_eq!(said["size"], serde_json::json!([width, height]));
+        let number = |value: &Value| value.as_f64().expect("a number");
+        let (pixel, origin) = (number(&said["pixel"]), [0, 1, 2].map(|a| number(&said["origin"][a])));
+        let sides = [[1, 2], [0, 2], [0, 1]][["--x", "--y", "--z"].iter().position(|a| *a == axis).unwrap()];
+        // The layer of samples that is nearest to the plane.
+        let across = 3 - sides[0] - sides[1];
+        let spacing =
+            run(&[&"export", &store, &"--level", &"2", &"-o", &dir.path("w.npy"), &"--json"]).json();
+        let first = number(&spacing["origin"][across]);
+        let layer = first + ((origin[across] - first) / pixel + 0.5).floor() * pixel;
+        let (mut csv, mut chosen) = (String::new(), Vec::new());
+        for n in (0..width * height).step_by(11) {
+            let mut point = [layer; 3];
+            point[sides[0]] = origin[sides[0]] + (n % width) as f64 * pixel;
+            point[sides[1]] = origin[sides[1]] + (height - 1 - n / width) as f64 * pixel;
+            csv += &format!("{},{},{}\n", point[0], point[1], point[2]);
+            chosen.push(pixels[n]);
+        }
+        let exact = run_with(&[&"winding", &stl(name), &"--points", &"-"], &csv).ok();
+        let mut seen = std::collections::BTreeSet::new();
+        for (line, pixel) in exact.lines().skip(1).zip(chosen) {
+            let w: f64 = line.rsplit(',').next().unwrap().parse().unwrap();
+            assert_eq!(Scale::Counted.colour(w)[..3], pixel, "{name}: {line}");
+            seen.insert(w as i32);
+        }
+        assert!(seen.len() >= 2, "{seen:?}");
+    }
+}
+
+#[test]
+fn a_legend_stands_below_and_larger_pixels_are_means() {
+    let dir = Scratch::new();
+    let store = dir.store("clover_beads", 3);
+    let (bare, with) = (dir.path("bare.png"), dir.path("with.png"));
+    slice(&store, &bare, &["--z", "10", "--no-legend"]);
+    slice(&store, &with, &["--z", "10"]);
+    let (bare, with) = (read(&bare), read(&with));
+    assert!(with.1 > bare.1 && with.0 == bare.0);
+    assert!(with.2[..bare.2.len()] == bare.2);
+    assert!(with.2[bare.2.len()..].contains(&[40; 3]), "no lettering");
+    let small = dir.path("small.png");
+    let said = slice(&store, &small, &["--z", "10", "--no-legend", "--size", "64"]);
+    let small = read(&small);
+    assert_eq!((small.0.max(small.1), &said["size"][0]), (64, &serde_json::json!(small.0)));
+    let light = |pixels: &Pixels| {
+        pixels.2.iter().flatten().map(|c| u64::from(*c)).sum::<u64>() as f64 / pixels.2.len() as f64
+    };
+    assert!((light(&small) / light(&bare) - 1.0).abs() < 0.03, "{} and {}", light(&small), light(&bare));
+}
+
+/// Loops of a DXF file, as a reader that knows nothing of who wrote it finds them.
+fn loops_of(path: &Path) -> Vec<Vec<[f64; 2]>> {
+    let text = std::fs::read_to_string(path).expect("text");
+    let lines: Vec<&str> = text.lines().map(str::trim).collect();
+    let (mut loops, mut at): (Vec<Vec<[f64; 2]>>, &str) = (Vec::new(), "");
+    for pair in lines.chunks_exact(2) {
+        match (pair[0], pair[1]) {
+            ("0", kind) => {
+                at = kind;
+                match kind {
+                    "POLYLINE" => loops.push(Vec::new()),
+                    "VERTEX" => loops.last_mut().expect("a line").push([0.0; 2]),
+                    _ => {}
+                }
+            }
+            ("10", x) if at == "VERTEX" => {
+                loops.last_mut().unwrap().last_mut().unwrap()[0] = x.parse().unwrap()
+            }
+            ("20", y) if at == "VERTEX" => {
+                loops.last_mut().unwrap().last_mut().unwrap()[1] = y.parse().unwrap()
+            }
+            ("70", closed) if at == "POLYLINE" => assert_eq!(closed, "1"),
+            _ => {}
+        }
+    }
+    assert_eq!(lines[lines.len() - 2..], ["0", "EOF"]);
+    loops
+}
+
+fn area_of(line: &[[f64; 2]]) -> f64 {
+    let next = line.iter().cycle().skip(1);
+    line.iter().zip(next).map(|(a, b)| (a[0] * b[1] - b[0] * a[1]) / 2.0).sum()
+}
+
+#[test]
+fn drawings_hold_closed_loops_with_the_section_s_area() {
+    let dir = Scratch::new();
+    let store = dir.store("box_with_cavity", 3);
+    let out = dir.path("s.dxf");
+    let said = slice(&store, &out, &["--z", "5.01mm"]);
+    let loops = loops_of(&out);
+    let mut areas: Vec<f64> = loops.iter().map(|line| area_of(line)).collect();
+    areas.sort_by(f64::total_cmp);
+    assert_eq!((loops.len(), said["loops"].as_u64()), (2, Some(2)));
+    assert!((areas[0] + 16.0).abs() < 0.02 && (areas[1] - 100.0).abs() < 0.02, "{areas:?}");
+    assert!((said["area"].as_f64().unwrap() - 84.0).abs() < 0.02);
+    let svg = dir.path("s.svg");
+    slice(&store, &svg, &["--z", "5.01"]);
+    let text = std::fs::read_to_string(&svg).unwrap();
+    assert!(
+        text.contains("width=\"10.4") && text.contains("mm\"") && text.contains("<title>z = 5.01 mm</title>")
+    );
+    assert_eq!((text.matches('Z').count(), text.matches('M').count()), (2, 2));
+    let points = |text: &str| text.matches('L').count() + text.matches('M').count();
+    assert_eq!(Some(points(&text) as u64), said["points"].as_u64());
+}
+
+#[test]
+fn layers_add_up_to_the_part() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 3);
+    let folder = dir.path("layers");
+    let args: [&dyn AsRef<OsStr>; 11] = [
+        &"slice",
+        &store,
+        &"--all",
+        &"z",
+        &"--pitch",
+        &"0.5mm",
+        &"--format",
+        &"dxf",
+        &"-o",
+        &folder,
+        &"--quiet",
+    ];
+    run(&args).ok();
+    let mut names: Vec<PathBuf> = std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()).collect();
+    names.sort();
+    assert_eq!(names.len(), 20);
+    assert!(names[0].ends_with("0001.dxf") && names[19].ends_with("0020.dxf"));
+    let volume: f64 = names.iter().flat_map(|name| loops_of(name)).map(|line| area_of(&line) * 0.5).sum();
+    assert!((volume / truth("overlap_boxes", "union_volume") - 1.0).abs() < 1e-3, "{volume}");
+    // Again into the same folder.
+    run(&args).ok();
+}
+
+#[test]
+fn pictures_have_the_same_bytes_for_any_threads_and_memory() {
+    let dir = Scratch::new();
+    let store = dir.store("clover_beads", 3);
+    let cases: [&[&str]; 6] = [
+        &["slice", "--z", "9.3", "a.png"],
+        &["slice", "--x", "100", "--size", "100", "a.png"],
+        &["slice", "--z", "9.3", "a.svg"],
+        &["render", "--size", "120x90", "--cut", "y<100", "a.png"],
+        &["render", "--size", "120x90", "--style", "overlap", "--perspective", "20", "a.png"],
+        &["render", "--size", "120x90", "--style", "boundary", "--background", "#203040", "a.png"],
+    ];
+    for case in cases {
+        let (name, options) = case[1..].split_last().unwrap();
+        let made = |more: &[&str]| {
+            let out = dir.path(name);
+            let mut args: Vec<&dyn AsRef<OsStr>> = vec![&case[0], &store, &"-o", &out, &"--quiet"];
+            args.extend(options.iter().chain(more).map(|arg| arg as &dyn AsRef<OsStr>));
+            run(&args).ok();
+            std::fs::read(out).unwrap()
+        };
+        let one = made(&["--threads", "1"]);
+        assert!(one == made(&["--threads", "3", "--memory", "1MiB"]), "{case:?}");
+        assert!(one == made(&["--io", "mmap"]), "{case:?}");
+    }
+}
+
+/// Whether two pictures look the same: a few pixels may differ, as where another processor's last bit decides on which
+/// side of an edge a ray passes.
+#[track_caller]
+fn alike(path: &Path, golden: &str) {
+    let known = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden").join(golden);
+    let (a, b) = (read(path), read(&known));
+    assert_eq!((a.0, a.1), (b.0, b.1));
+    let differs = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 12);
+    let different = a.2.iter().zip(&b.2).filter(differs).count();
+    assert!(different * 200 <= a.2.len(), "{golden}: {different} of {} pixels differ", a.2.len());
+    let colours: std::collections::HashSet<_> = b.2.iter().collect();
+    assert!(colours.len() > 20, "{golden} shows nothing");
+}
+
+#[test]
+fn pictures_look_as_they_did() {
+    let dir = Scratch::new();
+    let sphere = brickfield_bench_data::shapes::icosphere(4, 10.0);
+    let mut bytes = Vec::new();
+    brickfield_bench_data::write::stl(&mut bytes, &sphere).unwrap();
+    let sphere = dir.file("sphere.stl", bytes);
+    let store = |input: &Path, depth: &str| {
+        let out = input.with_extension("brf");
+        let out = dir.path(out.file_name().unwrap().to_str().unwrap());
+        run(&[&"build", &input, &"-o", &out, &"--depth", &depth, &"--quiet"]).ok();
+        out
+    };
+    let pile = dir.path("pile.stl");
+    let beads = brickfield_bench_data::pile::bead_pile(1, 20_000, [100.0, 100.0, 12.0]);
+    let file = std::io::BufWriter::new(std::fs::File::create(&pile).unwrap());
+    let mut writer = brickfield_bench_data::write::StlWriter::new(file, beads.triangles()).unwrap();
+    beads.into_iter().try_for_each(|bead| writer.mesh(&bead)).unwrap();
+    writer.finish().unwrap();
+    let (sphere, pile) = (store(&sphere, "2"), store(&pile, "3"));
+    let (clover, cavity) = (store(&stl("clover_beads"), "3"), store(&stl("box_with_cavity"), "3"));
+    let cases: [(&Path, &str, &[&str]); 6] = [
+        (&sphere, "sphere.png", &[]),
+        (&clover, "clover.png", &["--perspective"]),
+        (&clover, "clover_overlap.png", &["--style", "overlap"]),
+        (&cavity, "cavity_open.png", &["--cut", "y<5mm"]),
+        (&cavity, "cavity_boundary.png", &["--style", "boundary", "--view", "30,25"]),
+        (&pile, "pile.png", &["--perspective", "30"]),
+    ];
+    for (store, golden, more) in cases {
+        let out = dir.path(golden);
+        let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"render", &store, &"-o", &out, &"--size", &"160x120"];
+        args.extend([&"--quiet" as &dyn AsRef<OsStr>]);
+        args.extend(more.iter().map(|arg| arg as &dyn AsRef<OsStr>));
+        run(&args).ok();
+        if std::env::var_os("BRICKFIELD_NEW_PICTURES").is_some() {
+            let known = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden").join(golden);
+            std::fs::copy(&out, known).unwrap();
+        }
+        alike(&out, golden);
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_is_said_in_a_line_and_leaves_nothing() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 1);
+    let png = dir.path("o.png");
+    let beside = run(&[&"slice", &store, &"--z", &"200mm", &"-o", &png]).failed();
+    assert!(
+        beside.contains("z = 200 mm passes beside the part") && beside.contains("from 0 to 10 mm"),
+        "{beside}"
+    );
+    let tiny = run(&[&"slice", &store, &"--z", &"5", &"--pixel", &"1e-6mm", &"-o", &png]).failed();
+    assert!(tiny.contains("--pixel"), "{tiny}");
+    let many =
+        run(&[&"slice", &store, &"--all", &"x", &"--pitch", &"1e-6mm", &"-o", &dir.path("all")]).failed();
+    assert!(many.contains("--pitch"), "{many}");
+    let level = run(&[&"render", &store, &"--level", &"9", &"-o", &png]).failed();
+    assert!(level.contains("from 0 to 1"), "{level}");
+    let nothing = run(&[&"render", &store, &"--cut", &"x>-100", &"-o", &png]).failed();
+    assert!(nothing.contains("leave nothing"), "{nothing}");
+    for out in ["none/o.png", "none/o.svg"] {
+        let line = run(&[&"slice", &store, &"--z", &"5", &"-o", &dir.path(out)]).failed();
+        assert!(line.contains("cannot create"), "{line}");
+    }
+    let line = run(&[&"render", &store, &"-o", &dir.path("none/o.png")]).failed();
+    assert!(line.contains("cannot create"), "{line}");
+    let line = run(&[&"slice", &store, &"--all", &"z", &"--pitch", &"1", &"-o", &store]).failed();
+    assert!(line.contains("overlap_boxes-1.brf"), "{line}");
+
+    let view = run(&[&"render", &store, &"--view", &"inside", &"-o", &png]).misused();
+    assert!(view.contains("iso, top, bottom, front, back, left, right"), "{view}");
+    for more in [
+        &["slice", "--z", "1"] as &[&str],
+        &["slice", "--z", "1", "--x", "1", "-o", "o.png"],
+        &["slice", "-o", "o.png"],
+        &["slice", "--z", "1", "-o", "o.pdf"],
+        &["slice", "--z", "1", "--size", "100", "-o", "o.svg"],
+        &["slice", "--all", "z", "-o", "all"],
+        &["slice", "--z", "nan", "-o", "o.png"],
+        &["render", "-o", "o.jpg"],
+        &["render", "-o", "o.png", "--size", "0x5"],
+        &["render", "-o", "o.png", "--cut", "w>1"],
+        &["render", "-o", "o.png", "--perspective", "200"],
+        &["render", "-o", "o.png", "--supersample", "9"],
+        &["render", "-o", "o.png", "--background", "plaid"],
+    ] {
+        let mut args: Vec<&dyn AsRef<OsStr>> = vec![&more[0], &store];
+        args.extend(more[1..].iter().map(|arg| arg as &dyn AsRef<OsStr>));
+        assert!(!run(&args).misused().is_empty(), "{more:?}");
+    }
+    assert_eq!(dir.names(), ["overlap_boxes-1.brf"]);
+}

@@ -1,0 +1,205 @@
+//! `brickfield slice`: plane sections as pictures and drawings.
+
+use super::{of_store, open_store, require_level, start, unit_of};
+use crate::failure::Failure;
+use crate::memory;
+use crate::output::{in_line, print, print_json, require_distinct};
+use crate::picture_args::{SliceArgs, SliceFormat};
+use crate::progress::Bars;
+use anyhow::{Context, anyhow};
+use brickfield_engine::Error;
+use brickfield_engine::lattice::Axis;
+use brickfield_engine::section::{
+    Contour, ContourLimits, Drawing, Plane, SectionPicture, SectionSummary, contour, write_drawing,
+    write_picture,
+};
+use brickfield_engine::store::{Accept, BrickTree, Store};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Most sections of one run.
+const SECTIONS_MAX: f64 = 99_999.0;
+/// What is seen beyond the part, as a share of its longer side.
+const MARGIN: f64 = 0.02;
+
+/// A checked command line, but for what depends on the store.
+struct Plan<'a> {
+    args: &'a SliceArgs,
+    format: SliceFormat,
+}
+
+impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
+    type Error = Failure;
+
+    fn try_from(args: &SliceArgs) -> Result<Plan<'_>, Failure> {
+        let ending = args.output.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        let format = match args.all {
+            Some(_) => Some(args.format.unwrap_or_default()),
+            None => SliceFormat::of_ending(ending),
+        };
+        let format = format.ok_or_else(|| {
+            let name = args.output.display();
+            Failure::Usage(format!("{name}: the section's name must end in .png, .svg or .dxf"))
+        })?;
+        if format != SliceFormat::Png && (args.pixel.is_some() || args.size.is_some() || args.no_legend) {
+            let what = "--pixel, --size and --no-legend belong to pictures; drawings have the finest lattice's corners";
+            return Err(Failure::Usage(what.to_owned()));
+        }
+        Ok(Plan { args, format })
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &SliceArgs) -> Result<(), Failure> {
+    let plan = Plan::try_from(args)?;
+    let bars = start(args.work)?;
+    let caches = memory::picture_caches(args.memory);
+    // Drawings keep points beside bricks.
+    let brick_bytes = if plan.format == SliceFormat::Png { caches } else { caches / 2 };
+    let store = open_store(&args.store, brick_bytes, args.io, Accept::Whole)?;
+    if let Some(level) = args.level {
+        require_level(&store, level)?;
+    }
+    require_distinct(&[&args.output], &[&args.store])?;
+    for (plane, path) in plan.sections(&store)? {
+        let said = plan.write(&store, plane, &path, caches - brick_bytes, &bars)?;
+        bars.clear();
+        if args.json {
+            print_json(&said.json)?;
+        } else if !args.work.quiet {
+            print(&format!("{}: {}", in_line(&path), said.text))?;
+        }
+    }
+    Ok(())
+}
+
+/// What is said of a section.
+struct Said {
+    text: String,
+    json: Value,
+}
+
+impl Plan<'_> {
+    /// Planes and the files for them.
+    fn sections(&self, store: &Store) -> Result<Vec<(Plane, PathBuf)>, Failure> {
+        let args = self.args;
+        let [low, high] = [store.meta().bounds_min, store.meta().bounds_max];
+        if let (Some(axis), Some(pitch)) = (args.all, args.pitch) {
+            let axis = Axis::from(axis);
+            let pitch = pitch.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?;
+            let [low, high] = [low, high].map(|corner| corner[axis.index()]);
+            let count = ((high - low) / pitch + 0.5).floor().max(1.0);
+            if count > SECTIONS_MAX {
+                let what = format!("{count} sections are too many for one run; choose a larger --pitch");
+                return Err(anyhow!("{what}").into());
+            }
+            make_folder(&args.output)?;
+            let name = |n: usize| args.output.join(format!("{:04}.{}", n + 1, self.format.ending()));
+            let plane = |n: usize| Plane { axis, at: (low + (n as f64 + 0.5) * pitch).min(high) };
+            return Ok((0..count as usize).map(|n| (plane(n), name(n))).collect());
+        }
+        let given = [(Axis::X, args.x), (Axis::Y, args.y), (Axis::Z, args.z)];
+        let (axis, at) = given
+            .into_iter()
+            .find_map(|(axis, at)| Some((axis, at?)))
+            .ok_or_else(|| Failure::Usage("give a plane: --x, --y, --z or --all".to_owned()))?;
+        let plane = Plane { axis, at: at.in_unit_of(&store.meta().unit).ok_or_else(no_unit)? };
+        let [low, high] = [low, high].map(|corner| corner[axis.index()]);
+        if !(low..=high).contains(&plane.at) {
+            let (letter, unit) = (plane.letter(), unit_of(store.meta()));
+            let what = format!("{letter} = {} {unit} passes beside the part", plane.at);
+            let remedy = format!("choose a coordinate from {low} to {high} {unit}");
+            return Err(Error::store(store.path(), "section", what, remedy).into());
+        }
+        Ok(vec![(plane, args.output.clone())])
+    }
+
+    fn write(
+        &self,
+        store: &Store,
+        plane: Plane,
+        path: &Path,
+        memory_bytes: u64,
+        bars: &Bars,
+    ) -> Result<Said, Failure> {
+        let window = window(store, plane);
+        let refused = |error| of_store(store, "section", error);
+        if self.format == SliceFormat::Png {
+            let what = self.picture(store, plane, window)?;
+            let drawn = write_picture(store, &what, path, bars).map_err(refused)?;
+            return Ok(self.say_picture(store, plane, path, &drawn));
+        }
+        let limits = ContourLimits { level: self.args.level, memory_bytes };
+        let lines = contour(store, plane, limits, bars).map_err(refused)?;
+        let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+        let cell = store.root().spacing(self.args.level.unwrap_or(deepest));
+        let drawing = Drawing { plane, window, unit: &store.meta().unit, cell };
+        write_drawing(&lines, &drawing, path)?;
+        Ok(self.say_drawing(store, plane, path, &lines))
+    }
+
+    fn picture(&self, store: &Store, plane: Plane, window: [[f64; 2]; 2]) -> Result<SectionPicture, Failure> {
+        let args = self.args;
+        let pixel = match (args.pixel, args.size) {
+            (Some(pixel), _) => Some(pixel.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?),
+            (None, Some(size)) => {
+                let longer = (window[1][0] - window[0][0]).max(window[1][1] - window[0][1]);
+                Some(longer / f64::from(size))
+            }
+            (None, None) => None,
+        };
+        let legend = (!args.no_legend).then(|| unit_of(store.meta()).to_owned());
+        Ok(SectionPicture { plane, window, pixel, level: args.level, legend })
+    }
+
+    fn say_picture(&self, store: &Store, plane: Plane, path: &Path, drawn: &SectionSummary) -> Said {
+        let SectionSummary { size: [width, height], pixel, origin, range: (low, high) } = drawn;
+        let (letter, unit) = (plane.letter(), unit_of(store.meta()));
+        let text = format!(
+            "{letter} = {} {unit}, {width} × {height} pixels of {pixel:.6} {unit}, w of the part {low} to {high}",
+            plane.at
+        );
+        let json = json!({
+            "output": path.display().to_string(), "unit": unit, "axis": letter, "at": plane.at,
+            "size": [width, height], "pixel": pixel, "origin": origin, "winding": [low, high],
+        });
+        Said { text, json }
+    }
+
+    fn say_drawing(&self, store: &Store, plane: Plane, path: &Path, lines: &Contour) -> Said {
+        let Contour { loops, area, length } = lines;
+        let points: usize = loops.iter().map(Vec::len).sum();
+        let (letter, unit) = (plane.letter(), unit_of(store.meta()));
+        let text = format!(
+            "{letter} = {} {unit}, {} loops of {points} points, area {area:.6} {unit}², length {length:.6} {unit}",
+            plane.at,
+            loops.len()
+        );
+        let json = json!({
+            "output": path.display().to_string(), "unit": unit, "axis": letter, "at": plane.at,
+            "loops": loops.len(), "points": points, "area": area, "length": length,
+        });
+        Said { text, json }
+    }
+}
+
+/// What of a plane is seen: the part and a margin.
+fn window(store: &Store, plane: Plane) -> [[f64; 2]; 2] {
+    let [low, high] = [store.meta().bounds_min, store.meta().bounds_max]
+        .map(|corner| plane.sides().map(|side| corner[side.index()]));
+    let margin = (high[0] - low[0]).max(high[1] - low[1]) * MARGIN;
+    [low.map(|c| c - margin), high.map(|c| c + margin)]
+}
+
+/// Makes the folder, unless it is there.
+fn make_folder(path: &Path) -> Result<(), Failure> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    let made = std::fs::create_dir(path);
+    Ok(made.with_context(|| format!("{}: cannot make the folder", path.display()))?)
+}
+
+fn no_unit() -> Failure {
+    Failure::Usage("the store has no unit of length; give lengths as numbers alone".to_owned())
+}

@@ -1,0 +1,329 @@
+//! What the user types for pictures.
+
+use crate::args::{IoArg, WorkArgs};
+use crate::units::{BoxArg, Length, Position, Size};
+use brickfield_engine::lattice::Axis;
+use brickfield_engine::render::{Style, View};
+use clap::{ArgGroup, Args, ValueEnum};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Draw a plane section: w as a picture, or the boundary as closed lines
+#[derive(Args)]
+#[command(group = ArgGroup::new("plane").required(true).args(["x", "y", "z", "all"]))]
+#[command(after_help = "\
+A picture (.png) shows w in colours, to the right and upward x and y, x and z, or y and z. Of closed input and of beads \
+each pixel is one sample of the finest level, the nearest one, with a colour for each whole number; of open input and \
+point clouds w is interpolated. Larger pixels (--pixel, --size) average up to 4 × 4 samples.
+
+A drawing (.svg, .dxf) holds the boundary w = 0.5 as closed polylines in the part's coordinates, the inside to their \
+left. Corners lie where the boundary crosses the finest lattice: exact where the plane holds samples, between two \
+layers of samples from the crossings around.
+
+Examples:
+  brickfield slice part.brf --z 12.3mm -o section.png
+  brickfield slice part.brf --z 12.3mm -o section.dxf
+  brickfield slice part.brf --all z --pitch 0.2mm -o layers --format svg")]
+pub struct SliceArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The plane across x at this coordinate, as in 12.3mm; a bare number is in the store's unit
+    #[arg(long, value_name = "AT", allow_hyphen_values = true)]
+    pub x: Option<Position>,
+    /// The plane across y at this coordinate
+    #[arg(long, value_name = "AT", allow_hyphen_values = true)]
+    pub y: Option<Position>,
+    /// The plane across z at this coordinate
+    #[arg(long, value_name = "AT", allow_hyphen_values = true)]
+    pub z: Option<Position>,
+    /// Sections all along an axis, as 0001.png and so on in the folder given by -o; the first half a pitch from the
+    /// part's lower end
+    #[arg(long, value_name = "AXIS", value_enum, requires = "pitch")]
+    pub all: Option<AxisArg>,
+    /// Distance of the sections of --all
+    #[arg(long, value_name = "LEN", requires = "all")]
+    pub pitch: Option<Length>,
+    /// Kind of the files of --all [default: png]
+    #[arg(long, value_enum, requires = "all")]
+    pub format: Option<SliceFormat>,
+    /// The file to write; its ending decides the kind: .png, .svg or .dxf. With --all a folder
+    #[arg(long, short, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Size of a pixel; by default the cell of the finest level
+    #[arg(long, value_name = "LEN", conflicts_with = "size")]
+    pub pixel: Option<Length>,
+    /// Pixels along the longer side of the picture instead, legend not counted
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=32_768))]
+    pub size: Option<u32>,
+    /// Leave out title, legend and scale bar: the samples alone
+    #[arg(long)]
+    pub no_legend: bool,
+    /// Deepest level to use
+    #[arg(long, value_name = "L")]
+    pub level: Option<u8>,
+    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, and 8 MiB more for each
+    /// further one, are used in any case
+    #[arg(long, value_name = "SIZE", default_value = "512MiB")]
+    pub memory: Size,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print what was written as JSON, an object a section
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// An axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum AxisArg {
+    /// Planes across x
+    X,
+    /// Planes across y
+    Y,
+    /// Planes across z
+    Z,
+}
+
+impl From<AxisArg> for Axis {
+    fn from(axis: AxisArg) -> Axis {
+        match axis {
+            AxisArg::X => Axis::X,
+            AxisArg::Y => Axis::Y,
+            AxisArg::Z => Axis::Z,
+        }
+    }
+}
+
+/// Kinds of sections.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SliceFormat {
+    /// w in colours
+    #[default]
+    Png,
+    /// The boundary, for browsers and drawing programs
+    Svg,
+    /// The boundary, for CAD and CAM
+    Dxf,
+}
+
+impl SliceFormat {
+    /// As a file's ending.
+    pub fn ending(self) -> &'static str {
+        match self {
+            SliceFormat::Png => "png",
+            SliceFormat::Svg => "svg",
+            SliceFormat::Dxf => "dxf",
+        }
+    }
+
+    /// That of a file's ending.
+    pub fn of_ending(ending: &str) -> Option<SliceFormat> {
+        let all = [SliceFormat::Png, SliceFormat::Svg, SliceFormat::Dxf];
+        all.into_iter().find(|format| format.ending().eq_ignore_ascii_case(ending))
+    }
+}
+
+/// Draw the part in space, by casting rays through the store
+#[derive(Args)]
+#[command(after_help = "\
+Rays go past what the index says is empty and read only the bricks that they meet, so a store may be larger than the \
+memory. Where cells are smaller than half a pixel a coarser level stands for them. The picture has the same bytes for \
+any number of threads and any memory.
+
+Styles: solid shows the boundary w = 0.5, and where a cut opens the part, how many pieces cover each point; boundary \
+shows w between 0 and 1 in rainbow colours, so that closed voids are seen within; overlap shows where w is 2 or more \
+within a faint boundary.
+
+Examples:
+  brickfield render part.brf -o view.png
+  brickfield render part.brf -o inside.png --cut 'z>12mm' --cut 'y<0' --perspective
+  brickfield render part.brf -o voids.png --style boundary --view 30,20 --size 1920x1080")]
+pub struct RenderArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The picture to write; its name ends in .png
+    #[arg(long, short, value_name = "OUT.png")]
+    pub output: PathBuf,
+    /// What is shown
+    #[arg(long, value_enum, default_value_t)]
+    pub style: StyleArg,
+    /// From where: iso, top, bottom, front, back, left, right; or degrees from the x axis towards y, and above the xy
+    /// plane, as in 30,20
+    #[arg(long, value_name = "NAME|AZ,EL", default_value = "iso", allow_hyphen_values = true)]
+    pub view: ViewArg,
+    /// See it in perspective, with so many degrees between upper and lower border; parallel by default
+    #[arg(long, value_name = "DEGREES", num_args = 0..=1, default_missing_value = "30")]
+    pub perspective: Option<f64>,
+    /// Cut away what lies on one side of a plane, as in z>12mm or x<0; may be given several times
+    #[arg(long, value_name = "AXIS<|>AT")]
+    pub cut: Vec<CutArg>,
+    /// Show the inside of a box only, as x0,y0,z0,x1,y1,z1 in the store's unit
+    #[arg(long = "box", value_name = "BOX", allow_hyphen_values = true)]
+    pub within: Option<BoxArg>,
+    /// Width and height in pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720")]
+    pub size: PixelsArg,
+    /// Rays along each side of a pixel, 1 to 8: more for smoother edges
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
+    pub supersample: u32,
+    /// What lies behind: white, black, transparent, or a colour as #rrggbb
+    #[arg(long, value_name = "COLOUR", default_value = "white")]
+    pub background: ColourArg,
+    /// Deepest level to use; coarser is faster
+    #[arg(long, value_name = "L")]
+    pub level: Option<u8>,
+    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, and 8 MiB more for each
+    /// further one, are used in any case
+    #[arg(long, value_name = "SIZE", default_value = "512MiB")]
+    pub memory: Size,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print what was drawn as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// What is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum StyleArg {
+    /// The boundary, opaque
+    #[default]
+    Solid,
+    /// w between 0 and 1 in rainbow colours, all else transparent
+    Boundary,
+    /// Where w is 2 or more, within a faint boundary
+    Overlap,
+}
+
+impl From<StyleArg> for Style {
+    fn from(style: StyleArg) -> Style {
+        match style {
+            StyleArg::Solid => Style::Solid,
+            StyleArg::Boundary => Style::Boundary,
+            StyleArg::Overlap => Style::Overlap,
+        }
+    }
+}
+
+/// A view with parallel rays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViewArg(pub View);
+
+impl FromStr for ViewArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ViewArg, String> {
+        if let Some(view) = View::named(text) {
+            return Ok(ViewArg(view));
+        }
+        let angle = |text: &str| text.trim().parse::<f64>().ok().filter(|angle| angle.is_finite());
+        let angles = text.split_once(',').and_then(|(az, el)| Some([angle(az)?, angle(el)?]));
+        match angles {
+            Some([azimuth, elevation]) if (-90.0..=90.0).contains(&elevation) => {
+                Ok(ViewArg(View { azimuth, elevation, opening: 0.0 }))
+            }
+            Some(_) => Err("the second angle is the elevation, from -90 to 90 degrees".to_owned()),
+            None => {
+                let names = View::NAMED.map(|(name, _)| name).join(", ");
+                Err(format!("there is no such view; choose {names}, or two angles as in 30,20"))
+            }
+        }
+    }
+}
+
+/// A plane, and the side of it that goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutArg {
+    pub axis: AxisArg,
+    pub above: bool,
+    pub at: Position,
+}
+
+impl FromStr for CutArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<CutArg, String> {
+        let example = || "expected an axis, < or >, and a coordinate, as in z>12mm".to_owned();
+        let sign = text.find(['<', '>']).ok_or_else(example)?;
+        let axis = match text[..sign].trim() {
+            "x" | "X" => AxisArg::X,
+            "y" | "Y" => AxisArg::Y,
+            "z" | "Z" => AxisArg::Z,
+            _ => return Err(example()),
+        };
+        let at = text[sign + 1..].trim().parse()?;
+        Ok(CutArg { axis, above: text[sign..].starts_with('>'), at })
+    }
+}
+
+/// Width and height in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelsArg(pub [u32; 2]);
+
+impl FromStr for PixelsArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PixelsArg, String> {
+        let side = |text: &str| text.trim().parse().ok().filter(|side| (1..=32_768).contains(side));
+        let sides = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
+        sides.map(PixelsArg).ok_or_else(|| "expected two numbers from 1 to 32768, as in 1280x720".to_owned())
+    }
+}
+
+/// A colour and its opacity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ColourArg(pub [u8; 4]);
+
+impl FromStr for ColourArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ColourArg, String> {
+        let hex = || {
+            let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
+            let [_, r, g, b] = u32::from_str_radix(digits, 16).ok()?.to_be_bytes();
+            Some(ColourArg([r, g, b, 255]))
+        };
+        match text {
+            "white" => Ok(ColourArg([255; 4])),
+            "black" => Ok(ColourArg([0, 0, 0, 255])),
+            "transparent" => Ok(ColourArg([0; 4])),
+            _ => hex().ok_or_else(|| "expected white, black, transparent, or a colour as #20304a".to_owned()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_cuts_sizes_and_colours_are_read() {
+        assert_eq!("top".parse(), Ok(ViewArg(View::named("top").unwrap())));
+        let tilted = View { azimuth: -30.0, elevation: 20.5, opening: 0.0 };
+        assert_eq!("-30, 20.5".parse(), Ok(ViewArg(tilted)));
+        let cut: CutArg = "z > -12mm".parse().unwrap();
+        assert_eq!((cut.axis, cut.above, cut.at.in_unit_of("mm")), (AxisArg::Z, true, Some(-12.0)));
+        assert!(!"x<1in".parse::<CutArg>().unwrap().above);
+        assert_eq!("1280x720".parse(), Ok(PixelsArg([1280, 720])));
+        assert_eq!("#20304a".parse(), Ok(ColourArg([0x20, 0x30, 0x4a, 255])));
+        for bad in ["", "inside", "1", "1,91", "1,nan", "1,2,3"] {
+            assert!(bad.parse::<ViewArg>().is_err(), "{bad}");
+        }
+        for bad in ["", "z", "z=1", "w>1", "z>", "z>1parsec", "z>nan", ">1"] {
+            assert!(bad.parse::<CutArg>().is_err(), "{bad}");
+        }
+        for bad in ["", "1280", "0x10", "10x", "-1x5", "99999x1"] {
+            assert!(bad.parse::<PixelsArg>().is_err(), "{bad}");
+        }
+        for bad in ["", "red", "#12345", "#12345g", "#é2345"] {
+            assert!(bad.parse::<ColourArg>().is_err(), "{bad}");
+        }
+    }
+}
