@@ -142,6 +142,28 @@ fn drawings_hold_closed_loops_with_the_section_s_area() {
 }
 
 #[test]
+fn open_parts_have_colours_in_between_and_closed_loops() {
+    let dir = Scratch::new();
+    let store = dir.store("open_box_no_lid", 2);
+    let said = slice(&store, &dir.path("s.svg"), &["--z", "5.03"]);
+    assert_eq!(said["loops"].as_u64(), Some(1));
+    assert!((said["area"].as_f64().unwrap() - 100.0).abs() < 0.1, "{said}");
+    let out = dir.path("s.png");
+    let said = slice(&store, &out, &["--z", "5.03", "--no-legend"]);
+    let Pixels(width, height, pixels) = read(&out);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let origin = [0, 1, 2].map(|a| number(&said["origin"][a]));
+    for (x, y) in [(width / 2, height / 2), (width / 3, height / 2), (0, 0)] {
+        let at = [x, height - 1 - y].map(|n| n as f64 * number(&said["pixel"]));
+        let point = format!("{},{},{}\n", origin[0] + at[0], origin[1] + at[1], origin[2]);
+        let sampled = run_with(&[&"sample", &store, &"--points", &"-"], &point).ok();
+        let w: f64 = sampled.trim().rsplit(',').next().unwrap().parse().unwrap();
+        let (colour, pixel) = (Scale::Even(1.0).colour(w), pixels[y * width + x]);
+        assert!((0..3).all(|c| colour[c].abs_diff(pixel[c]) <= 1), "w = {w}: {pixel:?} for {colour:?}");
+    }
+}
+
+#[test]
 fn layers_add_up_to_the_part() {
     let dir = Scratch::new();
     let store = dir.store("overlap_boxes", 3);
