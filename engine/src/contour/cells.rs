@@ -94,8 +94,6 @@ pub(super) struct BrickCells {
     pub positions: Vec<[f32; 3]>,
     /// Faces with extra vertices.
     pub split_faces: u64,
-    /// By number as first made, the number of each vertex that [`super::adaptive`] has merged; empty if none is.
-    pub renamed: Vec<u32>,
 }
 
 impl BrickCells {
@@ -156,7 +154,7 @@ impl BrickCells {
         signs
             + self.rows.capacity() * size_of::<CellRow>()
             + self.masks.capacity()
-            + 4 * (self.first.capacity() + self.mixed.capacity() + self.renamed.capacity())
+            + 4 * (self.first.capacity() + self.mixed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.extras.capacity() * size_of::<Extra>()
             + self.quads.lock().unwrap_or_else(PoisonError::into_inner).capacity() * size_of::<Quad>()
@@ -195,13 +193,22 @@ impl BrickCells {
     pub(super) fn vertex(&self, cell: [usize; 3], edge: usize, key: u64) -> Option<u32> {
         let row = self.row(cell[1], cell[2]);
         if row.mixed >> cell[0] & 1 == 0 {
-            let slot = row.slot(cell[0]);
-            let of_edge = CELL_LOOPS[*self.masks.get(slot)? as usize].of_edge[edge];
-            return (of_edge != NO_LOOP).then(|| self.first[slot] + u32::from(of_edge));
+            return self.unmixed_vertex(cell, edge);
         }
         let place = self.first[row.slot(cell[0])] as usize;
         let edges = &self.mixed_edges[self.mixed[place] as usize..self.mixed[place + 1] as usize];
         edges.binary_search_by_key(&key, |e| e.0).ok().map(|n| edges[n].1)
+    }
+
+    /// The same for the edge number `edge` of a cell that is not mixed; `None` for one that is.
+    pub(super) fn unmixed_vertex(&self, [i, j, k]: [usize; 3], edge: usize) -> Option<u32> {
+        let row = self.row(j, k);
+        if row.mixed >> i & 1 == 1 {
+            return None;
+        }
+        let slot = row.slot(i);
+        let of_edge = CELL_LOOPS[*self.masks.get(slot)? as usize].of_edge[edge];
+        (of_edge != NO_LOOP).then(|| self.first[slot] + u32::from(of_edge))
     }
 
     /// The extra vertex on the cut of a face of this leaf that ends at a minimal edge, if the face is split.
@@ -585,16 +592,6 @@ fn apart(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> 
 }
 
 #[cold]
-fn moved(frame: &Frame, cell: [usize; 3], mut at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
-    let mut position = frame.world(cell, at);
-    let mut tries = 0;
-    while tries < 48 && before.contains(&position) {
-        let axis = tries % 3;
-        let step = (1.0 / 64.0f64).max(frame.margin) * (1 + tries / 3) as f64;
-        let moved = at[axis] + if at[axis] < 0.5 { step } else { -step };
-        at[axis] = moved.clamp(frame.margin, 1.0 - frame.margin);
-        position = frame.world(cell, at);
-        tries += 1;
-    }
-    position
+fn moved(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
+    frame.free_place((cell, 1.0), at, |position| before.contains(position))
 }

@@ -1,7 +1,7 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
 use super::ContourOptions;
-use super::adaptive::{self, Draft};
+use super::adaptive::{self, Draft, Merged};
 use super::cache::Cache;
 use super::cells::{BrickCells, Quad};
 use super::leaves::{Around, Leaves, Side};
@@ -9,6 +9,7 @@ use super::order::in_order;
 use super::qef::PlaneSums;
 use super::spare::Spare;
 use super::surface::{Level, Surface};
+use super::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use crate::progress::Progress;
@@ -22,17 +23,25 @@ pub(super) struct Field<'a> {
     pub leaves: Leaves,
     tree: &'a dyn BrickTree,
     level: Level,
-    /// As in [`super::ContourOptions::tolerance`].
-    pub tolerance: f64,
     surfaces: Cache<Surface>,
     cells: Cache<BrickCells>,
     /// Where vertices are merged.
-    drafts: Option<Cache<Draft>>,
+    merging: Option<Merging>,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
     users: Vec<AtomicU32>,
     /// Room that cells were made in.
     pub spare_sums: Spare<PlaneSums>,
     pub spare_quads: Spare<Quad>,
+}
+
+/// What is made of a leaf beside its cells to merge their vertices.
+struct Merging {
+    /// As in [`super::ContourOptions::tolerance`].
+    tolerance: f64,
+    drafts: Cache<Draft>,
+    merged: Cache<Merged>,
+    /// By leaf, for how many leaves vertices are still to be merged for the first time, which takes its draft.
+    users: Vec<AtomicU32>,
 }
 
 impl<'a> Field<'a> {
@@ -41,26 +50,24 @@ impl<'a> Field<'a> {
         let cache_bytes = options.cache_bytes;
         let leaves = Leaves::new(tree, options.level, level.threshold)?;
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
-        let merges = options.tolerance > 0.0;
-        let drafts = merges.then(|| Cache::new(cache_bytes / 2));
-        let for_cells = if merges { cache_bytes / 4 } else { cache_bytes - cache_bytes / 4 };
-        let (surfaces, cells) = (Cache::new(cache_bytes / 4), Cache::new(for_cells));
-        let mut users = Vec::new();
-        users.resize_with(leaves.len(), AtomicU32::default);
-        for leaf in 0..leaves.len() as u32 {
-            for other in needed_by(&leaves, leaf, &leaves.around(leaf)) {
-                users[other as usize].fetch_add(1, Ordering::Relaxed);
-            }
-        }
+        let merging = (options.tolerance > 0.0).then(|| Merging {
+            tolerance: options.tolerance,
+            drafts: Cache::new(cache_bytes / 4),
+            merged: Cache::new(cache_bytes / 8),
+            users: counts(&leaves, drafts_needed_by),
+        });
+        let for_merging = if merging.is_some() { cache_bytes / 4 + cache_bytes / 8 } else { 0 };
+        let (surfaces, cells) =
+            (Cache::new(cache_bytes / 4), Cache::new(cache_bytes - cache_bytes / 4 - for_merging));
+        let users = counts(&leaves, needed_by);
         Ok(Field {
             root: tree.root(),
             leaves,
             tree,
             level,
-            tolerance: options.tolerance,
             surfaces,
             cells,
-            drafts,
+            merging,
             users,
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),
@@ -94,25 +101,47 @@ impl<'a> Field<'a> {
 
     pub(super) fn cells(&self, leaf: u32) -> Result<Arc<BrickCells>> {
         self.cells.get_or_make(leaf, || {
-            let cells = match self.drafts {
-                Some(_) => adaptive::merged(self, leaf)?,
-                None => BrickCells::build(self, leaf)?,
-            };
+            let cells = BrickCells::build(self, leaf)?;
             let bytes = cells.heap_bytes();
             Ok((cells, bytes))
         })
     }
 
-    /// What may be merged of a leaf's cells; only with a tolerance.
+    /// The vertices of a leaf as the mesh has them.
+    pub(super) fn vertices(&self, leaf: u32) -> Result<LeafVertices> {
+        let merged = match &self.merging {
+            Some(merging) => Some(merging.merged.get_or_make(leaf, || {
+                let merged = adaptive::merged(self, leaf)?;
+                let bytes = merged.heap_bytes();
+                Ok((merged, bytes))
+            })?),
+            None => None,
+        };
+        Ok(LeafVertices::new(self.cells(leaf)?, merged))
+    }
+
+    /// What may be merged of a leaf's cells; nothing without a tolerance.
     pub(super) fn draft(&self, leaf: u32) -> Result<Arc<Draft>> {
-        let make = || {
-            let draft = Draft::of(self, leaf, self.tolerance, BrickCells::build(self, leaf)?)?;
+        let Some(merging) = &self.merging else { return Ok(Arc::default()) };
+        merging.drafts.get_or_make(leaf, || {
+            let draft = Draft::of(self, leaf, merging.tolerance)?;
             let bytes = draft.heap_bytes();
             Ok((draft, bytes))
-        };
-        match &self.drafts {
-            Some(drafts) => drafts.get_or_make(leaf, make),
-            None => Ok(Arc::new(make()?.0)),
+        })
+    }
+
+    /// True if vertices are merged.
+    pub(super) fn merges(&self) -> bool {
+        self.merging.is_some()
+    }
+
+    /// The first pass has the vertices of a leaf: drafts that the leaves after it do not need are dropped.
+    pub(super) fn release_drafts(&self, leaf: u32) {
+        let Some(merging) = &self.merging else { return };
+        for other in drafts_needed_by(&self.leaves, leaf, &self.leaves.around(leaf)) {
+            if merging.users[other as usize].fetch_sub(1, Ordering::Relaxed) == 1 {
+                merging.drafts.remove(other);
+            }
         }
     }
 
@@ -123,6 +152,9 @@ impl<'a> Field<'a> {
             if self.users[other as usize].fetch_sub(1, Ordering::Relaxed) == 1 {
                 self.cells.remove(other);
                 self.surfaces.remove(other);
+                if let Some(merging) = &self.merging {
+                    merging.merged.remove(other);
+                }
             }
         }
     }
@@ -134,12 +166,38 @@ impl<'a> Field<'a> {
 }
 
 /// The leaves whose cells the polygons of a leaf may need: its own and those next to it that are no finer.
-fn needed_by(leaves: &Leaves, leaf: u32, around: &Around) -> impl Iterator<Item = u32> {
+fn needed_by(leaves: &Leaves, leaf: u32, around: &Around) -> Vec<u32> {
     let is_needing = leaves.get(leaf).changes;
-    around.iter().filter_map(move |side| match side {
+    let one = |side: &Side| match side {
         Side::Same(other) | Side::Coarser(other) if is_needing || *other == leaf => Some(*other),
         _ => None,
-    })
+    };
+    around.iter().filter_map(one).collect()
+}
+
+/// The leaves whose drafts the vertices of a leaf may need: its own and those next to it of its level.
+fn drafts_needed_by(leaves: &Leaves, leaf: u32, around: &Around) -> Vec<u32> {
+    let is_needing = leaves.get(leaf).changes;
+    let one = |side: &Side| match side {
+        Side::Same(other) if is_needing || *other == leaf => Some(*other),
+        _ => None,
+    };
+    around.iter().filter_map(one).collect()
+}
+
+/// For each leaf by how many it is needed.
+fn counts<I: IntoIterator<Item = u32>>(
+    leaves: &Leaves,
+    needed_by: impl Fn(&Leaves, u32, &Around) -> I,
+) -> Vec<AtomicU32> {
+    let mut counts = Vec::new();
+    counts.resize_with(leaves.len(), AtomicU32::default);
+    for leaf in 0..leaves.len() as u32 {
+        for other in needed_by(leaves, leaf, &leaves.around(leaf)) {
+            counts[other as usize].fetch_add(1, Ordering::Relaxed);
+        }
+    }
+    counts
 }
 
 /// From cell coordinates of a brick to the world.
@@ -175,6 +233,28 @@ impl Frame {
             let cell = f64::from(cell[a]);
             (self.origin[a] + (cell + (point[a] - cell).clamp(low, high)) * self.spacing) as f32
         })
+    }
+
+    /// World position of the point `at`, 0..1 an axis, of a block of `size` cells an axis from `corner` on, or near it
+    /// where that is taken: two sheets in one block may have their vertices at the same point.
+    pub(super) fn free_place(
+        &self,
+        (corner, size): ([usize; 3], f64),
+        mut at: [f64; 3],
+        mut is_taken: impl FnMut(&[f32; 3]) -> bool,
+    ) -> [f32; 3] {
+        let place = |at: [f64; 3]| self.world(corner, at.map(|c| c * size));
+        let margin = self.margin / size;
+        let mut position = place(at);
+        let mut tries = 0;
+        while is_taken(&position) && tries < 48 {
+            let axis = tries % 3;
+            let step = (1.0 / 64.0 / size).max(margin) * (1 + tries / 3) as f64;
+            at[axis] = (at[axis] + if at[axis] < 0.5 { step } else { -step }).clamp(margin, 1.0 - margin);
+            position = place(at);
+            tries += 1;
+        }
+        position
     }
 
     /// World position of the point `at`, 0..1 an axis, of a cell.

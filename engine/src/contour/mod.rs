@@ -25,6 +25,7 @@
 //! | `mixed` | cells next to finer leaves |
 //! | `adaptive` | vertices that stand for several cells' |
 //! | `polygons` | pass 2: triangles of a leaf |
+//! | `vertices` | the vertices of a leaf as the mesh has them |
 //! | `cut` | polygons into triangles, their area, volume and normals |
 //! | `spare` | room that is used again |
 //! | `order` | leaves in parallel, their output in order |
@@ -53,6 +54,7 @@ mod symmetric;
 #[cfg(test)]
 mod tests;
 mod topology;
+mod vertices;
 
 pub use cut::Cuts;
 pub use polygons::Facet;
@@ -61,12 +63,11 @@ pub use sink::{Encoded, Encoding, MeshArrays, MeshSink, create_sink};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::store::BrickTree;
-use cells::BrickCells;
 use field::Field;
 use polygons::{LeafFacets, Making};
 use spare::Spare;
-use std::sync::Arc;
 use surface::Level;
+use vertices::LeafVertices;
 
 /// What to contour, and how.
 #[derive(Clone, Copy, Debug)]
@@ -198,18 +199,19 @@ fn vertices(
     progress.phase("vertices", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
     let make = |leaf| {
-        let cells = field.cells(leaf)?;
+        let vertices = field.vertices(leaf)?;
+        field.release_drafts(leaf);
         let mut bytes = Vec::new();
         if let Some(encoding) = encoding {
-            (encoding.vertices)(&cells.positions, &mut bytes);
+            (encoding.vertices)(vertices.positions(), &mut bytes);
         }
-        let part = MeshSummary::of_cells(&cells);
-        Ok((cells, bytes, part))
+        let part = MeshSummary::of_leaf(&vertices);
+        Ok((vertices, bytes, part))
     };
-    field.in_order(progress, make, |(cells, bytes, part): (Arc<BrickCells>, Vec<u8>, _)| {
+    field.in_order(progress, make, |(vertices, bytes, part): (LeafVertices, Vec<u8>, _)| {
         match encoding {
-            Some(_) => sink.encoded(Encoded::Vertices(cells.len(), &bytes))?,
-            None => sink.vertices(&cells.positions)?,
+            Some(_) => sink.encoded(Encoded::Vertices(vertices.positions().len(), &bytes))?,
+            None => sink.vertices(vertices.positions())?,
         }
         summary.add(&part);
         first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
@@ -249,7 +251,8 @@ fn lone_triangles(
     progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
     let making = Making { first_vertex: None, encoding: sink.encoding(), spare: Spare::default() };
     let make = |leaf| {
-        let part = MeshSummary::of_cells(&*field.cells(leaf)?);
+        let part = MeshSummary::of_leaf(&field.vertices(leaf)?);
+        field.release_drafts(leaf);
         Ok((part, polygons::leaf_facets(field, leaf, &making)?))
     };
     field.in_order(progress, make, |(part, leaf)| {
@@ -276,15 +279,16 @@ fn hand_over(
 }
 
 impl MeshSummary {
-    /// What the cells of a leaf add to a summary.
-    fn of_cells(cells: &BrickCells) -> MeshSummary {
-        let first = cells.positions.first().copied();
+    /// What the vertices of a leaf add to a summary.
+    fn of_leaf(vertices: &LeafVertices) -> MeshSummary {
+        let positions = vertices.positions();
+        let first = positions.first().copied();
         let bounds =
-            first.map(|first| cells.positions.iter().fold([first; 2], |bounds, p| united(bounds, [*p; 2])));
+            first.map(|first| positions.iter().fold([first; 2], |bounds, p| united(bounds, [*p; 2])));
         MeshSummary {
-            vertices: cells.len() as u64,
-            split_faces: cells.split_faces,
-            mixed_cells: cells.mixed_cells(),
+            vertices: positions.len() as u64,
+            split_faces: vertices.split_faces(),
+            mixed_cells: vertices.cells.mixed_cells(),
             bounds,
             ..MeshSummary::default()
         }

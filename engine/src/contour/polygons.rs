@@ -19,7 +19,8 @@ use super::field::Field;
 use super::leaves::{Around, Side, broken, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
-use super::topology::{SQUARE, edge_index};
+use super::topology::{SQUARE, cell_around, edge_index};
+use super::vertices::LeafVertices;
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Units};
@@ -59,7 +60,8 @@ pub(super) struct Making<'a> {
 
 /// The triangles of `leaf`, which is done with then, as are the cells that no other leaf needs.
 pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<LeafFacets> {
-    let cells = field.cells(leaf)?;
+    let vertices = field.vertices(leaf)?;
+    let cells = Arc::clone(&vertices.cells);
     let around = field.leaves.around(leaf);
     let Some(signs) = &cells.signs else {
         field.release(leaf, &around);
@@ -68,7 +70,7 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<L
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
     let bytes = making.encoding.map_or(Vec::new(), |_| making.spare.take());
     let mut neighbours = [const { None }; 27];
-    neighbours[direction_index([0; 3])] = Some(Arc::clone(&cells));
+    neighbours[direction_index([0; 3])] = Some(vertices);
     let mut maker = Maker {
         field,
         key: field.leaves.get(leaf).key,
@@ -80,8 +82,8 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<L
         cutter: Cutter::new(centre, making.encoding, bytes),
     };
     let quads = cells.take_quads();
-    if field.tolerance > 0.0 {
-        maker.merged_rows(&cells, signs, &quads)?;
+    if field.merges() {
+        maker.merged_rows(signs, &quads)?;
     } else {
         dispatch!(level(), _simd => maker.rows(&cells, signs, &quads))?;
     }
@@ -126,7 +128,7 @@ struct Quadrant<'a> {
     leaf: u32,
     key: NodeKey,
     cell: [usize; 3],
-    cells: &'a BrickCells,
+    vertices: &'a LeafVertices,
 }
 
 /// What is common to all edges along an axis on one face or edge of the leaf's border.
@@ -162,8 +164,8 @@ struct Maker<'a> {
     first_vertex: Option<&'a [u32]>,
     /// Number of the leaf's own first vertex.
     first: u32,
-    /// Cells of the leaf itself and of its neighbours by direction, fetched when needed.
-    neighbours: [Option<Arc<BrickCells>>; 27],
+    /// Cells and vertices of the leaf itself and of its neighbours by direction, fetched when needed.
+    neighbours: [Option<LeafVertices>; 27],
     /// By axis and where the edges along it lie: 0, 1 or 2 for the lower border, the inside, the upper border along
     /// each of the other two.
     borders: [Border; 27],
@@ -261,7 +263,7 @@ impl Maker<'_> {
         }
         let mut quarters = [Quarter::default(); 4];
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
-            let cell = Self::quadrant_cell(axis, low, [qu, qv]);
+            let cell = cell_around(axis, low.map(|c| c as i32), [qu, qv]);
             let direction = direction_index(direction(cell));
             let Side::Same(leaf) = self.around[direction] else { return Ok(Border::Uneven) };
             self.fetch(leaf, direction)?;
@@ -280,7 +282,7 @@ impl Maker<'_> {
         let mut corners = [Vertex::default(); 4];
         for n in 0..4 {
             let quarter = &quarters[n];
-            let cells = self.neighbours[quarter.direction].as_deref()?;
+            let cells = &*self.neighbours[quarter.direction].as_ref()?.cells;
             let vertex = if quad[n] == NO_VERTEX {
                 let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
                 cells.plain_vertex(cell, quarter.edge)?
@@ -294,7 +296,7 @@ impl Maker<'_> {
 
     fn fetch(&mut self, leaf: u32, direction: usize) -> Result<()> {
         if self.neighbours[direction].is_none() {
-            self.neighbours[direction] = Some(self.field.cells(leaf)?);
+            self.neighbours[direction] = Some(self.field.vertices(leaf)?);
         }
         Ok(())
     }
@@ -313,19 +315,10 @@ impl Maker<'_> {
         Ok(())
     }
 
-    /// The cell in one quadrant around an edge, in this leaf's own coordinates, -1..=32.
-    fn quadrant_cell(axis: Axis, low: [usize; 3], [qu, qv]: [usize; 2]) -> [i32; 3] {
-        let (u, v) = axis.others();
-        let mut cell = low.map(|c| c as i32);
-        cell[u.index()] += qu as i32 - 1;
-        cell[v.index()] += qv as i32 - 1;
-        cell
-    }
-
     fn owns(&self, axis: Axis, low: [usize; 3]) -> bool {
         let mut best = (0, false);
         for quadrant in SQUARE {
-            let cell = Self::quadrant_cell(axis, low, quadrant);
+            let cell = cell_around(axis, low.map(|c| c as i32), quadrant);
             let d = direction(cell);
             match self.around[direction_index(d)] {
                 Side::Finer => return false,
@@ -346,20 +339,20 @@ impl Maker<'_> {
     /// The cell of the tree that holds `cell`; its neighbour's cells must have been fetched.
     fn quadrant(&self, cell: [i32; 3]) -> Result<Quadrant<'_>> {
         let (leaf, n) = self.neighbour(cell)?;
-        let cells = self.neighbours[n].as_deref().ok_or_else(|| broken(self.key))?;
+        let vertices = self.neighbours[n].as_ref().ok_or_else(|| broken(self.key))?;
         let key = self.field.leaves.get(leaf).key;
         let shift = self.key.level() - key.level();
         let (own_first, first) = (self.key.first_sample(), key.first_sample());
         let cell =
             std::array::from_fn(|a| (((own_first[a] as i32 + cell[a]) >> shift) - first[a] as i32) as usize);
-        Ok(Quadrant { leaf, key, cell, cells })
+        Ok(Quadrant { leaf, key, cell, vertices })
     }
 
     /// The corners of an edge's polygon, counter-clockwise seen from the edge's upper end.
     fn polygon(&mut self, axis: Axis, low: [usize; 3]) -> Result<Polygon> {
         let bits = self.key.spacing_bits();
         let lower: Units = std::array::from_fn(|a| self.key.base()[a] + ((low[a] as i32) << bits));
-        let places = SQUARE.map(|quadrant| Self::quadrant_cell(axis, low, quadrant));
+        let places = SQUARE.map(|quadrant| cell_around(axis, low.map(|c| c as i32), quadrant));
         for place in places {
             let (leaf, n) = self.neighbour(place)?;
             self.fetch(leaf, n)?;
@@ -370,8 +363,8 @@ impl Maker<'_> {
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
             let this = &quadrants[n];
             let key = edge_key(relative(lower, this.key, this.cell), axis, self.key.level());
-            let vertex = this.cells.vertex(this.cell, edge_index(axis, 1 - qu, 1 - qv), key);
-            vertices[n] = this.cells.name_of(vertex.ok_or_else(|| broken(this.key))?);
+            let vertex = this.vertices.cells.vertex(this.cell, edge_index(axis, 1 - qu, 1 - qv), key);
+            vertices[n] = this.vertices.name_of(vertex.ok_or_else(|| broken(this.key))?);
         }
         // A cell in two quadrants, or cells that have one vertex.
         let is_same =
@@ -394,7 +387,7 @@ impl Maker<'_> {
 
     fn corner(&self, quadrant: &Quadrant<'_>, vertex: u32, is_extra: bool, is_finest: bool) -> Corner {
         let id = self.first_vertex(quadrant.leaf) + vertex;
-        Corner { id, position: quadrant.cells.positions[vertex as usize], is_finest, is_extra }
+        Corner { id, position: quadrant.vertices.positions()[vertex as usize], is_finest, is_extra }
     }
 
     /// The extra vertex on the face between quadrant `n` and the next, with the leaf that owns the face.
@@ -414,7 +407,7 @@ impl Maker<'_> {
         let mut corner = owner.cell;
         corner[across.index()] += usize::from(std::ptr::eq(owner, below));
         let key = edge_key(relative(lower, owner.key, corner), axis, self.key.level());
-        owner.cells.extra(face_key(across, corner), key).map(|vertex| (owner, vertex))
+        owner.vertices.extra(face_key(across, corner), key).map(|vertex| (owner, vertex))
     }
 }
 

@@ -47,6 +47,16 @@ pub(super) const fn derive_edge(edge: usize) -> (Axis, [usize; 3]) {
 /// completes `(u, v)` to a right-handed frame. Also the order of the four cells around an edge.
 pub(super) const SQUARE: [[usize; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
 
+/// The cell in the quadrant `(u, v)` around the edge along `axis` whose lower sample is `low`.
+#[inline]
+pub(super) fn cell_around(axis: Axis, low: [i32; 3], [qu, qv]: [usize; 2]) -> [i32; 3] {
+    let (u, v) = axis.others();
+    let mut cell = low;
+    cell[u.index()] += qu as i32 - 1;
+    cell[v.index()] += qv as i32 - 1;
+    cell
+}
+
 /// Cuts a face. `ring` lists the minimal edges round the face with the sign of the point where each starts;
 /// every maximal run of inside points is cut off by one segment, which `segment` receives as (edge that
 /// enters the run, edge that leaves it). Inside points on an ambiguous face are thus separated. Walked the

@@ -1,11 +1,11 @@
 //! The sign-changing edges of a leaf with the vertices of the cells around each: what merging starts from.
 
-use super::super::cells::{BrickCells, NO_VERTEX, edge_key};
+use super::super::cells::{BrickCells, NO_VERTEX};
 use super::super::field::Field;
 use super::super::leaves::{Side, direction_index, directions};
 use super::super::qef::Vector;
 use super::super::surface::Changes;
-use super::super::topology::{CELL_LOOPS, SQUARE, edge_index, face_cuts};
+use super::super::topology::{CELL_LOOPS, SQUARE, cell_around, edge_index, face_cuts};
 use super::LEVELS;
 use crate::lattice::{Axis, BRICK_CELLS};
 use std::sync::PoisonError;
@@ -81,7 +81,6 @@ impl Frozen {
 impl Crossings {
     pub(super) fn of(field: &Field, leaf: u32, changes: &Changes, cells: &BrickCells) -> Crossings {
         let frozen = Frozen::of(field, leaf);
-        let key = field.leaves.get(leaf).key;
         let quads = cells.quads.lock().unwrap_or_else(PoisonError::into_inner);
         let mut all = Vec::with_capacity(changes.planes.len());
         for axis in Axis::ALL {
@@ -91,21 +90,20 @@ impl Crossings {
                 let mut point = low.map(|c| c as f64);
                 point[axis.index()] += f64::from(plane.fraction);
                 let mut vertices = [BEYOND; 4];
-                for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
-                    let mut cell = low;
-                    cell[u.index()] = (cell[u.index()] + qu).wrapping_sub(1);
-                    cell[v.index()] = (cell[v.index()] + qv).wrapping_sub(1);
+                for (n, quadrant) in SQUARE.into_iter().enumerate() {
+                    let cell = cell_around(axis, low.map(|c| c as i32), quadrant).map(|c| c as usize);
                     if cell.iter().any(|&c| c >= BRICK_CELLS) {
                         continue;
                     }
+                    // None if the leaf's polygons have been made before.
+                    let quad = quads.get(all.len()).unwrap_or(&[NO_VERTEX; 4]);
                     vertices[n] = if frozen.holds(cells, cell) {
                         FROZEN
-                    } else if quads[all.len()][n] != NO_VERTEX {
-                        u32::from(quads[all.len()][n])
+                    } else if quad[n] != NO_VERTEX {
+                        u32::from(quad[n])
                     } else {
-                        // Not mixed, so any name will do.
-                        let name = edge_key([0; 3], axis, key.level());
-                        cells.vertex(cell, edge_index(axis, 1 - qu, 1 - qv), name).unwrap_or(FROZEN)
+                        let [qu, qv] = quadrant;
+                        cells.unmixed_vertex(cell, edge_index(axis, 1 - qu, 1 - qv)).unwrap_or(FROZEN)
                     };
                 }
                 let levels = [u, v].map(|a| plane_level(low[a.index()]));
@@ -133,17 +131,9 @@ impl Crossings {
 
     /// The cell of a vertex that is not frozen.
     pub(super) fn cell_of(&self, vertex: u32) -> [usize; 3] {
-        let mut cell = [0; 3];
-        if let Some(crossing) = self.at(vertex).next() {
-            let n = crossing.vertices.iter().position(|&v| v == vertex).unwrap_or(0);
-            let (u, v) = crossing.axis.others();
-            cell = crossing.low;
-            cell[u.index()] += SQUARE[n][0];
-            cell[v.index()] += SQUARE[n][1];
-            cell[u.index()] -= 1;
-            cell[v.index()] -= 1;
-        }
-        cell
+        let Some(crossing) = self.at(vertex).next() else { return [0; 3] };
+        let n = crossing.vertices.iter().position(|&v| v == vertex).unwrap_or(0);
+        cell_around(crossing.axis, crossing.low.map(|c| c as i32), SQUARE[n]).map(|c| c as usize)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a leaf's own planes and topology let be merged, before the leaves around it are looked at.
 
-use super::super::cells::{BrickCells, Extra};
+use super::super::cells::BrickCells;
 use super::super::field::{Field, Frame};
 use super::super::qef::Qef;
 use super::super::solve::{GROUP, Group};
@@ -12,7 +12,6 @@ use super::patches::Patches;
 use super::{LEVELS, NONE};
 use crate::error::Result;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
 
 /// A vertex that may stand for others.
 pub(super) struct Candidate {
@@ -25,10 +24,9 @@ pub(super) struct Candidate {
     members: Range<usize>,
 }
 
-/// A leaf's cells as first made, and which of their vertices may be merged.
+/// Which vertices of a leaf's cells may be merged.
 #[derive(Default)]
 pub(in super::super) struct Draft {
-    pub(super) cells: BrickCells,
     /// From small nodes to large ones; those of a level have no vertex in common.
     pub(super) candidates: Vec<Candidate>,
     members: Vec<u32>,
@@ -40,32 +38,38 @@ pub(in super::super) struct Draft {
 }
 
 impl Draft {
-    /// Of the cells of a leaf whose vertices are placed; `tolerance` is in world units.
-    pub(in super::super) fn of(field: &Field, leaf: u32, tolerance: f64, cells: BrickCells) -> Result<Draft> {
-        let mut draft = Draft { cells, ..Draft::default() };
-        if draft.cells.len() == 0 {
+    /// Of the cells of a leaf; `tolerance` is in world units.
+    pub(in super::super) fn of(field: &Field, leaf: u32, tolerance: f64) -> Result<Draft> {
+        let mut draft = Draft::default();
+        let cells = field.cells(leaf)?;
+        if cells.len() == 0 {
             return Ok(draft);
         }
         let surface = field.surface(leaf)?;
-        let Surface::Changes(changes) = &*surface else { return Ok(draft) };
+        let Surface::Changes(changes) = &*surface else { return Ok(draft.alone(&cells)) };
         let key = field.leaves.get(leaf).key;
         let frame = field.frame(key);
-        let crossings = Crossings::of(field, leaf, changes, &draft.cells);
-        draft.find(&crossings, &frame, tolerance / field.root.spacing(key.level()));
-        if !draft.candidates.is_empty() {
-            draft.edges = crossings.all.iter().map(Edge::of).collect();
-        }
-        draft.barred = vec![false; draft.candidates.len()];
-        draft.of_vertex = draft.assigned(&draft.barred);
-        let mut barred = std::mem::take(&mut draft.barred);
-        draft.of_vertex = folds::without(&draft, &mut barred, |_, _, _| None);
+        let crossings = Crossings::of(field, leaf, changes, &cells);
+        draft.find(&crossings, &frame, tolerance / field.root.spacing(key.level()), cells.len());
+        let largest = draft.assigned(&vec![false; draft.candidates.len()], cells.len());
+        let is_merged = |vertex: &u32| *vertex < FROZEN && largest[*vertex as usize] != NONE;
+        let edges = crossings.all.iter().filter(|crossing| crossing.vertices.iter().any(is_merged));
+        draft.edges = edges.map(Edge::of).collect();
+        let mut barred = vec![false; draft.candidates.len()];
+        draft.of_vertex = folds::without((&draft, &cells), &mut barred, largest, |_, _, _| None);
         draft.barred = barred;
         Ok(draft)
     }
 
-    fn find(&mut self, crossings: &Crossings, frame: &Frame, tolerance: f64) {
+    /// Of cells none of whose vertices may be merged.
+    fn alone(mut self, cells: &BrickCells) -> Draft {
+        self.of_vertex = vec![NONE; cells.len()];
+        self
+    }
+
+    fn find(&mut self, crossings: &Crossings, frame: &Frame, tolerance: f64, vertices: usize) {
         let mut sums: Vec<Qef> = Vec::new();
-        sums.resize_with(self.cells.len(), Qef::default);
+        sums.resize_with(vertices, Qef::default);
         for crossing in &crossings.all {
             for vertex in crossing.vertices.into_iter().filter(|&vertex| vertex < FROZEN) {
                 sums[vertex as usize].add_crossing(crossing);
@@ -96,8 +100,8 @@ impl Draft {
     }
 
     /// For each vertex the largest candidate that is not barred.
-    pub(super) fn assigned(&self, barred: &[bool]) -> Vec<u32> {
-        let mut of_vertex = vec![NONE; self.cells.len()];
+    pub(super) fn assigned(&self, barred: &[bool], vertices: usize) -> Vec<u32> {
+        let mut of_vertex = vec![NONE; vertices];
         for (n, candidate) in self.candidates.iter().enumerate().filter(|(n, _)| !barred[*n]) {
             for &vertex in &self.members[candidate.members.clone()] {
                 of_vertex[vertex as usize] = n as u32;
@@ -106,29 +110,9 @@ impl Draft {
         of_vertex
     }
 
-    /// A copy of the cells.
-    pub(super) fn copied_cells(&self) -> BrickCells {
-        let cells = &self.cells;
-        let extras = cells.extras.iter().map(|e| Extra { face: e.face, edge: e.edge, vertex: e.vertex });
-        BrickCells {
-            signs: cells.signs.clone(),
-            rows: cells.rows.clone(),
-            masks: cells.masks.clone(),
-            first: cells.first.clone(),
-            mixed: cells.mixed.clone(),
-            mixed_edges: cells.mixed_edges.clone(),
-            extras: extras.collect(),
-            quads: Mutex::new(cells.quads.lock().unwrap_or_else(PoisonError::into_inner).clone()),
-            positions: cells.positions.clone(),
-            split_faces: cells.split_faces,
-            renamed: Vec::new(),
-        }
-    }
-
     /// Heap bytes.
     pub(in super::super) fn heap_bytes(&self) -> usize {
-        self.cells.heap_bytes()
-            + self.candidates.capacity() * size_of::<Candidate>()
+        self.candidates.capacity() * size_of::<Candidate>()
             + 4 * (self.members.capacity() + self.of_vertex.capacity())
             + self.barred.capacity()
             + self.edges.capacity() * size_of::<Edge>()

@@ -6,7 +6,8 @@
 //! given up, and what it is made of takes its place. The rules of [`super`] hold whichever candidates are taken, so
 //! leaves need not agree on this.
 
-use super::super::topology::SQUARE;
+use super::super::cells::BrickCells;
+use super::super::topology::{SQUARE, cell_around};
 use super::crossings::{Crossing, FROZEN};
 use super::draft::Draft;
 use super::{LEVELS, NONE};
@@ -38,21 +39,23 @@ impl Edge {
 
     /// The cell in a quadrant, from -1 to 32 along each axis.
     fn cell(&self, quadrant: usize) -> [i32; 3] {
-        let (u, v) = self.axis.others();
-        let mut cell = self.low.map(i32::from);
-        cell[u.index()] += SQUARE[quadrant][0] as i32 - 1;
-        cell[v.index()] += SQUARE[quadrant][1] as i32 - 1;
-        cell
+        cell_around(self.axis, self.low.map(i32::from), SQUARE[quadrant])
     }
 }
 
 impl Draft {
     /// The corner that a vertex is, the candidates being assigned like this.
-    pub(super) fn corner(&self, direction: usize, vertex: u32, of_vertex: &[u32]) -> Corner {
+    pub(super) fn corner(
+        &self,
+        cells: &BrickCells,
+        direction: usize,
+        vertex: u32,
+        of_vertex: &[u32],
+    ) -> Corner {
         match of_vertex[vertex as usize] {
             NONE => Corner {
                 name: (direction, false, vertex),
-                position: self.cells.positions[vertex as usize],
+                position: cells.positions[vertex as usize],
                 level: 0,
             },
             merged => {
@@ -68,19 +71,19 @@ impl Draft {
 }
 
 /// Bars candidates until no edge is left that would fold and has a candidate of the leaf among the largest there, and
-/// returns what stands for each vertex. `beyond` gives the corner in a cell beyond the leaf: the edge, its quadrant and
+/// returns what stands for each vertex; `of_vertex` is that at the beginning. `beyond` gives the corner in a cell beyond the leaf: the edge, its quadrant and
 /// the cell.
 pub(super) fn without(
-    draft: &Draft,
+    (draft, cells): (&Draft, &BrickCells),
     barred: &mut [bool],
+    mut of_vertex: Vec<u32>,
     mut beyond: impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
 ) -> Vec<u32> {
-    let mut of_vertex = draft.assigned(barred);
     // What is given up is divided each time.
     for _ in 0..LEVELS {
         let mut is_done = true;
         for edge in &draft.edges {
-            let Some(corners) = corners(draft, edge, &of_vertex, &mut beyond) else { continue };
+            let Some(corners) = corners((draft, cells), edge, &of_vertex, &mut beyond) else { continue };
             let most = corners.iter().map(|corner| corner.level).max().unwrap_or(0);
             if most == 0 || !is_folded(edge.axis, &corners) {
                 continue;
@@ -92,16 +95,16 @@ pub(super) fn without(
         if is_done {
             break;
         }
-        of_vertex = draft.assigned(barred);
+        of_vertex = draft.assigned(barred, of_vertex.len());
     }
     of_vertex
 }
 
 /// The direction of the leaf itself.
-pub(super) const OWN: usize = 13;
+pub(in super::super) const OWN: usize = 13;
 
 fn corners(
-    draft: &Draft,
+    (draft, cells): (&Draft, &BrickCells),
     edge: &Edge,
     of_vertex: &[u32],
     beyond: &mut impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
@@ -110,7 +113,7 @@ fn corners(
     for (n, corner) in corners.iter_mut().enumerate() {
         let vertex = edge.vertices[n];
         if vertex < FROZEN {
-            *corner = draft.corner(OWN, vertex, of_vertex);
+            *corner = draft.corner(cells, OWN, vertex, of_vertex);
             continue;
         }
         let cell = edge.cell(n);

@@ -29,9 +29,9 @@ mod folds;
 mod patches;
 
 pub(super) use draft::Draft;
-pub(super) use folds::turns;
+pub(super) use folds::{OWN, turns};
 
-use super::cells::{BrickCells, NO_VERTEX, edge_key, face_key};
+use super::cells::{BrickCells, edge_key, face_key};
 use super::field::{Field, Frame};
 use super::leaves::{Side, direction_index};
 use super::topology::{SQUARE, edge_index};
@@ -41,7 +41,7 @@ use crossings::FROZEN;
 use draft::Candidate;
 use folds::Edge;
 use std::collections::HashSet;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 /// Nodes of a leaf's cells are 2 to the power of 1 up to this many cells wide.
 const LEVELS: u8 = BRICK_BITS as u8;
@@ -49,41 +49,57 @@ const LEVELS: u8 = BRICK_BITS as u8;
 /// Stands for a vertex that is not merged, or that is no more.
 const NONE: u32 = u32::MAX;
 
-/// The cells of a leaf with its vertices merged.
-pub(super) fn merged(field: &Field, leaf: u32) -> Result<BrickCells> {
+/// What is merged of the vertices of a leaf's cells.
+#[derive(Default)]
+pub(super) struct Merged {
+    /// By number as first made, the number of each vertex or [`Merged::NONE`]; empty if nothing is merged.
+    pub names: Vec<u32>,
+    /// World positions by the new numbers.
+    pub positions: Vec<[f32; 3]>,
+    /// Faces with extra vertices.
+    pub split_faces: u64,
+}
+
+impl Merged {
+    /// The number of an extra vertex that is no more.
+    pub(super) const NONE: u32 = NONE;
+
+    /// Heap bytes.
+    pub(super) fn heap_bytes(&self) -> usize {
+        4 * self.names.capacity() + self.positions.capacity() * size_of::<[f32; 3]>() + size_of::<Merged>()
+    }
+}
+
+/// Merges the vertices of a leaf's cells.
+pub(super) fn merged(field: &Field, leaf: u32) -> Result<Merged> {
     let draft = field.draft(leaf)?;
-    let mut cells = draft.copied_cells();
     if draft.candidates.is_empty() {
-        return Ok(cells);
+        return Ok(Merged::default());
     }
     let key = field.leaves.get(leaf).key;
+    let cells = field.cells(leaf)?;
     let around = field.leaves.around(leaf);
-    let mut drafts: [Option<Arc<Draft>>; 27] = [const { None }; 27];
+    let mut others: [Option<(Arc<BrickCells>, Arc<Draft>)>; 27] = [const { None }; 27];
     for (direction, side) in around.iter().enumerate() {
         if let Side::Same(other) = side {
-            drafts[direction] = Some(field.draft(*other)?);
+            others[direction] = Some((field.cells(*other)?, field.draft(*other)?));
         }
     }
     let mut barred = draft.barred.clone();
-    let of_vertex = folds::without(&draft, &mut barred, |edge, quadrant, cell| {
-        let direction = direction_index(cell.map(|c| c.div_euclid(BRICK_CELLS as i32)));
-        let other = drafts[direction].as_deref()?;
-        let cell = cell.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
-        if other.cells.row(cell[1], cell[2]).mixed >> cell[0] & 1 == 1 {
-            return None;
-        }
-        let [qu, qv] = SQUARE[quadrant];
-        // Not mixed, so any name will do.
-        let name = edge_key([0; 3], edge.axis, key.level());
-        let vertex = other.cells.vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv), name)?;
-        Some(other.corner(direction, vertex, &other.of_vertex))
-    });
+    let of_vertex =
+        folds::without((&draft, &cells), &mut barred, draft.of_vertex.clone(), |edge, quadrant, cell| {
+            let direction = direction_index(cell.map(|c| c.div_euclid(BRICK_CELLS as i32)));
+            let (cells, other) = others[direction].as_ref()?;
+            let cell = cell.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
+            let [qu, qv] = SQUARE[quadrant];
+            let vertex = cells.unmixed_vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv))?;
+            Some(other.corner(cells, direction, vertex, &other.of_vertex))
+        });
     let dropped = match cells.extras.is_empty() {
         true => HashSet::new(),
         false => faces_within(&draft.edges, &of_vertex, key),
     };
-    rename(&mut cells, &field.frame(key), &draft.candidates, &of_vertex, &dropped);
-    Ok(cells)
+    Ok(renamed(&cells, &field.frame(key), &draft.candidates, &of_vertex, &dropped))
 }
 
 /// Names of faces and edges, as extra vertices have them, where both cells at the face are merged with each other.
@@ -113,79 +129,43 @@ fn faces_within(edges: &[Edge], of_vertex: &[u32], key: NodeKey) -> HashSet<(u32
 }
 
 /// Puts the merged vertices in the place of the first one that each stands for.
-fn rename(
-    cells: &mut BrickCells,
+fn renamed(
+    cells: &BrickCells,
     frame: &Frame,
-    merged: &[Candidate],
+    candidates: &[Candidate],
     of_vertex: &[u32],
     dropped: &HashSet<(u32, u64)>,
-) {
-    let mut renamed = vec![0; cells.len()];
-    for extra in &cells.extras {
-        if dropped.contains(&(extra.face, extra.edge)) {
-            renamed[extra.vertex as usize] = NONE;
-        }
+) -> Merged {
+    let mut names = vec![0; cells.len()];
+    let mut joined_faces: HashSet<u32> = HashSet::new();
+    for extra in cells.extras.iter().filter(|extra| dropped.contains(&(extra.face, extra.edge))) {
+        names[extra.vertex as usize] = NONE;
+        joined_faces.insert(extra.face);
     }
-    let faces = cells.extras.iter().map(|e| (e.face, renamed[e.vertex as usize] == NONE));
-    let faces: HashSet<u32> = faces.filter(|(_, is_dropped)| *is_dropped).map(|(face, _)| face).collect();
-    cells.split_faces -= faces.len() as u64;
-    let mut numbers = vec![NONE; merged.len()];
+    let mut numbers = vec![NONE; candidates.len()];
     let mut positions = Vec::with_capacity(cells.len());
     let mut taken: HashSet<[u32; 3]> = HashSet::new();
-    let kept = |vertex: &usize| of_vertex[*vertex] == NONE && renamed[*vertex] != NONE;
-    taken.extend((0..cells.len()).filter(kept).map(|vertex| bits(cells.positions[vertex])));
+    let is_kept = |vertex: &usize| of_vertex[*vertex] == NONE && names[*vertex] != NONE;
+    taken.extend((0..cells.len()).filter(is_kept).map(|vertex| bits(&cells.positions[vertex])));
     for vertex in 0..cells.len() {
         let number = positions.len() as u32;
-        match (of_vertex[vertex], renamed[vertex]) {
+        match (of_vertex[vertex], names[vertex]) {
             (_, NONE) => continue,
             (NONE, _) => positions.push(cells.positions[vertex]),
             (of, _) if numbers[of as usize] == NONE => {
+                let Candidate { node, at, .. } = candidates[of as usize];
                 numbers[of as usize] = number;
-                positions.push(free_place(frame, &merged[of as usize], &mut taken));
+                let block = (node.corner, node.size());
+                positions.push(frame.free_place(block, at, |position| !taken.insert(bits(position))));
             }
             _ => {}
         }
-        renamed[vertex] =
-            if of_vertex[vertex] == NONE { number } else { numbers[of_vertex[vertex] as usize] };
+        names[vertex] = if of_vertex[vertex] == NONE { number } else { numbers[of_vertex[vertex] as usize] };
     }
     positions.shrink_to_fit();
-    cells.positions = positions;
-    cells.extras.retain_mut(|extra| {
-        extra.vertex = renamed[extra.vertex as usize];
-        extra.vertex != NONE
-    });
-    for vertex in cells.quads.get_mut().unwrap_or_else(PoisonError::into_inner).iter_mut().flatten() {
-        if *vertex != NO_VERTEX {
-            *vertex = renamed[usize::from(*vertex)] as u16;
-        }
-    }
-    cells.renamed = renamed;
+    Merged { names, positions, split_faces: cells.split_faces - joined_faces.len() as u64 }
 }
 
-impl BrickCells {
-    /// The number of a vertex by the one with which it was made.
-    #[inline]
-    pub(super) fn name_of(&self, vertex: u32) -> u32 {
-        self.renamed.get(vertex as usize).copied().unwrap_or(vertex)
-    }
-}
-
-fn bits(position: [f32; 3]) -> [u32; 3] {
+fn bits(position: &[f32; 3]) -> [u32; 3] {
     position.map(|c| (c + 0.0).to_bits())
-}
-
-/// World position of a merged vertex, or near it where another vertex is: two sheets in one node may have their vertices
-/// at the same point.
-fn free_place(frame: &Frame, merged: &Candidate, taken: &mut HashSet<[u32; 3]>) -> [f32; 3] {
-    let Candidate { node, mut at, .. } = *merged;
-    let place = |at: [f64; 3]| frame.world(node.corner, at.map(|c| c * node.size()));
-    let margin = frame.margin / node.size();
-    let mut tries = 0;
-    while !taken.insert(bits(place(at))) && tries < 48 {
-        let axis = tries % 3;
-        let step = (1.0 / 64.0 / node.size()).max(margin) * (1 + tries / 3) as f64;
-        at[axis] = (at[axis] + if at[axis] < 0.5 { step } else { -step }).clamp(margin, 1.0 - margin);
-        tries += 1;
-    }
-    place(at)
 }

@@ -3,23 +3,25 @@
 
 use super::{Border, Maker, Quarter};
 use crate::brick::SignChanges;
-use crate::contour::adaptive::turns;
-use crate::contour::cells::{BrickCells, NO_VERTEX, Quad};
+use crate::contour::adaptive::{OWN, turns};
+use crate::contour::cells::{NO_VERTEX, Quad};
 use crate::contour::cut::{Shape, Vertex};
+use crate::contour::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS};
 
 /// Which leaf a vertex is of, as a direction, and its number there.
 type Name = (usize, u32);
 
+/// The corner that a vertex, by the number with which its cell was made, is now; the leaf's direction and first number.
+fn corner(vertices: &LeafVertices, (direction, first): (usize, u32), vertex: u32) -> (Name, Vertex) {
+    let vertex = vertices.name_of(vertex);
+    ((direction, vertex), (first + vertex, vertices.positions()[vertex as usize]))
+}
+
 impl Maker<'_> {
-    /// All edges of the leaf, in the order of [`BrickCells::take_quads`].
-    pub(super) fn merged_rows(
-        &mut self,
-        cells: &BrickCells,
-        signs: &SignChanges,
-        quads: &[Quad],
-    ) -> Result<()> {
+    /// All edges of the leaf, in the order of [`crate::contour::cells::BrickCells::take_quads`].
+    pub(super) fn merged_rows(&mut self, signs: &SignChanges, quads: &[Quad]) -> Result<()> {
         let mut edges = Vec::with_capacity(quads.len());
         for axis in Axis::ALL {
             signs.for_edges(axis, |low| edges.push((axis, low)));
@@ -29,12 +31,12 @@ impl Maker<'_> {
             let inside = signs.is_inside(low);
             if quad.contains(&NO_VERTEX) {
                 self.merged_border(axis, low, quad, inside)?;
-            } else if quad.iter().any(|vertex| *vertex != quad[0]) {
-                let corner = |n: usize| {
-                    let vertex = u32::from(quad[n]);
-                    ((0, vertex), (self.first + vertex, cells.positions[vertex as usize]))
-                };
-                self.push_distinct(axis, [0, 1, 2, 3].map(corner), inside);
+            } else if let Some(own) = &self.neighbours[OWN]
+                && quad.iter().any(|vertex| *vertex != quad[0])
+            {
+                let corner = |vertex: u16| corner(own, (OWN, self.first), u32::from(vertex));
+                let corners = quad.map(corner);
+                self.push_distinct(axis, corners, inside);
             }
         }
         Ok(())
@@ -65,15 +67,14 @@ impl Maker<'_> {
     ) -> Option<[(Name, Vertex); 4]> {
         let mut corners = [Default::default(); 4];
         for (n, quarter) in quarters.iter().enumerate() {
-            let cells = self.neighbours[quarter.direction].as_deref()?;
+            let vertices = self.neighbours[quarter.direction].as_ref()?;
             let vertex = if quad[n] == NO_VERTEX {
                 let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
-                cells.name_of(cells.plain_vertex(cell, quarter.edge)?)
+                vertices.cells.plain_vertex(cell, quarter.edge)?
             } else {
                 u32::from(quad[n])
             };
-            let position = cells.positions[vertex as usize];
-            corners[n] = ((quarter.direction, vertex), (quarter.first + vertex, position));
+            corners[n] = corner(vertices, (quarter.direction, quarter.first), vertex);
         }
         Some(corners)
     }
