@@ -1,7 +1,7 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
 use super::ContourOptions;
-use super::adaptive::{self, Draft, Merged};
+use super::adaptive::{self, Across, Draft, Merged};
 use super::cache::Cache;
 use super::cells::{BrickCells, Quad};
 use super::leaves::{Around, Leaves, Side};
@@ -39,6 +39,7 @@ struct Merging {
     /// As in [`super::ContourOptions::tolerance`].
     tolerance: f64,
     drafts: Cache<Draft>,
+    across: Across,
     merged: Cache<Merged>,
     /// By leaf, for how many leaves vertices are still to be merged for the first time, which takes its draft.
     users: Vec<AtomicU32>,
@@ -53,6 +54,7 @@ impl<'a> Field<'a> {
         let merging = (options.tolerance > 0.0).then(|| Merging {
             tolerance: options.tolerance,
             drafts: Cache::new(cache_bytes / 4),
+            across: Across::default(),
             merged: Cache::new(cache_bytes / 8),
             users: counts(&leaves, drafts_needed_by),
         });
@@ -72,6 +74,16 @@ impl<'a> Field<'a> {
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),
         })
+    }
+
+    /// With a tolerance, finds out what is merged across the borders of leaves, before anyone asks for vertices.
+    pub(super) fn merge_across(&mut self, progress: &dyn Progress) -> Result<()> {
+        let Some(tolerance) = self.merging.as_ref().map(|merging| merging.tolerance) else { return Ok(()) };
+        let across = Across::find(self, tolerance, progress)?;
+        if let Some(merging) = &mut self.merging {
+            merging.across = across;
+        }
+        Ok(())
     }
 
     /// Calls `make` for every leaf and `use_item` with what it gives, as [`in_order`]; the tree is told which bricks
@@ -111,13 +123,13 @@ impl<'a> Field<'a> {
     pub(super) fn vertices(&self, leaf: u32) -> Result<LeafVertices> {
         let merged = match &self.merging {
             Some(merging) => Some(merging.merged.get_or_make(leaf, || {
-                let merged = adaptive::merged(self, leaf)?;
+                let merged = adaptive::merged(self, leaf, &merging.across)?;
                 let bytes = merged.heap_bytes();
                 Ok((merged, bytes))
             })?),
             None => None,
         };
-        Ok(LeafVertices::new(self.cells(leaf)?, merged))
+        Ok(LeafVertices::new(leaf, self.cells(leaf)?, merged))
     }
 
     /// What may be merged of a leaf's cells; nothing without a tolerance.

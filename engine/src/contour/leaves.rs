@@ -98,7 +98,7 @@ impl Leaves {
     }
 
     /// The leaf that covers a node, or the first of the leaves below the node.
-    fn covering(&self, key: NodeKey) -> u32 {
+    pub(super) fn covering(&self, key: NodeKey) -> u32 {
         let code = first_descendant(key);
         self.last.partition_point(|&last| last < code) as u32
     }

@@ -126,8 +126,9 @@ pub fn contour(
     let level = level(options.iso)?;
     require_half(tree, options.iso)?;
     require_tolerance(options.tolerance)?;
-    let field = Field::new(tree, level, options)?;
+    let mut field = Field::new(tree, level, options)?;
     require_resolution(tree, options.level)?;
+    field.merge_across(progress)?;
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
         let first_vertex = vertices(&field, sink, progress, &mut summary)?;

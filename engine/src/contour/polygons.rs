@@ -13,6 +13,7 @@
 
 mod merged;
 
+use super::adaptive::Shared;
 use super::cells::{BrickCells, NO_VERTEX, Quad, edge_key, face_key};
 use super::cut::{Cutter, Measured, Shape, Vertex};
 use super::field::Field;
@@ -125,7 +126,6 @@ impl Polygon {
 
 /// One of the four cells around an edge.
 struct Quadrant<'a> {
-    leaf: u32,
     key: NodeKey,
     cell: [usize; 3],
     vertices: &'a LeafVertices,
@@ -345,7 +345,7 @@ impl Maker<'_> {
         let (own_first, first) = (self.key.first_sample(), key.first_sample());
         let cell =
             std::array::from_fn(|a| (((own_first[a] as i32 + cell[a]) >> shift) - first[a] as i32) as usize);
-        Ok(Quadrant { leaf, key, cell, vertices })
+        Ok(Quadrant { key, cell, vertices })
     }
 
     /// The corners of an edge's polygon, counter-clockwise seen from the edge's upper end.
@@ -359,35 +359,35 @@ impl Maker<'_> {
         }
         let [a, b, c, d] = places.map(|place| self.quadrant(place));
         let quadrants = [a?, b?, c?, d?];
-        let mut vertices = [0; 4];
+        let mut vertices = [Shared::default(); 4];
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
             let this = &quadrants[n];
             let key = edge_key(relative(lower, this.key, this.cell), axis, self.key.level());
             let vertex = this.vertices.cells.vertex(this.cell, edge_index(axis, 1 - qu, 1 - qv), key);
-            vertices[n] = this.vertices.name_of(vertex.ok_or_else(|| broken(this.key))?);
+            vertices[n] = this.vertices.vertex(vertex.ok_or_else(|| broken(this.key))?);
         }
         // A cell in two quadrants, or cells that have one vertex.
-        let is_same =
-            |a: usize, b: usize| quadrants[a].leaf == quadrants[b].leaf && vertices[a] == vertices[b];
+        let name = |n: usize| (vertices[n].leaf, vertices[n].number);
+        let is_same = |a: usize, b: usize| name(a) == name(b);
         let mut polygon = Polygon::default();
         for n in 0..4 {
             let (before, after) = ((n + 3) % 4, (n + 1) % 4);
             let this = &quadrants[n];
             if !is_same(before, n) {
-                polygon.push(self.corner(this, vertices[n], false, this.key.level() == self.key.level()));
+                polygon.push(self.corner(vertices[n], false, this.key.level() == self.key.level()));
             }
             if !is_same(n, after)
                 && let Some((owner, vertex)) = self.extra(axis, n, this, &quadrants[after], lower)
             {
-                polygon.push(self.corner(owner, vertex, true, owner.key.level() == self.key.level()));
+                polygon.push(self.corner(vertex, true, owner.key.level() == self.key.level()));
             }
         }
         Ok(polygon)
     }
 
-    fn corner(&self, quadrant: &Quadrant<'_>, vertex: u32, is_extra: bool, is_finest: bool) -> Corner {
-        let id = self.first_vertex(quadrant.leaf) + vertex;
-        Corner { id, position: quadrant.vertices.positions()[vertex as usize], is_finest, is_extra }
+    fn corner(&self, vertex: Shared, is_extra: bool, is_finest: bool) -> Corner {
+        let id = self.first_vertex(vertex.leaf) + vertex.number;
+        Corner { id, position: vertex.position, is_finest, is_extra }
     }
 
     /// The extra vertex on the face between quadrant `n` and the next, with the leaf that owns the face.
@@ -398,7 +398,7 @@ impl Maker<'_> {
         this: &'q Quadrant<'a>,
         after: &'q Quadrant<'a>,
         lower: Units,
-    ) -> Option<(&'q Quadrant<'a>, u32)> {
+    ) -> Option<(&'q Quadrant<'a>, Shared)> {
         let (u, v) = axis.others();
         // Quadrants 0, 1 and 2, 3 differ along u, the others along v; 0 → 1 and 1 → 2 go up.
         let across = if n.is_multiple_of(2) { u } else { v };

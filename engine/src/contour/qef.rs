@@ -61,7 +61,7 @@ fn rotate(a: &mut [[f64; 3]; 3], vectors: &mut [Vector; 3], p: usize, q: usize) 
 }
 
 /// The sum of squared distances from planes, gathered about the cell's centre.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Qef {
     pub matrix: Symmetric,
     pub rhs: Vector,

@@ -1,37 +1,49 @@
 //! The vertices of a leaf as the mesh has them: those of its cells, or what is merged of them.
 
-use super::adaptive::Merged;
+use super::adaptive::{Merged, Shared};
 use super::cells::BrickCells;
 use std::sync::Arc;
 
 /// The vertices of a leaf.
 pub(super) struct LeafVertices {
+    leaf: u32,
     pub cells: Arc<BrickCells>,
     merged: Option<Arc<Merged>>,
 }
 
 impl LeafVertices {
     /// Of the cells of a leaf and what is merged of them.
-    pub(super) fn new(cells: Arc<BrickCells>, merged: Option<Arc<Merged>>) -> LeafVertices {
+    pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, merged: Option<Arc<Merged>>) -> LeafVertices {
         // All vertices stand for themselves.
-        LeafVertices { cells, merged: merged.filter(|merged| !merged.names.is_empty()) }
+        let merged = merged.filter(|merged| !merged.names.is_empty());
+        LeafVertices { leaf, cells, merged }
     }
 
-    /// World positions.
+    /// World positions of those that the leaf has.
     #[inline]
     pub(super) fn positions(&self) -> &[[f32; 3]] {
         self.merged.as_ref().map_or(&self.cells.positions, |merged| &merged.positions)
     }
 
-    /// The number of a vertex by the one with which its cell was made.
+    /// The vertex that stands for one, by the number with which its cell was made.
     #[inline]
-    pub(super) fn name_of(&self, vertex: u32) -> u32 {
-        self.merged.as_ref().map_or(vertex, |merged| merged.names[vertex as usize])
+    pub(super) fn vertex(&self, number: u32) -> Shared {
+        let leaf = self.leaf;
+        let Some(merged) = &self.merged else {
+            return Shared { leaf, number, position: self.cells.positions[number as usize] };
+        };
+        let number = merged.names[number as usize];
+        match merged.positions.get(number as usize) {
+            Some(&position) => Shared { leaf, number, position },
+            None => merged.shared[number as usize - merged.positions.len()],
+        }
     }
 
     /// As [`BrickCells::extra`].
-    pub(super) fn extra(&self, face: u32, edge: u64) -> Option<u32> {
-        self.cells.extra(face, edge).map(|vertex| self.name_of(vertex)).filter(|&name| name != Merged::NONE)
+    pub(super) fn extra(&self, face: u32, edge: u64) -> Option<Shared> {
+        let vertex = self.cells.extra(face, edge)?;
+        let is_dropped = |merged: &Arc<Merged>| merged.names[vertex as usize] == Merged::NONE;
+        (!self.merged.as_ref().is_some_and(is_dropped)).then(|| self.vertex(vertex))
     }
 
     /// Faces with extra vertices.

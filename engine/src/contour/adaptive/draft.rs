@@ -8,6 +8,7 @@ use super::super::surface::Surface;
 use super::crossings::{Crossings, FROZEN};
 use super::fit::{self, Node};
 use super::folds::{self, Edge};
+use super::parts::{self, Part};
 use super::patches::Patches;
 use super::{LEVELS, NONE};
 use crate::error::Result;
@@ -35,6 +36,10 @@ pub(in super::super) struct Draft {
     /// Candidates that fold the surface within the leaf.
     pub(super) barred: Vec<bool>,
     pub(super) edges: Vec<Edge>,
+    /// What may be merged with parts of the leaves around.
+    pub(super) parts: Vec<Part>,
+    /// For each vertex the number of its part, or [`NONE`]; empty if there is no part.
+    pub(super) part_of: Vec<u32>,
 }
 
 impl Draft {
@@ -50,13 +55,17 @@ impl Draft {
         let key = field.leaves.get(leaf).key;
         let frame = field.frame(key);
         let crossings = Crossings::of(field, leaf, changes, &cells);
-        draft.find(&crossings, &frame, tolerance / field.root.spacing(key.level()), cells.len());
+        let mut patches =
+            draft.find(&crossings, &frame, tolerance / field.root.spacing(key.level()), cells.len());
+        (draft.parts, draft.part_of) = parts::of_leaf(&mut patches, &crossings, key);
         let largest = draft.assigned(&vec![false; draft.candidates.len()], cells.len());
-        let is_merged = |vertex: &u32| *vertex < FROZEN && largest[*vertex as usize] != NONE;
+        let is_merged = |vertex: &u32| {
+            *vertex < FROZEN && (largest[*vertex as usize] != NONE || draft.part_of(*vertex).is_some())
+        };
         let edges = crossings.all.iter().filter(|crossing| crossing.vertices.iter().any(is_merged));
-        draft.edges = edges.map(Edge::of).collect();
+        draft.edges = edges.map(Edge::of).collect::<Vec<_>>();
         let mut barred = vec![false; draft.candidates.len()];
-        draft.of_vertex = folds::without((&draft, &cells), &mut barred, largest, |_, _, _| None);
+        draft.of_vertex = folds::without((&draft, &cells, &[]), &mut barred, largest, |_, _, _| None);
         draft.barred = barred;
         Ok(draft)
     }
@@ -67,7 +76,13 @@ impl Draft {
         self
     }
 
-    fn find(&mut self, crossings: &Crossings, frame: &Frame, tolerance: f64, vertices: usize) {
+    /// The number of a vertex' part.
+    pub(super) fn part_of(&self, vertex: u32) -> Option<usize> {
+        self.part_of.get(vertex as usize).filter(|&&part| part != NONE).map(|&part| part as usize)
+    }
+
+    /// Finds the candidates and returns what hangs together in the leaf.
+    fn find(&mut self, crossings: &Crossings, frame: &Frame, tolerance: f64, vertices: usize) -> Patches {
         let mut sums: Vec<Qef> = Vec::new();
         sums.resize_with(vertices, Qef::default);
         for crossing in &crossings.all {
@@ -81,13 +96,15 @@ impl Draft {
             let disks = patches.join(crossings, level);
             for disks in disks.chunks(GROUP) {
                 let node = |&root: &usize| Node::around(crossings.cell_of(root as u32), level);
-                let parts: Vec<(&Qef, Node)> =
-                    disks.iter().map(|root| (&patches.sums[*root], node(root))).collect();
-                let points = fit::best_points(&mut group, &parts, frame.margin, tolerance);
-                for ((&root, &(sums, node)), at) in disks.iter().zip(&parts).zip(points) {
+                let parts: Vec<Qef> =
+                    disks.iter().map(|root| patches.sums[*root].within(&node(root))).collect();
+                let size = f64::from(1u32 << level);
+                let points = fit::best_points(&mut group, &parts, (size, frame.margin), tolerance);
+                for (&root, at) in disks.iter().zip(points) {
                     let Some(at) = at else { continue };
+                    let node = node(&root);
                     let planes = || patches.members(root).flat_map(|vertex| crossings.at(vertex));
-                    if fit::fits(node.point(at), sums.normal_sum, planes, tolerance) {
+                    if fit::fits(node.point(at), patches.sums[root].normal_sum, planes, tolerance) {
                         let start = self.members.len();
                         self.members.extend(patches.members(root));
                         let position = frame.world(node.corner, at.map(|c| c * node.size()));
@@ -97,6 +114,7 @@ impl Draft {
                 }
             }
         }
+        patches
     }
 
     /// For each vertex the largest candidate that is not barred.
@@ -116,5 +134,8 @@ impl Draft {
             + 4 * (self.members.capacity() + self.of_vertex.capacity())
             + self.barred.capacity()
             + self.edges.capacity() * size_of::<Edge>()
+            + self.parts.capacity() * size_of::<Part>()
+            + self.parts.iter().map(Part::heap_bytes).sum::<usize>()
+            + 4 * self.part_of.capacity()
     }
 }

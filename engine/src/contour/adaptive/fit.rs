@@ -2,10 +2,10 @@
 //!
 //! The measure is a length. Let `d` be a direction that all normals of the part face, so that it is a height field
 //! along `d`. If along `d` the vertex is within τ of the tangent plane at every point of the part, then the part is
-//! within τ, along `d`, of the cone from the vertex over the part's border: with `g(r)` the height above the vertex along
-//! a ray and `|g − r·g'| ≤ τ`, the slope `g/r` changes by no more than `∫τ/r²` on the way from `r` to the border. What
-//! is left is the border, whose planes the vertices on both of its sides fit. The planes known are those at the
-//! crossings of the lattice; what the surface does within a cell is not seen.
+//! within τ, along `d`, of the cone from the vertex over the part's border: with `g(r)` the height above the vertex
+//! along a ray and `|g − r·g'| ≤ τ`, the slope `g/r` changes by no more than `∫τ/r²` on the way from `r` to the
+//! border. What is left is the border, whose planes the vertices on both of its sides fit. The planes known are those
+//! at the crossings of the lattice; what the surface does within a cell is not seen.
 //!
 //! Without the direction the planes would say little: all planes of a thin fin pass close to a vertex at its foot.
 
@@ -14,7 +14,8 @@ use super::super::qef::{Qef, Vector};
 use super::super::solve::{GROUP, Group};
 use super::super::symmetric::dot;
 use super::crossings::Crossing;
-use crate::lattice::BRICK_CELLS;
+use super::parts::Planes;
+use crate::lattice::{BRICK_CELLS, Octant};
 use crate::wide::{dispatch, level};
 
 /// Least cosine of the angle between a normal and the common direction: what is steeper is no height field that the
@@ -69,9 +70,19 @@ impl Qef {
     }
 
     /// The same planes, the unit cube being a node of the leaf.
-    fn within(&self, node: &Node) -> Qef {
+    pub(super) fn within(&self, node: &Node) -> Qef {
         let scale = BRICK_CELLS as f64 / node.size();
-        let centre: Vector = node.point([0.5; 3]).map(|c| c / BRICK_CELLS as f64 - 0.5);
+        self.about(node.point([0.5; 3]).map(|c| c / BRICK_CELLS as f64 - 0.5), scale)
+    }
+
+    /// The same planes, the unit cube being the parent of the one that is its child `octant`.
+    pub(super) fn within_parent(&self, octant: Octant) -> Qef {
+        self.about(octant.offset().map(|upper| 0.5 - upper as f64), 0.5)
+    }
+
+    /// The same planes, the unit cube being one about `centre`, counted from the centre of the present one, of which
+    /// an edge is 1/`scale` long.
+    fn about(&self, centre: Vector, scale: f64) -> Qef {
         let moved = self.matrix.times(centre);
         Qef {
             matrix: self.matrix,
@@ -90,20 +101,18 @@ impl Qef {
     }
 }
 
-/// For up to [`GROUP`] parts of the surface, each as the sums of its planes and its node, the point of the node that
-/// fits them best, in the node's unit cube; `None` if on average it misses them by more than `tolerance`, in cells.
+/// For up to [`GROUP`] parts of the surface, each as the sums of its planes in a cube, `size` cells wide, the point
+/// of the cube that fits them best, in the unit cube; `None` if on average it misses them by more than `tolerance`,
+/// in cells. It stays `margin` cells away from the cube's faces.
 pub(super) fn best_points(
     group: &mut Group,
-    parts: &[(&Qef, Node)],
-    margin: f64,
+    parts: &[Qef],
+    (size, margin): (f64, f64),
     tolerance: f64,
 ) -> [Option<Vector>; GROUP] {
     let mut best = [None; GROUP];
-    let Some((_, Node { level: nodes, .. })) = parts.first() else { return best };
-    let size = f64::from(1u32 << nodes);
     let margin = margin / size;
-    let local: Vec<Qef> = parts.iter().map(|(sums, node)| sums.within(node)).collect();
-    for (lane, sums) in local.iter().enumerate() {
+    for (lane, sums) in parts.iter().enumerate() {
         group.set(lane, sums);
     }
     let points = dispatch!(level(), simd => {
@@ -117,7 +126,7 @@ pub(super) fn best_points(
         }
         points
     });
-    for (lane, sums) in local.iter().enumerate() {
+    for (lane, sums) in parts.iter().enumerate() {
         let missed = sums.mean_square(points[lane]).max(0.0).sqrt() * size;
         // Some plane is missed by more than the mean. A hundredth for rounding.
         best[lane] = (missed <= 1.01 * tolerance).then_some(points[lane]);
@@ -132,27 +141,35 @@ pub(super) fn fits<'a, I: Iterator<Item = &'a Crossing>>(
     crossings: impl Fn() -> I,
     tolerance: f64,
 ) -> bool {
-    let Some(up) = common_direction(normals, &crossings) else { return false };
+    let Some(up) = common_direction(normals, || crossings().map(|c| c.normal)) else { return false };
     crossings().all(|crossing| {
         let from: Vector = std::array::from_fn(|a| point[a] - crossing.point[a]);
         dot(from, crossing.normal).abs() <= tolerance * dot(crossing.normal, up)
     })
 }
 
+/// The same for planes of which no more is known than where they lie; `point` is counted from the root's first
+/// sample.
+pub(super) fn fits_planes(point: Vector, normals: Vector, planes: &Planes, tolerance: f64) -> bool {
+    let Some(up) = common_direction(normals, || planes.normals()) else { return false };
+    planes.missed(point).all(|(normal, missed)| missed <= tolerance * dot(normal, up))
+}
+
 /// A direction that all normals face; `sum` is their sum.
-fn common_direction<'a, I: Iterator<Item = &'a Crossing>>(
-    sum: Vector,
-    crossings: &impl Fn() -> I,
-) -> Option<Vector> {
-    let least = |d: Vector| crossings().map(|c| dot(c.normal, d)).fold(f64::INFINITY, f64::min);
-    let mut best = (f64::NEG_INFINITY, [0.0; 3]);
+fn common_direction<I: Iterator<Item = Vector>>(sum: Vector, normals: impl Fn() -> I) -> Option<Vector> {
+    let mut best = (LEAST_COSINE, None);
     let mut consider = |d: Vector| {
         let length = dot(d, d).sqrt();
         if length > 0.0 {
             let d = d.map(|c| c / length);
-            let least = least(d);
-            if least > best.0 {
-                best = (least, d);
+            // Most directions are ruled out by one of the first normals.
+            let mut least = f64::INFINITY;
+            let is_better = normals().all(|normal| {
+                least = least.min(dot(normal, d));
+                least > best.0
+            });
+            if is_better {
+                best = (least, Some(d));
             }
         }
         best
@@ -162,5 +179,5 @@ fn common_direction<'a, I: Iterator<Item = &'a Crossing>>(
             consider([n % 3, n / 3 % 3, n / 9].map(|c| f64::from(c - 1)));
         }
     }
-    (best.0 > LEAST_COSINE).then_some(best.1)
+    best.1
 }

@@ -1,17 +1,22 @@
 //! Where merged vertices would fold the surface back onto itself, and which of them are given up for that.
 //!
-//! Seen along a sign-changing edge, the patches around it lie around a point, and the triangles between their vertices
-//! should run around it the same way. Vertices of cells always do, or can be cut so. Those of larger nodes may not, where
-//! only three meet: on the side of a large node, if its vertex is far along the side. Then the largest of the three is
-//! given up, and what it is made of takes its place. The rules of [`super`] hold whichever candidates are taken, so
-//! leaves need not agree on this.
+//! Seen along a sign-changing edge, the patches around it lie around a point, and the triangles between their
+//! vertices should run around it the same way. Vertices of cells always do, or can be cut so. Those of larger nodes
+//! may not, where only three meet: on the side of a large node, if its vertex is far along the side. Then the largest
+//! of the three is given up, and what it is made of takes its place. The rules of [`super`] hold whichever candidates
+//! are taken, so leaves need not agree on this.
 
 use super::super::cells::BrickCells;
-use super::super::topology::{SQUARE, cell_around};
+use super::super::field::Field;
+use super::super::leaves::{Side, direction_index};
+use super::super::topology::{SQUARE, cell_around, edge_index};
+use super::across::Across;
 use super::crossings::{Crossing, FROZEN};
 use super::draft::Draft;
 use super::{LEVELS, NONE};
+use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS};
+use std::sync::Arc;
 
 /// A sign-changing edge of a leaf.
 pub(super) struct Edge {
@@ -44,14 +49,18 @@ impl Edge {
 }
 
 impl Draft {
-    /// The corner that a vertex is, the candidates being assigned like this.
+    /// The corner that a vertex is, the candidates being assigned like this; `wide` are the corners that stand for
+    /// parts of the leaf, where they are known.
     pub(super) fn corner(
         &self,
-        cells: &BrickCells,
+        (cells, wide): (&BrickCells, &[Option<Corner>]),
         direction: usize,
         vertex: u32,
         of_vertex: &[u32],
     ) -> Corner {
+        if let Some(Some(corner)) = self.part_of(vertex).and_then(|part| wide.get(part)) {
+            return *corner;
+        }
         match of_vertex[vertex as usize] {
             NONE => Corner {
                 name: (direction, false, vertex),
@@ -71,10 +80,10 @@ impl Draft {
 }
 
 /// Bars candidates until no edge is left that would fold and has a candidate of the leaf among the largest there, and
-/// returns what stands for each vertex; `of_vertex` is that at the beginning. `beyond` gives the corner in a cell beyond the leaf: the edge, its quadrant and
-/// the cell.
+/// returns what stands for each vertex; `of_vertex` is that at the beginning. `beyond` gives the corner in a cell
+/// beyond the leaf: the edge, its quadrant and the cell.
 pub(super) fn without(
-    (draft, cells): (&Draft, &BrickCells),
+    (draft, cells, wide): (&Draft, &BrickCells, &[Option<Corner>]),
     barred: &mut [bool],
     mut of_vertex: Vec<u32>,
     mut beyond: impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
@@ -83,7 +92,9 @@ pub(super) fn without(
     for _ in 0..LEVELS {
         let mut is_done = true;
         for edge in &draft.edges {
-            let Some(corners) = corners((draft, cells), edge, &of_vertex, &mut beyond) else { continue };
+            let Some(corners) = corners((draft, cells, wide), edge, &of_vertex, &mut beyond) else {
+                continue;
+            };
             let most = corners.iter().map(|corner| corner.level).max().unwrap_or(0);
             if most == 0 || !is_folded(edge.axis, &corners) {
                 continue;
@@ -102,9 +113,81 @@ pub(super) fn without(
 
 /// The direction of the leaf itself.
 pub(in super::super) const OWN: usize = 13;
+/// Stands for the direction of what several leaves have.
+pub(super) const ACROSS: usize = 27;
+
+/// Which of those that stand for parts of several leaves fold the surface at an edge of a leaf and are the largest
+/// there.
+pub(super) fn of_several(field: &Field, leaf: u32, across: &Across) -> Result<Vec<u32>> {
+    let seen = Neighbourhood::of(field, leaf, across)?;
+    let own = (&*seen.own.draft, &*seen.own.cells, &seen.own.wide[..]);
+    let mut found = Vec::new();
+    for edge in &seen.own.draft.edges {
+        let is_wide = |vertex: &u32| {
+            *vertex < FROZEN && own.0.part_of(*vertex).is_some_and(|part| own.2[part].is_some())
+        };
+        if !edge.vertices.iter().any(is_wide) {
+            continue;
+        }
+        let beyond = &mut |edge: &Edge, quadrant, cell| seen.beyond(edge, quadrant, cell);
+        let Some(corners) = corners(own, edge, &own.0.of_vertex, beyond) else { continue };
+        let most = corners.iter().map(|corner| corner.level).max().unwrap_or(0);
+        if is_folded(edge.axis, &corners) {
+            let largest = corners.iter().filter(|corner| corner.level == most && corner.name.0 == ACROSS);
+            found.extend(largest.map(|corner| corner.name.2));
+        }
+    }
+    found.sort_unstable();
+    found.dedup();
+    Ok(found)
+}
+
+/// A leaf as merging sees it.
+pub(super) struct Seen {
+    pub cells: Arc<BrickCells>,
+    pub draft: Arc<Draft>,
+    /// What stands for its parts.
+    pub wide: Vec<Option<Corner>>,
+}
+
+/// A leaf and those of its level around it.
+pub(super) struct Neighbourhood {
+    pub own: Seen,
+    others: [Option<Seen>; 27],
+}
+
+impl Neighbourhood {
+    pub(super) fn of(field: &Field, leaf: u32, across: &Across) -> Result<Neighbourhood> {
+        let see = |leaf| {
+            let (cells, draft) = (field.cells(leaf)?, field.draft(leaf)?);
+            let wide = across.corners(leaf, &draft);
+            Ok(Seen { cells, draft, wide })
+        };
+        let mut others = [const { None }; 27];
+        for (direction, side) in field.leaves.around(leaf).iter().enumerate() {
+            if let Side::Same(other) = side
+                && direction != OWN
+            {
+                others[direction] = Some(see(*other)?);
+            }
+        }
+        Ok(Neighbourhood { own: see(leaf)?, others })
+    }
+
+    /// The corner in a quadrant around an edge, in a cell beyond the leaf; `None` in a leaf of another level or next
+    /// to it.
+    pub(super) fn beyond(&self, edge: &Edge, quadrant: usize, cell: [i32; 3]) -> Option<Corner> {
+        let direction = direction_index(cell.map(|c| c.div_euclid(BRICK_CELLS as i32)));
+        let Seen { cells, draft, wide } = self.others[direction].as_ref()?;
+        let cell = cell.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
+        let [qu, qv] = SQUARE[quadrant];
+        let vertex = cells.unmixed_vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv))?;
+        Some(draft.corner((cells, wide), direction, vertex, &draft.of_vertex))
+    }
+}
 
 fn corners(
-    (draft, cells): (&Draft, &BrickCells),
+    (draft, cells, wide): (&Draft, &BrickCells, &[Option<Corner>]),
     edge: &Edge,
     of_vertex: &[u32],
     beyond: &mut impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
@@ -113,7 +196,7 @@ fn corners(
     for (n, corner) in corners.iter_mut().enumerate() {
         let vertex = edge.vertices[n];
         if vertex < FROZEN {
-            *corner = draft.corner(cells, OWN, vertex, of_vertex);
+            *corner = draft.corner((cells, wide), OWN, vertex, of_vertex);
             continue;
         }
         let cell = edge.cell(n);

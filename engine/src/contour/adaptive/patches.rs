@@ -3,6 +3,7 @@
 
 use super::super::qef::Qef;
 use super::super::topology::{SQUARE, edge_index, edge_lower};
+use super::LEVELS;
 use super::crossings::{Crossings, FROZEN};
 use std::sync::LazyLock;
 
@@ -33,8 +34,6 @@ pub(super) struct Patches {
     border: Vec<u16>,
     /// Sets whose part of the node's border is none that a disk can have.
     is_bad: Vec<bool>,
-    /// Level at which a set was last joined with another.
-    joined: Vec<u8>,
     pub sums: Vec<Qef>,
 }
 
@@ -51,7 +50,6 @@ impl Patches {
             is_frozen: vec![false; count],
             border: vec![0; count],
             is_bad: vec![false; count],
-            joined: vec![0; count],
             sums,
         }
     }
@@ -76,7 +74,7 @@ impl Patches {
         })
     }
 
-    fn unite(&mut self, a: u32, b: u32, level: u8) -> usize {
+    fn unite(&mut self, a: u32, b: u32) -> usize {
         let (a, b) = (self.root(a), self.root(b));
         if a == b {
             return a;
@@ -89,7 +87,6 @@ impl Patches {
         self.size[to] += self.size[from];
         self.euler[to] += self.euler[from];
         self.is_frozen[to] |= self.is_frozen[from];
-        self.joined[to] = level;
         let (sums, more) = if to < from {
             let (low, high) = self.sums.split_at_mut(from);
             (&mut low[to], &high[0])
@@ -118,7 +115,7 @@ impl Patches {
                 let [a, b] = [crossing.vertices[n], crossing.vertices[(n + 1) % 4]];
                 match (a < FROZEN, b < FROZEN) {
                     (true, true) => {
-                        let root = self.unite(a, b, level);
+                        let root = self.unite(a, b);
                         self.euler[root] -= 1;
                         changed.push(root as u32);
                     }
@@ -170,8 +167,34 @@ impl Patches {
         }
         for &root in disks {
             let edges = self.border[root];
-            self.is_bad[root] |=
-                edges == 0 || FACE_EDGES.iter().any(|face| !matches!((face & edges).count_ones(), 0 | 2));
+            self.is_bad[root] |= !crosses_as_a_plane(edges);
         }
     }
+
+    /// When all nodes have been joined, the disks that meet the border of the leaf as a plane may and no face on it
+    /// that is cut twice.
+    pub(super) fn reaching_out(&mut self, crossings: &Crossings) -> Vec<usize> {
+        let mut roots = Vec::new();
+        for crossing in crossings.all.iter().filter(|crossing| crossing.levels.iter().any(|&l| l > LEVELS)) {
+            let own = crossing.vertices.into_iter().filter(|&vertex| vertex < FROZEN);
+            roots.extend(own.map(|vertex| self.root(vertex)));
+        }
+        roots.sort_unstable();
+        roots.dedup();
+        roots.retain(|&root| !self.is_frozen[root] && self.euler[root] == 2);
+        self.study_borders(crossings, LEVELS, &roots);
+        for face in crossings.ambiguous.iter().filter(|face| face.level > LEVELS) {
+            for vertex in face.vertices {
+                let root = self.root(vertex);
+                self.is_bad[root] = true;
+            }
+        }
+        roots.retain(|&root| !self.is_bad[root]);
+        roots
+    }
+}
+
+/// Whether a part that crosses these edges of a cube, each of them once, ends in each face along one line at most.
+pub(super) fn crosses_as_a_plane(edges: u16) -> bool {
+    edges != 0 && FACE_EDGES.iter().all(|face| matches!((face & edges).count_ones(), 0 | 2))
 }

@@ -3,21 +3,15 @@
 
 use super::{Border, Maker, Quarter};
 use crate::brick::SignChanges;
-use crate::contour::adaptive::{OWN, turns};
+use crate::contour::adaptive::{OWN, Shared, turns};
 use crate::contour::cells::{NO_VERTEX, Quad};
 use crate::contour::cut::{Shape, Vertex};
 use crate::contour::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS};
 
-/// Which leaf a vertex is of, as a direction, and its number there.
-type Name = (usize, u32);
-
-/// The corner that a vertex, by the number with which its cell was made, is now; the leaf's direction and first number.
-fn corner(vertices: &LeafVertices, (direction, first): (usize, u32), vertex: u32) -> (Name, Vertex) {
-    let vertex = vertices.name_of(vertex);
-    ((direction, vertex), (first + vertex, vertices.positions()[vertex as usize]))
-}
+/// Which leaf a vertex is of, and its number there.
+type Name = (u32, u32);
 
 impl Maker<'_> {
     /// All edges of the leaf, in the order of [`crate::contour::cells::BrickCells::take_quads`].
@@ -34,12 +28,17 @@ impl Maker<'_> {
             } else if let Some(own) = &self.neighbours[OWN]
                 && quad.iter().any(|vertex| *vertex != quad[0])
             {
-                let corner = |vertex: u16| corner(own, (OWN, self.first), u32::from(vertex));
-                let corners = quad.map(corner);
+                let corners = quad.map(|vertex| self.merged_corner(own, vertex.into()));
                 self.push_distinct(axis, corners, inside);
             }
         }
         Ok(())
+    }
+
+    /// The corner that stands for a vertex, by the number with which its cell was made.
+    fn merged_corner(&self, vertices: &LeafVertices, vertex: u32) -> (Name, Vertex) {
+        let Shared { leaf, number, position } = vertices.vertex(vertex);
+        ((leaf, number), (self.first_vertex(leaf) + number, position))
     }
 
     /// As [`Maker::border`].
@@ -74,7 +73,7 @@ impl Maker<'_> {
             } else {
                 u32::from(quad[n])
             };
-            corners[n] = corner(vertices, (quarter.direction, quarter.first), vertex);
+            corners[n] = self.merged_corner(vertices, vertex);
         }
         Some(corners)
     }

@@ -126,23 +126,43 @@ fn rules_of_topology_alone_keep_noise_manifold() {
         assert_eq!(shells(&mesh), expected);
         assert!(summary.triangles < checked(&tree).1.triangles);
     }
+    // A tilted sheet with holes and specks where bricks meet, so that there is something to merge across them.
+    struct Torn(Noise, [f64; 3]);
+    impl Shape for Torn {
+        fn winding(&self, at: Units) -> i16 {
+            let below = (0..3).map(|a| self.1[a] * f64::from(at[a] - (1 << 23))).sum::<f64>() < 0.0;
+            let is_within = at.iter().all(|&c| (1 << 21..7 << 21).contains(&c));
+            i16::from(is_within && below) ^ self.0.winding(at)
+        }
+        fn crossing(&self, _: Units, _: Units) -> ([f64; 3], f64) {
+            ([0.6, 0.0, 0.8], 0.5)
+        }
+    }
+    for seed in 0..12 {
+        let specks = noise(seed, 1, 1 + (seed % 3) as i32, 60, 0.0);
+        let tilt = [0.31, -0.2 * (seed % 4) as f64, 0.9];
+        let divide = random_divide(seed, (2, 3), if seed % 2 == 0 { 0 } else { 20 });
+        let tree = tree(&Torn(specks, tilt), &divide);
+        let expected = shells(&checked(&tree).0);
+        let (mesh, summary) = merged(&tree, 1e6);
+        assert_eq!(shells(&mesh), expected);
+        println!("{} of {}", summary.triangles, checked(&tree).1.triangles);
+        assert!(summary.triangles < checked(&tree).1.triangles);
+    }
 }
 
 #[test]
 fn threads_and_cache_do_not_change_what_is_merged() {
-    let tree = tree(&noise(5, 2, 4, 90, 4.0), &random_divide(5, (1, 3), 128));
-    let options = ContourOptions { tolerance: 0.1 * cell(2), ..Default::default() };
-    let (expected, summary) = mesh(&tree, &options);
-    assert!(summary.triangles < checked(&tree).1.triangles);
-    for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (2, usize::MAX)] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let options = ContourOptions { cache_bytes, ..options };
-        let (other, again) = pool.install(|| mesh(&tree, &options));
-        assert!(other == expected && again == summary, "{threads} threads");
-        let mut lone = Lone::default();
-        let again = pool.install(|| contour(&tree, &options, &mut lone, &Silent).unwrap());
-        let is_same = lone.0.iter().copied().eq(expected.facets.iter().map(|f| f.corners));
-        assert!(is_same && again == summary, "{threads} threads, vertices not shared");
+    let noisy = tree(&noise(5, 2, 4, 90, 4.0), &random_divide(5, (1, 3), 128));
+    let flat = tree(&rotated_box([4.03, 3.11, 2.07]), &uniform(2));
+    for (tree, cells) in [(noisy, 0.1), (flat, 0.02)] {
+        let options = ContourOptions { tolerance: cells * cell(2), ..Default::default() };
+        let (expected, summary) = mesh(&tree, &options);
+        assert!(summary.triangles < checked(&tree).1.triangles);
+        for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (2, usize::MAX)] {
+            let options = ContourOptions { cache_bytes, ..options };
+            gives_the_same(&tree, &options, threads, (&expected, &summary));
+        }
     }
 }
 
@@ -216,6 +236,79 @@ fn flat_faces_collapse_and_edges_stay_sharp() {
         }
     }
     assert!(missed < 24, "{missed}");
+}
+
+/// The inside of a box along the axes, none of whose faces lies on samples.
+fn cuboid(half: [f64; 3]) -> impl Shape {
+    Implicit(move |p: [f64; 3]| (0..3).map(|a| p[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max))
+}
+
+/// How many leaves have cells whose vertices are those of other leaves.
+fn sharing_leaves(tree: &MemoryTree, tolerance: f64) -> usize {
+    let options = ContourOptions { tolerance, ..Default::default() };
+    let mut field = Field::new(tree, level(options.iso).unwrap(), &options).unwrap();
+    field.merge_across(&Silent).unwrap();
+    let is_sharing = |leaf: &u32| {
+        let vertices = field.vertices(*leaf).unwrap();
+        let count = vertices.cells.len() as u32;
+        let is_kept = |vertex: &u32| !vertices.cells.extras.iter().any(|extra| extra.vertex == *vertex);
+        (0..count).filter(is_kept).any(|vertex| vertices.vertex(vertex).leaf != *leaf)
+    };
+    (0..field.leaves.len() as u32).filter(is_sharing).count()
+}
+
+#[test]
+fn flat_faces_merge_across_bricks() {
+    let half = [5.03, 4.11, 3.07];
+    let size = cell(3);
+    for (name, tree) in
+        [("along", tree(&cuboid(half), &uniform(3))), ("turned", tree(&rotated_box(half), &uniform(3)))]
+    {
+        let (plain, before) = checked(&tree);
+        let (mesh, summary) = merged(&tree, 0.01 * size);
+        check(&mesh.welded()).unwrap();
+        assert_eq!(shells(&mesh), shells(&plain));
+        let place = |p: &[f32; 3]| match name {
+            "along" => p.map(f64::from),
+            _ => to_box(p.map(f64::from)),
+        };
+        // Vertices in the middle of a face, more than a brick away from its edges.
+        let is_inner = |p: &&[f32; 3]| {
+            let at = place(p);
+            let mut off: Vec<f64> = (0..3).map(|a| (at[a].abs() - half[a]).abs()).collect();
+            off.sort_by(f64::total_cmp);
+            off[1] > 40.0 * size
+        };
+        let inner = |mesh: &Mesh| mesh.positions.iter().filter(is_inner).count();
+        for p in plain.positions.iter().filter(is_inner).step_by(997) {
+            let p = p.map(f64::from);
+            let off = to_mesh(&mesh, p, |p| p.map(f64::from)) / size;
+            assert!(off < 0.012, "{name}: {off} at {p:?}");
+        }
+        let sharing = sharing_leaves(&tree, 0.01 * size);
+        println!(
+            "{name}: {} of {} triangles, {} of {} vertices within faces, {sharing} leaves share vertices",
+            summary.triangles,
+            before.triangles,
+            inner(&mesh),
+            inner(&plain)
+        );
+        assert!(name == "turned" || sharing > 0);
+        assert!(summary.triangles * 100 < before.triangles);
+        let exact = 8.0 * half.iter().product::<f64>();
+        assert!((summary.volume / exact - 1.0).abs() < 1e-3, "{}", summary.volume / exact);
+        // No vertex is farther from the surface than it was but by the tolerance.
+        let off = |mesh: &Mesh| {
+            let one = |p| (0..3).map(|a| place(p)[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max).abs();
+            mesh.positions.iter().map(one).fold(0.0, f64::max)
+        };
+        assert!(
+            off(&mesh) <= off(&plain) + 0.01 * size,
+            "{} after {}",
+            off(&mesh) / size,
+            off(&plain) / size
+        );
+    }
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -388,15 +388,25 @@ fn threads_and_cache_do_not_change_the_mesh() {
     let tree = tree(&shape, &random_divide(5, (1, 3), 128));
     let (expected, summary) = mesh(&tree, &ContourOptions::default());
     for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (3, usize::MAX)] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let options = ContourOptions { cache_bytes, ..Default::default() };
-        let (other, again) = pool.install(|| mesh(&tree, &options));
-        assert!(other == expected && again == summary, "{threads} threads");
-        let mut lone = Lone::default();
-        let again = pool.install(|| contour(&tree, &options, &mut lone, &Silent).unwrap());
-        let is_same = lone.0.iter().copied().eq(expected.facets.iter().map(|f| f.corners));
-        assert!(is_same && again == summary, "{threads} threads, vertices not shared");
+        gives_the_same(&tree, &options, threads, (&expected, &summary));
     }
+}
+
+/// Contours with this number of threads, for sinks that share vertices and those that do not.
+fn gives_the_same(
+    tree: &MemoryTree,
+    options: &ContourOptions,
+    threads: usize,
+    (expected, summary): (&Mesh, &MeshSummary),
+) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let (other, again) = pool.install(|| mesh(tree, options));
+    assert!(other == *expected && again == *summary, "{threads} threads");
+    let mut lone = Lone::default();
+    let again = pool.install(|| contour(tree, options, &mut lone, &Silent).unwrap());
+    let is_same = lone.0.iter().copied().eq(expected.facets.iter().map(|f| f.corners));
+    assert!(is_same && again == *summary, "{threads} threads, vertices not shared");
 }
 
 /// Triangles of a sink that shares no vertices.

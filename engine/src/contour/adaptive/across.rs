@@ -1,0 +1,385 @@
+//! Merging across the borders of bricks: nodes of 64, 128, … cells, which are nodes of the tree above its leaves.
+//!
+//! One walk over the leaves in Morton order, before any vertex is numbered. A leaf hands its [`Part`]s to its parent:
+//! the disks that meet its border as a plane may. A node whose eight children are done joins their parts where
+//! crossings on the planes between the children say so, by the rules of [`super::patches`], and hands on what is a
+//! disk again. What is missing (it was no disk, met the border otherwise, is next to a leaf of another level, or has
+//! too many normals) is as good as frozen, and so is what touches it. Only crossings on the border of a node are
+//! kept, so that what is in memory are those on the borders of up to seven nodes a level, [`MOST_CROSSINGS`] a node
+//! at most, and what is found.
+//!
+//! What is found counts for all leaves that have a part of it, so they must agree whether it folds the surface
+//! ([`super::folds`]): further walks over these leaves collect what does, given what each leaf and the walk before
+//! would merge, and it is given up for what it is made of, until nothing does.
+
+use super::super::field::Field;
+use super::super::order::in_order;
+use super::super::solve::Group;
+use super::draft::Draft;
+use super::fit;
+use super::folds::{self, Corner};
+use super::parts::{BorderCrossing, Part, Piece};
+use super::{NONE, bits};
+use crate::error::Result;
+use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
+use crate::progress::Progress;
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+/// A node with more crossings on its border hands nothing on: 2^15 of them take 512 KiB.
+const MOST_CROSSINGS: usize = 1 << 15;
+
+/// Walks in search of folds. Each gives up what is largest there, so that one a level of the tree is enough where a
+/// fold stays in its place.
+const MOST_WALKS: usize = 2 * crate::lattice::MAX_LEVEL as usize;
+
+/// A vertex that stands for vertices of several leaves.
+struct Wide {
+    /// Its node is 2 to this power cells wide.
+    bits: u8,
+    position: [f32; 3],
+    /// The one that stands for it if not given up, or [`NONE`].
+    up: u32,
+    is_barred: bool,
+}
+
+/// A vertex of several leaves, as the mesh has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in super::super) struct Shared {
+    /// The leaf that has it: the first one in which it stands for something.
+    pub leaf: u32,
+    /// Its number there.
+    pub number: u32,
+    pub position: [f32; 3],
+}
+
+/// What is merged across the borders of leaves.
+#[derive(Default)]
+pub(in super::super) struct Across {
+    all: Vec<Wide>,
+    /// The smallest one that stands for each part of a leaf.
+    of_part: HashMap<(u32, u32), u32>,
+    /// Leaf and number of those that are in the mesh.
+    places: Vec<[u32; 2]>,
+    /// By leaf, the positions of those that it has, in the order of their numbers.
+    owned: HashMap<u32, Vec<[f32; 3]>>,
+    /// By leaf, the positions in it or on its border.
+    hosted: HashMap<u32, Vec<[f32; 3]>>,
+}
+
+impl Across {
+    /// Of all leaves; `tolerance` is in world units.
+    pub(in super::super) fn find(field: &Field, tolerance: f64, progress: &dyn Progress) -> Result<Across> {
+        progress.phase("flat parts", Some(field.leaves.len() as u64), "bricks");
+        let mut finder =
+            Finder { field, tolerance, found: Across::default(), group: Group::default(), open: Vec::new() };
+        let make = |leaf| {
+            let parts = match field.leaves.get(leaf).changes {
+                true => field.draft(leaf)?.parts.clone(),
+                false => Vec::new(),
+            };
+            Ok((leaf, parts))
+        };
+        field.in_order(progress, make, |(leaf, parts): (u32, Vec<Part>)| {
+            finder.add(leaf, parts);
+            Ok(())
+        })?;
+        let mut found = finder.found;
+        found.give_up_folds(field, progress)?;
+        found.number(field);
+        Ok(found)
+    }
+
+    /// The largest that stands for a part of a leaf and is not given up.
+    fn of(&self, leaf: u32, part: u32) -> Option<u32> {
+        let mut next = *self.of_part.get(&(leaf, part))?;
+        let mut largest = None;
+        while next != NONE {
+            let wide = &self.all[next as usize];
+            if !wide.is_barred {
+                largest = Some(next);
+            }
+            next = wide.up;
+        }
+        largest
+    }
+
+    /// The corner that stands for each part of a leaf; empty if there is none.
+    pub(super) fn corners(&self, leaf: u32, draft: &Draft) -> Vec<Option<Corner>> {
+        if self.all.is_empty() {
+            return Vec::new();
+        }
+        let corner = |part| {
+            let wide = self.of(leaf, part)?;
+            let Wide { bits, position, .. } = self.all[wide as usize];
+            Some(Corner { name: (folds::ACROSS, true, wide), position, level: bits })
+        };
+        (0..draft.parts.len() as u32).map(corner).collect()
+    }
+
+    /// What the mesh has for one of several leaves.
+    pub(super) fn shared(&self, wide: u32) -> Shared {
+        let [leaf, number] = self.places[wide as usize];
+        Shared { leaf, number, position: self.all[wide as usize].position }
+    }
+
+    /// Positions of those that a leaf has.
+    pub(super) fn owned(&self, leaf: u32) -> &[[f32; 3]] {
+        self.owned.get(&leaf).map_or(&[], |all| all)
+    }
+
+    /// Positions in a leaf or on its border, so that no other vertex may be there.
+    pub(super) fn hosted(&self, leaf: u32) -> &[[f32; 3]] {
+        self.hosted.get(&leaf).map_or(&[], |all| all)
+    }
+
+    fn give_up_folds(&mut self, field: &Field, progress: &dyn Progress) -> Result<()> {
+        let mut leaves: Vec<u32> = self.of_part.keys().map(|(leaf, _)| *leaf).collect();
+        leaves.sort_unstable();
+        leaves.dedup();
+        for _ in 0..MOST_WALKS {
+            let mut folded = Vec::new();
+            if leaves.is_empty() {
+                break;
+            }
+            progress.phase("folds", Some(leaves.len() as u64), "bricks");
+            let this = &*self;
+            let make = |n: u32| folds::of_several(field, leaves[n as usize], this);
+            in_order(leaves.len(), progress, make, |wide: Vec<u32>| {
+                folded.extend(wide);
+                Ok(())
+            })?;
+            if folded.is_empty() {
+                break;
+            }
+            folded.into_iter().for_each(|wide| self.all[wide as usize].is_barred = true);
+        }
+        Ok(())
+    }
+
+    /// Numbers those that stay: in each leaf they come first, in the order in which they were found.
+    fn number(&mut self, field: &Field) {
+        self.places = vec![[NONE; 2]; self.all.len()];
+        let mut parts: Vec<(u32, u32)> = self.of_part.keys().copied().collect();
+        parts.sort_unstable();
+        for (leaf, part) in parts {
+            if let Some(wide) = self.of(leaf, part)
+                && self.places[wide as usize][0] == NONE
+            {
+                self.places[wide as usize][0] = leaf;
+            }
+        }
+        let mut taken = HashSet::new();
+        let staying = self.places.iter_mut().zip(&mut self.all).filter(|(place, _)| place[0] != NONE);
+        for (place, wide) in staying {
+            // Two sheets of a wall may have theirs at the same place: moved by a step of coordinates, one is as good.
+            let mut axis = 0;
+            while !taken.insert(bits(&wide.position)) {
+                wide.position[axis] = wide.position[axis].next_up();
+                axis = (axis + 1) % 3;
+            }
+            let owned = self.owned.entry(place[0]).or_default();
+            place[1] = owned.len() as u32;
+            owned.push(wide.position);
+            for leaf in leaves_at(field, wide.position) {
+                self.hosted.entry(leaf).or_default().push(wide.position);
+            }
+        }
+    }
+}
+
+/// The leaves that hold a place of the world, with those on whose border it is.
+fn leaves_at(field: &Field, position: [f32; 3]) -> Vec<u32> {
+    let mut found = Vec::new();
+    for corner in 0..8 {
+        // Twice the step of coordinates: what is as near as this may be the same.
+        let near = std::array::from_fn(|a| {
+            let c = if corner >> a & 1 == 1 { position[a].next_up() } else { position[a].next_down() };
+            f64::from(c)
+        });
+        let from_first = field.root.from_first_sample(near);
+        found.extend(NodeKey::deepest_holding(from_first).map(|key| field.leaves.covering(key)));
+    }
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Joins the parts of nodes as their leaves come.
+struct Finder<'a> {
+    field: &'a Field<'a>,
+    tolerance: f64,
+    found: Across,
+    group: Group,
+    /// Nodes whose parents are not done, with their parts if they have any.
+    open: Vec<(NodeKey, Vec<Part>)>,
+}
+
+impl Finder<'_> {
+    /// Adds a leaf, which comes after all before it in Morton order.
+    fn add(&mut self, leaf: u32, mut parts: Vec<Part>) {
+        for (n, part) in parts.iter_mut().enumerate() {
+            part.pieces = vec![Piece::OfLeaf(leaf, n as u32)];
+        }
+        let mut key = self.field.leaves.get(leaf).key;
+        loop {
+            if !parts.is_empty() {
+                self.open.push((key, parts));
+            }
+            let Some(parent) = key.parent().filter(|_| key.octant().index() == 7) else { return };
+            let is_below = |(child, _): &(NodeKey, Vec<Part>)| child.ancestor(parent.level()) == Some(parent);
+            let first = self.open.iter().rposition(|node| !is_below(node)).map_or(0, |n| n + 1);
+            let children = self.open.split_off(first);
+            parts = self.join(parent, children);
+            key = parent;
+        }
+    }
+
+    /// The parts of a node from those of its children.
+    fn join(&mut self, node: NodeKey, children: Vec<(NodeKey, Vec<Part>)>) -> Vec<Part> {
+        let mut parts = Vec::new();
+        for (child, own) in children {
+            parts.extend(own.into_iter().map(|part| {
+                let sums = part.sums.within_parent(child.octant());
+                Part { sums, ..part }
+            }));
+        }
+        let mut sets = Sets::of(parts.len());
+        sets.join(node, &parts);
+        let mut joined: BTreeMap<usize, (Part, usize, bool)> = BTreeMap::new();
+        for (n, part) in parts.into_iter().enumerate() {
+            let root = sets.root(n);
+            if sets.is_frozen[root] || sets.euler[root] != 2 {
+                continue;
+            }
+            match joined.get_mut(&root) {
+                Some((whole, count, is_simple)) => {
+                    *is_simple = *is_simple && whole.take(part);
+                    *count += 1;
+                }
+                None => {
+                    joined.insert(root, (part, 1, true));
+                }
+            }
+        }
+        let mut kept = Vec::new();
+        for (mut part, count, is_simple) in joined.into_values() {
+            if !is_simple || !part.meets_border(width_bits(node, part.level)) {
+                continue;
+            }
+            if count == 1 || self.merge(node, &mut part) {
+                kept.push(part);
+            }
+        }
+        let crossings: usize = kept.iter().map(|part| part.crossings.len()).sum();
+        if crossings > MOST_CROSSINGS { Vec::new() } else { kept }
+    }
+
+    /// Makes one vertex of a part of a node. False if none fits.
+    fn merge(&mut self, node: NodeKey, part: &mut Part) -> bool {
+        let bits_wide = width_bits(node, part.level);
+        let size = f64::from(1u32 << bits_wide);
+        let frame = self.field.frame(node);
+        let share = size / BRICK_CELLS as f64;
+        let tolerance = self.tolerance / self.field.root.spacing(part.level);
+        let sums = std::slice::from_ref(&part.sums);
+        let best = fit::best_points(&mut self.group, sums, (size, frame.margin * share), tolerance);
+        let Some(at) = best[0] else { return false };
+        let first = node.first_sample();
+        let point = std::array::from_fn(|a| f64::from(first[a]) * share + at[a] * size);
+        if !fit::fits_planes(point, part.sums.normal_sum, &part.planes, tolerance) {
+            return false;
+        }
+        let position = frame.world([0; 3], at.map(|c| c * BRICK_CELLS as f64));
+        let number = self.found.all.len() as u32;
+        self.found.all.push(Wide { bits: bits_wide as u8, position, up: NONE, is_barred: false });
+        for piece in std::mem::replace(&mut part.pieces, vec![Piece::Merged(number)]) {
+            match piece {
+                Piece::OfLeaf(leaf, part) => {
+                    self.found.of_part.insert((leaf, part), number);
+                }
+                Piece::Merged(other) => self.found.all[other as usize].up = number,
+            }
+        }
+        true
+    }
+}
+
+/// How many cells of leaves of `level` a node is wide, as a power of 2.
+fn width_bits(node: NodeKey, level: u8) -> u32 {
+    BRICK_BITS + u32::from(level - node.level())
+}
+
+/// Which parts of a node's children hang together.
+struct Sets {
+    parent: Vec<usize>,
+    /// As in [`super::patches::Patches`].
+    euler: Vec<i32>,
+    is_frozen: Vec<bool>,
+}
+
+impl Sets {
+    fn of(count: usize) -> Sets {
+        Sets { parent: (0..count).collect(), euler: vec![2; count], is_frozen: vec![false; count] }
+    }
+
+    fn root(&mut self, mut part: usize) -> usize {
+        while self.parent[part] != part {
+            self.parent[part] = self.parent[self.parent[part]];
+            part = self.parent[part];
+        }
+        part
+    }
+
+    /// The first part stands for all.
+    fn unite(&mut self, a: usize, b: usize) -> usize {
+        let (a, b) = (self.root(a), self.root(b));
+        let (to, from) = (a.min(b), a.max(b));
+        if to != from {
+            self.parent[from] = to;
+            self.euler[to] += self.euler[from];
+            self.is_frozen[to] |= self.is_frozen[from];
+        }
+        to
+    }
+
+    /// Joins parts where they meet on the planes between the children of `node`.
+    fn join(&mut self, node: NodeKey, parts: &[Part]) {
+        let mut crossings: Vec<(BorderCrossing, usize)> = Vec::new();
+        for (n, part) in parts.iter().enumerate() {
+            let middle = width_bits(node, part.level) - 1;
+            let inner = part.crossings.iter().filter(|crossing| crossing.planes().contains(&middle));
+            crossings.extend(inner.map(|crossing| (*crossing, n)));
+        }
+        crossings.sort_unstable();
+        for edge in crossings.chunk_by(|(a, _), (b, _)| a.is_at_the_edge_of(b)) {
+            let (crossing, _) = edge[0];
+            let middle = width_bits(node, crossing.level) - 1;
+            let planes = crossing.planes();
+            let mut around = [None; 4];
+            edge.iter().for_each(|(crossing, part)| around[usize::from(crossing.quadrant)] = Some(*part));
+            // As in `Patches::join`.
+            for n in 0..4 {
+                if planes[n % 2] != middle {
+                    continue;
+                }
+                match (around[n], around[(n + 1) % 4]) {
+                    (Some(a), Some(b)) => {
+                        let root = self.unite(a, b);
+                        self.euler[root] -= 1;
+                    }
+                    (Some(part), None) | (None, Some(part)) => {
+                        let root = self.root(part);
+                        self.is_frozen[root] = true;
+                    }
+                    (None, None) => {}
+                }
+            }
+            if planes[0].max(planes[1]) == middle
+                && let Some(part) = around[0]
+            {
+                let root = self.root(part);
+                self.euler[root] += 2;
+            }
+        }
+    }
+}
