@@ -10,9 +10,10 @@
 //!
 //! What is found counts for all leaves that have a part of it, so they must agree whether it folds the surface
 //! ([`super::folds`]): further walks over these leaves collect what does, given what each leaf and the walk before
-//! would merge, and it is given up for what it is made of, until nothing does.
+//! would merge, and it is given up for what it is made of, until nothing does or [`MOST_WALKS`] are done.
 
 use super::super::field::Field;
+use super::super::leaves::Side;
 use super::super::order::in_order;
 use super::super::solve::Group;
 use super::draft::Draft;
@@ -91,16 +92,15 @@ impl Across {
 
     /// The largest that stands for a part of a leaf and is not given up.
     fn of(&self, leaf: u32, part: u32) -> Option<u32> {
-        let mut next = *self.of_part.get(&(leaf, part))?;
-        let mut largest = None;
-        while next != NONE {
-            let wide = &self.all[next as usize];
-            if !wide.is_barred {
-                largest = Some(next);
-            }
-            next = wide.up;
-        }
-        largest
+        let first = *self.of_part.get(&(leaf, part))?;
+        self.chain(first).filter(|wide| !self.all[*wide as usize].is_barred).last()
+    }
+
+    /// One and all that stand for it.
+    fn chain(&self, first: u32) -> impl Iterator<Item = u32> {
+        std::iter::successors(Some(first).filter(|wide| *wide != NONE), |wide| {
+            Some(self.all[*wide as usize].up).filter(|up| *up != NONE)
+        })
     }
 
     /// The corner that stands for each part of a leaf; empty if there is none.
@@ -136,22 +136,30 @@ impl Across {
         let mut leaves: Vec<u32> = self.of_part.keys().map(|(leaf, _)| *leaf).collect();
         leaves.sort_unstable();
         leaves.dedup();
+        let mut asked = leaves.clone();
         for _ in 0..MOST_WALKS {
-            let mut folded = Vec::new();
-            if leaves.is_empty() {
+            if asked.is_empty() {
                 break;
             }
-            progress.phase("folds", Some(leaves.len() as u64), "bricks");
+            let mut folded = Vec::new();
+            progress.phase("folds", Some(asked.len() as u64), "bricks");
             let this = &*self;
-            let make = |n: u32| folds::of_several(field, leaves[n as usize], this);
-            in_order(leaves.len(), progress, make, |wide: Vec<u32>| {
+            let make = |n: u32| folds::of_several(field, asked[n as usize], this);
+            in_order(asked.len(), progress, make, |wide: Vec<u32>| {
                 folded.extend(wide);
                 Ok(())
             })?;
-            if folded.is_empty() {
-                break;
-            }
-            folded.into_iter().for_each(|wide| self.all[wide as usize].is_barred = true);
+            let folded: HashSet<u32> = folded.into_iter().collect();
+            folded.iter().for_each(|wide| self.all[*wide as usize].is_barred = true);
+            // Where neither a leaf nor one around it has lost any, it would say the same again.
+            let has_lost = |first: u32| self.chain(first).any(|wide| folded.contains(&wide));
+            let changed = self.of_part.iter().filter(|(_, wide)| has_lost(**wide));
+            let changed: HashSet<u32> = changed.map(|((leaf, _), _)| *leaf).collect();
+            asked.clone_from(&leaves);
+            asked.retain(|leaf| {
+                let around = field.leaves.around(*leaf);
+                around.iter().any(|side| matches!(side, Side::Same(other) if changed.contains(other)))
+            });
         }
         Ok(())
     }
