@@ -85,13 +85,11 @@ impl Length {
             _ => self.value,
         }
     }
-}
 
-impl Length {
     /// The number of units that have this symbol, if it is one; `None` if the length has a unit and the symbol is
     /// unknown.
     pub fn in_unit_of(self, symbol: &str) -> Option<f64> {
-        match Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol) {
+        match Unit::of_symbol(symbol) {
             Some(unit) => Some(self.in_unit(unit)),
             None => self.unit.is_none().then_some(self.value),
         }
