@@ -112,7 +112,7 @@ fn ask_for_samples(
     Ok(())
 }
 
-/// Samples at random among those in the soup's box, where the errors are: flat indices [z,y,x] and positions.
+/// Samples at random among those in the soup's box, where the errors are: flat indices `[z,y,x]` and positions.
 fn samples_within(bench: &Bench<'_>, soup: &Spec, grid: &Value) -> Result<Vec<(usize, [f64; 3])>, Failure> {
     let number = |value: &Value| value.as_f64().unwrap_or(0.0);
     let (spacing, origin) = (number(&grid["spacing"]), [0, 1, 2].map(|axis| number(&grid["origin"][axis])));
