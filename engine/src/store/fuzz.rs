@@ -8,6 +8,7 @@ use super::layout::{
 };
 use super::reader::Store;
 use super::source::Source;
+use crate::brick::Brick;
 use crate::brick::codec::{Compression, PayloadKind, Scratch, decode, encode_with};
 use std::ops::Range;
 use std::path::Path;
@@ -114,7 +115,14 @@ pub(crate) fn brick(bytes: &[u8]) {
     let uniform = i16::from_le_bytes([*low, *high]);
     let Some(kind) = PayloadKind::from_bits(*kind) else { return };
     if let Ok(brick) = decode(kind, uniform, payload, &mut Scratch::new()) {
-        // What is a brick can be stored again, and is the same brick then.
+        // What is a brick can be stored again, and is the same brick then; one of equal counts is a uniform one.
+        let (min, max) = brick.range();
+        let brick = match brick {
+            Brick::Counts { samples, hermite } if min == max && samples.1 == 0 && hermite.is_empty() => {
+                Brick::Uniform(min)
+            }
+            other => other,
+        };
         for compression in [Compression::Lz4, Compression::Range] {
             let mut stored = Vec::new();
             let head = encode_with(&brick, compression, &mut Scratch::new(), &mut stored);
@@ -130,7 +138,7 @@ mod tests {
     use crate::disk::sim::SimDisk;
     use crate::store::testing::{brick_at, fractions, lists, meta_of_beads, nodes};
     use crate::store::writer::StoreWriter;
-    use crate::store::{Compression, Scratch, encode_segments, encode_with};
+    use crate::store::{Compression, PayloadKind, Scratch, encode_segments, encode_with};
     use std::path::{Path, PathBuf};
     use std::sync::Arc;
 
@@ -177,6 +185,9 @@ mod tests {
             writer.commit().expect("nothing fails");
         }
         seeds_of_brick("fractions", &fractions());
+        // Equal counts, which no encoder writes as such.
+        let counts = PayloadKind::from_bits(PayloadKind::RANGE_COUNTS).expect("a kind");
+        seed("brick/alike-range", &[&[counts.bits()][..], &[0; 9]].concat());
         seed("journal/beads", &disk.files()[Path::new("a.brf.journal")]);
     }
 }
