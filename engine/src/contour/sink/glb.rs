@@ -87,24 +87,25 @@ impl MeshSink for GlbSink {
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+        let (Encoded::Vertices(_, bytes) | Encoded::Triangles(_, bytes)) = part;
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        // The first vertices begin the chunk.
         if self.vertices == 0 {
             self.file.append(&[0; CHUNK_BYTES])?;
         }
-        let bytes = match part {
-            Encoded::Vertices(count, bytes) => {
+        match part {
+            Encoded::Vertices(count, _) => {
                 self.vertices += count as u64;
                 let [low, high] = &mut self.bounds;
                 for position in triples(bytes, f32::from_le_bytes) {
                     *low = std::array::from_fn(|a| low[a].min(position[a]));
                     *high = std::array::from_fn(|a| high[a].max(position[a]));
                 }
-                bytes
             }
-            Encoded::Triangles(count, bytes) => {
-                self.triangles += count as u64;
-                bytes
-            }
-        };
+            Encoded::Triangles(count, _) => self.triangles += count as u64,
+        }
         if DATA + self.data_bytes() > u64::from(u32::MAX) {
             return Err(Error::setting(
                 format!("{}: a GLB file cannot hold 4 GiB", self.file.path().display()),

@@ -123,6 +123,9 @@ mod tests {
 
     fn write_in(path: &Path, metres: Option<f64>) -> Vec<u8> {
         let mut sink = create_sink(path, metres).unwrap();
+        // As of a leaf without any.
+        sink.vertices(&[]).unwrap();
+        sink.vertices(&[]).unwrap();
         sink.vertices(&POSITIONS[..3]).unwrap();
         sink.vertices(&POSITIONS[3..]).unwrap();
         sink.triangles(&facets()[..1]).unwrap();
