@@ -262,14 +262,13 @@ mod tests {
 
     #[test]
     fn three_mf_round_trips() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.3mf");
         for (metres, unit, scale) in [
             (None, "millimeter", None),
             (Some(0.0254), "inch", None),
             (Some(2.54e-5), "meter", Some("0.0000254")),
         ] {
-            let model = read_3mf(&write_in(&path, metres));
+            let dir = tempfile::tempdir().unwrap();
+            let model = read_3mf(&write_in(&dir.path().join("a.3mf"), metres));
             assert_eq!(elements(&model, "model")[0][0], unit);
             let numbers = |name| -> Vec<f32> {
                 elements(&model, name).concat().iter().map(|number| number.parse().unwrap()).collect()
