@@ -6,7 +6,7 @@ use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::build::{TreeOptions, build_in_memory, build_open_in_memory};
-use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour};
+use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour, create_sink};
 use brickfield_engine::ingest::Input;
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::store::Refine;
@@ -54,6 +54,7 @@ fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
     contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
     let report = check(&kept.vertices, &kept.triangles);
     assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
+    assert_eq!(meetings(&kept), [0; 2], "{report}");
     if weld {
         let facets: Vec<[[f32; 3]; 3]> =
             kept.triangles.iter().map(|t| t.map(|v| kept.vertices[v as usize].map(|c| c as f32))).collect();
@@ -61,6 +62,21 @@ fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
         assert!(welded.is_closed_manifold(), "{welded}");
     }
     (kept, report)
+}
+
+/// Pairs of triangles that cross, overlap or touch, and triangles without area, by exact arithmetic.
+fn meetings(mesh: &Kept) -> [u64; 2] {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("mesh.ply");
+    let mut sink = create_sink(&path, None).expect("a file");
+    let positions: Vec<[f32; 3]> = mesh.vertices.iter().map(|p| p.map(|c| c as f32)).collect();
+    sink.vertices(&positions).expect("room");
+    let facet = |ids: &[u32; 3]| Facet { ids: *ids, corners: ids.map(|n| positions[n as usize]) };
+    sink.triangles(&mesh.triangles.iter().map(facet).collect::<Vec<_>>()).expect("room");
+    sink.finish().expect("room");
+    let input = Input::open(&path, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let report = brickfield_engine::check::check(&input, false, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    [report.intersections.pairs, report.flat_triangles.count]
 }
 
 fn at_depth(depth: u8) -> TreeOptions {

@@ -11,8 +11,11 @@
 //! always split. A face belongs to the finer of its two cells, and to the upper one where they have the same
 //! size; every leaf around asks the one that owns it.
 
+mod special;
+
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams};
+use super::extras::{Extra, edge_key, face_key, found_extra};
 use super::field::{Field, Frame};
 use super::halo::Place;
 use super::leaves::{Around, Side, direction_index};
@@ -23,11 +26,14 @@ use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
 use super::surface::{Changes, Surface};
 use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, edge_lower, face_cuts};
-use crate::brick::{SignChanges, point_index};
+use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use crate::wide::{Simd, dispatch, level};
 use std::sync::{Mutex, PoisonError};
+
+use special::apart;
+pub(super) use special::within;
 
 /// Rows of cells along x in a leaf.
 pub(super) const CELL_ROWS: usize = BRICK_CELLS * BRICK_CELLS;
@@ -43,33 +49,22 @@ pub(super) struct CellRow {
     rank: u32,
 }
 
-/// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
-/// its lower end minus the corner in units.
-#[inline]
-pub(super) fn edge_key(relative: [i32; 3], axis: Axis, level: u8) -> u64 {
-    // Spacings are multiples of 8 units, and no cell is larger than 2^19.
-    let [x, y, z] = relative.map(|r| (r >> 3) as u64);
-    x | y << 17 | z << 34 | (axis.index() as u64) << 51 | u64::from(level) << 53
+/// What is around an edge.
+#[derive(Clone, Copy)]
+pub(super) struct Quad {
+    /// The vertices of the four cells.
+    pub vertices: [u16; 4],
+    /// Where the surface crosses the edge, in 65,536ths of it from its lower end.
+    pub fraction: u16,
 }
-
-/// Name within a leaf of the face across `axis` with this lower corner.
-#[inline]
-pub(super) fn face_key(axis: Axis, corner: [usize; 3]) -> u32 {
-    (axis.index() * crate::brick::POINTS + point_index(corner)) as u32
-}
-
-/// The vertex on one cut of a split face, found from either edge that the cut joins.
-pub(super) struct Extra {
-    pub face: u32,
-    pub edge: u64,
-    pub vertex: u32,
-}
-
-/// The vertices of four cells around an edge.
-pub(super) type Quad = [u16; 4];
 
 /// Stands in a [`Quad`] where a cell needs a closer look.
 pub(super) const NO_VERTEX: u16 = u16::MAX;
+
+impl Quad {
+    /// Of an edge of which nothing is known.
+    pub(super) const UNKNOWN: Quad = Quad { vertices: [NO_VERTEX; 4], fraction: 1 << 15 };
+}
 
 /// Cells and vertices of a leaf.
 #[derive(Default)]
@@ -88,6 +83,9 @@ pub(super) struct BrickCells {
     pub mixed_edges: Vec<(u64, u32)>,
     /// Sorted by face and edge.
     pub extras: Vec<Extra>,
+    /// Plain cells with several loops, and those whose vertex lies beyond them; see [`super::faces`]. None where vertices
+    /// are merged.
+    pub special: Vec<[u8; 3]>,
     /// See [`BrickCells::take_quads`].
     pub quads: Mutex<Vec<Quad>>,
     /// World positions of the vertices.
@@ -128,14 +126,20 @@ impl BrickCells {
         let mut builder = Builder::new(field, leaf, &around, changes, rows, rank as usize);
         builder.fill(surroundings.as_mut())?;
         builder.complete_corners()?;
+        builder.separate_loops();
         Ok(builder.finish())
     }
 
     /// For the leaf's own polygons, for each sign-changing edge of it, those along x first, the vertices of the four cells
     /// around it in the order of [`super::topology::SQUARE`], [`NO_VERTEX`] for those that are not plain cells of this
-    /// leaf without ambiguous faces. They are handed over once, because the cells stay for the leaves around.
+    /// leaf with one loop, its vertex within, and without ambiguous faces. They are handed over once, because the cells stay for the leaves around.
     pub(super) fn take_quads(&self) -> Vec<Quad> {
         std::mem::take(&mut *self.quads.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Hands them back.
+    pub(super) fn give_quads(&self, quads: Vec<Quad>) {
+        *self.quads.lock().unwrap_or_else(PoisonError::into_inner) = quads;
     }
 
     /// Number of vertices.
@@ -157,6 +161,7 @@ impl BrickCells {
             + 4 * (self.first.capacity() + self.mixed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.extras.capacity() * size_of::<Extra>()
+            + self.special.capacity() * size_of::<[u8; 3]>()
             + self.quads.lock().unwrap_or_else(PoisonError::into_inner).capacity() * size_of::<Quad>()
             + self.positions.capacity() * size_of::<[f32; 3]>()
             + size_of::<BrickCells>()
@@ -174,18 +179,16 @@ impl BrickCells {
         self.rows[row].rank as usize
     }
 
-    /// The vertex of the loop of a plain cell without ambiguous faces through its edge number `edge`; `None` for
-    /// other cells.
+    /// The vertex of a plain cell that [`BrickCells::take_quads`] would name and whose loop passes through its edge
+    /// number `edge`; `None` for other cells.
     #[inline(always)]
-    pub(super) fn plain_vertex(&self, [i, j, k]: [usize; 3], edge: usize) -> Option<u32> {
-        let row = self.row(j, k);
-        if (row.active & !row.mixed) >> i & 1 == 0 {
-            return None;
-        }
-        let slot = row.slot(i);
-        let loops = &CELL_LOOPS[self.masks[slot] as usize];
+    pub(super) fn plain_vertex(&self, cell: [usize; 3], edge: usize) -> Option<u32> {
+        let (mask, first) = self.plain(cell)?;
+        let loops = &CELL_LOOPS[usize::from(mask)];
+        let is_special = || self.special.contains(&cell.map(|c| c as u8));
         let of_edge = loops.of_edge[edge];
-        (loops.ambiguous == 0 && of_edge != NO_LOOP).then(|| self.first[slot] + u32::from(of_edge))
+        (loops.ambiguous == 0 && of_edge != NO_LOOP && !is_special())
+            .then(|| first as u32 + u32::from(of_edge))
     }
 
     /// The vertex of the loop of `cell` through a minimal edge: number `edge` of the cell's own 12 if the
@@ -213,11 +216,17 @@ impl BrickCells {
 
     /// The extra vertex on the cut of a face of this leaf that ends at a minimal edge, if the face is split.
     pub(super) fn extra(&self, face: u32, edge: u64) -> Option<u32> {
-        if self.extras.is_empty() {
+        found_extra(&self.extras, face, edge)
+    }
+
+    /// Corner mask and first vertex of an active cell that is not mixed.
+    pub(super) fn plain(&self, [i, j, k]: [usize; 3]) -> Option<(u8, usize)> {
+        let row = self.row(j, k);
+        if (row.active & !row.mixed) >> i & 1 == 0 {
             return None;
         }
-        let found = self.extras.binary_search_by_key(&(face, edge), |e| (e.face, e.edge));
-        found.ok().map(|n| self.extras[n].vertex)
+        let slot = row.slot(i);
+        Some((self.masks[slot], self.first[slot] as usize))
     }
 }
 
@@ -307,7 +316,9 @@ impl<'a> Builder<'a> {
         };
         let key = field.leaves.get(leaf).key;
         let mut quads = field.spare_quads.take();
-        quads.resize(planes.len(), [NO_VERTEX; 4]);
+        // Fractions have 16 bits.
+        let fraction = |plane: &EdgePlane| (plane.fraction * 65536.0) as u16;
+        quads.extend(planes.iter().map(|plane| Quad { fraction: fraction(plane), ..Quad::UNKNOWN }));
         Builder {
             field,
             leaf,
@@ -387,10 +398,10 @@ impl<'a> Builder<'a> {
         let first = self.cells.positions.len();
         self.cells.masks.push(mask);
         self.cells.first.push(first as u32);
+        let is_named = loops.ambiguous == 0 && (loops.count == 1 || self.field.merges());
         for l in 0..loops.count as usize {
             let vertex = first + l;
-            let named =
-                if loops.ambiguous == 0 && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
+            let named = if is_named && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
             let lane = self.waiting.len();
             let mut edges = loops.edges[l];
             while edges != 0 {
@@ -399,10 +410,13 @@ impl<'a> Builder<'a> {
                 let plane = &self.planes[slot];
                 let [x, y, z] = plane.normal;
                 self.group.add(lane, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
-                self.quads[slot][place.quadrant] = named;
+                self.quads[slot].vertices[place.quadrant] = named;
                 edges &= edges - 1;
             }
             self.push_vertex(cell, first, loops.count == 1);
+        }
+        if loops.count > 1 && !self.field.merges() {
+            self.cells.special.push(cell.map(|c| c as u8));
         }
         if loops.ambiguous != 0 {
             self.split_plain_faces(cell, mask, loops, streams)?;
@@ -581,17 +595,4 @@ impl<'a> Builder<'a> {
         self.cells.extras.sort_unstable_by_key(|e| (e.face, e.edge));
         self.cells
     }
-}
-
-/// World position of the point `at` of a cell, or near it if it is among those `before` it: loops of one cell can have
-/// the same minimiser, as on a needle thinner than the cell.
-#[inline(always)]
-fn apart(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
-    let position = frame.world(cell, at);
-    if before.contains(&position) { moved(frame, cell, at, before) } else { position }
-}
-
-#[cold]
-fn moved(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
-    frame.free_place((cell, 1.0), at, |position| before.contains(position))
 }

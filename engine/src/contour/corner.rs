@@ -6,7 +6,7 @@
 //! cells around. So every cell that sees a crease looks at the crossings of the 27 cells about it: if all of
 //! their planes, however many there are, pass through one point, and no direction along which it could slide is
 //! left, that point is a corner, and a vertex goes there: the one of the cell that holds it or, if that cell is
-//! inactive, the nearest one of the cells around it.
+//! inactive, the nearest one of the cells around it with nothing but inactive cells between.
 //!
 //! Only positions change, never the triangles. They stay distinct: a vertex that moves does so within its own
 //! cell, or into an inactive one that gives room to no other. Across the border of two leaves that holds
@@ -58,7 +58,7 @@ impl Builder<'_> {
         let halo = Halo::new(self.field, self.leaf)?;
         let mut search = Search { builder: self, halo, planes: Vec::new() };
         let mut homes = HashSet::new();
-        let (mut aside, mut moves) = (Vec::new(), Vec::new());
+        let (mut aside, mut moves, mut strays) = (Vec::new(), Vec::new(), Vec::new());
         for cell in candidates {
             let Some(seen) = search.seen_from(cell)? else { continue };
             let home = home_of(seen);
@@ -75,8 +75,12 @@ impl Builder<'_> {
             let Some((corner, taker)) = search.corner_in(home)? else { continue };
             if let Some(vertex) = self.lone_vertex(taker) {
                 moves.push((vertex, self.frame.world_within(home, corner)));
+                if taker != home {
+                    strays.push(taker.map(|c| c as usize));
+                }
             }
         }
+        strays.into_iter().for_each(|cell| self.let_stray(cell));
         // The first corner that a vertex could go to gets it.
         moves.reverse();
         for (vertex, position) in aside.into_iter().chain(moves) {
@@ -117,14 +121,8 @@ impl Builder<'_> {
         if cell.iter().any(|&c| c < 0 || c >= BRICK_CELLS as i32) {
             return None;
         }
-        let [i, j, k] = cell.map(|c| c as usize);
-        let row = self.cells.row(j, k);
-        if (row.active & !row.mixed) >> i & 1 == 0 {
-            return None;
-        }
-        let slot = row.slot(i);
-        let loops = &CELL_LOOPS[self.cells.masks[slot] as usize];
-        (loops.count == 1).then(|| self.cells.first[slot] as usize)
+        let (mask, first) = self.cells.plain(cell.map(|c| c as usize))?;
+        (CELL_LOOPS[usize::from(mask)].count == 1).then_some(first)
     }
 }
 
@@ -194,7 +192,7 @@ impl Search<'_> {
         let mut best: Option<(f64, Place)> = None;
         for next in cells_about(home).skip(1) {
             let loops = self.halo.plain_mask(next).map_or(0, |mask| CELL_LOOPS[mask as usize].count);
-            if loops != 1 {
+            if loops != 1 || !self.is_clear(home, next) {
                 continue;
             }
             let (mut sum, mut count) = (DVec3::ZERO, 0.0);
@@ -209,6 +207,15 @@ impl Search<'_> {
             }
         }
         Ok(best.map(|(_, taker)| taker))
+    }
+
+    /// Whether all cells between two that touch are inactive: then the first one and these have room for what the vertex of
+    /// the other one spans with its own cell, which meets nothing there.
+    fn is_clear(&self, home: Place, next: Place) -> bool {
+        let between = (1..7)
+            .map(|n| -> Place { std::array::from_fn(|a| if n >> a & 1 == 1 { next[a] } else { home[a] }) });
+        let mut between = between.filter(|&cell| cell != home && cell != next);
+        between.all(|cell| matches!(self.halo.plain_mask(cell), Some(0 | u8::MAX)))
     }
 
     /// A better place for the vertex, now at `position`, of a cell beside a corner: the minimiser of the errors

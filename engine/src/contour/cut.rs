@@ -1,7 +1,9 @@
 //! Polygons cut into facets, eight at a time in vectors, with normals, area and volume.
 
+use super::envelope::{MinimalEdge, Vec3, diagonals};
 use super::polygons::Facet;
 use super::sink::Encoding;
+use crate::lattice::Axis;
 use crate::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, level, transposed, widened,
 };
@@ -24,7 +26,8 @@ pub(super) type Vertex = (u32, [f32; 3]);
 /// How four corners become facets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Shape {
-    /// Two facets in the sense of the corners, along the shorter diagonal, from the first corner if they are equal.
+    /// Two facets in the sense of the corners, along the shorter of the diagonals that are allowed, from the first corner
+    /// if they are equal.
     #[default]
     Quad,
     /// The same two, turned over.
@@ -33,17 +36,23 @@ pub(super) enum Shape {
     TurnedBack,
     /// One facet of the first three corners.
     Triangle,
+    /// None: no diagonal would do.
+    Nothing,
 }
+
+/// Diagonals that are allowed: from the first corner, from the second.
+pub(super) const BOTH: [bool; 2] = [true; 2];
 
 /// The corners of a facet, and whether it is the first or the second in the sense of the polygon's corners.
 type Order = ([usize; 3], usize);
 
 /// The facets of each shape where it is cut from its second corner or from its first.
-static ORDERS: [[&[Order]; 2]; 4] = [
+static ORDERS: [[&[Order]; 2]; 5] = [
     [&[([1, 2, 3], 0), ([1, 3, 0], 1)], &[([0, 1, 2], 0), ([0, 2, 3], 1)]],
     [&[([1, 3, 2], 0), ([1, 0, 3], 1)], &[([0, 2, 1], 0), ([0, 3, 2], 1)]],
     [&[([1, 0, 3], 1), ([1, 3, 2], 0)], &[([0, 3, 2], 1), ([0, 2, 1], 0)]],
     [&[([0, 1, 2], 0)]; 2],
+    [&[]; 2],
 ];
 
 /// Up to eight polygons that are cut.
@@ -53,6 +62,14 @@ pub struct Cuts {
     /// Positions, and a zero that makes them a vector.
     corners: [[[f32; 4]; 4]; GROUP],
     shapes: [Shape; GROUP],
+    /// The axis of the edges that polygons are around.
+    axis: Axis,
+    /// Where these lie along the other axes, where they end and where they are crossed; zeros make it a vector.
+    edges: [[f32; 8]; GROUP],
+    /// Bit per polygon: it is around one of them, and is to stay within its envelope.
+    is_kept: u64,
+    /// Bit per polygon: it may be cut from its first corner, from its second.
+    allowed: [u64; 2],
     /// Bit per polygon: it is cut from its first corner.
     from_first: u64,
     /// By facet in the sense of the corners, and a zero.
@@ -82,11 +99,17 @@ impl Cuts {
     }
 }
 
-/// Takes the polygons of a leaf and makes its facets, in the same order.
+/// Takes the polygons of a leaf and makes its facets, in the same order but for fans, which come late.
 pub(super) struct Cutter {
     centre: [f64; 3],
     encoding: Option<Encoding>,
+    /// No facets are wanted.
+    is_survey: bool,
     cuts: Cuts,
+    /// Number of the first vertex on an edge.
+    first: u32,
+    /// The vertices that fans are about.
+    pub edge_vertices: Vec<[f32; 3]>,
     /// All facets if there is no encoding.
     pub facets: Vec<Facet>,
     /// What the encoding makes of them.
@@ -97,53 +120,145 @@ pub(super) struct Cutter {
 }
 
 impl Cutter {
-    /// What the encoding makes of facets is appended to `bytes`.
-    pub(super) fn new(centre: [f64; 3], encoding: Option<Encoding>, bytes: Vec<u8>) -> Cutter {
+    /// Vertices on edges are numbered from `first` on; what the encoding makes of facets is appended to `bytes`.
+    pub(super) fn new(centre: [f64; 3], first: u32, encoding: Option<Encoding>, bytes: Vec<u8>) -> Cutter {
         let cuts = Cuts {
             count: 0,
             ids: [[0; 4]; GROUP],
             corners: [[[0.0; 4]; 4]; GROUP],
             shapes: [Shape::Quad; GROUP],
+            axis: Axis::X,
+            edges: [[0.0; 8]; GROUP],
+            is_kept: 0,
+            allowed: [0; 2],
             from_first: 0,
             normals: [[[0.0; 4]; GROUP]; 2],
         };
-        Cutter { centre, encoding, cuts, facets: Vec::new(), bytes, count: 0, measured: Measured::default() }
+        Cutter {
+            centre,
+            encoding,
+            is_survey: false,
+            cuts,
+            first,
+            edge_vertices: Vec::new(),
+            facets: Vec::new(),
+            bytes,
+            count: 0,
+            measured: Measured::default(),
+        }
     }
 
-    /// The next polygon.
+    /// Makes nothing but the vertices on edges.
+    pub(super) fn survey() -> Cutter {
+        Cutter { is_survey: true, ..Cutter::new([0.0; 3], 0, None, Vec::new()) }
+    }
+
+    /// The next polygon, cut along one of the diagonals `allowed`.
     #[inline(always)]
-    pub(super) fn push(&mut self, corners: [Vertex; 4], shape: Shape) {
+    pub(super) fn push(&mut self, corners: [Vertex; 4], shape: Shape, allowed: [bool; 2]) {
         let lane = self.cuts.count % GROUP;
         for (n, (id, [x, y, z])) in corners.into_iter().enumerate() {
             self.cuts.ids[lane][n] = id;
             self.cuts.corners[lane][n] = [x, y, z, 0.0];
         }
         self.cuts.shapes[lane] = shape;
+        for (allowed, is_allowed) in self.cuts.allowed.iter_mut().zip(allowed) {
+            *allowed |= u64::from(is_allowed) << lane;
+        }
         self.cuts.count += 1;
         if self.cuts.count == GROUP {
             self.cut();
         }
     }
 
+    /// The next polygon, which is kept within the envelope of the edge that it is around: as a fan about a vertex on the
+    /// edge where no diagonal `allowed` does that. Corners are counter-clockwise seen from the upper end.
+    #[inline(always)]
+    pub(super) fn push_around(
+        &mut self,
+        edge: &MinimalEdge,
+        corners: [Vertex; 4],
+        shape: Shape,
+        allowed: [bool; 2],
+    ) {
+        if self.cuts.axis != edge.axis {
+            self.cut();
+            self.cuts.axis = edge.axis;
+        }
+        let lane = self.cuts.count % GROUP;
+        let ([u, v], [low, high]) = (edge.at, edge.ends);
+        self.cuts.edges[lane] = [u, v, low, high, edge.fraction, 0.0, 0.0, 0.0];
+        self.cuts.is_kept |= 1 << lane;
+        self.push(corners, shape, allowed);
+    }
+
     /// The next polygon, a triangle.
     pub(super) fn push_triangle(&mut self, [a, b, c]: [Vertex; 3]) {
-        self.push([a, b, c, a], Shape::Triangle);
+        self.push([a, b, c, a], Shape::Triangle, BOTH);
+    }
+
+    /// The next polygon as a fan about a vertex on its edge, counter-clockwise seen from the upper end and turned over if
+    /// that is not inside.
+    pub(super) fn push_fan(&mut self, edge: &MinimalEdge, corners: &[Vertex], inside: bool) {
+        let apex = (self.first + self.edge_vertices.len() as u32, edge.crossing());
+        self.edge_vertices.push(apex.1);
+        for n in 0..corners.len() {
+            let (a, b) = (corners[n], corners[(n + 1) % corners.len()]);
+            self.push_triangle(if inside { [apex, a, b] } else { [apex, b, a] });
+        }
     }
 
     /// To be called after the last polygon.
     pub(super) fn finish(mut self) -> Cutter {
-        if self.cuts.count > 0 {
-            // Lanes that are left have no area.
-            self.cuts.corners[self.cuts.count..].fill([[0.0; 4]; 4]);
+        while self.cuts.count > 0 {
             self.cut();
         }
         self
     }
 
     fn cut(&mut self) {
-        let measured = dispatch!(level(), simd => cut(simd, self.centre, &mut self.cuts));
-        self.measured.area += measured.area;
-        self.measured.volume += measured.volume;
+        // Lanes that are left have no area.
+        self.cuts.corners[self.cuts.count..].fill([[0.0; 4]; 4]);
+        let lost = if self.is_survey {
+            dispatch!(level(), simd => lost(simd, &self.cuts))
+        } else {
+            let (measured, lost) = dispatch!(level(), simd => cut(simd, self.centre, &mut self.cuts));
+            self.measured.area += measured.area;
+            self.measured.volume += measured.volume;
+            lost
+        };
+        let fans = self.fans(lost);
+        if !self.is_survey {
+            self.hand_over();
+        }
+        self.cuts.count = 0;
+        self.cuts.is_kept = 0;
+        self.cuts.allowed = [0; 2];
+        for (edge, corners, inside) in fans {
+            self.push_fan(&edge, &corners, inside);
+        }
+    }
+
+    /// Takes out the polygons in some lanes.
+    fn fans(&mut self, lost: u64) -> Vec<(MinimalEdge, [Vertex; 4], bool)> {
+        let mut fans = Vec::new();
+        let mut lanes = lost;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % GROUP;
+            lanes &= lanes - 1;
+            let [u, v, low, high, fraction, ..] = self.cuts.edges[lane];
+            let edge = MinimalEdge { axis: self.cuts.axis, at: [u, v], ends: [low, high], fraction };
+            let corners = std::array::from_fn(|n| {
+                let [x, y, z, _] = self.cuts.corners[lane][n];
+                (self.cuts.ids[lane][n], [x, y, z])
+            });
+            fans.push((edge, corners, self.cuts.shapes[lane] == Shape::Quad));
+            self.cuts.shapes[lane] = Shape::Nothing;
+        }
+        fans
+    }
+
+    fn hand_over(&mut self) {
         let facets = |cuts: &Cuts, lane: usize| ORDERS[cuts.shapes[lane] as usize][0].len();
         self.count += (0..self.cuts.count).map(|lane| facets(&self.cuts, lane)).sum::<usize>();
         match self.encoding {
@@ -152,12 +267,12 @@ impl Cutter {
                 self.facets.push(Facet { ids, corners: corners.map(|&[x, y, z, _]| [x, y, z]) });
             }),
         }
-        self.cuts.count = 0;
     }
 }
 
+/// The corners of the polygons, by lane.
 #[inline(always)]
-fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> Measured {
+fn corners<S: Simd>(simd: S, cuts: &Cuts) -> [Vec3<S>; 4] {
     let zero = f64x8::splat(simd, 0.0);
     let mut p = [[zero; 3]; 4];
     for half in 0..2 {
@@ -169,14 +284,54 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> Measured {
         p[2 * half] = [widened(simd, a), widened(simd, b), widened(simd, c)];
         p[2 * half + 1] = [widened(simd, d), widened(simd, e), widened(simd, f)];
     }
-    let (mut turned, mut lone) = ([0.0; GROUP], [0.0; GROUP]);
+    p
+}
+
+/// Bit per polygon for both diagonals: it may be cut there.
+#[inline(always)]
+fn allowed<S: Simd>(simd: S, cuts: &Cuts, p: &[Vec3<S>; 4]) -> [u64; 2] {
+    if cuts.is_kept == 0 {
+        return cuts.allowed;
+    }
+    let mut edges = [f32x8::splat(simd, 0.0); GROUP];
+    for (lane, edge) in edges.iter_mut().zip(&cuts.edges) {
+        *lane = f32x8::from_slice(simd, edge);
+    }
+    let [u, v, low, high, ..] = transposed(edges);
+    let at = [widened(simd, u), widened(simd, v)];
+    let ends = [widened(simd, low), widened(simd, high)];
+    let [first, second] = diagonals(simd, cuts.axis, p, at, ends);
+    let within = |diagonal: u64, n: usize| cuts.allowed[n] & (diagonal | !cuts.is_kept);
+    [within(first.to_bitmask(), 0), within(second.to_bitmask(), 1)]
+}
+
+/// Bit per polygon that no diagonal cuts as it must be.
+#[inline(always)]
+fn lost<S: Simd>(simd: S, cuts: &Cuts) -> u64 {
+    let [first, second] = allowed(simd, cuts, &corners(simd, cuts));
+    cuts.is_kept & !(first | second)
+}
+
+/// Cuts polygons; returns also the bits of those that are not cut.
+#[inline(always)]
+fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> (Measured, u64) {
+    let zero = f64x8::splat(simd, 0.0);
+    let p = corners(simd, cuts);
+    let [first, second] = allowed(simd, cuts, &p);
+    let lost = cuts.is_kept & !(first | second);
+    let is_shorter = squared(p[0], p[2]).simd_le(squared(p[1], p[3])).to_bitmask();
+    cuts.from_first = first & (is_shorter | !second);
+    let [mut turned, mut from_first, mut is_cut] = [[0.0; GROUP]; 3];
     for lane in 0..GROUP {
+        let is_lone = cuts.shapes[lane] == Shape::Triangle;
+        cuts.from_first |= u64::from(is_lone) << lane;
         turned[lane] = f64::from(u8::from(matches!(cuts.shapes[lane], Shape::Turned | Shape::TurnedBack)));
-        lone[lane] = f64::from(u8::from(cuts.shapes[lane] == Shape::Triangle));
+        from_first[lane] = (cuts.from_first >> lane & 1) as f64;
+        is_cut[lane] = (!lost >> lane & 1) as f64;
     }
     let is_turned = f64x8::from_slice(simd, &turned).simd_gt(zero);
-    let is_lone = f64x8::from_slice(simd, &lone).simd_gt(zero);
-    let is_first = squared(p[0], p[2]).simd_le(squared(p[1], p[3])) | is_lone;
+    let is_first = f64x8::from_slice(simd, &from_first).simd_gt(zero);
+    let is_cut = f64x8::from_slice(simd, &is_cut);
     let [mut u, mut v, mut w, mut from] = [[zero; 3]; 4];
     for a in 0..3 {
         let apex = is_first.select(p[0][a], p[1][a]);
@@ -195,8 +350,8 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> Measured {
         }
         let n = [s[1] * t[2] - s[2] * t[1], s[2] * t[0] - s[0] * t[2], s[0] * t[1] - s[1] * t[0]];
         let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-        doubled += length;
-        sixfold += n[0] * from[0] + n[1] * from[1] + n[2] * from[2];
+        doubled += length * is_cut;
+        sixfold += (n[0] * from[0] + n[1] * from[1] + n[2] * from[2]) * is_cut;
         let has_area = length.simd_gt(zero);
         let normals = &mut cuts.normals[facet];
         for a in 0..3 {
@@ -207,13 +362,12 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> Measured {
             }
         }
     }
-    cuts.from_first = is_first.to_bitmask();
     let (mut area, mut volume) = (0.0, 0.0);
     for lane in 0..GROUP {
         area += doubled[lane];
         volume += sixfold[lane];
     }
-    Measured { area: area / 2.0, volume: volume / 6.0 }
+    (Measured { area: area / 2.0, volume: volume / 6.0 }, lost)
 }
 
 #[inline(always)]
@@ -224,7 +378,7 @@ fn squared<S: Simd>(p: [f64x8<S>; 3], q: [f64x8<S>; 3]) -> f64x8<S> {
 
 /// What the encoding makes of facets.
 pub(super) fn encoded(facets: &[Facet], encoding: Encoding) -> Vec<u8> {
-    let mut cutter = Cutter::new([0.0; 3], Some(encoding), Vec::new());
+    let mut cutter = Cutter::new([0.0; 3], 0, Some(encoding), Vec::new());
     for facet in facets {
         cutter.push_triangle([0, 1, 2].map(|n| (facet.ids[n], facet.corners[n])));
     }
@@ -249,7 +403,7 @@ mod tests {
             |n: u32| (n, [[5.0, 0.0, 0.0], [7.0, 0.0, 0.0], [5.0, 2.0, 0.0], [5.0, 0.0, 2.0]][n as usize]);
         let facets = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 1, 1]];
         let made = |times: usize| {
-            let mut cutter = Cutter::new([1.0, 2.0, 3.0], Some(AS_NUMBERS), Vec::new());
+            let mut cutter = Cutter::new([1.0, 2.0, 3.0], 0, Some(AS_NUMBERS), Vec::new());
             for facet in facets.iter().cycle().take(5 * times) {
                 cutter.push_triangle(facet.map(at));
             }
@@ -272,10 +426,10 @@ mod tests {
             polygons in prop::collection::vec((prop::array::uniform4(prop::array::uniform3(-4i8..4)), 0usize..3), 1..40),
         ) {
             let shapes = [Shape::Quad, Shape::Turned, Shape::TurnedBack];
-            let mut cutter = Cutter::new([0.0; 3], None, Vec::new());
+            let mut cutter = Cutter::new([0.0; 3], 0, None, Vec::new());
             for (corners, shape) in &polygons {
                 let corner = |n: usize| (n as u32, corners[n].map(f32::from));
-                cutter.push([0, 1, 2, 3].map(corner), shapes[*shape]);
+                cutter.push([0, 1, 2, 3].map(corner), shapes[*shape], BOTH);
             }
             let cut = cutter.finish();
             prop_assert_eq!(cut.count, 2 * polygons.len());

@@ -4,6 +4,7 @@ use super::ContourOptions;
 use super::adaptive::{self, Across, Draft, Merged};
 use super::cache::Cache;
 use super::cells::{BrickCells, Quad};
+use super::faces::FaceVertices;
 use super::leaves::{Around, Leaves, Side};
 use super::order::in_order;
 use super::qef::PlaneSums;
@@ -11,7 +12,7 @@ use super::spare::Spare;
 use super::surface::{Level, Surface};
 use super::vertices::LeafVertices;
 use crate::error::Result;
-use crate::lattice::{NodeKey, RootCube};
+use crate::lattice::{BRICK_POINTS, NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Walk};
 use std::sync::Arc;
@@ -25,6 +26,7 @@ pub(super) struct Field<'a> {
     level: Level,
     surfaces: Cache<Surface>,
     cells: Cache<BrickCells>,
+    faces: Cache<FaceVertices>,
     /// Where vertices are merged.
     merging: Option<Merging>,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
@@ -59,8 +61,13 @@ impl<'a> Field<'a> {
             users: counts(&leaves, drafts_needed_by),
         });
         let for_merging = if merging.is_some() { cache_bytes / 4 + cache_bytes / 8 } else { 0 };
-        let (surfaces, cells) =
-            (Cache::new(cache_bytes / 4), Cache::new(cache_bytes - cache_bytes / 4 - for_merging));
+        // Few cells have vertices on their faces.
+        let for_faces = cache_bytes / 32;
+        let (surfaces, cells) = (
+            Cache::new(cache_bytes / 4),
+            Cache::new(cache_bytes - cache_bytes / 4 - for_merging - for_faces),
+        );
+        let faces = Cache::new(for_faces);
         let users = counts(&leaves, needed_by);
         Ok(Field {
             root: tree.root(),
@@ -69,6 +76,7 @@ impl<'a> Field<'a> {
             level,
             surfaces,
             cells,
+            faces,
             merging,
             users,
             spare_sums: Spare::default(),
@@ -121,15 +129,21 @@ impl<'a> Field<'a> {
 
     /// The vertices of a leaf as the mesh has them.
     pub(super) fn vertices(&self, leaf: u32) -> Result<LeafVertices> {
-        let merged = match &self.merging {
-            Some(merging) => Some(merging.merged.get_or_make(leaf, || {
-                let merged = adaptive::merged(self, leaf, &merging.across)?;
-                let bytes = merged.heap_bytes();
-                Ok((merged, bytes))
-            })?),
-            None => None,
+        let Some(merging) = &self.merging else {
+            let cells = self.cells(leaf)?;
+            let faces = self.faces.get_or_make(leaf, || {
+                let faces = FaceVertices::of(self, leaf, &cells)?;
+                let bytes = faces.heap_bytes() + size_of::<FaceVertices>();
+                Ok((faces, bytes))
+            })?;
+            return Ok(LeafVertices::new(leaf, cells, faces));
         };
-        Ok(LeafVertices::new(leaf, self.cells(leaf)?, merged))
+        let merged = merging.merged.get_or_make(leaf, || {
+            let merged = adaptive::merged(self, leaf, &merging.across)?;
+            let bytes = merged.heap_bytes();
+            Ok((merged, bytes))
+        })?;
+        Ok(LeafVertices::merged(leaf, self.cells(leaf)?, merged))
     }
 
     /// What may be merged of a leaf's cells; nothing without a tolerance.
@@ -164,6 +178,7 @@ impl<'a> Field<'a> {
             if self.users[other as usize].fetch_sub(1, Ordering::Relaxed) == 1 {
                 self.cells.remove(other);
                 self.surfaces.remove(other);
+                self.faces.remove(other);
                 if let Some(merging) = &self.merging {
                     merging.merged.remove(other);
                 }
@@ -231,6 +246,12 @@ impl Frame {
         let step = f64::from((farthest as f32).next_up()) - f64::from(farthest as f32);
         let margin = (1.01 * step / spacing).min(0.25);
         Frame { origin: root.to_world(key.base().map(|b| f64::from(b) + 1.0)), spacing, margin }
+    }
+
+    /// World coordinates of the brick's samples by axis.
+    pub(super) fn lattice(&self) -> [[f32; BRICK_POINTS]; 3] {
+        let at = |a: usize, n: usize| (self.origin[a] + n as f64 * self.spacing) as f32;
+        std::array::from_fn(|a| std::array::from_fn(|n| at(a, n)))
     }
 
     /// A point of the world in cells of the brick.

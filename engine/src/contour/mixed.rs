@@ -7,7 +7,8 @@
 //! [`cut_runs`], and every sign-changing minimal edge belongs to exactly two faces of the cell, so the cuts
 //! link into closed loops whatever the levels are; and both cells at a face cut it alike, so the mesh closes.
 
-use super::cells::{CellRow, edge_key, face_key};
+use super::cells::CellRow;
+use super::extras::{edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Leaf, Side, broken, direction_index, directions};
 use super::planes::Plane;

@@ -22,10 +22,14 @@
 //! | `cells` | pass 1: active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
 //! | `corner` | vertices at corners that no single cell sees |
+//! | `loops` | what belongs to one loop of a cell and what to another |
 //! | `mixed` | cells next to finer leaves |
 //! | `adaptive` | vertices that stand for several cells' |
 //! | `polygons` | pass 2: triangles of a leaf |
 //! | `vertices` | the vertices of a leaf as the mesh has them |
+//! | `faces` | vertices on faces |
+//! | `extras` | how they are named |
+//! | `envelope` | where triangles cannot meet others |
 //! | `cut` | polygons into triangles, their area, volume and normals |
 //! | `spare` | room that is used again |
 //! | `order` | leaves in parallel, their output in order |
@@ -37,9 +41,13 @@ mod cells;
 mod corner;
 mod cut;
 mod edges;
+mod envelope;
+mod extras;
+mod faces;
 mod field;
 mod halo;
 mod leaves;
+mod loops;
 mod mixed;
 mod order;
 mod outliers;
@@ -105,6 +113,10 @@ pub struct MeshSummary {
     pub bounds: Option<[[f32; 3]; 2]>,
     /// Faces on which two cuts of the same two components were kept apart by extra vertices.
     pub split_faces: u64,
+    /// Vertices on faces of cells with several sheets, where mesh edges would leave the part of the cell that is theirs.
+    pub face_vertices: u64,
+    /// Vertices on lattice edges, about which polygons are fans that would meet others if they were cut along a diagonal.
+    pub edge_vertices: u64,
     /// Cells whose boundary has edges of finer leaves.
     pub mixed_cells: u64,
 }
@@ -202,27 +214,39 @@ fn vertices(
     let make = |leaf| {
         let vertices = field.vertices(leaf)?;
         field.release_drafts(leaf);
+        let on_edges = polygons::edge_vertices(field, leaf, &vertices)?;
         let mut bytes = Vec::new();
         if let Some(encoding) = encoding {
             (encoding.vertices)(vertices.positions(), &mut bytes);
+            (encoding.vertices)(vertices.on_faces(), &mut bytes);
+            (encoding.vertices)(&on_edges, &mut bytes);
         }
-        let part = MeshSummary::of_leaf(&vertices);
-        Ok((vertices, bytes, part))
+        let mut part = MeshSummary::of_leaf(&vertices);
+        part.add(&MeshSummary::of_edges(&on_edges));
+        Ok((vertices, on_edges, bytes, part))
     };
-    field.in_order(progress, make, |(vertices, bytes, part): (LeafVertices, Vec<u8>, _)| {
-        match encoding {
-            Some(_) => sink.encoded(Encoded::Vertices(vertices.positions().len(), &bytes))?,
-            None => sink.vertices(vertices.positions())?,
-        }
-        summary.add(&part);
-        first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
-            Error::setting(
-                "the mesh has more than 2^32 - 1 vertices",
-                "write .stl, which does not number them, or choose a coarser level with --level",
-            )
-        })?);
-        Ok(())
-    })?;
+    field.in_order(
+        progress,
+        make,
+        |(vertices, on_edges, bytes, part): (LeafVertices, Vec<_>, Vec<u8>, _)| {
+            match encoding {
+                Some(_) => sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?,
+                None => {
+                    sink.vertices(vertices.positions())?;
+                    sink.vertices(vertices.on_faces())?;
+                    sink.vertices(&on_edges)?;
+                }
+            }
+            summary.add(&part);
+            first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
+                Error::setting(
+                    "the mesh has more than 2^32 - 1 vertices",
+                    "write .stl, which does not number them, or choose a coarser level with --level",
+                )
+            })?);
+            Ok(())
+        },
+    )?;
     Ok(first_vertex)
 }
 
@@ -258,6 +282,7 @@ fn lone_triangles(
     };
     field.in_order(progress, make, |(part, leaf)| {
         summary.add(&part);
+        summary.add(&MeshSummary::of_edges(&leaf.edge_vertices));
         hand_over(leaf, &making, sink, summary)
     })
 }
@@ -282,23 +307,36 @@ fn hand_over(
 impl MeshSummary {
     /// What the vertices of a leaf add to a summary.
     fn of_leaf(vertices: &LeafVertices) -> MeshSummary {
-        let positions = vertices.positions();
+        let mut part = MeshSummary {
+            split_faces: vertices.split_faces(),
+            mixed_cells: vertices.cells.mixed_cells(),
+            ..MeshSummary::of_positions(vertices.positions())
+        };
+        part.add(&MeshSummary {
+            face_vertices: vertices.on_faces().len() as u64,
+            ..MeshSummary::of_positions(vertices.on_faces())
+        });
+        part
+    }
+
+    /// What vertices on edges add to a summary.
+    fn of_edges(positions: &[[f32; 3]]) -> MeshSummary {
+        MeshSummary { edge_vertices: positions.len() as u64, ..MeshSummary::of_positions(positions) }
+    }
+
+    fn of_positions(positions: &[[f32; 3]]) -> MeshSummary {
         let first = positions.first().copied();
         let bounds =
             first.map(|first| positions.iter().fold([first; 2], |bounds, p| united(bounds, [*p; 2])));
-        MeshSummary {
-            vertices: positions.len() as u64,
-            split_faces: vertices.split_faces(),
-            mixed_cells: vertices.cells.mixed_cells(),
-            bounds,
-            ..MeshSummary::default()
-        }
+        MeshSummary { vertices: positions.len() as u64, bounds, ..MeshSummary::default() }
     }
 
     /// Adds what a leaf's cells add.
     fn add(&mut self, part: &MeshSummary) {
         self.vertices += part.vertices;
         self.split_faces += part.split_faces;
+        self.face_vertices += part.face_vertices;
+        self.edge_vertices += part.edge_vertices;
         self.mixed_cells += part.mixed_cells;
         self.bounds = match (self.bounds, part.bounds) {
             (Some(a), Some(b)) => Some(united(a, b)),

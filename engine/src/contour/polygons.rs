@@ -4,18 +4,24 @@
 //! the one of these that lies above it, in the order of [`quadrant_rank`]; so a leaf needs its own cells and
 //! those of neighbours of the same or a lower level, never a finer one's.
 //!
-//! *Triangles.* No mesh edge may be used by a second polygon unless it stands for a cut that both flank:
-//! - the diagonal of a quadrilateral ends in a finest cell, because two coarser cells can face each other
-//!   across several minimal edges of one line, while a finest cell has only this one;
+//! *Triangles.* A polygon stays within the envelope of its edge ([`super::envelope`]): quadrilaterals are cut along a
+//! diagonal that does, triangles stay what they are if they do, and all others, as those with extra vertices, become
+//! fans about a vertex on the edge.
+//!
+//! No mesh edge may be used by a second polygon unless it stands for a cut that both flank: the diagonal of a
+//! quadrilateral ends in a finest cell, because two coarser cells can face each other across several minimal edges of
+//! one line, while a finest cell has only this one. Where vertices are merged there are no vertices on edges; then
 //! - a polygon with an extra vertex on a face of a finest cell is a fan about that vertex: of the other
 //!   polygon at that cut only the two cells at the face are the same;
 //! - other polygons with extra vertices are fans about a finest cell's vertex.
 
 mod merged;
 
-use super::adaptive::Shared;
-use super::cells::{BrickCells, NO_VERTEX, Quad, edge_key, face_key};
-use super::cut::{Cutter, Measured, Shape, Vertex};
+use super::adaptive::{OWN, Shared};
+use super::cells::{BrickCells, NO_VERTEX, Quad};
+use super::cut::{BOTH, Cutter, Measured, Shape, Vertex};
+use super::envelope::MinimalEdge;
+use super::extras::{edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Side, broken, direction_index};
 use super::sink::Encoding;
@@ -47,6 +53,8 @@ pub(super) struct LeafFacets {
     /// What a file holds of them, if it can be made here.
     pub bytes: Vec<u8>,
     pub measured: Measured,
+    /// As [`edge_vertices`].
+    pub edge_vertices: Vec<[f32; 3]>,
 }
 
 /// How the facets of a mesh are made, beside the field.
@@ -62,36 +70,33 @@ pub(super) struct Making<'a> {
 /// The triangles of `leaf`, which is done with then, as are the cells that no other leaf needs.
 pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<LeafFacets> {
     let vertices = field.vertices(leaf)?;
-    let cells = Arc::clone(&vertices.cells);
     let around = field.leaves.around(leaf);
-    let Some(signs) = &cells.signs else {
+    if vertices.cells.signs.is_none() {
         field.release(leaf, &around);
         return Ok(LeafFacets::default());
-    };
+    }
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
     let bytes = making.encoding.map_or(Vec::new(), |_| making.spare.take());
-    let mut neighbours = [const { None }; 27];
-    neighbours[direction_index([0; 3])] = Some(vertices);
-    let mut maker = Maker {
-        field,
-        key: field.leaves.get(leaf).key,
-        around,
-        first_vertex: making.first_vertex,
-        first: making.first_vertex.map_or(0, |first| first[leaf as usize]),
-        neighbours,
-        borders: [Border::Unknown; 27],
-        cutter: Cutter::new(centre, making.encoding, bytes),
-    };
-    let quads = cells.take_quads();
-    if field.merges() {
-        maker.merged_rows(signs, &quads)?;
-    } else {
-        dispatch!(level(), _simd => maker.rows(&cells, signs, &quads))?;
-    }
+    let first = making.first_vertex.map_or(0, |first| first[leaf as usize]);
+    let on_edges = first + (vertices.positions().len() + vertices.on_faces().len()) as u32;
+    let cutter = Cutter::new(centre, on_edges, making.encoding, bytes);
+    let quads = vertices.cells.take_quads();
+    let cutter = Maker::new(field, leaf, making.first_vertex, vertices, cutter).make(&quads)?;
     field.spare_quads.keep(quads);
-    let Cutter { count, facets, bytes, measured, .. } = maker.cutter.finish();
     field.release(leaf, &around);
-    Ok(LeafFacets { count, facets, bytes, measured })
+    let Cutter { count, facets, bytes, measured, edge_vertices, .. } = cutter;
+    Ok(LeafFacets { count, facets, bytes, measured, edge_vertices })
+}
+
+/// The vertices on edges that the triangles of `leaf` need; their numbers follow those of its `vertices`.
+pub(super) fn edge_vertices(field: &Field, leaf: u32, vertices: &LeafVertices) -> Result<Vec<[f32; 3]>> {
+    if vertices.cells.signs.is_none() || field.merges() {
+        return Ok(Vec::new());
+    }
+    let quads = vertices.cells.take_quads();
+    let cutter = Maker::new(field, leaf, None, vertices.clone(), Cutter::survey()).make(&quads)?;
+    vertices.cells.give_quads(quads);
+    Ok(cutter.edge_vertices)
 }
 
 /// Which of two equally fine leaves around an edge owns its polygon: the one of higher rank.
@@ -131,6 +136,9 @@ struct Quadrant<'a> {
     vertices: &'a LeafVertices,
 }
 
+/// An edge of the leaf: its axis, its lower sample, and where it is crossed as in [`Quad`].
+type Edge = (Axis, [usize; 3], u16);
+
 /// What is common to all edges along an axis on one face or edge of the leaf's border.
 #[derive(Clone, Copy)]
 enum Border {
@@ -169,10 +177,50 @@ struct Maker<'a> {
     /// By axis and where the edges along it lie: 0, 1 or 2 for the lower border, the inside, the upper border along
     /// each of the other two.
     borders: [Border; 27],
+    /// World coordinates of the leaf's samples by axis.
+    lattice: [[f32; BRICK_POINTS]; 3],
     cutter: Cutter,
 }
 
-impl Maker<'_> {
+impl<'a> Maker<'a> {
+    fn new(
+        field: &'a Field<'a>,
+        leaf: u32,
+        first_vertex: Option<&'a [u32]>,
+        vertices: LeafVertices,
+        cutter: Cutter,
+    ) -> Maker<'a> {
+        let key = field.leaves.get(leaf).key;
+        let mut neighbours = [const { None }; 27];
+        neighbours[OWN] = Some(vertices);
+        Maker {
+            field,
+            key,
+            around: field.leaves.around(leaf),
+            first_vertex,
+            first: first_vertex.map_or(0, |first| first[leaf as usize]),
+            neighbours,
+            borders: [Border::Unknown; 27],
+            lattice: field.frame(key).lattice(),
+            cutter,
+        }
+    }
+
+    /// Makes the facets of all polygons that the leaf owns; `quads` as in [`BrickCells::take_quads`].
+    fn make(mut self, quads: &[Quad]) -> Result<Cutter> {
+        let own = self.neighbours[OWN].as_ref().map(|vertices| Arc::clone(&vertices.cells));
+        if let Some(cells) = &own
+            && let Some(signs) = &cells.signs
+        {
+            if self.field.merges() {
+                self.merged_rows(signs, quads)?;
+            } else {
+                dispatch!(level(), _simd => self.rows(cells, signs, quads))?;
+            }
+        }
+        Ok(self.cutter.finish())
+    }
+
     /// All edges of the leaf, in the order of [`BrickCells::take_quads`].
     #[inline(always)]
     fn rows(&mut self, cells: &BrickCells, signs: &SignChanges, quads: &[Quad]) -> Result<()> {
@@ -210,9 +258,12 @@ impl Maker<'_> {
             bits &= bits - 1;
             let inside = inside >> i & 1 == 1;
             // None where no cell of the leaf is active: then all its edges with a sign change lie on its border.
-            match quads.next() {
-                Some(quad) if !quad.contains(&NO_VERTEX) => self.plain(quad, cells, inside),
-                quad => self.border(axis, [i, j, k], quad.unwrap_or(&[NO_VERTEX; 4]), inside)?,
+            let Quad { vertices, fraction } = quads.next().unwrap_or(&Quad::UNKNOWN);
+            let edge = (axis, [i, j, k], *fraction);
+            if vertices.contains(&NO_VERTEX) {
+                self.border(edge, vertices, inside)?;
+            } else {
+                self.plain(edge, vertices, cells, inside);
             }
         }
         Ok(())
@@ -220,28 +271,30 @@ impl Maker<'_> {
 
     /// The polygon of an edge among four plain cells of this leaf, none of which has a split face.
     #[inline(always)]
-    fn plain(&mut self, quad: &Quad, cells: &BrickCells, inside: bool) {
+    fn plain(&mut self, edge: Edge, quad: &[u16; 4], cells: &BrickCells, inside: bool) {
         let [a, b, c, d] = *quad;
         let at = |n: u16| (self.first + u32::from(n), cells.positions[usize::from(n)]);
         let shape = if inside { Shape::Quad } else { Shape::TurnedBack };
-        self.cutter.push([at(a), at(b), at(c), at(d)], shape);
+        self.cutter.push_around(&self.placed(edge), [at(a), at(b), at(c), at(d)], shape, BOTH);
     }
 
     /// The polygon of an edge on the leaf's border, or next to a cell that is not plain, if this leaf owns it.
     #[inline(always)]
-    fn border(&mut self, axis: Axis, low: [usize; 3], quad: &Quad, inside: bool) -> Result<()> {
+    fn border(&mut self, edge: Edge, quad: &[u16; 4], inside: bool) -> Result<()> {
+        let (axis, low, _) = edge;
         let place = self.border_place(axis, low)?;
         match self.borders[place] {
             Border::Foreign => return Ok(()),
             Border::Equal(ref quarters) => {
                 if let Some(corners) = self.equal(low, quarters, quad) {
-                    self.cutter.push(corners, if inside { Shape::Quad } else { Shape::Turned });
+                    let shape = if inside { Shape::Quad } else { Shape::Turned };
+                    self.cutter.push_around(&self.placed(edge), corners, shape, BOTH);
                     return Ok(());
                 }
             }
             Border::Unknown | Border::Uneven => {}
         }
-        self.general(axis, low, inside)
+        self.general(edge, inside)
     }
 
     /// Where in `borders`, which is then known, the edges like one along `axis` stand.
@@ -278,7 +331,7 @@ impl Maker<'_> {
     /// The corners of a polygon among plain cells, without split faces, of leaves of this level; `quad` as in
     /// [`BrickCells::take_quads`].
     #[inline(always)]
-    fn equal(&self, low: [usize; 3], quarters: &[Quarter; 4], quad: &Quad) -> Option<[Vertex; 4]> {
+    fn equal(&self, low: [usize; 3], quarters: &[Quarter; 4], quad: &[u16; 4]) -> Option<[Vertex; 4]> {
         let mut corners = [Vertex::default(); 4];
         for n in 0..4 {
             let quarter = &quarters[n];
@@ -302,17 +355,56 @@ impl Maker<'_> {
     }
 
     /// The polygon of any edge, if this leaf owns it.
-    fn general(&mut self, axis: Axis, low: [usize; 3], inside: bool) -> Result<()> {
+    fn general(&mut self, edge: Edge, inside: bool) -> Result<()> {
+        let (axis, low, _) = edge;
         if !self.owns(axis, low) {
             return Ok(());
         }
         let polygon = self.polygon(axis, low)?;
         let corners = &polygon.corners[..polygon.count];
+        if !self.field.merges() {
+            self.keep(&self.placed(edge), corners, inside);
+            return Ok(());
+        }
         triangulate(corners, |a, b, c| {
             let (b, c) = if inside { (b, c) } else { (c, b) };
             self.cutter.push_triangle([a, b, c].map(|n: usize| (corners[n].id, corners[n].position)));
         });
         Ok(())
+    }
+
+    /// The facets of a polygon within the envelope of its edge.
+    fn keep(&mut self, edge: &MinimalEdge, corners: &[Corner], inside: bool) {
+        let vertex = |corner: &Corner| (corner.id, corner.position);
+        match *corners {
+            [a, b, c, d] if corners.iter().all(|corner| !corner.is_extra) => {
+                let shape = if inside { Shape::Quad } else { Shape::Turned };
+                let allowed = [a.is_finest || c.is_finest, b.is_finest || d.is_finest];
+                self.cutter.push_around(edge, [a, b, c, d].map(|corner| vertex(&corner)), shape, allowed);
+            }
+            [a, b, c] if edge.pierces([a, b, c].map(|corner| corner.position)) => {
+                let [a, b, c] = [a, b, c].map(|corner| vertex(&corner));
+                self.cutter.push_triangle(if inside { [a, b, c] } else { [a, c, b] });
+            }
+            _ => {
+                let corners: Vec<Vertex> = corners.iter().map(vertex).collect();
+                self.cutter.push_fan(edge, &corners, inside);
+            }
+        }
+    }
+
+    /// Where an edge lies in the world.
+    #[inline(always)]
+    fn placed(&self, (axis, low, fraction): Edge) -> MinimalEdge {
+        let (u, v) = axis.others();
+        let along = |axis: Axis| &self.lattice[axis.index()][low[axis.index()]..];
+        let ends = along(axis);
+        MinimalEdge {
+            axis,
+            at: [along(u)[0], along(v)[0]],
+            ends: [ends[0], ends[1]],
+            fraction: f32::from(fraction) / 65536.0,
+        }
     }
 
     fn owns(&self, axis: Axis, low: [usize; 3]) -> bool {
@@ -391,7 +483,7 @@ impl Maker<'_> {
     }
 
     /// The extra vertex on the face between quadrant `n` and the next, with the leaf that owns the face.
-    fn extra<'q, 'a>(
+    fn extra<'q, 'n>(
         &self,
         axis: Axis,
         n: usize,

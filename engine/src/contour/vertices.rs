@@ -2,21 +2,35 @@
 
 use super::adaptive::{Merged, Shared};
 use super::cells::BrickCells;
+use super::faces::FaceVertices;
 use std::sync::Arc;
 
 /// The vertices of a leaf.
+#[derive(Clone)]
 pub(super) struct LeafVertices {
     leaf: u32,
     pub cells: Arc<BrickCells>,
     merged: Option<Arc<Merged>>,
+    /// None where vertices are merged.
+    faces: Option<Arc<FaceVertices>>,
 }
 
 impl LeafVertices {
     /// Of the cells of a leaf and what is merged of them.
-    pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, merged: Option<Arc<Merged>>) -> LeafVertices {
+    pub(super) fn merged(leaf: u32, cells: Arc<BrickCells>, merged: Arc<Merged>) -> LeafVertices {
         // All vertices stand for themselves.
-        let merged = merged.filter(|merged| !merged.names.is_empty());
-        LeafVertices { leaf, cells, merged }
+        let merged = Some(merged).filter(|merged| !merged.names.is_empty());
+        LeafVertices { leaf, cells, merged, faces: None }
+    }
+
+    /// Of the cells of a leaf and the vertices on their faces.
+    pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, faces: Arc<FaceVertices>) -> LeafVertices {
+        LeafVertices { leaf, cells, merged: None, faces: Some(faces) }
+    }
+
+    /// World positions of the vertices on faces, which come after those of cells.
+    pub(super) fn on_faces(&self) -> &[[f32; 3]] {
+        self.faces.as_ref().map_or(&[], |faces| &faces.positions)
     }
 
     /// World positions of those that the leaf has.
@@ -30,7 +44,10 @@ impl LeafVertices {
     pub(super) fn vertex(&self, number: u32) -> Shared {
         let leaf = self.leaf;
         let Some(merged) = &self.merged else {
-            return Shared { leaf, number, position: self.cells.positions[number as usize] };
+            let at = number as usize;
+            let on_face = || self.on_faces()[at - self.cells.len()];
+            let position = self.cells.positions.get(at).copied().unwrap_or_else(on_face);
+            return Shared { leaf, number, position };
         };
         let number = merged.names[number as usize];
         match merged.positions.get(number as usize) {
@@ -41,7 +58,8 @@ impl LeafVertices {
 
     /// As [`BrickCells::extra`].
     pub(super) fn extra(&self, face: u32, edge: u64) -> Option<Shared> {
-        let vertex = self.cells.extra(face, edge)?;
+        let on_face = || self.faces.as_ref().and_then(|faces| faces.extra(face, edge));
+        let vertex = self.cells.extra(face, edge).or_else(on_face)?;
         let is_dropped = |merged: &Arc<Merged>| merged.names[vertex as usize] == Merged::NONE;
         (!self.merged.as_ref().is_some_and(is_dropped)).then(|| self.vertex(vertex))
     }

@@ -1,6 +1,6 @@
 //! The sign-changing edges of a leaf with the vertices of the cells around each: what merging starts from.
 
-use super::super::cells::{BrickCells, NO_VERTEX};
+use super::super::cells::{BrickCells, NO_VERTEX, Quad};
 use super::super::field::Field;
 use super::super::leaves::{Side, direction_index, directions};
 use super::super::qef::Vector;
@@ -96,7 +96,7 @@ impl Crossings {
                         continue;
                     }
                     // None if the leaf's polygons have been made before.
-                    let quad = quads.get(all.len()).unwrap_or(&[NO_VERTEX; 4]);
+                    let quad = quads.get(all.len()).unwrap_or(&Quad::UNKNOWN).vertices;
                     vertices[n] = if frozen.holds(cells, cell) {
                         FROZEN
                     } else if quad[n] != NO_VERTEX {

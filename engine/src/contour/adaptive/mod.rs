@@ -44,7 +44,8 @@ pub(super) use across::{Across, Shared};
 pub(super) use draft::Draft;
 pub(super) use folds::{OWN, turns};
 
-use super::cells::{BrickCells, edge_key, face_key};
+use super::cells::BrickCells;
+use super::extras::{edge_key, face_key};
 use super::field::{Field, Frame};
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};

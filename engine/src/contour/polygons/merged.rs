@@ -5,7 +5,7 @@ use super::{Border, Maker, Quarter};
 use crate::brick::SignChanges;
 use crate::contour::adaptive::{OWN, Shared, turns};
 use crate::contour::cells::{NO_VERTEX, Quad};
-use crate::contour::cut::{Shape, Vertex};
+use crate::contour::cut::{BOTH, Shape, Vertex};
 use crate::contour::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS};
@@ -21,7 +21,7 @@ impl Maker<'_> {
             signs.for_edges(axis, |low| edges.push((axis, low)));
         }
         for (n, &(axis, low)) in edges.iter().enumerate() {
-            let quad = quads.get(n).unwrap_or(&[NO_VERTEX; 4]);
+            let quad = &quads.get(n).unwrap_or(&Quad::UNKNOWN).vertices;
             let inside = signs.is_inside(low);
             if quad.contains(&NO_VERTEX) {
                 self.merged_border(axis, low, quad, inside)?;
@@ -42,7 +42,7 @@ impl Maker<'_> {
     }
 
     /// As [`Maker::border`].
-    fn merged_border(&mut self, axis: Axis, low: [usize; 3], quad: &Quad, inside: bool) -> Result<()> {
+    fn merged_border(&mut self, axis: Axis, low: [usize; 3], quad: &[u16; 4], inside: bool) -> Result<()> {
         let place = self.border_place(axis, low)?;
         match self.borders[place] {
             Border::Foreign => return Ok(()),
@@ -54,7 +54,7 @@ impl Maker<'_> {
             }
             Border::Unknown | Border::Uneven => {}
         }
-        self.general(axis, low, inside)
+        self.general((axis, low, 0), inside)
     }
 
     /// As [`Maker::equal`].
@@ -62,7 +62,7 @@ impl Maker<'_> {
         &self,
         low: [usize; 3],
         quarters: &[Quarter; 4],
-        quad: &Quad,
+        quad: &[u16; 4],
     ) -> Option<[(Name, Vertex); 4]> {
         let mut corners = [Default::default(); 4];
         for (n, quarter) in quarters.iter().enumerate() {
@@ -92,7 +92,7 @@ impl Maker<'_> {
         let mut triangle = |a, b, c| self.cutter.push_triangle(if inside { [a, b, c] } else { [a, c, b] });
         match (count, diagonal(axis, distinct.map(|corner| corner.1))) {
             (4, Diagonal::Shorter) => {
-                self.cutter.push(distinct, if inside { Shape::Quad } else { Shape::Turned })
+                self.cutter.push(distinct, if inside { Shape::Quad } else { Shape::Turned }, BOTH)
             }
             (4, Diagonal::First) => {
                 triangle(a, b, c);

@@ -3,6 +3,7 @@
 mod adaptive;
 mod check;
 mod fields;
+mod meetings;
 pub(super) mod one_by_one;
 
 use super::*;
@@ -231,6 +232,7 @@ fn check_all_masks(size: [i32; 3], masks: u64) {
         let grid = Grid { size, first, count: per_brick.min(masks - first) };
         let (mesh, _) = checked(&tree(&grid, &uniform(0)));
         check(&mesh.welded()).unwrap();
+        assert_eq!(meetings::pairs(&mesh), 0, "masks from {first} on");
     }
 }
 
@@ -274,14 +276,20 @@ fn creases_and_corners_of_a_rotated_box_are_sharp() {
     assert!((summary.volume / exact - 1.0).abs() < 2e-3, "{}", summary.volume / exact);
     let points: Vec<[f64; 3]> = mesh.positions.iter().map(|p| to_box(p.map(f64::from))).collect();
     // No vertex is off the box's surface by more than 0.05 cells, on flats, creases and corners alike, but
-    // where a crease leaves the cell between two samples, so that no point of the cell is near it.
+    // where a crease leaves the cell between two samples, so that no point of the cell is near it, and on faces that
+    // are cut twice, where samples inside are kept apart though the box joins them.
+    let on_face = |p: [f32; 3]| {
+        let first = world([0.0; 3]);
+        (0..3).any(|a| (((f64::from(p[a]) - first[a]) / cell + 0.5).fract() - 0.5).abs() < 1e-5)
+    };
     let mut missed = 0;
     for (p, q) in mesh.positions.iter().zip(&points) {
         let signed = (0..3).map(|a| q[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max);
         let outside = (0..3).map(|a| (q[a].abs() - half[a]).max(0.0).powi(2)).sum::<f64>().sqrt();
         let error = if signed > 0.0 { outside } else { -signed };
         if error > 0.05 * cell {
-            assert!(!creases_the_cell_of(*p, half, cell), "{q:?} is off by {} cells", error / cell);
+            let is_creased = !on_face(*p) && creases_the_cell_of(*p, half, cell);
+            assert!(!is_creased, "{q:?} is off by {} cells", error / cell);
             missed += 1;
         }
     }

@@ -1,0 +1,75 @@
+//! Plain cells with several loops, and those whose vertex lies beyond them: what must be seen to where the surface
+//! passes their faces ([`super::super::faces`]).
+
+use super::{Builder, NO_VERTEX};
+use crate::contour::edges::{EDGE_PLACES, EdgeStreams};
+use crate::contour::field::Frame;
+use crate::contour::loops::tangled;
+use crate::contour::topology::CELL_LOOPS;
+use crate::lattice::BRICK_POINTS;
+
+impl Builder<'_> {
+    /// Takes a plain cell with one loop for one whose vertex lies beyond it.
+    pub(in crate::contour) fn let_stray(&mut self, cell: [usize; 3]) {
+        let Some((mask, _)) = self.cells.plain(cell).filter(|_| !self.field.merges()) else { return };
+        self.cells.special.push(cell.map(|c| c as u8));
+        let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
+        let edges = CELL_LOOPS[usize::from(mask)].edges[0];
+        for place in (0..12).filter(|edge| edges >> edge & 1 == 1).map(|edge| &EDGE_PLACES[edge]) {
+            self.quads[streams.slot(cell[0], place)].vertices[place.quadrant] = NO_VERTEX;
+        }
+    }
+
+    /// Sees to it that the vertices of several loops in one cell are apart: those that are not go to the mean of their
+    /// loop's crossings.
+    #[cold]
+    pub(super) fn separate_loops(&mut self) {
+        let lattice = self.frame.lattice();
+        for n in 0..self.cells.special.len() {
+            let cell = self.cells.special[n].map(usize::from);
+            let Some((mask, first)) = self.cells.plain(cell) else { continue };
+            let loops = &CELL_LOOPS[usize::from(mask)];
+            let own = first..first + usize::from(loops.count);
+            let within = |position: &[f32; 3]| within(&lattice, cell, *position);
+            let vertices: Vec<[f64; 3]> = self.cells.positions[own].iter().map(within).collect();
+            let tangled = tangled(mask, &vertices);
+            let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
+            for l in (0..usize::from(loops.count)).filter(|l| tangled >> l & 1 == 1) {
+                let edges = (0..12).filter(|edge| loops.edges[l] >> edge & 1 == 1);
+                let mut sum = [0.0; 3];
+                for edge in edges {
+                    let at = self.crossing(cell[0], edge, &streams);
+                    (0..3).for_each(|a| sum[a] += at[a]);
+                }
+                let mean = sum.map(|c| c / f64::from(loops.edges[l].count_ones()));
+                let [low, high] = [self.frame.margin, 1.0 - self.frame.margin];
+                self.cells.positions[first + l] = self.frame.world(cell, mean.map(|c| c.clamp(low, high)));
+            }
+        }
+    }
+}
+
+/// Where a position of the world lies in a cell between planes of a lattice, 0..1 along each axis.
+pub(in crate::contour) fn within(
+    lattice: &[[f32; BRICK_POINTS]; 3],
+    cell: [usize; 3],
+    position: [f32; 3],
+) -> [f64; 3] {
+    std::array::from_fn(|a| {
+        let [low, high] = [cell[a], cell[a] + 1].map(|n| f64::from(lattice[a][n]));
+        (f64::from(position[a]) - low) / (high - low)
+    })
+}
+
+/// World position of the point `at` of a cell, or near it if it is among those `before` it: loops of one cell can have
+/// the same minimiser, as on a needle thinner than the cell.
+#[inline(always)]
+pub(super) fn apart(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
+    let position = frame.world(cell, at);
+    if before.contains(&position) { moved(frame, cell, at, before) } else { position }
+}
+
+#[cold]
+fn moved(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
+    frame.free_place((cell, 1.0), at, |position| before.contains(position))
+}

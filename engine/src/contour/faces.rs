@@ -1,0 +1,255 @@
+//! Vertices on the faces of cells with several loops, and of cells whose vertex lies beyond them, where a mesh edge
+//! leaves the part of the cell that its loop has for itself ([`super::loops`]).
+//!
+//! They are found when the cells of both sides are known, by the leaf that owns the face: that of the upper cell. Only
+//! faces between plain cells of one size are looked at.
+
+use super::cells::{BrickCells, within};
+use super::extras::{Extra, edge_key, face_key, found_extra};
+use super::field::Field;
+use super::leaves::{Side, direction_index};
+use super::loops::Part;
+use super::planes::Plane;
+use super::surface::Surface;
+use super::topology::{CELL_LOOPS, edge_index, edge_lower, face_cuts};
+use crate::error::Result;
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// The vertices on faces that a leaf owns; numbered after those of its cells.
+#[derive(Default)]
+pub(super) struct FaceVertices {
+    /// Sorted by face and edge.
+    extras: Vec<Extra>,
+    pub positions: Vec<[f32; 3]>,
+}
+
+impl FaceVertices {
+    /// As [`BrickCells::extra`].
+    pub(super) fn extra(&self, face: u32, edge: u64) -> Option<u32> {
+        found_extra(&self.extras, face, edge)
+    }
+
+    /// Heap bytes.
+    pub(super) fn heap_bytes(&self) -> usize {
+        self.extras.capacity() * size_of::<Extra>() + self.positions.capacity() * size_of::<[f32; 3]>()
+    }
+
+    /// Those of a leaf with these cells.
+    pub(super) fn of(field: &Field, leaf: u32, cells: &Arc<BrickCells>) -> Result<FaceVertices> {
+        let around = field.leaves.around(leaf);
+        let own = Block::new(field, leaf, Arc::clone(cells));
+        let mut lower = [None, None, None];
+        let mut faces: BTreeSet<(usize, [usize; 3])> = BTreeSet::new();
+        for axis in 0..3 {
+            let mut step = [0; 3];
+            step[axis] = -1;
+            if let Side::Same(other) = around[direction_index(step)] {
+                let block = Block::new(field, other, field.cells(other)?);
+                let last = |cell: &&[u8; 3]| usize::from(cell[axis]) == BRICK_CELLS - 1;
+                for cell in block.cells.special.iter().filter(last) {
+                    let mut above = cell.map(usize::from);
+                    above[axis] = 0;
+                    faces.insert((axis, above));
+                }
+                lower[axis] = Some(block);
+            }
+        }
+        for cell in &cells.special {
+            for axis in 0..3 {
+                let cell = cell.map(usize::from);
+                faces.insert((axis, cell));
+                let mut above = cell;
+                above[axis] += 1;
+                if above[axis] < BRICK_CELLS {
+                    faces.insert((axis, above));
+                }
+            }
+        }
+        let mut found = Finder { field, leaf, own: &own, surface: None, found: FaceVertices::default() };
+        for (axis, above) in faces {
+            let mut below = above;
+            let block = if above[axis] > 0 { Some(&own) } else { lower[axis].as_ref() };
+            below[axis] = (above[axis] + BRICK_CELLS - 1) % BRICK_CELLS;
+            if let Some(block) = block {
+                found.face(Axis::ALL[axis], above, (block, below))?;
+            }
+        }
+        let mut found = found.found;
+        found.extras.sort_unstable_by_key(|extra| (extra.face, extra.edge));
+        Ok(found)
+    }
+}
+
+/// The cells of a leaf and where they lie.
+struct Block {
+    key: NodeKey,
+    cells: Arc<BrickCells>,
+    lattice: [[f32; BRICK_POINTS]; 3],
+}
+
+/// A cell without finer leaves around it, its loops and where their vertices lie, 0..1 along each axis of the cell.
+struct Sight {
+    mask: u8,
+    positions: Vec<[f32; 3]>,
+    vertices: Vec<[f64; 3]>,
+}
+
+impl Block {
+    fn new(field: &Field, leaf: u32, cells: Arc<BrickCells>) -> Block {
+        let key = field.leaves.get(leaf).key;
+        Block { key, cells, lattice: field.frame(key).lattice() }
+    }
+
+    fn sight(&self, cell: [usize; 3]) -> Option<Sight> {
+        let (mask, first) = self.cells.plain(cell)?;
+        let count = usize::from(CELL_LOOPS[usize::from(mask)].count);
+        let positions = self.cells.positions.get(first..first + count)?.to_vec();
+        let vertices = positions.iter().map(|&position| within(&self.lattice, cell, position)).collect();
+        Some(Sight { mask, positions, vertices })
+    }
+
+    /// World position of a point, 0..1 along each axis, of a cell's lower face across `axis`, off the face's border.
+    fn on_face(&self, axis: Axis, cell: [usize; 3], at: [f64; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| {
+            let [low, high] = [self.lattice[a][cell[a]], self.lattice[a][cell[a] + 1]];
+            if a == axis.index() {
+                return low;
+            }
+            let place = f64::from(low) + at[a] * (f64::from(high) - f64::from(low));
+            (place as f32).clamp(low.next_up(), high.next_down())
+        })
+    }
+}
+
+struct Finder<'a> {
+    field: &'a Field<'a>,
+    leaf: u32,
+    own: &'a Block,
+    /// Of the leaf, once it is needed.
+    surface: Option<Arc<Surface>>,
+    found: FaceVertices,
+}
+
+impl Finder<'_> {
+    /// Gives each cut of the lower face of the cell `above` a vertex if it needs one.
+    fn face(&mut self, axis: Axis, above: [usize; 3], (block, below): (&Block, [usize; 3])) -> Result<()> {
+        let (Some(upper), Some(lower)) = (self.own.sight(above), block.sight(below)) else { return Ok(()) };
+        let face = face_key(axis, above);
+        let bits = self.own.key.spacing_bits();
+        for (enter, leave) in face_cuts(upper.mask, axis, 0) {
+            let keys = [enter, leave].map(|edge| {
+                let (along, offset) = edge_lower(edge);
+                edge_key(offset.map(|o| (o as i32) << bits), along, self.own.key.level())
+            });
+            if self.own.cells.extra(face, keys[0]).is_some() {
+                continue;
+            }
+            let Some(at) = self.leaving(axis, above, [&upper, &lower], [enter, leave])? else { continue };
+            let vertex = (self.own.cells.len() + self.found.positions.len()) as u32;
+            self.found.positions.push(self.own.on_face(axis, above, at));
+            self.found.extras.extend(keys.map(|edge| Extra { face, edge, vertex }));
+        }
+        Ok(())
+    }
+
+    /// Where on the face the mesh edge of a cut should pass, in the upper cell, if it does not pass well by itself: where
+    /// the planes of the cut's two crossings meet on the face, or else where it does pass, pulled into both loops' parts
+    /// towards the middle between the crossings.
+    fn leaving(
+        &mut self,
+        axis: Axis,
+        above: [usize; 3],
+        [upper, lower]: [&Sight; 2],
+        cut: [usize; 2],
+    ) -> Result<Option<[f64; 3]>> {
+        let a = axis.index();
+        let of_upper = usize::from(CELL_LOOPS[usize::from(upper.mask)].of_edge[cut[0]]);
+        let of_lower = usize::from(CELL_LOOPS[usize::from(lower.mask)].of_edge[on_other_side(axis, cut[0])]);
+        let (Some(from), Some(to)) = (lower.positions.get(of_lower), upper.positions.get(of_upper)) else {
+            return Ok(None);
+        };
+        let (from, to) = (from.map(f64::from), to.map(f64::from));
+        let height = f64::from(self.own.lattice[a][above[a]]);
+        let share = (height - from[a]) / (to[a] - from[a]);
+        let passing: [f32; 3] = std::array::from_fn(|n| (from[n] + share * (to[n] - from[n])) as f32);
+        let mut passing = within(&self.own.lattice, above, passing);
+        passing[a] = 0.0;
+        let parts = [
+            Part::new(upper.mask, of_upper, &upper.vertices),
+            Part::new(lower.mask, of_lower, &lower.vertices),
+        ];
+        let is_between = share > 0.0 && share < 1.0;
+        if is_between && holds(axis, &parts, passing) {
+            return Ok(None);
+        }
+        let planes = self.planes(above, cut)?;
+        let inner = std::array::from_fn(|n| (planes[0].0[n] + planes[1].0[n]) / 2.0);
+        let start = meeting(axis, planes).or(is_between.then_some(passing)).unwrap_or(inner);
+        let pull = pull(axis, &parts, start, inner);
+        Ok(Some(std::array::from_fn(|n| start[n] + pull * (inner[n] - start[n]))))
+    }
+
+    /// The planes of the crossings on two edges of a cell, in its coordinates; points stay away from the edges' ends.
+    fn planes(&mut self, cell: [usize; 3], edges: [usize; 2]) -> Result<[Plane; 2]> {
+        let surface = match &self.surface {
+            Some(surface) => surface,
+            None => self.surface.insert(self.field.surface(self.leaf)?),
+        };
+        Ok(edges.map(|edge| {
+            let (along, offset) = edge_lower(edge);
+            let mut at = offset.map(|c| c as f64);
+            let Surface::Changes(changes) = &**surface else { return (at, [0.0; 3]) };
+            let plane = &changes.planes[changes.slot(along, std::array::from_fn(|n| cell[n] + offset[n]))];
+            at[along.index()] += f64::from(plane.fraction).clamp(1.0 / 64.0, 63.0 / 64.0);
+            (at, plane.normal.map(f64::from))
+        }))
+    }
+}
+
+/// A point of a cell's lower face as one of the upper face of the cell below.
+fn on_lower(axis: Axis, mut at: [f64; 3]) -> [f64; 3] {
+    at[axis.index()] = 1.0;
+    at
+}
+
+/// Whether a point of a cell's lower face across `axis` is on the face and in the parts of the loops above and below.
+fn holds(axis: Axis, [upper, lower]: &[Part; 2], at: [f64; 3]) -> bool {
+    let is_there = (0..3).all(|n| n == axis.index() || (at[n] > 0.0 && at[n] < 1.0));
+    is_there && upper.holds(at) && lower.holds(on_lower(axis, at))
+}
+
+/// How far to go, 0 to 1, from a point of the face towards `inner`, which is there, to be there.
+fn pull(axis: Axis, [upper, lower]: &[Part; 2], at: [f64; 3], inner: [f64; 3]) -> f64 {
+    let mut pull = upper.pull(at, inner).max(lower.pull(on_lower(axis, at), on_lower(axis, inner)));
+    for n in (0..3).filter(|&n| n != axis.index() && !(at[n] > 0.0 && at[n] < 1.0)) {
+        let goal = if at[n] < 0.5 { inner[n] / 8.0 } else { 1.0 - (1.0 - inner[n]) / 8.0 };
+        pull = pull.max((at[n] - goal) / (at[n] - inner[n]));
+    }
+    pull
+}
+
+/// Where two planes meet on the lower face of a cell across `axis`, if they do at an angle of more than 6°.
+fn meeting(axis: Axis, [(p, m), (q, n)]: [Plane; 2]) -> Option<[f64; 3]> {
+    let (u, v) = axis.others();
+    let (u, v) = (u.index(), v.index());
+    let determinant = m[u] * n[v] - m[v] * n[u];
+    let squares = (m[u] * m[u] + m[v] * m[v]) * (n[u] * n[u] + n[v] * n[v]);
+    if determinant * determinant <= 0.01 * squares {
+        return None;
+    }
+    let (d, e) = (m[u] * p[u] + m[v] * p[v], n[u] * q[u] + n[v] * q[v]);
+    let mut at = [0.0; 3];
+    at[u] = (d * n[v] - e * m[v]) / determinant;
+    at[v] = (m[u] * e - n[u] * d) / determinant;
+    (at[u] > 0.0 && at[u] < 1.0 && at[v] > 0.0 && at[v] < 1.0).then_some(at)
+}
+
+/// The edge of the lower face of a cell as one of the upper face of the cell below.
+fn on_other_side(axis: Axis, edge: usize) -> usize {
+    let (along, mut low) = edge_lower(edge);
+    low[axis.index()] = 1;
+    let (u, v) = along.others();
+    edge_index(along, low[u.index()], low[v.index()])
+}

@@ -1,0 +1,191 @@
+//! Cells with several loops: planes that keep what belongs to one loop from what belongs to another.
+//!
+//! For any two loops of a cell there is a plane with the edges that one crosses on one side and those of the other on the
+//! other side. Where each vertex lies on the side of its own loop's edges, and so do the points where mesh edges leave
+//! the cell, the parts of the surface within the cell cannot meet, as those of one loop lie in the convex hull of these.
+
+use super::topology::{CELL_LOOPS, edge_lower};
+use std::sync::LazyLock;
+
+/// Loops of a cell, and pairs of them, at most.
+const LOOPS: usize = 4;
+const PAIRS: usize = LOOPS * (LOOPS - 1) / 2;
+
+/// What rounding may change of a sum of three numbers in 0..1.
+const SLACK: f64 = 1e-12;
+
+/// Two loops of a cell lie where `normal`·p is at most `low`, and at least `high`; p is 0..1 along each axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Gap {
+    normal: [i8; 3],
+    low: i8,
+    high: i8,
+}
+
+/// By corner mask and pair (i, j), i < j, at j·(j − 1)/2 + i.
+static GAPS: LazyLock<Box<[[Gap; PAIRS]; 256]>> = LazyLock::new(|| {
+    let mut gaps = Box::new([[Gap::default(); PAIRS]; 256]);
+    for (mask, gaps) in gaps.iter_mut().enumerate() {
+        for (i, j) in pairs(CELL_LOOPS[mask].count.into()) {
+            gaps[j * (j - 1) / 2 + i] = widest(mask, i, j);
+        }
+    }
+    gaps
+});
+
+fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..count).flat_map(|j| (0..j).map(move |i| (i, j)))
+}
+
+/// Ends of the edges of a loop.
+fn ends(mask: usize, of: usize) -> impl Iterator<Item = [i8; 3]> {
+    let edges = CELL_LOOPS[mask].edges[of];
+    (0..12).filter(move |edge| edges >> edge & 1 == 1).flat_map(|edge| {
+        let (axis, low) = edge_lower(edge);
+        let low = low.map(|c| c as i8);
+        let mut high = low;
+        high[axis.index()] += 1;
+        [low, high]
+    })
+}
+
+fn along(normal: [i8; 3], at: [i8; 3]) -> i8 {
+    (0..3).map(|a| normal[a] * at[a]).sum()
+}
+
+/// The gap with the most room of all whose normals have components −1, 0 and 1, the first one of equals.
+fn widest(mask: usize, i: usize, j: usize) -> Gap {
+    let normals = (0..27i8).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]);
+    let gaps = normals.map(|normal| {
+        let low = ends(mask, i).map(|at| along(normal, at)).max().unwrap_or_default();
+        let high = ends(mask, j).map(|at| along(normal, at)).min().unwrap_or_default();
+        Gap { normal, low, high }
+    });
+    let room = |gap: &Gap| if gap.normal == [0; 3] { i8::MIN } else { gap.high - gap.low };
+    gaps.reduce(|best, gap| if room(&gap) > room(&best) { gap } else { best }).unwrap_or_default()
+}
+
+impl Gap {
+    fn along(&self, at: [f64; 3]) -> f64 {
+        (0..3).map(|a| f64::from(self.normal[a]) * at[a]).sum()
+    }
+
+    /// Where between them the vertices of the two loops are kept apart, if they are.
+    fn offset(&self, [first, second]: [[f64; 3]; 2]) -> Option<f64> {
+        let [first, second] = [first, second].map(|vertex| self.along(vertex));
+        let offset = ((first + second) / 2.0).clamp(self.low.into(), self.high.into());
+        (first < offset - SLACK && offset + SLACK < second).then_some(offset)
+    }
+}
+
+/// Which loops of a cell, by bit, are not kept apart from another one by their `vertices`.
+pub(super) fn tangled(mask: u8, vertices: &[[f64; 3]]) -> u8 {
+    let tangled = pairs(vertices.len().min(LOOPS)).filter(|&(i, j)| {
+        let gap = &GAPS[usize::from(mask)][j * (j - 1) / 2 + i];
+        gap.offset([vertices[i], vertices[j]]).is_none()
+    });
+    tangled.fold(0, |all, (i, j)| all | 1 << i | 1 << j)
+}
+
+/// The part of a cell that belongs to one loop: where `normal`·p ≤ `offset` for each of some planes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Part {
+    planes: [([f64; 3], f64); LOOPS - 1],
+    count: usize,
+}
+
+impl Part {
+    /// That of loop `of` of a cell with these vertices. Vertices that are not kept apart give no plane.
+    pub(super) fn new(mask: u8, of: usize, vertices: &[[f64; 3]]) -> Part {
+        let mut part = Part::default();
+        for (i, j) in pairs(vertices.len().min(LOOPS)).filter(|&(i, j)| i == of || j == of) {
+            let gap = &GAPS[usize::from(mask)][j * (j - 1) / 2 + i];
+            if let Some(offset) = gap.offset([vertices[i], vertices[j]]) {
+                let sign = if i == of { 1.0 } else { -1.0 };
+                part.planes[part.count] = (gap.normal.map(|c| sign * f64::from(c)), sign * offset);
+                part.count += 1;
+            }
+        }
+        part
+    }
+
+    /// Whether a point is in the part.
+    pub(super) fn holds(&self, at: [f64; 3]) -> bool {
+        self.planes[..self.count].iter().all(|(normal, offset)| dot(normal, at) < offset - SLACK)
+    }
+
+    /// How far to go from a point `at` towards `inner`, which lies in the part, 0 to 1, to be in the part: not at all,
+    /// or until an eighth of the way between `inner` and the planes is left.
+    pub(super) fn pull(&self, at: [f64; 3], inner: [f64; 3]) -> f64 {
+        let mut pull = 0.0f64;
+        for (normal, offset) in &self.planes[..self.count] {
+            let (at, inner) = (dot(normal, at), dot(normal, inner));
+            if at >= offset - SLACK {
+                let goal = offset - (offset - inner) / 8.0;
+                pull = pull.max(((at - goal) / (at - inner)).clamp(0.0, 1.0));
+            }
+        }
+        pull
+    }
+}
+
+fn dot(normal: &[f64; 3], at: [f64; 3]) -> f64 {
+    (0..3).map(|a| normal[a] * at[a]).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn every_two_loops_of_a_cell_have_a_plane_between_them() {
+        let mut tight = 0;
+        for mask in 0..256 {
+            for (i, j) in pairs(CELL_LOOPS[mask].count.into()) {
+                let gap = GAPS[mask][j * (j - 1) / 2 + i];
+                assert!(gap.normal != [0; 3] && gap.low <= gap.high, "mask {mask}: {gap:?}");
+                assert!(ends(mask, i).all(|at| along(gap.normal, at) <= gap.low));
+                assert!(ends(mask, j).all(|at| along(gap.normal, at) >= gap.high));
+                tight += usize::from(gap.low == gap.high);
+            }
+        }
+        // All but two corners that are opposite each other.
+        assert_eq!(tight, 118 - 8);
+    }
+
+    proptest! {
+        #[test]
+        fn means_of_crossings_are_never_tangled_and_points_are_pulled_into_parts(
+            mask in any::<u8>(),
+            at in prop::collection::vec(0.001f64..0.999, 12),
+            far in prop::array::uniform3(0.0f64..1.0),
+        ) {
+            let loops = &CELL_LOOPS[usize::from(mask)];
+            let mean = |of: usize| -> [f64; 3] {
+                let edges = (0..12).filter(|edge| loops.edges[of] >> edge & 1 == 1);
+                let mut sum = [0.0; 3];
+                for edge in edges {
+                    let (axis, low) = edge_lower(edge);
+                    let mut p = low.map(|c| c as f64);
+                    p[axis.index()] += at[edge];
+                    (0..3).for_each(|a| sum[a] += p[a]);
+                }
+                sum.map(|c| c / f64::from(loops.edges[of].count_ones()))
+            };
+            let vertices: Vec<[f64; 3]> = (0..loops.count.into()).map(mean).collect();
+            prop_assert_eq!(tangled(mask, &vertices), 0);
+            for of in 0..vertices.len() {
+                let part = Part::new(mask, of, &vertices);
+                prop_assert_eq!(part.count, vertices.len() - 1);
+                for other in 0..vertices.len() {
+                    prop_assert_eq!(part.pull(vertices[other], vertices[of]) > 0.0, other != of);
+                }
+                let pull = part.pull(far, vertices[of]);
+                let pulled = std::array::from_fn(|a| far[a] + pull * (vertices[of][a] - far[a]));
+                prop_assert_eq!(part.pull(pulled, vertices[of]), 0.0);
+                prop_assert_eq!((part.holds(far), part.holds(pulled)), (pull == 0.0, true));
+            }
+        }
+    }
+}
