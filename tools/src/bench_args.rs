@@ -9,11 +9,14 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]
 #[command(after_help = "\
-Inputs are made on demand in the cache folder and their bytes checked; 3 GB for `paper`, 7 GB with --full. Every \
-figure is that of whole commands of this program, started anew for each round, and stands beside the read floor of its \
-input in the same round: streaming the file with all cores and snapping every vertex in plain code. Memory is the \
-largest RssAnon of the process, read every 2 ms. What is told is the median of the rounds, with the least and the \
-greatest.
+Inputs are made on demand in the cache folder and their bytes checked: 3.5 GB for `paper` and `scale`, 7.2 GB with \
+--full, 0.2 GB with --quick; what is written while measuring takes up to 3, 6 and 1 GiB more. That there is room is \
+checked first. Every figure is that of whole commands of this program, started anew for each round, and stands beside \
+the read floor of its input in the same round: streaming the file with all cores and snapping every vertex in plain \
+code. Limits are times divided by the least that the machine needs: the bytes of all files that are read whole and of \
+those that are written, once, at the speed at which all threads add up 256 MiB; or for the sum over all triangles its \
+operations, 67 for a sample and a triangle, at that of plain multiplications and additions. Memory is the largest \
+RssAnon of the process, read every 2 ms. What is told is the median of the rounds, with the least and the greatest.
 
 Examples:
   brickfield bench -o now.json --report now.html

@@ -8,7 +8,9 @@
 mod child;
 mod compare;
 mod floor;
+mod histogram;
 mod inputs;
+mod limits;
 mod machine;
 mod paper;
 mod peers;
@@ -59,6 +61,9 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
     }
     suites.sort_unstable();
     suites.dedup();
+    let asked = suites.iter().flat_map(|&suite| suites::inputs(suite, args.quick, args.full));
+    let asked: Vec<_> = asked.chain(args.peers.iter().flat_map(|_| peers::inputs(args.quick))).collect();
+    cache.require_room(&asked, scratch_bytes(args.quick, args.full))?;
     let begun = Instant::now();
     let (date, load) = (machine::date(), machine::load());
     let mut results = Results {
@@ -80,6 +85,7 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
         seconds: 0.0,
         input_seconds: 0.0,
         load: [load, load],
+        limits: Vec::new(),
         inputs: Vec::new(),
         figures: Vec::new(),
     };
@@ -116,6 +122,15 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
     }
 }
 
+/// The most that is written while measuring, removed before the next job: stores, meshes and temporary files.
+fn scratch_bytes(quick: bool, full: bool) -> u64 {
+    match (quick, full) {
+        (true, _) => 1 << 30,
+        (_, false) => 3 << 30,
+        (_, true) => 6 << 30,
+    }
+}
+
 /// Adds the figures that come of `work` in a folder that is removed afterwards.
 fn with_bench(
     cache: &Cache,
@@ -127,9 +142,20 @@ fn with_bench(
     let scratch = scratch.with_context(|| format!("{}: cannot be written to", cache.folder().display()))?;
     let Settings { quick, full, rounds, threads, .. } = results.settings;
     let (folder, inputs) = (scratch.path().to_owned(), std::mem::take(&mut results.inputs));
-    let mut bench = Bench { cache, folder, threads, quick, full, progress: bars, inputs, input_seconds: 0.0 };
+    let mut bench = Bench {
+        cache,
+        folder,
+        threads,
+        quick,
+        full,
+        progress: bars,
+        inputs,
+        input_seconds: 0.0,
+        limits: Vec::new(),
+    };
     results.figures.extend(work(&mut bench, rounds)?);
     results.inputs = bench.inputs;
+    results.limits.extend(bench.limits);
     results.input_seconds += bench.input_seconds;
     Ok(())
 }
@@ -143,6 +169,7 @@ fn measure_suite(
 ) -> Result<Vec<Figure>, Failure> {
     let mut jobs = suites::jobs(suite, bench)?;
     for round in 1..=rounds {
+        bench.limits.push(limits::measure());
         bench.progress.phase(&format!("{name} {round}/{rounds}"), Some(jobs.len() as u64), "jobs");
         for job in &mut jobs {
             bench.progress.check()?;
@@ -170,6 +197,8 @@ fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
     };
     let fewer = job.fewer.as_deref().map(&mut run_all).transpose()?;
     let whole = run_all(&job.lines)?;
+    let moved = job.reads.as_deref().map(|reads| bench.bytes_moved(reads)).transpose();
+    let moved = moved.context("what a job wrote cannot be looked at")?;
     for (figure, factor) in &mut job.figures {
         figure.rounds.push(match &fewer {
             None => whole,
@@ -183,6 +212,7 @@ fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
             .into());
         }
         figure.facts = facts.clone();
+        figure.least_bytes = moved;
     }
     Ok(())
 }
