@@ -143,6 +143,26 @@ fn peers_that_fail_say_so_in_their_rows() {
 }
 
 #[test]
+fn instructions_need_valgrind_and_a_sound_baseline() {
+    let dir = Scratch::new();
+    let cache = dir.path("cache");
+    let told = program().args(["bench", "instructions"]).arg("--cache").arg(&cache).env("PATH", "").output();
+    let line = Run::from(told.expect("it runs")).failed();
+    assert!(line.contains("cannot run valgrind") && line.contains("install it"), "{line}");
+    let text = dir.file("text.json", "solid");
+    let new = dir.file(
+        "new.json",
+        r#"{"format": 2, "program": "p", "rustc": "r", "valgrind": "v", "vectors": "w", "counts": []}"#,
+    );
+    for (bad, why) in [(&dir.path("none.json"), "cannot be read"), (&text, "no counts"), (&new, "version 2")]
+    {
+        let line = run(&[&"bench", &"instructions", &"--baseline", bad, &"--cache", &cache]).failed();
+        assert!(line.contains(why) && line.contains(bad.file_name().unwrap().to_str().unwrap()), "{line}");
+    }
+    assert!(!cache.exists());
+}
+
+#[test]
 fn bad_results_are_refused() {
     let dir = Scratch::new();
     let none = dir.path("none.json");

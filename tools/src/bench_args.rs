@@ -34,6 +34,7 @@ pub struct BenchArgs {
 pub enum BenchCommand {
     Compare(BenchCompareArgs),
     Report(BenchReportArgs),
+    Instructions(BenchInstructionsArgs),
 }
 
 #[derive(Args)]
@@ -115,4 +116,32 @@ pub struct BenchReportArgs {
     /// The report; .html or .md
     #[arg(long, short, value_name = "OUT.html|OUT.md")]
     pub output: PathBuf,
+}
+
+/// Count the instructions of this program's kernels, which other programs on the machine do not change
+#[derive(Args)]
+#[command(after_help = "\
+A few commands on small inputs, one thread each, under `valgrind --tool=callgrind`, which must be installed. A kernel \
+is a function with all that it calls. Counts differ with the compiler and with the vectors that valgrind has, so a file \
+tells both. Differences are told and are no failure: status 0.
+
+Examples:
+  brickfield bench instructions --baseline bench-data/instructions.json
+  brickfield bench instructions -o bench-data/instructions.json")]
+pub struct BenchInstructionsArgs {
+    /// Tell the differences from what -o wrote
+    #[arg(long, value_name = "COUNTS.json")]
+    pub baseline: Option<PathBuf>,
+    /// Write the counts
+    #[arg(long, short, value_name = "COUNTS.json")]
+    pub output: Option<PathBuf>,
+    /// Folder for inputs [default: brickfield in $XDG_CACHE_HOME or ~/.cache]
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+    /// Print what -o writes in place of the table
+    #[arg(long)]
+    pub json: bool,
+    /// No progress
+    #[arg(long, short)]
+    pub quiet: bool,
 }

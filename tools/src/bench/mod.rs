@@ -3,13 +3,16 @@
 //! Suites are lists of jobs, jobs are commands of this program (`plan`, `suites`, `paper`) that are run as processes of
 //! their own (`child`), on inputs that are made once (`inputs`), beside the read floor (`floor`). What was measured is
 //! one file (`result`), for people a table (`table`), compared with another (`compare`) or shown (`report`,
-//! `sections`, `plots`). Other programs are asked by `peers`.
+//! `sections`, `plots`). Other programs are asked by `peers`. Instructions are counted apart (`instructions`,
+//! `callgrind`).
 
+mod callgrind;
 mod child;
 mod compare;
 mod floor;
 mod histogram;
 mod inputs;
+mod instructions;
 mod limits;
 mod machine;
 mod paper;
@@ -42,6 +45,7 @@ pub fn run(args: BenchArgs) -> Result<(), Failure> {
     match args.command {
         Some(BenchCommand::Compare(args)) => compare::run(&args),
         Some(BenchCommand::Report(args)) => report::run(&args),
+        Some(BenchCommand::Instructions(args)) => instructions::run(&args),
         None => measure(args.run),
     }
 }
