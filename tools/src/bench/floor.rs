@@ -58,15 +58,13 @@ fn read_all(path: &Path) -> Result<i64, Error> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
+    // No imports: where this file is part of a benchmark, `cfg(test)` holds and tests are left out.
     #[test]
     fn plain_snapping_is_the_engines() {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl/spot40_model.stl");
-        let [plain, own] = [
-            read_and_snap(&file, snap_plainly).map_err(|error| error.to_string()),
-            read_and_snap(&file, ROOT.snapper()).map_err(|error| error.to_string()),
-        ];
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl/spot40_model.stl");
+        let plain = super::read_and_snap(&file, super::snap_plainly).map_err(|error| error.to_string());
+        let own = super::read_and_snap(&file, super::ROOT.snapper()).map_err(|error| error.to_string());
         assert!(plain.is_ok(), "{plain:?}");
         assert_eq!(plain, own);
     }
