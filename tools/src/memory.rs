@@ -25,7 +25,7 @@ const BYTES_A_POINT: u64 = 500;
 /// What a thread needs beside pieces and records: a brick in work, its crossings, tables.
 const BYTES_A_THREAD: u64 = 8 << 20;
 /// Buffers, the program, what the allocator cannot return.
-const BYTES_FIXED: u64 = 48 << 20;
+const BYTES_BESIDE: u64 = 48 << 20;
 /// Least for pieces and records.
 const BYTES_TO_WORK_WITH: u64 = 16 << 20;
 
@@ -34,31 +34,28 @@ pub fn budget(limit: Option<Size>) -> Option<Size> {
     limit.or_else(|| available().map(|size| Size(size.0 / 2)))
 }
 
-/// What contouring takes beside its caches: the triangles of sixteen leaves a thread as bytes, the program. Measured on a mesh of
-/// 108 million triangles with two threads: 75 to 125 MiB.
-const BYTES_MESH_FIXED: u64 = 48 << 20;
-/// A thread's share of that.
+/// A thread's share of contouring, beside its caches: the triangles of sixteen leaves as bytes. Measured on a mesh of 108 million triangles
+/// with two threads: 75 to 125 MiB with [`BYTES_BESIDE`].
 const BYTES_MESH_A_THREAD: u64 = 40 << 20;
+/// A thread's share of drawing: its part of a band of tiles, the bricks it looks at. Measured with two threads: 40 MiB
+/// with [`BYTES_BESIDE`].
+const BYTES_PICTURE_A_THREAD: u64 = 8 << 20;
 /// Least for caches; less would make the same bricks over and over.
-const BYTES_MESH_CACHES: u64 = 32 << 20;
+const BYTES_CACHES: u64 = 32 << 20;
 
 /// What of the memory for contouring is left for caches.
 pub fn mesh_caches(memory: Size) -> u64 {
-    let beside = BYTES_MESH_FIXED + rayon::current_num_threads() as u64 * BYTES_MESH_A_THREAD;
-    memory.0.saturating_sub(beside).max(BYTES_MESH_CACHES)
+    caches(memory, BYTES_MESH_A_THREAD)
 }
-
-/// What pictures take beside bricks: the program, a band of tiles, the index of nodes. Measured: 40 MiB.
-const BYTES_PICTURE_FIXED: u64 = 48 << 20;
-/// A thread's share of that: the bricks it looks at.
-const BYTES_PICTURE_A_THREAD: u64 = 8 << 20;
-/// Least for bricks.
-const BYTES_PICTURE_CACHE: u64 = 32 << 20;
 
 /// What of the memory for a picture is left for bricks.
 pub fn picture_caches(memory: Size) -> u64 {
-    let beside = BYTES_PICTURE_FIXED + rayon::current_num_threads() as u64 * BYTES_PICTURE_A_THREAD;
-    memory.0.saturating_sub(beside).max(BYTES_PICTURE_CACHE)
+    caches(memory, BYTES_PICTURE_A_THREAD)
+}
+
+fn caches(memory: Size, bytes_a_thread: u64) -> u64 {
+    let beside = BYTES_BESIDE + rayon::current_num_threads() as u64 * bytes_a_thread;
+    memory.0.saturating_sub(beside).max(BYTES_CACHES)
 }
 
 /// What is left of `budget` for pieces and records; fails if that is too little.
@@ -84,7 +81,7 @@ fn left_of(
     remedy: &str,
 ) -> Result<u64, Failure> {
     let Some(budget) = budget else { return Ok(u64::MAX) };
-    let beside = BYTES_FIXED + rayon::current_num_threads() as u64 * BYTES_A_THREAD + parsed;
+    let beside = BYTES_BESIDE + rayon::current_num_threads() as u64 * BYTES_A_THREAD + parsed;
     if beside + need <= budget.0 {
         return Ok(budget.0 - beside);
     }

@@ -1,6 +1,6 @@
 //! Hermite edges of an interior node, from those of its children.
 
-use super::{Hermite, HermiteEdge, SignChanges};
+use super::{Hermite, HermiteEdge, Ranks, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS};
 
 /// Index of the first sample that a parent takes of an upper child.
@@ -32,7 +32,7 @@ impl Hermite {
                 let low = [0, 1, 2].map(|a| 2 * (at[a] - HALF * upper[a]));
                 let edge = match (&children[octant], &ranks[octant]) {
                     (Some((signs, hermite)), Some(ranks)) => {
-                        of_two(signs, &hermite.edges[axis.index()], &ranks[..], axis, low)
+                        of_two(signs, &hermite.edges[axis.index()], ranks, axis, low)
                     }
                     _ => None,
                 };
@@ -52,7 +52,7 @@ impl Hermite {
 fn of_two(
     signs: &SignChanges,
     edges: &[HermiteEdge],
-    ranks: &[u32],
+    ranks: &Ranks,
     axis: Axis,
     low: [usize; 3],
 ) -> Option<HermiteEdge> {
@@ -60,12 +60,10 @@ fn of_two(
     middle[axis.index()] += 1;
     let second = signs.is_inside(low) == signs.is_inside(middle);
     let [i, j, k] = if second { middle } else { low };
-    let row = signs.edges(axis, j, k);
-    if row >> i & 1 == 0 {
+    if signs.edges(axis, j, k) >> i & 1 == 0 {
         return None;
     }
-    let before = (row & ((1 << i) - 1)).count_ones();
-    let fine = edges.get((ranks[k * BRICK_POINTS + j] + before) as usize)?;
+    let fine = edges.get(signs.rank(axis, [i, j, k], ranks))?;
     let offset = (u32::from(second) << 16 | u32::from(fine.offset)) >> 1;
     Some(HermiteEdge { offset: offset as u16, normal: fine.normal })
 }

@@ -113,6 +113,9 @@ fn along_row(row: u64) -> u64 {
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 
+/// As [`SignChanges::ranks`] gives them.
+pub type Ranks = [u32; ROWS + 1];
+
 impl SignChanges {
     /// Classifies samples against 0.5; of whole ones those of 1 and more are inside.
     pub fn of(samples: &Samples) -> SignChanges {
@@ -202,13 +205,21 @@ impl SignChanges {
 
     /// For each row k·33 + j, how many sign-changing edges along `axis` the rows before it hold; the last
     /// entry is the number of all.
-    pub fn ranks(&self, axis: Axis) -> Box<[u32; ROWS + 1]> {
+    pub fn ranks(&self, axis: Axis) -> Box<Ranks> {
         let mut ranks = vec![0u32; ROWS + 1];
         for row in 0..ROWS {
             let count = self.edges(axis, row % BRICK_POINTS, row / BRICK_POINTS).count_ones();
             ranks[row + 1] = ranks[row] + count;
         }
         ranks.into_boxed_slice().try_into().expect("the length is ROWS + 1")
+    }
+
+    /// How many sign-changing edges along `axis` come before the edge that starts at sample (i, j, k), given their
+    /// [`SignChanges::ranks`].
+    #[inline(always)]
+    pub(crate) fn rank(&self, axis: Axis, [i, j, k]: [usize; 3], ranks: &Ranks) -> usize {
+        let before = self.edges(axis, j, k) & ((1 << i) - 1);
+        (ranks[k * BRICK_POINTS + j] + before.count_ones()) as usize
     }
 
     /// Number of sign-changing edges along each axis.

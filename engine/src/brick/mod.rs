@@ -9,7 +9,7 @@ mod range;
 mod samples;
 
 pub(crate) use hermite::inside_from;
-pub use hermite::{Hermite, HermiteEdge, OctNormal, SignChanges};
+pub use hermite::{Hermite, HermiteEdge, OctNormal, Ranks, SignChanges};
 pub(crate) use samples::SamplesInOrder;
 pub use samples::{POINTS, Samples, point_index};
 

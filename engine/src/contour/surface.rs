@@ -2,7 +2,7 @@
 
 use super::leaves::Leaf;
 use super::planes::{EdgePlane, decode};
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Ranks, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant};
 use crate::store::BrickTree;
@@ -24,7 +24,7 @@ pub(super) struct Changes {
     /// Hermite edges, those along x first, in the order of the linear index of the edge's lower sample.
     pub planes: Vec<EdgePlane>,
     /// By axis and row of lower samples, how many edges come before.
-    ranks: [Box<[u32; ROWS + 1]>; 3],
+    ranks: [Box<Ranks>; 3],
 }
 
 /// Which level set of the samples is contoured.
@@ -85,7 +85,7 @@ impl Surface {
         match self {
             Surface::Uniform(_) => 0,
             Surface::Changes(c) => {
-                ROWS * 8 + 3 * (ROWS + 1) * 4 + c.planes.capacity() * size_of::<EdgePlane>()
+                ROWS * 8 + 3 * size_of::<Ranks>() + c.planes.capacity() * size_of::<EdgePlane>()
             }
         }
     }
@@ -114,9 +114,8 @@ impl Changes {
 
     /// Place in `planes` of the edge along `axis` that starts at sample (i, j, k).
     #[inline(always)]
-    pub(super) fn slot(&self, axis: Axis, [i, j, k]: [usize; 3]) -> usize {
-        let before = self.signs.edges(axis, j, k) & ((1 << i) - 1);
-        (self.ranks[axis.index()][k * BRICK_POINTS + j] + before.count_ones()) as usize
+    pub(super) fn slot(&self, axis: Axis, ijk: [usize; 3]) -> usize {
+        self.signs.rank(axis, ijk, &self.ranks[axis.index()])
     }
 }
 

@@ -224,24 +224,18 @@ impl Scratch {
         for axis in Axis::ALL {
             let (a, step) = (axis.index(), BRICK_POINTS.pow(axis.index() as u32));
             let mut edges = hermite.edges[a].iter();
-            for row in 0..BRICK_POINTS * BRICK_POINTS {
-                let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
-                let mut bits = signs.edges(axis, j, k);
-                while bits != 0 {
-                    let i = bits.trailing_zeros() as usize;
-                    bits &= bits - 1;
-                    let Some(edge) = edges.next() else { return };
-                    let (at, along) = (edge.fraction() as f32, edge.normal.to_vector());
-                    let starts_inside = signs.is_inside([i, j, k]);
-                    // The field grows inward, normals look outward.
-                    let gradient = along.map(|c| -c as f32);
-                    let cosine = if starts_inside { -gradient[a] } else { gradient[a] }.max(COSINE_MIN);
-                    let sign = if starts_inside { 1.0 } else { -1.0 };
-                    let low = row * BRICK_POINTS + i;
-                    self.add(low, sign * at * cosine, gradient, 1.0 / (at + 0.1));
-                    self.add(low + step, -sign * (1.0 - at) * cosine, gradient, 1.0 / (1.1 - at));
-                }
-            }
+            signs.for_edges(axis, |ijk| {
+                let Some(edge) = edges.next() else { return };
+                let (at, along) = (edge.fraction() as f32, edge.normal.to_vector());
+                let starts_inside = signs.is_inside(ijk);
+                // The field grows inward, normals look outward.
+                let gradient = along.map(|c| -c as f32);
+                let cosine = if starts_inside { -gradient[a] } else { gradient[a] }.max(COSINE_MIN);
+                let sign = if starts_inside { 1.0 } else { -1.0 };
+                let low = point_index(ijk);
+                self.add(low, sign * at * cosine, gradient, 1.0 / (at + 0.1));
+                self.add(low + step, -sign * (1.0 - at) * cosine, gradient, 1.0 / (1.1 - at));
+            });
         }
         self.divide(0);
     }

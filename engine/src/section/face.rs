@@ -6,8 +6,8 @@
 //! the samples or the boundary is flat, and off by the square of the cell elsewhere.
 
 use super::plane::Plane;
-use crate::brick::{Brick, Hermite, Samples, SignChanges};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use crate::brick::{Brick, Hermite, Ranks, Samples, SignChanges};
+use crate::lattice::{Axis, BRICK_CELLS};
 
 /// The boundary in one layer of a brick's cells.
 pub(super) struct Layer<'a> {
@@ -20,9 +20,6 @@ pub(super) struct Layer<'a> {
     layer: usize,
     part: f64,
 }
-
-/// As [`SignChanges::ranks`].
-type Ranks = [u32; BRICK_POINTS * BRICK_POINTS + 1];
 
 impl<'a> Layer<'a> {
     /// Of the brick; the plane lies `height` samples above its first one, 0 to 32. `None` if the brick is uniform.
@@ -90,14 +87,12 @@ impl<'a> Layer<'a> {
 
     /// Where on the lattice edge from the sample, 0..1, the boundary crosses it, if it does.
     fn crossing(&self, axis: Axis, [i, j, k]: [usize; 3]) -> Option<f64> {
-        let bits = self.signs.edges(axis, j, k);
-        if bits >> i & 1 == 0 {
+        if self.signs.edges(axis, j, k) >> i & 1 == 0 {
             return None;
         }
         if let Some((hermite, ranks)) = &self.hermite {
-            let before = (bits & ((1 << i) - 1)).count_ones();
-            let rank = ranks[axis.index()][k * BRICK_POINTS + j] + before;
-            return Some(hermite.edges[axis.index()][rank as usize].fraction());
+            let rank = self.signs.rank(axis, [i, j, k], &ranks[axis.index()]);
+            return Some(hermite.edges[axis.index()][rank].fraction());
         }
         let mut end = [i, j, k];
         end[axis.index()] += 1;

@@ -77,10 +77,7 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
         date,
         machine: Machine::this(),
         settings: Settings {
-            suites: suites
-                .iter()
-                .filter_map(|suite| Some(suite.to_possible_value()?.get_name().to_owned()))
-                .collect(),
+            suites: suites.iter().copied().map(name_of).collect(),
             quick: args.quick,
             full: args.full,
             rounds: args.rounds,
@@ -94,7 +91,7 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
         figures: Vec::new(),
     };
     for suite in suites {
-        let name = suite.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
+        let name = name_of(suite);
         with_bench(&cache, &bars, &mut results, |bench, rounds| measure_suite(suite, &name, bench, rounds))?;
     }
     if let Some(python) = &args.peers {
@@ -133,6 +130,11 @@ fn scratch_bytes(quick: bool, full: bool) -> u64 {
         (_, false) => 3 << 30,
         (_, true) => 6 << 30,
     }
+}
+
+/// As it is typed.
+fn name_of(suite: SuiteArg) -> String {
+    suite.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
 }
 
 /// Adds the figures that come of `work` in a folder that is removed afterwards.

@@ -77,6 +77,11 @@ fn unit_of(meta: &Meta) -> &str {
     if meta.unit.is_empty() { "units" } else { &meta.unit }
 }
 
+/// The error of a length with a unit, asked of a store without.
+fn no_unit() -> Failure {
+    Failure::Usage("the store has no unit of length; give lengths as numbers alone".to_owned())
+}
+
 /// Checks a level against the store's deepest.
 fn require_level(store: &Store, level: u8) -> Result<(), Failure> {
     let deepest = store.entries().last().map_or(0, |entry| entry.key.level());

@@ -1,6 +1,6 @@
 //! `brickfield render`: the part in space as a picture.
 
-use super::{of_store, open_store, require_level, start};
+use super::{no_unit, of_store, open_store, require_level, start};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
@@ -49,9 +49,7 @@ fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderO
     let meta = store.meta();
     let mut cuts = Vec::new();
     for cut in &args.cut {
-        let at = cut.at.in_unit_of(&meta.unit).ok_or_else(|| {
-            Failure::Usage("the store has no unit of length; give lengths as numbers alone".to_owned())
-        })?;
+        let at = cut.at.in_unit_of(&meta.unit).ok_or_else(no_unit)?;
         cuts.push(Cut { axis: cut.axis.into(), at, above: cut.above });
     }
     if let Some(within) = args.within {

@@ -1,6 +1,6 @@
 //! `brickfield slice`: plane sections as pictures and drawings.
 
-use super::{of_store, open_store, require_level, start, unit_of};
+use super::{no_unit, of_store, open_store, require_level, start, unit_of};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
@@ -198,8 +198,4 @@ fn make_folder(path: &Path) -> Result<(), Failure> {
     }
     let made = std::fs::create_dir(path);
     Ok(made.with_context(|| format!("{}: cannot make the folder", path.display()))?)
-}
-
-fn no_unit() -> Failure {
-    Failure::Usage("the store has no unit of length; give lengths as numbers alone".to_owned())
 }

@@ -20,6 +20,7 @@ use super::draft::Draft;
 use super::fit;
 use super::folds::{self, Corner};
 use super::parts::{BorderCrossing, Part, Piece};
+use super::patches::{Join, Sets};
 use super::{NONE, bits};
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
@@ -155,11 +156,11 @@ impl Across {
             let has_lost = |first: u32| self.chain(first).any(|wide| folded.contains(&wide));
             let changed = self.of_part.iter().filter(|(_, wide)| has_lost(**wide));
             let changed: HashSet<u32> = changed.map(|((leaf, _), _)| *leaf).collect();
-            asked.clone_from(&leaves);
-            asked.retain(|leaf| {
+            let has_changed = |leaf: &u32| {
                 let around = field.leaves.around(*leaf);
                 around.iter().any(|side| matches!(side, Side::Same(other) if changed.contains(other)))
-            });
+            };
+            asked = leaves.iter().copied().filter(has_changed).collect();
         }
         Ok(())
     }
@@ -251,12 +252,11 @@ impl Finder<'_> {
                 Part { sums, ..part }
             }));
         }
-        let mut sets = Sets::of(parts.len());
-        sets.join(node, &parts);
+        let mut sets = sets_of(node, &parts);
         let mut joined: BTreeMap<usize, (Part, usize, bool)> = BTreeMap::new();
-        for (n, part) in parts.into_iter().enumerate() {
+        for (n, part) in (0..).zip(parts) {
             let root = sets.root(n);
-            if sets.is_frozen[root] || sets.euler[root] != 2 {
+            if !sets.is_disk(root) {
                 continue;
             }
             match joined.get_mut(&root) {
@@ -317,77 +317,21 @@ fn width_bits(node: NodeKey, level: u8) -> u32 {
     BRICK_BITS + u32::from(level - node.level())
 }
 
-/// Which parts of a node's children hang together.
-struct Sets {
-    parent: Vec<usize>,
-    /// As in [`super::patches::Patches`].
-    euler: Vec<i32>,
-    is_frozen: Vec<bool>,
-}
-
-impl Sets {
-    fn of(count: usize) -> Sets {
-        Sets { parent: (0..count).collect(), euler: vec![2; count], is_frozen: vec![false; count] }
+/// Which parts of a node's children hang together: joined where they meet on the planes between the children.
+fn sets_of(node: NodeKey, parts: &[Part]) -> Sets {
+    let mut crossings: Vec<(BorderCrossing, u32)> = Vec::new();
+    for (n, part) in (0..).zip(parts) {
+        let middle = width_bits(node, part.level) - 1;
+        let inner = part.crossings.iter().filter(|crossing| crossing.planes().contains(&middle));
+        crossings.extend(inner.map(|crossing| (*crossing, n)));
     }
-
-    fn root(&mut self, mut part: usize) -> usize {
-        while self.parent[part] != part {
-            self.parent[part] = self.parent[self.parent[part]];
-            part = self.parent[part];
-        }
-        part
+    crossings.sort_unstable();
+    let mut sets = Sets::of(parts.len());
+    for edge in crossings.chunk_by(|(a, _), (b, _)| a.is_at_the_edge_of(b)) {
+        let (crossing, _) = edge[0];
+        let mut around = [None; 4];
+        edge.iter().for_each(|(crossing, part)| around[usize::from(crossing.quadrant)] = Some(*part));
+        sets.join_around(around, crossing.planes(), width_bits(node, crossing.level) - 1, |_| {});
     }
-
-    /// The first part stands for all.
-    fn unite(&mut self, a: usize, b: usize) -> usize {
-        let (a, b) = (self.root(a), self.root(b));
-        let (to, from) = (a.min(b), a.max(b));
-        if to != from {
-            self.parent[from] = to;
-            self.euler[to] += self.euler[from];
-            self.is_frozen[to] |= self.is_frozen[from];
-        }
-        to
-    }
-
-    /// Joins parts where they meet on the planes between the children of `node`.
-    fn join(&mut self, node: NodeKey, parts: &[Part]) {
-        let mut crossings: Vec<(BorderCrossing, usize)> = Vec::new();
-        for (n, part) in parts.iter().enumerate() {
-            let middle = width_bits(node, part.level) - 1;
-            let inner = part.crossings.iter().filter(|crossing| crossing.planes().contains(&middle));
-            crossings.extend(inner.map(|crossing| (*crossing, n)));
-        }
-        crossings.sort_unstable();
-        for edge in crossings.chunk_by(|(a, _), (b, _)| a.is_at_the_edge_of(b)) {
-            let (crossing, _) = edge[0];
-            let middle = width_bits(node, crossing.level) - 1;
-            let planes = crossing.planes();
-            let mut around = [None; 4];
-            edge.iter().for_each(|(crossing, part)| around[usize::from(crossing.quadrant)] = Some(*part));
-            // As in `Patches::join`.
-            for n in 0..4 {
-                if planes[n % 2] != middle {
-                    continue;
-                }
-                match (around[n], around[(n + 1) % 4]) {
-                    (Some(a), Some(b)) => {
-                        let root = self.unite(a, b);
-                        self.euler[root] -= 1;
-                    }
-                    (Some(part), None) | (None, Some(part)) => {
-                        let root = self.root(part);
-                        self.is_frozen[root] = true;
-                    }
-                    (None, None) => {}
-                }
-            }
-            if planes[0].max(planes[1]) == middle
-                && let Some(part) = around[0]
-            {
-                let root = self.root(part);
-                self.euler[root] += 2;
-            }
-        }
-    }
+    sets
 }

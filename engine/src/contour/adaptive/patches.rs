@@ -18,18 +18,111 @@ static FACE_EDGES: LazyLock<[u16; 6]> = LazyLock::new(|| {
     })
 });
 
-/// Sets of vertices whose part of the surface hangs together within the nodes of a level.
-pub(super) struct Patches {
-    /// One vertex of each set stands for it; the others lead to it.
+/// Sets of what hangs together, and what tells whether they are disks.
+pub(super) struct Sets {
+    /// One of each set stands for it; the others lead to it.
     parent: Vec<u32>,
-    /// The vertices of a set in a ring.
-    next: Vec<u32>,
-    size: Vec<u32>,
     /// Twice the cells, less the ends of the cuts between them, plus twice the edges within: twice the Euler
     /// characteristic of the part of the surface without its border, and 2 for a disk alone.
     euler: Vec<i32>,
     /// Sets that reach a frozen cell.
     is_frozen: Vec<bool>,
+}
+
+impl Sets {
+    /// Each alone.
+    pub(super) fn of(count: usize) -> Sets {
+        Sets { parent: (0..count as u32).collect(), euler: vec![2; count], is_frozen: vec![false; count] }
+    }
+
+    /// The one that stands for another's set.
+    pub(super) fn root(&mut self, mut one: u32) -> usize {
+        while self.parent[one as usize] != one {
+            let up = self.parent[self.parent[one as usize] as usize];
+            self.parent[one as usize] = up;
+            one = up;
+        }
+        one as usize
+    }
+
+    /// Whether a set is a disk that reaches no frozen cell.
+    pub(super) fn is_disk(&self, root: usize) -> bool {
+        !self.is_frozen[root] && self.euler[root] == 2
+    }
+
+    /// Makes the set that `from` stands for a part of that of `to`.
+    fn link(&mut self, to: usize, from: usize) {
+        self.parent[from] = to as u32;
+        self.euler[to] += self.euler[from];
+        self.is_frozen[to] |= self.is_frozen[from];
+    }
+}
+
+/// Joins sets where they meet around lattice edges.
+pub(super) trait Join {
+    fn sets(&mut self) -> &mut Sets;
+
+    /// Makes one set of those of two. Returns what stands for it.
+    fn unite(&mut self, a: u32, b: u32) -> usize;
+
+    /// Joins across the planes of `level` what meets there at an edge: `around` it by quadrant, where `None` is frozen;
+    /// `levels` are those of the planes that hold it. Calls `joined` with what stands for each set that was made.
+    fn join_around(
+        &mut self,
+        around: [Option<u32>; 4],
+        levels: [u32; 2],
+        level: u32,
+        mut joined: impl FnMut(usize),
+    ) {
+        for n in 0..4 {
+            // Quadrants 0, 1 and 2, 3 differ along the first axis, the others along the second.
+            if levels[n % 2] != level {
+                continue;
+            }
+            match (around[n], around[(n + 1) % 4]) {
+                (Some(a), Some(b)) => {
+                    let root = self.unite(a, b);
+                    self.sets().euler[root] -= 1;
+                    joined(root);
+                }
+                (Some(one), None) | (None, Some(one)) => {
+                    let root = self.sets().root(one);
+                    self.sets().is_frozen[root] = true;
+                }
+                (None, None) => {}
+            }
+        }
+        if levels[0].max(levels[1]) == level
+            && let Some(one) = around[0]
+        {
+            let root = self.sets().root(one);
+            self.sets().euler[root] += 2;
+        }
+    }
+}
+
+impl Join for Sets {
+    fn sets(&mut self) -> &mut Sets {
+        self
+    }
+
+    /// The first one stands for all.
+    fn unite(&mut self, a: u32, b: u32) -> usize {
+        let (a, b) = (self.root(a), self.root(b));
+        let (to, from) = (a.min(b), a.max(b));
+        if to != from {
+            self.link(to, from);
+        }
+        to
+    }
+}
+
+/// Sets of vertices whose part of the surface hangs together within the nodes of a level.
+pub(super) struct Patches {
+    sets: Sets,
+    /// The vertices of a set in a ring.
+    next: Vec<u32>,
+    size: Vec<u32>,
     /// Bit per edge of the node that the set crosses.
     border: Vec<u16>,
     /// Sets whose part of the node's border is none that a disk can have.
@@ -37,30 +130,46 @@ pub(super) struct Patches {
     pub sums: Vec<Qef>,
 }
 
+impl Join for Patches {
+    fn sets(&mut self) -> &mut Sets {
+        &mut self.sets
+    }
+
+    fn unite(&mut self, a: u32, b: u32) -> usize {
+        let (a, b) = (self.sets.root(a), self.sets.root(b));
+        if a == b {
+            return a;
+        }
+        // The lower one of equal ones, so that the outcome is a matter of the numbers alone.
+        let is_first = (self.size[b], a) < (self.size[a], b);
+        let (to, from) = if is_first { (a, b) } else { (b, a) };
+        self.sets.link(to, from);
+        self.next.swap(to, from);
+        self.size[to] += self.size[from];
+        let (sums, more) = if to < from {
+            let (low, high) = self.sums.split_at_mut(from);
+            (&mut low[to], &high[0])
+        } else {
+            let (low, high) = self.sums.split_at_mut(to);
+            (&mut high[0], &low[from])
+        };
+        sums.add_all(more);
+        to
+    }
+}
+
 impl Patches {
     /// Every vertex alone, with the sums of its planes.
     pub(super) fn new(sums: Vec<Qef>) -> Patches {
         let count = sums.len();
-        let each: Vec<u32> = (0..count as u32).collect();
         Patches {
-            next: each.clone(),
-            parent: each,
+            sets: Sets::of(count),
+            next: (0..count as u32).collect(),
             size: vec![1; count],
-            euler: vec![2; count],
-            is_frozen: vec![false; count],
             border: vec![0; count],
             is_bad: vec![false; count],
             sums,
         }
-    }
-
-    fn root(&mut self, mut vertex: u32) -> usize {
-        while self.parent[vertex as usize] != vertex {
-            let up = self.parent[self.parent[vertex as usize] as usize];
-            self.parent[vertex as usize] = up;
-            vertex = up;
-        }
-        vertex as usize
     }
 
     /// The vertices of the set that one of them, `root`, stands for.
@@ -74,70 +183,22 @@ impl Patches {
         })
     }
 
-    fn unite(&mut self, a: u32, b: u32) -> usize {
-        let (a, b) = (self.root(a), self.root(b));
-        if a == b {
-            return a;
-        }
-        // The lower one of equal ones, so that the outcome is a matter of the numbers alone.
-        let is_first = (self.size[b], a) < (self.size[a], b);
-        let (to, from) = if is_first { (a, b) } else { (b, a) };
-        self.parent[from] = to as u32;
-        self.next.swap(to, from);
-        self.size[to] += self.size[from];
-        self.euler[to] += self.euler[from];
-        self.is_frozen[to] |= self.is_frozen[from];
-        let (sums, more) = if to < from {
-            let (low, high) = self.sums.split_at_mut(from);
-            (&mut low[to], &high[0])
-        } else {
-            let (low, high) = self.sums.split_at_mut(to);
-            (&mut high[0], &low[from])
-        };
-        sums.add_all(more);
-        to
-    }
-
     /// Joins what hangs together in nodes of `level`, whose parts have been joined, and returns those sets that came
     /// of it and may have one vertex.
     pub(super) fn join(&mut self, crossings: &Crossings, level: u8) -> Vec<usize> {
         let mut changed = Vec::new();
         for crossing in &crossings.all {
-            let [u, v] = crossing.levels;
-            if u != level && v != level {
-                continue;
-            }
-            for n in 0..4 {
-                // Quadrants 0, 1 and 2, 3 differ along the first axis, the others along the second.
-                if crossing.levels[n % 2] != level {
-                    continue;
-                }
-                let [a, b] = [crossing.vertices[n], crossing.vertices[(n + 1) % 4]];
-                match (a < FROZEN, b < FROZEN) {
-                    (true, true) => {
-                        let root = self.unite(a, b);
-                        self.euler[root] -= 1;
-                        changed.push(root as u32);
-                    }
-                    (true, false) | (false, true) => {
-                        let root = self.root(a.min(b));
-                        self.is_frozen[root] = true;
-                    }
-                    (false, false) => {}
-                }
-            }
-            if u.max(v) == level && crossing.vertices[0] < FROZEN {
-                let root = self.root(crossing.vertices[0]);
-                self.euler[root] += 2;
-            }
+            let around = crossing.vertices.map(|vertex| (vertex < FROZEN).then_some(vertex));
+            let levels = crossing.levels.map(u32::from);
+            self.join_around(around, levels, level.into(), |root| changed.push(root as u32));
         }
         for vertex in &mut changed {
-            *vertex = self.root(*vertex) as u32;
+            *vertex = self.sets.root(*vertex) as u32;
         }
         changed.sort_unstable();
         changed.dedup();
         let mut disks: Vec<usize> = changed.into_iter().map(|root| root as usize).collect();
-        disks.retain(|&root| !self.is_frozen[root] && self.euler[root] == 2);
+        disks.retain(|&root| self.sets.is_disk(root));
         self.study_borders(crossings, level, &disks);
         disks.retain(|&root| !self.is_bad[root]);
         disks
@@ -154,7 +215,7 @@ impl Patches {
         for crossing in crossings.all.iter().filter(is_beyond) {
             for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
                 if crossing.vertices[n] < FROZEN {
-                    let root = self.root(crossing.vertices[n]);
+                    let root = self.sets.root(crossing.vertices[n]);
                     let edge = 1 << edge_index(crossing.axis, 1 - qu, 1 - qv);
                     self.is_bad[root] |= self.border[root] & edge != 0;
                     self.border[root] |= edge;
@@ -162,7 +223,7 @@ impl Patches {
             }
         }
         for face in crossings.ambiguous.iter().filter(|face| face.level > level) {
-            let [a, b] = face.vertices.map(|vertex| self.root(vertex));
+            let [a, b] = face.vertices.map(|vertex| self.sets.root(vertex));
             self.is_bad[a] |= a == b;
         }
         for &root in disks {
@@ -177,15 +238,15 @@ impl Patches {
         let mut roots = Vec::new();
         for crossing in crossings.all.iter().filter(|crossing| crossing.levels.iter().any(|&l| l > LEVELS)) {
             let own = crossing.vertices.into_iter().filter(|&vertex| vertex < FROZEN);
-            roots.extend(own.map(|vertex| self.root(vertex)));
+            roots.extend(own.map(|vertex| self.sets.root(vertex)));
         }
         roots.sort_unstable();
         roots.dedup();
-        roots.retain(|&root| !self.is_frozen[root] && self.euler[root] == 2);
+        roots.retain(|&root| self.sets.is_disk(root));
         self.study_borders(crossings, LEVELS, &roots);
         for face in crossings.ambiguous.iter().filter(|face| face.level > LEVELS) {
             for vertex in face.vertices {
-                let root = self.root(vertex);
+                let root = self.sets.root(vertex);
                 self.is_bad[root] = true;
             }
         }
