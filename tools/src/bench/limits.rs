@@ -1,5 +1,5 @@
-//! What the machine does at best, however a job is written: how fast memory is read, and how fast numbers are added and
-//! multiplied.
+//! What the machine does at best: how fast all threads read memory, however a job is written, and how fast plain code adds
+//! and multiplies numbers.
 
 use crate::bench::result::Limits;
 use rayon::prelude::*;
