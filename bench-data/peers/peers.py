@@ -3,12 +3,18 @@
     python peers.py PEER QUESTION.json
 
 QUESTION holds `soup` (binary STL) and, as the peer needs them, `origin`, `spacing` and `samples` of a cubic grid, the
-flat indices [z,y,x] of samples to be judged (`check`), a dense array (`array`, .npy) and the facets of each piece of
-the soup (`piece`). Prints JSON: seconds (reading the file and welding vertices apart), version, and values or
+flat indices [z,y,x] of samples to be judged (`check`), a dense array (`array`, .npy), the facets of each piece of
+the soup (`piece`), cells along its longest side (`cells`) and threads (`threads`). Prints JSON: seconds (reading the file and welding vertices apart), version, and values or
 triangles and volume. A peer that is missing, or cannot answer, ends with one line on standard error.
 """
 
+import functools
 import json
+import operator
+import os
+import pathlib
+import shutil
+import subprocess
 import sys
 import time
 from importlib.metadata import version
@@ -83,6 +89,19 @@ def meshlib_fast(question):
     return {"seconds": seconds, "version": version("meshlib"), "values": [w[i] for i in question["check"]]}
 
 
+def trueform_fast(question):
+    import trueform
+
+    vertices, corners = weld(read_soup(question["soup"]))
+    points = trueform.Point(grid(question))
+
+    def ask():
+        return trueform.winding_number(trueform.Mesh(corners, vertices), points)
+
+    seconds, w = timed(ask)
+    return {"seconds": seconds, "version": version("trueform"), "values": w[question["check"]].tolist()}
+
+
 def open3d_occupancy(question):
     import open3d
 
@@ -146,14 +165,55 @@ def manifold_union(question):
     return {"seconds": seconds, "version": version("manifold3d"), "triangles": triangles, "volume": volume}
 
 
+def trueform_union(question):
+    import trueform
+
+    facets = read_soup(question["soup"])
+    pieces = [weld(facets[i : i + question["piece"]]) for i in range(0, len(facets), question["piece"])]
+
+    def unite():
+        graph = trueform.CsgGraph([trueform.Mesh(corners, vertices) for vertices, corners in pieces])
+        return graph.mesh(functools.reduce(operator.or_, map(trueform.op, range(len(pieces)))))
+
+    seconds, (corners, vertices) = timed(unite)
+    volume = abs(volume_of(vertices[corners]))
+    return {"seconds": seconds, "version": version("trueform"), "triangles": len(corners), "volume": volume}
+
+
+def openvdb_union(question):
+    """The program of openvdb_union.cpp, which `setup` puts beside this Python; one on the path will do."""
+    beside = os.path.dirname(sys.executable)
+    program = shutil.which("openvdb_union", path=os.pathsep.join([beside, os.environ.get("PATH", "")]))
+    if program is None:
+        raise ImportError("No program named 'openvdb_union'")
+    mesh = pathlib.Path("openvdb.stl")
+    asked = [program, question["soup"], str(question["cells"]), str(question["threads"]), str(mesh)]
+    done = subprocess.run(asked, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise RuntimeError((done.stderr.splitlines() or [f"exit status {done.returncode}"])[-1])
+    told = json.loads(done.stdout)
+    volume = abs(volume_of(read_soup(mesh)))
+    mesh.unlink()
+    return {
+        "seconds": told["voxels_s"] + told["mesh_s"],
+        "version": told["openvdb"],
+        "triangles": told["triangles"],
+        "volume": volume,
+        "anonymous_bytes": 0,  # Python's own would be told for it
+    }
+
+
 PEERS = {
     "libigl-fast": libigl_fast,
     "libigl-exact": libigl_exact,
     "meshlib-fast": meshlib_fast,
+    "trueform-fast": trueform_fast,
     "open3d-occupancy": open3d_occupancy,
     "skimage-cubes": skimage_cubes,
     "vtk-edges": vtk_edges,
     "manifold-union": manifold_union,
+    "trueform-union": trueform_union,
+    "openvdb-union": openvdb_union,
 }
 
 

@@ -28,8 +28,8 @@ pub struct Spec {
 pub enum Recipe {
     /// The bead pile of seed 1 with so many facets in [`PILE_SIZE`].
     Pile(u64),
-    /// A toolpath swept with a stadium section of so many sides, without options.
-    Swept(&'static Toolpath, u32),
+    /// A toolpath swept with a stadium section of so many sides, without options, and the facets that come of it.
+    Swept(&'static Toolpath, u32, u64),
     /// What is left of another input, a binary STL, when 3 of 100 facets are lost at random: cracks everywhere.
     Cracked(&'static Spec),
     /// So many points `x,y,z` a line, at random in the box of the pile and a little around it.
@@ -91,11 +91,11 @@ specs! {
     /// 45,000,000 facets, 2.25 GB.
     PILE_45M = "pile-45m.stl", Recipe::Pile(45_000_000), 0xf4812033cd0a9db1;
     /// 909,020 facets, 45 MB.
-    SPOT_0_9M = "spot-0.9m.stl", Recipe::Swept(&SPOT_TWO_TOOLS, 14), 0xb214b345b8889e0b;
+    SPOT_0_9M = "spot-0.9m.stl", Recipe::Swept(&SPOT_TWO_TOOLS, 14, 909_020), 0xb214b345b8889e0b;
     /// 3,966,720 facets, 198 MB.
-    SPOT_4M = "spot-4m.stl", Recipe::Swept(&SPOT, 24), 0xbdc080bac2ceb131;
+    SPOT_4M = "spot-4m.stl", Recipe::Swept(&SPOT, 24, 3_966_720), 0xbdc080bac2ceb131;
     /// 3,402,980 facets, 170 MB.
-    CLOVER_3M = "clover-3m.stl", Recipe::Swept(&CLOVER, 10), 0x951f657dd843a850;
+    CLOVER_3M = "clover-3m.stl", Recipe::Swept(&CLOVER, 10, 3_402_980), 0x951f657dd843a850;
     /// 50,000 facets less 3 of 100.
     CRACKED_50K = "cracked-50k.stl", Recipe::Cracked(&PILE_50K), 0x10a77bc001d00efa;
     /// A million facets less 3 of 100.
@@ -120,6 +120,18 @@ impl Spec {
         match self.recipe {
             Recipe::Cracked(base) => Some(base),
             _ => None,
+        }
+    }
+
+    /// The most bytes that its file has.
+    pub fn bytes_max(&self) -> u64 {
+        let stl = |facets: u64| STL_HEAD as u64 + STL_FACET as u64 * facets;
+        match self.recipe {
+            Recipe::Pile(facets) | Recipe::Swept(_, _, facets) => stl(facets),
+            Recipe::Cracked(base) => base.bytes_max(),
+            // Three and six numbers of at most 24 digits and a mark behind each.
+            Recipe::Points(count) => 75 * count,
+            Recipe::Torus(count) => 150 * count,
         }
     }
 
@@ -217,6 +229,7 @@ mod tests {
             let mut out = Hashed::new(File::create(folder.path().join(spec.name)).unwrap());
             spec.write(base.as_deref(), io::BufWriter::new(&mut out)).unwrap();
             assert_eq!(out.hash(), spec.hash, "{}", spec.name);
+            assert!(out.bytes() <= spec.bytes_max(), "{}", spec.name);
         }
         assert!(SPOT_4M.write(None, io::sink()).is_err() && CRACKED_50K.write(None, io::sink()).is_err());
     }

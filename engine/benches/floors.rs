@@ -2,26 +2,26 @@
 //!
 //!     cargo bench -p brickfield-engine --bench floors [-- FACETS [ROUNDS]]
 //!
-//! The floor is streaming the input once with all cores and snapping every vertex, number by number in plain code that
-//! stands here, so that the measure stays what it is when the engine's own snapping becomes faster; that is the second
-//! row. Each round measures the floor and then the jobs, so that a slow moment of the machine hits both; the table gives
-//! medians and ranges over the rounds.
+//! Calls of the library within one process, also meshes into memory, which `brickfield bench` does not measure: it runs
+//! the program. The floor is that of `brickfield bench`, streaming the input once with all cores and snapping every
+//! vertex, number by number in plain code; the engine's own snapping is the second row. Each round measures the floor and
+//! then the jobs, so that a slow moment of the machine hits both; the table gives medians and ranges over the rounds.
 
 use brickfield_bench_data::pile::bead_pile;
 use brickfield_bench_data::write::StlWriter;
 use brickfield_engine::analysis::{Dense, Element};
 use brickfield_engine::build::{BuildOptions, Resolution, Summary, build};
 use brickfield_engine::contour::{ContourOptions, MeshArrays, MeshSink, contour, create_sink};
-use brickfield_engine::ingest::{Facet, Input, runs};
-use brickfield_engine::lattice::{RootCube, Units};
 use brickfield_engine::store::Store;
 use brickfield_engine::{Result, Silent};
-use rayon::prelude::*;
 use std::fs::File;
 use std::io::BufWriter;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::Instant;
+
+#[path = "../../tools/src/bench/floor.rs"]
+mod floor;
 
 /// Decoded bricks that a store keeps.
 const CACHE_BYTES: u64 = 256 << 20;
@@ -72,13 +72,12 @@ fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<Summary> {
     for name in ["dense.brf", "512.brf", "deep.brf", "w.raw", "out.stl"] {
         let _ = std::fs::remove_file(folder.join(name));
     }
-    let (floor, plain) = timed(|| read_and_snap(input, snap_plainly))?;
+    let floor = floor::read_floor(input, true)?;
     table.add("read floor", floor, floor);
     let dense = folder.join("dense.brf");
     let mut row = |name, seconds| table.add(name, seconds, floor);
-    let (seconds, own) = timed(|| read_and_snap(input, ROOT.snapper()))?;
-    assert_eq!(plain, own, "both snap alike");
-    row("the same with the engine's snapping", seconds);
+    let own = || floor::read_and_snap(input, floor::ROOT.snapper());
+    row("the same with the engine's snapping", timed(|| Ok(std::hint::black_box(own()?)))?.0);
     row("build, depth 2 (dense 128³)", timed(|| build_to(input, &dense, 2))?.0);
     row("build, depth 4 (512³)", timed(|| build_to(input, &folder.join("512.brf"), 4))?.0);
     let deep = folder.join("deep.brf");
@@ -99,29 +98,6 @@ fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(f64, T)> {
     let start = Instant::now();
     let done = work()?;
     Ok((start.elapsed().as_secs_f64(), done))
-}
-
-/// The root cube of the pile, near enough.
-const ROOT: RootCube = RootCube { origin: [-10.0; 3], edge: 128.0 };
-
-/// Reads everything and snaps it with `snap`. Returns a sum of everything, so that nothing is optimised away.
-fn read_and_snap(path: &Path, snap: impl Fn([f64; 3]) -> Units + Copy + Sync) -> Result<i64> {
-    let input = Input::open(path, &Silent)?;
-    let of_run = |world: &mut Vec<Facet>, (_, range): (usize, std::ops::Range<u64>)| -> i64 {
-        input.read(range, world);
-        world.iter().map(|t| t.map(snap).as_flattened().iter().map(|&c| i64::from(c)).sum::<i64>()).sum()
-    };
-    Ok(std::hint::black_box(runs(&[&input]).into_par_iter().map_init(Vec::new, of_run).sum()))
-}
-
-/// The floor's snapping: to even units, nearest, one number after the other.
-fn snap_plainly(p: [f64; 3]) -> Units {
-    let scale = f64::from(1 << 23) / ROOT.edge;
-    std::array::from_fn(|a| {
-        let shifted = (p[a] - ROOT.origin[a]) * scale + 0.5;
-        let truncated = shifted as i32;
-        2 * (truncated - i32::from(f64::from(truncated) > shifted))
-    })
 }
 
 fn build_to(input: &Path, output: &Path, depth: u8) -> Result<Summary> {

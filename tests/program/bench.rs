@@ -47,6 +47,13 @@ fn a_suite_is_measured_compared_and_reported() {
     let built =
         figures.iter().find(|figure| figure["job"] == "build --depth 2 --compression lz4").expect("too");
     assert_eq!(verified["facts"]["records"], built["facts"]["nodes"]);
+    // A build moves its input and its store at least, and to verify reads the store.
+    let store_bytes = built["facts"]["file_bytes"].as_u64().expect("its size");
+    assert_eq!(built["least_bytes"], json!(2_500_084 + store_bytes));
+    assert_eq!(verified["least_bytes"], json!(store_bytes));
+    let limits = value["limits"].as_array().expect("limits");
+    assert_eq!(limits.len(), 3);
+    assert!(limits.iter().all(|of| of["bytes_per_second"].as_f64() > Some(0.0)), "{limits:?}");
     // Of what was written while measuring nothing is left.
     let mut kept: Vec<_> = fs::read_dir(dir.path("cache")).unwrap().map(|e| e.unwrap().file_name()).collect();
     kept.sort();
@@ -76,6 +83,7 @@ fn a_suite_is_measured_compared_and_reported() {
     run(&[&"bench", &"report", &result, &result, &"-o", &page]).ok();
     let page = fs::read_to_string(page).unwrap();
     assert!(page.starts_with("<!doctype html>") && page.contains("verify, range"), "{page}");
+    assert!(page.contains("GB/s from memory") && page.contains(" memory</td>"), "{page}");
     assert!(!page.contains("http://") || page.matches("http://").all(|_| page.contains("http://www.w3.org")));
 }
 
@@ -122,10 +130,36 @@ fn peers_that_fail_say_so_in_their_rows() {
         let worst = figure["facts"]["worst_error"].as_f64().expect("an error");
         assert!(worst < if open { 0.1 } else { 1e-9 }, "{figure}");
         assert_eq!(figure["facts"]["wrong_side"], 0, "{figure}");
+        let bins = figure["facts"]["error_histogram"].as_array().expect("bins");
+        let counted: u64 = bins.iter().filter_map(|bin| bin["samples"].as_u64()).sum();
+        assert_eq!(json!(counted), figure["facts"]["judged"], "{figure}");
     }
     run(&[&"bench", &"compare", &output, &output]).ok();
     run(&[&"bench", &"report", &output, &"-o", &dir.path("r.md")]).ok();
-    assert!(fs::read_to_string(dir.path("r.md")).unwrap().contains("failed: "));
+    let text = fs::read_to_string(dir.path("r.md")).unwrap();
+    assert!(text.contains("failed: ") && text.contains("(r-errors-cracked-50k.svg)"), "{text}");
+    let picture = fs::read_to_string(dir.path("r-errors-cracked-50k.svg")).unwrap();
+    assert!(picture.contains("this program, build and export"), "{picture}");
+}
+
+#[test]
+fn instructions_need_valgrind_and_a_sound_baseline() {
+    let dir = Scratch::new();
+    let cache = dir.path("cache");
+    let told = program().args(["bench", "instructions"]).arg("--cache").arg(&cache).env("PATH", "").output();
+    let line = Run::from(told.expect("it runs")).failed();
+    assert!(line.contains("cannot run valgrind") && line.contains("install it"), "{line}");
+    let text = dir.file("text.json", "solid");
+    let new = dir.file(
+        "new.json",
+        r#"{"format": 2, "program": "p", "rustc": "r", "valgrind": "v", "vectors": "w", "counts": []}"#,
+    );
+    for (bad, why) in [(&dir.path("none.json"), "cannot be read"), (&text, "no counts"), (&new, "version 2")]
+    {
+        let line = run(&[&"bench", &"instructions", &"--baseline", bad, &"--cache", &cache]).failed();
+        assert!(line.contains(why) && line.contains(bad.file_name().unwrap().to_str().unwrap()), "{line}");
+    }
+    assert!(!cache.exists());
 }
 
 #[test]

@@ -59,6 +59,10 @@ struct Comparison {
     after: String,
     same_machine: bool,
     equal: bool,
+    /// Ratios of all figures of the same input and result.
+    ratio: Option<Spread>,
+    /// And their noise.
+    noise: Option<Spread>,
     figures: Vec<Compared>,
     only_before: Vec<String>,
     only_after: Vec<String>,
@@ -90,10 +94,18 @@ pub fn run(args: &BenchCompareArgs) -> Result<(), Failure> {
         return Err(anyhow!("{a} and {b} have no figure in common; measure the same suites").into());
     }
     let equal = figures.iter().all(|figure| figure.verdict == Verdict::Same);
+    let of_all = |value: fn(&Compared) -> f64| {
+        let other = [Verdict::OtherResult, Verdict::OtherInput];
+        let values: Vec<f64> =
+            figures.iter().filter(|figure| !other.contains(&figure.verdict)).map(value).collect();
+        (!values.is_empty()).then(|| Spread::of(values.into_iter()))
+    };
     let [a, b] = names;
     let comparison = Comparison {
         same_machine: before.machine == after.machine,
         equal,
+        ratio: of_all(|figure| figure.ratio),
+        noise: of_all(|figure| figure.noise),
         figures,
         only_before: missing_in(&before, &after),
         only_after: missing_in(&after, &before),
@@ -145,8 +157,18 @@ fn noise(a: Spread, b: Spread) -> f64 {
 }
 
 fn as_text(comparison: &Comparison) -> String {
-    let Comparison { before, after, same_machine, figures, only_before, only_after, .. } = comparison;
+    let Comparison { before, after, same_machine, figures, only_before, only_after, ratio, noise, .. } =
+        comparison;
     let mut text = format!("{}\n", summary(comparison));
+    if let (Some(ratio), Some(noise)) = (ratio, noise) {
+        let Spread { median, min, max, .. } = noise.scaled(100.0);
+        text += &format!(
+            "  all together: {} times as long by the median ({} to {}); noise {median:.0} % ({min:.0} to {max:.0})\n",
+            number(ratio.median),
+            number(ratio.min),
+            number(ratio.max),
+        );
+    }
     if !same_machine {
         text += "  measured on different machines: look at the ratios of floors\n";
     }

@@ -4,11 +4,14 @@ use crate::bench::child;
 use crate::bench::result::InputFact;
 use crate::failure::Failure;
 use crate::output::in_line;
+use crate::units::Size;
 use anyhow::{Context, anyhow};
 use brickfield_bench_data::inputs::{Recipe, Spec};
 use brickfield_bench_data::write::Hashed;
 use brickfield_engine::Progress;
 use brickfield_engine::part::PartFile;
+use rustix::fs::statvfs;
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read};
@@ -45,6 +48,27 @@ impl Cache {
         self.folder.join(spec.name)
     }
 
+    /// Asks for room for those of `specs` that are missing, and for `scratch` bytes beside.
+    ///
+    /// # Errors
+    /// If the disk has less.
+    pub fn require_room(&self, specs: &[&'static Spec], scratch: u64) -> Result<(), Failure> {
+        let folder = in_line(&self.folder);
+        let mut counted = BTreeSet::new();
+        let missing = specs.iter().filter(|spec| !self.path(spec).exists() && counted.insert(spec.name));
+        let needed = scratch + missing.map(|spec| spec.bytes_max()).sum::<u64>();
+        let room = statvfs(&self.folder).with_context(|| format!("{folder}: cannot tell what is free"))?;
+        let free = room.f_bavail.saturating_mul(room.f_frsize);
+        if free < needed {
+            let (needed, free) = (Size(needed), Size(free));
+            let remedy = "free some, or give another folder with --cache";
+            return Err(
+                anyhow!("{folder}: {needed} of disk are needed, and {free} are free; {remedy}").into()
+            );
+        }
+        Ok(())
+    }
+
     /// Makes an input if it is missing or damaged. To hash it also brings it into the page cache.
     ///
     /// # Errors
@@ -71,7 +95,7 @@ impl Cache {
     }
 
     fn make(&self, spec: &Spec, path: &Path, progress: &dyn Progress) -> Result<(), Failure> {
-        if let Recipe::Swept(toolpath, sides) = &spec.recipe {
+        if let Recipe::Swept(toolpath, sides, _) = &spec.recipe {
             let source = self.folder.join(toolpath.name);
             let mut file = PartFile::create(&source)?;
             file.append(toolpath.bytes)?;
@@ -147,4 +171,19 @@ fn stl_triangles(path: &Path) -> io::Result<u64> {
     let mut head = [0; 84];
     File::open(path)?.read_exact(&mut head)?;
     Ok(u64::from(u32::from_le_bytes([head[80], head[81], head[82], head[83]])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use brickfield_bench_data::inputs::PILE_50K;
+
+    #[test]
+    fn room_is_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::open(Some(folder.path().to_owned())).unwrap_or_else(|_| panic!("a folder"));
+        assert!(cache.require_room(&[&PILE_50K, &PILE_50K], 0).is_ok());
+        let Err(Failure::Run(error)) = cache.require_room(&[], u64::MAX) else { panic!("there is less") };
+        assert!(error.to_string().contains("--cache"), "{error}");
+    }
 }

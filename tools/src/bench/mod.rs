@@ -3,12 +3,17 @@
 //! Suites are lists of jobs, jobs are commands of this program (`plan`, `suites`, `paper`) that are run as processes of
 //! their own (`child`), on inputs that are made once (`inputs`), beside the read floor (`floor`). What was measured is
 //! one file (`result`), for people a table (`table`), compared with another (`compare`) or shown (`report`,
-//! `sections`, `plots`). Other programs are asked by `peers`.
+//! `sections`, `plots`). Other programs are asked by `peers`. Instructions are counted apart (`instructions`,
+//! `callgrind`).
 
+mod callgrind;
 mod child;
 mod compare;
 mod floor;
+mod histogram;
 mod inputs;
+mod instructions;
+mod limits;
 mod machine;
 mod paper;
 mod peers;
@@ -40,6 +45,7 @@ pub fn run(args: BenchArgs) -> Result<(), Failure> {
     match args.command {
         Some(BenchCommand::Compare(args)) => compare::run(&args),
         Some(BenchCommand::Report(args)) => report::run(&args),
+        Some(BenchCommand::Instructions(args)) => instructions::run(&args),
         None => measure(args.run),
     }
 }
@@ -59,6 +65,9 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
     }
     suites.sort_unstable();
     suites.dedup();
+    let asked = suites.iter().flat_map(|&suite| suites::inputs(suite, args.quick, args.full));
+    let asked: Vec<_> = asked.chain(args.peers.iter().flat_map(|_| peers::inputs(args.quick))).collect();
+    cache.require_room(&asked, scratch_bytes(args.quick, args.full))?;
     let begun = Instant::now();
     let (date, load) = (machine::date(), machine::load());
     let mut results = Results {
@@ -77,6 +86,7 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
         seconds: 0.0,
         input_seconds: 0.0,
         load: [load, load],
+        limits: Vec::new(),
         inputs: Vec::new(),
         figures: Vec::new(),
     };
@@ -113,6 +123,15 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
     }
 }
 
+/// The most that is written while measuring, removed before the next job: stores, meshes and temporary files.
+fn scratch_bytes(quick: bool, full: bool) -> u64 {
+    match (quick, full) {
+        (true, _) => 1 << 30,
+        (_, false) => 3 << 30,
+        (_, true) => 6 << 30,
+    }
+}
+
 /// As it is typed.
 fn name_of(suite: SuiteArg) -> String {
     suite.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
@@ -129,9 +148,20 @@ fn with_bench(
     let scratch = scratch.with_context(|| format!("{}: cannot be written to", cache.folder().display()))?;
     let Settings { quick, full, rounds, threads, .. } = results.settings;
     let (folder, inputs) = (scratch.path().to_owned(), std::mem::take(&mut results.inputs));
-    let mut bench = Bench { cache, folder, threads, quick, full, progress: bars, inputs, input_seconds: 0.0 };
+    let mut bench = Bench {
+        cache,
+        folder,
+        threads,
+        quick,
+        full,
+        progress: bars,
+        inputs,
+        input_seconds: 0.0,
+        limits: Vec::new(),
+    };
     results.figures.extend(work(&mut bench, rounds)?);
     results.inputs = bench.inputs;
+    results.limits.extend(bench.limits);
     results.input_seconds += bench.input_seconds;
     Ok(())
 }
@@ -145,6 +175,7 @@ fn measure_suite(
 ) -> Result<Vec<Figure>, Failure> {
     let mut jobs = suites::jobs(suite, bench)?;
     for round in 1..=rounds {
+        bench.limits.push(limits::measure());
         bench.progress.phase(&format!("{name} {round}/{rounds}"), Some(jobs.len() as u64), "jobs");
         for job in &mut jobs {
             bench.progress.check()?;
@@ -172,6 +203,8 @@ fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
     };
     let fewer = job.fewer.as_deref().map(&mut run_all).transpose()?;
     let whole = run_all(&job.lines)?;
+    let moved = job.reads.as_deref().map(|reads| bench.bytes_moved(reads)).transpose();
+    let moved = moved.context("what a job wrote cannot be looked at")?;
     for (figure, factor) in &mut job.figures {
         figure.rounds.push(match &fewer {
             None => whole,
@@ -185,6 +218,7 @@ fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
             .into());
         }
         figure.facts = facts.clone();
+        figure.least_bytes = moved;
     }
     Ok(())
 }

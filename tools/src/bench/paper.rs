@@ -63,38 +63,58 @@ pub static TABLE_3: [Row; 4] = [
 const PAIRS: u64 = 100_000_000;
 /// The same on a GPU.
 const PAIRS_ON_DEVICE: u64 = 10_000_000_000;
+/// Operations of the sum for a pair of a point and a triangle (Van Oosterom & Strackee 1983, eq. 8): 9 for the corners
+/// seen from the point, 18 for their lengths, 14 for the numerator, 23 for the denominator, 3 for the angle and the sum.
+/// Roots and the arc tangent count as one, so that this is the least.
+const OPERATIONS_A_PAIR: f64 = 67.0;
 /// Largest error of samples of open input: what libigl's fast winding numbers have as the worst is 0.03.
 const OPEN_ERROR: &str = "0.1";
 /// Depth of the sparse trees: 1024 cells along the longest side.
 const SPARSE_DEPTH: &str = "5";
 
+/// The rows that are measured.
+fn rows(quick: bool) -> &'static [Row] {
+    if quick { &TABLE_3[..1] } else { &TABLE_3 }
+}
+
+impl Row {
+    /// What is left of its input with cracks, if that is measured.
+    fn open(&self, full: bool) -> Option<&'static Spec> {
+        (full || self.megabytes < 1_000.0).then_some(self.cracked)
+    }
+}
+
+/// The inputs.
+pub fn inputs(quick: bool, full: bool) -> Vec<&'static Spec> {
+    rows(quick).iter().flat_map(|row| std::iter::once(row.input).chain(row.open(full))).collect()
+}
+
 /// The jobs.
 pub fn jobs(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
-    let rows = if bench.quick { &TABLE_3[..1] } else { &TABLE_3[..] };
     let device = device();
     let mut jobs = Vec::new();
-    for row in rows {
+    for row in rows(bench.quick) {
         let path = bench.input(row.input)?;
         let triangles = bench.triangles(row.input) as f64;
         for samples in SAMPLES {
             let (level, size) = resolution(&path, samples)?;
             let build = bench.build(&path, &out("dense.brf"), &[size.0, &size.1]);
-            jobs.push(dense(bench, row.input, "dense", samples, triangles, level, build));
+            jobs.push(dense(bench, row.input, "dense", samples, triangles, level, build).reading(&[&path]));
         }
         let at = [("triangles", triangles), ("samples", 1024.0)];
         let build = bench.build(&path, &out("sparse.brf"), &["--depth", SPARSE_DEPTH]);
-        jobs.push(Job::new("paper", row.input, "sparse 1024³", &at, vec![build]));
+        jobs.push(Job::new("paper", row.input, "sparse 1024³", &at, vec![build]).reading(&[&path]));
         jobs.push(brute(bench, row.input, "brute force", PAIRS, &[])?);
         if let Some(device) = &device {
             let more = ["--backend", "vulkan", "--device", device];
             jobs.push(brute(bench, row.input, "brute force on the GPU", PAIRS_ON_DEVICE, &more)?);
         }
-        if bench.full || row.megabytes < 1_000.0 {
-            let path = bench.input(row.cracked)?;
-            let triangles = bench.triangles(row.cracked) as f64;
+        if let Some(cracked) = row.open(bench.full) {
+            let path = bench.input(cracked)?;
+            let triangles = bench.triangles(cracked) as f64;
             let words = ["--depth", "2", "--gwn-error", OPEN_ERROR];
             let build = bench.build(&path, &out("open.brf"), &words);
-            jobs.push(dense(bench, row.cracked, "open, dense", 128, triangles, 2, build));
+            jobs.push(dense(bench, cracked, "open, dense", 128, triangles, 2, build).reading(&[&path]));
         }
     }
     Ok(jobs)
@@ -164,10 +184,12 @@ fn brute(
         ];
         let mut figure = figure("paper", input, &format!("{name} {samples}³"), &at);
         figure.extrapolated = true;
+        figure.least_operations =
+            more.is_empty().then(|| OPERATIONS_A_PAIR * (triangles * samples.pow(3)) as f64);
         (figure, (samples.pow(3) - 1) as f64 / (points - 1) as f64)
     };
     let figures = SAMPLES.into_iter().map(of).collect();
-    Ok(Job { input, lines: line(points)?, fewer: Some(line(1)?), figures })
+    Ok(Job { input, lines: line(points)?, fewer: Some(line(1)?), reads: None, figures })
 }
 
 /// The number of a device that is no processor.

@@ -3,6 +3,7 @@
 
 use crate::bench::child::{self, Ran};
 use crate::bench::floor::read_floor;
+use crate::bench::histogram::Histogram;
 use crate::bench::plan::{Bench, Line, figure};
 use crate::bench::result::{Figure, Round};
 use crate::bench::suites::out;
@@ -27,6 +28,10 @@ const SAMPLES: u32 = 64;
 const JUDGED: usize = 200;
 /// No peer takes longer.
 const LIMIT: Duration = Duration::from_secs(600);
+/// One that takes longer is asked in one round only.
+const LONG: Duration = Duration::from_secs(60);
+/// Depth of this program's union, and OpenVDB's cells along the longest side, which are as large.
+const UNION_DEPTH: u32 = 4;
 /// Facets of a piece of a pile.
 const PIECE: u32 = brickfield_bench_data::pile::FACETS_PER_BEAD;
 
@@ -35,6 +40,8 @@ struct Question {
     figure: Figure,
     input: &'static Spec,
     who: Who,
+    /// It took so long that once is enough.
+    is_long: bool,
     /// Flat indices of the samples that are judged, and what they are.
     judged: Option<Vec<f64>>,
 }
@@ -46,20 +53,30 @@ enum Who {
     Peer(&'static str, String),
 }
 
+/// A closed soup, an open one, a large one; and the pieces that are united.
+fn soups(quick: bool) -> ([&'static Spec; 3], &'static Spec) {
+    match quick {
+        true => ([&inputs::PILE_50K, &inputs::CRACKED_50K, &inputs::PILE_200K], &inputs::PILE_50K),
+        false => ([&inputs::PILE_1M, &inputs::CRACKED_1M, &inputs::SPOT_4M], &inputs::PILE_200K),
+    }
+}
+
+/// All inputs.
+pub fn inputs(quick: bool) -> impl Iterator<Item = &'static Spec> {
+    let (soups, united) = soups(quick);
+    soups.into_iter().chain([united])
+}
+
 /// Asks all, `rounds` times by turns.
 pub fn measure(bench: &mut Bench<'_>, python: &OsStr, rounds: u16) -> Result<Vec<Figure>, Failure> {
     fs::write(bench.folder.join("peers.py"), ASK_PEER).context("peers.py: cannot be written")?;
     let mut questions = Vec::new();
-    let soups: [&Spec; 3] = match bench.quick {
-        true => [&inputs::PILE_50K, &inputs::CRACKED_50K, &inputs::PILE_200K],
-        false => [&inputs::PILE_1M, &inputs::CRACKED_1M, &inputs::SPOT_4M],
-    };
+    let (soups, united) = soups(bench.quick);
     for soup in soups {
         ask_for_samples(bench, soup, &mut questions)?;
     }
     ask_for_meshes(bench, soups[0], &mut questions)?;
-    let union = if bench.quick { &inputs::PILE_50K } else { &inputs::PILE_200K };
-    ask_for_union(bench, union, &mut questions)?;
+    ask_for_union(bench, united, &mut questions)?;
     for round in 1..=rounds {
         bench.progress.phase(&format!("{PEERS} {round}/{rounds}"), Some(questions.len() as u64), "answers");
         for question in &mut questions {
@@ -102,12 +119,13 @@ fn ask_for_samples(
     let sample = line!["sample", &store, "--points", &points];
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, {SAMPLES}³ samples"), &[]);
-        questions.push(Question { figure, input: soup, who, judged: judged.clone() });
+        questions.push(Question { figure, input: soup, who, is_long: false, judged: judged.clone() });
     };
     ask("this program, build and export", Who::Us(ours, Some(sample)));
     ask("libigl, fast winding number", Who::Peer("libigl-fast", file.clone()));
     ask("libigl, winding number", Who::Peer("libigl-exact", file.clone()));
     ask("MeshLib, fast winding number", Who::Peer("meshlib-fast", file.clone()));
+    ask("trueform, fast winding number", Who::Peer("trueform-fast", file.clone()));
     ask("Open3D, occupancy", Who::Peer("open3d-occupancy", file));
     Ok(())
 }
@@ -149,7 +167,7 @@ fn ask_for_meshes(
         .with_context(|| format!("{file}: cannot be written"))?;
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, mesh of 128³ samples"), &[]);
-        questions.push(Question { figure, input: soup, who, judged: None });
+        questions.push(Question { figure, input: soup, who, is_long: false, judged: None });
     };
     let ours = line!["mesh", "mesh.brf", "-o", out("mesh.stl"), "--quiet", "--json"];
     ask("this program, mesh to STL", Who::Us(vec![ours], None));
@@ -166,23 +184,28 @@ fn ask_for_union(
 ) -> Result<(), Failure> {
     let path = bench.input(soup)?;
     let file = "union.question".to_owned();
-    let told = json!({"soup": path, "piece": PIECE});
+    let cells = 32u32 << UNION_DEPTH;
+    let told = json!({"soup": path, "piece": PIECE, "cells": cells, "threads": bench.threads});
     fs::write(bench.folder.join(&file), told.to_string())
         .with_context(|| format!("{file}: cannot be written"))?;
-    let build = bench.build(&path, &out("part.brf"), &["--depth", "4"]);
+    let build = bench.build(&path, &out("part.brf"), &["--depth", &UNION_DEPTH.to_string()]);
     let mesh = line!["mesh", out("part.brf"), "-o", out("mesh.stl"), "--quiet", "--json"];
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, union"), &[]);
-        questions.push(Question { figure, input: soup, who, judged: None });
+        questions.push(Question { figure, input: soup, who, is_long: false, judged: None });
     };
-    ask("this program, build --depth 4 and mesh", Who::Us(vec![build, mesh], None));
-    ask("Manifold, exact Booleans", Who::Peer("manifold-union", file));
+    let ours = format!("this program, build --depth {UNION_DEPTH} and mesh");
+    ask(&ours, Who::Us(vec![build, mesh], None));
+    ask("Manifold, exact Booleans", Who::Peer("manifold-union", file.clone()));
+    ask("trueform, exact Booleans", Who::Peer("trueform-union", file.clone()));
+    let openvdb = format!("OpenVDB, level set of {cells}³ cells and mesh");
+    ask(&openvdb, Who::Peer("openvdb-union", file));
     Ok(())
 }
 
 /// Asks once. What goes wrong with a peer is told in its row.
 fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<(), Failure> {
-    if question.figure.failed.is_some() {
+    if question.figure.failed.is_some() || question.is_long {
         return Ok(());
     }
     let floor_seconds = read_floor(&bench.cache.path(question.input), true)?;
@@ -210,6 +233,7 @@ fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<
                     let told: Value = serde_json::from_slice(&ran.printed).unwrap_or(Value::Null);
                     let mut round = empty;
                     round.add(&ran);
+                    question.is_long = ran.seconds > LONG.as_secs_f64();
                     round.seconds = told["seconds"].as_f64().unwrap_or(0.0);
                     (round, told)
                 }
@@ -241,6 +265,10 @@ fn tell(question: &mut Question, mut round: Round, told: &Value) {
         // Most of it is reading the file.
         round.cpu_seconds = 0.0;
     }
+    // Of a program that Python has run.
+    if let Some(bytes) = told["anonymous_bytes"].as_u64() {
+        round.anonymous_bytes = bytes;
+    }
     figure.rounds.push(round);
     for name in ["version", "triangles", "volume", "leaves"] {
         if let Some(value) = told.get(name) {
@@ -254,7 +282,7 @@ fn tell(question: &mut Question, mut round: Round, told: &Value) {
     }
 }
 
-/// Root mean square and greatest error, and how many samples are on the wrong side of w = 0.5.
+/// Root mean square and greatest error, how many samples are on the wrong side of w = 0.5, and how errors are spread.
 fn errors(values: &[f64], judged: &[f64]) -> Map<String, Value> {
     if values.len() != judged.len() {
         return Map::from_iter([("answers".to_owned(), values.len().into())]);
@@ -267,12 +295,14 @@ fn errors(values: &[f64], judged: &[f64]) -> Map<String, Value> {
         .iter()
         .zip(judged)
         .filter(|&(&value, &exact)| clear(exact) && (value >= 0.5) != (exact >= 0.5));
-    Map::from_iter([
+    let mut facts = Map::from_iter([
         ("rms_error".to_owned(), rms.into()),
-        ("worst_error".to_owned(), off.into_iter().fold(0.0, f64::max).into()),
+        ("worst_error".to_owned(), off.iter().copied().fold(0.0, f64::max).into()),
         ("wrong_side".to_owned(), wrong.count().into()),
         ("judged".to_owned(), judged.len().into()),
-    ])
+    ]);
+    Histogram::of(&off).tell(&mut facts);
+    facts
 }
 
 /// The last column of what `sample` and `winding` print.

@@ -2,7 +2,7 @@
 
 use crate::bench::child::{self, Ran};
 use crate::bench::inputs::Cache;
-use crate::bench::result::{Figure, InputFact};
+use crate::bench::result::{Figure, InputFact, Limits};
 use crate::failure::Failure;
 use anyhow::Context;
 use brickfield_bench_data::inputs::{Recipe, Spec};
@@ -34,6 +34,8 @@ pub struct Job {
     pub lines: Vec<Line>,
     /// The same for less of the work: then figures are extrapolated.
     pub fewer: Option<Vec<Line>>,
+    /// Files that have to be read whole; none if nobody knows how much of them.
+    pub reads: Option<Vec<PathBuf>>,
     /// What comes of it, and how many times the difference between `lines` and `fewer` each is.
     pub figures: Vec<(Figure, f64)>,
 }
@@ -51,6 +53,8 @@ pub struct Bench<'a> {
     pub inputs: Vec<InputFact>,
     /// What making and checking them took.
     pub input_seconds: f64,
+    /// Of each round.
+    pub limits: Vec<Limits>,
 }
 
 impl Bench<'_> {
@@ -95,6 +99,18 @@ impl Bench<'_> {
         Ok(emptied.and_then(|()| fs::create_dir(&out)).with_context(told)?)
     }
 
+    /// Bytes of these files and of all that a job has left.
+    pub fn bytes_moved(&self, reads: &[PathBuf]) -> std::io::Result<u64> {
+        let mut bytes = 0;
+        for file in reads {
+            bytes += fs::metadata(self.folder.join(file))?.len();
+        }
+        for entry in fs::read_dir(self.folder.join(OUT))? {
+            bytes += entry?.metadata()?.len();
+        }
+        Ok(bytes)
+    }
+
     /// Runs a command that prepares something, and gives what it told as JSON.
     pub fn prepare(&self, line: Line) -> Result<Value, Failure> {
         self.progress.phase("preparing", None, "");
@@ -123,7 +139,13 @@ impl Job {
     /// A job with one figure.
     pub fn new(suite: &str, input: &'static Spec, name: &str, at: &[(&str, f64)], lines: Vec<Line>) -> Job {
         let figure = figure(suite, input, name, at);
-        Job { input, lines, fewer: None, figures: vec![(figure, 1.0)] }
+        Job { input, lines, fewer: None, reads: None, figures: vec![(figure, 1.0)] }
+    }
+
+    /// With the files that it has to read whole; what it leaves is known when it has run.
+    pub fn reading(mut self, files: &[impl AsRef<Path>]) -> Job {
+        self.reads = Some(files.iter().map(|file| file.as_ref().to_owned()).collect());
+        self
     }
 
     /// For the plot of what `name` varies.
@@ -142,6 +164,8 @@ pub fn figure(suite: &str, input: &Spec, job: &str, at: &[(&str, f64)]) -> Figur
         series: None,
         at: at.iter().map(|&(name, value)| (name.to_owned(), Value::from(value))).collect(),
         extrapolated: false,
+        least_bytes: None,
+        least_operations: None,
         failed: None,
         rounds: Vec::new(),
         facts: Map::new(),

@@ -6,7 +6,7 @@ use std::error::Error;
 /// Pixels; the pages scale it.
 const SIZE: (u32, u32) = (760, 420);
 /// Blue, orange, green, red, violet, grey: told apart by people who confuse red and green, too.
-const COLOURS: [RGBColor; 6] = [
+pub const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),
@@ -14,6 +14,14 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(120, 94, 240),
     RGBColor(110, 110, 110),
 ];
+
+/// A picture of a report.
+pub struct Drawing {
+    /// For its file's name.
+    pub name: String,
+    pub title: String,
+    pub svg: String,
+}
 
 /// A plot.
 pub struct Plot {
@@ -54,11 +62,12 @@ impl Plot {
     ///
     /// # Errors
     /// If there is nothing to draw.
-    pub fn svg(&self) -> anyhow::Result<String> {
-        self.draw().map_err(|error| anyhow::anyhow!("{}: cannot be drawn: {error}", self.title))
+    pub fn drawn(self) -> anyhow::Result<Drawing> {
+        let svg = self.svg().map_err(|error| anyhow::anyhow!("{}: cannot be drawn: {error}", self.title))?;
+        Ok(Drawing { name: self.name.to_owned(), title: self.title, svg })
     }
 
-    fn draw(&self) -> Result<String, Box<dyn Error>> {
+    fn svg(&self) -> Result<String, Box<dyn Error>> {
         let points = || self.series.iter().flat_map(|series| &series.points);
         let across = limits(points().map(|p| p.x)).ok_or("no points")?;
         let up = limits(points().flat_map(|p| [p.low, p.high])).ok_or("no points")?;
@@ -144,7 +153,7 @@ mod tests {
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{svg}");
         assert!(svg.contains("one &lt;of&gt; them") && svg.contains("across, m") && svg.contains("up, s"));
         let empty = Plot { series: Vec::new(), ..plot };
-        assert!(empty.svg().is_err());
+        assert!(empty.drawn().is_err());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `brickfield bench report`: results as one HTML page, or as Markdown with SVG files beside it.
 
-use crate::bench::plots::Plot;
+use crate::bench::plots::Drawing;
 use crate::bench::result::Results;
 use crate::bench::sections::{Section, sections};
 use crate::bench::table::Table;
@@ -39,9 +39,9 @@ pub fn run(args: &BenchReportArgs) -> Result<(), Failure> {
 
 /// Writes the report of these results.
 pub fn write(results: &[Results], path: &Path, format: Format) -> Result<(), Failure> {
-    let sections = sections(results);
+    let sections = sections(results)?;
     match format {
-        Format::Html => write_file(path, html(&sections)?.as_bytes()),
+        Format::Html => write_file(path, html(&sections).as_bytes()),
         Format::Markdown => {
             // The page comes last, so that it never shows plots that are not there.
             let mut text = String::from("# Benchmarks of Brickfield\n");
@@ -51,7 +51,7 @@ pub fn write(results: &[Results], path: &Path, format: Format) -> Result<(), Fai
                 section.tables.iter().for_each(|table| text += &format!("\n{}", markdown(table)));
                 for plot in &section.plots {
                     let name = plot_name(path, plot);
-                    write_file(&path.with_file_name(&name), plot.svg()?.as_bytes())?;
+                    write_file(&path.with_file_name(&name), plot.svg.as_bytes())?;
                     text += &format!("\n![{}]({name})\n", plot.title);
                 }
             }
@@ -61,7 +61,7 @@ pub fn write(results: &[Results], path: &Path, format: Format) -> Result<(), Fai
 }
 
 /// `REPORT-plot.svg`.
-fn plot_name(report: &Path, plot: &Plot) -> String {
+fn plot_name(report: &Path, plot: &Drawing) -> String {
     let stem = report.file_stem().unwrap_or_default().to_string_lossy();
     format!("{stem}-{}.svg", plot.name)
 }
@@ -81,7 +81,7 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
     th{border-bottom:2px solid #999}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}\
     svg{max-width:100%;height:auto}";
 
-fn html(sections: &[Section]) -> Result<String, Failure> {
+fn html(sections: &[Section]) -> String {
     let mut text = format!(
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Benchmarks of Brickfield</title>\n\
          <style>{STYLE}</style>\n<h1>Benchmarks of Brickfield</h1>\n"
@@ -98,10 +98,10 @@ fn html(sections: &[Section]) -> Result<String, Failure> {
             text += &format!("<table>\n{}{rows}</table>\n", line(&table.head, "th"));
         }
         for plot in &section.plots {
-            text += &format!("<figure>{}</figure>\n", plot.svg()?.trim());
+            text += &format!("<figure>{}</figure>\n", plot.svg.trim());
         }
     }
-    Ok(text + "</html>\n")
+    text + "</html>\n"
 }
 
 fn escaped(text: &str) -> String {

@@ -32,6 +32,9 @@ pub struct Results {
     pub input_seconds: f64,
     /// The system's load average over a minute, before and after: above the number of threads others were at work.
     pub load: [f64; 2],
+    /// What the machine does at best, measured in every round of every suite.
+    #[serde(default)]
+    pub limits: Vec<Limits>,
     pub inputs: Vec<InputFact>,
     pub figures: Vec<Figure>,
 }
@@ -44,6 +47,15 @@ pub struct Settings {
     pub full: bool,
     pub rounds: u16,
     pub threads: usize,
+}
+
+/// What all threads do at best.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub struct Limits {
+    /// That are read from memory.
+    pub bytes_per_second: f64,
+    /// Additions and multiplications in double precision, of plain code.
+    pub operations_per_second: f64,
 }
 
 /// A file that was read.
@@ -75,6 +87,12 @@ pub struct Figure {
     /// Not measured as a whole: samples in proportion to what was measured of a few.
     #[serde(default)]
     pub extrapolated: bool,
+    /// Bytes of the files that have to be read whole and of those that are left: each moves through memory once at least.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub least_bytes: Option<u64>,
+    /// Operations on numbers, where they can be counted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub least_operations: Option<f64>,
     /// Why there is nothing to tell: of other programs only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
@@ -131,12 +149,31 @@ impl Results {
                 format!("its layout is of version {}, and this program reads {FORMAT}", results.format);
             return Err(refuse(&what).into());
         }
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let sound = |l: &Limits| positive(l.bytes_per_second) && positive(l.operations_per_second);
+        if !results.limits.iter().all(sound) {
+            return Err(refuse("it has limits of the machine that are not above 0").into());
+        }
         if let Some(figure) = results.figures.iter().find(|figure| !figure.is_sound()) {
             return Err(
                 refuse(&format!("\"{}\" has no rounds, or times that are not above 0", figure.id())).into()
             );
         }
         Ok(results)
+    }
+
+    /// How many times as long a figure took as the machine's limit for it, and which limit: the longer one.
+    pub fn in_limits(&self, figure: &Figure) -> Option<(f64, &'static str)> {
+        if self.limits.is_empty() || figure.rounds.is_empty() {
+            return None;
+        }
+        let median = |of: fn(&Limits) -> f64| Spread::of(self.limits.iter().map(of)).median;
+        let memory = figure.least_bytes.map(|bytes| bytes as f64 / median(|limits| limits.bytes_per_second));
+        let numbers =
+            figure.least_operations.map(|count| count / median(|limits| limits.operations_per_second));
+        let limits = [memory.zip(Some("memory")), numbers.zip(Some("arithmetic"))];
+        let (limit, name) = limits.into_iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (limit > 0.0).then(|| (figure.seconds().median / limit, name))
     }
 
     /// The input of a figure.
@@ -201,6 +238,12 @@ impl Spread {
         let (median, min, max) = (median(&mut values), values[0], values[values.len() - 1]);
         let mut off: Vec<f64> = values.iter().map(|value| (value - median).abs()).collect();
         Spread { median, min, max, deviation: self::median(&mut off), rounds: values.len() }
+    }
+
+    /// In another unit.
+    pub fn scaled(self, by: f64) -> Spread {
+        let Spread { median, min, max, deviation, rounds } = self;
+        Spread { median: median * by, min: min * by, max: max * by, deviation: deviation * by, rounds }
     }
 }
 

@@ -1,7 +1,9 @@
 //! What a report tells: tables and plots of results.
 
+use crate::bench::histogram::{self, Histogram, Panel};
 use crate::bench::paper::{Row, SAMPLES, TABLE_3};
-use crate::bench::plots::{Plot, Point, Series};
+use crate::bench::peers::PEERS;
+use crate::bench::plots::{Drawing, Plot, Point, Series};
 use crate::bench::result::{Figure, Results};
 use crate::bench::table::{self, Table, number};
 
@@ -10,11 +12,14 @@ pub struct Section {
     pub title: String,
     pub text: Vec<String>,
     pub tables: Vec<Table>,
-    pub plots: Vec<Plot>,
+    pub plots: Vec<Drawing>,
 }
 
 /// All of a report.
-pub fn sections(results: &[Results]) -> Vec<Section> {
+///
+/// # Errors
+/// If a plot cannot be drawn.
+pub fn sections(results: &[Results]) -> anyhow::Result<Vec<Section>> {
     let mut sections = Vec::new();
     for (number, result) in results.iter().enumerate() {
         let of = if results.len() > 1 { format!(", result {}", number + 1) } else { String::new() };
@@ -37,26 +42,61 @@ pub fn sections(results: &[Results]) -> Vec<Section> {
                 section.text.push(PAPER.to_owned());
                 section.tables.insert(0, table_3(result));
             }
+            if suite == PEERS {
+                section.text.push(ERRORS.to_owned());
+                let of = if results.len() > 1 { format!("{}-", number + 1) } else { String::new() };
+                section.plots = errors(result, &of)?;
+            }
             sections.push(section);
         }
     }
-    let plots = plots(results);
+    let plots = plots(results).into_iter().map(Plot::drawn).collect::<anyhow::Result<Vec<Drawing>>>()?;
     if !plots.is_empty() {
         sections.push(Section { title: "Plots".to_owned(), text: Vec::new(), tables: Vec::new(), plots });
     }
     let tables = vec![table::of_inputs(results)];
     sections.push(Section { title: "Inputs".to_owned(), text: Vec::new(), tables, plots: Vec::new() });
-    sections
+    Ok(sections)
 }
 
 const HOW: &str = "Times are those of whole commands, started anew for each round: medians, with ranges over rounds. \
     Floors are times divided by the read floor of the input, measured just before in the same round: streaming the \
-    file with all cores and snapping every vertex in plain code. Memory is the largest RssAnon of the process.";
+    file with all cores and snapping every vertex in plain code. Limits are times divided by the least that the machine \
+    needs: reading from memory, once, the bytes of the files that are read whole and of those that are written, at the \
+    speed of a plain sum over 256 MiB with all threads; or the operations of the sum over all triangles (67 a pair of \
+    sample and triangle, roots and the arc tangent counted as one) at that of plain multiplications and additions in \
+    double precision; measured in the same run. Memory is the largest RssAnon of the process.";
 
 const PAPER: &str = "Peelar et al. 2019, Table 3: the sum over all triangles on a GTX 1080 Ti, upload to download. \
     Here: from the file of triangles to the file of samples, with a store between, on inputs of about the size. 96³ \
     has no level of its own: the root cube has 128³, of which the input spans 96. Brute force is this program's sum in \
     double precision over all triangles at a few points, extrapolated to all samples.";
+
+const ERRORS: &str = "Times of peers are without reading their input, this program's with it. Errors are those of \
+    samples at random within the input's box against the sum of solid angles over all triangles in double precision, \
+    whose own rounding is 1e-15 to 1e-13.";
+
+/// Errors of all who gave winding numbers, a picture for each input.
+fn errors(result: &Results, of: &str) -> anyhow::Result<Vec<Drawing>> {
+    let mut inputs: Vec<(&str, Vec<Panel>)> = Vec::new();
+    for figure in result.figures.iter().filter(|figure| figure.suite == PEERS) {
+        let Some(histogram) = Histogram::told(&figure.facts).filter(|_| !figure.rounds.is_empty()) else {
+            continue;
+        };
+        let note = if figure.extrapolated { ", extrapolated" } else { "" };
+        let title = format!("{}: {} s{note}", figure.job, number(figure.seconds().median));
+        let panel = Panel { title, histogram };
+        match inputs.iter_mut().find(|(input, _)| *input == figure.input) {
+            Some((_, panels)) => panels.push(panel),
+            None => inputs.push((&figure.input, vec![panel])),
+        }
+    }
+    let drawn = |(input, panels): (&str, Vec<Panel>)| {
+        let name = format!("errors-{of}{}", input.trim_end_matches(".stl"));
+        histogram::draw(name, format!("Errors of winding numbers of {input}, and times"), &panels)
+    };
+    inputs.into_iter().map(drawn).collect()
+}
 
 /// The paper's table with ours beside.
 fn table_3(result: &Results) -> Table {
@@ -89,6 +129,11 @@ fn table_3(result: &Results) -> Table {
             "in read floors".to_owned(),
             dense.map(|f| told(f.as_ref(), &|f| f.floors().median)),
         );
+        let limits = dense.map(|f| f.and_then(|f| result.in_limits(f)));
+        if limits.iter().any(Option::is_some) {
+            let told = limits.map(|limit| limit.map_or("–".to_owned(), |(ratio, _)| number(ratio)));
+            line(String::new(), "in limits of memory".to_owned(), told);
+        }
         let ratios = std::array::from_fn(|i| told(dense[i].as_ref(), &|f| seconds[i] / f.seconds().median));
         line(String::new(), "times as fast as Peelar et al.".to_owned(), ratios);
         for name in ["brute force", "brute force on the GPU"] {

@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::line;
 use brickfield_bench_data::inputs::{self, Spec};
 use serde_json::Value;
+use std::path::Path;
 
 /// The jobs of a suite; inputs and what else they need is there afterwards.
 pub fn jobs(suite: SuiteArg, bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
@@ -18,29 +19,41 @@ pub fn jobs(suite: SuiteArg, bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure>
     }
 }
 
+/// The inputs of a suite; those that have others for a base stand behind them.
+pub fn inputs(suite: SuiteArg, quick: bool, full: bool) -> Vec<&'static Spec> {
+    let own = match suite {
+        SuiteArg::Paper => super::paper::inputs(quick, full),
+        SuiteArg::Scale => piles(quick, full),
+        SuiteArg::Mesh => meshed(quick),
+        SuiteArg::Store => vec![stored(quick)],
+        SuiteArg::Points => asked(quick).to_vec(),
+    };
+    own.into_iter().flat_map(|spec| spec.base().into_iter().chain([spec])).collect()
+}
+
+/// Inputs of [`scale`], the smallest first.
+fn piles(quick: bool, full: bool) -> Vec<&'static Spec> {
+    if quick {
+        return vec![&inputs::PILE_50K, &inputs::PILE_200K, &inputs::PILE_400K];
+    }
+    let mut piles = vec![&inputs::PILE_1M, &inputs::PILE_2M, &inputs::PILE_5M];
+    if full {
+        piles.extend([&inputs::PILE_10M, &inputs::PILE_20M, &inputs::PILE_45M]);
+    }
+    piles
+}
+
 /// Builds by triangles, depth, threads and memory.
 fn scale(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
-    let (piles, depths, pile, depth): (&[&Spec], _, _, _) = match (bench.quick, bench.full) {
-        (true, _) => {
-            (&[&inputs::PILE_50K, &inputs::PILE_200K, &inputs::PILE_400K], 2..=4, &inputs::PILE_400K, 4)
-        }
-        (_, false) => (&[&inputs::PILE_1M, &inputs::PILE_2M, &inputs::PILE_5M], 2..=6, &inputs::PILE_5M, 5),
-        (_, true) => (
-            &[
-                &inputs::PILE_1M,
-                &inputs::PILE_2M,
-                &inputs::PILE_5M,
-                &inputs::PILE_10M,
-                &inputs::PILE_20M,
-                &inputs::PILE_45M,
-            ],
-            2..=7,
-            &inputs::PILE_45M,
-            5,
-        ),
+    let piles = piles(bench.quick, bench.full);
+    let pile = piles[piles.len() - 1];
+    let (depths, depth) = match (bench.quick, bench.full) {
+        (true, _) => (2..=4, 4),
+        (_, false) => (2..=6, 5),
+        (_, true) => (2..=7, 5),
     };
     let mut jobs = Vec::new();
-    for &input in piles {
+    for &input in &piles {
         jobs.push(build(bench, input, depth, None, None)?.in_series("triangles"));
     }
     for level in depths.filter(|&level| level != depth) {
@@ -85,17 +98,19 @@ fn build(
         ("threads", threads.unwrap_or(bench.threads) as f64),
     ];
     at.extend(mib.map(|mib| ("memory", mib as f64 * 1024.0 * 1024.0)));
-    Ok(Job::new("scale", input, &name, &at, vec![line]))
+    Ok(Job::new("scale", input, &name, &at, vec![line]).reading(&[&path]))
+}
+
+/// Inputs of [`mesh`].
+fn meshed(quick: bool) -> Vec<&'static Spec> {
+    if quick { vec![&inputs::PILE_50K] } else { vec![&inputs::PILE_1M, &inputs::SPOT_0_9M] }
 }
 
 /// Meshes of stores.
 fn mesh(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
-    let (sources, depth): (&[&Spec], _) = match bench.quick {
-        true => (&[&inputs::PILE_50K], 2),
-        false => (&[&inputs::PILE_1M, &inputs::SPOT_0_9M], 4),
-    };
+    let depth = if bench.quick { 2 } else { 4 };
     let mut jobs = Vec::new();
-    for (number, &input) in sources.iter().enumerate() {
+    for (number, input) in meshed(bench.quick).into_iter().enumerate() {
         let store = format!("{number}.brf");
         let cell = prepared(bench, input, &store, depth)?["cell"].as_f64().unwrap_or(1.0);
         for (ending, tolerance) in [("stl", 0.0), ("ply", 0.0), ("stl", 0.1), ("ply", 0.1)] {
@@ -106,20 +121,26 @@ fn mesh(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
             line.extend(bench.threads());
             line.extend(line!["--tolerance", (tolerance * cell).to_string()]);
             let at = [("depth", f64::from(depth)), ("tolerance", tolerance)];
-            jobs.push(Job::new("mesh", input, &name, &at, vec![line]));
+            jobs.push(Job::new("mesh", input, &name, &at, vec![line]).reading(&[&store]));
         }
     }
     Ok(jobs)
 }
 
+/// The input of [`store`].
+fn stored(quick: bool) -> &'static Spec {
+    if quick { &inputs::PILE_50K } else { &inputs::PILE_1M }
+}
+
 /// Stores as files.
 fn store(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
-    let (input, depth): (_, u8) = if bench.quick { (&inputs::PILE_50K, 2) } else { (&inputs::PILE_1M, 4) };
+    let (input, depth): (_, u8) = (stored(bench.quick), if bench.quick { 2 } else { 4 });
     let path = bench.input(input)?;
     let depth_word = depth.to_string();
     let mut jobs = Vec::new();
-    let mut job = |name: &str, line| {
-        jobs.push(Job::new("store", input, name, &[("depth", f64::from(depth))], vec![line]))
+    let mut job = |name: &str, line, reads: &[&Path]| {
+        let job = Job::new("store", input, name, &[("depth", f64::from(depth))], vec![line]);
+        jobs.push(job.reading(reads));
     };
     for coding in ["lz4", "range"] {
         let words = ["--depth", &depth_word, "--compression", coding];
@@ -127,6 +148,7 @@ fn store(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
         job(
             &format!("build --depth {depth} --compression {coding}"),
             bench.build(&path, &out("part.brf"), &words),
+            &[path.as_path()],
         );
     }
     let with_threads = |mut line: Vec<_>| {
@@ -136,24 +158,33 @@ fn store(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
     };
     for coding in ["lz4", "range"] {
         let store = format!("{coding}.brf");
-        job(&format!("verify, {coding}"), with_threads(line!["verify", &store]));
-        job(&format!("cache stat, {coding}"), with_threads(line!["cache", "stat", &store]));
+        let whole = [Path::new(&store)];
+        job(&format!("verify, {coding}"), with_threads(line!["verify", &store]), &whole);
+        job(&format!("cache stat, {coding}"), with_threads(line!["cache", "stat", &store]), &whole);
         let array = line!["export", &store, "--level", "2", "-o", out("w.npy")];
-        job(&format!("export --level 2, {coding}"), with_threads(array));
+        // Only the records of some levels are read.
+        job(&format!("export --level 2, {coding}"), with_threads(array), &[]);
         let other = if coding == "lz4" { "range" } else { "lz4" };
         let repack = line!["cache", "repack", &store, "-o", out("part.brf"), "--compression", other];
-        job(&format!("cache repack, {coding} to {other}"), with_threads(repack));
+        job(&format!("cache repack, {coding} to {other}"), with_threads(repack), &whole);
     }
     Ok(jobs)
 }
 
+/// Inputs of [`points`]: closed, open, a point cloud.
+fn asked(quick: bool) -> [&'static Spec; 3] {
+    match quick {
+        true => [&inputs::PILE_50K, &inputs::CRACKED_50K, &inputs::TORUS_2K],
+        false => [&inputs::PILE_1M, &inputs::CRACKED_1M, &inputs::TORUS_20K],
+    }
+}
+
 /// Answers at points.
 fn points(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
-    let (pile, cracked, cloud, depth, counts) = match bench.quick {
-        true => (&inputs::PILE_50K, &inputs::CRACKED_50K, &inputs::TORUS_2K, 2, [10_000, 10_000, 100]),
-        false => {
-            (&inputs::PILE_1M, &inputs::CRACKED_1M, &inputs::TORUS_20K, 4, [1_000_000, 1_000_000, 1_000])
-        }
+    let [pile, cracked, cloud] = asked(bench.quick);
+    let (depth, counts) = match bench.quick {
+        true => (2, [10_000, 10_000, 100]),
+        false => (4, [1_000_000, 1_000_000, 1_000]),
     };
     let [of_store, of_closed, of_open] = counts;
     prepared(bench, pile, "pile.brf", depth)?;

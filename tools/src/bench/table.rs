@@ -18,7 +18,7 @@ impl Table {
     }
 
     /// In columns, all but the first two flush right.
-    fn aligned(&self) -> String {
+    pub fn aligned(&self) -> String {
         let lines = || std::iter::once(&self.head).chain(&self.rows);
         let width = |column: usize| lines().map(|line| line[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.head.len()).map(width).collect();
@@ -57,17 +57,33 @@ pub fn heading(results: &Results) -> String {
     } else {
         ""
     };
+    let limits = results.limits.iter();
+    let limits = (!results.limits.is_empty()).then(|| {
+        let bytes = Spread::of(limits.clone().map(|limits| limits.bytes_per_second));
+        let operations = Spread::of(limits.map(|limits| limits.operations_per_second));
+        let [bytes, operations] = [bytes, operations]
+            .map(|spread| format!("{} ({})", number(spread.median / 1e9), range(spread.scaled(1e-9))));
+        format!("at best {bytes} GB/s from memory, {operations} billion operations/s\n")
+    });
     format!(
         "{program}{commit}, {date}: {size}{} rounds with {} threads in {seconds:.0} s, \
-         {input_seconds:.0} s of it for inputs\n{}, {} cores{memory}, {}, load {:.1} before and {:.1} after\n",
-        settings.rounds, settings.threads, machine.cpu, machine.cores, machine.kernel, load[0], load[1]
+         {input_seconds:.0} s of it for inputs\n{}, {} cores{memory}, {}, load {:.1} before and {:.1} after\n{}",
+        settings.rounds,
+        settings.threads,
+        machine.cpu,
+        machine.cores,
+        machine.kernel,
+        load[0],
+        load[1],
+        limits.unwrap_or_default()
     )
 }
 
 /// The figures of a suite.
 pub fn of_suite(results: &Results, suite: &str) -> Table {
-    let mut table =
-        Table::new(&["input", "job", "seconds", "(range)", "floors", "(range)", "cpu s", "memory", "result"]);
+    let mut table = Table::new(&[
+        "input", "job", "seconds", "(range)", "floors", "(range)", "limits", "cpu s", "memory", "result",
+    ]);
     for figure in results.figures.iter().filter(|figure| figure.suite == suite) {
         if let Some(why) = &figure.failed {
             let mut row = vec![figure.input.clone(), figure.job.clone()];
@@ -86,6 +102,9 @@ pub fn of_suite(results: &Results, suite: &str) -> Table {
             range(seconds),
             unless_extrapolated(figure, number(floors.median)),
             unless_extrapolated(figure, range(floors)),
+            results
+                .in_limits(figure)
+                .map_or("–".to_owned(), |(ratio, of)| format!("{} {of}", number(ratio))),
             Some(figure.cpu_seconds().median).filter(|&cpu| cpu > 0.0).map_or("–".to_owned(), number),
             memory(figure),
             facts(figure),
