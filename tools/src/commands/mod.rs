@@ -64,6 +64,15 @@ fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: Accept) -> Resul
     Store::open_with(path, StoreOptions { cache_bytes, io, accept })
 }
 
+/// Makes the folder, unless it is there.
+fn make_folder(path: &Path) -> Result<(), Failure> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    let made = std::fs::create_dir(path);
+    Ok(made.with_context(|| format!("{}: cannot make the folder", path.display()))?)
+}
+
 /// An error in a setting, with the store that it does not fit.
 fn of_store(store: &Store, place: &str, error: Error) -> Error {
     match error {
@@ -75,6 +84,11 @@ fn of_store(store: &Store, place: &str, error: Error) -> Error {
 /// The store's unit for messages, or the word for an unknown one.
 fn unit_of(meta: &Meta) -> &str {
     if meta.unit.is_empty() { "units" } else { &meta.unit }
+}
+
+/// The error of a length with a unit, asked of a store without.
+fn no_unit() -> Failure {
+    Failure::Usage("the store has no unit of length; give lengths as numbers alone".to_owned())
 }
 
 /// Checks a level against the store's deepest.
