@@ -4,8 +4,8 @@ use brickfield_bench_data::Mesh;
 use brickfield_bench_data::shapes::{cuboid, icosphere};
 use brickfield_engine::Silent;
 use brickfield_engine::build::{TreeOptions, build_in_memory};
-use brickfield_engine::lattice::{Axis, RootCube};
-use brickfield_engine::render::{Cut, Ray, RenderOptions, Scene, Style, View};
+use brickfield_engine::lattice::{Axis, NodeKey, RootCube};
+use brickfield_engine::render::{Cut, Paint, Ray, RenderOptions, Scene, Stops, Style, Surface, View, Volume};
 use brickfield_engine::section::{Contour, ContourLimits, Plane, contour};
 use brickfield_engine::store::{BrickTree, MemoryTree, Refine};
 
@@ -141,16 +141,18 @@ fn points_are_bounded() {
     assert!(error.contains("more than 104 points") && error.contains("--memory"), "{error}");
 }
 
-fn options(style: Style, view: View, cuts: Vec<Cut>) -> RenderOptions {
+fn options(style: fn() -> Style, view: View, cuts: Vec<Cut>) -> RenderOptions {
     RenderOptions {
-        style,
+        style: style(),
         view,
+        turn: 1,
         bounds: [[-10.0; 3], [10.0; 3]],
         cuts,
         size: [96, 72],
         supersample: 1,
         background: [255; 4],
         level: None,
+        cell_pixels: 0.0,
         cache_bytes: 64 << 20,
     }
 }
@@ -160,8 +162,9 @@ fn depth_map(tree: &MemoryTree, options: &RenderOptions) -> Vec<(Ray, Option<f64
     let scene = Scene::new(tree, options).unwrap_or_else(|e| panic!("{e}"));
     let [width, height] = options.size;
     let at = |n: u32| [f64::from(n % width) + 0.5, f64::from(n / width) + 0.5];
-    let rays: Vec<Ray> = (0..width * height).map(|n| scene.ray(at(n))).collect();
-    let distances = scene.distances(&rays).unwrap_or_else(|e| panic!("{e}"));
+    let frame = scene.frames().next().expect("a picture");
+    let rays: Vec<Ray> = (0..width * height).map(|n| frame.ray(at(n))).collect();
+    let distances = frame.distances(&rays).unwrap_or_else(|e| panic!("{e}"));
     rays.into_iter().zip(distances).collect()
 }
 
@@ -185,7 +188,7 @@ fn every_ray_meets_a_sphere_within_half_a_cell_of_where_it_is() {
     let half = cell(&tree) / 2.0;
     let (mut met, mut worst): (usize, f64) = (0, 0.0);
     for view in all_views() {
-        for (ray, found) in depth_map(&tree, &options(Style::Solid, view, vec![])) {
+        for (ray, found) in depth_map(&tree, &options(Style::solid, view, vec![])) {
             // The mesh lies within 0.01 of the sphere, and no ray says much of what it only touches: there the distance
             // from the surface counts, not that along the ray.
             let point =
@@ -210,13 +213,69 @@ fn every_ray_meets_a_sphere_within_half_a_cell_of_where_it_is() {
 }
 
 #[test]
+fn coarser_levels_are_off_by_less_than_a_pixel() {
+    let tree = tree(&soup(&icosphere(5, 10.0)), depth(4));
+    for view in all_views() {
+        let fine = RenderOptions { size: [64, 48], ..options(Style::solid, view, vec![]) };
+        // Twenty units of the part and its margins are 48 pixels high, and in perspective less than twice as large.
+        let pixel = 2.0 * 20.0 / 48.0;
+        let coarse = RenderOptions { cell_pixels: 1.0, ..fine.clone() };
+        for (ray, found) in depth_map(&tree, &coarse) {
+            match (found, sphere(&ray, 10.0 - pixel)) {
+                (Some(found), Some(_)) => {
+                    let truth = sphere(&ray, 10.0).expect("it meets the smaller one");
+                    let slope = sphere(&ray, 10.0 - pixel).map_or(0.0, |inner| inner - truth);
+                    assert!((found - truth).abs() < slope, "{found} for {truth} at {ray:?}");
+                }
+                (found, None) => assert!(found.is_none() || sphere(&ray, 10.0 + pixel).is_some(), "{ray:?}"),
+                (None, Some(_)) => panic!("a hole at {ray:?}"),
+            }
+        }
+        let read = |options: &RenderOptions| {
+            let scene = Scene::new(&tree, options).unwrap();
+            scene.frames().next().unwrap().draw(&Silent, |_| Ok(())).unwrap();
+            scene.summary().made
+        };
+        let (coarse, fine) = (read(&coarse), read(&fine));
+        assert!(coarse * 20 < fine, "{coarse} of {fine} bricks");
+    }
+}
+
+#[test]
+fn a_wall_between_the_samples_of_coarse_levels_is_drawn_all_the_same() {
+    let thin = 0.05;
+    let mut missed = 0;
+    for z in [-7.77, -2.4, 1.31, 5.01] {
+        let plate = soup(&cuboid([-10.0, -10.0, z], [10.0, 10.0, z + thin]));
+        // Not about the plate, whose middle would be a sample.
+        let root = RootCube::around([-10.0; 3], [10.0; 3]).expect("an extent");
+        let tree = build_in_memory(&[&plate], root, depth(4)).unwrap_or_else(|e| panic!("{e}"));
+        assert!(cell(&tree) < thin);
+        missed += usize::from(tree.node(NodeKey::ROOT).expect("a root").max == 0);
+        let view = View::named("top").unwrap();
+        // A pixel is 1.2 units, so every level's cells are smaller.
+        let some = RenderOptions { size: [24, 18], cell_pixels: 1.0, ..options(Style::solid, view, vec![]) };
+        let mut met = 0;
+        for (ray, found) in depth_map(&tree, &some) {
+            if ray.origin[0].abs() < 9.5 && ray.origin[1].abs() < 9.5 {
+                let found = ray.origin[2] - found.expect("a plate");
+                assert!((found - z).abs() < 1.0, "{found} for {z}");
+                met += 1;
+            }
+        }
+        assert!(met > 100);
+    }
+    assert!(missed > 1, "the root's samples have all of them");
+}
+
+#[test]
 fn cuts_and_boxes_open_the_part_where_they_say() {
     let tree = tree(&soup(&icosphere(5, 10.0)), depth(2));
     let half = cell(&tree) / 2.0;
     let cut = Cut { axis: Axis::Z, at: 2.5, above: true };
     let view = View::named("top").unwrap();
     let mut caps = 0;
-    for (ray, found) in depth_map(&tree, &options(Style::Solid, view, vec![cut])) {
+    for (ray, found) in depth_map(&tree, &options(Style::solid, view, vec![cut])) {
         let beside = (ray.origin[0].powi(2) + ray.origin[1].powi(2)).sqrt();
         let rim = (100.0f64 - 2.5 * 2.5).sqrt();
         if beside < rim - 2.0 * half {
@@ -227,8 +286,37 @@ fn cuts_and_boxes_open_the_part_where_they_say() {
     }
     assert!(caps > 1000);
     let nothing = vec![cut, Cut { axis: Axis::Z, at: 3.0, above: false }];
-    let error = Scene::new(&tree, &options(Style::Solid, view, nothing)).err().unwrap().to_string();
+    let error = Scene::new(&tree, &options(Style::solid, view, nothing)).err().unwrap().to_string();
     assert!(error.contains("leave nothing"), "{error}");
+}
+
+#[test]
+fn a_cavity_that_is_cut_open_is_as_deep_as_it_is() {
+    let mut hollow = soup(&cuboid([-10.0; 3], [10.0; 3]));
+    hollow.extend(soup(&icosphere(5, 6.0)).into_iter().map(|[a, b, c]| [a, c, b]));
+    let tree = tree(&hollow, depth(2));
+    let half = cell(&tree) / 2.0;
+    let cut = Cut { axis: Axis::Z, at: 1.0, above: true };
+    let view = View { azimuth: 25.0, elevation: 70.0, opening: 20.0 };
+    let (mut caps, mut walls) = (0, 0);
+    for (ray, found) in depth_map(&tree, &options(Style::solid, view, vec![cut])) {
+        let at = |t: f64| [0, 1, 2].map(|a| ray.origin[a] + t * ray.direction[a]);
+        let radius = |p: [f64; 3]| p.iter().map(|c| c * c).sum::<f64>().sqrt();
+        // Where the ray passes the plane of the cut.
+        let opening = at((1.0 - ray.origin[2]) / ray.direction[2]);
+        if opening[0].abs().max(opening[1].abs()) > 10.0 - half || (radius(opening) - 6.0).abs() < half {
+            continue;
+        }
+        let found = at(found.expect("a wall"));
+        if radius(opening) > 6.0 {
+            assert!((found[2] - 1.0).abs() < 1e-9, "{found:?}");
+            caps += 1;
+        } else {
+            assert!((radius(found) - 6.0).abs() < half && found[2] < 1.0, "{found:?}");
+            walls += 1;
+        }
+    }
+    assert!(caps > 500 && walls > 500, "{caps} and {walls}");
 }
 
 #[test]
@@ -239,7 +327,7 @@ fn overlaps_are_met_within_the_part() {
     let view = View::named("front").unwrap();
     let half = cell(&tree);
     let mut met = 0;
-    for (ray, found) in depth_map(&tree, &options(Style::Overlap, view, vec![])) {
+    for (ray, found) in depth_map(&tree, &options(Style::overlap, view, vec![])) {
         let inside = |margin: f64| ray.origin[0].abs() < 4.0 - margin && ray.origin[2].abs() < 2.0 - margin;
         if inside(half) {
             let y = ray.origin[1] + found.expect("two boxes");
@@ -258,7 +346,7 @@ fn pixels(tree: &MemoryTree, options: &RenderOptions, threads: usize) -> Vec<[u8
     let mut pixels = Vec::new();
     pool.install(|| {
         let scene = Scene::new(tree, options).unwrap();
-        scene.draw(&Silent, |row| {
+        scene.frames().next().expect("a picture").draw(&Silent, |row| {
             pixels.extend_from_slice(row);
             Ok(())
         })
@@ -272,16 +360,80 @@ fn neither_threads_nor_memory_show() {
     let mut both = soup(&icosphere(4, 9.0));
     both.extend(soup(&cuboid([-10.0, -3.0, -3.0], [4.0, 3.0, 3.0])));
     let tree = tree(&both, depth(3));
-    for (_, style) in Style::NAMED {
+    for (name, style) in Style::NAMED {
         let view = View { azimuth: 20.0, elevation: 30.0, opening: 25.0 };
         let cut = Cut { axis: Axis::Y, at: -5.0, above: false };
         let some = RenderOptions { size: [203, 101], ..options(style, view, vec![cut]) };
         let one = pixels(&tree, &some, 1);
         assert_eq!(one.len(), 203 * 101);
         assert!(one.iter().any(|pixel| *pixel != [255; 4]));
-        assert!(one == pixels(&tree, &some, 4), "{style:?}");
-        assert!(one == pixels(&tree, &RenderOptions { cache_bytes: 0, ..some }, 3), "{style:?}");
+        assert!(one == pixels(&tree, &some, 4), "{name}");
+        assert!(one == pixels(&tree, &RenderOptions { cache_bytes: 0, ..some }, 3), "{name}");
     }
+}
+
+#[test]
+fn rays_meet_surfaces_in_their_order_and_haze_between() {
+    let mut both = soup(&cuboid([-10.0, -3.0, -3.0], [4.0, 3.0, 3.0]));
+    both.extend(soup(&cuboid([-4.0, -2.0, -2.0], [10.0, 2.0, 2.0])));
+    let tree = tree(&both, depth(3));
+    let view = View::named("front").unwrap();
+    let pane = |w: f64, colour: [u8; 3]| Surface {
+        w,
+        paint: Paint::Plain(colour),
+        opacity: 0.5,
+        rim: 0.0,
+        shaded: false,
+    };
+    let style = |surfaces: Vec<Surface>, volume: Option<Volume>| Style { surfaces, volume, ..Style::solid() };
+    let middle = |style: Style| {
+        let options = RenderOptions { style, ..options(Style::solid, view, vec![]) };
+        pixels(&tree, &options, 2)[36 * 96 + 48]
+    };
+    let near = |[r, g, b, _]: [u8; 4], expected: [f64; 3]| {
+        [r, g, b].into_iter().zip(expected).all(|(c, e)| (f64::from(c) - e).abs() <= 1.5)
+    };
+    // Into the first box, into both, out of one, out of all: each hides half, white lies behind.
+    let (red, blue) = ([255, 0, 0], [0, 0, 255]);
+    let panes = middle(style(vec![pane(0.5, red), pane(1.5, blue)], None));
+    let shares = [0.5, 0.25, 0.125, 0.0625].map(|share: f64| share * 255.0);
+    let white = 0.0625 * 255.0;
+    assert!(near(panes, [shares[0] + shares[3] + white, white, shares[1] + shares[2] + white]), "{panes:?}");
+    // Whichever comes first in the style.
+    assert_eq!(panes, middle(style(vec![pane(1.5, blue), pane(0.5, red)], None)));
+    // Four units of a haze of a tenth a unit, seen where w is 2; cells at its border count in part.
+    let green = Volume {
+        opacity: Stops::new(vec![(1.5, [0.1]), (2.5, [0.1])]).unwrap(),
+        colour: Stops::new(vec![(2.0, [0.0, 255.0, 0.0])]).unwrap(),
+        shaded: false,
+        stretch: Some(1.0),
+    };
+    let left = 255.0 * (-0.4f64).exp();
+    let [r, g, b, _] = middle(style(vec![], Some(green.clone())));
+    assert!((f64::from(r) - left).abs() < 8.0 && r == b && g == 255, "{r} {g} {b} for {left}");
+    // An opaque surface behind it ends it.
+    let [r, _, b, _] = middle(style(vec![Surface::opaque(1.5, Paint::Plain(red))], Some(green)));
+    assert!(r > 40 && b < 60, "{r} {b}");
+}
+
+#[test]
+fn a_turn_sees_all_sides_at_one_size() {
+    let tree = tree(&soup(&cuboid([-10.0, -2.0, -3.0], [10.0, 2.0, 3.0])), depth(2));
+    let some = RenderOptions {
+        turn: 4,
+        bounds: [[-10.0, -2.0, -3.0], [10.0, 2.0, 3.0]],
+        ..options(Style::solid, View::named("front").unwrap(), vec![])
+    };
+    let scene = Scene::new(&tree, &some).unwrap();
+    let widths: Vec<usize> = scene
+        .frames()
+        .map(|frame| {
+            let row: Vec<Ray> = (0..96).map(|x| frame.ray([f64::from(x) + 0.5, 36.0])).collect();
+            frame.distances(&row).unwrap().iter().flatten().count()
+        })
+        .collect();
+    // 20 units in front fill 94 % of 96 pixels; the sides are 4 units wide.
+    assert_eq!(widths, [90, 18, 90, 18]);
 }
 
 #[test]
@@ -291,10 +443,10 @@ fn a_closed_void_shows_through_the_boundary_and_not_through_the_solid() {
     hollow.extend(soup(&icosphere(4, 4.0)).into_iter().map(|[a, b, c]| [a, c, b]));
     let hollow = tree(&hollow, depth(2));
     let view = View::named("front").unwrap();
-    for (style, differs) in [(Style::Solid, false), (Style::Boundary, true)] {
+    for (style, differs) in [(Style::solid as fn() -> Style, false), (Style::boundary, true)] {
         let [a, b] = [&solid, &hollow].map(|tree| pixels(tree, &options(style, view, vec![]), 2));
         let middle = 36 * 96 + 48;
-        assert_eq!(a[middle] != b[middle], differs, "{style:?}");
+        assert_eq!(a[middle] != b[middle], differs);
         assert_eq!(a[20 * 96 + 20], b[20 * 96 + 20]);
     }
 }

@@ -196,7 +196,15 @@ fn layers_add_up_to_the_part() {
 fn pictures_have_the_same_bytes_for_any_threads_and_memory() {
     let dir = Scratch::new();
     let store = dir.store("clover_beads", 3);
-    let cases: [&[&str]; 6] = [
+    let style = dir.file(
+        "mine.toml",
+        b"[[surface]]\nw = 1.5\ncolour = \"counted\"\nopacity = 0.5\n[volume]\nopacity = [[0, 0.1], [3, 0.9]]\n\
+          colour = [[0, \"#ff0000\"], [2, \"#0000ff\"]]\nstretch = \"5mm\"\n",
+    );
+    let mine = style.to_str().unwrap();
+    let cases: [&[&str]; 8] = [
+        &["render", "--size", "120x90", "--style", mine, "--lod", "0.3", "--cut", "z>9", "a.png"],
+        &["render", "--size", "60x40", "--turntable", "5", "--view", "10,30", "a.apng"],
         &["slice", "--z", "9.3", "a.png"],
         &["slice", "--x", "100", "--size", "100", "a.png"],
         &["slice", "--z", "9.3", "a.svg"],
@@ -277,6 +285,112 @@ fn pictures_look_as_they_did() {
 }
 
 #[test]
+fn styles_come_from_files() {
+    let dir = Scratch::new();
+    let store = dir.store("clover_beads", 2);
+    let out = dir.path("a.png");
+    let drawn = |style: &dyn AsRef<OsStr>, more: &[&str]| {
+        let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"render", &store, &"-o", &out, &"--style", style];
+        args.extend([&"--size" as &dyn AsRef<OsStr>, &"90x60", &"--quiet"]);
+        args.extend(more.iter().map(|arg| arg as &dyn AsRef<OsStr>));
+        run(&args).ok();
+        std::fs::read(&out).unwrap()
+    };
+    for name in ["solid", "boundary", "overlap"] {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("styles").join(name).with_extension("toml");
+        assert!(drawn(&file, &[]) == drawn(&name, &[]), "{name}");
+    }
+    let text = "background = \"#203040\"\n[[surface]]\nw = 0.5\ncolour = \"#ff0000\"\nshaded = false\n";
+    let red = dir.file("red.toml", text);
+    drawn(&red, &[]);
+    let seen = |colour| read(&out).2.contains(&colour);
+    assert!(seen([255, 0, 0]) && seen([0x20, 0x30, 0x40]) && !seen([255; 3]));
+    drawn(&red, &["--background", "white"]);
+    assert!(seen([255, 0, 0]) && !seen([0x20, 0x30, 0x40]) && seen([255; 3]));
+
+    std::fs::remove_file(&out).unwrap();
+    let bad = dir.file("bad.toml", format!("{text}opacity = 2\n"));
+    let line = run(&[&"render", &store, &"-o", &out, &"--style", &bad]).failed();
+    assert!(line.contains("bad.toml: line 6: surface.opacity: expected a number from 0 to 1"), "{line}");
+    let line = run(&[&"render", &store, &"-o", &out, &"--style", &dir.path("none.toml")]).failed();
+    assert!(line.contains("none.toml: cannot open the style"), "{line}");
+    let line = run(&[&"render", &store, &"-o", &out, &"--style", &"plaid"]).misused();
+    assert!(line.contains("choose solid, boundary, overlap, or a file that ends in .toml"), "{line}");
+    assert_eq!(dir.names(), ["bad.toml", "clover_beads-2.brf", "red.toml"]);
+}
+
+#[test]
+fn a_turn_is_an_animation_or_a_folder_of_the_same_pictures() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 2);
+    let turn = |out: &Path| {
+        let args: [&dyn AsRef<OsStr>; 10] = [
+            &"render",
+            &store,
+            &"-o",
+            &out,
+            &"--turntable",
+            &"6",
+            &"--size",
+            &"64x48",
+            &"--json",
+            &"--quiet",
+        ];
+        run(&args)
+    };
+    let (folder, apng) = (dir.path("turn"), dir.path("turn.apng"));
+    turn(&folder).ok();
+    let said = turn(&apng).json();
+    assert_eq!((&said["frames"], &said["size"]), (&serde_json::json!(6), &serde_json::json!([64, 48])));
+    let file = std::io::BufReader::new(std::fs::File::open(&apng).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let turns = reader.info().animation_control().expect("an animation");
+    assert_eq!((turns.num_frames, turns.num_plays), (6, 0));
+    let mut pictures = Vec::new();
+    for number in 1..=6 {
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let alone = read(&folder.join(format!("{number:04}.png")));
+        assert!(bytes == alone.2.concat(), "{number}");
+        pictures.push(bytes);
+    }
+    assert!(pictures.iter().enumerate().all(|(n, picture)| !pictures[..n].contains(picture)));
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 6);
+    let many = run(&[&"render", &store, &"-o", &"turn.png", &"--turntable", &"3"]).misused();
+    assert!(many.contains("--turntable makes many pictures"), "{many}");
+    let one = run(&[&"render", &store, &"-o", &"turn.apng"]).misused();
+    assert!(one.contains("take --turntable"), "{one}");
+}
+
+#[test]
+fn a_coarse_picture_comes_first() {
+    let dir = Scratch::new();
+    let store = dir.store("clover_beads", 4);
+    let (coarse, fine) = (dir.path("coarse.png"), dir.path("fine.png"));
+    let drawn = |more: &[&dyn AsRef<OsStr>]| {
+        let args: [&dyn AsRef<OsStr>; 6] = [&"render", &store, &"-o", &fine, &"--size", &"96x72"];
+        run(&[args.as_slice(), more].concat()).ok()
+    };
+    let said = drawn(&[&"--preview", &coarse, &"--lod", &"0"]);
+    let lines: Vec<&str> = said.lines().collect();
+    assert!(lines[0].contains("coarse.png: 96 × 72 pixels") && lines[1].contains("fine.png: "), "{said}");
+    let bricks = |line: &str| -> u64 {
+        let (before, _) = line.split_once(" bricks").expect("a count");
+        before.rsplit(' ').next().unwrap().parse().unwrap()
+    };
+    assert!(bricks(lines[0]) * 4 < bricks(lines[1]), "{said}");
+    let (a, b) = (read(&coarse), read(&fine));
+    assert_eq!((a.0, a.1), (b.0, b.1));
+    // They show the same: few pixels are the part in one and background in the other.
+    let differs = a.2.iter().zip(&b.2).filter(|(a, b)| (**a == [255; 3]) != (**b == [255; 3])).count();
+    assert!(differs * 20 < a.2.len(), "{differs}");
+    let both = run(&[&"render", &store, &"-o", &fine, &"--preview", &fine]).failed();
+    assert!(both.contains("overwrite another file"), "{both}");
+    let jpg = run(&[&"render", &store, &"-o", &fine, &"--preview", &"a.jpg"]).misused();
+    assert!(jpg.contains("must end in .png"), "{jpg}");
+}
+
+#[test]
 fn what_cannot_be_drawn_is_said_in_a_line_and_leaves_nothing() {
     let dir = Scratch::new();
     let store = dir.store("overlap_boxes", 1);
@@ -320,6 +434,10 @@ fn what_cannot_be_drawn_is_said_in_a_line_and_leaves_nothing() {
         &["render", "-o", "o.png", "--perspective", "200"],
         &["render", "-o", "o.png", "--supersample", "9"],
         &["render", "-o", "o.png", "--background", "plaid"],
+        &["render", "-o", "o.png", "--lod", "-1"],
+        &["render", "-o", "o.png", "--lod", "nan"],
+        &["render", "-o", "turn", "--turntable", "0"],
+        &["render", "-o", "turn", "--turntable", "2", "--preview", "o.png"],
     ] {
         let mut args: Vec<&dyn AsRef<OsStr>> = vec![&more[0], &store];
         args.extend(more[1..].iter().map(|arg| arg as &dyn AsRef<OsStr>));

@@ -17,6 +17,7 @@ mod output;
 mod picture_args;
 mod points;
 mod progress;
+mod style_file;
 mod toolpaths;
 mod units;
 

@@ -3,8 +3,9 @@
 use crate::args::{IoArg, WorkArgs};
 use crate::units::{BoxArg, Length, Position, Size};
 use brickfield_engine::lattice::Axis;
-use brickfield_engine::render::{Style, View};
+use brickfield_engine::render::{BuiltIn, Style, View};
 use clap::{ArgGroup, Args, ValueEnum};
+use serde::Deserialize;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -130,26 +131,58 @@ impl SliceFormat {
 #[derive(Args)]
 #[command(after_help = "\
 Rays go past what the index says is empty and read only the bricks that they meet, so a store may be larger than the \
-memory. Where cells are smaller than half a pixel a coarser level stands for them. The picture has the same bytes for \
-any number of threads and any memory.
+memory. The picture has the same bytes for any number of threads and any memory.
+
+Levels of detail: where the cells of a coarser level are smaller than --lod pixels they stand for what is below. They \
+are samples of the same field, so what is thinner than such a cell, that is, than --lod pixels, may be missing or \
+show holes; a node stands for nothing where the index says that a wall, a gap or an overlap below passes between all \
+of its samples. --lod 0 draws the finest cells everywhere.
 
 Styles: solid shows the boundary w = 0.5, and where a cut opens the part, how many pieces cover each point; boundary \
 shows w between 0 and 1 in rainbow colours, so that closed voids are seen within; overlap shows where w is 2 or more \
-within a faint boundary.
+within a faint boundary. A file that ends in .toml makes another, of surfaces where w passes a number (up to 4) and of \
+haze where it lies between two. Of a surface w and colour must be given, of a volume opacity and colour:
+
+  background = \"white\"         # --background goes first
+  [[surface]]
+  w = 0.5
+  colour = \"#78879b\"           # or \"counted\": by the largest w beside it, as in sections
+  opacity = 0.03               # 1 by default: opaque, and shows w where a cut opens it
+  rim = 0.3                    # more opaque by this where it is seen from its edge
+  shaded = false               # no light on it
+  [volume]
+  opacity = [[0.02, 0.35], [1.0, 0.35]]   # [w, opacity], rising; not seen at the ends and beyond
+  colour = [[0.0, \"#283cdc\"], [1.0, \"#d71e23\"]]
+  stretch = \"0.5mm\"            # the length that has this opacity; a cell by default
+  shaded = true                # darker where w rises across the line of sight
+  [light]
+  from = [-0.55, 0.65, 0.55]   # to the right, upward, towards the eye
+  ambient = 0.3                # light from everywhere,
+  strength = 0.62              # of the lamp,
+  fill = 0.22                  # of a weaker one on the right
+  gloss = 0.133
 
 Examples:
   brickfield render part.brf -o view.png
   brickfield render part.brf -o inside.png --cut 'z>12mm' --cut 'y<0' --perspective
-  brickfield render part.brf -o voids.png --style boundary --view 30,20 --size 1920x1080")]
+  brickfield render part.brf -o voids.png --style boundary --view 30,20 --size 1920x1080
+  brickfield render part.brf -o turn.apng --turntable 36 --style mine.toml")]
 pub struct RenderArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// The picture to write; its name ends in .png
-    #[arg(long, short, value_name = "OUT.png")]
+    /// The picture to write; its name ends in .png. With --turntable an animation whose name ends in .apng, or a folder
+    #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
-    /// What is shown
-    #[arg(long, value_enum, default_value_t)]
+    /// First write a coarse picture here, a .png of the same size: one ray a pixel, cells of up to 4 pixels
+    #[arg(long, value_name = "COARSE.png", conflicts_with = "turntable")]
+    pub preview: Option<PathBuf>,
+    /// N pictures from all around, at one size, --view the first: an animation of 6 seconds, or 0001.png and so on in a
+    /// folder
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
+    pub turntable: Option<u32>,
+    /// What is shown: solid, boundary, overlap, or what a file says
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "solid")]
     pub style: StyleArg,
     /// From where: iso, top, bottom, front, back, left, right; or degrees from the x axis towards y, and above the xy
     /// plane, as in 30,20
@@ -170,9 +203,12 @@ pub struct RenderArgs {
     /// Rays along each side of a pixel, 1 to 8: more for smoother edges
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
     pub supersample: u32,
-    /// What lies behind: white, black, transparent, or a colour as #rrggbb
-    #[arg(long, value_name = "COLOUR", default_value = "white")]
-    pub background: ColourArg,
+    /// What lies behind: white, black, transparent, or a colour as #rrggbb [default: the style's, or white]
+    #[arg(long, value_name = "COLOUR")]
+    pub background: Option<ColourArg>,
+    /// Size in pixels up to which the cells of a coarser level stand for those below; 0 for the finest everywhere
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.5)]
+    pub lod: f64,
     /// Deepest level to use; coarser is faster
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
@@ -191,24 +227,27 @@ pub struct RenderArgs {
 }
 
 /// What is shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Debug)]
 pub enum StyleArg {
-    /// The boundary, opaque
-    #[default]
-    Solid,
-    /// w between 0 and 1 in rainbow colours, all else transparent
-    Boundary,
-    /// Where w is 2 or more, within a faint boundary
-    Overlap,
+    /// A style that is built in
+    Named(BuiltIn),
+    /// One that a file describes
+    File(PathBuf),
 }
 
-impl From<StyleArg> for Style {
-    fn from(style: StyleArg) -> Style {
-        match style {
-            StyleArg::Solid => Style::Solid,
-            StyleArg::Boundary => Style::Boundary,
-            StyleArg::Overlap => Style::Overlap,
+impl FromStr for StyleArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<StyleArg, String> {
+        if let Some((_, style)) = Style::NAMED.into_iter().find(|(name, _)| *name == text) {
+            return Ok(StyleArg::Named(style));
         }
+        let path = PathBuf::from(text);
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
+            return Ok(StyleArg::File(path));
+        }
+        let names = Style::NAMED.map(|(name, _)| name).join(", ");
+        Err(format!("there is no such style; choose {names}, or a file that ends in .toml"))
     }
 }
 
@@ -278,8 +317,17 @@ impl FromStr for PixelsArg {
 }
 
 /// A colour and its opacity.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
 pub struct ColourArg(pub [u8; 4]);
+
+impl TryFrom<String> for ColourArg {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<ColourArg, String> {
+        text.parse()
+    }
+}
 
 impl FromStr for ColourArg {
     type Err = String;

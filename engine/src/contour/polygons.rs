@@ -483,7 +483,7 @@ impl<'a> Maker<'a> {
     }
 
     /// The extra vertex on the face between quadrant `n` and the next, with the leaf that owns the face.
-    fn extra<'q, 'n>(
+    fn extra<'q>(
         &self,
         axis: Axis,
         n: usize,

@@ -42,10 +42,6 @@ const COUNTED: [[u8; 3]; 7] = [
 /// Of winding numbers below 0: pieces inside out.
 const NEGATIVE: [u8; 3] = [120, 190, 32];
 
-/// From blue to red around the colour circle, for w from 0 to 1, as in Fig. 9 of Peelar et al. 2019.
-const RAINBOW: [[u8; 3]; 6] =
-    [[40, 60, 220], [20, 160, 230], [30, 190, 90], [240, 225, 50], [245, 140, 30], [215, 30, 35]];
-
 /// How colours stand for winding numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
@@ -67,11 +63,6 @@ impl Scale {
             Scale::Even(last) => between(&EVEN, w / last),
         };
         [r, g, b, 255]
-    }
-
-    /// The colour of `w`, 0 to 1, in a rainbow.
-    pub fn rainbow(w: f64) -> [u8; 3] {
-        between(&RAINBOW, w)
     }
 }
 

@@ -11,7 +11,7 @@ mod png_file;
 pub use canvas::Canvas;
 pub use colour::{Rgba, Scale, WHITE, mean};
 pub use font::{GLYPH_HEIGHT, GLYPH_WIDTH, text_width};
-pub use png_file::{PngRows, write_png};
+pub use png_file::{ANIMATED_SIDE_MAX, Animation, PngRows, write_apng, write_png};
 
 /// Most pixels along a side of a picture.
 pub const SIDE_MAX: u32 = 65_535;

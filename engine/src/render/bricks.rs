@@ -1,10 +1,11 @@
 //! Bricks as rays want them, kept under a byte budget.
 
-use super::field::{Field, Scratch};
-use super::style::Style;
-use crate::brick::Brick;
+use super::field::{Blocks, Field, Scratch};
+use super::style::{Style, Surface};
+use crate::brick::{Brick, POINTS, point_index};
 use crate::error::Result;
 use crate::lattice::NodeKey;
+use crate::picture::Scale;
 use crate::store::{BrickCache, BrickTree};
 use std::sync::Arc;
 
@@ -13,38 +14,86 @@ const AT_HAND: usize = 32;
 
 /// What is made of a brick.
 pub(super) struct Prepared {
-    /// Distances from the boundary; `None` where all samples lie on one side of it, or where nobody asks.
-    pub boundary: Option<Field>,
-    /// What else the style shows: w from 0 to 1, or where w passes 1.5.
-    pub shown: Option<Field>,
-    /// Whether the first sample lies inside, which tells of all where `boundary` is `None`.
-    pub is_inside: bool,
+    /// Of each of the style's surfaces.
+    pub surfaces: Vec<Passage>,
+    /// For the style's haze; `None` where nobody asks, or nothing of it is seen.
+    pub volume: Option<Field>,
+    /// Where any of these is worth a look.
+    pub blocks: Blocks,
     /// For styles that ask for w itself.
-    pub brick: Option<Arc<Brick>>,
+    pub counts: Option<Counts>,
+}
+
+/// Whole winding numbers at the samples of a brick, from -1 to the largest that has a colour of its own: half the bytes of
+/// samples, and less than half of a brick with its Hermite edges.
+pub(super) struct Counts(Box<[i8]>);
+
+impl Counts {
+    fn of(brick: &Brick) -> Counts {
+        let count = |w: i16| i32::from(w).clamp(-1, Scale::COUNTED_LAST) as i8;
+        Counts(match brick {
+            Brick::Uniform(w) => vec![count(*w); POINTS].into(),
+            Brick::Counts { samples, .. } => samples.0.iter().map(|w| count(samples.whole(*w))).collect(),
+        })
+    }
+
+    /// The largest at the corners of a cell.
+    pub fn most(&self, [i, j, k]: [usize; 3]) -> f64 {
+        let corner = |c: usize| self.0[point_index([i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)])];
+        (0..8).map(corner).max().unwrap_or(0).into()
+    }
+}
+
+/// Where a surface passes.
+pub(super) struct Passage {
+    /// Its distance, or `None` where all samples lie on one side of it.
+    pub field: Option<Field>,
+    /// Whether the first sample lies inside, which tells of all where there is no field.
+    pub is_inside: bool,
 }
 
 impl Prepared {
-    fn new(brick: Arc<Brick>, style: Style, scratch: &mut Scratch) -> Prepared {
-        let boundary = if style == Style::Boundary { None } else { Field::boundary(&brick, scratch) };
-        let shown = match (style, &*brick) {
-            (Style::Boundary, Brick::Counts { samples, .. }) => Field::fraction(samples, super::LEAST_SEEN),
-            (Style::Overlap, _) => Field::level(&brick, 1.5),
+    fn new(brick: &Brick, style: &Style, scratch: &mut Scratch) -> Prepared {
+        let mut passage = |surface: &Surface| Passage {
+            // Hermite edges are those of the boundary.
+            field: match surface.w == 0.5 {
+                true => Field::boundary(brick, scratch),
+                false => Field::level(brick, surface.w),
+            },
+            is_inside: first_sample(brick) >= surface.w,
+        };
+        let surfaces: Vec<Passage> = style.surfaces.iter().map(&mut passage).collect();
+        let volume = match (&style.volume, brick) {
+            (Some(volume), Brick::Counts { samples, .. }) => {
+                Field::between(samples, volume.range(), volume.opacity.range())
+            }
             _ => None,
         };
-        let is_inside = brick.sample([0; 3]) >= 1;
-        Prepared { boundary, shown, is_inside, brick: (style == Style::Overlap).then_some(brick) }
+        let mut blocks = Blocks::default();
+        let fields = surfaces.iter().filter_map(|passage| passage.field.as_ref()).chain(&volume);
+        fields.for_each(|field| field.add_blocks(&mut blocks));
+        let counts = style.counts().then(|| Counts::of(brick));
+        Prepared { surfaces, volume, blocks, counts }
     }
 
     fn heap_bytes(&self) -> usize {
-        let fields = usize::from(self.boundary.is_some()) + usize::from(self.shown.is_some());
-        fields * Field::heap_bytes() + self.brick.as_ref().map_or(0, |brick| brick.heap_bytes())
+        let fields = self.surfaces.iter().filter(|passage| passage.field.is_some()).count();
+        let fields = fields + usize::from(self.volume.is_some());
+        fields * Field::heap_bytes() + self.counts.as_ref().map_or(0, |counts| counts.0.len())
+    }
+}
+
+fn first_sample(brick: &Brick) -> f64 {
+    match brick {
+        Brick::Uniform(w) => f64::from(*w),
+        Brick::Counts { samples, .. } => f64::from(samples.0[0]) / f64::from(1u32 << samples.1),
     }
 }
 
 /// All bricks of a tree.
 pub(super) struct Bricks<'a> {
     pub tree: &'a dyn BrickTree,
-    style: Style,
+    pub style: Style,
     cache: BrickCache<Prepared>,
 }
 
@@ -73,7 +122,7 @@ impl<'a> Bricks<'a> {
             Some(prepared) => prepared,
             None => {
                 let brick = self.tree.brick_once(key)?;
-                let prepared = Arc::new(Prepared::new(brick, self.style, &mut lane.scratch));
+                let prepared = Arc::new(Prepared::new(&brick, &self.style, &mut lane.scratch));
                 self.cache.insert(key, &prepared, prepared.heap_bytes());
                 prepared
             }

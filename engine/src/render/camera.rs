@@ -49,6 +49,12 @@ impl View {
         ("right", [0.0, 0.0]),
     ];
 
+    /// Views all around the part, so many, this one the first; the eye goes from the x axis towards the y axis.
+    pub fn around(self, count: u32) -> Vec<View> {
+        let view = |n| View { azimuth: self.azimuth + 360.0 * f64::from(n) / f64::from(count), ..self };
+        (0..count).map(view).collect()
+    }
+
     /// A view of that name, with parallel rays.
     pub fn named(name: &str) -> Option<View> {
         let (_, [azimuth, elevation]) = View::NAMED.into_iter().find(|(known, _)| *known == name)?;
@@ -84,48 +90,41 @@ pub(super) struct Camera {
 const MARGIN: f64 = 0.03;
 
 impl Camera {
-    /// Sees the box `corners` as large as a picture of `size` pixels allows.
+    /// One for each of `views`, from all of which the box `corners` has the same size: as large as pictures of `size`
+    /// pixels allow, if all of them are to show it whole. The views have one opening.
     ///
     /// # Errors
     /// [`Error::Setting`] if angles are no numbers or the opening is none.
-    pub fn fit(view: View, corners: [Vector; 2], size: [u32; 2]) -> Result<Camera> {
-        let View { azimuth, elevation, opening } = view;
-        let sound = azimuth.is_finite() && (-90.0..=90.0).contains(&elevation);
-        if !(sound && (opening == 0.0 || (1.0..=150.0).contains(&opening))) {
-            return Err(Error::setting(
-                format!("nobody can see from {azimuth}, {elevation} degrees with an opening of {opening}"),
-                "choose an elevation from -90 to 90, and an opening of 0 or from 1 to 150 degrees",
-            ));
-        }
-        let ([sin_a, cos_a], [sin_e, cos_e]) = (sin_cos(azimuth), sin_cos(elevation));
-        let towards = [cos_e * cos_a, cos_e * sin_a, sin_e];
-        let right = [-sin_a, cos_a, 0.0];
-        let axes = [right, cross(towards, right), towards];
-        let middle: Vector = std::array::from_fn(|a| (corners[0][a] + corners[1][a]) / 2.0);
-        // The box from its middle, along the axes of the picture.
-        let ends: Vec<Vector> = (0..8)
-            .map(|n| {
-                let corner = std::array::from_fn(|a| corners[n >> a & 1][a] - middle[a]);
+    pub fn fit(views: &[View], corners: [Vector; 2], size: [u32; 2]) -> Result<Vec<Camera>> {
+        let centre: Vector = std::array::from_fn(|a| (corners[0][a] + corners[1][a]) / 2.0);
+        let (mut cameras, mut pixel, mut distance) = (Vec::new(), 0.0f64, 0.0f64);
+        for &View { azimuth, elevation, opening } in views {
+            let sound = azimuth.is_finite() && (-90.0..=90.0).contains(&elevation);
+            if !(sound && (opening == 0.0 || (1.0..=150.0).contains(&opening))) {
+                return Err(Error::setting(
+                    format!(
+                        "nobody can see from {azimuth}, {elevation} degrees with an opening of {opening}"
+                    ),
+                    "choose an elevation from -90 to 90, and an opening of 0 or from 1 to 150 degrees",
+                ));
+            }
+            let ([sin_a, cos_a], [sin_e, cos_e]) = (sin_cos(azimuth), sin_cos(elevation));
+            let towards = [cos_e * cos_a, cos_e * sin_a, sin_e];
+            let right = [-sin_a, cos_a, 0.0];
+            let axes = [right, cross(towards, right), towards];
+            // The box from its middle, along the axes of the picture.
+            let ends = [0, 1, 2, 3, 4, 5, 6, 7].map(|n: usize| {
+                let corner = std::array::from_fn(|a| corners[n >> a & 1][a] - centre[a]);
                 axes.map(|axis| dot(axis, corner))
-            })
-            .collect();
-        let most = |f: &dyn Fn(&Vector) -> f64| ends.iter().map(f).fold(0.0, f64::max);
-        let share = 1.0 - 2.0 * MARGIN;
-        let halves = size.map(|side| f64::from(side) / 2.0 * share);
-        let nearest = most(&|end| end[2]);
-        let (pixel, distance) = if opening == 0.0 {
-            let pixel = (0..2).map(|a| most(&|end| end[a].abs()) / halves[a]).fold(0.0, f64::max);
-            (pixel, nearest * 2.0)
-        } else {
-            let [sin, cos] = sin_cos(opening / 2.0);
-            // Height of half the picture at a distance of 1, and of a pixel.
-            let pixel = sin / cos / (f64::from(size[1]) / 2.0);
-            let needed = |a: usize| most(&|end| end[2] + end[a].abs() / (pixel * halves[a]));
-            let distance = needed(0).max(needed(1)).max(nearest * 1.01);
-            (pixel * distance, distance)
-        };
-        let parallel = opening == 0.0;
-        Ok(Camera { axes, centre: middle, distance, pixel, size, parallel })
+            });
+            let [p, d] = fitted(&ends, opening, size);
+            (pixel, distance) = (pixel.max(p), distance.max(d));
+            cameras.push(Camera { axes, centre, distance, pixel, size, parallel: opening == 0.0 });
+        }
+        for camera in &mut cameras {
+            (camera.pixel, camera.distance) = (pixel, distance);
+        }
+        Ok(cameras)
     }
 
     /// The ray through a point of the picture, in pixels from its upper left corner.
@@ -148,6 +147,24 @@ impl Camera {
     }
 }
 
+/// Size of a pixel at the centre, and distance of the eye from it, at which a box with these corners fills a picture.
+fn fitted(ends: &[Vector; 8], opening: f64, size: [u32; 2]) -> [f64; 2] {
+    let most = |f: &dyn Fn(&Vector) -> f64| ends.iter().map(f).fold(0.0, f64::max);
+    let share = 1.0 - 2.0 * MARGIN;
+    let halves = size.map(|side| f64::from(side) / 2.0 * share);
+    let nearest = most(&|end| end[2]);
+    if opening == 0.0 {
+        let pixel = (0..2).map(|a| most(&|end| end[a].abs()) / halves[a]).fold(0.0, f64::max);
+        return [pixel, nearest * 2.0];
+    }
+    let [sin, cos] = sin_cos(opening / 2.0);
+    // Height of a pixel at a distance of 1.
+    let pixel = sin / cos / (f64::from(size[1]) / 2.0);
+    let needed = |a: usize| most(&|end| end[2] + end[a].abs() / (pixel * halves[a]));
+    let distance = needed(0).max(needed(1)).max(nearest * 1.01);
+    [pixel * distance, distance]
+}
+
 /// Sine and cosine of degrees, the same on every machine, and exact where they are 0 or 1.
 fn sin_cos(degrees: f64) -> [f64; 2] {
     let angle = degrees.to_radians();
@@ -165,7 +182,7 @@ mod tests {
     fn named_views_look_where_they_say() {
         let axes = |name| {
             let view = View::named(name).unwrap();
-            Camera::fit(view, [[0.0; 3], [1.0, 2.0, 3.0]], [100, 50]).unwrap().axes
+            Camera::fit(&[view], [[0.0; 3], [1.0, 2.0, 3.0]], [100, 50]).unwrap()[0].axes
         };
         assert_eq!(axes("top"), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         assert_eq!(axes("front"), [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]);
@@ -182,7 +199,8 @@ mod tests {
         let corners = [[-3.0, 1.0, 5.0], [4.0, 2.0, 9.0]];
         for opening in [0.0, 1.0, 30.0, 120.0] {
             for (_, [azimuth, elevation]) in View::NAMED {
-                let camera = Camera::fit(View { azimuth, elevation, opening }, corners, [200, 100]).unwrap();
+                let view = View { azimuth, elevation, opening };
+                let camera = Camera::fit(&[view], corners, [200, 100]).unwrap().remove(0);
                 let [right, up, towards] = camera.axes;
                 let mut fullest: f64 = 0.0;
                 for n in 0..8 {
@@ -200,6 +218,28 @@ mod tests {
                 }
                 assert!((0.93..=0.9401).contains(&fullest), "{fullest} {azimuth} {elevation} {opening}");
             }
+        }
+    }
+
+    #[test]
+    fn a_part_that_turns_keeps_its_size_and_stays_whole() {
+        let corners = [[-3.0, 1.0, 5.0], [4.0, 2.0, 9.0]];
+        for opening in [0.0, 30.0] {
+            let view = View { azimuth: 10.0, elevation: 20.0, opening };
+            let cameras = Camera::fit(&view.around(12), corners, [200, 100]).unwrap();
+            assert_eq!(cameras.len(), 12);
+            for (camera, next) in cameras.iter().zip(&cameras[1..]) {
+                assert_eq!((camera.pixel, camera.distance), (next.pixel, next.distance));
+                let turned = dot(camera.axes[0], next.axes[0]);
+                assert!((turned - 0.75f64.sqrt()).abs() < 1e-12, "{turned}");
+            }
+            let alone: Vec<f64> = view
+                .around(12)
+                .into_iter()
+                .map(|view| Camera::fit(&[view], corners, [200, 100]).unwrap()[0].distance)
+                .collect();
+            assert_eq!(cameras[0].distance, alone.iter().copied().fold(0.0, f64::max));
+            assert!(alone.iter().any(|distance| *distance < cameras[0].distance));
         }
     }
 }

@@ -39,9 +39,9 @@ impl Field {
         }
         scratch.clear();
         scratch.take_edges(&signs, hermite);
-        scratch.spread(&signs);
-        let values = scratch.values(&signs);
-        Some(Field { values, active: active(|j, k| signs.row(j, k), |j, k| signs.row(j, k)) })
+        let active = active(|j, k| signs.row(j, k), |j, k| signs.row(j, k));
+        scratch.spread(&signs, &active);
+        Some(Field { values: scratch.values(&signs), active })
     }
 
     /// Where w passes `iso`, from the samples alone: w − `iso`, cut off at half of one, smoothed over the samples around,
@@ -68,16 +68,18 @@ impl Field {
         Some(Field { values: boxed(value), active })
     }
 
-    /// w itself, cut off at 0 and 1; `None` if it is 0 everywhere or 1 everywhere. Values below `least` count as nothing.
-    pub fn fraction(samples: &Samples, least: f64) -> Option<Field> {
+    /// w itself, cut off and scaled so that `range` becomes 0 to 1, for what is seen where it lies between the two numbers
+    /// of `seen`; `None` if it does so nowhere.
+    pub fn between(samples: &Samples, range: [f64; 2], seen: [f64; 2]) -> Option<Field> {
         let w = |at: usize| f64::from(samples.0[at]) / f64::from(1u32 << samples.1);
-        let [any, full] = [least, 1.0].map(|bound| rows(|at| w(at) >= bound));
+        let [any, full] = [rows(|at| w(at) > seen[0]), rows(|at| w(at) >= seen[1])];
         let at = |rows: &[u64], j: usize, k: usize| rows[k * BRICK_POINTS + j];
         let active = active(|j, k| at(&any, j, k), |j, k| at(&full, j, k));
         if active.iter().all(|row| *row == 0) {
             return None;
         }
-        Some(Field { values: boxed(|at| (w(at).clamp(0.0, 1.0) as f32 * STEPS) as i16), active })
+        let scaled = |w: f64| ((w - range[0]) / (range[1] - range[0])).clamp(0.0, 1.0);
+        Some(Field { values: boxed(|at| (scaled(w(at)) as f32 * STEPS) as i16), active })
     }
 
     /// Bytes that a field takes.
@@ -91,10 +93,14 @@ impl Field {
         self.active[k * BRICK_CELLS + j] >> i & 1 == 1
     }
 
-    /// Whether the sample lies inside.
-    #[inline]
-    pub fn is_inside(&self, sample: [usize; 3]) -> bool {
-        self.values[point_index(sample)] >= 0
+    /// Adds the blocks that hold such cells.
+    pub fn add_blocks(&self, blocks: &mut Blocks) {
+        for (n, row) in self.active.iter().enumerate().filter(|(_, row)| **row != 0) {
+            let (j, k) = (n % BRICK_CELLS / BLOCK_CELLS, n / BRICK_CELLS / BLOCK_CELLS);
+            for i in 0..BRICK_CELLS / BLOCK_CELLS {
+                blocks.0[k] |= u64::from(row >> (i * BLOCK_CELLS) & 0xf != 0) << (8 * j + i);
+            }
+        }
     }
 
     /// The field in a cell.
@@ -105,6 +111,20 @@ impl Field {
                 / f64::from(STEPS)
         };
         Cell([corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)])
+    }
+}
+
+/// Cells along the side of a block.
+pub(super) const BLOCK_CELLS: usize = 4;
+
+/// Blocks of cells of which one is worth a look: of the block (i, j, k) bit 8 j + i of the k-th number.
+#[derive(Default)]
+pub(super) struct Blocks([u64; BRICK_CELLS / BLOCK_CELLS]);
+
+impl Blocks {
+    #[inline]
+    pub fn is_active(&self, [i, j, k]: [usize; 3]) -> bool {
+        self.0[k] >> (8 * j + i) & 1 == 1
     }
 }
 
@@ -161,17 +181,38 @@ fn active(
     active.into_boxed_slice().try_into().expect("the length is that of the rows")
 }
 
+/// The corners of active cells outside, and those inside, as bit rows along x.
+fn corners_by_side(signs: &SignChanges, active: &[u32; BRICK_CELLS * BRICK_CELLS]) -> [Vec<u64>; 2] {
+    let mut corners = vec![0u64; BRICK_POINTS * BRICK_POINTS];
+    for (n, row) in active.iter().enumerate().filter(|(_, row)| **row != 0) {
+        let low = n / BRICK_CELLS * BRICK_POINTS + n % BRICK_CELLS;
+        let bits = u64::from(*row) | u64::from(*row) << 1;
+        [0, 1, BRICK_POINTS, BRICK_POINTS + 1].into_iter().for_each(|beside| corners[low + beside] |= bits);
+    }
+    let inside: Vec<u64> = corners
+        .iter()
+        .enumerate()
+        .map(|(row, bits)| bits & signs.row(row % BRICK_POINTS, row / BRICK_POINTS))
+        .collect();
+    let outside = corners.iter().zip(&inside).map(|(all, inside)| all & !inside).collect();
+    [outside, inside]
+}
+
 /// The mean over the samples around, those at the border repeated, weighted 1, 2, 1 along each axis.
 fn smoothed(rough: &[f32]) -> Vec<f32> {
     let mut from = rough.to_vec();
     for axis in 0..3 {
         let step = BRICK_POINTS.pow(axis);
         let mut to = vec![0.0; POINTS];
-        for (at, to) in to.iter_mut().enumerate() {
-            let place = at / step % BRICK_POINTS;
-            let before = if place == 0 { at } else { at - step };
-            let after = if place == BRICK_POINTS - 1 { at } else { at + step };
-            *to = (from[before] + 2.0 * from[at] + from[after]) / 4.0;
+        let line = BRICK_POINTS * step;
+        for (from, to) in from.chunks_exact(line).zip(to.chunks_exact_mut(line)) {
+            for (place, to) in to.chunks_exact_mut(step).enumerate() {
+                let beside = [place.saturating_sub(1), place, (place + 1).min(BRICK_POINTS - 1)];
+                let [a, b, c] = beside.map(|place| &from[place * step..][..step]);
+                for (n, to) in to.iter_mut().enumerate() {
+                    *to = (a[n] + 2.0 * b[n] + c[n]) / 4.0;
+                }
+            }
         }
         from = to;
     }
@@ -240,44 +281,60 @@ impl Scratch {
         self.divide(0);
     }
 
-    /// Goes on from the samples that have distances to those beside them on the same side, twice.
-    fn spread(&mut self, signs: &SignChanges) {
+    /// Goes on from the samples that have distances to those beside them on the same side, twice, as far as they are
+    /// corners of cells that are worth a look. Every such corner is reached along the sides of its cell.
+    fn spread(&mut self, signs: &SignChanges, active: &[u32; BRICK_CELLS * BRICK_CELLS]) {
+        let mut open = corners_by_side(signs, active);
         let mut from = 0;
+        self.close(&mut open, 0);
         for _ in 0..2 {
             let known = self.touched.len();
             for n in from..known {
                 let at = self.touched[n] as usize;
                 let [distance, gx, gy, gz, _] = self.sums[at];
-                let gradient = [gx, gy, gz];
-                let ijk =
-                    [at % BRICK_POINTS, at / BRICK_POINTS % BRICK_POINTS, at / BRICK_POINTS / BRICK_POINTS];
-                let is_inside = signs.is_inside(ijk);
-                for a in 0..3 {
-                    for (there, sign) in [(ijk[a].wrapping_sub(1), -1.0), (ijk[a] + 1, 1.0)] {
-                        let mut beside = ijk;
-                        beside[a] = there;
-                        if there >= BRICK_POINTS || signs.is_inside(beside) != is_inside {
-                            continue;
-                        }
-                        let index = point_index(beside);
-                        // One that is known needs nothing of its neighbours: means weigh 1, what is added here 2.
-                        if self.sums[index][4] != 1.0 {
-                            self.add(index, distance + sign * gradient[a], gradient, 2.0);
-                        }
+                let (row, i) = (at / BRICK_POINTS, at % BRICK_POINTS);
+                let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+                let open = &open[usize::from(signs.is_inside([i, j, k]))];
+                let mut reach = |is_open: bool, index: usize, rise: f32| {
+                    if is_open {
+                        self.add(index, distance + rise, [gx, gy, gz], 1.0);
                     }
-                }
+                };
+                let is_open = |row: usize| open[row] >> i & 1 == 1;
+                reach(open[row] << 1 >> i & 1 == 1, at.wrapping_sub(1), -gx);
+                reach(open[row] >> 1 >> i & 1 == 1, at + 1, gx);
+                let (y, z) = (BRICK_POINTS, BRICK_POINTS * BRICK_POINTS);
+                reach(j > 0 && is_open(row - 1), at.wrapping_sub(y), -gy);
+                reach(j + 1 < BRICK_POINTS && is_open(row + 1), at + y, gy);
+                reach(k > 0 && is_open(row - BRICK_POINTS), at.wrapping_sub(z), -gz);
+                reach(k + 1 < BRICK_POINTS && is_open(row + BRICK_POINTS), at + z, gz);
             }
             self.divide(known);
+            self.close(&mut open, known);
             from = known;
         }
     }
 
+    /// Takes the samples from the `from`-th touched on off the rows.
+    fn close(&self, open: &mut [Vec<u64>; 2], from: usize) {
+        for &at in &self.touched[from..] {
+            let (row, i) = (at as usize / BRICK_POINTS, at as usize % BRICK_POINTS);
+            open.iter_mut().for_each(|rows| rows[row] &= !(1 << i));
+        }
+    }
+
     fn values(&self, signs: &SignChanges) -> Box<[i16; POINTS]> {
-        let mut values = boxed(|at| {
-            let (row, i) = (at / BRICK_POINTS, at % BRICK_POINTS);
-            let is_inside = signs.row(row % BRICK_POINTS, row / BRICK_POINTS) >> i & 1 == 1;
-            ((if is_inside { FARTHEST } else { -FARTHEST }) * STEPS) as i16
-        });
+        let [outside, inside] = [-FARTHEST, FARTHEST].map(|distance| (distance * STEPS) as i16);
+        let mut values = boxed(|_| outside);
+        for (row, values) in values.chunks_exact_mut(BRICK_POINTS).enumerate() {
+            let bits = signs.row(row % BRICK_POINTS, row / BRICK_POINTS);
+            // A loop without branches, which becomes vectors, where it is needed at all.
+            if bits != 0 {
+                for (i, value) in values.iter_mut().enumerate() {
+                    *value = if bits >> i & 1 == 1 { inside } else { outside };
+                }
+            }
+        }
         for &at in &self.touched {
             let at = at as usize;
             let distance = self.sums[at][0];

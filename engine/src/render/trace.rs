@@ -1,27 +1,25 @@
 //! One ray through the tree: from node to node, past whatever holds nothing to be seen, and from cell to cell in bricks.
 
-use super::Scene;
+use super::Frame;
 use super::bricks::{Lane, Prepared};
 use super::camera::{Ray, Vector, scaled, unit};
 use super::clip::Span;
-use super::field::{Cell, Field};
+use super::field::{BLOCK_CELLS, Cell, Field};
+use super::light::Gathered;
 use super::nodes::Node;
-use super::style::{Gathered, Style};
+use super::style::SURFACES_MAX;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, ROOT_BITS};
 use std::ops::ControlFlow;
 
-/// Interior nodes stand for what is below them where their cells are smaller than this share of a pixel.
-const CELL_IN_PIXEL: f64 = 0.5;
 /// Steps of halving a stretch of a cell on which the boundary lies: to 1/2000 of the cell.
 const HALVINGS: usize = 10;
-/// Opacity of a cell's length of what is seen in the style of boundaries, and steps in it.
-const OPACITY_A_CELL: f64 = 0.35;
-const STEPS_A_CELL: f64 = 3.0;
+/// Steps through a stretch of haze, or through a cell if that is longer.
+const STEPS_A_STRETCH: f64 = 3.0;
 
 /// A ray on its way.
 pub(super) struct Tracer<'a> {
-    scene: &'a Scene<'a>,
+    frame: &'a Frame<'a>,
     lane: Lane,
     line: Line,
     span: Span,
@@ -35,24 +33,30 @@ pub(super) struct Tracer<'a> {
 struct Line {
     origin: Vector,
     direction: Vector,
+    /// Of the direction's parts; infinity where they are 0. A product takes a quarter of a quotient's time.
+    inverse: Vector,
 }
 
 impl Line {
+    fn new(origin: Vector, direction: Vector) -> Line {
+        Line { origin, direction, inverse: direction.map(|c| 1.0 / c) }
+    }
+
     fn at(&self, t: f64) -> Vector {
         std::array::from_fn(|a| self.origin[a] + t * self.direction[a])
     }
 
     /// Where it passes a coordinate of an axis; infinity if it never does.
     fn passes(&self, axis: usize, at: f64) -> f64 {
-        let d = self.direction[axis];
-        if d == 0.0 { f64::INFINITY } else { (at - self.origin[axis]) / d }
+        let is_along = self.direction[axis] == 0.0;
+        if is_along { f64::INFINITY } else { (at - self.origin[axis]) * self.inverse[axis] }
     }
 }
 
 /// Where a brick's cells lie.
 #[derive(Clone, Copy)]
-struct Place {
-    key: NodeKey,
+pub(super) struct Place {
+    pub key: NodeKey,
     base: Vector,
     /// Of a cell, in units.
     spacing: f64,
@@ -64,9 +68,18 @@ impl Place {
         std::array::from_fn(|a| (point[a] - self.base[a]) / self.spacing)
     }
 
+    fn cells(&self) -> Grid {
+        Grid { base: self.base, spacing: self.spacing, across: BRICK_CELLS }
+    }
+
+    fn blocks(&self) -> Grid {
+        let spacing = self.spacing * BLOCK_CELLS as f64;
+        Grid { base: self.base, spacing, across: BRICK_CELLS / BLOCK_CELLS }
+    }
+
     /// The cell that holds a point, or the nearest.
     fn cell(&self, point: Vector) -> [usize; 3] {
-        self.local(point).map(|c| (c.max(0.0) as usize).min(BRICK_CELLS - 1))
+        self.cells().cube(point)
     }
 
     /// The point within that cell, 0..1 an axis.
@@ -78,7 +91,7 @@ impl Place {
 
 /// A stretch of a ray within a cell.
 struct Stretch<'a> {
-    tracer: &'a Line,
+    line: &'a Line,
     place: Place,
     ijk: [usize; 3],
     cell: Cell,
@@ -88,16 +101,16 @@ struct Stretch<'a> {
 
 impl Stretch<'_> {
     fn value(&self, t: f64) -> f64 {
-        self.cell.value(self.place.within(self.ijk, self.tracer.at(t)))
+        self.cell.value(self.place.within(self.ijk, self.line.at(t)))
     }
 
     /// Outward normal of the level through the ray's point.
     fn normal(&self, t: f64) -> Vector {
-        scaled(unit(self.cell.gradient(self.place.within(self.ijk, self.tracer.at(t)))), -1.0)
+        scaled(unit(self.cell.gradient(self.place.within(self.ijk, self.line.at(t)))), -1.0)
     }
 
-    /// The first place from `from` on where the field passes 0, and whether inward.
-    fn passage(&self, from: f64) -> Option<(f64, bool)> {
+    /// The first place from `from` on where the field passes 0.
+    fn passage(&self, from: f64) -> Option<f64> {
         let middle = (from + self.to) / 2.0;
         let was_inside = self.value(from) >= 0.0;
         let (mut low, mut high) = (from, self.to);
@@ -113,15 +126,15 @@ impl Stretch<'_> {
             let middle = (low + high) / 2.0;
             if (self.value(middle) >= 0.0) == was_inside { low = middle } else { high = middle }
         }
-        Some((high, !was_inside))
+        Some(high)
     }
 }
 
 impl<'a> Tracer<'a> {
-    pub fn new(scene: &'a Scene<'a>) -> Tracer<'a> {
-        let line = Line { origin: [0.0; 3], direction: [0.0; 3] };
+    pub fn new(frame: &'a Frame<'a>) -> Tracer<'a> {
+        let line = Line::new([0.0; 3], [0.0; 3]);
         let span = Span { from: 0.0, to: 0.0, cut: None };
-        Tracer { scene, lane: Lane::default(), line, span, gathered: Gathered::default(), hit: None }
+        Tracer { frame, lane: Lane::default(), line, span, gathered: Gathered::default(), hit: None }
     }
 
     /// Follows a ray. What it gathers, and the distance of the first opaque thing.
@@ -130,11 +143,11 @@ impl<'a> Tracer<'a> {
     /// What reading the tree gives.
     pub fn follow(&mut self, ray: &Ray) -> Result<(Gathered, Option<f64>)> {
         (self.gathered, self.hit) = (Gathered::default(), None);
-        let Some(span) = self.scene.clip.span(ray) else { return Ok((self.gathered, None)) };
-        let root = self.scene.bricks.tree.root();
+        let Some(span) = self.frame.scene.clip.span(ray) else { return Ok((self.gathered, None)) };
+        let root = self.frame.scene.bricks.tree.root();
         let edge = f64::from(1u32 << ROOT_BITS);
         let origin = root.to_units(ray.origin).map(|c| c - 1.0);
-        self.line = Line { origin, direction: ray.direction.map(|c| c * (edge / root.edge)) };
+        self.line = Line::new(origin, ray.direction.map(|c| c * (edge / root.edge)));
         self.span = span;
         // The root's cells begin at its first sample.
         let (mut from, mut to) = (span.from, span.to);
@@ -154,12 +167,12 @@ impl<'a> Tracer<'a> {
 
     /// Passes a node between two places of the ray; `Break` where nothing behind is seen any more.
     fn descend(&mut self, number: u32, key: NodeKey, [from, to]: [f64; 2]) -> Result<ControlFlow<()>> {
-        let node = self.scene.nodes.get(number);
-        if !self.scene.style.sees(&node) {
+        let node = self.frame.scene.nodes.get(number);
+        if !self.frame.style().sees(&node) {
             return Ok(ControlFlow::Continue(()));
         }
         let spacing = f64::from(1u32 << key.spacing_bits());
-        if node.children == 0 || self.is_small(key, from) || key.level() == MAX_LEVEL {
+        if node.children == 0 || self.is_small(&node, key, from) || key.level() == MAX_LEVEL {
             let place = Place { key, base: key.base().map(f64::from), spacing };
             return self.brick(&node, place, [from, to]);
         }
@@ -185,24 +198,35 @@ impl<'a> Tracer<'a> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Whether a node's own cells are small enough at this distance.
-    fn is_small(&self, key: NodeKey, distance: f64) -> bool {
-        let cell = self.scene.bricks.tree.root().spacing(key.level());
-        cell <= CELL_IN_PIXEL * self.scene.camera.pixel_at(distance) / f64::from(self.scene.supersample)
+    /// Whether a node's own cells are small enough at this distance to stand for what is below.
+    fn is_small(&self, node: &Node, key: NodeKey, distance: f64) -> bool {
+        let cell = self.frame.scene.bricks.tree.root().spacing(key.level());
+        cell <= self.frame.cell_pixels * self.frame.eye.camera.pixel_at(distance)
+            && self.frame.style().is_told_by(node)
     }
 
     fn brick(&mut self, node: &Node, place: Place, t: [f64; 2]) -> Result<ControlFlow<()>> {
         let (low, high) = node.own;
         if low == high && !node.fractions {
             // The index knows; no need to read the brick.
-            return Ok(self.uniform(low, t[0]));
+            return Ok(self.uniform(low.into(), place, t));
         }
-        let prepared = self.scene.bricks.get(place.key, &mut self.lane)?;
-        match self.scene.style {
-            Style::Solid => self.solid(&prepared, place, t),
-            Style::Boundary => Ok(self.boundary(&prepared, place, t)),
-            Style::Overlap => self.overlap(&prepared, place, t),
+        let prepared = self.frame.scene.bricks.get(place.key, &mut self.lane)?;
+        if let Some(colour) = self.begins_within(&prepared, place, t)? {
+            return Ok(self.meet(t[0], colour));
         }
+        let sight = Sight { frame: self.frame, prepared: &prepared, place, line: &self.line };
+        let gathered = &mut self.gathered;
+        // Most of a brick is not worth a look, and goes by in blocks.
+        let seen = walk(&self.line, place.blocks(), t, |block, t| {
+            let look = |ijk, t| sight.cell(gathered, ijk, t);
+            prepared.blocks.is_active(block).then(|| walk(&self.line, place.cells(), t, look))?
+        });
+        Ok(match seen {
+            Some(Seen::Opaque(t, colour)) => self.meet(t, colour),
+            Some(Seen::Enough) => ControlFlow::Break(()),
+            None => ControlFlow::Continue(()),
+        })
     }
 
     /// Whether the ray begins here, at a cut: its normal.
@@ -216,143 +240,182 @@ impl<'a> Tracer<'a> {
         ControlFlow::Break(())
     }
 
-    /// A brick whose samples are all the same begins at `t`.
-    fn uniform(&mut self, w: i16, t: f64) -> ControlFlow<()> {
-        let light = &self.scene.light;
-        let is_seen = match self.scene.style {
-            Style::Solid => w >= 1,
-            Style::Boundary => false,
-            Style::Overlap => w >= 2,
-        };
-        if !is_seen {
-            return ControlFlow::Continue(());
+    /// A brick whose samples are all the same.
+    fn uniform(&mut self, w: f64, place: Place, [from, to]: [f64; 2]) -> ControlFlow<()> {
+        let Frame { eye, .. } = self.frame;
+        let style = self.frame.style();
+        if let Some(surface) = style.surfaces.iter().find(|surface| surface.is_opaque() && w >= surface.w) {
+            let colour = match self.cut_at(from) {
+                Some(normal) => eye.light.cap(w, normal),
+                None => eye.light.surface(surface, w, eye.camera.axes[2]).0,
+            };
+            return self.meet(from, colour);
         }
-        let colour = match self.cut_at(t) {
-            Some(normal) => light.cap(w.into(), normal),
-            None => light.counted(w.into(), self.scene.camera.axes[2]),
-        };
-        self.meet(t, colour)
+        if let Some(volume) = style.volume.as_ref().filter(|volume| volume.sees(w)) {
+            let stretches = (to - from) / self.frame.stretch(volume, place);
+            let [opacity] = volume.opacity.at(w);
+            // As much as the steps through cells would gather.
+            let left = libm::pow(1.0 - opacity / STEPS_A_STRETCH, STEPS_A_STRETCH * stretches);
+            self.gathered.add(volume.colour.at(w), 1.0 - left);
+            if self.gathered.is_full() {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// What is seen of an opaque surface that the ray is within as it enters a brick: at a cut, or where the brick before
+    /// knew it less exactly.
+    fn begins_within(
+        &self,
+        prepared: &Prepared,
+        place: Place,
+        [from, to]: [f64; 2],
+    ) -> Result<Option<[f64; 3]>> {
+        let Frame { scene, eye, .. } = self.frame;
+        let sight = Sight { frame: self.frame, prepared, place, line: &self.line };
+        let ijk = place.cell(self.line.at(from));
+        let passages = scene.bricks.style.surfaces.iter().zip(&prepared.surfaces);
+        for (surface, passage) in passages.filter(|(surface, _)| surface.is_opaque()) {
+            let stretch = passage.field.as_ref().map(|field| sight.stretch(field, ijk, to));
+            if !stretch.as_ref().map_or(passage.is_inside, |stretch| stretch.value(from) >= 0.0) {
+                continue;
+            }
+            return Ok(Some(match self.cut_at(from) {
+                // A cap shows what lies just within, not what the cut has taken.
+                Some(normal) => eye.light.cap(self.sample(place, from)?.max(surface.least()), normal),
+                None => {
+                    let normal = stretch.map_or(eye.camera.axes[2], |stretch| stretch.normal(from));
+                    eye.light.surface(surface, sight.most(ijk), normal).0
+                }
+            }));
+        }
+        Ok(None)
     }
 
     /// w of the sample nearest to the ray's point.
     fn sample(&self, place: Place, t: f64) -> Result<f64> {
-        let brick = self.scene.bricks.tree.brick(place.key)?;
+        let brick = self.frame.scene.bricks.tree.brick(place.key)?;
         let at = place.local(self.line.at(t)).map(|c| ((c + 0.5).max(0.0) as usize).min(BRICK_CELLS));
         Ok(f64::from(brick.sample(at)))
     }
+}
 
-    fn solid(&mut self, prepared: &Prepared, place: Place, [from, to]: [f64; 2]) -> Result<ControlFlow<()>> {
-        let scene = self.scene;
-        let begins_inside = match &prepared.boundary {
-            None => prepared.is_inside,
-            Some(field) => self.stretch(field, place, [from, to]).value(from) >= 0.0,
-        };
-        if begins_inside {
-            let colour = match (self.cut_at(from), &prepared.boundary) {
-                // A cap shows what lies just within, not what the cut has taken.
-                (Some(normal), _) => scene.light.cap(self.sample(place, from)?.max(1.0), normal),
-                (None, Some(field)) => scene.light.body(self.stretch(field, place, [from, to]).normal(from)),
-                (None, None) => scene.light.body(scene.camera.axes[2]),
-            };
-            return Ok(self.meet(from, colour));
-        }
-        let Some(field) = &prepared.boundary else { return Ok(ControlFlow::Continue(())) };
-        let line = self.line;
-        let met = cells(&line, place, [from, to], |ijk, [from, to]| {
-            if !field.is_active(ijk) {
-                return None;
-            }
-            let stretch = Stretch { tracer: &line, place, ijk, cell: field.cell(ijk), to };
-            let (t, _) = stretch.passage(from)?;
-            Some((t, stretch.normal(t)))
-        });
-        Ok(match met {
-            Some((t, normal)) => self.meet(t, scene.light.body(normal)),
-            None => ControlFlow::Continue(()),
-        })
+/// Why a ray goes no farther.
+enum Seen {
+    /// It has met something opaque: where, and its colour.
+    Opaque(f64, [f64; 3]),
+    /// What it has gathered hides all the rest.
+    Enough,
+}
+
+/// A ray in a brick.
+struct Sight<'a> {
+    frame: &'a Frame<'a>,
+    prepared: &'a Prepared,
+    place: Place,
+    line: &'a Line,
+}
+
+impl Sight<'_> {
+    /// The stretch of the ray in a cell up to `to`.
+    fn stretch(&self, field: &Field, ijk: [usize; 3], to: f64) -> Stretch<'_> {
+        Stretch { line: self.line, place: self.place, ijk, cell: field.cell(ijk), to }
     }
 
-    /// The stretch of the ray in the cell where it begins.
-    fn stretch(&self, field: &Field, place: Place, [from, to]: [f64; 2]) -> Stretch<'_> {
-        let ijk = place.cell(self.line.at(from));
-        Stretch { tracer: &self.line, place, ijk, cell: field.cell(ijk), to }
-    }
-
-    fn boundary(&mut self, prepared: &Prepared, place: Place, t: [f64; 2]) -> ControlFlow<()> {
-        let Some(field) = &prepared.shown else { return ControlFlow::Continue(()) };
-        let (line, light) = (self.line, &self.scene.light);
-        let gathered = &mut self.gathered;
-        let a_cell = self.scene.bricks.tree.root().spacing(place.key.level());
-        let full = cells(&line, place, t, |ijk, [from, to]| {
-            if !field.is_active(ijk) {
-                return None;
-            }
-            let stretch = Stretch { tracer: &line, place, ijk, cell: field.cell(ijk), to };
-            let length = (to - from) / a_cell;
-            let steps = (length * STEPS_A_CELL).ceil().max(1.0);
-            for step in 0..steps as usize {
-                let t = from + (to - from) * (step as f64 + 0.5) / steps;
-                let w = stretch.value(t);
-                if w > super::LEAST_SEEN && w < 1.0 {
-                    let opacity = (OPACITY_A_CELL * length / steps).min(1.0);
-                    gathered.add(light.rainbow(w, stretch.normal(t)), opacity);
-                }
-            }
-            gathered.is_full().then_some(())
-        });
-        if full.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-
-    fn overlap(&mut self, prepared: &Prepared, place: Place, t: [f64; 2]) -> Result<ControlFlow<()>> {
-        let scene = self.scene;
-        let overlaps = |field: &Field, at: Vector| field.is_inside(place.cell(at));
-        if let (Some(field), Some(normal)) = (&prepared.shown, self.cut_at(t[0]))
-            && overlaps(field, self.line.at(t[0]))
-        {
-            let w = self.sample(place, t[0])?;
-            return Ok(self.meet(t[0], scene.light.cap(w.max(2.0), normal)));
-        }
-        let (line, gathered) = (self.line, &mut self.gathered);
-        let met = cells(&line, place, t, |ijk, [from, to]| {
-            let stretch = |field: &Field| Stretch { tracer: &line, place, ijk, cell: field.cell(ijk), to };
-            let ghost = prepared.boundary.as_ref().filter(|field| field.is_active(ijk)).map(stretch);
-            let passage = ghost.and_then(|stretch| Some((stretch.passage(from)?.0, stretch)));
-            let shown = prepared.shown.as_ref().filter(|field| field.is_active(ijk)).map(stretch);
-            let shown = shown.and_then(|shown| match shown.value(from) >= 0.0 {
-                true => Some((from, shown)),
-                false => Some((shown.passage(from)?.0, shown)),
-            });
-            if let Some((at, stretch)) = passage
-                && shown.as_ref().is_none_or(|(first, _)| at <= *first)
+    /// Gathers what is seen in a cell: the surfaces in the order in which the ray meets them, and the haze in between.
+    fn cell(&self, gathered: &mut Gathered, ijk: [usize; 3], [from, to]: [f64; 2]) -> Option<Seen> {
+        let mut met = [(0.0, 0); SURFACES_MAX];
+        let mut count = 0;
+        for (number, passage) in self.prepared.surfaces.iter().enumerate() {
+            if let Some(field) = &passage.field
+                && field.is_active(ijk)
+                && let Some(t) = self.stretch(field, ijk, to).passage(from)
             {
-                let (colour, opacity) = scene.light.ghost(stretch.normal(at));
-                gathered.add(colour, opacity);
+                met[count] = (t, number);
+                count += 1;
             }
-            shown.map(|(at, stretch)| (at, stretch.normal(at), ijk))
-        });
-        let Some((t, normal, ijk)) = met else { return Ok(ControlFlow::Continue(())) };
-        let most = |brick: &crate::brick::Brick| {
-            let corner =
-                |c: usize| brick.sample([ijk[0] + (c & 1), ijk[1] + (c >> 1 & 1), ijk[2] + (c >> 2)]);
-            (0..8).map(corner).max().unwrap_or(0)
-        };
-        let w = prepared.brick.as_ref().map_or(2, |brick| most(brick));
-        Ok(self.meet(t, scene.light.counted(w.into(), normal)))
+        }
+        let haze = self.prepared.volume.as_ref().filter(|field| field.is_active(ijk));
+        if count == 0 && haze.is_none() {
+            return None;
+        }
+        let (met, mut at) = (&mut met[..count], from);
+        met.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for &(t, number) in &*met {
+            self.haze(gathered, haze, ijk, [at, t]);
+            at = t;
+            let (surface, field) =
+                (&self.frame.style().surfaces[number], &self.prepared.surfaces[number].field);
+            let normal = field.as_ref().map_or([0.0; 3], |field| self.stretch(field, ijk, to).normal(t));
+            let (colour, opacity) = self.frame.eye.light.surface(surface, self.most(ijk), normal);
+            if surface.is_opaque() {
+                return Some(Seen::Opaque(t, colour));
+            }
+            gathered.add(colour, opacity);
+        }
+        self.haze(gathered, haze, ijk, [at, to]);
+        gathered.is_full().then_some(Seen::Enough)
+    }
+
+    /// Gathers the haze between two places in a cell.
+    fn haze(&self, gathered: &mut Gathered, field: Option<&Field>, ijk: [usize; 3], [from, to]: [f64; 2]) {
+        let (Some(field), Some(volume)) = (field, &self.frame.style().volume) else { return };
+        let stretch = self.stretch(field, ijk, to);
+        let [low, high] = volume.range();
+        let length = (to - from) / self.frame.stretch(volume, self.place);
+        let in_cells = (to - from) / self.frame.scene.bricks.tree.root().spacing(self.place.key.level());
+        let steps = (length.min(in_cells) * STEPS_A_STRETCH).ceil().max(1.0);
+        for step in 0..steps as usize {
+            let t = from + (to - from) * (step as f64 + 0.5) / steps;
+            let w = low + stretch.value(t) * (high - low);
+            if volume.sees(w) {
+                let [opacity] = volume.opacity.at(w);
+                let mut colour = volume.colour.at(w);
+                if volume.shaded {
+                    colour = self.frame.eye.light.haze(colour, stretch.normal(t));
+                }
+                gathered.add(colour, (opacity * length / steps).min(1.0));
+            }
+        }
+    }
+
+    /// The largest winding number at a cell's corners, if the style asks for it.
+    fn most(&self, ijk: [usize; 3]) -> f64 {
+        self.prepared.counts.as_ref().map_or(0.0, |counts| counts.most(ijk))
     }
 }
 
-/// Shows `look` each cell that a line passes between two places, with the places where it enters and leaves, until it
+/// Cubes in rows along the axes.
+#[derive(Clone, Copy)]
+struct Grid {
+    base: Vector,
+    /// Size of a cube, in units.
+    spacing: f64,
+    /// Cubes along an axis.
+    across: usize,
+}
+
+impl Grid {
+    /// The cube that holds a point, or the nearest.
+    fn cube(&self, point: Vector) -> [usize; 3] {
+        let cube = |a: usize| ((point[a] - self.base[a]) / self.spacing).max(0.0) as usize;
+        [0, 1, 2].map(|a| cube(a).min(self.across - 1))
+    }
+}
+
+/// Shows `look` each cube that a line passes between two places, with the places where it enters and leaves, until it
 /// has seen something (Amanatides & Woo 1987).
-fn cells<T>(
+fn walk<T>(
     line: &Line,
-    place: Place,
+    grid: Grid,
     [from, to]: [f64; 2],
     mut look: impl FnMut([usize; 3], [f64; 2]) -> Option<T>,
 ) -> Option<T> {
-    let mut ijk = place.cell(line.at(from));
-    let face = |a: usize, cell: usize| {
-        let upper = cell + usize::from(line.direction[a] > 0.0);
-        line.passes(a, place.base[a] + upper as f64 * place.spacing)
+    let mut ijk = grid.cube(line.at(from));
+    let face = |a: usize, cube: usize| {
+        let upper = cube + usize::from(line.direction[a] > 0.0);
+        line.passes(a, grid.base[a] + upper as f64 * grid.spacing)
     };
     let mut next: Vector = std::array::from_fn(|a| face(a, ijk[a]));
     let mut at = from;
@@ -370,7 +433,7 @@ fn cells<T>(
         }
         at = leaves;
         let beyond = if line.direction[axis] > 0.0 { ijk[axis] + 1 } else { ijk[axis].wrapping_sub(1) };
-        if at >= to || beyond >= BRICK_CELLS {
+        if at >= to || beyond >= grid.across {
             return None;
         }
         ijk[axis] = beyond;

@@ -64,6 +64,15 @@ fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: Accept) -> Resul
     Store::open_with(path, StoreOptions { cache_bytes, io, accept })
 }
 
+/// Makes the folder, unless it is there.
+fn make_folder(path: &Path) -> Result<(), Failure> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    let made = std::fs::create_dir(path);
+    Ok(made.with_context(|| format!("{}: cannot make the folder", path.display()))?)
+}
+
 /// An error in a setting, with the store that it does not fit.
 fn of_store(store: &Store, place: &str, error: Error) -> Error {
     match error {

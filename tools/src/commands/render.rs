@@ -1,48 +1,129 @@
-//! `brickfield render`: the part in space as a picture.
+//! `brickfield render`: the part in space as a picture, or as pictures from all around.
 
-use super::{no_unit, of_store, open_store, require_level, start};
+use super::{make_folder, no_unit, of_store, open_store, require_level, start};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
-use crate::picture_args::RenderArgs;
+use crate::picture_args::{ColourArg, RenderArgs, StyleArg};
+use crate::style_file::{self, StyleFile};
 use brickfield_engine::lattice::Axis;
-use brickfield_engine::render::{Cut, RenderOptions, Scene, View, write_scene};
+use brickfield_engine::render::{Cut, RenderOptions, Scene, View, write_frame, write_turn};
 use brickfield_engine::store::{Accept, Store};
 use serde_json::json;
+use std::path::Path;
 use std::time::Instant;
 
 /// Most for bricks as the store decodes them: those that cuts ask for again.
 const BRICK_CACHE_BYTES: u64 = 8 << 20;
+/// How long a turn of an animation takes.
+const TURN_SECONDS: f64 = 6.0;
+/// Coarsest pictures: beyond it a cell of the root fills any screen.
+const LOD_MAX: f64 = 4096.0;
+
+/// What is written, by the output's name.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Picture,
+    Animation,
+    Folder,
+}
+
+impl Kind {
+    fn of(args: &RenderArgs) -> Result<Kind, Failure> {
+        let ends = |path: &Path, with: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(with));
+        let refused = |path: &Path, what: &str| Err(Failure::Usage(format!("{}: {what}", in_line(path))));
+        if let Some(preview) = args.preview.as_ref().filter(|preview| !ends(preview, "png")) {
+            return refused(preview, "the coarse picture's name must end in .png");
+        }
+        match (args.turntable, ends(&args.output, "png"), ends(&args.output, "apng")) {
+            (None, true, _) => Ok(Kind::Picture),
+            (None, ..) => refused(&args.output, "the picture's name must end in .png, or take --turntable"),
+            (Some(_), _, true) => Ok(Kind::Animation),
+            (Some(_), true, _) => refused(
+                &args.output,
+                "--turntable makes many pictures; give a name that ends in .apng, or a folder",
+            ),
+            (Some(_), ..) => Ok(Kind::Folder),
+        }
+    }
+}
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
-    let started = Instant::now();
-    if args.output.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
-        let name = args.output.display();
-        return Err(Failure::Usage(format!("{name}: the picture's name must end in .png")));
-    }
+    let mut started = Instant::now();
+    let kind = Kind::of(args)?;
     let bars = start(args.work)?;
     let caches = memory::picture_caches(args.memory);
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
-    require_distinct(&[&args.output], &[&args.store])?;
+    let outputs: Vec<&Path> =
+        [Some(&args.output), args.preview.as_ref()].into_iter().flatten().map(AsRef::as_ref).collect();
+    require_distinct(&outputs, &[&args.store])?;
     let options = options(args, &store, caches - BRICK_CACHE_BYTES)?;
-    let scene = Scene::new(&store, &options).map_err(|error| of_store(&store, "picture", error))?;
-    write_scene(&scene, &args.output, &bars).map_err(|error| of_store(&store, "picture", error))?;
-    bars.clear();
-    let (seconds, made) = (started.elapsed().as_secs_f64(), scene.summary().made);
-    let [width, height] = options.size;
-    if args.json {
-        let output = args.output.display().to_string();
-        print_json(&json!({ "output": output, "size": [width, height], "bricks": made, "seconds": seconds }))
-    } else if args.work.quiet {
-        Ok(())
-    } else {
-        let name = in_line(&args.output);
-        print(&format!("{name}: {width} × {height} pixels, {made} bricks, {seconds:.2} s"))
+    let refused = |error| of_store(&store, "picture", error);
+    let scene = Scene::new(&store, &options).map_err(refused)?;
+    let mut made = 0;
+    let mut say = |path: &Path, frames: Option<u32>| {
+        bars.clear();
+        let bricks = scene.summary().made - made;
+        made += bricks;
+        let seconds = started.elapsed().as_secs_f64();
+        started = Instant::now();
+        say(args, path, options.size, frames, bricks, seconds)
+    };
+    match kind {
+        Kind::Picture => {
+            for frame in scene.frames() {
+                if let Some(preview) = &args.preview {
+                    write_frame(&frame.coarse(), preview, &bars).map_err(refused)?;
+                    say(preview, None)?;
+                }
+                write_frame(&frame, &args.output, &bars).map_err(refused)?;
+                say(&args.output, None)?;
+            }
+        }
+        Kind::Animation => {
+            write_turn(&scene, &args.output, TURN_SECONDS, &bars).map_err(refused)?;
+            say(&args.output, args.turntable)?;
+        }
+        Kind::Folder => {
+            make_folder(&args.output)?;
+            for (number, frame) in scene.frames().enumerate() {
+                let path = args.output.join(format!("{:04}.png", number + 1));
+                write_frame(&frame, &path, &bars).map_err(refused)?;
+                say(&path, None)?;
+            }
+        }
     }
+    Ok(())
+}
+
+/// Says what was written: how many bricks were read for it, and how long it took.
+fn say(
+    args: &RenderArgs,
+    path: &Path,
+    [width, height]: [u32; 2],
+    frames: Option<u32>,
+    bricks: u64,
+    seconds: f64,
+) -> Result<(), Failure> {
+    if args.json {
+        let output = path.display().to_string();
+        let mut said =
+            json!({ "output": output, "size": [width, height], "bricks": bricks, "seconds": seconds });
+        if let Some(frames) = frames {
+            said["frames"] = frames.into();
+        }
+        return print_json(&said);
+    }
+    if args.work.quiet {
+        return Ok(());
+    }
+    let frames = frames.map_or_else(String::new, |frames| format!("{frames} pictures of "));
+    let name = in_line(path);
+    print(&format!("{name}: {frames}{width} × {height} pixels, {bricks} bricks, {seconds:.2} s"))
 }
 
 fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderOptions, Failure> {
@@ -61,15 +142,25 @@ fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderO
     if args.perspective.is_some() && !(1.0..=150.0).contains(&opening) {
         return Err(Failure::Usage("--perspective takes 1 to 150 degrees".to_owned()));
     }
+    if !(0.0..=LOD_MAX).contains(&args.lod) {
+        return Err(Failure::Usage(format!("--lod takes 0 to {LOD_MAX} pixels")));
+    }
+    let StyleFile { style, background } = match &args.style {
+        StyleArg::Named(style) => StyleFile { style: style(), background: None },
+        StyleArg::File(path) => style_file::read(path, &meta.unit)?,
+    };
+    let ColourArg(background) = args.background.or(background).unwrap_or(ColourArg([255; 4]));
     Ok(RenderOptions {
-        style: args.style.into(),
+        style,
         view: View { opening, ..args.view.0 },
+        turn: args.turntable.unwrap_or(1),
         bounds: [meta.bounds_min, meta.bounds_max],
         cuts,
         size: args.size.0,
         supersample: args.supersample,
-        background: args.background.0,
+        background,
         level: args.level,
+        cell_pixels: args.lod,
         cache_bytes,
     })
 }

@@ -1,12 +1,12 @@
 //! `brickfield slice`: plane sections as pictures and drawings.
 
-use super::{no_unit, of_store, open_store, require_level, start, unit_of};
+use super::{make_folder, no_unit, of_store, open_store, require_level, start, unit_of};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::picture_args::{SliceArgs, SliceFormat};
 use crate::progress::Bars;
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::section::{
@@ -189,13 +189,4 @@ fn window(store: &Store, plane: Plane) -> [[f64; 2]; 2] {
         .map(|corner| plane.sides().map(|side| corner[side.index()]));
     let margin = (high[0] - low[0]).max(high[1] - low[1]) * MARGIN;
     [low.map(|c| c - margin), high.map(|c| c + margin)]
-}
-
-/// Makes the folder, unless it is there.
-fn make_folder(path: &Path) -> Result<(), Failure> {
-    if path.is_dir() {
-        return Ok(());
-    }
-    let made = std::fs::create_dir(path);
-    Ok(made.with_context(|| format!("{}: cannot make the folder", path.display()))?)
 }
