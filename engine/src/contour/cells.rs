@@ -14,7 +14,7 @@
 mod special;
 
 use super::corner::MISS;
-use super::edges::{EDGE_PLACES, EdgeStreams};
+use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
 use super::extras::{Extra, edge_key, face_key, found_extra};
 use super::field::{Field, Frame};
 use super::halo::Place;
@@ -49,23 +49,6 @@ pub(super) struct CellRow {
     rank: u32,
 }
 
-/// What is around an edge.
-#[derive(Clone, Copy)]
-pub(super) struct Quad {
-    /// The vertices of the four cells.
-    pub vertices: [u16; 4],
-    /// Where the surface crosses the edge, in 65,536ths of it from its lower end.
-    pub fraction: u16,
-}
-
-/// Stands in a [`Quad`] where a cell needs a closer look.
-pub(super) const NO_VERTEX: u16 = u16::MAX;
-
-impl Quad {
-    /// Of an edge of which nothing is known.
-    pub(super) const UNKNOWN: Quad = Quad { vertices: [NO_VERTEX; 4], fraction: 1 << 15 };
-}
-
 /// Cells and vertices of a leaf.
 #[derive(Default)]
 pub(super) struct BrickCells {
@@ -83,9 +66,10 @@ pub(super) struct BrickCells {
     pub mixed_edges: Vec<(u64, u32)>,
     /// Sorted by face and edge.
     pub extras: Vec<Extra>,
-    /// Plain cells with several loops, and those whose vertex lies beyond them; see [`super::faces`]. None where vertices
-    /// are merged.
+    /// Plain cells with several loops, `several` of them, and after these cells whose vertex lies beyond them; see
+    /// [`super::faces`]. None where vertices are merged.
     pub special: Vec<[u8; 3]>,
+    several: usize,
     /// See [`BrickCells::take_quads`].
     pub quads: Mutex<Vec<Quad>>,
     /// World positions of the vertices.
@@ -185,7 +169,10 @@ impl BrickCells {
     pub(super) fn plain_vertex(&self, cell: [usize; 3], edge: usize) -> Option<u32> {
         let (mask, first) = self.plain(cell)?;
         let loops = &CELL_LOOPS[usize::from(mask)];
-        let is_special = || self.special.contains(&cell.map(|c| c as u8));
+        let is_special = || {
+            loops.count > 1 && self.several > 0
+                || self.special[self.several..].contains(&cell.map(|c| c as u8))
+        };
         let of_edge = loops.of_edge[edge];
         (loops.ambiguous == 0 && of_edge != NO_LOOP && !is_special())
             .then(|| first as u32 + u32::from(of_edge))
@@ -417,6 +404,7 @@ impl<'a> Builder<'a> {
         }
         if loops.count > 1 && !self.field.merges() {
             self.cells.special.push(cell.map(|c| c as u8));
+            self.cells.several += 1;
         }
         if loops.ambiguous != 0 {
             self.split_plain_faces(cell, mask, loops, streams)?;

@@ -1,4 +1,4 @@
-//! The twelve edges of the cells of a row: which change sign, and where their crossings stand.
+//! The twelve edges of the cells of a row: which change sign, where their crossings stand, and what is around them.
 
 use super::planes::EdgePlane;
 use super::surface::Changes;
@@ -57,6 +57,23 @@ impl EdgePlace {
     pub(super) fn seen_from_centre(&self, plane: &EdgePlane) -> [f32; 4] {
         std::array::from_fn(|n| self.lower[n] + plane.fraction * self.direction[n])
     }
+}
+
+/// What is around an edge.
+#[derive(Clone, Copy)]
+pub(super) struct Quad {
+    /// The vertices of the four cells.
+    pub vertices: [u16; 4],
+    /// Where the surface crosses the edge, in 65,536ths of it from its lower end.
+    pub fraction: u16,
+}
+
+/// Stands in a [`Quad`] where a cell needs a closer look.
+pub(super) const NO_VERTEX: u16 = u16::MAX;
+
+impl Quad {
+    /// Of an edge of which nothing is known.
+    pub(super) const UNKNOWN: Quad = Quad { vertices: [NO_VERTEX; 4], fraction: 1 << 15 };
 }
 
 pub(super) static EDGE_PLACES: [EdgePlace; 12] = {

@@ -3,7 +3,8 @@
 use super::ContourOptions;
 use super::adaptive::{self, Across, Draft, Merged};
 use super::cache::Cache;
-use super::cells::{BrickCells, Quad};
+use super::cells::BrickCells;
+use super::edges::Quad;
 use super::faces::FaceVertices;
 use super::leaves::{Around, Leaves, Side};
 use super::order::in_order;

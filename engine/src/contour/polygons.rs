@@ -18,8 +18,9 @@
 mod merged;
 
 use super::adaptive::{OWN, Shared};
-use super::cells::{BrickCells, NO_VERTEX, Quad};
+use super::cells::BrickCells;
 use super::cut::{BOTH, Cutter, Measured, Shape, Vertex};
+use super::edges::{NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
 use super::extras::{edge_key, face_key};
 use super::field::Field;

@@ -1,6 +1,7 @@
 //! The sign-changing edges of a leaf with the vertices of the cells around each: what merging starts from.
 
-use super::super::cells::{BrickCells, NO_VERTEX, Quad};
+use super::super::cells::BrickCells;
+use super::super::edges::{NO_VERTEX, Quad};
 use super::super::field::Field;
 use super::super::leaves::{Side, direction_index, directions};
 use super::super::qef::Vector;

@@ -1,8 +1,8 @@
 //! Plain cells with several loops, and those whose vertex lies beyond them: what must be seen to where the surface
 //! passes their faces ([`super::super::faces`]).
 
-use super::{Builder, NO_VERTEX};
-use crate::contour::edges::{EDGE_PLACES, EdgeStreams};
+use super::Builder;
+use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX};
 use crate::contour::field::Frame;
 use crate::contour::loops::tangled;
 use crate::contour::topology::CELL_LOOPS;

@@ -4,8 +4,8 @@
 use super::{Border, Maker, Quarter};
 use crate::brick::SignChanges;
 use crate::contour::adaptive::{OWN, Shared, turns};
-use crate::contour::cells::{NO_VERTEX, Quad};
 use crate::contour::cut::{BOTH, Shape, Vertex};
+use crate::contour::edges::{NO_VERTEX, Quad};
 use crate::contour::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS};
