@@ -282,18 +282,20 @@ fn creases_and_corners_of_a_rotated_box_are_sharp() {
         let first = world([0.0; 3]);
         (0..3).any(|a| (((f64::from(p[a]) - first[a]) / cell + 0.5).fract() - 0.5).abs() < 1e-5)
     };
-    let mut missed = 0;
+    let (mut missed, mut apart) = (0, 0);
     for (p, q) in mesh.positions.iter().zip(&points) {
         let signed = (0..3).map(|a| q[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max);
         let outside = (0..3).map(|a| (q[a].abs() - half[a]).max(0.0).powi(2)).sum::<f64>().sqrt();
         let error = if signed > 0.0 { outside } else { -signed };
-        if error > 0.05 * cell {
-            let is_creased = !on_face(*p) && creases_the_cell_of(*p, half, cell);
-            assert!(!is_creased, "{q:?} is off by {} cells", error / cell);
+        if error > 0.05 * cell && on_face(*p) {
+            assert!(error < 0.5 * cell, "{q:?} is off by {} cells", error / cell);
+            apart += 1;
+        } else if error > 0.05 * cell {
+            assert!(!creases_the_cell_of(*p, half, cell), "{q:?} is off by {} cells", error / cell);
             missed += 1;
         }
     }
-    assert!(missed * 200 < points.len(), "{missed} of {}", points.len());
+    assert!(missed.max(apart) * 200 < points.len(), "{missed} and {apart} of {}", points.len());
     // Two of the corners lie in tips of cells that no sample reaches; they are found from the cells around.
     let distances = (0..8).map(|corner: usize| {
         let at: [f64; 3] = std::array::from_fn(|a| if corner >> a & 1 == 1 { half[a] } else { -half[a] });
