@@ -37,6 +37,9 @@ impl MeshSink for Kept {
     }
 }
 
+/// Pairs of triangles that meet are at most one in so many triangles, where cells are as coarse as half a bead.
+const MEETINGS_RARE: u64 = 5;
+
 type Soup = Vec<[[f64; 3]; 3]>;
 
 fn root_of(soup: &Soup) -> RootCube {
@@ -54,7 +57,16 @@ fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
     contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
     let report = check(&kept.vertices, &kept.triangles);
     assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
-    assert_eq!(meetings(&kept), [0; 2], "{report}");
+    // Only where several vertices share a cell.
+    let [pairs, flat] = meetings(&kept);
+    assert!(pairs * MEETINGS_RARE <= kept.triangles.len() as u64 && flat == 0, "{pairs} of {report}");
+    let mut apart = Kept::default();
+    let options = ContourOptions { intersection_free: true, ..Default::default() };
+    contour(&tree, &options, &mut apart, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(meetings(&apart), [0; 2]);
+    let report = check(&apart.vertices, &apart.triangles);
+    assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
+    let report = check(&kept.vertices, &kept.triangles);
     if weld {
         let facets: Vec<[[f32; 3]; 3]> =
             kept.triangles.iter().map(|t| t.map(|v| kept.vertices[v as usize].map(|c| c as f32))).collect();
@@ -66,6 +78,9 @@ fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
 
 /// Pairs of triangles that cross, overlap or touch, and triangles without area, by exact arithmetic.
 fn meetings(mesh: &Kept) -> [u64; 2] {
+    if mesh.triangles.is_empty() {
+        return [0; 2];
+    }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("mesh.ply");
     let mut sink = create_sink(&path, None).expect("a file");
@@ -297,6 +312,17 @@ impl Solid {
         Solid::new(Mesh { vertices, triangles: vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]] }, &mut rng)
     }
 
+    /// Distance of a point from the planes of the facets of a convex solid.
+    fn to_boundary(&self, p: [f64; 3]) -> f64 {
+        let outside = |[a, b, c]: &[[f64; 3]; 3]| {
+            let [u, v, w]: [[f64; 3]; 3] = [b, c, &p].map(|q| std::array::from_fn(|n| q[n] - a[n]));
+            let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            let dot = |q: [f64; 3]| (0..3).map(|a| n[a] * q[a]).sum::<f64>();
+            dot(w) / dot(n).sqrt()
+        };
+        self.soup.iter().map(outside).fold(f64::MIN, f64::max).abs()
+    }
+
     /// Distance of a point from the nearest crease.
     fn to_crease(&self, p: [f64; 3]) -> f64 {
         let to_segment = |&[a, b]: &[usize; 2]| {
@@ -315,6 +341,8 @@ impl Solid {
 struct Sharpness {
     /// Distances from the crease of vertices in cells that it crosses.
     creased: Vec<f64>,
+    /// Distances from the solid's boundary of those among them that stand on edges and faces of the lattice.
+    extra: Vec<f64>,
     /// Distances of the nearest vertex from each corner.
     corners: Vec<f64>,
 }
@@ -328,7 +356,16 @@ impl Sharpness {
             // The crease passes through the middle of the vertex's cell, so the cell's edges see both faces.
             let spacing = f64::from(1 << 17);
             let middle = root.to_units(p).map(|u| (((u - 1.0) / spacing).floor() + 0.5) * spacing + 1.0);
-            if solid.to_crease(root.to_world(middle)) < 0.2 * cell {
+            if solid.to_crease(root.to_world(middle)) >= 0.2 * cell {
+                continue;
+            }
+            let is_extra = root.to_units(p).iter().any(|u| {
+                let place = (u - 1.0) / spacing;
+                (place - place.round()).abs() < 1e-4
+            });
+            if is_extra && solid.to_crease(p) > 0.05 * cell {
+                self.extra.push(solid.to_boundary(p) / cell);
+            } else {
                 self.creased.push(solid.to_crease(p) / cell);
             }
         }
@@ -356,14 +393,19 @@ fn turned_solids_keep_their_edges_and_corners() {
         let worst = |all: &[f64]| all.iter().copied().fold(0.0, f64::max);
         println!(
             "{solids} {name}: of {} vertices in creased cells and {} corners {:?} are off by more than 0.05 cells; \
-             worst {:.4} and {:.4}",
+             worst {:.4} and {:.4}; of {} on edges and faces {} are off the boundary by as much, worst {:.4}",
             sharpness.creased.len(),
             sharpness.corners.len(),
             sharpness.off(),
             worst(&sharpness.creased),
-            worst(&sharpness.corners)
+            worst(&sharpness.corners),
+            sharpness.extra.len(),
+            sharpness.extra.iter().filter(|d| **d > 0.05).count(),
+            worst(&sharpness.extra)
         );
         assert!(sharpness.creased.len() > 1000, "{name}");
+        // Crossings of edges, but for faces that are cut twice.
+        assert!(sharpness.extra.iter().filter(|d| **d > 0.05).count() <= 1, "{name}");
         // No cell near the tip of a sharp corner knows of it where it reaches over a cell beyond the last sample.
         assert!(sharpness.corners.iter().all(|d| !(0.05..1.0).contains(d)), "{name}");
         off.push(sharpness.off());

@@ -67,7 +67,7 @@ pub(super) struct BrickCells {
     /// Sorted by face and edge.
     pub extras: Vec<Extra>,
     /// Plain cells with several loops, `several` of them, and after these cells whose vertex lies beyond them; see
-    /// [`super::faces`]. None where vertices are merged.
+    /// [`super::faces`]. None where loops are not kept apart.
     pub special: Vec<[u8; 3]>,
     several: usize,
     /// See [`BrickCells::take_quads`].
@@ -385,7 +385,7 @@ impl<'a> Builder<'a> {
         let first = self.cells.positions.len();
         self.cells.masks.push(mask);
         self.cells.first.push(first as u32);
-        let is_named = loops.ambiguous == 0 && (loops.count == 1 || self.field.merges());
+        let is_named = loops.ambiguous == 0 && (loops.count == 1 || !self.field.separates());
         for l in 0..loops.count as usize {
             let vertex = first + l;
             let named = if is_named && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
@@ -402,7 +402,7 @@ impl<'a> Builder<'a> {
             }
             self.push_vertex(cell, first, loops.count == 1);
         }
-        if loops.count > 1 && !self.field.merges() {
+        if loops.count > 1 && self.field.separates() {
             self.cells.special.push(cell.map(|c| c as u8));
             self.cells.several += 1;
         }

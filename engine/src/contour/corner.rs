@@ -6,7 +6,7 @@
 //! cells around. So every cell that sees a crease looks at the crossings of the 27 cells about it: if all of
 //! their planes, however many there are, pass through one point, and no direction along which it could slide is
 //! left, that point is a corner, and a vertex goes there: the one of the cell that holds it or, if that cell is
-//! inactive, the nearest one of the cells around it with nothing but inactive cells between.
+//! inactive, the nearest one of the cells around it (with nothing but inactive cells between, if loops are kept apart).
 //!
 //! Only positions change, never the triangles. They stay distinct: a vertex that moves does so within its own
 //! cell, or into an inactive one that gives room to no other. Across the border of two leaves that holds
@@ -192,7 +192,7 @@ impl Search<'_> {
         let mut best: Option<(f64, Place)> = None;
         for next in cells_about(home).skip(1) {
             let loops = self.halo.plain_mask(next).map_or(0, |mask| CELL_LOOPS[mask as usize].count);
-            if loops != 1 || !self.is_clear(home, next) {
+            if loops != 1 || (self.builder.field.separates() && !self.is_clear(home, next)) {
                 continue;
             }
             let (mut sum, mut count) = (DVec3::ZERO, 0.0);

@@ -28,6 +28,8 @@ pub(super) struct Field<'a> {
     surfaces: Cache<Surface>,
     cells: Cache<BrickCells>,
     faces: Cache<FaceVertices>,
+    /// See [`Field::separates`].
+    separates: bool,
     /// Where vertices are merged.
     merging: Option<Merging>,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
@@ -63,7 +65,7 @@ impl<'a> Field<'a> {
         });
         let for_merging = if merging.is_some() { cache_bytes / 4 + cache_bytes / 8 } else { 0 };
         // Few cells have vertices on their faces.
-        let for_faces = cache_bytes / 32;
+        let for_faces = if options.intersection_free { cache_bytes / 32 } else { 0 };
         let (surfaces, cells) = (
             Cache::new(cache_bytes / 4),
             Cache::new(cache_bytes - cache_bytes / 4 - for_merging - for_faces),
@@ -78,6 +80,7 @@ impl<'a> Field<'a> {
             surfaces,
             cells,
             faces,
+            separates: options.intersection_free && options.tolerance == 0.0,
             merging,
             users,
             spare_sums: Spare::default(),
@@ -132,12 +135,15 @@ impl<'a> Field<'a> {
     pub(super) fn vertices(&self, leaf: u32) -> Result<LeafVertices> {
         let Some(merging) = &self.merging else {
             let cells = self.cells(leaf)?;
+            if !self.separates {
+                return Ok(LeafVertices::new(leaf, cells, None));
+            }
             let faces = self.faces.get_or_make(leaf, || {
                 let faces = FaceVertices::of(self, leaf, &cells)?;
                 let bytes = faces.heap_bytes() + size_of::<FaceVertices>();
                 Ok((faces, bytes))
             })?;
-            return Ok(LeafVertices::new(leaf, cells, faces));
+            return Ok(LeafVertices::new(leaf, cells, Some(faces)));
         };
         let merged = merging.merged.get_or_make(leaf, || {
             let merged = adaptive::merged(self, leaf, &merging.across)?;
@@ -160,6 +166,11 @@ impl<'a> Field<'a> {
     /// True if vertices are merged.
     pub(super) fn merges(&self) -> bool {
         self.merging.is_some()
+    }
+
+    /// True if several loops in one cell are kept apart.
+    pub(super) fn separates(&self) -> bool {
+        self.separates
     }
 
     /// The first pass has the vertices of a leaf: drafts that the leaves after it do not need are dropped.

@@ -90,11 +90,21 @@ pub struct ContourOptions {
     pub cache_bytes: usize,
     /// How far, in world units, the surface may be moved for the sake of fewer triangles; 0 to keep every vertex.
     pub tolerance: f64,
+    /// Without a tolerance, keeps also the vertices of several sheets in one cell apart, so that nothing meets between
+    /// cells of one size. Some sharp edges get notches where samples inside that touch only across a corner of a face are
+    /// taken apart.
+    pub intersection_free: bool,
 }
 
 impl Default for ContourOptions {
     fn default() -> ContourOptions {
-        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20, tolerance: 0.0 }
+        ContourOptions {
+            iso: 0.5,
+            level: None,
+            cache_bytes: 512 << 20,
+            tolerance: 0.0,
+            intersection_free: false,
+        }
     }
 }
 

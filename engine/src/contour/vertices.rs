@@ -11,7 +11,7 @@ pub(super) struct LeafVertices {
     leaf: u32,
     pub cells: Arc<BrickCells>,
     merged: Option<Arc<Merged>>,
-    /// None where vertices are merged.
+    /// None where there are none.
     faces: Option<Arc<FaceVertices>>,
 }
 
@@ -23,9 +23,9 @@ impl LeafVertices {
         LeafVertices { leaf, cells, merged, faces: None }
     }
 
-    /// Of the cells of a leaf and the vertices on their faces.
-    pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, faces: Arc<FaceVertices>) -> LeafVertices {
-        LeafVertices { leaf, cells, merged: None, faces: Some(faces) }
+    /// Of the cells of a leaf and the vertices on their faces, if any.
+    pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, faces: Option<Arc<FaceVertices>>) -> LeafVertices {
+        LeafVertices { leaf, cells, merged: None, faces }
     }
 
     /// World positions of the vertices on faces, which come after those of cells.

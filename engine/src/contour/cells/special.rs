@@ -11,7 +11,7 @@ use crate::lattice::BRICK_POINTS;
 impl Builder<'_> {
     /// Takes a plain cell with one loop for one whose vertex lies beyond it.
     pub(in crate::contour) fn let_stray(&mut self, cell: [usize; 3]) {
-        let Some((mask, _)) = self.cells.plain(cell).filter(|_| !self.field.merges()) else { return };
+        let Some((mask, _)) = self.cells.plain(cell).filter(|_| self.field.separates()) else { return };
         self.cells.special.push(cell.map(|c| c as u8));
         let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
         let edges = CELL_LOOPS[usize::from(mask)].edges[0];
