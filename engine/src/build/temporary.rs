@@ -1,6 +1,6 @@
 //! The temporary file of a build that does not fit in memory.
 
-use crate::disk::DiskFile;
+use crate::disk::{DiskFile, free_bytes};
 use crate::error::{Error, Result};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -69,9 +69,7 @@ impl TempFile {
     /// # Errors
     /// If it has not, or cannot be asked.
     pub fn require_room(&self, bytes: u64) -> Result<()> {
-        let disk = rustix::fs::statvfs(&self.folder)
-            .map_err(|errno| Error::io(&self.folder, "find out the free space of")(errno.into()))?;
-        let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+        let free = free_bytes(&self.folder).map_err(Error::io(&self.folder, "find out the free space of"))?;
         if bytes <= free {
             return Ok(());
         }

@@ -8,7 +8,7 @@ pub(crate) mod planted;
 pub(crate) mod sim;
 pub(crate) mod write_back;
 
-use rustix::fs::{FallocateFlags, fallocate};
+use rustix::fs::{FallocateFlags, fallocate, statvfs};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::{FileExt, MetadataExt};
@@ -145,6 +145,15 @@ impl Disk for SystemDisk {
     fn sync_directory(&self, path: &Path) -> Result<()> {
         File::open(directory_of(path))?.sync_all()
     }
+}
+
+/// Bytes that are free on the disk of a folder.
+///
+/// # Errors
+/// The system's.
+pub fn free_bytes(folder: &Path) -> Result<u64> {
+    let disk = statvfs(folder)?;
+    Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 /// The directory that a file is in.

@@ -4,6 +4,7 @@
 pub(crate) mod outputs;
 mod pair;
 
+pub use crate::disk::free_bytes;
 pub use pair::PartPair;
 
 use crate::disk::planted::{Bug, planted};

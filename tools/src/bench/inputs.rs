@@ -9,8 +9,7 @@ use anyhow::{Context, anyhow};
 use brickfield_bench_data::inputs::{Recipe, Spec};
 use brickfield_bench_data::write::Hashed;
 use brickfield_engine::Progress;
-use brickfield_engine::part::PartFile;
-use rustix::fs::statvfs;
+use brickfield_engine::part::{PartFile, free_bytes};
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -57,8 +56,7 @@ impl Cache {
         let mut counted = BTreeSet::new();
         let missing = specs.iter().filter(|spec| !self.path(spec).exists() && counted.insert(spec.name));
         let needed = scratch + missing.map(|spec| spec.bytes_max()).sum::<u64>();
-        let room = statvfs(&self.folder).with_context(|| format!("{folder}: cannot tell what is free"))?;
-        let free = room.f_bavail.saturating_mul(room.f_frsize);
+        let free = free_bytes(&self.folder).with_context(|| format!("{folder}: cannot tell what is free"))?;
         if free < needed {
             let (needed, free) = (Size(needed), Size(free));
             let remedy = "free some, or give another folder with --cache";
