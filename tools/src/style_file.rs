@@ -8,6 +8,7 @@ use anyhow::{Context, anyhow};
 use brickfield_engine::render::{BRIGHTNESS_MAX, Lighting, Paint, Stops, Style, Surface, Volume, W_MAX};
 use serde::Deserialize;
 use std::io::Read;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// No style is longer.
@@ -144,6 +145,12 @@ impl LightTable {
 
 // Values that are checked as they are read, so that errors know their line and key.
 
+/// The value, if it is in the range.
+fn within(value: f64, range: RangeInclusive<f64>, what: &str) -> Result<f64, String> {
+    let (from, to) = (range.start(), range.end());
+    range.contains(&value).then_some(value).ok_or_else(|| format!("expected a {what} from {from} to {to}"))
+}
+
 #[derive(Deserialize)]
 #[serde(try_from = "f64")]
 struct Winding(f64);
@@ -152,10 +159,7 @@ impl TryFrom<f64> for Winding {
     type Error = String;
 
     fn try_from(w: f64) -> Result<Winding, String> {
-        let is_sound = w.abs() <= W_MAX;
-        is_sound
-            .then_some(Winding(w))
-            .ok_or_else(|| format!("expected a winding number from -{W_MAX} to {W_MAX}"))
+        within(w, -W_MAX..=W_MAX, "winding number").map(Winding)
     }
 }
 
@@ -167,10 +171,7 @@ impl TryFrom<f64> for Share {
     type Error = String;
 
     fn try_from(share: f64) -> Result<Share, String> {
-        (0.0..=1.0)
-            .contains(&share)
-            .then_some(Share(share))
-            .ok_or_else(|| "expected a number from 0 to 1".to_owned())
+        within(share, 0.0..=1.0, "number").map(Share)
     }
 }
 
@@ -182,10 +183,7 @@ impl TryFrom<f64> for Brightness {
     type Error = String;
 
     fn try_from(light: f64) -> Result<Brightness, String> {
-        let is_sound = (0.0..=BRIGHTNESS_MAX).contains(&light);
-        is_sound
-            .then_some(Brightness(light))
-            .ok_or_else(|| format!("expected a number from 0 to {BRIGHTNESS_MAX}"))
+        within(light, 0.0..=BRIGHTNESS_MAX, "number").map(Brightness)
     }
 }
 
