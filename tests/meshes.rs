@@ -64,9 +64,8 @@ fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
     let options = ContourOptions { intersection_free: true, ..Default::default() };
     contour(&tree, &options, &mut apart, &Silent).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(meetings(&apart), [0; 2]);
-    let report = check(&apart.vertices, &apart.triangles);
-    assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
-    let report = check(&kept.vertices, &kept.triangles);
+    let of_apart = check(&apart.vertices, &apart.triangles);
+    assert!(of_apart.is_closed_manifold() && of_apart.is_oriented(), "{of_apart}");
     if weld {
         let facets: Vec<[[f32; 3]; 3]> =
             kept.triangles.iter().map(|t| t.map(|v| kept.vertices[v as usize].map(|c| c as f32))).collect();

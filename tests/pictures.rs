@@ -319,11 +319,16 @@ fn a_cavity_that_is_cut_open_is_as_deep_as_it_is() {
     assert!(caps > 500 && walls > 500, "{caps} and {walls}");
 }
 
-#[test]
-fn overlaps_are_met_within_the_part() {
+/// Boxes that overlap for |x| < 4, |y| < 2, |z| < 2.
+fn two_boxes() -> MemoryTree {
     let mut both = soup(&cuboid([-10.0, -3.0, -3.0], [4.0, 3.0, 3.0]));
     both.extend(soup(&cuboid([-4.0, -2.0, -2.0], [10.0, 2.0, 2.0])));
-    let tree = tree(&both, depth(3));
+    tree(&both, depth(3))
+}
+
+#[test]
+fn overlaps_are_met_within_the_part() {
+    let tree = two_boxes();
     let view = View::named("front").unwrap();
     let half = cell(&tree);
     let mut met = 0;
@@ -374,9 +379,7 @@ fn neither_threads_nor_memory_show() {
 
 #[test]
 fn rays_meet_surfaces_in_their_order_and_haze_between() {
-    let mut both = soup(&cuboid([-10.0, -3.0, -3.0], [4.0, 3.0, 3.0]));
-    both.extend(soup(&cuboid([-4.0, -2.0, -2.0], [10.0, 2.0, 2.0])));
-    let tree = tree(&both, depth(3));
+    let tree = two_boxes();
     let view = View::named("front").unwrap();
     let pane = |w: f64, colour: [u8; 3]| Surface {
         w,
