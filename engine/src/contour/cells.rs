@@ -15,7 +15,7 @@ mod special;
 
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
-use super::extras::{Extra, edge_key, face_key, found_extra};
+use super::extras::{Extra, face_key, found_extra, plain_edge_key};
 use super::field::{Field, Frame};
 use super::halo::Place;
 use super::leaves::{Around, Side, direction_index};
@@ -25,7 +25,7 @@ use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
 use super::surface::{Changes, Surface};
-use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, edge_lower, face_cuts};
+use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, face_cuts};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
@@ -500,13 +500,8 @@ impl<'a> Builder<'a> {
             self.cells.split_faces += 1;
             let mut corner = cell;
             corner[axis.index()] += side;
-            let level = self.key.level();
             for (enter, leave) in face_cuts(mask, axis, side) {
-                let edges = [enter, leave].map(|edge| {
-                    let (along, mut offset) = edge_lower(edge);
-                    offset[axis.index()] = 0;
-                    edge_key(offset.map(|o| (o as i32) << self.key.spacing_bits()), along, level)
-                });
+                let edges = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.key));
                 let (p, q) = (self.crossing(cell[0], enter, streams), self.crossing(cell[0], leave, streams));
                 let middle = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
                 self.splits.push((face_key(axis, corner), edges, self.frame.world(cell, middle)));

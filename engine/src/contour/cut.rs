@@ -192,19 +192,20 @@ impl Cutter {
         self.push(corners, shape, allowed);
     }
 
-    /// The next polygon, a triangle.
-    pub(super) fn push_triangle(&mut self, [a, b, c]: [Vertex; 3]) {
+    /// The next polygon, a triangle, counter-clockwise seen from the upper end of its edge and turned over if that is not
+    /// inside.
+    pub(super) fn push_triangle(&mut self, [a, b, c]: [Vertex; 3], inside: bool) {
+        let (b, c) = if inside { (b, c) } else { (c, b) };
         self.push([a, b, c, a], Shape::Triangle, BOTH);
     }
 
-    /// The next polygon as a fan about a vertex on its edge, counter-clockwise seen from the upper end and turned over if
-    /// that is not inside.
+    /// The next polygon as a fan about a vertex on its edge; corners and sense as of [`Cutter::push_triangle`].
     pub(super) fn push_fan(&mut self, edge: &MinimalEdge, corners: &[Vertex], inside: bool) {
         let apex = (self.first + self.edge_vertices.len() as u32, edge.crossing());
         self.edge_vertices.push(apex.1);
         for n in 0..corners.len() {
             let (a, b) = (corners[n], corners[(n + 1) % corners.len()]);
-            self.push_triangle(if inside { [apex, a, b] } else { [apex, b, a] });
+            self.push_triangle([apex, a, b], inside);
         }
     }
 
@@ -380,7 +381,7 @@ fn squared<S: Simd>(p: [f64x8<S>; 3], q: [f64x8<S>; 3]) -> f64x8<S> {
 pub(super) fn encoded(facets: &[Facet], encoding: Encoding) -> Vec<u8> {
     let mut cutter = Cutter::new([0.0; 3], 0, Some(encoding), Vec::new());
     for facet in facets {
-        cutter.push_triangle([0, 1, 2].map(|n| (facet.ids[n], facet.corners[n])));
+        cutter.push_triangle([0, 1, 2].map(|n| (facet.ids[n], facet.corners[n])), true);
     }
     cutter.finish().bytes
 }
@@ -405,7 +406,7 @@ mod tests {
         let made = |times: usize| {
             let mut cutter = Cutter::new([1.0, 2.0, 3.0], 0, Some(AS_NUMBERS), Vec::new());
             for facet in facets.iter().cycle().take(5 * times) {
-                cutter.push_triangle(facet.map(at));
+                cutter.push_triangle(facet.map(at), true);
             }
             cutter.finish()
         };

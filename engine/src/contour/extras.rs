@@ -1,7 +1,8 @@
 //! Vertices on faces, and the names by which they are found.
 
-use crate::brick::point_index;
-use crate::lattice::Axis;
+use super::topology::edge_lower;
+use crate::brick::{POINTS, point_index};
+use crate::lattice::{Axis, NodeKey};
 
 /// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
 /// its lower end minus the corner in units.
@@ -12,10 +13,18 @@ pub(super) fn edge_key(relative: [i32; 3], axis: Axis, level: u8) -> u64 {
     x | y << 17 | z << 34 | (axis.index() as u64) << 51 | u64::from(level) << 53
 }
 
+/// Name, relative to the lower corner of a face across `axis`, of edge number `edge` of a plain cell of `leaf`, which
+/// bounds the face.
+pub(super) fn plain_edge_key(edge: usize, axis: Axis, leaf: NodeKey) -> u64 {
+    let (along, mut offset) = edge_lower(edge);
+    offset[axis.index()] = 0;
+    edge_key(offset.map(|o| (o as i32) << leaf.spacing_bits()), along, leaf.level())
+}
+
 /// Name within a leaf of the face across `axis` with this lower corner.
 #[inline]
 pub(super) fn face_key(axis: Axis, corner: [usize; 3]) -> u32 {
-    (axis.index() * crate::brick::POINTS + point_index(corner)) as u32
+    (axis.index() * POINTS + point_index(corner)) as u32
 }
 
 /// The vertex on one cut of a split face, found from either edge that the cut joins.

@@ -5,7 +5,7 @@
 //! faces between plain cells of one size are looked at.
 
 use super::cells::{BrickCells, within};
-use super::extras::{Extra, edge_key, face_key, found_extra};
+use super::extras::{Extra, face_key, found_extra, plain_edge_key};
 use super::field::Field;
 use super::leaves::{Side, direction_index};
 use super::loops::Part;
@@ -137,12 +137,8 @@ impl Finder<'_> {
     fn face(&mut self, axis: Axis, above: [usize; 3], (block, below): (&Block, [usize; 3])) -> Result<()> {
         let (Some(upper), Some(lower)) = (self.own.sight(above), block.sight(below)) else { return Ok(()) };
         let face = face_key(axis, above);
-        let bits = self.own.key.spacing_bits();
         for (enter, leave) in face_cuts(upper.mask, axis, 0) {
-            let keys = [enter, leave].map(|edge| {
-                let (along, offset) = edge_lower(edge);
-                edge_key(offset.map(|o| (o as i32) << bits), along, self.own.key.level())
-            });
+            let keys = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.own.key));
             if self.own.cells.extra(face, keys[0]).is_some() {
                 continue;
             }

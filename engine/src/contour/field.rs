@@ -65,7 +65,8 @@ impl<'a> Field<'a> {
         });
         let for_merging = if merging.is_some() { cache_bytes / 4 + cache_bytes / 8 } else { 0 };
         // Few cells have vertices on their faces.
-        let for_faces = if options.intersection_free { cache_bytes / 32 } else { 0 };
+        let separates = options.intersection_free && merging.is_none();
+        let for_faces = if separates { cache_bytes / 32 } else { 0 };
         let (surfaces, cells) = (
             Cache::new(cache_bytes / 4),
             Cache::new(cache_bytes - cache_bytes / 4 - for_merging - for_faces),
@@ -80,7 +81,7 @@ impl<'a> Field<'a> {
             surfaces,
             cells,
             faces,
-            separates: options.intersection_free && options.tolerance == 0.0,
+            separates,
             merging,
             users,
             spare_sums: Spare::default(),

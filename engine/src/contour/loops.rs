@@ -39,8 +39,7 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
 
 /// Ends of the edges of a loop.
 fn ends(mask: usize, of: usize) -> impl Iterator<Item = [i8; 3]> {
-    let edges = CELL_LOOPS[mask].edges[of];
-    (0..12).filter(move |edge| edges >> edge & 1 == 1).flat_map(|edge| {
+    CELL_LOOPS[mask].edges_of(of).flat_map(|edge| {
         let (axis, low) = edge_lower(edge);
         let low = low.map(|c| c as i8);
         let mut high = low;
@@ -163,9 +162,8 @@ mod tests {
         ) {
             let loops = &CELL_LOOPS[usize::from(mask)];
             let mean = |of: usize| -> [f64; 3] {
-                let edges = (0..12).filter(|edge| loops.edges[of] >> edge & 1 == 1);
                 let mut sum = [0.0; 3];
-                for edge in edges {
+                for edge in loops.edges_of(of) {
                     let (axis, low) = edge_lower(edge);
                     let mut p = low.map(|c| c as f64);
                     p[axis.index()] += at[edge];

@@ -368,8 +368,8 @@ impl<'a> Maker<'a> {
             return Ok(());
         }
         triangulate(corners, |a, b, c| {
-            let (b, c) = if inside { (b, c) } else { (c, b) };
-            self.cutter.push_triangle([a, b, c].map(|n: usize| (corners[n].id, corners[n].position)));
+            let vertex = |n: usize| (corners[n].id, corners[n].position);
+            self.cutter.push_triangle([a, b, c].map(vertex), inside);
         });
         Ok(())
     }
@@ -384,8 +384,7 @@ impl<'a> Maker<'a> {
                 self.cutter.push_around(edge, [a, b, c, d].map(|corner| vertex(&corner)), shape, allowed);
             }
             [a, b, c] if edge.pierces([a, b, c].map(|corner| corner.position)) => {
-                let [a, b, c] = [a, b, c].map(|corner| vertex(&corner));
-                self.cutter.push_triangle(if inside { [a, b, c] } else { [a, c, b] });
+                self.cutter.push_triangle([a, b, c].map(|corner| vertex(&corner)), inside);
             }
             _ => {
                 let corners: Vec<Vertex> = corners.iter().map(vertex).collect();

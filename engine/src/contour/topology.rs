@@ -94,6 +94,14 @@ pub(super) struct CellLoops {
     pub edges: [u16; 4],
 }
 
+impl CellLoops {
+    /// Numbers of the edges that a loop passes through.
+    pub(super) fn edges_of(&self, of: usize) -> impl Iterator<Item = usize> + use<> {
+        let edges = self.edges[of];
+        (0..12).filter(move |edge| edges >> edge & 1 == 1)
+    }
+}
+
 /// Loops by corner mask: bit `c` is set where corner `c` is inside.
 pub(super) static CELL_LOOPS: LazyLock<Box<[CellLoops; 256]>> =
     LazyLock::new(|| Box::new(std::array::from_fn(|mask| derive_loops(mask as u8))));

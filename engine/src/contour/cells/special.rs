@@ -14,8 +14,7 @@ impl Builder<'_> {
         let Some((mask, _)) = self.cells.plain(cell).filter(|_| self.field.separates()) else { return };
         self.cells.special.push(cell.map(|c| c as u8));
         let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
-        let edges = CELL_LOOPS[usize::from(mask)].edges[0];
-        for place in (0..12).filter(|edge| edges >> edge & 1 == 1).map(|edge| &EDGE_PLACES[edge]) {
+        for place in CELL_LOOPS[usize::from(mask)].edges_of(0).map(|edge| &EDGE_PLACES[edge]) {
             self.quads[streams.slot(cell[0], place)].vertices[place.quadrant] = NO_VERTEX;
         }
     }
@@ -24,6 +23,9 @@ impl Builder<'_> {
     /// loop's crossings.
     #[cold]
     pub(super) fn separate_loops(&mut self) {
+        if self.cells.special.is_empty() {
+            return;
+        }
         let lattice = self.frame.lattice();
         for n in 0..self.cells.special.len() {
             let cell = self.cells.special[n].map(usize::from);
@@ -33,11 +35,13 @@ impl Builder<'_> {
             let within = |position: &[f32; 3]| within(&lattice, cell, *position);
             let vertices: Vec<[f64; 3]> = self.cells.positions[own].iter().map(within).collect();
             let tangled = tangled(mask, &vertices);
+            if tangled == 0 {
+                continue;
+            }
             let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
             for l in (0..usize::from(loops.count)).filter(|l| tangled >> l & 1 == 1) {
-                let edges = (0..12).filter(|edge| loops.edges[l] >> edge & 1 == 1);
                 let mut sum = [0.0; 3];
-                for edge in edges {
+                for edge in loops.edges_of(l) {
                     let at = self.crossing(cell[0], edge, &streams);
                     (0..3).for_each(|a| sum[a] += at[a]);
                 }

@@ -89,7 +89,7 @@ impl Maker<'_> {
             }
         }
         let [a, b, c, d] = distinct;
-        let mut triangle = |a, b, c| self.cutter.push_triangle(if inside { [a, b, c] } else { [a, c, b] });
+        let mut triangle = |a, b, c| self.cutter.push_triangle([a, b, c], inside);
         match (count, diagonal(axis, distinct.map(|corner| corner.1))) {
             (4, Diagonal::Shorter) => {
                 self.cutter.push(distinct, if inside { Shape::Quad } else { Shape::Turned }, BOTH)
