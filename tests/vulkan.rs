@@ -1,8 +1,8 @@
 //! One suite for every backend: a store has the same bytes whoever evaluates its bricks.
 //!
-//! The instance for Vulkan needs a device, which a software driver can be, and the validation layer, which must have
-//! nothing to say. It is ignored by default, for a machine may have neither: `cargo test --test vulkan -- --ignored`
-//! runs it, and fails without them.
+//! The instances for Vulkan, with and without copies to and from the device, need one, which a software driver can be, and
+//! the validation layer, which must have nothing to say. They are ignored by default, for a machine may have neither:
+//! `cargo test --test vulkan -- --ignored` runs them, and fails without them.
 
 #[path = "vulkan/backend.rs"]
 mod backend;
@@ -58,3 +58,4 @@ macro_rules! instance {
 
 instance!(cpu,);
 instance!(vulkan, #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]);
+instance!(staged, #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]);

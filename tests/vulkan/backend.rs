@@ -64,15 +64,36 @@ pub fn cpu(test: fn(&Backend)) {
 
 /// Runs a test on a Vulkan device with the validation layer.
 pub fn vulkan(test: fn(&Backend)) {
-    let backend = Backend { device: Some(open(0)), threads: 2 };
+    on_device(open(0), test);
+}
+
+/// The same with copies to and from the device, which one whose memory is the host's does without.
+pub fn staged(test: fn(&Backend)) {
+    on_device(open_staged(0), test);
+}
+
+fn on_device(device: Vulkan, test: fn(&Backend)) {
+    let backend = Backend { device: Some(device), threads: 2 };
     test(&backend);
     silent(&backend);
 }
 
+fn settings() -> Settings {
+    Settings { validation: true, ..Settings::default() }
+}
+
 /// A device with so much memory for batches.
 pub fn open(memory: u64) -> Vulkan {
-    let settings = Settings { validation: true, memory, ..Settings::default() };
-    Vulkan::new(Gpu::open(&settings).unwrap_or_else(|e| panic!("{e}")))
+    open_as(&Settings { memory, ..settings() })
+}
+
+/// The same with copies to and from the device.
+pub fn open_staged(memory: u64) -> Vulkan {
+    open_as(&Settings { memory, staging: true, ..settings() })
+}
+
+fn open_as(settings: &Settings) -> Vulkan {
+    Vulkan::new(Gpu::open(settings).unwrap_or_else(|e| panic!("{e}")))
 }
 
 /// Fails if the validation layer said anything.

@@ -1,12 +1,12 @@
 //! What a device alone must show: exact ties, failures amid a build, little memory, the sum over all triangles.
 
-use crate::backend::{Backend, open, options, read, reference, silent};
+use crate::backend::{Backend, open, open_staged, options, read, reference, silent};
 use crate::suite::{input_of, open_data};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::backend::{Leaf, LeafQueue, brute_at as brute_on_device};
 use brickfield_engine::brick::Brick;
-use brickfield_engine::gpu::{Failure, Fault, Stage};
+use brickfield_engine::gpu::{DeviceKind, Failure, Fault, Stage};
 use brickfield_engine::ingest::Facet;
 use brickfield_engine::lattice::{NodeKey, Octant, RootCube, Triangle};
 use brickfield_engine::winding::{Evaluator, Triangles, brute_at};
@@ -148,8 +148,10 @@ fn little_memory_is_enough_for_open_soups() {
 fn little_memory_is_enough_and_never_exceeded() {
     let (_folder, pile) = input_of(&random_pile(3, 60));
     let expected = reference(&pile, 3);
-    for memory in [1, 1 << 20, 8 << 20, 12_345_678, 64 << 20] {
-        let backend = Backend { device: Some(open(memory)), threads: 2 };
+    let cases = [1, 1 << 20, 8 << 20, 12_345_678, 64 << 20]
+        .map(|memory| [(memory, open(memory)), (memory, open_staged(memory))]);
+    for (memory, device) in cases.into_iter().flatten() {
+        let backend = Backend { device: Some(device), threads: 2 };
         let (store, summary) = backend.build_with(&pile, 3, &options(3));
         assert!(store == expected, "{memory} bytes: {:?}", summary.device);
         let report = summary.device.unwrap();
@@ -161,6 +163,23 @@ fn little_memory_is_enough_and_never_exceeded() {
         );
         silent(&backend);
     }
+}
+
+/// Where the device's memory is the host's there is none for copies.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn memory_in_common_is_used_in_place() {
+    let (_folder, pile) = input_of(&random_pile(3, 60));
+    let [in_place, staged] = [open(0), open_staged(0)].map(|device| {
+        let kind = device.gpu().info().kind;
+        let backend = Backend { device: Some(device), threads: 2 };
+        let report = backend.build_with(&pile, 3, &options(3)).1.device.unwrap();
+        assert!(report.bricks > 0 && report.peak_bytes > 0, "{report:?}");
+        silent(&backend);
+        (kind, report.peak_bytes)
+    });
+    let is_hosts = matches!(in_place.0, DeviceKind::Cpu | DeviceKind::Integrated);
+    assert_eq!(in_place.1 < staged.1, is_hosts, "{in_place:?} {staged:?}");
 }
 
 /// What a device has left when it is closed.

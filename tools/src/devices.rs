@@ -36,6 +36,7 @@ pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Re
         device: device.clone(),
         real: !is_asked_for,
         memory: gpu_memory.or(memory.map(|size| Size(size.0 / 4))).map_or(0, |size| size.0),
+        staging: false,
         validation: false,
     };
     match Gpu::open(&settings) {

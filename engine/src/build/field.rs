@@ -232,8 +232,9 @@ impl Field for Soup {
     }
 
     fn leaves_together(&self) -> u64 {
-        /// A batch of fewer bricks leaves processors of the device without work, llvmpipe's two already.
-        const LEAVES: u64 = 32;
+        /// Two batches: while the bricks of one are encoded the device has the next. At 32 leaves llvmpipe took 4 % longer
+        /// at 1024³; at 512 it takes no less, and fewer jobs are there for threads.
+        const LEAVES: u64 = 128;
         if self.device.is_some() { LEAVES } else { 1 }
     }
 }

@@ -1,7 +1,7 @@
 //! The logical device that everything on it shares.
 
 use super::failure::{Failure, Fault, Stage, Unavailable};
-use super::instance::{DeviceInfo, Instance, Messages};
+use super::instance::{DeviceInfo, DeviceKind, Instance, Messages};
 use super::memory::Use;
 use ash::vk;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +18,8 @@ pub(super) struct Context {
     pub range_max: u64,
     /// Bytes that may be allocated.
     pub cap: u64,
+    /// Whether data are copied to and from the device even where its memory is the host's.
+    stages: bool,
     allocated: Mutex<Allocated>,
     memory: vk::PhysicalDeviceMemoryProperties,
     queue: Mutex<vk::Queue>,
@@ -38,11 +40,13 @@ struct Allocated {
 }
 
 impl Context {
-    /// Opens the device with this number. `cap` says how many bytes may be allocated.
+    /// Opens the device with this number. `cap` says how many bytes may be allocated; for `stages` see
+    /// [`super::device::Settings::staging`].
     pub fn new(
         instance: Instance,
         index: usize,
         cap: impl FnOnce(&DeviceInfo) -> u64,
+        stages: bool,
     ) -> Result<Context, Unavailable> {
         let physical = instance.physical_devices()?[index];
         let info = instance.describe(index, physical);
@@ -81,6 +85,7 @@ impl Context {
         Ok(Context {
             raw,
             cap: cap(&info),
+            stages,
             allocated: Mutex::default(),
             info,
             family,
@@ -104,6 +109,7 @@ impl Context {
             Use::Device => [Flags::DEVICE_LOCAL, Flags::empty()],
             Use::Upload => [visible, visible],
             Use::ReadBack => [visible | Flags::HOST_CACHED, visible],
+            Use::Shared => [Flags::DEVICE_LOCAL | visible | Flags::HOST_CACHED; 2],
         };
         let types = self.memory.memory_types_as_slice();
         let fits = |wish: Flags| {
@@ -112,6 +118,13 @@ impl Context {
             types.iter().enumerate().position(suits).map(|i| i as u32)
         };
         wishes.into_iter().find_map(fits)
+    }
+
+    /// Whether buffers are written and read where kernels use them. A card may show its memory to the host, too, but reading
+    /// it there is slow.
+    pub fn shares_memory(&self) -> bool {
+        let is_hosts = matches!(self.info.kind, DeviceKind::Integrated | DeviceKind::Cpu);
+        is_hosts && !self.stages && self.memory_type(u32::MAX, Use::Shared).is_some()
     }
 
     /// Counts bytes that are about to be allocated, if there may be so many more.

@@ -19,6 +19,9 @@ pub struct Settings {
     /// Bytes of memory that may be allocated, on the device and here together; 0 for an eighth of the device's, from
     /// 64 MiB to 1 GiB.
     pub memory: u64,
+    /// Copy to and from the device even where its memory is the host's, as is done for cards: for tests on a software
+    /// driver.
+    pub staging: bool,
     /// Have the validation layer look on.
     pub validation: bool,
 }
@@ -59,7 +62,7 @@ impl Gpu {
             0 => (info.memory / 8).clamp(64 << 20, 1 << 30),
             bytes => bytes,
         };
-        let context = Arc::new(Context::new(instance, index, cap)?);
+        let context = Arc::new(Context::new(instance, index, cap, settings.staging)?);
         let entries: [_; KERNELS] =
             [(SCAN, c"find"), (SCAN, c"jump"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {

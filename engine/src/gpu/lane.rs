@@ -1,12 +1,12 @@
 //! A thread's way to the device: a ring of batches, so that one is packed here while another is computed there and a third
-//! is read.
+//! is read. Where the device's memory is the host's nothing is copied.
 
 use super::device::Gpu;
 use super::failure::Failure;
 use super::kernels::Sets;
 use super::memory::{Arena, Use};
-use super::sizes::{READ, Sizes, UPLOADED};
-use super::slot::{Buffers, Seconds, Slot};
+use super::sizes::{READ, Sizes, UPLOADED, ZEROED};
+use super::slot::{Buffers, Seconds, Slot, Staged};
 use brickfield_shaders::{Batch, Brick, Pair, ROW_WORDS, ROWS};
 use std::collections::VecDeque;
 
@@ -45,15 +45,20 @@ pub struct BatchOutput<'a> {
     pub seconds: Option<Seconds>,
 }
 
+/// Memory through which data go to the device and come back.
+struct Staging {
+    upload: Arena,
+    read: Arena,
+}
+
 /// Buffers and commands of one thread.
 pub struct Lane {
     // Dropped first: they wait for the device.
     slots: Vec<Slot>,
-    upload: Arena,
-    _device: Arena,
-    read: Arena,
+    device: Arena,
+    /// None where the device's memory is written and read here.
+    staging: Option<Staging>,
     sets: Sets,
-    device_buffers: Vec<ash::vk::Buffer>,
     gpu: Gpu,
     sizes: Sizes,
     /// Batches under way by slot, oldest first.
@@ -69,27 +74,22 @@ impl Lane {
     pub fn new(gpu: &Gpu, bytes: u64) -> Result<Lane, Failure> {
         gpu.check()?;
         let context = &gpu.context;
-        let sizes = Sizes::within(bytes / RING as u64, context.range_max);
-        let device = Arena::new(context, Use::Device, sizes.device_bytes(), RING)?;
-        let upload = Arena::new(context, Use::Upload, sizes.upload_bytes(), RING)?;
-        let read = Arena::new(context, Use::ReadBack, sizes.read_bytes(), RING)?;
+        let stages = !context.shares_memory();
+        let sizes = Sizes::within(bytes / RING as u64, context.range_max, stages);
+        let purpose = if stages { Use::Device } else { Use::Shared };
+        let device = Arena::new(context, purpose, sizes.device_bytes(), RING)?;
+        let staging = match stages {
+            true => Some(Staging {
+                upload: Arena::new(context, Use::Upload, sizes.upload_bytes(), RING)?,
+                read: Arena::new(context, Use::ReadBack, sizes.read_bytes(), RING)?,
+            }),
+            false => None,
+        };
         let sets = gpu.kernels.sets(RING as u32)?;
         let ranges = sizes.ranges();
-        let device_buffers: Vec<_> = (0..RING).map(|slot| device.buffer(slot)).collect();
-        device_buffers.iter().enumerate().for_each(|(slot, buffer)| sets.point(slot, 0, *buffer, &ranges));
+        (0..RING).for_each(|slot| sets.point(slot, 0, device.buffer(slot), &ranges));
         let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
-        Ok(Lane {
-            slots,
-            upload,
-            _device: device,
-            read,
-            sets,
-            device_buffers,
-            gpu: gpu.clone(),
-            sizes,
-            pending: VecDeque::new(),
-            next: 0,
-        })
+        Ok(Lane { slots, device, staging, sets, gpu: gpu.clone(), sizes, pending: VecDeque::new(), next: 0 })
     }
 
     /// The most bricks, and pairs, that a batch may have.
@@ -132,15 +132,21 @@ impl Lane {
             bytemuck::cast_slice(&input.pairs),
         ];
         let slot = self.next;
-        for ((from, _), part) in self.sizes.ranges().iter().zip(parts) {
-            self.upload.bytes_mut(slot, *from, part.len() as u64).copy_from_slice(part);
+        let ranges = self.sizes.ranges();
+        let to = self.staging.as_mut().map_or(&mut self.device, |staging| &mut staging.upload);
+        for ((from, _), part) in ranges.iter().zip(parts) {
+            to.bytes_mut(slot, *from, part.len() as u64).copy_from_slice(part);
         }
-        let buffers = Buffers {
-            upload: self.upload.buffer(slot),
-            device: self.device_buffers[slot],
-            read: self.read.buffer(slot),
-            set: self.sets.sets[slot],
-        };
+        if self.staging.is_none() {
+            // Here, so that the device need not wait for it between two batches.
+            let lengths = load.lengths();
+            ZEROED.iter().for_each(|&n| self.device.bytes_mut(slot, ranges[n].0, lengths[n]).fill(0));
+        }
+        let staged = self
+            .staging
+            .as_ref()
+            .map(|Staging { upload, read }| Staged { upload: upload.buffer(slot), read: read.buffer(slot) });
+        let buffers = Buffers { device: self.device.buffer(slot), staged, set: self.sets.sets[slot] };
         self.slots[slot].submit(&self.gpu.kernels, buffers, &self.sizes, &load)?;
         self.pending.push_back((slot, load));
         self.next = (slot + 1) % RING;
@@ -177,8 +183,14 @@ impl Lane {
         let Some((slot, load)) = self.pending.pop_front() else { return Ok(None) };
         self.slots[slot].wait()?;
         let seconds = self.slots[slot].seconds()?;
-        let (ranges, lengths) = (self.sizes.read_ranges(), load.lengths());
-        let part = |number: usize| self.read.bytes(slot, ranges[number].0, lengths[READ[number]]);
+        let (ranges, read_ranges, lengths) = (self.sizes.ranges(), self.sizes.read_ranges(), load.lengths());
+        let part = |number: usize| {
+            let length = lengths[READ[number]];
+            match &self.staging {
+                Some(staging) => staging.read.bytes(slot, read_ranges[number].0, length),
+                None => self.device.bytes(slot, ranges[READ[number]].0, length),
+            }
+        };
         Ok(Some(BatchOutput {
             bricks: bytemuck::cast_slice(part(0)),
             samples: bytemuck::cast_slice(part(1)),

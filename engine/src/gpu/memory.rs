@@ -17,6 +17,8 @@ pub(super) enum Use {
     Upload,
     /// Written by the device, read here.
     ReadBack,
+    /// Kernels, written and read here: memory that the device and the host have in common.
+    Shared,
 }
 
 /// Buffers of equal size in one allocation.
@@ -58,7 +60,7 @@ impl Arena {
     fn fill(&mut self, purpose: Use, count: usize) -> Result<(), Failure> {
         let device = &self.context.raw;
         let usage = match purpose {
-            Use::Device => {
+            Use::Device | Use::Shared => {
                 vk::BufferUsageFlags::STORAGE_BUFFER
                     | vk::BufferUsageFlags::TRANSFER_SRC
                     | vk::BufferUsageFlags::TRANSFER_DST

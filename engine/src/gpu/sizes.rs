@@ -36,6 +36,9 @@ const BRICKS_MAX: u32 = 64;
 /// Offset and length of each buffer, by binding; the first [`UPLOADED`] are uploaded.
 pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
 
+/// Offset and length of each part that is read back, in the order of [`READ`].
+pub(super) type ReadRanges = [(u64, u64); READ.len()];
+
 /// Buffers that are uploaded: batch, bricks, pairs.
 pub(super) const UPLOADED: usize = 3;
 /// Buffers that begin with zeros: jumps, tables, chains.
@@ -57,13 +60,13 @@ impl Sizes {
         }
     }
 
-    /// The most that fits in `bytes`, all buffers of a slot taken together; at least one brick. No buffer is longer than
-    /// `range_max`.
-    pub fn within(bytes: u64, range_max: u64) -> Sizes {
+    /// The most that fits in `bytes`, all buffers of a slot taken together, those for copies only if it `stages`; at least
+    /// one brick. No buffer is longer than `range_max`.
+    pub fn within(bytes: u64, range_max: u64, stages: bool) -> Sizes {
         let fits = |bricks: &u32| {
             let sizes = Sizes::of(*bricks);
             let ranges = sizes.ranges();
-            sizes.total_bytes() <= bytes
+            sizes.total_bytes(stages) <= bytes
                 && ranges.iter().all(|(_, length)| *length <= range_max)
                 && sizes.pairs / WORKGROUP < 1 << 16
         };
@@ -101,7 +104,7 @@ impl Sizes {
     }
 
     /// Offset and length of each part that is read back, in the buffer for that.
-    pub fn read_ranges(&self) -> [(u64, u64); READ.len()] {
+    pub fn read_ranges(&self) -> ReadRanges {
         let lengths = self.lengths();
         let mut end = 0;
         READ.map(|buffer| {
@@ -123,8 +126,8 @@ impl Sizes {
         end_of(&self.read_ranges())
     }
 
-    fn total_bytes(&self) -> u64 {
-        self.device_bytes() + self.upload_bytes() + self.read_bytes()
+    fn total_bytes(&self, stages: bool) -> u64 {
+        self.device_bytes() + if stages { self.upload_bytes() + self.read_bytes() } else { 0 }
     }
 }
 
@@ -138,13 +141,14 @@ mod tests {
 
     #[test]
     fn a_slot_fits_its_memory() {
-        for (bytes, range_max) in [(0, 1 << 27), (1 << 24, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 40)] {
-            let sizes = Sizes::within(bytes, range_max);
-            assert!(sizes.bricks == 1 || sizes.total_bytes() <= bytes, "{sizes:?}");
+        let cases = [(0, 1 << 27), (1 << 24, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 40)];
+        for ((bytes, range_max), stages) in cases.into_iter().flat_map(|case| [(case, false), (case, true)]) {
+            let sizes = Sizes::within(bytes, range_max, stages);
+            assert!(sizes.bricks == 1 || sizes.total_bytes(stages) <= bytes, "{sizes:?}");
             assert!(sizes.bricks == 1 || sizes.ranges().iter().all(|(_, length)| *length <= range_max));
             assert!((1..=BRICKS_MAX).contains(&sizes.bricks));
             assert!(sizes.ranges().windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0));
         }
-        assert_eq!(Sizes::within(1 << 40, 1 << 40).bricks, BRICKS_MAX);
+        assert_eq!(Sizes::within(1 << 40, 1 << 40, true).bricks, BRICKS_MAX);
     }
 }

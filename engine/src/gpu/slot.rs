@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::failure::{Failure, Stage};
 use super::kernels::Kernels;
-use super::sizes::{READ, Ranges, Sizes, UPLOADED, ZEROED};
+use super::sizes::{READ, Ranges, ReadRanges, Sizes, UPLOADED, ZEROED};
 use ash::vk;
 use brickfield_shaders::{POINTS, WORKGROUP};
 use std::sync::Arc;
@@ -47,10 +47,17 @@ pub(super) struct Slot {
 /// The buffers of a slot.
 #[derive(Clone, Copy)]
 pub(super) struct Buffers {
-    pub upload: vk::Buffer,
     pub device: vk::Buffer,
-    pub read: vk::Buffer,
+    /// None if the device's buffer is written and read by the host.
+    pub staged: Option<Staged>,
     pub set: vk::DescriptorSet,
+}
+
+/// From where and to where a batch is copied.
+#[derive(Clone, Copy)]
+pub(super) struct Staged {
+    pub upload: vk::Buffer,
+    pub read: vk::Buffer,
 }
 
 impl Slot {
@@ -85,7 +92,8 @@ impl Slot {
         Ok(slot)
     }
 
-    /// Sends a batch that lies in the upload buffer. `load` is what it takes of the sizes of the buffers.
+    /// Sends a batch that lies in the upload buffer, or in the device's if nothing is staged, with zeros where it needs
+    /// them. `load` is what it takes of the sizes of the buffers.
     pub fn submit(
         &mut self,
         kernels: &Kernels,
@@ -97,12 +105,19 @@ impl Slot {
         self.run(|slot| {
             slot.reset_times();
             slot.note_time(0);
-            slot.record_upload(buffers, &ranges, load);
+            let Some(staged) = buffers.staged else {
+                slot.note_time(1);
+                slot.record_kernels(kernels, buffers, load);
+                slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::HOST);
+                slot.note_time(TIMES - 1);
+                return;
+            };
+            slot.record_upload(staged, buffers, &ranges, load);
             slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
             slot.note_time(1);
             slot.record_kernels(kernels, buffers, load);
             slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-            slot.record_read_back(buffers, &ranges, sizes, load);
+            slot.record_read_back(staged, buffers, (&ranges, &sizes.read_ranges()), load);
             slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
             slot.note_time(TIMES - 1);
         })
@@ -176,7 +191,7 @@ impl Slot {
         unsafe { self.context.raw.cmd_pipeline_barrier(self.commands, before, behind, none, &all, &[], &[]) };
     }
 
-    fn record_upload(&self, buffers: Buffers, ranges: &Ranges, load: &Sizes) {
+    fn record_upload(&self, staged: Staged, buffers: Buffers, ranges: &Ranges, load: &Sizes) {
         let lengths = load.lengths();
         let copies: [vk::BufferCopy; UPLOADED] = std::array::from_fn(|i| vk::BufferCopy {
             src_offset: ranges[i].0,
@@ -186,7 +201,7 @@ impl Slot {
         // SAFETY: the load fits the sizes from which the buffers were made, and no part of it is empty.
         unsafe {
             let device = &self.context.raw;
-            device.cmd_copy_buffer(self.commands, buffers.upload, buffers.device, &copies);
+            device.cmd_copy_buffer(self.commands, staged.upload, buffers.device, &copies);
             for buffer in ZEROED {
                 let (from, length) = (ranges[buffer].0, lengths[buffer]);
                 device.cmd_fill_buffer(self.commands, buffers.device, from, length, 0);
@@ -222,15 +237,21 @@ impl Slot {
         }
     }
 
-    fn record_read_back(&self, buffers: Buffers, ranges: &Ranges, sizes: &Sizes, load: &Sizes) {
-        let (read, lengths) = (sizes.read_ranges(), load.lengths());
+    fn record_read_back(
+        &self,
+        staged: Staged,
+        buffers: Buffers,
+        (ranges, read): (&Ranges, &ReadRanges),
+        load: &Sizes,
+    ) {
+        let lengths = load.lengths();
         let copies: [vk::BufferCopy; READ.len()] = std::array::from_fn(|i| vk::BufferCopy {
             src_offset: ranges[READ[i]].0,
             dst_offset: read[i].0,
             size: lengths[READ[i]],
         });
         // SAFETY: as in `record_upload`.
-        unsafe { self.context.raw.cmd_copy_buffer(self.commands, buffers.device, buffers.read, &copies) };
+        unsafe { self.context.raw.cmd_copy_buffer(self.commands, buffers.device, staged.read, &copies) };
     }
 
     /// Waits for what was sent.
