@@ -88,8 +88,8 @@ impl Plot {
                 .configure_mesh()
                 .x_desc(self.axes[0])
                 .y_desc(self.axes[1])
-                .x_label_formatter(&|&v| short(v))
-                .y_label_formatter(&|&v| short(v))
+                .x_label_formatter(&|&v| tick(v, self.base))
+                .y_label_formatter(&|&v| tick(v, 10.0))
                 .light_line_style(WHITE)
                 .bold_line_style(RGBColor(225, 225, 225))
                 .draw()?;
@@ -122,6 +122,12 @@ fn limits(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let fold = |(low, high): (f64, f64), v: f64| (low.min(v), high.max(v));
     let (low, high) = values.filter(|v| v.is_finite() && *v > 0.0).fold((f64::INFINITY, 0.0), fold);
     (high > 0.0).then(|| (low / 1.3, high * 1.3))
+}
+
+/// What stands beside a tick: nothing from six on between two powers of ten, where ticks are closer than numbers are wide.
+fn tick(value: f64, base: f64) -> String {
+    let leading = value / 10f64.powf(value.log10().floor());
+    if base == 10.0 && (5.5..9.5).contains(&leading) { String::new() } else { short(value) }
 }
 
 /// A number beside an axis: 0.02, 5, 300, 2 k, 45 M.
@@ -162,5 +168,7 @@ mod tests {
             [0.02, 0.5, 1.0, 5.0, 300.0, 2000.0, 20_000.0, 45e6, 1e9].map(short),
             ["0.02", "0.5", "1", "5", "300", "2000", "20 k", "45 M", "1 G"]
         );
+        assert_eq!([5e6, 6e6, 9e6, 1e7].map(|v| tick(v, 10.0)), ["5 M", "", "", "10 M"]);
+        assert_eq!([64.0, 512.0].map(|v| tick(v, 2.0)), ["64", "512"]);
     }
 }
