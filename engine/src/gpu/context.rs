@@ -32,6 +32,14 @@ pub(super) struct Context {
     instance: Instance,
 }
 
+/// Memory as fast for the host as for the device.
+const IN_COMMON: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
+    vk::MemoryPropertyFlags::DEVICE_LOCAL.as_raw()
+        | vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw()
+        | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw()
+        | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
+);
+
 /// Bytes of all allocations.
 #[derive(Clone, Copy, Default)]
 struct Allocated {
@@ -109,7 +117,7 @@ impl Context {
             Use::Device => [Flags::DEVICE_LOCAL, Flags::empty()],
             Use::Upload => [visible, visible],
             Use::ReadBack => [visible | Flags::HOST_CACHED, visible],
-            Use::Shared => [Flags::DEVICE_LOCAL | visible | Flags::HOST_CACHED; 2],
+            Use::Shared => [IN_COMMON, visible],
         };
         let types = self.memory.memory_types_as_slice();
         let fits = |wish: Flags| {
@@ -124,7 +132,8 @@ impl Context {
     /// it there is slow.
     pub fn shares_memory(&self) -> bool {
         let is_hosts = matches!(self.info.kind, DeviceKind::Integrated | DeviceKind::Cpu);
-        is_hosts && !self.stages && self.memory_type(u32::MAX, Use::Shared).is_some()
+        let types = self.memory.memory_types_as_slice();
+        is_hosts && !self.stages && types.iter().any(|t| t.property_flags.contains(IN_COMMON))
     }
 
     /// Counts bytes that are about to be allocated, if there may be so many more.
