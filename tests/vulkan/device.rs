@@ -4,7 +4,7 @@ use crate::backend::{Backend, open, open_staged, options, read, reference, silen
 use crate::suite::{input_of, open_data};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::{Mesh, Rng};
-use brickfield_engine::backend::{Leaf, LeafQueue, brute_at as brute_on_device};
+use brickfield_engine::backend::{Leaf, LeafQueue, Vulkan, brute_at as brute_on_device};
 use brickfield_engine::brick::Brick;
 use brickfield_engine::gpu::{DeviceKind, Failure, Fault, Stage};
 use brickfield_engine::ingest::Facet;
@@ -148,10 +148,10 @@ fn little_memory_is_enough_for_open_soups() {
 fn little_memory_is_enough_and_never_exceeded() {
     let (_folder, pile) = input_of(&random_pile(3, 60));
     let expected = reference(&pile, 3);
-    let cases = [1, 1 << 20, 8 << 20, 12_345_678, 64 << 20]
-        .map(|memory| [(memory, open(memory)), (memory, open_staged(memory))]);
-    for (memory, device) in cases.into_iter().flatten() {
-        let backend = Backend { device: Some(device), threads: 2 };
+    let ways: [fn(u64) -> Vulkan; 2] = [open, open_staged];
+    let memories = [1, 1 << 20, 8 << 20, 12_345_678, 64 << 20];
+    for (memory, open) in memories.into_iter().flat_map(|memory| ways.map(|open| (memory, open))) {
+        let backend = Backend { device: Some(open(memory)), threads: 2 };
         let (store, summary) = backend.build_with(&pile, 3, &options(3));
         assert!(store == expected, "{memory} bytes: {:?}", summary.device);
         let report = summary.device.unwrap();

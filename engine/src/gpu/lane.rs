@@ -1,6 +1,7 @@
 //! A thread's way to the device: a ring of batches, so that one is packed here while another is computed there and a third
 //! is read. Where the device's memory is the host's nothing is copied.
 
+use super::context::Context;
 use super::device::Gpu;
 use super::failure::Failure;
 use super::kernels::Sets;
@@ -9,6 +10,7 @@ use super::sizes::{READ, Sizes, UPLOADED, ZEROED};
 use super::slot::{Buffers, Seconds, Slot, Staged};
 use brickfield_shaders::{Batch, Brick, Pair, ROW_WORDS, ROWS};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Batches under way.
 const RING: usize = 2;
@@ -51,6 +53,19 @@ struct Staging {
     read: Arena,
 }
 
+impl Staging {
+    fn new(context: &Arc<Context>, sizes: &Sizes) -> Result<Staging, Failure> {
+        let upload = Arena::new(context, Use::Upload, sizes.upload_bytes(), RING)?;
+        let read = Arena::new(context, Use::ReadBack, sizes.read_bytes(), RING)?;
+        Ok(Staging { upload, read })
+    }
+
+    /// The buffers of a slot.
+    fn of(&self, slot: usize) -> Staged {
+        Staged { upload: self.upload.buffer(slot), read: self.read.buffer(slot) }
+    }
+}
+
 /// Buffers and commands of one thread.
 pub struct Lane {
     // Dropped first: they wait for the device.
@@ -78,13 +93,7 @@ impl Lane {
         let sizes = Sizes::within(bytes / RING as u64, context.range_max, stages);
         let purpose = if stages { Use::Device } else { Use::Shared };
         let device = Arena::new(context, purpose, sizes.device_bytes(), RING)?;
-        let staging = match stages {
-            true => Some(Staging {
-                upload: Arena::new(context, Use::Upload, sizes.upload_bytes(), RING)?,
-                read: Arena::new(context, Use::ReadBack, sizes.read_bytes(), RING)?,
-            }),
-            false => None,
-        };
+        let staging = stages.then(|| Staging::new(context, &sizes)).transpose()?;
         let sets = gpu.kernels.sets(RING as u32)?;
         let ranges = sizes.ranges();
         (0..RING).for_each(|slot| sets.point(slot, 0, device.buffer(slot), &ranges));
@@ -142,10 +151,7 @@ impl Lane {
             let lengths = load.lengths();
             ZEROED.iter().for_each(|&n| self.device.bytes_mut(slot, ranges[n].0, lengths[n]).fill(0));
         }
-        let staged = self
-            .staging
-            .as_ref()
-            .map(|Staging { upload, read }| Staged { upload: upload.buffer(slot), read: read.buffer(slot) });
+        let staged = self.staging.as_ref().map(|staging| staging.of(slot));
         let buffers = Buffers { device: self.device.buffer(slot), staged, set: self.sets.sets[slot] };
         self.slots[slot].submit(&self.gpu.kernels, buffers, &self.sizes, &load)?;
         self.pending.push_back((slot, load));

@@ -36,9 +36,6 @@ const BRICKS_MAX: u32 = 64;
 /// Offset and length of each buffer, by binding; the first [`UPLOADED`] are uploaded.
 pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
 
-/// Offset and length of each part that is read back, in the order of [`READ`].
-pub(super) type ReadRanges = [(u64, u64); READ.len()];
-
 /// Buffers that are uploaded: batch, bricks, pairs.
 pub(super) const UPLOADED: usize = 3;
 /// Buffers that begin with zeros: jumps, tables, chains.
@@ -104,7 +101,7 @@ impl Sizes {
     }
 
     /// Offset and length of each part that is read back, in the buffer for that.
-    pub fn read_ranges(&self) -> ReadRanges {
+    pub fn read_ranges(&self) -> [(u64, u64); READ.len()] {
         let lengths = self.lengths();
         let mut end = 0;
         READ.map(|buffer| {

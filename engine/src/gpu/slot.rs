@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::failure::{Failure, Stage};
 use super::kernels::Kernels;
-use super::sizes::{READ, Ranges, ReadRanges, Sizes, UPLOADED, ZEROED};
+use super::sizes::{READ, Ranges, Sizes, UPLOADED, ZEROED};
 use ash::vk;
 use brickfield_shaders::{POINTS, WORKGROUP};
 use std::sync::Arc;
@@ -105,20 +105,19 @@ impl Slot {
         self.run(|slot| {
             slot.reset_times();
             slot.note_time(0);
-            let Some(staged) = buffers.staged else {
-                slot.note_time(1);
-                slot.record_kernels(kernels, buffers, load);
-                slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::HOST);
-                slot.note_time(TIMES - 1);
-                return;
-            };
-            slot.record_upload(staged, buffers, &ranges, load);
-            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
+            if let Some(staged) = buffers.staged {
+                slot.record_upload(staged, buffers, &ranges, load);
+                slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
+            }
             slot.note_time(1);
             slot.record_kernels(kernels, buffers, load);
-            slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-            slot.record_read_back(staged, buffers, (&ranges, &sizes.read_ranges()), load);
-            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
+            let mut last = vk::PipelineStageFlags::COMPUTE_SHADER;
+            if let Some(staged) = buffers.staged {
+                slot.barrier(last, vk::PipelineStageFlags::TRANSFER);
+                slot.record_read_back(staged, buffers, &ranges, sizes, load);
+                last = vk::PipelineStageFlags::TRANSFER;
+            }
+            slot.barrier(last, vk::PipelineStageFlags::HOST);
             slot.note_time(TIMES - 1);
         })
     }
@@ -241,10 +240,11 @@ impl Slot {
         &self,
         staged: Staged,
         buffers: Buffers,
-        (ranges, read): (&Ranges, &ReadRanges),
+        ranges: &Ranges,
+        sizes: &Sizes,
         load: &Sizes,
     ) {
-        let lengths = load.lengths();
+        let (read, lengths) = (sizes.read_ranges(), load.lengths());
         let copies: [vk::BufferCopy; READ.len()] = std::array::from_fn(|i| vk::BufferCopy {
             src_offset: ranges[READ[i]].0,
             dst_offset: read[i].0,
