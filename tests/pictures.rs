@@ -143,6 +143,7 @@ fn points_are_bounded() {
 
 fn options(style: fn() -> Style, view: View, cuts: Vec<Cut>) -> RenderOptions {
     RenderOptions {
+        focus: None,
         style: style(),
         view,
         turn: 1,

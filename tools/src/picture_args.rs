@@ -3,7 +3,7 @@
 use crate::args::{IoArg, WorkArgs};
 use crate::units::{BoxArg, Length, Position, Size};
 use brickfield_engine::lattice::Axis;
-use brickfield_engine::render::{BuiltIn, Style, View};
+use brickfield_engine::render::{BuiltIn, Focus, Style, View};
 use clap::{ArgGroup, Args, ValueEnum};
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -188,6 +188,10 @@ pub struct RenderArgs {
     /// plane, as in 30,20
     #[arg(long, value_name = "NAME|AZ,EL", default_value = "iso", allow_hyphen_values = true)]
     pub view: ViewArg,
+    /// What the middle of the picture shows, and how much of the world its height shows there, in the store's unit: `view`
+    /// prints it. By default all that is left of the part, as large as fits
+    #[arg(long, value_name = "X,Y,Z,HEIGHT", allow_hyphen_values = true)]
+    pub focus: Option<FocusArg>,
     /// See it in perspective, with so many degrees between upper and lower border; parallel by default
     #[arg(long, value_name = "DEGREES", num_args = 0..=1, default_missing_value = "30")]
     pub perspective: Option<f64>,
@@ -273,6 +277,23 @@ impl FromStr for ViewArg {
                 let names = View::NAMED.map(|(name, _)| name).join(", ");
                 Err(format!("there is no such view; choose {names}, or two angles as in 30,20"))
             }
+        }
+    }
+}
+
+/// What of the world is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FocusArg(pub Focus);
+
+impl FromStr for FocusArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<FocusArg, String> {
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+        let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
+        match numbers.as_deref() {
+            Some(&[x, y, z, height]) if height > 0.0 => Ok(FocusArg(Focus { centre: [x, y, z], height })),
+            _ => Err("expected a point and a height above 0, as in 10,20,5,40".to_owned()),
         }
     }
 }
@@ -363,6 +384,11 @@ mod tests {
         assert_eq!("#20304a".parse(), Ok(ColourArg([0x20, 0x30, 0x4a, 255])));
         for bad in ["", "inside", "1", "1,91", "1,nan", "1,2,3"] {
             assert!(bad.parse::<ViewArg>().is_err(), "{bad}");
+        }
+        let focus = Focus { centre: [1.0, -2.0, 3.5], height: 10.0 };
+        assert_eq!("1,-2, 3.5,10".parse(), Ok(FocusArg(focus)));
+        for bad in ["", "1,2,3", "1,2,3,0", "1,2,3,4,5", "1,2,nan,4"] {
+            assert!(bad.parse::<FocusArg>().is_err(), "{bad}");
         }
         for bad in ["", "z", "z=1", "w>1", "z>", "z>1parsec", "z>nan", ">1"] {
             assert!(bad.parse::<CutArg>().is_err(), "{bad}");

@@ -94,6 +94,7 @@ fn first_sample(brick: &Brick) -> f64 {
 pub(super) struct Bricks<'a> {
     pub tree: &'a dyn BrickTree,
     pub style: Style,
+    pub bytes_max: u64,
     cache: BrickCache<Prepared>,
 }
 
@@ -107,7 +108,7 @@ pub(super) struct Lane {
 impl<'a> Bricks<'a> {
     /// Keeps at most `bytes_max` of what it makes.
     pub fn new(tree: &'a dyn BrickTree, style: Style, bytes_max: u64) -> Bricks<'a> {
-        Bricks { tree, style, cache: BrickCache::new(bytes_max) }
+        Bricks { tree, style, bytes_max, cache: BrickCache::new(bytes_max) }
     }
 
     /// The brick of a node, prepared. Two threads may both prepare one, to the same content.

@@ -55,11 +55,49 @@ impl View {
         (0..count).map(view).collect()
     }
 
+    /// The picture's axes in the world: to the right, upward, and towards the eye.
+    pub fn axes(self) -> [[f64; 3]; 3] {
+        let ([sin_a, cos_a], [sin_e, cos_e]) = (sin_cos(self.azimuth), sin_cos(self.elevation));
+        let towards = [cos_e * cos_a, cos_e * sin_a, sin_e];
+        let right = [-sin_a, cos_a, 0.0];
+        [right, cross(towards, right), towards]
+    }
+
+    /// Where to look to see the whole box `corners` as large as a picture of `size` pixels allows.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if angles are no numbers or the opening is none.
+    pub fn fit(self, corners: [[f64; 3]; 2], size: [u32; 2]) -> Result<Focus> {
+        let camera = Camera::fit(&[self], corners, size)?.remove(0);
+        Ok(Focus { centre: camera.centre, height: camera.pixel * f64::from(size[1]) })
+    }
+
+    fn check(self) -> Result<()> {
+        let View { azimuth, elevation, opening } = self;
+        let sound = azimuth.is_finite() && (-90.0..=90.0).contains(&elevation);
+        if sound && (opening == 0.0 || (1.0..=150.0).contains(&opening)) {
+            return Ok(());
+        }
+        Err(Error::setting(
+            format!("nobody can see from {azimuth}, {elevation} degrees with an opening of {opening}"),
+            "choose an elevation from -90 to 90, and an opening of 0 or from 1 to 150 degrees",
+        ))
+    }
+
     /// A view of that name, with parallel rays.
     pub fn named(name: &str) -> Option<View> {
         let (_, [azimuth, elevation]) = View::NAMED.into_iter().find(|(known, _)| *known == name)?;
         Some(View { azimuth, elevation, opening: 0.0 })
     }
+}
+
+/// What of the world a picture shows, whatever the view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Focus {
+    /// What its middle shows, in world coordinates.
+    pub centre: [f64; 3],
+    /// How much of the world its height shows there, in world units.
+    pub height: f64,
 }
 
 /// A line from the eye.
@@ -98,20 +136,9 @@ impl Camera {
     pub fn fit(views: &[View], corners: [Vector; 2], size: [u32; 2]) -> Result<Vec<Camera>> {
         let centre: Vector = std::array::from_fn(|a| (corners[0][a] + corners[1][a]) / 2.0);
         let (mut cameras, mut pixel, mut distance) = (Vec::new(), 0.0f64, 0.0f64);
-        for &View { azimuth, elevation, opening } in views {
-            let sound = azimuth.is_finite() && (-90.0..=90.0).contains(&elevation);
-            if !(sound && (opening == 0.0 || (1.0..=150.0).contains(&opening))) {
-                return Err(Error::setting(
-                    format!(
-                        "nobody can see from {azimuth}, {elevation} degrees with an opening of {opening}"
-                    ),
-                    "choose an elevation from -90 to 90, and an opening of 0 or from 1 to 150 degrees",
-                ));
-            }
-            let ([sin_a, cos_a], [sin_e, cos_e]) = (sin_cos(azimuth), sin_cos(elevation));
-            let towards = [cos_e * cos_a, cos_e * sin_a, sin_e];
-            let right = [-sin_a, cos_a, 0.0];
-            let axes = [right, cross(towards, right), towards];
+        for view in views {
+            view.check()?;
+            let (axes, opening) = (view.axes(), view.opening);
             // The box from its middle, along the axes of the picture.
             let ends = [0, 1, 2, 3, 4, 5, 6, 7].map(|n: usize| {
                 let corner = std::array::from_fn(|a| corners[n >> a & 1][a] - centre[a]);
@@ -125,6 +152,31 @@ impl Camera {
             (camera.pixel, camera.distance) = (pixel, distance);
         }
         Ok(cameras)
+    }
+
+    /// One that looks at `focus`. With parallel rays the eye stands before the whole box `corners`.
+    ///
+    /// # Errors
+    /// As [`Camera::fit`], and if the focus is no place or shows nothing of the world.
+    pub fn at(view: View, focus: Focus, corners: [Vector; 2], size: [u32; 2]) -> Result<Camera> {
+        view.check()?;
+        let Focus { centre, height } = focus;
+        if !(centre.iter().all(|c| c.is_finite()) && height.is_finite() && height > 0.0) {
+            let what = format!("nothing can be seen {height} high around {centre:?}");
+            return Err(Error::setting(what, "choose a point, and a height above 0"));
+        }
+        let (axes, pixel) = (view.axes(), height / f64::from(size[1]));
+        let parallel = view.opening == 0.0;
+        let distance = if parallel {
+            let farthest =
+                |a: usize| (corners[0][a] - centre[a]).abs().max((corners[1][a] - centre[a]).abs());
+            let reach = [0, 1, 2].map(farthest);
+            dot(reach, reach).sqrt() * 2.0
+        } else {
+            let [sin, cos] = sin_cos(view.opening / 2.0);
+            height / 2.0 * cos / sin
+        };
+        Ok(Camera { axes, centre, distance, pixel, size, parallel })
     }
 
     /// The ray through a point of the picture, in pixels from its upper left corner.
@@ -191,6 +243,31 @@ mod tests {
         for (name, _) in View::NAMED {
             let [right, up, towards] = axes(name);
             assert!(dot(cross(right, up), towards) > 0.999_999, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_focus_on_all_of_the_box_is_what_fits() {
+        let corners = [[-3.0, 1.0, 5.0], [4.0, 2.0, 9.0]];
+        for opening in [0.0, 30.0] {
+            let view = View { azimuth: 20.0, elevation: 40.0, opening };
+            let fitted = Camera::fit(&[view], corners, [200, 100]).unwrap().remove(0);
+            let focus = view.fit(corners, [200, 100]).unwrap();
+            let camera = Camera::at(view, focus, corners, [200, 100]).unwrap();
+            for at in [[0.0, 0.0], [100.0, 50.0], [170.5, 3.0]] {
+                let (a, b) = (fitted.ray(at), camera.ray(at));
+                let off = sum(a.direction, scaled(b.direction, -1.0));
+                let beside = cross(sum(a.origin, scaled(b.origin, -1.0)), a.direction);
+                assert!(dot(off, off) < 1e-18 && dot(beside, beside) < 1e-18, "{opening} {at:?}");
+            }
+            let close = Focus { height: focus.height / 4.0, ..focus };
+            let [whole, close] =
+                [focus, close].map(|focus| Camera::at(view, focus, corners, [200, 100]).unwrap());
+            assert!((whole.pixel / close.pixel - 4.0).abs() < 1e-12);
+        }
+        let nowhere = Focus { centre: [0.0, f64::NAN, 0.0], height: 1.0 };
+        for bad in [nowhere, Focus { centre: [0.0; 3], height: 0.0 }] {
+            assert!(Camera::at(View::named("iso").unwrap(), bad, corners, [200, 100]).is_err());
         }
     }
 

@@ -71,7 +71,7 @@ impl<'s> Frame<'s> {
         for number in 0..=bands {
             progress.check()?;
             around.rotate_left(1);
-            around[2] = (number < bands).then(|| self.band(number)).transpose()?;
+            around[2] = (number < bands).then(|| self.band(number, progress)).transpose()?;
             let [above, band, below] = around.each_ref().map(Option::as_ref);
             let Some(band) = band else { continue };
             let between = Between { above, band, below, unit: relief::unit_of(height) };
@@ -84,14 +84,18 @@ impl<'s> Frame<'s> {
     }
 
     /// A row of tiles.
-    fn band(&self, number: u32) -> Result<Band> {
+    fn band(&self, number: u32, progress: &dyn Progress) -> Result<Band> {
         let [width, height] = self.scene.size;
         let rows = TILE.min(height - number * TILE);
         let tiles: Vec<Vec<(Rgba, f64)>> = (0..width.div_ceil(TILE))
             .into_par_iter()
             .map_init(
                 || Tracer::new(self),
-                |tracer, tile| self.tile(tracer, [tile * TILE, number * TILE], [TILE, rows]),
+                |tracer, tile| {
+                    // Asked tile by tile: somebody who looks on may already want another picture.
+                    progress.check()?;
+                    self.tile(tracer, [tile * TILE, number * TILE], [TILE, rows])
+                },
             )
             .collect::<Result<_>>()?;
         let pixel = |n: usize| {

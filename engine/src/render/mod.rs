@@ -31,7 +31,7 @@ mod stops;
 mod style;
 mod trace;
 
-pub use camera::{Ray, View};
+pub use camera::{Focus, Ray, View};
 pub use clip::Cut;
 pub use frame::Frame;
 pub use stops::{Stops, W_MAX};
@@ -48,6 +48,7 @@ use clip::Clip;
 use light::Light;
 use nodes::Nodes;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Most rays along each side of a pixel.
 pub const SUPERSAMPLE_MAX: u32 = 8;
@@ -64,7 +65,9 @@ pub struct RenderOptions {
     pub view: View,
     /// So many pictures, seen from all around at the same size, `view` the first.
     pub turn: u32,
-    /// Least and greatest world coordinates of the part, which the picture shows as large as it can, less what is cut away.
+    /// What of the world is seen; `None` for all that is left of the part, as large as the picture can show it.
+    pub focus: Option<Focus>,
+    /// Least and greatest world coordinates of the part.
     pub bounds: [[f64; 3]; 2],
     /// What is cut away.
     pub cuts: Vec<Cut>,
@@ -94,8 +97,10 @@ pub struct RenderSummary {
 
 /// A tree, eyes, and light.
 pub struct Scene<'a> {
-    bricks: Bricks<'a>,
-    nodes: Nodes,
+    bricks: Arc<Bricks<'a>>,
+    nodes: Arc<Nodes>,
+    /// Deepest level of `nodes`.
+    level: u8,
     eyes: Vec<Eye>,
     clip: Clip,
     size: [u32; 2],
@@ -116,32 +121,69 @@ impl<'a> Scene<'a> {
     /// # Errors
     /// [`Error::Setting`] if nothing is left by the cuts, or style, view or a number makes no sense.
     pub fn new(tree: &'a dyn BrickTree, options: &RenderOptions) -> Result<Scene<'a>> {
-        let RenderOptions { ref style, ref cuts, size, supersample, background, cell_pixels, .. } = *options;
+        let level = options.level.unwrap_or(MAX_LEVEL);
+        options.style.check()?;
+        let nodes = Nodes::new(tree, level);
+        if nodes.is_empty() {
+            return Err(Error::setting("the tree has no root", "build it again"));
+        }
+        let cache_bytes = options.cache_bytes.saturating_sub(nodes.heap_bytes());
+        let bricks = Bricks::new(tree, options.style.clone(), cache_bytes);
+        Scene::of(Arc::new(bricks), Arc::new(nodes), level, options)
+    }
+
+    /// The scene that other options describe, of the same tree and under the same [`RenderOptions::cache_bytes`]. The index
+    /// is not read again unless levels differ, and bricks that were prepared stay unless styles differ.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn with(&self, options: &RenderOptions) -> Result<Scene<'a>> {
+        let level = options.level.unwrap_or(MAX_LEVEL);
+        let tree = self.bricks.tree;
+        if level != self.level {
+            return Scene::new(tree, options);
+        }
+        let bricks = if self.bricks.style == options.style {
+            Arc::clone(&self.bricks)
+        } else {
+            options.style.check()?;
+            Arc::new(Bricks::new(tree, options.style.clone(), self.bricks.bytes_max))
+        };
+        Scene::of(bricks, Arc::clone(&self.nodes), level, options)
+    }
+
+    fn of(
+        bricks: Arc<Bricks<'a>>,
+        nodes: Arc<Nodes>,
+        level: u8,
+        options: &RenderOptions,
+    ) -> Result<Scene<'a>> {
+        let RenderOptions { ref cuts, size, supersample, background, cell_pixels, .. } = *options;
         if !(1..=SUPERSAMPLE_MAX).contains(&supersample) || size.contains(&0) {
             return Err(Error::setting(
                 format!("no picture has {} × {} pixels of {supersample} rays a side", size[0], size[1]),
                 format!("choose 1 to {SUPERSAMPLE_MAX} rays, and sides above 0"),
             ));
         }
-        style.check()?;
         let seen = Clip::new(options.bounds, cuts);
         if seen.is_empty() {
             let remedy = "choose planes within the part, and the side of them that is to go";
             return Err(Error::setting("the cuts leave nothing of the part", remedy));
         }
-        let root = tree.root();
+        let root = bricks.tree.root();
         let all = [root.origin, root.origin.map(|c| c + root.edge)];
-        let nodes = Nodes::new(tree, options.level.unwrap_or(MAX_LEVEL));
-        if nodes.is_empty() {
-            return Err(Error::setting("the tree has no root", "build it again"));
-        }
-        let cameras = Camera::fit(&options.view.around(options.turn), seen.corners(), size)?;
-        let eye = |camera: Camera| Eye { light: Light::new(camera.axes, style.lighting), camera };
+        let views = options.view.around(options.turn);
+        let cameras = match options.focus {
+            None => Camera::fit(&views, seen.corners(), size)?,
+            Some(focus) => {
+                views.into_iter().map(|view| Camera::at(view, focus, all, size)).collect::<Result<_>>()?
+            }
+        };
+        let lighting = options.style.lighting;
+        let eye = |camera: Camera| Eye { light: Light::new(camera.axes, lighting), camera };
         let eyes = cameras.into_iter().map(eye).collect();
-        let cache_bytes = options.cache_bytes.saturating_sub(nodes.heap_bytes());
-        let bricks = Bricks::new(tree, style.clone(), cache_bytes);
         let clip = Clip::new(all, cuts);
-        Ok(Scene { bricks, nodes, eyes, clip, size, supersample, background, cell_pixels })
+        Ok(Scene { bricks, nodes, level, eyes, clip, size, supersample, background, cell_pixels })
     }
 
     /// Its pictures, one for each view.

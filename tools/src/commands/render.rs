@@ -4,7 +4,7 @@ use super::{make_folder, no_unit, of_store, open_store, require_level, start};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
-use crate::picture_args::{ColourArg, RenderArgs, StyleArg};
+use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
 use crate::style_file::{self, StyleFile};
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{Cut, RenderOptions, Scene, View, write_frame, write_turn};
@@ -152,6 +152,7 @@ fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderO
     let ColourArg(background) = args.background.or(background).unwrap_or(ColourArg([255; 4]));
     Ok(RenderOptions {
         style,
+        focus: args.focus.map(|FocusArg(focus)| focus),
         view: View { opening, ..args.view.0 },
         turn: args.turntable.unwrap_or(1),
         bounds: [meta.bounds_min, meta.bounds_max],
