@@ -88,7 +88,7 @@ const SHARED_BYTES: u32 = 10 << 10;
 /// The loader with an instance.
 pub(super) struct Instance {
     // Dropped last: the library with all functions.
-    _entry: Entry,
+    pub entry: Entry,
     pub raw: ash::Instance,
     validation: Option<Validation>,
 }
@@ -106,6 +106,11 @@ pub(super) type Messages = Mutex<Vec<String>>;
 impl Instance {
     /// Loads Vulkan. With `validation` the Khronos validation layer looks on, if it is installed, and must be.
     pub fn new(validation: bool) -> Result<Instance, Unavailable> {
+        Instance::with(&[], validation)
+    }
+
+    /// The same with extensions of the instance.
+    pub fn with(extensions: &[&CStr], validation: bool) -> Result<Instance, Unavailable> {
         // SAFETY: the loader's initialization has no preconditions but that its library is Vulkan's, whose name this is.
         let entry = unsafe { Entry::load() }.map_err(|e| {
             Unavailable::new(
@@ -118,16 +123,18 @@ impl Instance {
             .engine_name(c"brickfield")
             .api_version(vk::API_VERSION_1_2);
         let layers = [VALIDATION.as_ptr()];
-        let extensions = [debug_utils::NAME.as_ptr(), validation_features::NAME.as_ptr()];
+        let mut extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+        if validation {
+            extensions.extend([debug_utils::NAME.as_ptr(), validation_features::NAME.as_ptr()]);
+        }
         // Synchronization is checked as well: no driver on one processor would show a missing barrier.
         let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
-        let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&application)
+            .enabled_extension_names(&extensions);
         if validation {
-            info = info
-                .enabled_layer_names(&layers)
-                .enabled_extension_names(&extensions)
-                .push_next(&mut features);
+            info = info.enabled_layer_names(&layers).push_next(&mut features);
         }
         // SAFETY: everything that `info` points to lives until the call returns.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
@@ -135,9 +142,12 @@ impl Instance {
                 "the Vulkan validation layer is not there",
                 "install vulkan-validationlayers",
             ),
+            vk::Result::ERROR_EXTENSION_NOT_PRESENT => {
+                Unavailable::new("the Vulkan drivers show no windows", "install another Vulkan driver")
+            }
             result => Unavailable::new(format!("there is no Vulkan driver ({result})"), INSTALL),
         })?;
-        let mut instance = Instance { _entry: entry, raw, validation: None };
+        let mut instance = Instance { entry, raw, validation: None };
         if validation {
             instance.listen()?;
         }
@@ -146,7 +156,7 @@ impl Instance {
 
     /// Collects what the validation layer has to say.
     fn listen(&mut self) -> Result<(), Unavailable> {
-        let functions = debug_utils::Instance::new(&self._entry, &self.raw);
+        let functions = debug_utils::Instance::new(&self.entry, &self.raw);
         let messages: Arc<Messages> = Arc::default();
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(

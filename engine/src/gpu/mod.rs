@@ -13,14 +13,18 @@ mod instance;
 mod kernels;
 mod lane;
 mod memory;
+mod present;
+mod screen;
 mod sizes;
 mod slot;
 mod sums;
+mod swapchain;
 
 pub use brute::AngleSums;
 pub use device::{Gpu, Settings};
 pub use failure::{Failure, Fault, Stage, Unavailable};
 pub use instance::{DeviceInfo, DeviceKind, devices, may_be_there};
 pub use lane::{BatchInput, BatchOutput, Lane};
+pub use present::Presenter;
 pub use slot::Seconds;
 pub use sums::{SumInput, SumLane, SumRoom, SumTree};

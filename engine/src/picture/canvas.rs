@@ -16,6 +16,17 @@ impl Canvas {
         Canvas { width, pixels: vec![colour; width * height] }
     }
 
+    /// A canvas of pixels that are there already, `width` a row from the top.
+    pub fn of(width: usize, pixels: Vec<Rgba>) -> Canvas {
+        assert!(width > 0 && pixels.len() % width == 0, "rows are whole");
+        Canvas { width, pixels }
+    }
+
+    /// Its pixels, row by row from the top.
+    pub fn into_pixels(self) -> Vec<Rgba> {
+        self.pixels
+    }
+
     /// Pixels in a row.
     pub fn width(&self) -> usize {
         self.width
