@@ -24,4 +24,5 @@ mod program {
     mod signals;
     mod store;
     mod usage;
+    mod view;
 }

@@ -5,6 +5,7 @@ use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
+use crate::view_args::WindowArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -28,6 +29,7 @@ pub enum Command {
     Export(ExportArgs),
     Slice(SliceArgs),
     Render(RenderArgs),
+    View(WindowArgs),
     Verify(VerifyArgs),
     Cache(CacheArgs),
     Bench(BenchArgs),

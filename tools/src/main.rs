@@ -20,6 +20,8 @@ mod progress;
 mod style_file;
 mod toolpaths;
 mod units;
+mod view;
+mod view_args;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -59,6 +61,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Export(args) => commands::export::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),
+        Command::View(args) => commands::view::run(&args),
         Command::Verify(args) => commands::verify::run(&args),
         Command::Cache(args) => commands::cache::run(args),
         Command::Bench(args) => bench::run(args),

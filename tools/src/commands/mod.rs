@@ -14,6 +14,7 @@ pub mod sample;
 pub mod shell;
 pub mod slice;
 pub mod verify;
+pub mod view;
 pub mod winding;
 
 use crate::args::{IoArg, WorkArgs};

@@ -1,0 +1,177 @@
+//! `brickfield view`: the part in a window.
+
+use super::{no_unit, of_store, open_store, start};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::memory;
+use crate::output::{in_line, print, print_json, require_distinct};
+use crate::picture_args::{ColourArg, StyleArg};
+use crate::style_file::{self, StyleFile};
+use crate::view::{Caster, Line, Look, Part, Screenshots, Session, Step, Window, place, read_script};
+use crate::view_args::WindowArgs;
+use anyhow::anyhow;
+use brickfield_engine::picture::WHITE;
+use brickfield_engine::render::{RenderOptions, Scene, Style};
+use brickfield_engine::store::{Accept, BrickTree, Store};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Most for bricks as the store decodes them: those that cuts ask for again.
+const BRICK_CACHE_BYTES: u64 = 8 << 20;
+/// Size up to which cells of a coarser level stand for those below, as in `render` without --lod.
+const CELL_PIXELS: f64 = 0.5;
+
+/// Runs the command.
+pub fn run(args: &WindowArgs) -> Result<(), Failure> {
+    let script = args.script.as_deref().map(read_script).transpose()?.unwrap_or_default();
+    start(args.work)?;
+    let caches = memory::picture_caches(args.memory);
+    let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
+    let mut looks = Looks::new();
+    let style = match &args.style {
+        StyleArg::Named(make) => Style::NAMED.iter().position(|(_, named)| named() == make()).unwrap_or(0),
+        StyleArg::File(path) => looks.add(path, &store)?,
+    };
+    let part = part(args, &store)?;
+    check(args, &script, &store, &part, &mut looks)?;
+    let part = Part { styles: looks.names, ..part };
+    let meta = store.meta();
+    let options = RenderOptions {
+        style: Style::solid(),
+        view: args.view.0,
+        turn: 1,
+        focus: None,
+        bounds: [meta.bounds_min, meta.bounds_max],
+        cuts: Vec::new(),
+        size: args.size.0,
+        supersample: args.supersample,
+        background: WHITE,
+        level: None,
+        cell_pixels: CELL_PIXELS,
+        cache_bytes: caches - BRICK_CACHE_BYTES,
+    };
+    // What makes no picture is refused before a window is opened.
+    Scene::new(&store, &options).map_err(|error| of_store(&store, "picture", error))?;
+    let opaque = looks.looks.iter().map(|look| look.background[3] == 255).collect();
+    let mut painter = Caster::new(&store, looks.looks, options);
+    let name = args.store.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut screenshots = Files { args, opaque, stem: name, number: 0 };
+    let window = Window {
+        title: format!("{} - Brickfield", in_line(&args.store)),
+        session: Session::new(part, args.view.0, style, args.size.0),
+        script,
+        screenshots: &mut screenshots,
+    };
+    // The first Ctrl-C ends it: there is nothing to be made safe.
+    interrupt::end_at_once(true);
+    window.run(&mut painter)
+}
+
+/// Styles by their names.
+struct Looks {
+    names: Vec<String>,
+    looks: Vec<Look>,
+}
+
+impl Looks {
+    /// Those that are built in.
+    fn new() -> Looks {
+        let named = Style::NAMED.iter();
+        let (names, looks) = named
+            .map(|(name, style)| ((*name).to_owned(), Look { style: style(), background: WHITE }))
+            .unzip();
+        Looks { names, looks }
+    }
+
+    /// That of a file as well; its number.
+    fn add(&mut self, path: &Path, store: &Store) -> Result<usize, Failure> {
+        let name = path.display().to_string();
+        if let Some(known) = self.names.iter().position(|known| *known == name) {
+            return Ok(known);
+        }
+        let StyleFile { style, background } = style_file::read(path, &store.meta().unit)?;
+        let ColourArg(background) = background.unwrap_or(ColourArg(WHITE));
+        self.looks.push(Look { style, background });
+        self.names.push(name);
+        Ok(self.names.len() - 1)
+    }
+}
+
+fn part(args: &WindowArgs, store: &Store) -> Result<Part, Failure> {
+    let meta = store.meta();
+    let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+    let pitch = match args.layer_height {
+        Some(height) => height.in_unit_of(&meta.unit).ok_or_else(no_unit)?,
+        None => store.root().spacing(deepest),
+    };
+    let bounds = [meta.bounds_min, meta.bounds_max];
+    Ok(Part { bounds, unit: meta.unit.clone(), pitch, styles: Vec::new() })
+}
+
+/// Refuses a script that will not do, before a window is opened.
+fn check(
+    args: &WindowArgs,
+    script: &[Line],
+    store: &Store,
+    part: &Part,
+    looks: &mut Looks,
+) -> Result<(), Failure> {
+    let mut outputs: Vec<&Path> = Vec::new();
+    for Line { number, step } in script {
+        let refused = |what: String| {
+            let name = args.script.as_deref().map_or_else(String::new, in_line);
+            anyhow!("{name}: line {number}: {what}")
+        };
+        match step {
+            Step::Cut(Some(cut)) => drop(place(*cut, part).map_err(refused)?),
+            Step::Style(name) if !looks.names.contains(name) => drop(looks.add(Path::new(name), store)?),
+            Step::Screenshot(path) if !outputs.contains(&path.as_path()) => outputs.push(path),
+            _ => {}
+        }
+    }
+    let script = args.script.as_deref();
+    Ok(require_distinct(
+        &outputs,
+        &[Some(args.store.as_path()), script].into_iter().flatten().collect::<Vec<_>>(),
+    )?)
+}
+
+/// Screenshots as files.
+struct Files<'a> {
+    args: &'a WindowArgs,
+    opaque: Vec<bool>,
+    stem: String,
+    number: u32,
+}
+
+impl Screenshots for Files<'_> {
+    fn name(&mut self) -> PathBuf {
+        loop {
+            self.number += 1;
+            let path = PathBuf::from(format!("{}-{:04}.png", self.stem, self.number));
+            if !path.exists() {
+                return path;
+            }
+        }
+    }
+
+    fn is_opaque(&self, style: usize) -> bool {
+        self.opaque[style]
+    }
+
+    fn say(&mut self, path: &Path, size: [u32; 2], options: &str) -> Result<(), Failure> {
+        let options = match self.args.supersample {
+            2 => options.to_owned(),
+            rays => format!("{options} --supersample {rays}"),
+        };
+        if self.args.json {
+            let output = path.display().to_string();
+            return print_json(&json!({ "output": output, "size": size, "render": options }));
+        }
+        if self.args.work.quiet {
+            return Ok(());
+        }
+        let [width, height] = size;
+        print(&format!("{}: {width} × {height} pixels, as render {options}", in_line(path)))
+    }
+}

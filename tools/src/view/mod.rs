@@ -1,0 +1,22 @@
+//! The window of `brickfield view`.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `session` | what the user looks at: events in, what is to be drawn out |
+//! | `painter` | pictures of a store that get better; the processor's |
+//! | `board` | the painter's thread, and its rows put together for the window |
+//! | `overlay` | slider, status line and keys over the picture |
+//! | `script` | scripts: a command a line |
+//! | `window` | the window itself: the only file that knows it |
+
+mod board;
+mod overlay;
+mod painter;
+mod script;
+mod session;
+mod window;
+
+pub use painter::{Caster, Look};
+pub use script::{Line, Step, place, read as read_script};
+pub use session::{Part, Session};
+pub use window::{Screenshots, Window};

@@ -1,0 +1,159 @@
+//! Pictures of a store that get better and better.
+
+use super::session::Shot;
+use brickfield_engine::picture::Rgba;
+use brickfield_engine::render::{RenderOptions, Scene, Style};
+use brickfield_engine::store::BrickTree;
+use brickfield_engine::{Error, Progress, Silent};
+use std::time::{Duration, Instant};
+
+/// How long the first picture may take: twenty a second look like a movement.
+const FIRST_TIME: Duration = Duration::from_millis(40);
+/// Sides of the pixels of a first picture, in pixels of the window; the largest for the very first one, when all bricks
+/// are yet to be read.
+const COARSENESS: [u32; 2] = [2, 16];
+/// Size of the cells of a first picture, in its own pixels.
+const FIRST_CELL_PIXELS: f64 = 1.0;
+
+/// A part of a picture that is being painted.
+pub struct Rows<'a> {
+    /// Width and height of the whole picture at this step: the window's, or less.
+    pub size: [u32; 2],
+    /// Number of the first row, from the top.
+    pub from: u32,
+    /// One row after the other.
+    pub pixels: &'a [Rgba],
+}
+
+/// Paints what a session wants to see. The window knows nothing else of whoever does it.
+pub trait Painter {
+    /// Paints a shot in steps, the first of them within some 50 ms, and hands over rows as they are done. All rows of the
+    /// last step have the shot's size, and are those of `render`.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] behind the first step, as soon as `stop` says so; what reading the store gives.
+    fn paint(
+        &mut self,
+        shot: &Shot,
+        stop: &dyn Progress,
+        show: &mut dyn FnMut(Rows<'_>),
+    ) -> Result<(), Error>;
+}
+
+/// A style and what lies behind.
+#[derive(Clone, Debug)]
+pub struct Look {
+    pub style: Style,
+    pub background: Rgba,
+}
+
+/// The processor, by rays.
+pub struct Caster<'a> {
+    tree: &'a dyn BrickTree,
+    looks: Vec<Look>,
+    /// What the shots have in common.
+    options: RenderOptions,
+    /// The last one: its bricks are at hand for the next.
+    scene: Option<Scene<'a>>,
+    coarseness: u32,
+}
+
+impl<'a> Caster<'a> {
+    /// Paints `tree` in the styles that shots name by their number. Of `options`, what a shot says does not matter.
+    pub fn new(tree: &'a dyn BrickTree, looks: Vec<Look>, options: RenderOptions) -> Caster<'a> {
+        Caster { tree, looks, options, scene: None, coarseness: COARSENESS[1] }
+    }
+
+    /// The options for a picture of a shot.
+    fn options(&self, shot: &Shot) -> RenderOptions {
+        let Look { style, background } = self.looks[shot.style].clone();
+        RenderOptions {
+            style,
+            background,
+            view: shot.view,
+            focus: Some(shot.focus),
+            cuts: shot.cut.into_iter().collect(),
+            size: shot.size,
+            ..self.options.clone()
+        }
+    }
+
+    /// Draws one step of a shot.
+    fn step(
+        &mut self,
+        options: &RenderOptions,
+        stop: &dyn Progress,
+        show: &mut dyn FnMut(Rows<'_>),
+    ) -> Result<(), Error> {
+        // A style's bricks are let go before another's are made.
+        let scene = match self.scene.take() {
+            Some(scene) => scene.with(options)?,
+            None => Scene::new(self.tree, options)?,
+        };
+        let scene = self.scene.insert(scene);
+        let mut from = 0;
+        for frame in scene.frames() {
+            frame.draw(stop, |row| {
+                show(Rows { size: options.size, from, pixels: row });
+                from += 1;
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl Painter for Caster<'_> {
+    fn paint(
+        &mut self,
+        shot: &Shot,
+        stop: &dyn Progress,
+        show: &mut dyn FnMut(Rows<'_>),
+    ) -> Result<(), Error> {
+        let whole = self.options(shot);
+        let first = RenderOptions {
+            size: shot.size.map(|side| side.div_ceil(self.coarseness)),
+            supersample: 1,
+            cell_pixels: self.options.cell_pixels.max(FIRST_CELL_PIXELS),
+            ..whole.clone()
+        };
+        let started = Instant::now();
+        // Not to be stopped: who moves all the time would see nothing.
+        self.step(&first, &Silent, show)?;
+        self.coarseness = next_coarseness(self.coarseness, started.elapsed());
+        if whole.supersample > 1 {
+            self.step(&RenderOptions { supersample: 1, ..whole.clone() }, stop, show)?;
+        }
+        self.step(&whole, stop, show)
+    }
+}
+
+/// Sides of the pixels of the next first picture, by the time that this one took: pixels go with the square.
+fn next_coarseness(now: u32, took: Duration) -> u32 {
+    let [least, most] = COARSENESS;
+    let wanted = f64::from(now) * (took.as_secs_f64() / FIRST_TIME.as_secs_f64()).sqrt();
+    // Halfway, so that one slow picture does not make the next ones blurred.
+    let wanted = (f64::from(now) + wanted) / 2.0;
+    (wanted.round() as u32).clamp(least, most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_pictures_get_as_fine_as_time_allows() {
+        let converge = |start: u32, seconds_a_pixel: f64| {
+            (0..20).fold(start, |coarse, _| {
+                let pixels = 1280.0 * 720.0 / f64::from(coarse * coarse);
+                next_coarseness(coarse, Duration::from_secs_f64(pixels * seconds_a_pixel))
+            })
+        };
+        for start in COARSENESS {
+            assert_eq!(converge(start, 1e-9), COARSENESS[0]);
+            assert_eq!(converge(start, 1e-3), COARSENESS[1]);
+            // 400 ns a pixel: 100,000 pixels, so about 3 × 3 of the window each.
+            assert!((3..=4).contains(&converge(start, 4e-7)));
+        }
+    }
+}

@@ -1,0 +1,594 @@
+//! What the user looks at: events in, what is to be drawn out. Knows no window, so that it is tested without one.
+
+use brickfield_engine::lattice::Axis;
+use brickfield_engine::render::{Cut, Focus, View};
+
+/// Degrees that the part turns for each pixel of a drag.
+const DEGREES_A_PIXEL: f64 = 0.4;
+/// How much larger the part gets by a notch of the wheel.
+const ZOOM_A_NOTCH: f64 = 1.2;
+/// Layers by which a large step moves the plane.
+const LARGE_STEP: f64 = 10.0;
+/// Degrees of opening when the picture is in perspective, as `render --perspective` has them.
+const OPENING: f64 = 30.0;
+/// How far one can go in and out: heights of the picture, in diagonals of the part.
+const HEIGHTS: [f64; 2] = [1e-6, 1e2];
+/// Width of the slider, in pixels of a screen of ordinary density.
+const SLIDER_WIDTH: f64 = 28.0;
+
+/// What the session needs to know of a store.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Least and greatest world coordinates.
+    pub bounds: [[f64; 3]; 2],
+    /// The unit's symbol, for messages.
+    pub unit: String,
+    /// Distance of the heights at which the cutting plane rests.
+    pub pitch: f64,
+    /// Names of the styles.
+    pub styles: Vec<String>,
+}
+
+impl Part {
+    /// Where the part begins and ends along an axis.
+    pub fn ends(&self, axis: Axis) -> [f64; 2] {
+        self.bounds.map(|corner| corner[axis.index()])
+    }
+
+    fn length(&self, axis: Axis) -> f64 {
+        let [low, high] = self.ends(axis);
+        high - low
+    }
+
+    /// How many layers there are along an axis; the last may be thinner.
+    pub fn layers(&self, axis: Axis) -> f64 {
+        // Rounding makes no layer.
+        (self.length(axis) / self.pitch - 1e-6).ceil().max(1.0)
+    }
+
+    /// The upper end of a layer, from 1 on; 0 for the lower end of the first.
+    pub fn top_of(&self, axis: Axis, layer: f64) -> f64 {
+        let [low, high] = self.ends(axis);
+        (low + layer * self.pitch).clamp(low, high)
+    }
+
+    /// The layer that ends at or above a coordinate.
+    pub fn layer_at(&self, axis: Axis, at: f64) -> f64 {
+        let [low, _] = self.ends(axis);
+        ((at - low) / self.pitch - 1e-6).ceil().clamp(0.0, self.layers(axis))
+    }
+}
+
+/// What is to be drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    pub view: View,
+    pub focus: Focus,
+    pub cut: Option<Cut>,
+    /// By the number of [`Part::styles`].
+    pub style: usize,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+}
+
+/// Buttons of a mouse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Button {
+    Left,
+    Right,
+    Middle,
+}
+
+/// Keys that mean something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Key {
+    Letter(char),
+    Up,
+    Down,
+    PageUp,
+    PageDown,
+    Home,
+    End,
+    Escape,
+}
+
+/// What comes from the window. Places are in pixels from its upper left corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// A button goes down where the pointer is.
+    Press { button: Button, shift: bool },
+    /// All buttons are up.
+    Release,
+    /// The pointer is here.
+    Point([f64; 2]),
+    /// Notches of the wheel, away from the user.
+    Wheel(f64),
+    /// A key goes down.
+    Key(Key),
+    /// The window has so many pixels, and so many of them count as one of a screen of ordinary density.
+    Resize { size: [u32; 2], density: f64 },
+}
+
+/// What only the window can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    Screenshot,
+    Quit,
+}
+
+/// What a drag moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Drag {
+    Eye,
+    Part,
+    Plane,
+}
+
+/// The state of the window.
+pub struct Session {
+    part: Part,
+    size: [u32; 2],
+    density: f64,
+    view: View,
+    focus: Focus,
+    /// Whether the part is seen as a whole, and is to be when the window's size changes.
+    fitted: bool,
+    cut: Option<Cut>,
+    /// Where the plane was across each axis.
+    rested: [f64; 3],
+    style: usize,
+    help: bool,
+    pointer: [f64; 2],
+    drag: Option<Drag>,
+}
+
+impl Session {
+    /// The whole part from `view`.
+    pub fn new(part: Part, view: View, style: usize, size: [u32; 2]) -> Session {
+        let rested = Axis::ALL.map(|axis| part.top_of(axis, (part.layers(axis) / 2.0).ceil()));
+        let focus = Focus { centre: [0.0; 3], height: 1.0 };
+        let (fitted, help, density) = (true, false, 1.0);
+        let (pointer, drag, cut) = ([0.0; 2], None, None);
+        let mut session =
+            Session { part, size, density, view, focus, fitted, cut, rested, style, help, pointer, drag };
+        session.fit();
+        session
+    }
+
+    /// What is to be drawn.
+    pub fn shot(&self) -> Shot {
+        let Session { view, focus, cut, style, size, .. } = *self;
+        Shot { view, focus, cut, style, size }
+    }
+
+    /// The part.
+    pub fn part(&self) -> &Part {
+        &self.part
+    }
+
+    /// Whether the list of keys is seen.
+    pub fn shows_help(&self) -> bool {
+        self.help
+    }
+
+    /// Pixels of the window that count as one of a screen of ordinary density.
+    pub fn density(&self) -> f64 {
+        self.density
+    }
+
+    /// The axis of the slider: that of the plane, or z.
+    pub fn slider_axis(&self) -> Axis {
+        self.cut.map_or(Axis::Z, |cut| cut.axis)
+    }
+
+    /// Pixels from the left at which the slider begins; it takes the rest of the window, at most a quarter.
+    pub fn slider_left(&self) -> u32 {
+        let width = (SLIDER_WIDTH * self.density).round() as u32;
+        self.size[0] - width.min(self.size[0] / 4)
+    }
+
+    /// One line on what is seen.
+    pub fn status(&self) -> String {
+        let View { azimuth, elevation, .. } = self.view;
+        let style = &self.part.styles[self.style];
+        let mut text = format!("{style}   view {azimuth:.0},{elevation:.0}");
+        if let Some(Cut { axis, at, above }) = self.cut {
+            let (letter, unit) = (letter(axis), &self.part.unit);
+            let (layer, layers) = (self.part.layer_at(axis, at), self.part.layers(axis));
+            let sign = if above { '<' } else { '>' };
+            text += &format!("   {letter} {sign} {at:.3} {unit}, layer {layer} of {layers}");
+        }
+        text
+    }
+
+    /// The options by which `render` draws the same picture, but for a style of a file.
+    pub fn options(&self) -> String {
+        let View { azimuth, elevation, opening } = self.view;
+        let Focus { centre: [x, y, z], height } = self.focus;
+        let ([width, height_px], style) = (self.size, &self.part.styles[self.style]);
+        let mut text = format!(
+            "--view={azimuth},{elevation} --focus={x},{y},{z},{height} --size {width}x{height_px} --style {style}"
+        );
+        if opening > 0.0 {
+            text += &format!(" --perspective {opening}");
+        }
+        if let Some(Cut { axis, at, above }) = self.cut {
+            text += &format!(" --cut '{}{}{at}'", letter(axis), if above { '>' } else { '<' });
+        }
+        text
+    }
+
+    /// Takes note of what the user did.
+    pub fn handle(&mut self, event: Event) -> Option<Request> {
+        match event {
+            Event::Press { button, shift } => self.press(button, shift),
+            Event::Release => self.drag = None,
+            Event::Point(to) => self.point(to),
+            Event::Wheel(notches) => self.zoom_at(ZOOM_A_NOTCH.powf(notches), self.pointer),
+            Event::Resize { size, density } => {
+                (self.size, self.density) = (size.map(|side| side.max(1)), density.max(0.5));
+                if self.fitted {
+                    self.fit();
+                }
+            }
+            Event::Key(key) => return self.key(key),
+        }
+        None
+    }
+
+    fn press(&mut self, button: Button, shift: bool) {
+        let is_on_slider = self.pointer[0] >= f64::from(self.slider_left());
+        self.drag = Some(match button {
+            Button::Left if is_on_slider => Drag::Plane,
+            Button::Left if !shift => Drag::Eye,
+            _ => Drag::Part,
+        });
+        if self.drag == Some(Drag::Plane) {
+            self.slide();
+        }
+    }
+
+    fn point(&mut self, to: [f64; 2]) {
+        let [dx, dy] = [to[0] - self.pointer[0], to[1] - self.pointer[1]];
+        self.pointer = to;
+        match self.drag {
+            // The part follows the pointer, so the eye goes the other way.
+            Some(Drag::Eye) => self.orbit([-dx * DEGREES_A_PIXEL, dy * DEGREES_A_PIXEL]),
+            Some(Drag::Part) => self.pan([dx, -dy]),
+            Some(Drag::Plane) => self.slide(),
+            None => {}
+        }
+    }
+
+    fn key(&mut self, key: Key) -> Option<Request> {
+        match key {
+            Key::Escape | Key::Letter('q') => return Some(Request::Quit),
+            Key::Letter('s') => return Some(Request::Screenshot),
+            Key::Letter('h' | '?') => self.help = !self.help,
+            Key::Letter('f') => self.fit(),
+            Key::Letter('p') => self.set_opening(if self.view.opening > 0.0 { 0.0 } else { OPENING }),
+            Key::Letter('t') => self.style = (self.style + 1) % self.part.styles.len(),
+            Key::Letter('c') => self.cut = None,
+            Key::Letter('x') => self.cut_across(Axis::X),
+            Key::Letter('y') => self.cut_across(Axis::Y),
+            Key::Letter('z') => self.cut_across(Axis::Z),
+            Key::Letter(digit) => {
+                let number = digit.to_digit(10).and_then(|digit| (digit as usize).checked_sub(1));
+                if let Some((name, _)) = number.and_then(|number| View::NAMED.get(number)) {
+                    self.look(View::named(name).unwrap_or(self.view));
+                }
+            }
+            Key::Up => self.step(1.0),
+            Key::Down => self.step(-1.0),
+            Key::PageUp => self.step(LARGE_STEP),
+            Key::PageDown => self.step(-LARGE_STEP),
+            Key::Home => self.step(-f64::MAX),
+            Key::End => self.step(f64::MAX),
+        }
+        None
+    }
+
+    /// Turns the eye around what the middle shows, by degrees from the x axis towards y, and upward.
+    pub fn orbit(&mut self, [across, up]: [f64; 2]) {
+        self.view.azimuth = (self.view.azimuth + across + 180.0).rem_euclid(360.0) - 180.0;
+        self.view.elevation = (self.view.elevation + up).clamp(-90.0, 90.0);
+    }
+
+    /// Moves the part by pixels to the right and upward.
+    pub fn pan(&mut self, by: [f64; 2]) {
+        self.fitted = false;
+        self.shift(by.map(|pixels| -pixels * self.pixel()));
+    }
+
+    /// Moves what the middle shows, by lengths to the right and upward.
+    fn shift(&mut self, [x, y]: [f64; 2]) {
+        let [right, up, _] = self.view.axes();
+        let half = self.diagonal();
+        for (a, (right, up)) in right.into_iter().zip(up).enumerate() {
+            let [low, high] = self.part.bounds.map(|corner| corner[a]);
+            // Nobody gets lost.
+            let moved = self.focus.centre[a] + right * x + up * y;
+            self.focus.centre[a] = moved.clamp(low - half, high + half);
+        }
+    }
+
+    /// Makes the part so many times as large, around the middle.
+    pub fn zoom(&mut self, factor: f64) {
+        self.zoom_at(factor, self.size.map(|side| f64::from(side) / 2.0));
+    }
+
+    /// The same around what is seen at a place in the window.
+    fn zoom_at(&mut self, factor: f64, at: [f64; 2]) {
+        let limits = HEIGHTS.map(|height| height * self.diagonal());
+        let height = (self.focus.height / factor).clamp(limits[0], limits[1]);
+        if !height.is_finite() {
+            return;
+        }
+        let before = self.pixel();
+        self.fitted = false;
+        self.focus.height = height;
+        let by = before - self.pixel();
+        let half = self.size.map(|side| f64::from(side) / 2.0);
+        self.shift([(at[0] - half[0]) * by, (half[1] - at[1]) * by]);
+    }
+
+    /// Shows the whole part from here.
+    pub fn fit(&mut self) {
+        self.fitted = true;
+        // Angles and opening of a session are sound.
+        if let Ok(focus) = self.view.fit(self.part.bounds, self.size) {
+            self.focus = focus;
+        }
+    }
+
+    /// Shows the whole part from there, in perspective as before.
+    pub fn look(&mut self, view: View) {
+        self.view = View { opening: self.view.opening, ..view };
+        self.fit();
+    }
+
+    /// Degrees between the upper and the lower border; 0 for parallel rays.
+    pub fn set_opening(&mut self, degrees: f64) {
+        self.view.opening = degrees;
+        if self.fitted {
+            self.fit();
+        }
+    }
+
+    /// Shows another style.
+    pub fn set_style(&mut self, number: usize) {
+        self.style = number;
+    }
+
+    /// Cuts the part, or closes it.
+    pub fn set_cut(&mut self, cut: Option<Cut>) {
+        self.cut = cut;
+        if let Some(cut) = cut {
+            self.rested[cut.axis.index()] = cut.at;
+        }
+    }
+
+    /// Ends the part at the upper end of a layer, from 1 on.
+    pub fn set_layer(&mut self, layer: f64) {
+        let axis = self.slider_axis();
+        let above = self.cut.is_none_or(|cut| cut.above);
+        self.rest(axis, layer, above);
+    }
+
+    /// Cuts across an axis; across the axis of the cut, takes the other side away.
+    fn cut_across(&mut self, axis: Axis) {
+        let same = self.cut.filter(|cut| cut.axis == axis);
+        let above = same.is_none_or(|cut| !cut.above);
+        let at = same.map_or(self.rested[axis.index()], |cut| cut.at);
+        // At its very end nothing of the part would be left on the other side.
+        let layer = self.part.layer_at(axis, at);
+        match same {
+            Some(_) if layer >= self.part.layers(axis) || layer <= 0.0 => self.rest(axis, layer, above),
+            _ => self.set_cut(Some(Cut { axis, at, above })),
+        }
+    }
+
+    /// Moves the plane by layers, the first time from the upper end.
+    fn step(&mut self, layers: f64) {
+        let axis = self.slider_axis();
+        let Cut { at, above, .. } =
+            self.cut.unwrap_or(Cut { axis, at: self.part.ends(axis)[1], above: true });
+        self.rest(axis, self.part.layer_at(axis, at) + layers, above);
+    }
+
+    /// Lays the plane upon a layer, of which at least one stays.
+    fn rest(&mut self, axis: Axis, layer: f64, above: bool) {
+        let layers = self.part.layers(axis);
+        let [first, last] = if above { [1.0, layers] } else { [0.0, layers - 1.0] };
+        let at = self.part.top_of(axis, layer.round().clamp(first, last));
+        self.set_cut(Some(Cut { axis, at, above }));
+    }
+
+    /// Lays the plane where the pointer is on the slider.
+    fn slide(&mut self) {
+        let axis = self.slider_axis();
+        let up = 1.0 - self.pointer[1] / f64::from(self.size[1]);
+        let above = self.cut.is_none_or(|cut| cut.above);
+        self.rest(axis, up * self.part.length(axis) / self.part.pitch, above);
+    }
+
+    /// Size of a pixel at what the middle shows.
+    fn pixel(&self) -> f64 {
+        self.focus.height / f64::from(self.size[1])
+    }
+
+    fn diagonal(&self) -> f64 {
+        Axis::ALL.map(|axis| self.part.length(axis).powi(2)).iter().sum::<f64>().sqrt()
+    }
+}
+
+/// An axis by its letter.
+pub fn letter(axis: Axis) -> char {
+    ['x', 'y', 'z'][axis.index()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SIZE: [u32; 2] = [800, 600];
+
+    fn session() -> Session {
+        let bounds = [[0.0, -10.0, 2.0], [40.0, 10.0, 12.1]];
+        let styles = ["solid", "boundary"].map(str::to_owned).into();
+        let part = Part { bounds, unit: "mm".to_owned(), pitch: 0.5, styles };
+        Session::new(part, View::named("front").unwrap(), 0, SIZE)
+    }
+
+    fn keys(session: &mut Session, keys: &str) {
+        keys.chars().for_each(|letter| assert_eq!(session.handle(Event::Key(Key::Letter(letter))), None));
+    }
+
+    /// Where a point of the world is seen, in pixels from the window's middle, to the right and upward.
+    fn seen(session: &Session, point: [f64; 3]) -> [f64; 2] {
+        let [right, up, _] = session.view.axes();
+        let along = |axis: [f64; 3]| -> f64 {
+            (0..3).map(|a| axis[a] * (point[a] - session.focus.centre[a])).sum::<f64>() / session.pixel()
+        };
+        [along(right), along(up)]
+    }
+
+    #[test]
+    fn the_part_follows_the_pointer() {
+        let mut session = session();
+        session.handle(Event::Point([300.0, 200.0]));
+        session.handle(Event::Press { button: Button::Left, shift: false });
+        session.handle(Event::Point([310.0, 220.0]));
+        let View { azimuth, elevation, .. } = session.shot().view;
+        assert!((azimuth + 94.0).abs() < 1e-9 && (elevation - 8.0).abs() < 1e-9, "{azimuth} {elevation}");
+        session.handle(Event::Release);
+        session.handle(Event::Point([400.0, 220.0]));
+        assert_eq!(session.shot().view.azimuth, azimuth);
+        // What lies under the pointer stays there, whatever moves the part.
+        for (button, shift) in [(Button::Right, false), (Button::Middle, false), (Button::Left, true)] {
+            let point = [3.0, 4.0, 5.0];
+            let [x, y] = seen(&session, point);
+            session.handle(Event::Press { button, shift });
+            session.handle(Event::Point([430.0, 215.0]));
+            let [u, v] = seen(&session, point);
+            assert!((u - x - 30.0).abs() < 1e-9 && (v - y - 5.0).abs() < 1e-9);
+            session.handle(Event::Release);
+            session.handle(Event::Point([400.0, 220.0]));
+        }
+    }
+
+    #[test]
+    fn the_wheel_zooms_around_the_pointer() {
+        let mut session = session();
+        session.handle(Event::Point([650.0, 100.0]));
+        let [right, up, _] = session.view.axes();
+        let pixel = session.pixel();
+        let under: [f64; 3] =
+            std::array::from_fn(|a| session.focus.centre[a] + (right[a] * 250.0 + up[a] * 200.0) * pixel);
+        session.handle(Event::Wheel(3.0));
+        assert!((pixel / session.pixel() - 1.2f64.powi(3)).abs() < 1e-9);
+        let [x, y] = seen(&session, under);
+        assert!((x - 250.0).abs() < 1e-9 && (y - 200.0).abs() < 1e-9, "{x} {y}");
+        for notches in [1e9, -1e9, f64::NAN] {
+            session.handle(Event::Wheel(notches));
+            assert!(session.shot().focus.height.is_finite() && session.shot().focus.height > 0.0);
+        }
+    }
+
+    #[test]
+    fn keys_do_what_the_help_says() {
+        let mut session = session();
+        keys(&mut session, "2");
+        assert_eq!(session.shot().view, View::named("top").unwrap());
+        keys(&mut session, "pt");
+        assert_eq!((session.shot().view.opening, session.shot().style), (30.0, 1));
+        keys(&mut session, "th9");
+        assert!(session.shot().style == 0 && session.shows_help());
+        // The plane, its other side, another axis, and none.
+        keys(&mut session, "x");
+        assert_eq!(session.shot().cut, Some(Cut { axis: Axis::X, at: 20.0, above: true }));
+        keys(&mut session, "x");
+        assert_eq!(session.shot().cut, Some(Cut { axis: Axis::X, at: 20.0, above: false }));
+        keys(&mut session, "z");
+        assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 7.5, above: true }));
+        assert!(session.status().ends_with("z < 7.500 mm, layer 11 of 21"), "{}", session.status());
+        session.handle(Event::Key(Key::PageUp));
+        session.handle(Event::Key(Key::PageUp));
+        // The last layer is a thin one.
+        assert_eq!(session.shot().cut.unwrap().at, 12.1);
+        session.handle(Event::Key(Key::Home));
+        assert_eq!(session.shot().cut.unwrap().at, 2.5);
+        keys(&mut session, "c");
+        assert_eq!(session.shot().cut, None);
+        assert_eq!(session.handle(Event::Key(Key::Letter('s'))), Some(Request::Screenshot));
+        assert_eq!(session.handle(Event::Key(Key::Escape)), Some(Request::Quit));
+    }
+
+    #[test]
+    fn the_slider_goes_through_the_layers() {
+        let mut session = session();
+        session.handle(Event::Point([799.0, 300.0]));
+        session.handle(Event::Press { button: Button::Left, shift: false });
+        assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 7.0, above: true }));
+        // Beyond the window's edge there is no more than all, and no less than a layer.
+        for (y, at) in [(-50.0, 12.1), (900.0, 2.5), (600.0 * 0.2, 10.0)] {
+            session.handle(Event::Point([100.0, y]));
+            assert_eq!(session.shot().cut.unwrap().at, at);
+        }
+        assert_eq!(session.shot().view, View::named("front").unwrap());
+    }
+
+    #[test]
+    fn the_whole_part_stays_whole_until_the_user_looks_closer() {
+        let mut session = session();
+        let resize = |size| Event::Resize { size, density: 2.0 };
+        session.handle(resize([300, 900]));
+        let fitted = session.shot();
+        assert_eq!(fitted.focus, fitted.view.fit(session.part.bounds, [300, 900]).unwrap());
+        session.zoom(2.0);
+        let close = session.shot().focus;
+        session.handle(resize([900, 300]));
+        assert_eq!(session.shot().focus, close);
+        keys(&mut session, "f");
+        assert_ne!(session.shot().focus, close);
+    }
+
+    fn any_event() -> impl Strategy<Value = Event> {
+        let button = prop::sample::select(vec![Button::Left, Button::Right, Button::Middle]);
+        let letter = prop::sample::select("xyzcfpth1234567".chars().collect::<Vec<_>>());
+        let other = prop::sample::select(vec![Key::Up, Key::Down, Key::PageUp, Key::Home, Key::End]);
+        prop_oneof![
+            (button, any::<bool>()).prop_map(|(button, shift)| Event::Press { button, shift }),
+            Just(Event::Release),
+            (-2e3..2e3, -2e3..2e3).prop_map(|(x, y)| Event::Point([x, y])),
+            (-20.0..20.0).prop_map(Event::Wheel),
+            letter.prop_map(|letter| Event::Key(Key::Letter(letter))),
+            other.prop_map(Event::Key),
+            (0u32..4000, 0u32..4000, 0.0..4.0)
+                .prop_map(|(w, h, density)| Event::Resize { size: [w, h], density }),
+        ]
+    }
+
+    proptest! {
+        /// Whatever the user does, there is a picture to be drawn of it.
+        #[test]
+        fn every_shot_can_be_drawn(events in prop::collection::vec(any_event(), 0..60)) {
+            let mut session = session();
+            for event in events {
+                session.handle(event);
+                let Shot { view, focus, cut, style, size } = session.shot();
+                prop_assert!((-180.0..=180.0).contains(&view.azimuth));
+                prop_assert!((-90.0..=90.0).contains(&view.elevation));
+                prop_assert!(focus.height > 0.0 && focus.centre.iter().all(|c| c.abs() < 1e3));
+                prop_assert!(style < 2 && !size.contains(&0));
+                if let Some(Cut { axis, at, above }) = cut {
+                    let [low, high] = session.part.ends(axis);
+                    let leaves = if above { low < at && at <= high } else { low <= at && at < high };
+                    prop_assert!(leaves, "{low} {at} {high}");
+                }
+                prop_assert!(session.slider_left() <= size[0] && !session.status().contains('\n'));
+            }
+        }
+    }
+}

@@ -1,0 +1,447 @@
+//! The window itself: its events to the session, pictures to the screen, scripts.
+
+use super::board::Board;
+use super::overlay;
+use super::painter::Painter;
+use super::script::{Line, Step};
+use super::session::{Button, Event, Key, Request, Session, Shot};
+use crate::failure::Failure;
+use anyhow::anyhow;
+use brickfield_engine::gpu::{Presenter, Unavailable};
+use brickfield_engine::picture::{Canvas, write_png};
+use std::collections::VecDeque;
+use std::panic;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::PhysicalSize;
+use winit::error::EventLoopError;
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::keyboard::{Key as Typed, NamedKey};
+use winit::window::{Window as OpenWindow, WindowId};
+
+/// How long a window may take to get the size that a script asks for.
+const RESIZE_TIME: Duration = Duration::from_secs(5);
+/// Pixels that a touchpad scrolls for a notch of a wheel.
+const PIXELS_A_NOTCH: f64 = 40.0;
+/// What to do without a window.
+const WITHOUT: &str = "draw with `brickfield render`, which needs neither";
+
+/// What the painter's thread tells.
+#[derive(Clone, Copy, Debug)]
+enum News {
+    /// There is something new on the board.
+    Rows,
+    /// Nothing new will come.
+    Over,
+}
+
+/// What becomes of screenshots.
+pub trait Screenshots {
+    /// The file for one that the user takes.
+    fn name(&mut self) -> PathBuf;
+    /// Whether nothing is seen through the pictures of a style.
+    fn is_opaque(&self, style: usize) -> bool;
+    /// Says that one was written, and by which options `render` draws it.
+    ///
+    /// # Errors
+    /// If it cannot be said.
+    fn say(&mut self, path: &Path, size: [u32; 2], options: &str) -> Result<(), Failure>;
+}
+
+/// A window that is to be opened.
+pub struct Window<'a> {
+    pub title: String,
+    pub session: Session,
+    pub script: Vec<Line>,
+    pub screenshots: &'a mut dyn Screenshots,
+}
+
+impl Window<'_> {
+    /// Opens the window, and returns when it is closed.
+    ///
+    /// # Errors
+    /// If there is no display, or no Vulkan; what painting and writing screenshots gives.
+    pub fn run(self, painter: &mut (dyn Painter + Send)) -> Result<(), Failure> {
+        let events = event_loop()?;
+        let board = Board::new();
+        let proxy = events.create_proxy();
+        std::thread::scope(|scope| {
+            let over = board.over_at_end();
+            let painting = scope.spawn(|| {
+                let end = TellsEnd(proxy);
+                // A window that is gone needs no news.
+                board.work(painter, &|| {
+                    let _ = end.0.send_event(News::Rows);
+                })
+            });
+            let mut app = App::new(self, &board);
+            let ran = events.run_app(&mut app);
+            let ended = std::mem::replace(&mut app.ended, Ok(()));
+            drop(app);
+            drop(over);
+            painting.join().unwrap_or_else(|cause| panic::resume_unwind(cause))?;
+            ran.map_err(|error| anyhow!("the window has failed ({error}); {WITHOUT}"))?;
+            ended
+        })
+    }
+}
+
+/// Tells that nothing new will come, whatever the reason.
+struct TellsEnd(EventLoopProxy<News>);
+
+impl Drop for TellsEnd {
+    fn drop(&mut self) {
+        let _ = self.0.send_event(News::Over);
+    }
+}
+
+/// The connection to the display.
+fn event_loop() -> Result<EventLoop<News>, Failure> {
+    // Where a library of the display is not there, winit panics; its message is enough.
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| {}));
+    let made = panic::catch_unwind(|| EventLoop::with_user_event().build());
+    panic::set_hook(hook);
+    let why = match made {
+        Ok(Ok(events)) => return Ok(events),
+        Ok(Err(EventLoopError::Os(error))) => {
+            // It begins with a place in winit's source.
+            let text = error.to_string();
+            text.split_once(".rs:")
+                .and_then(|(_, rest)| rest.split_once(": "))
+                .map_or(text.clone(), |(_, why)| why.to_owned())
+        }
+        Ok(Err(error)) => error.to_string(),
+        Err(cause) => match (cause.downcast_ref::<String>(), cause.downcast_ref::<&str>()) {
+            (Some(text), _) => text.clone(),
+            (None, Some(text)) => (*text).to_owned(),
+            (None, None) => "a library of the display is missing".to_owned(),
+        },
+    };
+    let why = why.trim_end_matches('.');
+    Err(anyhow!("there is no display for a window ({why}); set DISPLAY to an X server's, or {WITHOUT}")
+        .into())
+}
+
+/// What a script waits for.
+enum Waiting {
+    Picture,
+    Screenshot(PathBuf),
+    Size([u32; 2], Instant),
+    Time(Instant),
+}
+
+/// The window's state.
+struct App<'a> {
+    title: String,
+    session: Session,
+    script: VecDeque<Line>,
+    waiting: Option<Waiting>,
+    screenshots: &'a mut dyn Screenshots,
+    board: &'a Board,
+    // Dropped in this order: pictures are shown in the window.
+    presenter: Option<Presenter>,
+    window: Option<Arc<OpenWindow>>,
+    shift: bool,
+    /// The last wish and its number.
+    asked: Option<(u64, Shot)>,
+    /// The number of the wish whose complete picture was shown.
+    shown: u64,
+    /// Taken when the picture is complete.
+    screenshot: Option<PathBuf>,
+    /// What is said beside the status.
+    note: String,
+    ended: Result<(), Failure>,
+}
+
+impl<'a> App<'a> {
+    fn new<'w: 'a>(window: Window<'w>, board: &'a Board) -> App<'a> {
+        let Window { title, session, script, screenshots } = window;
+        App {
+            title,
+            session,
+            script: script.into(),
+            waiting: None,
+            screenshots,
+            board,
+            presenter: None,
+            window: None,
+            shift: false,
+            asked: None,
+            shown: 0,
+            screenshot: None,
+            note: String::new(),
+            ended: Ok(()),
+        }
+    }
+
+    /// Opens the window, which is seen only if pictures can be shown in it.
+    fn open(&mut self, events: &ActiveEventLoop) -> Result<(), Failure> {
+        let [width, height] = self.session.shot().size;
+        let wanted = OpenWindow::default_attributes()
+            .with_title(&self.title)
+            .with_inner_size(PhysicalSize::new(width, height))
+            .with_visible(false);
+        let window = events.create_window(wanted);
+        let window = window.map_err(|error| anyhow!("no window can be opened ({error}); {WITHOUT}"))?;
+        let window = Arc::new(window);
+        let shown = Presenter::new(Arc::clone(&window), false);
+        self.presenter =
+            Some(shown.map_err(|Unavailable { what, .. }| {
+                anyhow!("no pictures can be shown: {what}; install libvulkan1 and the GPU's driver or mesa-vulkan-drivers, or {WITHOUT}")
+            })?);
+        window.set_visible(true);
+        self.resized(window.inner_size(), window.scale_factor());
+        self.window = Some(window);
+        Ok(())
+    }
+
+    fn resized(&mut self, size: PhysicalSize<u32>, density: f64) {
+        if size.width > 0 && size.height > 0 {
+            self.session.handle(Event::Resize { size: size.into(), density });
+        }
+    }
+
+    fn handle(&mut self, event: Event) {
+        match self.session.handle(event) {
+            Some(request) => self.grant(request),
+            None => self.redraw(),
+        }
+    }
+
+    fn grant(&mut self, request: Request) {
+        match request {
+            Request::Quit => self.script = [Line { number: 0, step: Step::Quit }].into(),
+            Request::Screenshot => {
+                let name = self.screenshots.name();
+                self.note = format!("{} follows", name.display());
+                self.screenshot = Some(name);
+                self.redraw();
+            }
+        }
+    }
+
+    fn redraw(&self) {
+        self.window.iter().for_each(|window| window.request_redraw());
+    }
+
+    /// Wishes for what the session has come to.
+    fn ask(&mut self) {
+        let shot = self.session.shot();
+        if self.window.is_some() && self.asked.as_ref().is_none_or(|(_, asked)| *asked != shot) {
+            self.asked = Some((self.board.ask(shot.clone()), shot));
+        }
+    }
+
+    /// Whether all that the session wants is on the board.
+    fn is_complete(&self) -> bool {
+        let shot = self.session.shot();
+        self.asked
+            .as_ref()
+            .is_some_and(|(number, asked)| *asked == shot && self.board.picture().complete == *number)
+    }
+
+    /// Shows what there is.
+    fn show(&mut self) -> Result<(), Failure> {
+        let size = self.session.shot().size;
+        let (pixels, complete) = {
+            let picture = self.board.picture();
+            // Of another size only until the next first picture.
+            if picture.size != size {
+                return Ok(());
+            }
+            (picture.pixels.clone(), picture.complete)
+        };
+        let mut canvas = Canvas::of(size[0] as usize, pixels);
+        overlay::draw(&mut canvas, &self.session, &self.note);
+        let pixels = canvas.into_pixels();
+        let Some(presenter) = &mut self.presenter else { return Ok(()) };
+        let shown = presenter.show(size, &pixels);
+        shown.map_err(|failure| anyhow!("{}: {failure}; {WITHOUT}", presenter.info().name))?;
+        self.shown = complete;
+        Ok(())
+    }
+
+    /// Writes the complete picture.
+    fn save(&mut self, path: &Path) -> Result<(), Failure> {
+        let (size, pixels) = {
+            let picture = self.board.picture();
+            (picture.size, picture.pixels.clone())
+        };
+        let opaque = self.screenshots.is_opaque(self.session.shot().style);
+        let mut rows = pixels.chunks_exact(size[0] as usize);
+        write_png(path, size, opaque, |file| rows.try_for_each(|row| file.row(row)))?;
+        self.note = format!("wrote {}", path.display());
+        self.redraw();
+        self.screenshots.say(path, size, &self.session.options())
+    }
+
+    /// Goes on in whatever waits. Returns when to look again, if not at the next event.
+    fn advance(&mut self, events: &ActiveEventLoop) -> Result<Option<Instant>, Failure> {
+        if self.is_complete()
+            && let Some(path) = self.screenshot.take()
+        {
+            // Who asked by a key looks on, and can ask again.
+            if let Err(Failure::Run(error)) = self.save(&path) {
+                self.note = format!("{error:#}");
+            }
+        }
+        loop {
+            match self.waiting.take() {
+                None => {}
+                Some(Waiting::Picture) if self.asked.as_ref().is_some_and(|(n, _)| *n == self.shown) => {}
+                Some(Waiting::Screenshot(path)) if self.is_complete() => self.save(&path)?,
+                Some(Waiting::Size(size, _)) if self.session.shot().size == size => {}
+                Some(Waiting::Size([width, height], until)) if Instant::now() >= until => {
+                    let [w, h] = self.session.shot().size;
+                    let what = format!("the window stays {w} x {h} pixels large, not {width} x {height}");
+                    return Err(anyhow!("{what}; leave the command `size` out, or use --size").into());
+                }
+                Some(Waiting::Time(until)) if Instant::now() >= until => {}
+                Some(waiting) => {
+                    let until = match waiting {
+                        Waiting::Size(_, until) | Waiting::Time(until) => Some(until),
+                        Waiting::Picture | Waiting::Screenshot(_) => None,
+                    };
+                    self.waiting = Some(waiting);
+                    return Ok(until);
+                }
+            }
+            let Some(Line { step, .. }) = self.script.pop_front() else { return Ok(None) };
+            match step.perform(&mut self.session) {
+                Some(Request::Quit) => {
+                    events.exit();
+                    return Ok(None);
+                }
+                Some(request) => self.grant(request),
+                None => self.redraw(),
+            }
+            self.waiting = self.wait_for(step);
+            self.ask();
+        }
+    }
+
+    /// What a step is done by.
+    fn wait_for(&self, step: Step) -> Option<Waiting> {
+        match step {
+            Step::Wait => Some(Waiting::Picture),
+            Step::Screenshot(path) => Some(Waiting::Screenshot(path)),
+            Step::Pause(seconds) => Some(Waiting::Time(Instant::now() + Duration::from_secs_f64(seconds))),
+            Step::Size(size) => {
+                let window = self.window.as_ref()?;
+                // Some systems tell at once, others by an event.
+                let _ = window.request_inner_size(PhysicalSize::new(size[0], size[1]));
+                Some(Waiting::Size(size, Instant::now() + RESIZE_TIME))
+            }
+            _ => None,
+        }
+    }
+
+    /// Ends the window with an error.
+    fn end(&mut self, events: &ActiveEventLoop, error: Failure) {
+        self.ended = Err(error);
+        events.exit();
+    }
+}
+
+impl ApplicationHandler<News> for App<'_> {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.window.is_none()
+            && let Err(error) = self.open(events)
+        {
+            self.end(events, error);
+        }
+    }
+
+    fn user_event(&mut self, events: &ActiveEventLoop, news: News) {
+        match news {
+            News::Rows => self.redraw(),
+            News::Over => events.exit(),
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        match event {
+            WindowEvent::CloseRequested => events.exit(),
+            WindowEvent::RedrawRequested => {
+                if let Err(error) = self.show() {
+                    self.end(events, error);
+                }
+            }
+            WindowEvent::Resized(size) => {
+                let density = self.session.density();
+                self.resized(size, density);
+            }
+            WindowEvent::ScaleFactorChanged { scale_factor, .. } => {
+                let size = self.session.shot().size;
+                self.resized(size.into(), scale_factor);
+            }
+            WindowEvent::ModifiersChanged(modifiers) => self.shift = modifiers.state().shift_key(),
+            event => {
+                if let Some(event) = event_of(&event, self.shift) {
+                    self.handle(event);
+                }
+            }
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        if events.exiting() {
+            return;
+        }
+        self.ask();
+        match self.advance(events) {
+            Ok(None) => events.set_control_flow(ControlFlow::Wait),
+            Ok(Some(until)) => events.set_control_flow(ControlFlow::WaitUntil(until)),
+            Err(error) => self.end(events, error),
+        }
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // While the display is still there.
+        self.presenter = None;
+        self.window = None;
+    }
+}
+
+/// What an event of the window means to the session, if anything.
+fn event_of(event: &WindowEvent, shift: bool) -> Option<Event> {
+    match event {
+        WindowEvent::CursorMoved { position, .. } => Some(Event::Point([position.x, position.y])),
+        WindowEvent::MouseInput { state: ElementState::Released, .. } => Some(Event::Release),
+        WindowEvent::MouseInput { button, .. } => {
+            let button = match button {
+                MouseButton::Left => Button::Left,
+                MouseButton::Right => Button::Right,
+                MouseButton::Middle => Button::Middle,
+                _ => return None,
+            };
+            Some(Event::Press { button, shift })
+        }
+        WindowEvent::MouseWheel { delta, .. } => Some(Event::Wheel(match delta {
+            MouseScrollDelta::LineDelta(_, notches) => f64::from(*notches),
+            MouseScrollDelta::PixelDelta(by) => by.y / PIXELS_A_NOTCH,
+        })),
+        WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
+            Some(Event::Key(key_of(event)?))
+        }
+        _ => None,
+    }
+}
+
+fn key_of(event: &KeyEvent) -> Option<Key> {
+    Some(match &event.logical_key {
+        Typed::Character(text) => Key::Letter(text.chars().next()?.to_ascii_lowercase()),
+        Typed::Named(NamedKey::ArrowUp) => Key::Up,
+        Typed::Named(NamedKey::ArrowDown) => Key::Down,
+        Typed::Named(NamedKey::PageUp) => Key::PageUp,
+        Typed::Named(NamedKey::PageDown) => Key::PageDown,
+        Typed::Named(NamedKey::Home) => Key::Home,
+        Typed::Named(NamedKey::End) => Key::End,
+        Typed::Named(NamedKey::Escape) => Key::Escape,
+        _ => return None,
+    })
+}
