@@ -5,7 +5,9 @@ use brickfield_bench_data::shapes::{cuboid, icosphere};
 use brickfield_engine::Silent;
 use brickfield_engine::build::{TreeOptions, build_in_memory};
 use brickfield_engine::lattice::{Axis, NodeKey, RootCube};
-use brickfield_engine::render::{Cut, Paint, Ray, RenderOptions, Scene, Stops, Style, Surface, View, Volume};
+use brickfield_engine::render::{
+    Cut, Focus, Paint, Ray, RenderOptions, Scene, Stops, Style, Surface, View, Volume,
+};
 use brickfield_engine::section::{Contour, ContourLimits, Plane, contour};
 use brickfield_engine::store::{BrickTree, MemoryTree, Refine};
 
@@ -376,6 +378,44 @@ fn neither_threads_nor_memory_show() {
         assert!(one == pixels(&tree, &some, 4), "{name}");
         assert!(one == pixels(&tree, &RenderOptions { cache_bytes: 0, ..some }, 3), "{name}");
     }
+}
+
+#[test]
+fn a_scene_of_other_options_takes_over_what_it_can() {
+    let tree = tree(&soup(&icosphere(4, 9.0)), depth(3));
+    let drawn = |scene: &Scene<'_>| {
+        let mut pixels = Vec::new();
+        let frame = scene.frames().next().expect("a picture");
+        let row = |row: &[[u8; 4]]| {
+            pixels.extend_from_slice(row);
+            Ok(())
+        };
+        frame.draw(&Silent, row).unwrap();
+        pixels
+    };
+    let first = options(Style::solid, View::named("iso").unwrap(), vec![]);
+    let scene = Scene::new(&tree, &first).unwrap();
+    drawn(&scene);
+    let made = scene.summary().made;
+    assert!(made > 0);
+    // From the other side, closer, cut open: all that the eye meets is there, or is made once.
+    let cut = Cut { axis: Axis::Z, at: 2.0, above: true };
+    let focus = Some(Focus { centre: [1.0, 0.0, 0.0], height: 9.0 });
+    let view = View { azimuth: -40.0, elevation: 30.0, opening: 20.0 };
+    let same = scene.with(&first).unwrap();
+    drawn(&same);
+    assert_eq!(same.summary().made, made);
+    for other in [
+        RenderOptions { view, focus, cuts: vec![cut], size: [61, 47], ..first.clone() },
+        RenderOptions { style: Style::boundary(), ..first.clone() },
+        RenderOptions { level: Some(1), cell_pixels: 1.0, ..first.clone() },
+    ] {
+        let expected = drawn(&Scene::new(&tree, &other).unwrap());
+        assert!(drawn(&scene.with(&other).unwrap()) == expected, "{other:?}");
+    }
+    let nothing = RenderOptions { cuts: vec![Cut { at: -50.0, ..cut }], ..first.clone() };
+    let nowhere = RenderOptions { focus: Some(Focus { centre: [0.0; 3], height: f64::NAN }), ..first };
+    assert!(scene.with(&nothing).is_err() && scene.with(&nowhere).is_err());
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::support::*;
 use std::ffi::OsStr;
 
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 15] = [
     "build",
     "beads",
     "mesh",
@@ -13,6 +13,7 @@ const COMMANDS: [&str; 14] = [
     "export",
     "slice",
     "render",
+    "view",
     "verify",
     "cache",
     "bench",

@@ -6,6 +6,7 @@ use super::screen::Screen;
 use super::swapchain::{Staging, Swapchain};
 use ash::vk;
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// How long a device may take to show a picture. One that waits for a screen that is off gives no image for ever.
@@ -16,7 +17,7 @@ const ATTEMPTS: usize = 3;
 /// Shows pictures in a window, one after the other: each is written to memory that the device reads, and copied from there
 /// into an image of the window.
 pub struct Presenter {
-    screen: Arc<Screen>,
+    screen: Rc<Screen>,
     swapchain: Option<Swapchain>,
     /// Whether the window has changed since its images were made.
     stale: bool,
@@ -39,7 +40,7 @@ impl Presenter {
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
     {
-        let screen = Arc::new(Screen::new(window, validation)?);
+        let screen = Rc::new(Screen::new(window, validation)?);
         let name = screen.info.name.clone();
         let mut presenter = Presenter {
             screen,

@@ -3,11 +3,11 @@
 use super::failure::Failure;
 use super::screen::Screen;
 use ash::vk;
-use std::sync::Arc;
+use std::rc::Rc;
 
 /// Images of one size. Made anew whenever the window has another.
 pub(super) struct Swapchain {
-    screen: Arc<Screen>,
+    screen: Rc<Screen>,
     pub raw: vk::SwapchainKHR,
     pub images: Vec<vk::Image>,
     /// For each image, signalled when its pixels are there.
@@ -22,7 +22,7 @@ impl Swapchain {
     /// Images for a window of `size` pixels, unless the surface knows its size better; `None` while it has none, as that
     /// of a minimised window. Takes the place of `old`, of which nothing is in use.
     pub fn new(
-        screen: &Arc<Screen>,
+        screen: &Rc<Screen>,
         size: [u32; 2],
         old: Option<&Swapchain>,
     ) -> Result<Option<Swapchain>, Failure> {
@@ -67,7 +67,7 @@ impl Swapchain {
         let raw = unsafe { screen.functions.create_swapchain(&info, None) }?;
         // From here on `drop` cleans up after a failure.
         let mut made = Swapchain {
-            screen: Arc::clone(screen),
+            screen: Rc::clone(screen),
             raw,
             images: Vec::new(),
             done: Vec::new(),
@@ -113,7 +113,7 @@ fn pick(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
 
 /// Host memory from which the device copies.
 pub(super) struct Staging {
-    screen: Arc<Screen>,
+    screen: Rc<Screen>,
     pub buffer: vk::Buffer,
     memory: vk::DeviceMemory,
     mapped: *mut u8,
@@ -122,10 +122,10 @@ pub(super) struct Staging {
 
 impl Staging {
     /// Room for so many bytes, at least one.
-    pub fn new(screen: &Arc<Screen>, size: usize) -> Result<Staging, Failure> {
+    pub fn new(screen: &Rc<Screen>, size: usize) -> Result<Staging, Failure> {
         // Filled as soon as something is made, so that `drop` cleans up after a failure.
         let mut staging = Staging {
-            screen: Arc::clone(screen),
+            screen: Rc::clone(screen),
             buffer: vk::Buffer::null(),
             memory: vk::DeviceMemory::null(),
             mapped: std::ptr::null_mut(),

@@ -18,7 +18,7 @@ impl Canvas {
 
     /// A canvas of pixels that are there already, `width` a row from the top.
     pub fn of(width: usize, pixels: Vec<Rgba>) -> Canvas {
-        assert!(width > 0 && pixels.len() % width == 0, "rows are whole");
+        assert!(width > 0 && pixels.len().is_multiple_of(width), "rows are whole");
         Canvas { width, pixels }
     }
 

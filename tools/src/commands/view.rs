@@ -129,11 +129,9 @@ fn check(
             _ => {}
         }
     }
-    let script = args.script.as_deref();
-    Ok(require_distinct(
-        &outputs,
-        &[Some(args.store.as_path()), script].into_iter().flatten().collect::<Vec<_>>(),
-    )?)
+    let inputs: Vec<&Path> =
+        [Some(args.store.as_path()), args.script.as_deref()].into_iter().flatten().collect();
+    require_distinct(&outputs, &inputs)
 }
 
 /// Screenshots as files.

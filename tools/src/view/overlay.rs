@@ -31,13 +31,13 @@ const HELP: [&str; 12] = [
 pub fn draw(canvas: &mut Canvas, session: &Session, note: &str) {
     let dot = (session.density() * 2.0).round().max(1.0) as usize;
     let size = session.shot().size.map(|side| side as usize);
-    slider(canvas, session, size, dot);
     let note = if note.is_empty() { "h  help" } else { note };
     lines(canvas, &[&format!("{}   {note}", session.status())], size[1], dot);
     if session.shows_help() {
         let above = size[1].saturating_sub(line_height(dot) * 2);
         lines(canvas, &HELP, above, dot);
     }
+    slider(canvas, session, size, dot);
 }
 
 /// The strip at the right edge: blue where the part is seen, with the plane's place.

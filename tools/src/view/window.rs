@@ -122,8 +122,12 @@ fn event_loop() -> Result<EventLoop<News>, Failure> {
         },
     };
     let why = why.trim_end_matches('.');
-    Err(anyhow!("there is no display for a window ({why}); set DISPLAY to an X server's, or {WITHOUT}")
-        .into())
+    let remedy = if why.to_lowercase().contains("librar") {
+        "install libx11-6, libxcursor1, libxi6, libxrandr2 and libxkbcommon-x11-0"
+    } else {
+        "set DISPLAY to an X server's"
+    };
+    Err(anyhow!("there is no display for a window ({why}); {remedy}, or {WITHOUT}").into())
 }
 
 /// What a script waits for.
