@@ -31,16 +31,15 @@ pub struct Presenter {
 }
 
 impl Presenter {
-    /// Takes the window, which stays open as long as this lives, and the best device that shows pictures in it. With
-    /// `validation` the validation layer looks on.
+    /// Takes the window, which stays open as long as this lives, and the best device that shows pictures in it.
     ///
     /// # Errors
     /// If there is no Vulkan, or no device that draws in this window.
-    pub fn new<W>(window: Arc<W>, validation: bool) -> Result<Presenter, Unavailable>
+    pub fn new<W>(window: Arc<W>) -> Result<Presenter, Unavailable>
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
     {
-        let screen = Rc::new(Screen::new(window, validation)?);
+        let screen = Rc::new(Screen::new(window)?);
         let name = screen.info.name.clone();
         let mut presenter = Presenter {
             screen,

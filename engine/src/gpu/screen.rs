@@ -35,8 +35,8 @@ struct Candidate {
 }
 
 impl Screen {
-    /// The surface of a window, on the best device that shows it. With `validation` the validation layer looks on.
-    pub fn new<W>(window: Arc<W>, validation: bool) -> Result<Screen, Unavailable>
+    /// The surface of a window, on the best device that shows it.
+    pub fn new<W>(window: Arc<W>) -> Result<Screen, Unavailable>
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
     {
@@ -50,7 +50,7 @@ impl Screen {
             RawDisplayHandle::Wayland(_) => wayland_surface::NAME,
             _ => return Err(refused("the window is none of X11 or Wayland".to_owned())),
         };
-        let instance = Instance::with(&[surface::NAME, own], validation)?;
+        let instance = Instance::with(&[surface::NAME, own], false)?;
         let surfaces = surface::Instance::new(&instance.entry, &instance.raw);
         // SAFETY: the instance has the extension of the display, to which the window belongs; both live in the screen until
         // the surface is destroyed.

@@ -4,17 +4,16 @@ use super::{no_unit, of_store, open_store, start};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::memory;
-use crate::output::{in_line, print, print_json, require_distinct};
+use crate::output::{in_line, require_distinct};
 use crate::picture_args::{ColourArg, StyleArg};
 use crate::style_file::{self, StyleFile};
-use crate::view::{Caster, Line, Look, Part, Screenshots, Session, Step, Window, place, read_script};
+use crate::view::{Caster, Line, Look, Part, Saying, Screenshots, Session, Step, Window, place, read_script};
 use crate::view_args::WindowArgs;
 use anyhow::anyhow;
 use brickfield_engine::picture::WHITE;
 use brickfield_engine::render::{RenderOptions, Scene, Style};
 use brickfield_engine::store::{Accept, BrickTree, Store};
-use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Most for bricks as the store decodes them: those that cuts ask for again.
 const BRICK_CACHE_BYTES: u64 = 8 << 20;
@@ -37,7 +36,7 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     let part = Part { styles: looks.names, ..part };
     let meta = store.meta();
     let options = RenderOptions {
-        style: Style::solid(),
+        style: looks.looks[style].style.clone(),
         view: args.view.0,
         turn: 1,
         focus: None,
@@ -50,17 +49,28 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
         cell_pixels: CELL_PIXELS,
         cache_bytes: caches - BRICK_CACHE_BYTES,
     };
+    let screenshots = Screenshots {
+        stem: args.store.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        opaque: looks.looks.iter().map(|look| look.background[3] == 255).collect(),
+        options: if args.supersample == 2 {
+            String::new()
+        } else {
+            format!(" --supersample {}", args.supersample)
+        },
+        saying: match (args.json, args.work.quiet) {
+            (true, _) => Saying::Json,
+            (false, true) => Saying::Nothing,
+            (false, false) => Saying::Text,
+        },
+    };
     // What makes no picture is refused before a window is opened.
-    Scene::new(&store, &options).map_err(|error| of_store(&store, "picture", error))?;
-    let opaque = looks.looks.iter().map(|look| look.background[3] == 255).collect();
-    let mut painter = Caster::new(&store, looks.looks, options);
-    let name = args.store.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut screenshots = Files { args, opaque, stem: name, number: 0 };
+    let scene = Scene::new(&store, &options).map_err(|error| of_store(&store, "picture", error))?;
+    let mut painter = Caster::new(scene, looks.looks, options);
     let window = Window {
         title: format!("{} - Brickfield", in_line(&args.store)),
         session: Session::new(part, args.view.0, style, args.size.0),
         script,
-        screenshots: &mut screenshots,
+        screenshots,
     };
     // The first Ctrl-C ends it: there is nothing to be made safe.
     interrupt::end_at_once(true);
@@ -132,44 +142,4 @@ fn check(
     let inputs: Vec<&Path> =
         [Some(args.store.as_path()), args.script.as_deref()].into_iter().flatten().collect();
     require_distinct(&outputs, &inputs)
-}
-
-/// Screenshots as files.
-struct Files<'a> {
-    args: &'a WindowArgs,
-    opaque: Vec<bool>,
-    stem: String,
-    number: u32,
-}
-
-impl Screenshots for Files<'_> {
-    fn name(&mut self) -> PathBuf {
-        loop {
-            self.number += 1;
-            let path = PathBuf::from(format!("{}-{:04}.png", self.stem, self.number));
-            if !path.exists() {
-                return path;
-            }
-        }
-    }
-
-    fn is_opaque(&self, style: usize) -> bool {
-        self.opaque[style]
-    }
-
-    fn say(&mut self, path: &Path, size: [u32; 2], options: &str) -> Result<(), Failure> {
-        let options = match self.args.supersample {
-            2 => options.to_owned(),
-            rays => format!("{options} --supersample {rays}"),
-        };
-        if self.args.json {
-            let output = path.display().to_string();
-            return print_json(&json!({ "output": output, "size": size, "render": options }));
-        }
-        if self.args.work.quiet {
-            return Ok(());
-        }
-        let [width, height] = size;
-        print(&format!("{}: {width} × {height} pixels, as render {options}", in_line(path)))
-    }
 }

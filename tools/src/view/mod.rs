@@ -7,16 +7,19 @@
 //! | `board` | the painter's thread, and its rows put together for the window |
 //! | `overlay` | slider, status line and keys over the picture |
 //! | `script` | scripts: a command a line |
+//! | `screenshots` | screenshots as files |
 //! | `window` | the window itself: the only file that knows it |
 
 mod board;
 mod overlay;
 mod painter;
+mod screenshots;
 mod script;
 mod session;
 mod window;
 
 pub use painter::{Caster, Look};
+pub use screenshots::{Saying, Screenshots};
 pub use script::{Line, Step, place, read as read_script};
 pub use session::{Part, Session};
-pub use window::{Screenshots, Window};
+pub use window::Window;

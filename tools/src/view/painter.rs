@@ -3,7 +3,6 @@
 use super::session::Shot;
 use brickfield_engine::picture::Rgba;
 use brickfield_engine::render::{RenderOptions, Scene, Style};
-use brickfield_engine::store::BrickTree;
 use brickfield_engine::{Error, Progress, Silent};
 use std::time::{Duration, Instant};
 
@@ -49,19 +48,19 @@ pub struct Look {
 
 /// The processor, by rays.
 pub struct Caster<'a> {
-    tree: &'a dyn BrickTree,
     looks: Vec<Look>,
     /// What the shots have in common.
     options: RenderOptions,
-    /// The last one: its bricks are at hand for the next.
-    scene: Option<Scene<'a>>,
+    /// The last one: its index and bricks are at hand for the next.
+    scene: Scene<'a>,
     coarseness: u32,
 }
 
 impl<'a> Caster<'a> {
-    /// Paints `tree` in the styles that shots name by their number. Of `options`, what a shot says does not matter.
-    pub fn new(tree: &'a dyn BrickTree, looks: Vec<Look>, options: RenderOptions) -> Caster<'a> {
-        Caster { tree, looks, options, scene: None, coarseness: COARSENESS[1] }
+    /// Paints what `scene` shows in the styles that shots name by their number. Of its `options`, what a shot says does
+    /// not matter.
+    pub fn new(scene: Scene<'a>, looks: Vec<Look>, options: RenderOptions) -> Caster<'a> {
+        Caster { looks, options, scene, coarseness: COARSENESS[1] }
     }
 
     /// The options for a picture of a shot.
@@ -85,14 +84,9 @@ impl<'a> Caster<'a> {
         stop: &dyn Progress,
         show: &mut dyn FnMut(Rows<'_>),
     ) -> Result<(), Error> {
-        // A style's bricks are let go before another's are made.
-        let scene = match self.scene.take() {
-            Some(scene) => scene.with(options)?,
-            None => Scene::new(self.tree, options)?,
-        };
-        let scene = self.scene.insert(scene);
+        self.scene = self.scene.with(options)?;
         let mut from = 0;
-        for frame in scene.frames() {
+        for frame in self.scene.frames() {
             frame.draw(stop, |row| {
                 show(Rows { size: options.size, from, pixels: row });
                 from += 1;

@@ -205,7 +205,7 @@ impl Session {
     pub fn options(&self) -> String {
         let View { azimuth, elevation, opening } = self.view;
         let Focus { centre: [x, y, z], height } = self.focus;
-        let ([width, height_px], style) = (self.size, &self.part.styles[self.style]);
+        let ([width, height_px], style) = (self.size, quoted(&self.part.styles[self.style]));
         let mut text = format!(
             "--view={azimuth},{elevation} --focus={x},{y},{z},{height} --size {width}x{height_px} --style {style}"
         );
@@ -422,6 +422,12 @@ impl Session {
     }
 }
 
+/// As a shell takes it.
+fn quoted(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._/-".contains(c);
+    if text.chars().all(is_plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
+}
+
 /// An axis by its letter.
 pub fn letter(axis: Axis) -> char {
     ['x', 'y', 'z'][axis.index()]
@@ -552,6 +558,12 @@ mod tests {
         assert_eq!(session.shot().focus, close);
         keys(&mut session, "f");
         assert_ne!(session.shot().focus, close);
+    }
+
+    #[test]
+    fn names_are_quoted_for_a_shell() {
+        assert_eq!(quoted("a/b-1.toml"), "a/b-1.toml");
+        assert_eq!(quoted("my style's.toml"), "'my style'\\''s.toml'");
     }
 
     fn any_event() -> impl Strategy<Value = Event> {

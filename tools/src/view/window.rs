@@ -3,12 +3,13 @@
 use super::board::Board;
 use super::overlay;
 use super::painter::Painter;
+use super::screenshots::Screenshots;
 use super::script::{Line, Step};
 use super::session::{Button, Event, Key, Request, Session, Shot};
 use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::gpu::{Presenter, Unavailable};
-use brickfield_engine::picture::{Canvas, write_png};
+use brickfield_engine::picture::Canvas;
 use std::collections::VecDeque;
 use std::panic;
 use std::path::{Path, PathBuf};
@@ -27,7 +28,7 @@ const RESIZE_TIME: Duration = Duration::from_secs(5);
 /// Pixels that a touchpad scrolls for a notch of a wheel.
 const PIXELS_A_NOTCH: f64 = 40.0;
 /// What to do without a window.
-const WITHOUT: &str = "draw with `brickfield render`, which needs neither";
+const WITHOUT: &str = "draw with `brickfield render`, which needs no window";
 
 /// What the painter's thread tells.
 #[derive(Clone, Copy, Debug)]
@@ -38,28 +39,15 @@ enum News {
     Over,
 }
 
-/// What becomes of screenshots.
-pub trait Screenshots {
-    /// The file for one that the user takes.
-    fn name(&mut self) -> PathBuf;
-    /// Whether nothing is seen through the pictures of a style.
-    fn is_opaque(&self, style: usize) -> bool;
-    /// Says that one was written, and by which options `render` draws it.
-    ///
-    /// # Errors
-    /// If it cannot be said.
-    fn say(&mut self, path: &Path, size: [u32; 2], options: &str) -> Result<(), Failure>;
-}
-
 /// A window that is to be opened.
-pub struct Window<'a> {
+pub struct Window {
     pub title: String,
     pub session: Session,
     pub script: Vec<Line>,
-    pub screenshots: &'a mut dyn Screenshots,
+    pub screenshots: Screenshots,
 }
 
-impl Window<'_> {
+impl Window {
     /// Opens the window, and returns when it is closed.
     ///
     /// # Errors
@@ -144,7 +132,7 @@ struct App<'a> {
     session: Session,
     script: VecDeque<Line>,
     waiting: Option<Waiting>,
-    screenshots: &'a mut dyn Screenshots,
+    screenshots: Screenshots,
     board: &'a Board,
     // Dropped in this order: pictures are shown in the window.
     presenter: Option<Presenter>,
@@ -162,7 +150,7 @@ struct App<'a> {
 }
 
 impl<'a> App<'a> {
-    fn new<'w: 'a>(window: Window<'w>, board: &'a Board) -> App<'a> {
+    fn new(window: Window, board: &'a Board) -> App<'a> {
         let Window { title, session, script, screenshots } = window;
         App {
             title,
@@ -192,11 +180,11 @@ impl<'a> App<'a> {
         let window = events.create_window(wanted);
         let window = window.map_err(|error| anyhow!("no window can be opened ({error}); {WITHOUT}"))?;
         let window = Arc::new(window);
-        let shown = Presenter::new(Arc::clone(&window), false);
-        self.presenter =
-            Some(shown.map_err(|Unavailable { what, .. }| {
-                anyhow!("no pictures can be shown: {what}; install libvulkan1 and the GPU's driver or mesa-vulkan-drivers, or {WITHOUT}")
-            })?);
+        let shown = Presenter::new(Arc::clone(&window)).map_err(|Unavailable { what, .. }| {
+            let remedy = "install libvulkan1 and the GPU's driver or mesa-vulkan-drivers";
+            anyhow!("no pictures can be shown: {what}; {remedy}, or {WITHOUT}")
+        });
+        self.presenter = Some(shown?);
         window.set_visible(true);
         self.resized(window.inner_size(), window.scale_factor());
         self.window = Some(window);
@@ -218,7 +206,11 @@ impl<'a> App<'a> {
 
     fn grant(&mut self, request: Request) {
         match request {
-            Request::Quit => self.script = [Line { number: 0, step: Step::Quit }].into(),
+            Request::Quit => {
+                // Whatever the script is at.
+                self.waiting = None;
+                self.script = [Line { number: 0, step: Step::Quit }].into();
+            }
             Request::Screenshot => {
                 let name = self.screenshots.name();
                 self.note = format!("{} follows", name.display());
@@ -275,12 +267,10 @@ impl<'a> App<'a> {
             let picture = self.board.picture();
             (picture.size, picture.pixels.clone())
         };
-        let opaque = self.screenshots.is_opaque(self.session.shot().style);
-        let mut rows = pixels.chunks_exact(size[0] as usize);
-        write_png(path, size, opaque, |file| rows.try_for_each(|row| file.row(row)))?;
+        self.screenshots.write(path, &self.session, size, &pixels)?;
         self.note = format!("wrote {}", path.display());
         self.redraw();
-        self.screenshots.say(path, size, &self.session.options())
+        Ok(())
     }
 
     /// Goes on in whatever waits. Returns when to look again, if not at the next event.

@@ -1,0 +1,58 @@
+//! Screenshots as files, and what is said of them.
+
+use super::session::Session;
+use crate::failure::Failure;
+use crate::output::{in_line, print, print_json};
+use brickfield_engine::picture::{Rgba, write_png};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// How much is said of a screenshot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Saying {
+    Nothing,
+    Text,
+    Json,
+}
+
+/// Writes screenshots.
+pub struct Screenshots {
+    /// What names of the program's own choice begin with.
+    pub stem: String,
+    /// Of each style, whether nothing is seen through its pictures.
+    pub opaque: Vec<bool>,
+    /// Options of `render` beside those of the session, with a space before each.
+    pub options: String,
+    pub saying: Saying,
+}
+
+impl Screenshots {
+    /// A file's name that is free.
+    pub fn name(&self) -> PathBuf {
+        let name = |number: u32| PathBuf::from(format!("{}-{number:04}.png", self.stem));
+        (1..).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(0))
+    }
+
+    /// Writes what the session shows, `size` (width, height) pixels, and says by which options `render` draws the same.
+    ///
+    /// # Errors
+    /// What writing gives.
+    pub fn write(
+        &self,
+        path: &Path,
+        session: &Session,
+        size: [u32; 2],
+        pixels: &[Rgba],
+    ) -> Result<(), Failure> {
+        let opaque = self.opaque[session.shot().style];
+        let mut rows = pixels.chunks_exact(size[0] as usize);
+        write_png(path, size, opaque, |file| rows.try_for_each(|row| file.row(row)))?;
+        let options = session.options() + &self.options;
+        let name = in_line(path);
+        match self.saying {
+            Saying::Nothing => Ok(()),
+            Saying::Json => print_json(&json!({ "output": name, "size": size, "render": options })),
+            Saying::Text => print(&format!("{name}: {} × {} pixels, as render {options}", size[0], size[1])),
+        }
+    }
+}
