@@ -404,5 +404,6 @@ pub const SUM_BUFFERS: [&str; 8] =
     ["clusters", "elements", "sums", "blocks", "coefficients", "terms", "rows", "quanta"];
 /// Buffers of the kernels that cast rays, by binding.
 pub const RAY_BUFFERS: [&str; 13] = [
-    "sight", "shells", "tables", "nodes", "pages", "pool", "used", "round", "wanted", "queue", "light", "along", "pixels",
+    "sight", "shells", "tables", "nodes", "pages", "pool", "used", "round", "wanted", "queue", "light",
+    "along", "pixels",
 ];

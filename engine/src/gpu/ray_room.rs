@@ -152,10 +152,14 @@ mod tests {
     fn a_caster_fits_its_memory() {
         let words = [page_words(1, false), page_words(5, true)];
         let cases = [(1 << 20, 1 << 27), (3 << 20, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 32)];
-        for ((bytes, range_max), words) in cases.into_iter().flat_map(|case| words.map(|words| (case, words))) {
+        for ((bytes, range_max), words) in cases.into_iter().flat_map(|case| words.map(|words| (case, words)))
+        {
             let room = RayRoom::within(bytes, range_max, 5000, words).unwrap();
             assert!(room.total_bytes() <= bytes, "{room:?}");
-            assert!((1..=5000).contains(&room.pages) && room.staged >= 1 && room.rays >= RAYS_MIN, "{room:?}");
+            assert!(
+                (1..=5000).contains(&room.pages) && room.staged >= 1 && room.rays >= RAYS_MIN,
+                "{room:?}"
+            );
             assert!(room.ranges().iter().all(|(_, length)| (1..=range_max).contains(length)));
             assert!(room.ranges().windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0));
         }

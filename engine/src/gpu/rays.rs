@@ -49,7 +49,9 @@ impl RayScene<'_> {
             first == 0 || first > number as u64 && first + 8 <= count
         };
         assert!(count > 0 && self.nodes.iter().enumerate().all(is_sound), "a node that is not there");
-        assert!(count < u64::from(RESIDENT) && self.shells.len() <= 4 && (self.haze || !self.shells.is_empty()));
+        assert!(
+            count < u64::from(RESIDENT) && self.shells.len() <= 4 && (self.haze || !self.shells.is_empty())
+        );
         assert!(self.tables.len() == TABLE_ENTRIES as usize, "tables of another size");
     }
 }
@@ -131,8 +133,11 @@ impl RayCaster {
             changed: 0,
             staged: 0,
         };
-        let [shells, nodes]: [&[u8]; 2] = [bytemuck::cast_slice(scene.shells), bytemuck::cast_slice(scene.nodes)];
-        for (buffer, bytes) in [(SHELLS, shells), (TABLES, bytemuck::cast_slice(scene.tables)), (NODES, nodes)] {
+        let [shells, nodes]: [&[u8]; 2] =
+            [bytemuck::cast_slice(scene.shells), bytemuck::cast_slice(scene.nodes)];
+        for (buffer, bytes) in
+            [(SHELLS, shells), (TABLES, bytemuck::cast_slice(scene.tables)), (NODES, nodes)]
+        {
             caster.put(buffer, bytes)?;
         }
         for buffer in [PAGES, USED] {
@@ -188,9 +193,14 @@ impl RayCaster {
     /// # Panics
     /// If there are too many of them, or numbers of the sight contradict the scene.
     pub fn begin(&mut self, sight: Sight, tiles: u32) {
-        assert!(sight.rays >= 1 && (1..=self.tiles_max(sight.rays)).contains(&tiles), "too many rays at once");
+        assert!(
+            sight.rays >= 1 && (1..=self.tiles_max(sight.rays)).contains(&tiles),
+            "too many rays at once"
+        );
         let stops = [sight.opacities, sight.colours];
-        assert!(!self.shows.1 || stops.iter().all(|count| (1..=brickfield_shaders::STOPS_MAX).contains(count)));
+        assert!(
+            !self.shows.1 || stops.iter().all(|count| (1..=brickfield_shaders::STOPS_MAX).contains(count))
+        );
         let Sight { count_words, page_words, .. } = self.sight;
         let haze = if self.shows.1 { sight.haze.max(1) } else { 0 };
         self.sight = Sight { shells: self.shows.0, haze, count_words, page_words, ..sight };

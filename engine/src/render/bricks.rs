@@ -81,8 +81,11 @@ impl Prepared {
     pub fn write(&self, words: &mut [u32]) -> usize {
         let fields = self.surfaces.iter().map(|passage| passage.field.as_ref()).chain([self.volume.as_ref()]);
         let inside = self.surfaces.iter().map(|passage| passage.is_inside);
-        let bits = |bits: &mut dyn Iterator<Item = bool>| bits.enumerate().fold(0, |word, (n, bit)| word | u32::from(bit) << n);
-        words[0] = bits(&mut fields.clone().map(|field| field.is_some())) | bits(&mut inside.into_iter()) << 8;
+        let bits = |bits: &mut dyn Iterator<Item = bool>| {
+            bits.enumerate().fold(0, |word, (n, bit)| word | u32::from(bit) << n)
+        };
+        words[0] =
+            bits(&mut fields.clone().map(|field| field.is_some())) | bits(&mut inside.into_iter()) << 8;
         words[1..].iter_mut().zip(self.blocks.words()).for_each(|(word, bits)| *word = bits);
         let mut end = PAGE_HEADER_WORDS as usize;
         if let Some(Counts(counts)) = &self.counts {

@@ -228,7 +228,8 @@ mod tests {
     fn the_screen_has_the_same_rays() {
         for opening in [0.0, 50.0] {
             let view = View { azimuth: 20.0, elevation: -35.0, opening };
-            let camera = Camera::fit(&[view], [[-3.0, 1.0, 5.0], [4.0, 2.0, 9.0]], [200, 100]).unwrap().remove(0);
+            let camera =
+                Camera::fit(&[view], [[-3.0, 1.0, 5.0], [4.0, 2.0, 9.0]], [200, 100]).unwrap().remove(0);
             let Screen { origin, corner, steps, parallel, .. } = camera.screen();
             for at in [[0.0, 0.0], [17.5, 99.5], [200.0, 3.25]] {
                 let over = sum(scaled(steps[0], at[0]), scaled(steps[1], at[1]));

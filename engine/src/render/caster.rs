@@ -13,6 +13,7 @@ use crate::picture::Rgba;
 use crate::progress::{Progress, Silent};
 use brickfield_shaders::{Sight, TILE};
 use rayon::prelude::*;
+use serde::Serialize;
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -25,7 +26,7 @@ const BAND_TILES: u32 = BAND_ROWS / TILE;
 const NOTHING: f32 = 1e29;
 
 /// What a device did for pictures.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct CasterReport {
     /// Its name.
     pub name: String,

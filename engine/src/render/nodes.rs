@@ -53,11 +53,6 @@ impl Nodes {
         self.0[number as usize]
     }
 
-    /// How many there are.
-    pub fn len(&self) -> usize {
-        self.0.len()
-    }
-
     pub fn iter(&self) -> impl Iterator<Item = &Node> {
         self.0.iter()
     }

@@ -36,8 +36,7 @@ fn tree_node(node: &Node, style: &Style) -> TreeNode {
     let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
     let (low, high) = node.own;
     let is_uniform = low == high && !node.fractions;
-    let flags =
-        flag(style.sees(node), SEEN) | flag(style.is_told_by(node), TOLD) | flag(is_uniform, UNIFORM);
+    let flags = flag(style.sees(node), SEEN) | flag(style.is_told_by(node), TOLD) | flag(is_uniform, UNIFORM);
     TreeNode { children: node.children, flags: flags | u32::from(low as u16) << 16 }
 }
 
