@@ -208,10 +208,12 @@ impl<'s> Device<'s> {
         let haze = style.volume.is_some();
         let (nodes, shells) = (&words.nodes, &words.shells);
         let rays = RayCaster::new(gpu, RayScene { nodes, shells, tables: &words.tables, haze, counts })?;
+        let keys = scene.nodes.keys(tree);
+        let bytes_max = scene.bricks.bytes_max.saturating_sub(size_of_val(&*keys) as u64);
         Ok(Device {
             rays,
-            bricks: Bricks::new(tree, style.clone(), counts, scene.bricks.bytes_max),
-            keys: scene.nodes.keys(tree),
+            bricks: Bricks::new(tree, style.clone(), counts, bytes_max),
+            keys,
             lanes: (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect(),
         })
     }
