@@ -11,12 +11,13 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Modules: name, sources in order, buffers by binding.
-const MODULES: [(&str, &[&str], &[&str]); 5] = [
+const MODULES: [(&str, &[&str], &[&str]); 6] = [
     ("scan", &["brick", "normal", "crossing", "scan"], &layout::BRICK_BUFFERS),
     ("evaluate", &["brick", "evaluate"], &layout::BRICK_BUFFERS),
     ("hermite", &["brick", "normal", "crossing", "hermite"], &layout::BRICK_BUFFERS),
     ("brute", &["brute"], &layout::BRUTE_BUFFERS),
     ("open", &["row", "atan", "angle", "moments", "local", "cells"], &layout::SUM_BUFFERS),
+    ("rays", &["camera", "field", "stops", "light", "trace", "frame"], &layout::RAY_BUFFERS),
 ];
 
 /// Modules whose arithmetic is as written: bounds on its errors hold, which they would not if the driver might move

@@ -8,6 +8,8 @@
 mod backend;
 #[path = "vulkan/device.rs"]
 mod device;
+#[path = "vulkan/rays.rs"]
+mod rays;
 #[path = "vulkan/suite.rs"]
 mod suite;
 

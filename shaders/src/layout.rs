@@ -26,6 +26,23 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("ELEMENT_WORDS", ELEMENT_WORDS),
     ("TERM_BITS", TERM_BITS),
     ("UNSURE", UNSURE),
+    ("FIELD_WORDS", FIELD_WORDS),
+    ("VALUE_WORDS", VALUE_WORDS),
+    ("PAGE_HEADER_WORDS", PAGE_HEADER_WORDS),
+    ("COUNT_WORDS", COUNT_WORDS),
+    ("BLOCKS", BLOCKS),
+    ("TILE", TILE),
+    ("RAY_STEPS_MAX", RAY_STEPS_MAX),
+    ("RESIDENT", RESIDENT),
+    ("SEEN", SEEN),
+    ("TOLD", TOLD),
+    ("UNIFORM", UNIFORM),
+    ("OPAQUE", OPAQUE),
+    ("COUNTED", COUNTED),
+    ("SHADED", SHADED),
+    ("PALETTE_AT", PALETTE_AT),
+    ("OPACITIES_AT", OPACITIES_AT),
+    ("COLOURS_AT", COLOURS_AT),
 ];
 
 /// Samples along a brick's axis.
@@ -66,6 +83,50 @@ pub const TERMS_MAX: u32 = STEPS_MAX;
 pub const TERM_BITS: u32 = 30;
 /// In place of a sample that single precision does not decide.
 pub const UNSURE: u32 = 1 << 31;
+
+/// Words of a field's numbers, two in each, for a brick that rays pass.
+pub const VALUE_WORDS: u32 = (ROWS * POINTS).div_ceil(2);
+/// Words of such a field with a bit for each cell that is worth a look.
+pub const FIELD_WORDS: u32 = VALUE_WORDS + CELLS * CELLS;
+/// Words of whole winding numbers at the samples, four in each.
+pub const COUNT_WORDS: u32 = (ROWS * POINTS).div_ceil(4);
+/// Blocks of 4³ cells along an axis of a brick.
+pub const BLOCKS: u32 = CELLS / 4;
+/// Words in front of a page: which fields there are and which surfaces the first sample lies within (from bit 8 on), and two
+/// words of bits for each layer of blocks.
+pub const PAGE_HEADER_WORDS: u32 = 1 + 2 * BLOCKS;
+/// Pixels along the side of a tile: a tile has an invocation of a workgroup for each.
+pub const TILE: u32 = 8;
+/// Steps after which a ray ends its round before the next brick. Those within a brick come on top, 1,200 at most; for why see
+/// [`STEPS_MAX`].
+pub const RAY_STEPS_MAX: u32 = 1 << 10;
+/// In a node's word of the page table: it has the page of the lower bits. Otherwise they are the last round that wanted it.
+pub const RESIDENT: u32 = 1 << 31;
+
+/// [`TreeNode::flags`]: something in it may be seen.
+pub const SEEN: u32 = 1;
+/// [`TreeNode::flags`]: it may stand for what is below.
+pub const TOLD: u32 = 2;
+/// [`TreeNode::flags`]: its own samples are all the number in the high half.
+pub const UNIFORM: u32 = 4;
+
+/// [`Shell::flags`]: nothing is seen behind it.
+pub const OPAQUE: u32 = 1;
+/// [`Shell::flags`]: it has the colour of the largest winding number beside it.
+pub const COUNTED: u32 = 2;
+/// [`Shell::flags`], and of a haze in [`Sight::haze`]: there is light on it.
+pub const SHADED: u32 = 4;
+
+/// Where the colours of winding numbers from -1 to 6 stand among the tables.
+pub const PALETTE_AT: u32 = 0;
+/// Where the stops of a haze's opacity stand, by rising w; behind the last ones w is beyond all numbers.
+pub const OPACITIES_AT: u32 = 8;
+/// Where those of its colour stand.
+pub const COLOURS_AT: u32 = OPACITIES_AT + STOPS_MAX;
+/// Stops of either at most.
+pub const STOPS_MAX: u32 = 256;
+/// Entries of the tables.
+pub const TABLE_ENTRIES: u32 = COLOURS_AT + STOPS_MAX;
 
 /// [`Brick::flags`]: the samples are not all equal.
 pub const VARIES: u32 = 1;
@@ -196,6 +257,125 @@ shared! {
     }
 }
 
+shared! {
+    /// An eye, what it is shown, and the part of the picture that is drawn. Places are in edges of the root cube from its first
+    /// sample, colours from 0 to 255.
+    Sight {
+        /// The eye; of parallel rays where the one through the picture's upper left corner begins.
+        origin: [f32; 4],
+        /// From the eye to the picture's upper left corner; the direction of parallel rays.
+        corner: [f32; 4],
+        /// From a pixel to the next on the right.
+        across: [f32; 4],
+        /// From a pixel to the one below.
+        down: [f32; 4],
+        /// Towards the eye.
+        towards: [f32; 4],
+        /// Towards the stronger lamp.
+        key: [f32; 4],
+        /// Towards the weaker one.
+        fill: [f32; 4],
+        /// Half way between the stronger lamp and the eye.
+        half: [f32; 4],
+        /// Lower corner of what is left by the cuts.
+        low: [f32; 4],
+        /// Upper corner.
+        high: [f32; 4],
+        /// What is seen where nothing is, with the opacity from 0 to 1.
+        background: [f32; 4],
+        /// Light from everywhere, of the stronger lamp, of the weaker one, and gloss.
+        lighting: [f32; 4],
+        /// Numbers that a haze's field has as 0 and 1, and those between which it is seen.
+        volume: [f32; 4],
+        /// Length of a haze's opacity; 0 for a cell.
+        stretch: f32,
+        /// Size of a pixel at the distance below.
+        pixel: f32,
+        /// From the eye to the middle of the picture.
+        distance: f32,
+        /// Size in pixels up to which cells stand for those below.
+        cell_pixels: f32,
+        /// Whether rays are parallel.
+        parallel: u32,
+        /// Sides that are cuts: bits of lower ones, upper ones from the fourth bit on.
+        cuts: u32,
+        /// Pixels.
+        width: u32,
+        /// Pixels.
+        height: u32,
+        /// Rays along the side of a pixel.
+        rays: u32,
+        /// The first tile that is drawn, by rows of tiles.
+        first_tile: u32,
+        /// Surfaces.
+        shells: u32,
+        /// Whether there is a haze (1), and light on it ([`SHADED`]).
+        haze: u32,
+        /// Stops of its opacity.
+        opacities: u32,
+        /// Stops of its colour.
+        colours: u32,
+        /// Words of the winding numbers of a page: none or [`COUNT_WORDS`].
+        count_words: u32,
+        /// Words of a page.
+        page_words: u32,
+    }
+}
+
+shared! {
+    /// A round of rays: each goes on until it ends or comes to a brick that is not there.
+    Round {
+        /// Its number, from 1 on.
+        number: u32,
+        /// Rays that go on.
+        rays: u32,
+        /// Whether they begin.
+        first: u32,
+        /// Whether coarser bricks stand for those that are not there, or nothing does.
+        draft: u32,
+        /// Where the numbers of the rays begin in the queue; in the first round they are not there.
+        start: u32,
+        /// Where those of the rays begin that wait behind this round.
+        behind: u32,
+        /// Bricks that can be asked for.
+        wanted_max: u32,
+        /// Rays that wait behind it.
+        waiting: u32,
+        /// Bricks that rays came to and that were not there.
+        wanted: u32,
+    }
+}
+
+shared! {
+    /// A node of a tree that rays pass.
+    TreeNode {
+        /// Number of its first child, the others following; 0 for none.
+        children: u32,
+        /// What is known of it.
+        flags: u32,
+    }
+}
+
+shared! {
+    /// A surface where w passes a number.
+    Shell {
+        /// Its colour.
+        colour: [f32; 4],
+        /// The number.
+        w: f32,
+        /// The least whole number within.
+        least: f32,
+        /// Opacity seen from the front.
+        opacity: f32,
+        /// How much more opaque it is seen from its edge.
+        rim: f32,
+        /// What it is like.
+        flags: u32,
+        /// Nothing.
+        unused: [u32; 3],
+    }
+}
+
 /// Names of members with their offsets in bytes.
 pub type Members = &'static [(&'static str, usize)];
 
@@ -206,6 +386,10 @@ pub const STRUCTURES: &[(&str, usize, Members)] = &[
     ("Sum", size_of::<Sum>(), Sum::MEMBERS),
     ("Sums", size_of::<Sums>(), Sums::MEMBERS),
     ("Block", size_of::<Block>(), Block::MEMBERS),
+    ("Sight", size_of::<Sight>(), Sight::MEMBERS),
+    ("Round", size_of::<Round>(), Round::MEMBERS),
+    ("TreeNode", size_of::<TreeNode>(), TreeNode::MEMBERS),
+    ("Shell", size_of::<Shell>(), Shell::MEMBERS),
 ];
 
 /// Buffers of the kernels that evaluate bricks, by binding.
@@ -218,3 +402,8 @@ pub const BRUTE_BUFFERS: [&str; 4] = ["sum", "facets", "points", "angles"];
 /// Buffers of the kernel that sums over a cluster tree, by binding.
 pub const SUM_BUFFERS: [&str; 8] =
     ["clusters", "elements", "sums", "blocks", "coefficients", "terms", "rows", "quanta"];
+/// Buffers of the kernels that cast rays, by binding.
+pub const RAY_BUFFERS: [&str; 13] = [
+    "sight", "shells", "tables", "nodes", "pages", "pool", "used", "round", "wanted", "queue", "light",
+    "along", "pixels",
+];

@@ -2,7 +2,8 @@
 //!
 //! A shader has the name of its twin among the engine's sources: `scan` finds the crossings of triangles with
 //! lattice lines, `evaluate` the samples of bricks, `hermite` their Hermite edges, `brute` sums solid angles. Those of an
-//! open soup's caps have a module of several files, named after their twins: `cells` sums over the tree of their clusters.
+//! open soup's caps have a module of several files, named after their twins: `cells` sums over the tree of their clusters. So have those
+//! that cast rays: `trace` follows them through tree and bricks, `frame` makes pixels of what they gather.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -27,7 +28,7 @@ mod tests {
 
     #[test]
     fn modules_are_spir_v() {
-        for shader in [SCAN, EVALUATE, HERMITE, BRUTE, OPEN] {
+        for shader in [SCAN, EVALUATE, HERMITE, BRUTE, OPEN, RAYS] {
             assert_eq!(shader.words[..2], [0x0723_0203, 0x0001_0300], "{}", shader.name);
         }
     }

@@ -30,6 +30,75 @@ fn without_a_device_the_program_works_and_says_so() {
 }
 
 #[test]
+fn without_a_device_pictures_are_drawn_all_the_same() {
+    let dir = Scratch::new();
+    let (store, picture) = (dir.path("o.brf"), dir.path("o.png"));
+    run(&[&"build", &stl("overlap_boxes"), &"-o", &store, &"--depth", &"2"]).ok();
+    let render: [&dyn AsRef<OsStr>; 6] = [&"render", &store, &"-o", &picture, &"--size", &"64x48"];
+    let mut pictures = Vec::new();
+    for backend in ["auto", "cpu"] {
+        run_without_drivers(&[&render[..], &[&"--backend", &backend]].concat()).ok();
+        pictures.push(std::fs::read(&picture).unwrap());
+    }
+    assert!(pictures[0] == pictures[1]);
+    std::fs::remove_file(&picture).unwrap();
+    let message = run_without_drivers(&[&render[..], &[&"--backend", &"vulkan"]].concat()).failed();
+    assert!(message.contains("--backend vulkan: ") && message.contains("use --backend cpu"), "{message}");
+    assert_eq!(dir.names(), ["o.brf"]);
+}
+
+#[test]
+#[ignore = "needs a Vulkan device; run with -- --ignored"]
+fn a_device_draws_pictures_and_is_named() {
+    let dir = Scratch::new();
+    let store = dir.path("o.brf");
+    run(&[&"build", &stl("clover_model"), &"-o", &store, &"--depth", &"3"]).ok();
+    let devices = run(&[&"info", &"--devices", &"--json"]).json();
+    let name = devices[0]["name"].as_str().unwrap().to_owned();
+    let mut pictures = Vec::new();
+    for room in ["2MiB", "64MiB"] {
+        let picture = dir.path("o.png");
+        let render: [&dyn AsRef<OsStr>; 10] = [
+            &"render",
+            &store,
+            &"-o",
+            &picture,
+            &"--size",
+            &"64x48",
+            &"--backend",
+            &"vulkan",
+            &"--gpu-memory",
+            &room,
+        ];
+        let json = run(&[&render[..], &[&"--json"]].concat()).json();
+        assert!(json["device"]["brought"].as_u64() > Some(0) && json["device"]["cpu_bands"] == 0, "{json}");
+        assert!(run(&render).ok().trim_end().ends_with(&format!(", by {name}")));
+        pictures.push(std::fs::read(&picture).unwrap());
+    }
+    assert!(pictures[0] == pictures[1]);
+    // With room for no brick it is the processor's, and a line says so.
+    let picture = dir.path("p.png");
+    let done = run(&[
+        &"render",
+        &store,
+        &"-o",
+        &picture,
+        &"--backend",
+        &"vulkan",
+        &"--gpu-memory",
+        &"64KiB",
+        &"--size",
+        &"64x48",
+    ]);
+    assert_eq!((done.status, done.stderr.lines().count()), (Some(0), 1), "{}", done.stderr);
+    assert!(done.stderr.contains("the processor drew in its place"), "{}", done.stderr);
+    let turn = dir.path("t.apng");
+    let args: [&dyn AsRef<OsStr>; 10] =
+        [&"render", &store, &"-o", &turn, &"--turntable", &"3", &"--size", &"64x48", &"--device", &"0"];
+    run(&args).ok();
+}
+
+#[test]
 fn what_runs_on_no_device_is_refused() {
     let dir = Scratch::new();
     let points = dir.file("p.csv", "0,0,0\n");

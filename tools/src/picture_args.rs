@@ -1,6 +1,6 @@
 //! What the user types for pictures.
 
-use crate::args::{IoArg, WorkArgs};
+use crate::args::{BackendArg, BackendArgs, IoArg, WorkArgs};
 use crate::units::{BoxArg, Length, Position, Size};
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{BuiltIn, Focus, Style, View};
@@ -131,7 +131,8 @@ impl SliceFormat {
 #[derive(Args)]
 #[command(after_help = "\
 Rays go past what the index says is empty and read only the bricks that they meet, so a store may be larger than the \
-memory. The picture has the same bytes for any number of threads and any memory.
+memory. The picture has the same bytes for any number of threads and any memory. With --backend vulkan rays are cast \
+on a device, to which bricks are brought as rays come to them; its pictures do not depend on its memory either.
 
 Levels of detail: where the cells of a coarser level are smaller than --lod pixels they stand for what is below. They \
 are samples of the same field, so what is thinner than such a cell, that is, than --lod pixels, may be missing or \
@@ -166,7 +167,8 @@ Examples:
   brickfield render part.brf -o view.png
   brickfield render part.brf -o inside.png --cut 'z>12mm' --cut 'y<0' --perspective
   brickfield render part.brf -o voids.png --style boundary --view 30,20 --size 1920x1080
-  brickfield render part.brf -o turn.apng --turntable 36 --style mine.toml")]
+  brickfield render part.brf -o turn.apng --turntable 36 --style mine.toml
+  brickfield render part.brf -o view.png --backend vulkan --gpu-memory 1GiB")]
 pub struct RenderArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
@@ -220,6 +222,8 @@ pub struct RenderArgs {
     /// further one, are used in any case
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
+    #[command(flatten)]
+    pub draws: DrawArgs,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,
@@ -228,6 +232,29 @@ pub struct RenderArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// What draws.
+#[derive(Args, Clone, Debug)]
+pub struct DrawArgs {
+    /// What casts the rays. A device's pictures are the processor's up to rounding: at least 999 of 1000 pixels are within 2
+    /// of 255
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+    /// The Vulkan device, by its number or a part of its name; `info --devices` lists them
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// Most memory to take of the device for bricks and rays, as in 2GiB, taken off --memory; a quarter of that by default
+    #[arg(long, value_name = "SIZE")]
+    pub gpu_memory: Option<Size>,
+}
+
+impl DrawArgs {
+    /// As builds have them.
+    pub fn backend(&self) -> BackendArgs {
+        let DrawArgs { backend, device, gpu_memory } = self.clone();
+        BackendArgs { backend, device, gpu_memory }
+    }
 }
 
 /// What is shown.

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::picture::Scale;
 use crate::store::{BrickCache, BrickTree};
+use brickfield_shaders::{COUNT_WORDS, FIELD_WORDS, PAGE_HEADER_WORDS};
 use std::sync::Arc;
 
 /// Bricks that a thread has at hand without asking the others: a tile's rays pass the same few again and again.
@@ -20,7 +21,7 @@ pub(super) struct Prepared {
     pub volume: Option<Field>,
     /// Where any of these is worth a look.
     pub blocks: Blocks,
-    /// For styles that ask for w itself.
+    /// Where w itself is asked for.
     pub counts: Option<Counts>,
 }
 
@@ -53,7 +54,7 @@ pub(super) struct Passage {
 }
 
 impl Prepared {
-    fn new(brick: &Brick, style: &Style, scratch: &mut Scratch) -> Prepared {
+    fn new(brick: &Brick, style: &Style, counts: bool, scratch: &mut Scratch) -> Prepared {
         let mut passage = |surface: &Surface| Passage {
             // Hermite edges are those of the boundary.
             field: match surface.w == 0.5 {
@@ -72,8 +73,31 @@ impl Prepared {
         let mut blocks = Blocks::default();
         let fields = surfaces.iter().filter_map(|passage| passage.field.as_ref()).chain(&volume);
         fields.for_each(|field| field.add_blocks(&mut blocks));
-        let counts = style.counts().then(|| Counts::of(brick));
+        let counts = counts.then(|| Counts::of(brick));
         Prepared { surfaces, volume, blocks, counts }
+    }
+
+    /// Its page: what it has, where anything is worth a look, w itself, and its fields. Returns how many words that are.
+    pub fn write(&self, words: &mut [u32]) -> usize {
+        let fields = self.surfaces.iter().map(|passage| passage.field.as_ref()).chain([self.volume.as_ref()]);
+        let inside = self.surfaces.iter().map(|passage| passage.is_inside);
+        let bits = |bits: &mut dyn Iterator<Item = bool>| {
+            bits.enumerate().fold(0, |word, (n, bit)| word | u32::from(bit) << n)
+        };
+        words[0] =
+            bits(&mut fields.clone().map(|field| field.is_some())) | bits(&mut inside.into_iter()) << 8;
+        words[1..].iter_mut().zip(self.blocks.words()).for_each(|(word, bits)| *word = bits);
+        let mut end = PAGE_HEADER_WORDS as usize;
+        if let Some(Counts(counts)) = &self.counts {
+            let words = &mut words[end..][..COUNT_WORDS as usize];
+            bytemuck::cast_slice_mut(words)[..POINTS].copy_from_slice(counts);
+            end += COUNT_WORDS as usize;
+        }
+        for field in fields.flatten() {
+            field.write(&mut words[end..]);
+            end += FIELD_WORDS as usize;
+        }
+        end
     }
 
     fn heap_bytes(&self) -> usize {
@@ -94,6 +118,9 @@ fn first_sample(brick: &Brick) -> f64 {
 pub(super) struct Bricks<'a> {
     pub tree: &'a dyn BrickTree,
     pub style: Style,
+    /// Whether bricks are to know w itself.
+    pub counts: bool,
+    /// Bytes for what is kept.
     pub bytes_max: u64,
     cache: BrickCache<Prepared>,
 }
@@ -106,9 +133,9 @@ pub(super) struct Lane {
 }
 
 impl<'a> Bricks<'a> {
-    /// Keeps at most `bytes_max` of what it makes.
-    pub fn new(tree: &'a dyn BrickTree, style: Style, bytes_max: u64) -> Bricks<'a> {
-        Bricks { tree, style, bytes_max, cache: BrickCache::new(bytes_max) }
+    /// Keeps at most `bytes_max` of what it makes, with w itself if `counts`.
+    pub fn new(tree: &'a dyn BrickTree, style: Style, counts: bool, bytes_max: u64) -> Bricks<'a> {
+        Bricks { tree, style, counts, bytes_max, cache: BrickCache::new(bytes_max) }
     }
 
     /// The brick of a node, prepared. Two threads may both prepare one, to the same content.
@@ -123,7 +150,7 @@ impl<'a> Bricks<'a> {
             Some(prepared) => prepared,
             None => {
                 let brick = self.tree.brick_once(key)?;
-                let prepared = Arc::new(Prepared::new(&brick, &self.style, &mut lane.scratch));
+                let prepared = Arc::new(Prepared::new(&brick, &self.style, self.counts, &mut lane.scratch));
                 self.cache.insert(key, &prepared, prepared.heap_bytes());
                 prepared
             }

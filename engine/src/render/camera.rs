@@ -124,6 +124,21 @@ pub(super) struct Camera {
     parallel: bool,
 }
 
+/// The picture in space.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Screen {
+    /// The eye; of parallel rays where the one through the upper left corner begins.
+    pub origin: Vector,
+    /// From the eye to the upper left corner; the direction of parallel rays.
+    pub corner: Vector,
+    /// From a pixel to the next on the right, and to the one below.
+    pub steps: [Vector; 2],
+    /// Size of a pixel in the middle, and the distance of the eye from there.
+    pub pixel: f64,
+    pub distance: f64,
+    pub parallel: bool,
+}
+
 /// Free space on each side, as a share of the picture.
 const MARGIN: f64 = 0.03;
 
@@ -191,6 +206,21 @@ impl Camera {
         }
         let origin = sum(self.centre, back);
         Ray { origin, direction: unit(sum(target, scaled(origin, -1.0))) }
+    }
+
+    /// The same rays as places and steps.
+    pub fn screen(&self) -> Screen {
+        let [right, up, towards] = self.axes;
+        let steps = [scaled(right, self.pixel), scaled(up, -self.pixel)];
+        let halves = [0, 1].map(|n| scaled(steps[n], -f64::from(self.size[n]) / 2.0));
+        let to_corner = sum(halves[0], halves[1]);
+        let eye = sum(self.centre, scaled(towards, self.distance));
+        let [origin, corner] = match self.parallel {
+            true => [sum(eye, to_corner), scaled(towards, -1.0)],
+            false => [eye, sum(to_corner, scaled(towards, -self.distance))],
+        };
+        let Camera { pixel, distance, parallel, .. } = *self;
+        Screen { origin, corner, steps, pixel, distance, parallel }
     }
 
     /// Size of a pixel at a distance from the eye.
@@ -268,6 +298,26 @@ mod tests {
         let nowhere = Focus { centre: [0.0, f64::NAN, 0.0], height: 1.0 };
         for bad in [nowhere, Focus { centre: [0.0; 3], height: 0.0 }] {
             assert!(Camera::at(View::named("iso").unwrap(), bad, corners, [200, 100]).is_err());
+        }
+    }
+
+    #[test]
+    fn the_screen_has_the_same_rays() {
+        for opening in [0.0, 50.0] {
+            let view = View { azimuth: 20.0, elevation: -35.0, opening };
+            let camera =
+                Camera::fit(&[view], [[-3.0, 1.0, 5.0], [4.0, 2.0, 9.0]], [200, 100]).unwrap().remove(0);
+            let Screen { origin, corner, steps, parallel, .. } = camera.screen();
+            for at in [[0.0, 0.0], [17.5, 99.5], [200.0, 3.25]] {
+                let over = sum(scaled(steps[0], at[0]), scaled(steps[1], at[1]));
+                let (ray, expected) = match parallel {
+                    true => (Ray { origin: sum(origin, over), direction: corner }, camera.ray(at)),
+                    false => (Ray { origin, direction: unit(sum(corner, over)) }, camera.ray(at)),
+                };
+                for (a, b) in [(ray.origin, expected.origin), (ray.direction, expected.direction)] {
+                    assert!((0..3).all(|n| (a[n] - b[n]).abs() < 1e-12), "{ray:?} {expected:?}");
+                }
+            }
         }
     }
 

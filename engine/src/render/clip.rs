@@ -50,6 +50,11 @@ impl Clip {
         self.corners
     }
 
+    /// Which sides are cuts: of the lower ones, and of the upper ones, by axis.
+    pub fn cut_sides(&self) -> [[bool; 3]; 2] {
+        self.is_cut
+    }
+
     /// Whether nothing is left.
     pub fn is_empty(&self) -> bool {
         (0..3).any(|a| self.corners[0][a] >= self.corners[1][a])

@@ -2,6 +2,7 @@
 
 use crate::brick::{Brick, Hermite, POINTS, Samples, SignChanges, point_index};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use brickfield_shaders::VALUE_WORDS;
 
 /// Numbers at the 33³ samples of a brick, above 0 inside.
 pub(super) struct Field {
@@ -87,6 +88,13 @@ impl Field {
         POINTS * size_of::<i16>() + BRICK_CELLS * BRICK_CELLS * size_of::<u32>()
     }
 
+    /// Its words in a page: numbers two by two, then a word a row of cells.
+    pub fn write(&self, words: &mut [u32]) {
+        let (values, active) = words.split_at_mut(VALUE_WORDS as usize);
+        bytemuck::cast_slice_mut(values)[..POINTS].copy_from_slice(&*self.values);
+        active[..self.active.len()].copy_from_slice(&*self.active);
+    }
+
     /// Whether the cell is worth a look.
     #[inline]
     pub fn is_active(&self, [i, j, k]: [usize; 3]) -> bool {
@@ -122,6 +130,11 @@ pub(super) const BLOCK_CELLS: usize = 4;
 pub(super) struct Blocks([u64; BRICK_CELLS / BLOCK_CELLS]);
 
 impl Blocks {
+    /// Two words a layer.
+    pub fn words(&self) -> impl Iterator<Item = u32> {
+        self.0.into_iter().flat_map(|layer| [layer as u32, (layer >> 32) as u32])
+    }
+
     #[inline]
     pub fn is_active(&self, [i, j, k]: [usize; 3]) -> bool {
         self.0[k] >> (8 * j + i) & 1 == 1

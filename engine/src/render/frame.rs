@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use rayon::prelude::*;
 
 /// Pixels along the side of a tile, which a thread takes at once.
-const TILE: u32 = 32;
+pub(super) const TILE: u32 = 32;
 
 /// A scene as one eye sees it.
 pub struct Frame<'s> {
@@ -62,7 +62,17 @@ impl<'s> Frame<'s> {
     ///
     /// # Errors
     /// [`Error::Interrupted`](crate::Error::Interrupted); what reading the tree and `row` give.
-    pub fn draw(&self, progress: &dyn Progress, mut row: impl FnMut(&[Rgba]) -> Result<()>) -> Result<()> {
+    pub fn draw(&self, progress: &dyn Progress, row: impl FnMut(&[Rgba]) -> Result<()>) -> Result<()> {
+        self.draw_bands(progress, |number| self.band(number, progress), row)
+    }
+
+    /// The rows of bands from the top.
+    pub(super) fn draw_bands(
+        &self,
+        progress: &dyn Progress,
+        mut band: impl FnMut(u32) -> Result<Band>,
+        mut row: impl FnMut(&[Rgba]) -> Result<()>,
+    ) -> Result<()> {
         let height = self.scene.size[1];
         let bands = height.div_ceil(TILE);
         progress.phase("drawing", Some(bands.into()), "bands");
@@ -71,11 +81,11 @@ impl<'s> Frame<'s> {
         for number in 0..=bands {
             progress.check()?;
             around.rotate_left(1);
-            around[2] = (number < bands).then(|| self.band(number, progress)).transpose()?;
-            let [above, band, below] = around.each_ref().map(Option::as_ref);
-            let Some(band) = band else { continue };
-            let between = Between { above, band, below, unit: relief::unit_of(height) };
-            for y in 0..band.rows() {
+            around[2] = (number < bands).then(|| band(number)).transpose()?;
+            let [above, this, below] = around.each_ref().map(Option::as_ref);
+            let Some(this) = this else { continue };
+            let between = Between { above, band: this, below, unit: relief::unit_of(height) };
+            for y in 0..this.rows() {
                 row(&between.row(y, |distance| self.eye.camera.pixel_at(distance)))?;
             }
             progress.advance(1);
@@ -84,7 +94,7 @@ impl<'s> Frame<'s> {
     }
 
     /// A row of tiles.
-    fn band(&self, number: u32, progress: &dyn Progress) -> Result<Band> {
+    pub(super) fn band(&self, number: u32, progress: &dyn Progress) -> Result<Band> {
         let [width, height] = self.scene.size;
         let rows = TILE.min(height - number * TILE);
         let tiles: Vec<Vec<(Rgba, f64)>> = (0..width.div_ceil(TILE))

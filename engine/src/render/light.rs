@@ -18,10 +18,25 @@ impl Light {
         Light { lighting, key: from(lighting.from), fill: from([0.8, -0.1, 0.5]), towards }
     }
 
+    /// The directions of the stronger lamp, of the weaker one, and of the eye.
+    pub fn directions(&self) -> [Vector; 3] {
+        [self.key, self.fill, self.towards]
+    }
+
+    /// From where gloss comes: half way between the stronger lamp and the eye.
+    pub fn half(&self) -> Vector {
+        unit(sum(self.key, self.towards))
+    }
+
+    /// What light there is.
+    pub fn lighting(&self) -> Lighting {
+        self.lighting
+    }
+
     /// A matt surface with some gloss.
     fn shaded(&self, colour: [f64; 3], normal: Vector) -> [f64; 3] {
         let lit = |from: Vector| dot(normal, from).max(0.0);
-        let half = lit(unit(sum(self.key, self.towards)));
+        let half = lit(self.half());
         let Lighting { ambient, strength, fill, gloss, .. } = self.lighting;
         let gloss = 255.0 * gloss * half.powi(24);
         let light = ambient + strength * lit(self.key) + fill * lit(self.fill);
@@ -59,7 +74,7 @@ impl Light {
     }
 }
 
-fn colour_of([r, g, b, _]: Rgba) -> [f64; 3] {
+pub(super) fn colour_of([r, g, b, _]: Rgba) -> [f64; 3] {
     [r, g, b].map(f64::from)
 }
 

@@ -1,4 +1,4 @@
-//! Pictures of a tree in space, by casting rays through its bricks on the processor.
+//! Pictures of a tree in space, by casting rays through its bricks, on the processor or on a device.
 //!
 //! A ray goes from node to node (the octree's planes cut it into stretches) and leaves out those of which the index says
 //! that there is nothing to be seen: so empty space and what lies within cost a few steps. In a brick it goes from cell to
@@ -18,20 +18,25 @@
 //! | `frame` | one picture |
 //! | `relief` | depth made visible |
 //! | `trace` | a ray through tree and brick |
+//! | `caster` | pictures by a device, and bricks for it |
+//! | `sight` | scene and frame as a device sees them |
 
 mod bricks;
 mod camera;
+mod caster;
 mod clip;
 mod field;
 mod frame;
 mod light;
 mod nodes;
 mod relief;
+mod sight;
 mod stops;
 mod style;
 mod trace;
 
 pub use camera::{Focus, Ray, View};
+pub use caster::{Caster, CasterReport};
 pub use clip::Cut;
 pub use frame::Frame;
 pub use stops::{Stops, W_MAX};
@@ -128,7 +133,7 @@ impl<'a> Scene<'a> {
             return Err(Error::setting("the tree has no root", "build it again"));
         }
         let cache_bytes = options.cache_bytes.saturating_sub(nodes.heap_bytes());
-        let bricks = Bricks::new(tree, options.style.clone(), cache_bytes);
+        let bricks = Bricks::new(tree, options.style.clone(), options.style.counts(), cache_bytes);
         Scene::of(Arc::new(bricks), Arc::new(nodes), level, options)
     }
 
@@ -147,7 +152,11 @@ impl<'a> Scene<'a> {
             Arc::clone(&self.bricks)
         } else {
             options.style.check()?;
-            Arc::new(Bricks::new(tree, options.style.clone(), self.bricks.bytes_max))
+            {
+                let style = options.style.clone();
+                let counts = style.counts();
+                Arc::new(Bricks::new(tree, style, counts, self.bricks.bytes_max))
+            }
         };
         Scene::of(bricks, Arc::clone(&self.nodes), level, options)
     }
@@ -203,13 +212,30 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Draws a picture into a PNG, which has its name only when it is complete.
+/// Draws a picture, on a device if there is one, into a PNG, which has its name only when it is complete.
 ///
 /// # Errors
 /// As [`Frame::draw`], and what writing gives.
-pub fn write_frame(frame: &Frame<'_>, path: &Path, progress: &dyn Progress) -> Result<()> {
-    let draw = |rows: &mut PngRows<'_>| frame.draw(progress, |row| rows.row(row));
+pub fn write_frame(
+    frame: &Frame<'_>,
+    caster: Option<&mut Caster<'_>>,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let draw = |rows: &mut PngRows<'_>| draw(frame, caster, progress, rows);
     write_png(path, frame.scene.size, frame.scene.background[3] == 255, draw)
+}
+
+fn draw(
+    frame: &Frame<'_>,
+    caster: Option<&mut Caster<'_>>,
+    progress: &dyn Progress,
+    rows: &mut PngRows<'_>,
+) -> Result<()> {
+    match caster {
+        Some(caster) => caster.draw(frame, progress, |row| rows.row(row)),
+        None => frame.draw(progress, |row| rows.row(row)),
+    }
 }
 
 /// Draws all pictures into an animated PNG, which has its name only when it is complete. They are seen one after the other
@@ -217,9 +243,15 @@ pub fn write_frame(frame: &Frame<'_>, path: &Path, progress: &dyn Progress) -> R
 ///
 /// # Errors
 /// As [`write_frame`], and [`Error::Setting`] if there are too many pictures, or too large ones.
-pub fn write_turn(scene: &Scene<'_>, path: &Path, seconds: f64, progress: &dyn Progress) -> Result<()> {
+pub fn write_turn(
+    scene: &Scene<'_>,
+    mut caster: Option<&mut Caster<'_>>,
+    path: &Path,
+    seconds: f64,
+    progress: &dyn Progress,
+) -> Result<()> {
     let frames: Vec<Frame<'_>> = scene.frames().collect();
     let what =
         Animation { size: scene.size, opaque: scene.background[3] == 255, frames: frames.len(), seconds };
-    write_apng(path, what, |number, rows| frames[number].draw(progress, |row| rows.row(row)))
+    write_apng(path, what, |number, rows| draw(&frames[number], caster.as_deref_mut(), progress, rows))
 }

@@ -1,5 +1,6 @@
 //! The tree as rays see it: which nodes hold nothing to be seen.
 
+use crate::lattice::NodeKey;
 use crate::store::BrickTree;
 
 /// What is known of a node and of all below it.
@@ -50,6 +51,16 @@ impl Nodes {
 
     pub fn get(&self, number: u32) -> Node {
         self.0[number as usize]
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = &Node> {
+        self.0.iter()
+    }
+
+    /// The keys of as many first nodes: those of `tree` as [`Nodes::new`] counts them.
+    pub fn keys(&self, tree: &dyn BrickTree) -> Vec<NodeKey> {
+        let there = tree.keys().into_iter().filter(|key| tree.node(*key).is_some());
+        there.take(self.0.len()).collect()
     }
 
     /// Bytes that they take.

@@ -47,6 +47,11 @@ impl<const N: usize> Stops<N> {
         std::array::from_fn(|n| a[n] + (b[n] - a[n]) * part)
     }
 
+    /// The stops.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &(f64, [f64; N])> {
+        self.0.iter()
+    }
+
     /// The values at the stops.
     pub(super) fn values(&self) -> impl Iterator<Item = [f64; N]> {
         self.0.iter().map(|(_, value)| *value)

@@ -191,6 +191,11 @@ impl Style {
     pub(super) fn counts(&self) -> bool {
         self.surfaces.iter().any(|surface| surface.paint == Paint::Counted)
     }
+
+    /// Whether w shows where a cut opens the part.
+    pub(super) fn caps(&self) -> bool {
+        self.surfaces.iter().any(Surface::is_opaque)
+    }
 }
 
 impl Surface {

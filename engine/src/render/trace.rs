@@ -16,6 +16,8 @@ use std::ops::ControlFlow;
 const HALVINGS: usize = 10;
 /// Steps through a stretch of haze, or through a cell if that is longer.
 const STEPS_A_STRETCH: f64 = 3.0;
+/// What rounding may add to a number of steps: a ray along an axis takes as many in every cell.
+const STEPS_SLACK: f64 = 1e-3;
 
 /// A ray on its way.
 pub(super) struct Tracer<'a> {
@@ -365,7 +367,7 @@ impl Sight<'_> {
         let [low, high] = volume.range();
         let length = (to - from) / self.frame.stretch(volume, self.place);
         let in_cells = (to - from) / self.frame.scene.bricks.tree.root().spacing(self.place.key.level());
-        let steps = (length.min(in_cells) * STEPS_A_STRETCH).ceil().max(1.0);
+        let steps = (length.min(in_cells) * STEPS_A_STRETCH - STEPS_SLACK).ceil().max(1.0);
         for step in 0..steps as usize {
             let t = from + (to - from) * (step as f64 + 0.5) / steps;
             let w = low + stretch.value(t) * (high - low);

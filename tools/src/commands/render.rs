@@ -1,13 +1,17 @@
 //! `brickfield render`: the part in space as a picture, or as pictures from all around.
 
 use super::{make_folder, no_unit, of_store, open_store, require_level, start};
+use crate::devices::choose;
 use crate::failure::Failure;
 use crate::memory;
-use crate::output::{in_line, print, print_json, require_distinct};
+use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
 use crate::style_file::{self, StyleFile};
+use crate::units::Size;
 use brickfield_engine::lattice::Axis;
-use brickfield_engine::render::{Cut, RenderOptions, Scene, View, write_frame, write_turn};
+use brickfield_engine::render::{
+    Caster, CasterReport, Cut, RenderOptions, Scene, View, write_frame, write_turn,
+};
 use brickfield_engine::store::{Accept, Store};
 use serde_json::json;
 use std::path::Path;
@@ -53,7 +57,10 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut started = Instant::now();
     let kind = Kind::of(args)?;
     let bars = start(args.work)?;
-    let caches = memory::picture_caches(args.memory);
+    let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
+    // As in builds: what is taken of the device may be this machine's.
+    let of_device = device.as_ref().map_or(0, |device| device.gpu().memory().min(args.memory.0 / 2));
+    let caches = memory::picture_caches(Size(args.memory.0 - of_device));
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
@@ -64,66 +71,81 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let options = options(args, &store, caches - BRICK_CACHE_BYTES)?;
     let refused = |error| of_store(&store, "picture", error);
     let scene = Scene::new(&store, &options).map_err(refused)?;
+    let mut caster = device.as_ref().map(|device| Caster::new(&scene, device.gpu()));
     let mut made = 0;
-    let mut say = |path: &Path, frames: Option<u32>| {
+    let mut say = |path: &Path, frames: Option<u32>, caster: Option<&Caster<'_>>| {
         bars.clear();
-        let bricks = scene.summary().made - made;
+        let bricks = caster.map_or_else(|| scene.summary(), Caster::summary).made - made;
         made += bricks;
         let seconds = started.elapsed().as_secs_f64();
         started = Instant::now();
-        say(args, path, options.size, frames, bricks, seconds)
+        let drawn = Drawn { path, size: options.size, frames, bricks, seconds };
+        drawn.say(args, caster.map(Caster::report))
     };
     match kind {
         Kind::Picture => {
             for frame in scene.frames() {
                 if let Some(preview) = &args.preview {
-                    write_frame(&frame.coarse(), preview, &bars).map_err(refused)?;
-                    say(preview, None)?;
+                    write_frame(&frame.coarse(), caster.as_mut(), preview, &bars).map_err(refused)?;
+                    say(preview, None, caster.as_ref())?;
                 }
-                write_frame(&frame, &args.output, &bars).map_err(refused)?;
-                say(&args.output, None)?;
+                write_frame(&frame, caster.as_mut(), &args.output, &bars).map_err(refused)?;
+                say(&args.output, None, caster.as_ref())?;
             }
         }
         Kind::Animation => {
-            write_turn(&scene, &args.output, TURN_SECONDS, &bars).map_err(refused)?;
-            say(&args.output, args.turntable)?;
+            write_turn(&scene, caster.as_mut(), &args.output, TURN_SECONDS, &bars).map_err(refused)?;
+            say(&args.output, args.turntable, caster.as_ref())?;
         }
         Kind::Folder => {
             make_folder(&args.output)?;
             for (number, frame) in scene.frames().enumerate() {
                 let path = args.output.join(format!("{:04}.png", number + 1));
-                write_frame(&frame, &path, &bars).map_err(refused)?;
-                say(&path, None)?;
+                write_frame(&frame, caster.as_mut(), &path, &bars).map_err(refused)?;
+                say(&path, None, caster.as_ref())?;
             }
         }
+    }
+    if let Some(CasterReport { name, failure: Some(failure), .. }) = caster.as_ref().map(Caster::report) {
+        warn(&format!("{name}: {failure}; the processor drew in its place"));
     }
     Ok(())
 }
 
-/// Says what was written: how many bricks were read for it, and how long it took.
-fn say(
-    args: &RenderArgs,
-    path: &Path,
-    [width, height]: [u32; 2],
+/// What was written: how many bricks were read for it, and how long it took.
+struct Drawn<'a> {
+    path: &'a Path,
+    size: [u32; 2],
     frames: Option<u32>,
     bricks: u64,
     seconds: f64,
-) -> Result<(), Failure> {
-    if args.json {
-        let output = path.display().to_string();
-        let mut said =
-            json!({ "output": output, "size": [width, height], "bricks": bricks, "seconds": seconds });
-        if let Some(frames) = frames {
-            said["frames"] = frames.into();
+}
+
+impl Drawn<'_> {
+    /// Says so, and what a device did so far.
+    fn say(&self, args: &RenderArgs, device: Option<&CasterReport>) -> Result<(), Failure> {
+        let Drawn { path, size: [width, height], frames, bricks, seconds } = *self;
+        if args.json {
+            let output = path.display().to_string();
+            let mut said =
+                json!({ "output": output, "size": [width, height], "bricks": bricks, "seconds": seconds });
+            if let Some(frames) = frames {
+                said["frames"] = frames.into();
+            }
+            if let Some(device) = device {
+                said["device"] = json!(device);
+            }
+            return print_json(&said);
         }
-        return print_json(&said);
+        if args.work.quiet {
+            return Ok(());
+        }
+        let frames = frames.map_or_else(String::new, |frames| format!("{frames} pictures of "));
+        let by = device.filter(|device| device.failure.is_none());
+        let by = by.map_or_else(String::new, |device| format!(", by {}", device.name));
+        let name = in_line(path);
+        print(&format!("{name}: {frames}{width} × {height} pixels, {bricks} bricks, {seconds:.2} s{by}"))
     }
-    if args.work.quiet {
-        return Ok(());
-    }
-    let frames = frames.map_or_else(String::new, |frames| format!("{frames} pictures of "));
-    let name = in_line(path);
-    print(&format!("{name}: {frames}{width} × {height} pixels, {bricks} bricks, {seconds:.2} s"))
 }
 
 fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderOptions, Failure> {
