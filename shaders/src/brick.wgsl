@@ -28,19 +28,21 @@ struct Brick {
 // coordinates each relative to sample 0 of the brick, then the brick, and in the high half the logarithm of the distance
 // of samples.
 @group(0) @binding(2) var<storage, read> pairs: array<u64>;
-// By sample, x fastest: the jump on the way to it, along x, or in the face x = 0 along y, or in the column x = y = 0
-// along z. Behind those of a brick, as bits: which edges along x hold crossings, by row; along y in the face, by z; along
-// z in the column.
-@group(0) @binding(3) var<storage, read_write> jumps: array<atomic<i32>>;
-// By row, two a word, the first one low: the samples behind the edges along x that hold crossings.
-@group(0) @binding(4) var<storage, read_write> samples: array<u32>;
+// By line and edge, four a word, the first one lowest: the jump on the way to the sample behind it. Lines are the rows,
+// along x, then those in the face x = 0 along y, then the column x = y = 0 along z. Behind those of a brick, as bits:
+// which edges hold crossings, by line.
+@group(0) @binding(3) var<storage, read_write> jumps: array<atomic<u32>>;
+// By brick, axis and row, as bits over x: which sign-changing edges have a crossing; behind those of a brick, one bit each,
+// the edges at x = 32.
+@group(0) @binding(4) var<storage, read_write> taken: array<atomic<u32>>;
 // By row: its first sample, and in the high half which edges along x hold crossings.
 @group(0) @binding(5) var<storage, read_write> rows: array<u64>;
 // By brick, axis and row: which edges change sign that begin in the row, as bits over x; in the high half how many such
 // edges lie before the row's, if it has any and there is room for the brick's, which bit 30 tells; bit 31 tells whether
 // the one at x = 32 changes sign.
 @group(0) @binding(6) var<storage, read_write> tables: array<u64>;
-// By sign-changing edge: how many crossings it holds, and the number of its last one in `more`, from 1.
+// By sign-changing edge: how many crossings it holds behind the first, and the number of its last one in `more`, from 1.
+// All are 0 between two batches.
 @group(0) @binding(7) var<storage, read_write> chains: array<atomic<u32>>;
 // By sign-changing edge: the offset of the first crossing with its way, and in the high half its normal; in the end the
 // Hermite edge's.
@@ -73,22 +75,31 @@ fn table_at(brick: u32, axis: u32, row: u32) -> u32 {
     return (brick * 3u + axis) * ROWS + row;
 }
 
-// Where the jump on the way to a sample is kept.
-fn jump_at(brick: u32, index: u32) -> u32 {
-    return brick * JUMP_WORDS + index;
+// The lines in the face x = 0, by z.
+fn face_line(z: u32) -> u32 {
+    return ROWS + z;
 }
 
-// Where the edges that hold crossings are kept: those of a row along x, in the face along y, in the column.
-fn touched_at(brick: u32, row: u32) -> u32 {
-    return brick * JUMP_WORDS + ROWS * POINTS + row;
+// The one in the column.
+const COLUMN_LINE = ROWS + POINTS;
+
+// Where the jump at an edge of a line is kept, with those of three others.
+fn jump_at(brick: u32, line: u32, edge: u32) -> u32 {
+    return brick * JUMP_WORDS + line * LINE_WORDS + (edge >> 2u);
 }
 
-fn face_touched_at(brick: u32, z: u32) -> u32 {
-    return touched_at(brick, ROWS + z);
+// The jump at an edge, from its word. Words are sums of jumps times powers of 256.
+fn jump_in(word: u32, edge: u32) -> i32 {
+    return i32(((word + JUMP_BIAS) >> (8u * (edge & 3u))) & 0xffu) - 128i;
 }
 
-fn column_touched_at(brick: u32) -> u32 {
-    return touched_at(brick, ROWS + POINTS);
+fn jump_to(brick: u32, line: u32, edge: u32) -> i32 {
+    return jump_in(atomicLoad(&jumps[jump_at(brick, line, edge)]), edge);
+}
+
+// Where it is kept which edges of a line hold crossings.
+fn touched_at(brick: u32, line: u32) -> u32 {
+    return brick * JUMP_WORDS + LINES * LINE_WORDS + line;
 }
 
 // The part of a list that a workgroup has: the first and the end. Parts are whole, so that what lies close in memory is

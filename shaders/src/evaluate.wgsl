@@ -13,12 +13,8 @@ var<workgroup> sums: array<u64, WORKGROUP>;
 var<workgroup> places: vec3<u32>;
 var<workgroup> has_room: u32;
 
-fn jump_to(brick: u32, index: u32) -> i32 {
-    return atomicLoad(&jumps[jump_at(brick, index)]);
-}
-
-fn touched(at: u32) -> u32 {
-    return bitcast<u32>(atomicLoad(&jumps[at]));
+fn touched(brick: u32, line: u32) -> u32 {
+    return atomicLoad(&jumps[touched_at(brick, line)]);
 }
 
 // The samples of the column.
@@ -26,10 +22,10 @@ fn start_column(brick: u32, me: u32) {
     if me < POINTS {
         var w = bricks[brick].corner;
         let below = select((1u << (me & 31u)) - 1u, 0xffffffffu, me == CELLS);
-        for (var left = touched(column_touched_at(brick)) & below; left != 0u; left &= left - 1u) {
-            w += jump_to(brick, (countTrailingZeros(left) + 1u) * ROWS);
+        for (var left = touched(brick, COLUMN_LINE) & below; left != 0u; left &= left - 1u) {
+            w += jump_to(brick, COLUMN_LINE, countTrailingZeros(left));
         }
-        starts[me] = both(bitcast<u32>(w), touched(face_touched_at(brick, me)));
+        starts[me] = both(bitcast<u32>(w), touched(brick, face_line(me)));
     }
     workgroupBarrier();
 }
@@ -42,7 +38,7 @@ fn start_of(brick: u32, row: u32) -> i32 {
     var w = bitcast<i32>(low_of(start));
     let below = select((1u << (y & 31u)) - 1u, 0xffffffffu, y == CELLS);
     for (var left = high_of(start) & below; left != 0u; left &= left - 1u) {
-        w += jump_to(brick, (z * POINTS + countTrailingZeros(left) + 1u) * POINTS);
+        w += jump_to(brick, face_line(z), countTrailingZeros(left));
     }
     return w;
 }
@@ -51,26 +47,19 @@ fn found_at(w: i32, corner: i32) -> u32 {
     return select(0u, VARIES, w != corner) | select(0u, EXCESS, w != extractBits(w, 0u, 16u));
 }
 
-// The samples of a row, of which those behind crossings are written down; returns what was found.
+// The samples of a row; returns what was found.
 fn walk_row(brick: u32, corner: i32, row: u32) -> u32 {
     let start = start_of(brick, row);
     var found = found_at(start, corner);
-    let crossed = touched(touched_at(brick, row));
+    let crossed = touched(brick, row);
     rows[brick * ROWS + row] = both(bitcast<u32>(start), crossed);
-    let to_word = brick * SAMPLE_WORDS + row * ROW_WORDS;
-    let from_jump = row * POINTS;
     var w = start;
     var bits = select(0lu, 0x1fffffffflu, start >= 1i);
-    var word = 0u;
-    var word_at = 0u;
     for (var left = crossed; left != 0u; left &= left - 1u) {
-        let i = countTrailingZeros(left) + 1u;
-        w += jump_to(brick, from_jump + i);
+        let edge = countTrailingZeros(left);
+        w += jump_to(brick, row, edge);
         found |= found_at(w, corner);
-        word = select(0u, word, word_at == (i >> 1u)) | ((bitcast<u32>(w) & 0xffffu) << (16u * (i & 1u)));
-        word_at = i >> 1u;
-        samples[to_word + word_at] = word;
-        let before = (1lu << i) - 1lu;
+        let before = (2lu << edge) - 1lu;
         bits = (bits & before) | select(0lu, 0x1fffffffflu & ~before, w >= 1i);
     }
     insides[row] = bits;

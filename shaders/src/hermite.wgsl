@@ -26,6 +26,9 @@ struct Tag {
     // Whether there is one.
     found: bool,
     place: u32,
+    // Its word and bit in `taken`.
+    taken: u32,
+    bit: u32,
     // Where the edge begins in the brick.
     sample: u32,
     // From the edge's beginning: units, and the rest.
@@ -48,14 +51,18 @@ fn look(span: Span, cursor: Cursor) -> Tag {
     let v = span.line.y;
     let row = select(select(lower * POINTS + v, u * POINTS + lower, span.axis == 1u), v * POINTS + u, span.axis == 0u);
     let i = select(select(u, v, span.axis == 1u), lower, span.axis == 0u);
-    let table = tables[table_at(span.brick, span.axis, row)];
+    let table_row = table_at(0u, span.axis, row);
+    let table = tables[table_at(span.brick, 0u, table_row)];
     let bits = low_of(table);
     let rank = high_of(table);
     let is_last = i == CELLS;
     let changes = select((bits >> (i & 31u)) & 1u, rank >> 31u, is_last);
     let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
     let place = (rank & 0x3fffffffu) + countOneBits(below);
-    return Tag(is_inside && rank != 0u && changes != 0u, place, row * POINTS + i, edge.y, cursor.depth.rest);
+    let taken = span.brick * TAKEN_WORDS + select(table_row, 3u * ROWS + (table_row >> 5u), is_last);
+    let bit = 1u << (select(i, table_row, is_last) & 31u);
+    let found = is_inside && rank != 0u && changes != 0u;
+    return Tag(found, place, taken, bit, row * POINTS + i, edge.y, cursor.depth.rest);
 }
 
 // Loops within loops, so that invocations that run in step come together where less is to be done: llvmpipe goes through
@@ -66,9 +73,9 @@ fn tag_one(packed: u64, more_max: u32) {
     let way = select(0u, 1u << 16u, span.jump < 0i);
     var cursor = Cursor(0u, span.depth);
     loop {
-        var tag = Tag(false, 0u, 0u, 0i, 0li);
+        var tag = Tag(false, 0u, 0u, 0u, 0u, 0i, 0li);
         var crossing = 0lu;
-        var before = 0u;
+        var is_taken = false;
         loop {
             loop {
                 if cursor.line >= span.lines {
@@ -81,22 +88,22 @@ fn tag_one(packed: u64, more_max: u32) {
                     break;
                 }
             }
-            before = 0u;
+            is_taken = false;
             if !tag.found {
                 break;
             }
             let offset = offset_of(tag.beyond, tag.rest, span.across, span.per_n, span.shift);
             crossing = both(offset | way, normal);
-            before = atomicAdd(&chains[2u * tag.place], 1u);
-            if before != 0u {
+            is_taken = (atomicOr(&taken[tag.taken], tag.bit) & tag.bit) != 0u;
+            if is_taken {
                 break;
             }
             hermite[tag.place] = crossing;
         }
-        if before == 0u {
+        if !is_taken {
             break;
         }
-        if before == 1u {
+        if atomicAdd(&chains[2u * tag.place], 1u) == 0u {
             keep_second(tag.place, crossing, tag.sample | (span.brick << 16u));
         } else {
             keep_more(tag.place, crossing, span.brick, more_max);
@@ -126,13 +133,11 @@ fn sample(brick: u32, index: u32) -> i32 {
     let i = index % POINTS;
     let before = select((1u << (i & 31u)) - 1u, 0xffffffffu, i == CELLS);
     let packed = rows[brick * ROWS + row];
-    let touched = high_of(packed) & before;
-    if touched == 0u {
-        return bitcast<i32>(low_of(packed));
+    var w = bitcast<i32>(low_of(packed));
+    for (var left = high_of(packed) & before; left != 0u; left &= left - 1u) {
+        w += jump_to(brick, row, countTrailingZeros(left));
     }
-    let behind = firstLeadingBit(touched) + 1u;
-    let word = samples[brick * SAMPLE_WORDS + row * ROW_WORDS + (behind >> 1u)];
-    return extractBits(bitcast<i32>(word), 16u * (behind & 1u), 16u);
+    return w;
 }
 
 // Crossings at one offset: how the winding number changes there, and the smallest normal of those where it rises and of
@@ -221,12 +226,15 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
         let packed = doubles[double];
         let place = low_of(packed);
         let brick = high_of(packed) >> 16u;
+        let head = atomicLoad(&chains[2u * place + 1u]);
+        atomicStore(&chains[2u * place], 0u);
+        atomicStore(&chains[2u * place + 1u], 0u);
         // A brick whose crossings found no room has edges that lack some.
         if (atomicLoad(&bricks[brick].flags) & FULL) != 0u {
             continue;
         }
         let start = sample(brick, high_of(packed) & 0xffffu);
-        let wrong = decide(place, atomicLoad(&chains[2u * place + 1u]), start);
+        let wrong = decide(place, head, start);
         if wrong != 0u {
             atomicOr(&bricks[brick].flags, wrong);
         }

@@ -134,25 +134,25 @@ fn jump_one(packed: u64) {
     var depth = span.depth;
     // Along z only the first line leads to samples.
     let lines = select(span.lines, 1u, span.axis == 2u);
+    var is_crowded = false;
     for (var number = 0u; number < lines; number++) {
         let lower = edge_at(span, depth).x;
         if lower >= 0i && lower < i32(CELLS) {
             let u = span.line.x + number;
-            let behind = u32(lower) + 1u;
-            var touched = column_touched_at(span.brick);
-            var at = jump_at(span.brick, behind * ROWS);
-            if span.axis == 0u {
-                let row = span.line.y * POINTS + u;
-                touched = touched_at(span.brick, row);
-                at = jump_at(span.brick, row * POINTS + behind);
-            } else if span.axis == 1u {
-                touched = face_touched_at(span.brick, u);
-                at = jump_at(span.brick, (u * POINTS + behind) * POINTS);
-            }
-            atomicOr(&jumps[touched], bitcast<i32>(1u << u32(lower)));
-            atomicAdd(&jumps[at], span.jump);
+            let edge = u32(lower);
+            let row = span.line.y * POINTS + u;
+            let line = select(select(COLUMN_LINE, face_line(u), span.axis == 1u), row, span.axis == 0u);
+            atomicOr(&jumps[touched_at(span.brick, line)], 1u << edge);
+            let jump = bitcast<u32>(span.jump) << (8u * (edge & 3u));
+            let sum = jump_in(atomicAdd(&jumps[jump_at(span.brick, line, edge)], jump), edge) + span.jump;
+            is_crowded |= sum != extractBits(sum, 0u, 8u);
         }
         depth = next_depth(span, depth);
+    }
+    // A loop, because llvmpipe goes through conditions whether they hold or not.
+    while is_crowded {
+        atomicOr(&bricks[span.brick].flags, CROWDED);
+        is_crowded = false;
     }
 }
 

@@ -234,16 +234,19 @@ fn unpack(output: &BatchOutput<'_>, number: usize) -> Option<Brick> {
 
 fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
     const ROWS: usize = shaders::ROWS as usize;
-    let rows = &output.rows[number];
+    const LINE_WORDS: usize = shaders::LINE_WORDS as usize;
+    let lines = output.jumps[number].as_chunks::<LINE_WORDS>().0;
     let mut samples = Vec::with_capacity(POINTS);
-    for (row, words) in output.samples[number * ROWS..][..ROWS].iter().enumerate() {
-        let [start, touched] = rows[row];
-        let mut values = [start as i16; BRICK_POINTS];
-        let behind: &[i16] = bytemuck::cast_slice(words);
-        let mut left = touched;
+    for ([start, touched], words) in output.rows[number].iter().zip(&lines[..ROWS]) {
+        let mut w = *start as i16;
+        let mut values = [w; BRICK_POINTS];
+        let biased = words.map(|word| word.wrapping_add(shaders::JUMP_BIAS));
+        let biased: &[u8] = bytemuck::cast_slice(&biased);
+        let mut left = *touched;
         while left != 0 {
-            let i = left.trailing_zeros() as usize + 1;
-            values[i..].fill(behind[i]);
+            let edge = left.trailing_zeros() as usize;
+            w += i16::from(biased[edge]) - 128;
+            values[edge + 1..].fill(w);
             left &= left - 1;
         }
         samples.extend_from_slice(&values);

@@ -6,9 +6,9 @@ use super::device::Gpu;
 use super::failure::Failure;
 use super::kernels::Sets;
 use super::memory::{Arena, Use};
-use super::sizes::{READ, Sizes, UPLOADED, ZEROED};
+use super::sizes::{CHAINS, READ, Sizes, UPLOADED, ZEROED};
 use super::slot::{Buffers, Seconds, Slot, Staged};
-use brickfield_shaders::{Batch, Brick, Pair, ROW_WORDS, ROWS};
+use brickfield_shaders::{Batch, Brick, JUMP_WORDS, Pair, ROWS};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -37,8 +37,9 @@ impl BatchInput {
 pub struct BatchOutput<'a> {
     /// What became of the bricks.
     pub bricks: &'a [Brick],
-    /// By brick and row: two a word, the samples behind edges along x that hold crossings; others hold anything.
-    pub samples: &'a [[u32; ROW_WORDS as usize]],
+    /// By brick: by row, four a word, the jumps of the samples at edges along x, as
+    /// [`brickfield_shaders::JUMP_BIAS`] tells; more follows.
+    pub jumps: &'a [[u32; JUMP_WORDS as usize]],
     /// By brick and row: the first sample, and which edges along x hold crossings.
     pub rows: &'a [[[u32; 2]; ROWS as usize]],
     /// The Hermite edges of all bricks: offset and normal.
@@ -76,6 +77,8 @@ pub struct Lane {
     sets: Sets,
     gpu: Gpu,
     sizes: Sizes,
+    /// By slot: bytes of the chains that are 0, because a batch that was done has left them so.
+    clean: [u64; RING],
     /// Batches under way by slot, oldest first.
     pending: VecDeque<(usize, Sizes)>,
     next: usize,
@@ -98,7 +101,8 @@ impl Lane {
         let ranges = sizes.ranges();
         (0..RING).for_each(|slot| sets.point(slot, 0, device.buffer(slot), &ranges));
         let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
-        Ok(Lane { slots, device, staging, sets, gpu: gpu.clone(), sizes, pending: VecDeque::new(), next: 0 })
+        let (clean, pending) = ([0; RING], VecDeque::new());
+        Ok(Lane { slots, device, staging, sets, gpu: gpu.clone(), sizes, clean, pending, next: 0 })
     }
 
     /// The most bricks, and pairs, that a batch may have.
@@ -146,17 +150,27 @@ impl Lane {
         for ((from, _), part) in ranges.iter().zip(parts) {
             to.bytes_mut(slot, *from, part.len() as u64).copy_from_slice(part);
         }
+        let mut zeros = self.zeros(slot, &load);
         if self.staging.is_none() {
             // Here, so that the device need not wait for it between two batches.
-            let lengths = load.lengths();
-            ZEROED.iter().for_each(|&n| self.device.bytes_mut(slot, ranges[n].0, lengths[n]).fill(0));
+            zeros.drain(..).for_each(|(from, length)| self.device.bytes_mut(slot, from, length).fill(0));
         }
         let staged = self.staging.as_ref().map(|staging| staging.of(slot));
         let buffers = Buffers { device: self.device.buffer(slot), staged, set: self.sets.sets[slot] };
-        self.slots[slot].submit(&self.gpu.kernels, buffers, &self.sizes, &load)?;
+        self.slots[slot].submit(&self.gpu.kernels, buffers, &zeros, &self.sizes, &load)?;
+        self.clean[slot] = self.clean[slot].max(load.lengths()[CHAINS]);
         self.pending.push_back((slot, load));
         self.next = (slot + 1) % RING;
         Ok(())
+    }
+
+    /// Offset and length of what must be 0 before a batch begins.
+    fn zeros(&self, slot: usize, load: &Sizes) -> Vec<(u64, u64)> {
+        let (ranges, lengths) = (self.sizes.ranges(), load.lengths());
+        let clean = self.clean[slot];
+        let chains = (ranges[CHAINS].0 + clean, lengths[CHAINS].saturating_sub(clean));
+        let zeros = ZEROED.iter().map(|&number| (ranges[number].0, lengths[number])).chain([chains]);
+        zeros.filter(|(_, length)| *length > 0).collect()
     }
 
     /// How much room a batch takes; checks that it is sound.
@@ -187,7 +201,10 @@ impl Lane {
     /// If the device fails; the batch is not under way any more.
     pub fn receive(&mut self) -> Result<Option<BatchOutput<'_>>, Failure> {
         let Some((slot, load)) = self.pending.pop_front() else { return Ok(None) };
+        // Where a batch failed nobody knows what it has left.
+        let clean = std::mem::take(&mut self.clean[slot]);
         self.slots[slot].wait()?;
+        self.clean[slot] = clean;
         let seconds = self.slots[slot].seconds()?;
         let (ranges, read_ranges, lengths) = (self.sizes.ranges(), self.sizes.read_ranges(), load.lengths());
         let part = |number: usize| {
@@ -199,7 +216,7 @@ impl Lane {
         };
         Ok(Some(BatchOutput {
             bricks: bytemuck::cast_slice(part(0)),
-            samples: bytemuck::cast_slice(part(1)),
+            jumps: bytemuck::cast_slice(part(1)),
             rows: bytemuck::cast_slice(part(2)),
             hermite: bytemuck::cast_slice(part(3)),
             seconds,

@@ -2,7 +2,7 @@
 
 use super::memory::RANGE_ALIGNMENT;
 use brickfield_shaders::{
-    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, SAMPLE_WORDS, TABLE_WORDS, WORKGROUP,
+    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, TABLE_WORDS, TAKEN_WORDS, WORKGROUP,
 };
 
 /// What a batch has room for.
@@ -38,10 +38,12 @@ pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
 
 /// Buffers that are uploaded: batch, bricks, pairs.
 pub(super) const UPLOADED: usize = 3;
-/// Buffers that begin with zeros: jumps, tables, chains.
-pub(super) const ZEROED: [usize; 3] = [3, 6, 7];
-/// Buffers that are read back: bricks, samples, rows, hermite.
-pub(super) const READ: [usize; 4] = [1, 4, 5, 8];
+/// Buffers that begin with zeros: jumps, taken, tables.
+pub(super) const ZEROED: [usize; 3] = [3, 4, 6];
+/// The buffer that begins with zeros and ends with them: chains.
+pub(super) const CHAINS: usize = 7;
+/// Buffers that are read back: bricks, jumps, rows, hermite.
+pub(super) const READ: [usize; 4] = [1, 3, 5, 8];
 
 impl Sizes {
     /// For this many bricks.
@@ -78,7 +80,7 @@ impl Sizes {
             u64::from(self.bricks) * size_of::<Brick>() as u64,
             words(self.pairs, PAIR_WORDS),
             words(self.bricks, JUMP_WORDS),
-            words(self.bricks, SAMPLE_WORDS),
+            words(self.bricks, TAKEN_WORDS),
             words(self.bricks, 2 * ROWS),
             words(self.bricks, TABLE_WORDS),
             words(self.edges, 2),

@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::failure::{Failure, Stage};
 use super::kernels::Kernels;
-use super::sizes::{READ, Ranges, Sizes, UPLOADED, ZEROED};
+use super::sizes::{READ, Ranges, Sizes, UPLOADED};
 use ash::vk;
 use brickfield_shaders::{POINTS, WORKGROUP};
 use std::sync::Arc;
@@ -92,12 +92,13 @@ impl Slot {
         Ok(slot)
     }
 
-    /// Sends a batch that lies in the upload buffer, or in the device's if nothing is staged, with zeros where it needs
-    /// them. `load` is what it takes of the sizes of the buffers.
+    /// Sends a batch that lies in the upload buffer, or in the device's if nothing is staged. `zeros` are the offsets and
+    /// lengths of what is still to be zeroed, if it is staged. `load` is what it takes of the sizes of the buffers.
     pub fn submit(
         &mut self,
         kernels: &Kernels,
         buffers: Buffers,
+        zeros: &[(u64, u64)],
         sizes: &Sizes,
         load: &Sizes,
     ) -> Result<(), Failure> {
@@ -106,7 +107,7 @@ impl Slot {
             slot.reset_times();
             slot.note_time(0);
             if let Some(staged) = buffers.staged {
-                slot.record_upload(staged, buffers, &ranges, load);
+                slot.record_upload(staged, buffers, &ranges, zeros, load);
                 slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
             }
             slot.note_time(1);
@@ -190,7 +191,14 @@ impl Slot {
         unsafe { self.context.raw.cmd_pipeline_barrier(self.commands, before, behind, none, &all, &[], &[]) };
     }
 
-    fn record_upload(&self, staged: Staged, buffers: Buffers, ranges: &Ranges, load: &Sizes) {
+    fn record_upload(
+        &self,
+        staged: Staged,
+        buffers: Buffers,
+        ranges: &Ranges,
+        zeros: &[(u64, u64)],
+        load: &Sizes,
+    ) {
         let lengths = load.lengths();
         let copies: [vk::BufferCopy; UPLOADED] = std::array::from_fn(|i| vk::BufferCopy {
             src_offset: ranges[i].0,
@@ -201,8 +209,7 @@ impl Slot {
         unsafe {
             let device = &self.context.raw;
             device.cmd_copy_buffer(self.commands, staged.upload, buffers.device, &copies);
-            for buffer in ZEROED {
-                let (from, length) = (ranges[buffer].0, lengths[buffer]);
+            for &(from, length) in zeros {
                 device.cmd_fill_buffer(self.commands, buffers.device, from, length, 0);
             }
         }
