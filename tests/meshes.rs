@@ -37,9 +37,6 @@ impl MeshSink for Kept {
     }
 }
 
-/// Pairs of triangles that meet are at most one in so many triangles, where cells are as coarse as half a bead.
-const MEETINGS_RARE: u64 = 5;
-
 type Soup = Vec<[[f64; 3]; 3]>;
 
 fn root_of(soup: &Soup) -> RootCube {
@@ -57,15 +54,7 @@ fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
     contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
     let report = check(&kept.vertices, &kept.triangles);
     assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
-    // Only where several vertices share a cell.
-    let [pairs, flat] = meetings(&kept);
-    assert!(pairs * MEETINGS_RARE <= kept.triangles.len() as u64 && flat == 0, "{pairs} of {report}");
-    let mut apart = Kept::default();
-    let options = ContourOptions { intersection_free: true, ..Default::default() };
-    contour(&tree, &options, &mut apart, &Silent).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(meetings(&apart), [0; 2]);
-    let of_apart = check(&apart.vertices, &apart.triangles);
-    assert!(of_apart.is_closed_manifold() && of_apart.is_oriented(), "{of_apart}");
+    assert_eq!(meetings(&kept), [0; 2]);
     if weld {
         let facets: Vec<[[f32; 3]; 3]> =
             kept.triangles.iter().map(|t| t.map(|v| kept.vertices[v as usize].map(|c| c as f32))).collect();
@@ -403,8 +392,13 @@ fn turned_solids_keep_their_edges_and_corners() {
             worst(&sharpness.extra)
         );
         assert!(sharpness.creased.len() > 1000, "{name}");
-        // Crossings of edges, but for faces that are cut twice.
-        assert!(sharpness.extra.iter().filter(|d| **d > 0.05).count() <= 1, "{name}");
+        // Crossings of edges, but for faces on which the surface leaves its loop's part of a cell: where an edge of the
+        // solid passes a lattice edge between two samples outside, no place on the face is on the surface.
+        let is_off = |d: &&f64| **d > 0.05;
+        assert!(
+            sharpness.extra.iter().filter(is_off).count() <= 8 && worst(&sharpness.extra) < 0.2,
+            "{name}"
+        );
         // No cell near the tip of a sharp corner knows of it where it reaches over a cell beyond the last sample.
         assert!(sharpness.corners.iter().all(|d| !(0.05..1.0).contains(d)), "{name}");
         off.push(sharpness.off());

@@ -282,10 +282,6 @@ pub struct MeshArgs {
     /// How far the surface may move for the sake of fewer triangles, as in 0.05mm; 0 keeps them all
     #[arg(long, value_name = "LEN", default_value = "0", requires = "output")]
     pub tolerance: Tolerance,
-    /// Let no two triangles meet but at shared edges and corners, even where several sheets pass one cell; some sharp
-    /// edges get notches of up to half a cell
-    #[arg(long, requires = "output", conflicts_with = "tolerance")]
-    pub intersection_free: bool,
     /// Memory to stay within, as in 512MiB, maps of files not counted; 160 MiB with two threads, and 40 MiB more for
     /// each further one, are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]

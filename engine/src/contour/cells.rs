@@ -18,6 +18,7 @@ use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
 use super::extras::{Extra, face_key, found_extra, plain_edge_key};
 use super::field::{Field, Frame};
 use super::halo::Place;
+use super::joined;
 use super::leaves::{Around, Side, direction_index};
 use super::mixed::Surroundings;
 use super::outliers::{Outliers, minimisers};
@@ -25,7 +26,7 @@ use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
 use super::surface::{Changes, Surface};
-use super::topology::{CELL_LOOPS, CellLoops, NO_LOOP, face_cuts};
+use super::topology::{CellLoops, Kind, NO_LOOP};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
@@ -56,8 +57,8 @@ pub(super) struct BrickCells {
     pub signs: Option<SignChanges>,
     /// Row k·32 + j; empty if no cell is active.
     pub rows: Vec<CellRow>,
-    /// Corner mask of each active cell.
-    pub masks: Vec<u8>,
+    /// How the boundary of each active cell is cut, that of mixed ones aside.
+    pub kinds: Vec<Kind>,
     /// For each active cell its first vertex or, if it is mixed, its place in `mixed`.
     pub first: Vec<u32>,
     /// Where the edges of each mixed cell end in `mixed_edges`, after a leading zero.
@@ -66,10 +67,9 @@ pub(super) struct BrickCells {
     pub mixed_edges: Vec<(u64, u32)>,
     /// Sorted by face and edge.
     pub extras: Vec<Extra>,
-    /// Plain cells with several loops, `several` of them, and after these cells whose vertex lies beyond them; see
-    /// [`super::faces`]. None where loops are not kept apart.
+    /// Plain cells with several loops, and cells whose vertex lies beyond them; see [`super::faces`]. None where vertices
+    /// are merged.
     pub special: Vec<[u8; 3]>,
-    several: usize,
     /// See [`BrickCells::take_quads`].
     pub quads: Mutex<Vec<Quad>>,
     /// World positions of the vertices.
@@ -141,7 +141,7 @@ impl BrickCells {
         let signs = self.signs.as_ref().map_or(0, |_| 33 * 33 * 8);
         signs
             + self.rows.capacity() * size_of::<CellRow>()
-            + self.masks.capacity()
+            + self.kinds.capacity() * size_of::<Kind>()
             + 4 * (self.first.capacity() + self.mixed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.extras.capacity() * size_of::<Extra>()
@@ -163,19 +163,12 @@ impl BrickCells {
         self.rows[row].rank as usize
     }
 
-    /// The vertex of a plain cell that [`BrickCells::take_quads`] would name and whose loop passes through its edge
-    /// number `edge`; `None` for other cells.
+    /// The vertex of the loop of a plain cell through its edge number `edge`; `None` for other cells.
     #[inline(always)]
     pub(super) fn plain_vertex(&self, cell: [usize; 3], edge: usize) -> Option<u32> {
-        let (mask, first) = self.plain(cell)?;
-        let loops = &CELL_LOOPS[usize::from(mask)];
-        let is_special = || {
-            loops.count > 1 && self.several > 0
-                || self.special[self.several..].contains(&cell.map(|c| c as u8))
-        };
-        let of_edge = loops.of_edge[edge];
-        (loops.ambiguous == 0 && of_edge != NO_LOOP && !is_special())
-            .then(|| first as u32 + u32::from(of_edge))
+        let (kind, first) = self.plain(cell)?;
+        let of_edge = kind.loops().of_edge[edge];
+        (of_edge != NO_LOOP).then(|| first as u32 + u32::from(of_edge))
     }
 
     /// The vertex of the loop of `cell` through a minimal edge: number `edge` of the cell's own 12 if the
@@ -183,22 +176,11 @@ impl BrickCells {
     pub(super) fn vertex(&self, cell: [usize; 3], edge: usize, key: u64) -> Option<u32> {
         let row = self.row(cell[1], cell[2]);
         if row.mixed >> cell[0] & 1 == 0 {
-            return self.unmixed_vertex(cell, edge);
+            return self.plain_vertex(cell, edge);
         }
         let place = self.first[row.slot(cell[0])] as usize;
         let edges = &self.mixed_edges[self.mixed[place] as usize..self.mixed[place + 1] as usize];
         edges.binary_search_by_key(&key, |e| e.0).ok().map(|n| edges[n].1)
-    }
-
-    /// The same for the edge number `edge` of a cell that is not mixed; `None` for one that is.
-    pub(super) fn unmixed_vertex(&self, [i, j, k]: [usize; 3], edge: usize) -> Option<u32> {
-        let row = self.row(j, k);
-        if row.mixed >> i & 1 == 1 {
-            return None;
-        }
-        let slot = row.slot(i);
-        let of_edge = CELL_LOOPS[*self.masks.get(slot)? as usize].of_edge[edge];
-        (of_edge != NO_LOOP).then(|| self.first[slot] + u32::from(of_edge))
     }
 
     /// The extra vertex on the cut of a face of this leaf that ends at a minimal edge, if the face is split.
@@ -206,14 +188,14 @@ impl BrickCells {
         found_extra(&self.extras, face, edge)
     }
 
-    /// Corner mask and first vertex of an active cell that is not mixed.
-    pub(super) fn plain(&self, [i, j, k]: [usize; 3]) -> Option<(u8, usize)> {
+    /// Kind and first vertex of an active cell that is not mixed.
+    pub(super) fn plain(&self, [i, j, k]: [usize; 3]) -> Option<(Kind, usize)> {
         let row = self.row(j, k);
         if (row.active & !row.mixed) >> i & 1 == 0 {
             return None;
         }
         let slot = row.slot(i);
-        Some((self.masks[slot], self.first[slot] as usize))
+        Some((*self.kinds.get(slot)?, self.first[slot] as usize))
     }
 }
 
@@ -296,7 +278,7 @@ impl<'a> Builder<'a> {
         let cells = BrickCells {
             signs: changes.map(|c| c.signs.clone()),
             rows,
-            masks: Vec::with_capacity(active),
+            kinds: Vec::with_capacity(active),
             first: Vec::with_capacity(active),
             positions: Vec::with_capacity(active + active / 16),
             ..BrickCells::default()
@@ -372,20 +354,22 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// Corner mask from the leaf's own samples.
+    /// That of a plain cell.
     #[inline(always)]
-    fn mask(&self, cell: [usize; 3]) -> u8 {
-        self.changes.map_or(0, |changes| changes.mask(cell))
+    fn kind(&self, cell: [usize; 3]) -> Result<Kind> {
+        let Some(changes) = self.changes else { return Ok(Kind::default()) };
+        let kind = Kind::of(changes.mask(cell));
+        if kind.loops().ambiguous == 0 { Ok(kind) } else { joined::kind(self.field, self.key, changes, cell) }
     }
 
     #[inline(always)]
     fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) -> Result<()> {
-        let mask = self.mask(cell);
-        let loops = &CELL_LOOPS[mask as usize];
+        let kind = self.kind(cell)?;
+        let loops = kind.loops();
         let first = self.cells.positions.len();
-        self.cells.masks.push(mask);
+        self.cells.kinds.push(kind);
         self.cells.first.push(first as u32);
-        let is_named = loops.ambiguous == 0 && (loops.count == 1 || !self.field.separates());
+        let is_named = loops.ambiguous == 0 && (loops.count == 1 || self.field.merges());
         for l in 0..loops.count as usize {
             let vertex = first + l;
             let named = if is_named && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
@@ -402,12 +386,11 @@ impl<'a> Builder<'a> {
             }
             self.push_vertex(cell, first, loops.count == 1);
         }
-        if loops.count > 1 && self.field.separates() {
+        if loops.count > 1 && !self.field.merges() {
             self.cells.special.push(cell.map(|c| c as u8));
-            self.cells.several += 1;
         }
         if loops.ambiguous != 0 {
-            self.split_plain_faces(cell, mask, loops, streams)?;
+            self.split_plain_faces(cell, loops, streams)?;
         }
         Ok(())
     }
@@ -488,7 +471,6 @@ impl<'a> Builder<'a> {
     fn split_plain_faces(
         &mut self,
         cell: [usize; 3],
-        mask: u8,
         loops: &CellLoops,
         streams: &EdgeStreams,
     ) -> Result<()> {
@@ -500,7 +482,7 @@ impl<'a> Builder<'a> {
             self.cells.split_faces += 1;
             let mut corner = cell;
             corner[axis.index()] += side;
-            for (enter, leave) in face_cuts(mask, axis, side) {
+            for (enter, leave) in loops.face_cuts(axis, side) {
                 let edges = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.key));
                 let (p, q) = (self.crossing(cell[0], enter, streams), self.crossing(cell[0], leave, streams));
                 let middle = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
@@ -525,17 +507,22 @@ impl<'a> Builder<'a> {
             return Ok(cell[a] == BRICK_CELLS - 1 && matches!(beyond, Side::Coarser(_)));
         }
         let below = std::array::from_fn(|n| cell[n] as i32 + step[n]);
-        let mask = if cell[a] > 0 {
-            self.mask(below.map(|c| c as usize))
-        } else if let Side::Same(other) = beyond {
-            self.field.surface(other)?.mask(below.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize))
-        } else {
-            return Ok(true);
-        };
         // A cell next to a finer leaf may have loops that its own corners do not tell of.
-        let other = &CELL_LOOPS[mask as usize];
-        Ok(self.field.leaves.touches_finer(self.key, below)
-            || loops.rejoined >> (2 * a) & other.rejoined >> (2 * a + 1) & 1 == 1)
+        if self.field.leaves.touches_finer(self.key, below) {
+            return Ok(true);
+        }
+        let other = if cell[a] > 0 {
+            self.cells.plain(below.map(|c| c as usize)).map(|(kind, _)| kind)
+        } else if let Side::Same(other) = beyond
+            && let Surface::Changes(changes) = &*self.field.surface(other)?
+        {
+            let below = below.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
+            Some(joined::kind(self.field, self.field.leaves.get(other).key, changes, below)?)
+        } else {
+            None
+        };
+        Ok(other
+            .is_none_or(|other| loops.rejoined >> (2 * a) & other.loops().rejoined >> (2 * a + 1) & 1 == 1))
     }
 
     fn mixed_cell(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {
@@ -544,7 +531,7 @@ impl<'a> Builder<'a> {
         if self.cells.mixed.is_empty() {
             self.cells.mixed.push(0);
         }
-        self.cells.masks.push(self.mask(cell));
+        self.cells.kinds.push(Kind::default());
         self.cells.first.push(self.cells.mixed.len() as u32 - 1);
         for l in 0..mixed.loops {
             let mut qef = Qef::default();

@@ -6,7 +6,8 @@
 //! cells around. So every cell that sees a crease looks at the crossings of the 27 cells about it: if all of
 //! their planes, however many there are, pass through one point, and no direction along which it could slide is
 //! left, that point is a corner, and a vertex goes there: the one of the cell that holds it or, if that cell is
-//! inactive, the nearest one of the cells around it (with nothing but inactive cells between, if loops are kept apart).
+//! inactive, the nearest one of the cells around it (with nothing but inactive cells between, unless
+//! vertices are merged).
 //!
 //! Only positions change, never the triangles. They stay distinct: a vertex that moves does so within its own
 //! cell, or into an inactive one that gives room to no other. Across the border of two leaves that holds
@@ -21,7 +22,6 @@ use super::halo::{Halo, Named, Place};
 use super::planes::Plane;
 use super::qef::{PlaneSums, Qef};
 use super::symmetric::dot;
-use super::topology::CELL_LOOPS;
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
 use crate::wide::{Simd, dispatch, level};
@@ -121,8 +121,8 @@ impl Builder<'_> {
         if cell.iter().any(|&c| c < 0 || c >= BRICK_CELLS as i32) {
             return None;
         }
-        let (mask, first) = self.cells.plain(cell.map(|c| c as usize))?;
-        (CELL_LOOPS[usize::from(mask)].count == 1).then_some(first)
+        let (kind, first) = self.cells.plain(cell.map(|c| c as usize))?;
+        (kind.loops().count == 1).then_some(first)
     }
 }
 
@@ -187,12 +187,11 @@ impl Search<'_> {
         self.halo.fetch(home.map(|c| c - 1), home.map(|c| c + 2))?;
         let Some(mask) = self.halo.plain_mask(home) else { return Ok(None) };
         if !matches!(mask, 0 | u8::MAX) {
-            return Ok((CELL_LOOPS[mask as usize].count == 1).then_some(home));
+            return Ok((self.halo.loops(home)? == 1).then_some(home));
         }
         let mut best: Option<(f64, Place)> = None;
         for next in cells_about(home).skip(1) {
-            let loops = self.halo.plain_mask(next).map_or(0, |mask| CELL_LOOPS[mask as usize].count);
-            if loops != 1 || (self.builder.field.separates() && !self.is_clear(home, next)) {
+            if self.halo.loops(next)? != 1 || (!self.builder.field.merges() && !self.is_clear(home, next)) {
                 continue;
             }
             let (mut sum, mut count) = (DVec3::ZERO, 0.0);

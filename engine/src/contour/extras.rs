@@ -2,7 +2,7 @@
 
 use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};
-use crate::lattice::{Axis, NodeKey};
+use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
 
 /// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
 /// its lower end minus the corner in units.
@@ -25,6 +25,16 @@ pub(super) fn plain_edge_key(edge: usize, axis: Axis, leaf: NodeKey) -> u64 {
 #[inline]
 pub(super) fn face_key(axis: Axis, corner: [usize; 3]) -> u32 {
     (axis.index() * POINTS + point_index(corner)) as u32
+}
+
+/// What [`face_key`] names.
+#[inline]
+pub(super) fn face_of(face: u32) -> (Axis, [usize; 3]) {
+    let (axis, at) = (face as usize / POINTS, face as usize % POINTS);
+    (
+        Axis::ALL[axis],
+        [at % BRICK_POINTS, at / BRICK_POINTS % BRICK_POINTS, at / (BRICK_POINTS * BRICK_POINTS)],
+    )
 }
 
 /// The vertex on one cut of a split face, found from either edge that the cut joins.

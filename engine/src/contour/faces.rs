@@ -4,17 +4,16 @@
 //! They are found when the cells of both sides are known, by the leaf that owns the face: that of the upper cell. Only
 //! faces between plain cells of one size are looked at.
 
-use super::cells::{BrickCells, within};
-use super::extras::{Extra, face_key, found_extra, plain_edge_key};
+use super::cells::{BrickCells, CELL_ROWS, within};
+use super::extras::{Extra, face_key, face_of, found_extra, plain_edge_key};
 use super::field::Field;
 use super::leaves::{Side, direction_index};
 use super::loops::Part;
 use super::planes::Plane;
 use super::surface::Surface;
-use super::topology::{CELL_LOOPS, edge_index, edge_lower, face_cuts};
+use super::topology::{Kind, edge_index, edge_lower};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// The vertices on faces that a leaf owns; numbered after those of its cells.
@@ -23,6 +22,38 @@ pub(super) struct FaceVertices {
     /// Sorted by face and edge.
     extras: Vec<Extra>,
     pub positions: Vec<[f32; 3]>,
+    /// Lower faces of the leaf's cells with extra vertices, these or those of its cells.
+    split: Faces,
+}
+
+/// A set of lower faces of the cells of a leaf.
+#[derive(Default)]
+struct Faces {
+    /// For each row of cells and axis across the faces a bit per cell; empty if no face is in it.
+    rows: Vec<[u32; 3]>,
+}
+
+impl Faces {
+    fn insert(&mut self, axis: usize, [i, j, k]: [usize; 3]) {
+        if self.rows.is_empty() {
+            self.rows.resize(CELL_ROWS, [0; 3]);
+        }
+        self.rows[k * BRICK_CELLS + j][axis] |= 1 << i;
+    }
+
+    #[inline]
+    fn holds(&self, axis: usize, [i, j, k]: [usize; 3]) -> bool {
+        self.rows.get(k * BRICK_CELLS + j).is_some_and(|row| row[axis] >> i & 1 == 1)
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (usize, [usize; 3])> {
+        self.rows.iter().enumerate().flat_map(|(n, row)| {
+            (0..3).flat_map(move |axis| {
+                let is_set = move |i: &usize| row[axis] >> i & 1 == 1;
+                (0..BRICK_CELLS).filter(is_set).map(move |i| (axis, [i, n % BRICK_CELLS, n / BRICK_CELLS]))
+            })
+        })
+    }
 }
 
 impl FaceVertices {
@@ -31,9 +62,17 @@ impl FaceVertices {
         found_extra(&self.extras, face, edge)
     }
 
+    /// Whether the lower face across `axis` of a cell has extra vertices, these or those of the leaf's cells.
+    #[inline]
+    pub(super) fn splits(&self, axis: Axis, cell: [usize; 3]) -> bool {
+        self.split.holds(axis.index(), cell)
+    }
+
     /// Heap bytes.
     pub(super) fn heap_bytes(&self) -> usize {
-        self.extras.capacity() * size_of::<Extra>() + self.positions.capacity() * size_of::<[f32; 3]>()
+        self.extras.capacity() * size_of::<Extra>()
+            + self.positions.capacity() * size_of::<[f32; 3]>()
+            + self.split.rows.capacity() * size_of::<[u32; 3]>()
     }
 
     /// Those of a leaf with these cells.
@@ -41,7 +80,7 @@ impl FaceVertices {
         let around = field.leaves.around(leaf);
         let own = Block::new(field, leaf, Arc::clone(cells));
         let mut lower = [None, None, None];
-        let mut faces: BTreeSet<(usize, [usize; 3])> = BTreeSet::new();
+        let mut faces = Faces::default();
         for axis in 0..3 {
             let mut step = [0; 3];
             step[axis] = -1;
@@ -51,7 +90,7 @@ impl FaceVertices {
                 for cell in block.cells.special.iter().filter(last) {
                     let mut above = cell.map(usize::from);
                     above[axis] = 0;
-                    faces.insert((axis, above));
+                    faces.insert(axis, above);
                 }
                 lower[axis] = Some(block);
             }
@@ -59,16 +98,16 @@ impl FaceVertices {
         for cell in &cells.special {
             for axis in 0..3 {
                 let cell = cell.map(usize::from);
-                faces.insert((axis, cell));
+                faces.insert(axis, cell);
                 let mut above = cell;
                 above[axis] += 1;
                 if above[axis] < BRICK_CELLS {
-                    faces.insert((axis, above));
+                    faces.insert(axis, above);
                 }
             }
         }
         let mut found = Finder { field, leaf, own: &own, surface: None, found: FaceVertices::default() };
-        for (axis, above) in faces {
+        for (axis, above) in faces.iter() {
             let mut below = above;
             let block = if above[axis] > 0 { Some(&own) } else { lower[axis].as_ref() };
             below[axis] = (above[axis] + BRICK_CELLS - 1) % BRICK_CELLS;
@@ -78,6 +117,13 @@ impl FaceVertices {
         }
         let mut found = found.found;
         found.extras.sort_unstable_by_key(|extra| (extra.face, extra.edge));
+        for extra in cells.extras.iter().chain(&found.extras) {
+            let (axis, cell) = face_of(extra.face);
+            // No cell of the leaf is above its border.
+            if cell.iter().all(|&c| c < BRICK_CELLS) {
+                found.split.insert(axis.index(), cell);
+            }
+        }
         Ok(found)
     }
 }
@@ -91,7 +137,7 @@ struct Block {
 
 /// A cell without finer leaves around it, its loops and where their vertices lie, 0..1 along each axis of the cell.
 struct Sight {
-    mask: u8,
+    kind: Kind,
     positions: Vec<[f32; 3]>,
     vertices: Vec<[f64; 3]>,
 }
@@ -103,11 +149,11 @@ impl Block {
     }
 
     fn sight(&self, cell: [usize; 3]) -> Option<Sight> {
-        let (mask, first) = self.cells.plain(cell)?;
-        let count = usize::from(CELL_LOOPS[usize::from(mask)].count);
+        let (kind, first) = self.cells.plain(cell)?;
+        let count = usize::from(kind.loops().count);
         let positions = self.cells.positions.get(first..first + count)?.to_vec();
         let vertices = positions.iter().map(|&position| within(&self.lattice, cell, position)).collect();
-        Some(Sight { mask, positions, vertices })
+        Some(Sight { kind, positions, vertices })
     }
 
     /// World position of a point, 0..1 along each axis, of a cell's lower face across `axis`, off the face's border.
@@ -137,7 +183,7 @@ impl Finder<'_> {
     fn face(&mut self, axis: Axis, above: [usize; 3], (block, below): (&Block, [usize; 3])) -> Result<()> {
         let (Some(upper), Some(lower)) = (self.own.sight(above), block.sight(below)) else { return Ok(()) };
         let face = face_key(axis, above);
-        for (enter, leave) in face_cuts(upper.mask, axis, 0) {
+        for (enter, leave) in upper.kind.loops().face_cuts(axis, 0) {
             let keys = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.own.key));
             if self.own.cells.extra(face, keys[0]).is_some() {
                 continue;
@@ -161,8 +207,8 @@ impl Finder<'_> {
         cut: [usize; 2],
     ) -> Result<Option<[f64; 3]>> {
         let a = axis.index();
-        let of_upper = usize::from(CELL_LOOPS[usize::from(upper.mask)].of_edge[cut[0]]);
-        let of_lower = usize::from(CELL_LOOPS[usize::from(lower.mask)].of_edge[on_other_side(axis, cut[0])]);
+        let of_upper = usize::from(upper.kind.loops().of_edge[cut[0]]);
+        let of_lower = usize::from(lower.kind.loops().of_edge[on_other_side(axis, cut[0])]);
         let (Some(from), Some(to)) = (lower.positions.get(of_lower), upper.positions.get(of_upper)) else {
             return Ok(None);
         };
@@ -173,8 +219,8 @@ impl Finder<'_> {
         let mut passing = within(&self.own.lattice, above, passing);
         passing[a] = 0.0;
         let parts = [
-            Part::new(upper.mask, of_upper, &upper.vertices),
-            Part::new(lower.mask, of_lower, &lower.vertices),
+            Part::new(upper.kind, of_upper, &upper.vertices),
+            Part::new(lower.kind, of_lower, &lower.vertices),
         ];
         let is_between = share > 0.0 && share < 1.0;
         if is_between && holds(axis, &parts, passing) {

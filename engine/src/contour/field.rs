@@ -28,8 +28,6 @@ pub(super) struct Field<'a> {
     surfaces: Cache<Surface>,
     cells: Cache<BrickCells>,
     faces: Cache<FaceVertices>,
-    /// See [`Field::separates`].
-    separates: bool,
     /// Where vertices are merged.
     merging: Option<Merging>,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
@@ -65,8 +63,7 @@ impl<'a> Field<'a> {
         });
         let for_merging = if merging.is_some() { cache_bytes / 4 + cache_bytes / 8 } else { 0 };
         // Few cells have vertices on their faces.
-        let separates = options.intersection_free && merging.is_none();
-        let for_faces = if separates { cache_bytes / 32 } else { 0 };
+        let for_faces = if merging.is_none() { cache_bytes / 32 } else { 0 };
         let (surfaces, cells) = (
             Cache::new(cache_bytes / 4),
             Cache::new(cache_bytes - cache_bytes / 4 - for_merging - for_faces),
@@ -81,7 +78,6 @@ impl<'a> Field<'a> {
             surfaces,
             cells,
             faces,
-            separates,
             merging,
             users,
             spare_sums: Spare::default(),
@@ -136,15 +132,12 @@ impl<'a> Field<'a> {
     pub(super) fn vertices(&self, leaf: u32) -> Result<LeafVertices> {
         let Some(merging) = &self.merging else {
             let cells = self.cells(leaf)?;
-            if !self.separates {
-                return Ok(LeafVertices::new(leaf, cells, None));
-            }
             let faces = self.faces.get_or_make(leaf, || {
                 let faces = FaceVertices::of(self, leaf, &cells)?;
                 let bytes = faces.heap_bytes() + size_of::<FaceVertices>();
                 Ok((faces, bytes))
             })?;
-            return Ok(LeafVertices::new(leaf, cells, Some(faces)));
+            return Ok(LeafVertices::new(leaf, cells, faces));
         };
         let merged = merging.merged.get_or_make(leaf, || {
             let merged = adaptive::merged(self, leaf, &merging.across)?;
@@ -164,14 +157,9 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// True if vertices are merged.
+    /// True if vertices are merged; else those of several loops in one cell are kept apart.
     pub(super) fn merges(&self) -> bool {
         self.merging.is_some()
-    }
-
-    /// True if several loops in one cell are kept apart.
-    pub(super) fn separates(&self) -> bool {
-        self.separates
     }
 
     /// The first pass has the vertices of a leaf: drafts that the leaves after it do not need are dropped.

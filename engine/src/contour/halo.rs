@@ -6,6 +6,7 @@
 //! them only the own apron is known.
 
 use super::field::Field;
+use super::joined;
 use super::planes::Plane;
 use super::surface::Surface;
 use crate::error::Result;
@@ -76,6 +77,18 @@ impl<'a> Halo<'a> {
         let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return None };
         (!self.field.leaves.touches_finer(self.key, cell))
             .then(|| surface.mask(cell.map(|c| c.rem_euclid(SIDE) as usize)))
+    }
+
+    /// The number of loops of such a cell; 0 for others.
+    pub(super) fn loops(&self, cell: Place) -> Result<u8> {
+        let d = cell.map(|c| c.div_euclid(SIDE));
+        let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return Ok(0) };
+        let Surface::Changes(changes) = &**surface else { return Ok(0) };
+        let Some(key) = self.key.neighbour(d).filter(|_| self.plain_mask(cell).is_some()) else {
+            return Ok(0);
+        };
+        let cell = cell.map(|c| c.rem_euclid(SIDE) as usize);
+        Ok(joined::kind(self.field, key, changes, cell)?.loops().count)
     }
 
     /// The crossings on the lattice edges between the samples `low` and `high`, both included, in an order that

@@ -4,7 +4,7 @@
 //! other side. Where each vertex lies on the side of its own loop's edges, and so do the points where mesh edges leave
 //! the cell, the parts of the surface within the cell cannot meet, as those of one loop lie in the convex hull of these.
 
-use super::topology::{CELL_LOOPS, edge_lower};
+use super::topology::{KINDS, Kind, edge_lower};
 use std::sync::LazyLock;
 
 /// Loops of a cell, and pairs of them, at most.
@@ -22,24 +22,29 @@ struct Gap {
     high: i8,
 }
 
-/// By corner mask and pair (i, j), i < j, at j·(j − 1)/2 + i.
-static GAPS: LazyLock<Box<[[Gap; PAIRS]; 256]>> = LazyLock::new(|| {
-    let mut gaps = Box::new([[Gap::default(); PAIRS]; 256]);
-    for (mask, gaps) in gaps.iter_mut().enumerate() {
-        for (i, j) in pairs(CELL_LOOPS[mask].count.into()) {
-            gaps[j * (j - 1) / 2 + i] = widest(mask, i, j);
+/// By kind and pair (i, j), i < j, at j·(j − 1)/2 + i.
+static GAPS: LazyLock<Box<[[Gap; PAIRS]; KINDS]>> = LazyLock::new(|| {
+    let mut gaps = Box::new([[Gap::default(); PAIRS]; KINDS]);
+    for (kind, gaps) in Kind::all().zip(gaps.iter_mut()) {
+        for (i, j) in pairs(kind.loops().count.into()) {
+            gaps[j * (j - 1) / 2 + i] = widest(kind, i, j);
         }
     }
     gaps
 });
+
+/// The gap between loops i < j of a cell.
+fn gap(kind: Kind, i: usize, j: usize) -> &'static Gap {
+    &GAPS[kind.index()][j * (j - 1) / 2 + i]
+}
 
 fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..count).flat_map(|j| (0..j).map(move |i| (i, j)))
 }
 
 /// Ends of the edges of a loop.
-fn ends(mask: usize, of: usize) -> impl Iterator<Item = [i8; 3]> {
-    CELL_LOOPS[mask].edges_of(of).flat_map(|edge| {
+fn ends(kind: Kind, of: usize) -> impl Iterator<Item = [i8; 3]> {
+    kind.loops().edges_of(of).flat_map(|edge| {
         let (axis, low) = edge_lower(edge);
         let low = low.map(|c| c as i8);
         let mut high = low;
@@ -53,11 +58,11 @@ fn along(normal: [i8; 3], at: [i8; 3]) -> i8 {
 }
 
 /// The gap with the most room of all whose normals have components −1, 0 and 1, the first one of equals.
-fn widest(mask: usize, i: usize, j: usize) -> Gap {
+fn widest(kind: Kind, i: usize, j: usize) -> Gap {
     let normals = (0..27i8).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]);
     let gaps = normals.map(|normal| {
-        let low = ends(mask, i).map(|at| along(normal, at)).max().unwrap_or_default();
-        let high = ends(mask, j).map(|at| along(normal, at)).min().unwrap_or_default();
+        let low = ends(kind, i).map(|at| along(normal, at)).max().unwrap_or_default();
+        let high = ends(kind, j).map(|at| along(normal, at)).min().unwrap_or_default();
         Gap { normal, low, high }
     });
     let room = |gap: &Gap| if gap.normal == [0; 3] { i8::MIN } else { gap.high - gap.low };
@@ -78,11 +83,9 @@ impl Gap {
 }
 
 /// Which loops of a cell, by bit, are not kept apart from another one by their `vertices`.
-pub(super) fn tangled(mask: u8, vertices: &[[f64; 3]]) -> u8 {
-    let tangled = pairs(vertices.len().min(LOOPS)).filter(|&(i, j)| {
-        let gap = &GAPS[usize::from(mask)][j * (j - 1) / 2 + i];
-        gap.offset([vertices[i], vertices[j]]).is_none()
-    });
+pub(super) fn tangled(kind: Kind, vertices: &[[f64; 3]]) -> u8 {
+    let tangled = pairs(vertices.len().min(LOOPS))
+        .filter(|&(i, j)| gap(kind, i, j).offset([vertices[i], vertices[j]]).is_none());
     tangled.fold(0, |all, (i, j)| all | 1 << i | 1 << j)
 }
 
@@ -95,10 +98,10 @@ pub(super) struct Part {
 
 impl Part {
     /// That of loop `of` of a cell with these vertices. Vertices that are not kept apart give no plane.
-    pub(super) fn new(mask: u8, of: usize, vertices: &[[f64; 3]]) -> Part {
+    pub(super) fn new(kind: Kind, of: usize, vertices: &[[f64; 3]]) -> Part {
         let mut part = Part::default();
         for (i, j) in pairs(vertices.len().min(LOOPS)).filter(|&(i, j)| i == of || j == of) {
-            let gap = &GAPS[usize::from(mask)][j * (j - 1) / 2 + i];
+            let gap = gap(kind, i, j);
             if let Some(offset) = gap.offset([vertices[i], vertices[j]]) {
                 let sign = if i == of { 1.0 } else { -1.0 };
                 part.planes[part.count] = (gap.normal.map(|c| sign * f64::from(c)), sign * offset);
@@ -139,28 +142,29 @@ mod tests {
 
     #[test]
     fn every_two_loops_of_a_cell_have_a_plane_between_them() {
-        let mut tight = 0;
-        for mask in 0..256 {
-            for (i, j) in pairs(CELL_LOOPS[mask].count.into()) {
-                let gap = GAPS[mask][j * (j - 1) / 2 + i];
-                assert!(gap.normal != [0; 3] && gap.low <= gap.high, "mask {mask}: {gap:?}");
-                assert!(ends(mask, i).all(|at| along(gap.normal, at) <= gap.low));
-                assert!(ends(mask, j).all(|at| along(gap.normal, at) >= gap.high));
+        let (mut all, mut tight) = (0, 0);
+        for kind in Kind::all() {
+            for (i, j) in pairs(kind.loops().count.into()) {
+                let gap = gap(kind, i, j);
+                assert!(gap.normal != [0; 3] && gap.low <= gap.high, "{kind:?}: {gap:?}");
+                assert!(ends(kind, i).all(|at| along(gap.normal, at) <= gap.low));
+                assert!(ends(kind, j).all(|at| along(gap.normal, at) >= gap.high));
+                all += 1;
                 tight += usize::from(gap.low == gap.high);
             }
         }
         // All but two corners that are opposite each other.
-        assert_eq!(tight, 118 - 8);
+        assert_eq!(all - tight, 8);
     }
 
     proptest! {
         #[test]
         fn means_of_crossings_are_never_tangled_and_points_are_pulled_into_parts(
-            mask in any::<u8>(),
+            kind in (0..KINDS).prop_map(|n| Kind::all().nth(n).unwrap()),
             at in prop::collection::vec(0.001f64..0.999, 12),
             far in prop::array::uniform3(0.0f64..1.0),
         ) {
-            let loops = &CELL_LOOPS[usize::from(mask)];
+            let loops = kind.loops();
             let mean = |of: usize| -> [f64; 3] {
                 let mut sum = [0.0; 3];
                 for edge in loops.edges_of(of) {
@@ -172,9 +176,9 @@ mod tests {
                 sum.map(|c| c / f64::from(loops.edges[of].count_ones()))
             };
             let vertices: Vec<[f64; 3]> = (0..loops.count.into()).map(mean).collect();
-            prop_assert_eq!(tangled(mask, &vertices), 0);
+            prop_assert_eq!(tangled(kind, &vertices), 0);
             for of in 0..vertices.len() {
-                let part = Part::new(mask, of, &vertices);
+                let part = Part::new(kind, of, &vertices);
                 prop_assert_eq!(part.count, vertices.len() - 1);
                 for other in 0..vertices.len() {
                     prop_assert_eq!(part.pull(vertices[other], vertices[of]) > 0.0, other != of);

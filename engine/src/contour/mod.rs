@@ -2,8 +2,8 @@
 //!
 //! Dual contouring (Ju, Losasso, Schaefer & Warren 2002) in its manifold form (Schaefer, Ju & Warren 2007),
 //! over leaves of any levels next to each other: one vertex per surface component in a leaf cell, one polygon
-//! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one rule for
-//! cutting a face, so the mesh is closed, oriented, edge-manifold and vertex-manifold by construction, for
+//! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one way to cut
+//! each face, known to both cells at it, so the mesh is closed, oriented, edge-manifold and vertex-manifold by construction, for
 //! any signs and any tree. Two passes over the leaves in Morton order: the first makes the vertices, the
 //! second the triangles; the mesh is never in memory as a whole. A sink that shares no vertices gets by with one
 //! pass, so that cells too many for the cache are not made twice.
@@ -11,6 +11,7 @@
 //! | file | owns |
 //! |---|---|
 //! | `topology` | how a face is cut, the loops of a plain cell |
+//! | `joined` | which way a face is cut whose signs do not tell |
 //! | `leaves` | which leaf lies where |
 //! | `planes` | decoded Hermite edges |
 //! | `surface` | signs and Hermite edges of a leaf |
@@ -46,6 +47,7 @@ mod extras;
 mod faces;
 mod field;
 mod halo;
+mod joined;
 mod leaves;
 mod loops;
 mod mixed;
@@ -90,21 +92,11 @@ pub struct ContourOptions {
     pub cache_bytes: usize,
     /// How far, in world units, the surface may be moved for the sake of fewer triangles; 0 to keep every vertex.
     pub tolerance: f64,
-    /// Without a tolerance, keeps also the vertices of several sheets in one cell apart, so that nothing meets between
-    /// cells of one size. Some sharp edges get notches where samples inside that touch only across a corner of a face are
-    /// taken apart.
-    pub intersection_free: bool,
 }
 
 impl Default for ContourOptions {
     fn default() -> ContourOptions {
-        ContourOptions {
-            iso: 0.5,
-            level: None,
-            cache_bytes: 512 << 20,
-            tolerance: 0.0,
-            intersection_free: false,
-        }
+        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20, tolerance: 0.0 }
     }
 }
 

@@ -287,7 +287,7 @@ impl<'a> Maker<'a> {
         match self.borders[place] {
             Border::Foreign => return Ok(()),
             Border::Equal(ref quarters) => {
-                if let Some(corners) = self.equal(low, quarters, quad) {
+                if let Some(corners) = self.equal(axis, low, quarters, quad) {
                     let shape = if inside { Shape::Quad } else { Shape::Turned };
                     self.cutter.push_around(&self.placed(edge), corners, shape, BOTH);
                     return Ok(());
@@ -329,21 +329,33 @@ impl<'a> Maker<'a> {
         Ok(Border::Equal(quarters))
     }
 
-    /// The corners of a polygon among plain cells, without split faces, of leaves of this level; `quad` as in
-    /// [`BrickCells::take_quads`].
+    /// The corners of a polygon among plain cells of leaves of this level, if no face between them has extra vertices;
+    /// `quad` as in [`BrickCells::take_quads`].
     #[inline(always)]
-    fn equal(&self, low: [usize; 3], quarters: &[Quarter; 4], quad: &[u16; 4]) -> Option<[Vertex; 4]> {
+    fn equal(
+        &self,
+        axis: Axis,
+        low: [usize; 3],
+        quarters: &[Quarter; 4],
+        quad: &[u16; 4],
+    ) -> Option<[Vertex; 4]> {
         let mut corners = [Vertex::default(); 4];
         for n in 0..4 {
             let quarter = &quarters[n];
-            let cells = &*self.neighbours[quarter.direction].as_ref()?.cells;
+            let vertices = self.neighbours[quarter.direction].as_ref()?;
+            let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
+            // Faces belong to their upper cells.
+            let [qu, qv] = SQUARE[n];
+            let (u, v) = axis.others();
+            if qu == 1 && vertices.splits(u, cell) || qv == 1 && vertices.splits(v, cell) {
+                return None;
+            }
             let vertex = if quad[n] == NO_VERTEX {
-                let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
-                cells.plain_vertex(cell, quarter.edge)?
+                vertices.cells.plain_vertex(cell, quarter.edge)?
             } else {
                 u32::from(quad[n])
             };
-            corners[n] = (quarter.first + vertex, cells.positions[vertex as usize]);
+            corners[n] = (quarter.first + vertex, vertices.cells.positions[vertex as usize]);
         }
         Some(corners)
     }

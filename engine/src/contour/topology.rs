@@ -1,5 +1,5 @@
-//! How the boundary of a cell is cut: the conventions for corners, edges and faces, the one rule that says
-//! how a face is cut, and the table of loops for every corner mask, which is derived from that rule.
+//! How the boundary of a cell is cut: the conventions for corners, edges and faces, how a face is cut, and the table of
+//! loops for every corner mask and every choice at its ambiguous faces, which is derived from that.
 //!
 //! *Manifold Dual Contouring*, Schaefer, Ju & Warren 2007, has one vertex per surface component in a cell.
 //! Here a component is a loop of cuts on the cell's boundary.
@@ -59,7 +59,7 @@ pub(super) fn cell_around(axis: Axis, low: [i32; 3], [qu, qv]: [usize; 2]) -> [i
 
 /// Cuts a face. `ring` lists the minimal edges round the face with the sign of the point where each starts;
 /// every maximal run of inside points is cut off by one segment, which `segment` receives as (edge that
-/// enters the run, edge that leaves it). Inside points on an ambiguous face are thus separated. Walked the
+/// enters the run, edge that leaves it). Inside points of a face that is cut twice are thus separated. Walked the
 /// other way round the same runs are cut off, with the two edges swapped. Returns the number of runs.
 pub(super) fn cut_runs<E: Copy>(ring: &[(E, bool)], mut segment: impl FnMut(E, E)) -> usize {
     let starts = |n: usize| ring[n % ring.len()].1;
@@ -82,6 +82,10 @@ pub(super) fn cut_runs<E: Copy>(ring: &[(E, bool)], mut segment: impl FnMut(E, E
 /// The loops that the cuts of a cell's six faces link into.
 #[derive(Clone, Copy)]
 pub(super) struct CellLoops {
+    /// Bit `c` is set where corner `c` is inside.
+    pub mask: u8,
+    /// Bit per ambiguous face whose two inside corners are joined on it: it is the outside ones that are cut off.
+    pub joined: u8,
     /// Number of loops, at most four.
     pub count: u8,
     /// Bit per face, number `2·axis + side`, that is cut twice.
@@ -100,11 +104,90 @@ impl CellLoops {
         let edges = self.edges[of];
         (0..12).filter(move |edge| edges >> edge & 1 == 1)
     }
+
+    /// The cuts of a face as pairs of edges; two where the face is ambiguous.
+    pub(super) fn face_cuts(&self, axis: Axis, side: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let ring = face_ring(self.mask, axis, side);
+        let mut cuts = [None; 2];
+        let mut n = 0;
+        cut_runs(&ring, |enter, leave| {
+            cuts[n] = Some((enter, leave));
+            n += 1;
+        });
+        if self.joined >> (2 * axis.index() + side) & 1 == 1
+            && let [Some(first), Some(second)] = &mut cuts
+        {
+            // Round the outside corners, on the same side of which the inside is.
+            std::mem::swap(&mut first.1, &mut second.1);
+        }
+        cuts.into_iter().flatten()
+    }
 }
 
-/// Loops by corner mask: bit `c` is set where corner `c` is inside.
-pub(super) static CELL_LOOPS: LazyLock<Box<[CellLoops; 256]>> =
-    LazyLock::new(|| Box::new(std::array::from_fn(|mask| derive_loops(mask as u8))));
+/// How the boundary of a plain cell is cut: by its corner mask, and by which of its ambiguous faces are joined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Kind(u16);
+
+/// Number of kinds.
+pub(super) const KINDS: usize = 530;
+
+/// Loops by kind, and by mask where its kinds with joined faces begin.
+static TABLE: LazyLock<(Box<[CellLoops]>, [u16; 256])> = LazyLock::new(|| {
+    let mut loops: Vec<CellLoops> = (0..=255).map(|mask| derive_loops(mask, 0)).collect();
+    let starts = std::array::from_fn(|mask| {
+        let start = loops.len() as u16;
+        let ambiguous = loops[mask].ambiguous;
+        if may_join(mask as u8) {
+            let subsets = (1..=ambiguous).filter(|joined| joined & !ambiguous == 0);
+            loops.extend(subsets.map(|joined| derive_loops(mask as u8, joined)));
+        }
+        start
+    });
+    (loops.into(), starts)
+});
+
+/// Whether inside corners may be joined on faces of a cell. Not where all six are ambiguous, as two of the kinds have
+/// loops then between which no plane passes.
+pub(super) fn may_join(mask: u8) -> bool {
+    !matches!(mask, 0b0110_1001 | 0b1001_0110)
+}
+
+impl Kind {
+    /// That of a cell with this corner mask none of whose faces is joined.
+    #[inline]
+    pub(super) fn of(mask: u8) -> Kind {
+        Kind(mask.into())
+    }
+
+    /// That of a cell with these faces joined, which are ambiguous, if it [`may_join`].
+    pub(super) fn joined(mask: u8, faces: u8) -> Kind {
+        let ambiguous = Kind::of(mask).loops().ambiguous;
+        let faces = if may_join(mask) { faces & ambiguous } else { 0 };
+        if faces == 0 {
+            return Kind::of(mask);
+        }
+        // Its place among the subsets of the ambiguous faces, which ascend.
+        let before = (1..faces).filter(|joined| joined & !ambiguous == 0).count();
+        Kind(TABLE.1[usize::from(mask)] + before as u16)
+    }
+
+    /// Its loops.
+    #[inline(always)]
+    pub(super) fn loops(self) -> &'static CellLoops {
+        &TABLE.0[usize::from(self.0)]
+    }
+
+    /// Its number, below [`KINDS`].
+    #[inline]
+    pub(super) fn index(self) -> usize {
+        self.0.into()
+    }
+
+    /// All of them.
+    pub(super) fn all() -> impl Iterator<Item = Kind> {
+        (0..KINDS as u16).map(Kind)
+    }
+}
 
 /// The ring of a face of a plain cell: edges with the sign of their start, counter-clockwise from outside.
 fn face_ring(mask: u8, axis: Axis, side: usize) -> [(usize, bool); 4] {
@@ -123,23 +206,20 @@ fn face_ring(mask: u8, axis: Axis, side: usize) -> [(usize, bool); 4] {
     })
 }
 
-/// The cuts of a face of a plain cell as pairs of edges; two where the face is ambiguous.
-pub(super) fn face_cuts(mask: u8, axis: Axis, side: usize) -> impl Iterator<Item = (usize, usize)> {
-    let mut cuts = [None; 2];
-    let mut n = 0;
-    cut_runs(&face_ring(mask, axis, side), |enter, leave| {
-        cuts[n] = Some((enter, leave));
-        n += 1;
-    });
-    cuts.into_iter().flatten()
-}
-
-fn derive_loops(mask: u8) -> CellLoops {
-    let mut loops = CellLoops { count: 0, ambiguous: 0, rejoined: 0, of_edge: [NO_LOOP; 12], edges: [0; 4] };
+fn derive_loops(mask: u8, joined: u8) -> CellLoops {
+    let mut loops = CellLoops {
+        mask,
+        joined,
+        count: 0,
+        ambiguous: 0,
+        rejoined: 0,
+        of_edge: [NO_LOOP; 12],
+        edges: [0; 4],
+    };
     let mut next = [None; 12];
     let mut cuts = [[None; 2]; 6];
     for (face, cut) in cuts.iter_mut().enumerate() {
-        for (n, (enter, leave)) in face_cuts(mask, Axis::ALL[face / 2], face % 2).enumerate() {
+        for (n, (enter, leave)) in loops.face_cuts(Axis::ALL[face / 2], face % 2).enumerate() {
             next[enter] = Some(leave);
             cut[n] = Some(enter);
         }
@@ -169,10 +249,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_mask_has_closed_loops_over_exactly_its_sign_changes() {
+    fn every_kind_has_closed_loops_over_exactly_its_sign_changes() {
+        assert_eq!(TABLE.0.len(), KINDS);
         let mut most = 0;
-        for mask in 0..=255u8 {
-            let loops = &CELL_LOOPS[mask as usize];
+        for kind in Kind::all() {
+            let loops = kind.loops();
+            let mask = loops.mask;
+            assert_eq!(Kind::joined(mask, loops.joined), kind);
             let mut union = 0;
             for l in 0..loops.count as usize {
                 assert_eq!(union & loops.edges[l], 0);
@@ -189,12 +272,12 @@ mod tests {
             most = most.max(loops.count);
         }
         assert_eq!(most, 4);
-        assert_eq!((CELL_LOOPS[0].count, CELL_LOOPS[255].count, CELL_LOOPS[0b0110_1001].count), (0, 0, 4));
+        assert_eq!([0, 255, 0b0110_1001].map(|mask| Kind::of(mask).loops().count), [0, 0, 4]);
     }
 
     #[test]
     fn both_cells_cut_a_shared_face_alike() {
-        for signs in 0..16u8 {
+        for (signs, is_joined) in (0..16u8).flat_map(|signs| [(signs, false), (signs, true)]) {
             for axis in Axis::ALL {
                 let (u, v) = axis.others();
                 let corner = |side: usize, n: usize| {
@@ -209,10 +292,11 @@ mod tests {
                         low[axis.index()] = 0;
                         (along.index(), low)
                     };
-                    cut_runs(&face_ring(mask(side), axis, side), |a, b| {
+                    let faces = u8::from(is_joined) << (2 * axis.index() + side);
+                    for (a, b) in Kind::joined(mask(side), faces).loops().face_cuts(axis, side) {
                         let (a, b) = (name(a), name(b));
                         cuts.push(if side == 1 { (a, b) } else { (b, a) });
-                    });
+                    }
                     cuts.sort();
                     cuts
                 };

@@ -3,6 +3,7 @@
 use super::adaptive::{Merged, Shared};
 use super::cells::BrickCells;
 use super::faces::FaceVertices;
+use crate::lattice::Axis;
 use std::sync::Arc;
 
 /// The vertices of a leaf.
@@ -11,7 +12,7 @@ pub(super) struct LeafVertices {
     leaf: u32,
     pub cells: Arc<BrickCells>,
     merged: Option<Arc<Merged>>,
-    /// None where there are none.
+    /// None where vertices are merged.
     faces: Option<Arc<FaceVertices>>,
 }
 
@@ -23,9 +24,15 @@ impl LeafVertices {
         LeafVertices { leaf, cells, merged, faces: None }
     }
 
-    /// Of the cells of a leaf and the vertices on their faces, if any.
-    pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, faces: Option<Arc<FaceVertices>>) -> LeafVertices {
-        LeafVertices { leaf, cells, merged: None, faces }
+    /// Of the cells of a leaf and the vertices on their faces.
+    pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, faces: Arc<FaceVertices>) -> LeafVertices {
+        LeafVertices { leaf, cells, merged: None, faces: Some(faces) }
+    }
+
+    /// As [`FaceVertices::splits`]; unknown where vertices are merged.
+    #[inline]
+    pub(super) fn splits(&self, axis: Axis, cell: [usize; 3]) -> bool {
+        self.faces.as_ref().is_none_or(|faces| faces.splits(axis, cell))
     }
 
     /// World positions of the vertices on faces, which come after those of cells.

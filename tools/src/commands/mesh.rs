@@ -43,7 +43,6 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
         tolerance: tolerance_in(args.tolerance, &store)?,
-        intersection_free: args.intersection_free,
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.

@@ -6,7 +6,7 @@ use super::super::field::Field;
 use super::super::leaves::{Side, direction_index, directions};
 use super::super::qef::Vector;
 use super::super::surface::Changes;
-use super::super::topology::{CELL_LOOPS, SQUARE, cell_around, edge_index, face_cuts};
+use super::super::topology::{SQUARE, cell_around, edge_index};
 use super::LEVELS;
 use crate::lattice::{Axis, BRICK_CELLS};
 use std::sync::PoisonError;
@@ -104,7 +104,7 @@ impl Crossings {
                         u32::from(quad[n])
                     } else {
                         let [qu, qv] = quadrant;
-                        cells.unmixed_vertex(cell, edge_index(axis, 1 - qu, 1 - qv)).unwrap_or(FROZEN)
+                        cells.plain_vertex(cell, edge_index(axis, 1 - qu, 1 - qv)).unwrap_or(FROZEN)
                     };
                 }
                 let levels = [u, v].map(|a| plane_level(low[a.index()]));
@@ -120,7 +120,7 @@ impl Crossings {
         }
         drop(quads);
         let (starts, edges) = by_vertex(&all, cells.len());
-        let ambiguous = ambiguous(cells, changes, &frozen);
+        let ambiguous = ambiguous(cells, &frozen);
         Crossings { all, ambiguous, starts, edges }
     }
 
@@ -158,7 +158,7 @@ fn by_vertex(all: &[Crossing], vertices: usize) -> (Vec<u32>, Vec<u32>) {
     (starts, edges)
 }
 
-fn ambiguous(cells: &BrickCells, changes: &Changes, frozen: &Frozen) -> Vec<Ambiguous> {
+fn ambiguous(cells: &BrickCells, frozen: &Frozen) -> Vec<Ambiguous> {
     let mut found = Vec::new();
     for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
         let row = cells.row(j, k);
@@ -166,16 +166,16 @@ fn ambiguous(cells: &BrickCells, changes: &Changes, frozen: &Frozen) -> Vec<Ambi
         while bits != 0 {
             let cell = [bits.trailing_zeros() as usize, j, k];
             bits &= bits - 1;
-            let mask = changes.mask(cell);
-            let loops = &CELL_LOOPS[mask as usize];
+            let slot = row.slot(cell[0]);
+            let loops = cells.kinds[slot].loops();
             if loops.ambiguous == 0 || frozen.holds(cells, cell) {
                 continue;
             }
-            let first = cells.first[row.slot(cell[0])];
+            let first = cells.first[slot];
             for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
                 let (axis, side) = (Axis::ALL[face / 2], face % 2);
-                let mut cuts =
-                    face_cuts(mask, axis, side).map(|(enter, _)| first + u32::from(loops.of_edge[enter]));
+                let of_edge = |edge: usize| first + u32::from(loops.of_edge[edge]);
+                let mut cuts = loops.face_cuts(axis, side).map(|(enter, _)| of_edge(enter));
                 if let (Some(a), Some(b)) = (cuts.next(), cuts.next()) {
                     found.push(Ambiguous { vertices: [a, b], level: plane_level(cell[axis.index()] + side) });
                 }

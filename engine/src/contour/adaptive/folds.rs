@@ -181,7 +181,7 @@ impl Neighbourhood {
         let Seen { cells, draft, wide } = self.others[direction].as_ref()?;
         let cell = cell.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
         let [qu, qv] = SQUARE[quadrant];
-        let vertex = cells.unmixed_vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv))?;
+        let vertex = cells.plain_vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv))?;
         Some(draft.corner((cells, wide), direction, vertex, &draft.of_vertex))
     }
 }

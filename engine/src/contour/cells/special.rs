@@ -5,16 +5,15 @@ use super::Builder;
 use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX};
 use crate::contour::field::Frame;
 use crate::contour::loops::tangled;
-use crate::contour::topology::CELL_LOOPS;
 use crate::lattice::BRICK_POINTS;
 
 impl Builder<'_> {
     /// Takes a plain cell with one loop for one whose vertex lies beyond it.
     pub(in crate::contour) fn let_stray(&mut self, cell: [usize; 3]) {
-        let Some((mask, _)) = self.cells.plain(cell).filter(|_| self.field.separates()) else { return };
+        let Some((kind, _)) = self.cells.plain(cell).filter(|_| !self.field.merges()) else { return };
         self.cells.special.push(cell.map(|c| c as u8));
         let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
-        for place in CELL_LOOPS[usize::from(mask)].edges_of(0).map(|edge| &EDGE_PLACES[edge]) {
+        for place in kind.loops().edges_of(0).map(|edge| &EDGE_PLACES[edge]) {
             self.quads[streams.slot(cell[0], place)].vertices[place.quadrant] = NO_VERTEX;
         }
     }
@@ -29,12 +28,12 @@ impl Builder<'_> {
         let lattice = self.frame.lattice();
         for n in 0..self.cells.special.len() {
             let cell = self.cells.special[n].map(usize::from);
-            let Some((mask, first)) = self.cells.plain(cell) else { continue };
-            let loops = &CELL_LOOPS[usize::from(mask)];
+            let Some((kind, first)) = self.cells.plain(cell) else { continue };
+            let loops = kind.loops();
             let own = first..first + usize::from(loops.count);
             let within = |position: &[f32; 3]| within(&lattice, cell, *position);
             let vertices: Vec<[f64; 3]> = self.cells.positions[own].iter().map(within).collect();
-            let tangled = tangled(mask, &vertices);
+            let tangled = tangled(kind, &vertices);
             if tangled == 0 {
                 continue;
             }

@@ -57,7 +57,8 @@ impl Maker<'_> {
         self.general((axis, low, 0), inside)
     }
 
-    /// As [`Maker::equal`].
+    /// The corners of a polygon among plain cells without ambiguous faces of leaves of this level; `quad` as in
+    /// [`crate::contour::cells::BrickCells::take_quads`].
     fn merged_equal(
         &self,
         low: [usize; 3],
@@ -69,6 +70,8 @@ impl Maker<'_> {
             let vertices = self.neighbours[quarter.direction].as_ref()?;
             let vertex = if quad[n] == NO_VERTEX {
                 let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
+                // A face that is cut twice may be split.
+                vertices.cells.plain(cell).filter(|(kind, _)| kind.loops().ambiguous == 0)?;
                 vertices.cells.plain_vertex(cell, quarter.edge)?
             } else {
                 u32::from(quad[n])
