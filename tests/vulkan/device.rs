@@ -3,6 +3,7 @@
 use crate::backend::{Backend, open, open_staged, options, read, reference, silent};
 use crate::suite::{input_of, open_data};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
+use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::backend::{Leaf, LeafQueue, Vulkan, brute_at as brute_on_device};
 use brickfield_engine::brick::Brick;
@@ -68,6 +69,21 @@ fn children(
     let brick = evaluate(evaluator, array, all, key, corner);
     let child = |octant: Octant| (key.child(octant), brick.sample(octant.offset().map(|o| 16 * o)));
     Octant::all().map(child).collect()
+}
+
+/// An edge where the winding number jumps by more than the kernels' 8 bits leaves its brick to the processor.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn jumps_beyond_eight_bits_are_the_processors() {
+    let backend = Backend { device: Some(open(0)), threads: 2 };
+    for (copies, fits) in [(127, true), (128, false), (300, false)] {
+        let (_folder, pile) = input_of(&vec![cuboid([-1.0; 3], [1.0; 3]); copies]);
+        let (store, summary) = backend.build_with(&pile, 1, &options(1));
+        assert!(store == reference(&pile, 1), "{copies} copies");
+        let report = summary.device.unwrap();
+        assert_eq!((report.cpu_bricks == 0, report.failure.as_ref()), (fits, None), "{copies}: {report:?}");
+    }
+    silent(&backend);
 }
 
 /// A build on a device that fails ends with the same store; the report says what happened.
