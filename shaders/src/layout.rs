@@ -57,7 +57,7 @@ pub const ROWS: u32 = POINTS * POINTS;
 /// x = y = 0.
 pub const LINES: u32 = ROWS + POINTS + 1;
 /// 32-bit words of the jumps along a line, four in each: rows are visited out of order, so what counts is how much of the
-/// caches a brick takes. With 32 bits a jump, and samples beside them, llvmpipe took an eighth more time in all.
+/// caches a brick takes.
 pub const LINE_WORDS: u32 = CELLS / 4;
 /// Words of a brick's jumps, with one for each line that tells which edges hold some; whole lines of a cache.
 pub const JUMP_WORDS: u32 = (LINES * (LINE_WORDS + 1)).next_multiple_of(16);
