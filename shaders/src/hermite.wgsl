@@ -182,6 +182,9 @@ fn decide(place: u32, head: u32, start: i32) -> u32 {
         var crossings = 2u;
         for (var at = head; at != 0u; at = low_of(more[2u * at - 1u])) {
             steps += 1u;
+            if steps > STEPS_MAX {
+                return CROWDED;
+            }
             falls += low_of(more[2u * at - 2u]) >> 16u;
             crossings += 1u;
         }
@@ -229,8 +232,8 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
         let head = atomicLoad(&chains[2u * place + 1u]);
         atomicStore(&chains[2u * place], 0u);
         atomicStore(&chains[2u * place + 1u], 0u);
-        // A brick whose crossings found no room has edges that lack some.
-        if (atomicLoad(&bricks[brick].flags) & FULL) != 0u {
+        // A brick whose crossings found no room has edges that lack some, one with too large jumps wrong samples.
+        if (atomicLoad(&bricks[brick].flags) & (FULL | CROWDED)) != 0u {
             continue;
         }
         let start = sample(brick, high_of(packed) & 0xffffu);

@@ -1,8 +1,8 @@
 //! Leaves of subtrees, evaluated ahead of their turn in batches on a device.
 //!
 //! What the device cannot do, or fails to do, the processor does with the same result: bricks with too many triangles
-//! or spans for the buffers, winding numbers beyond 16 bits, which end in an error, and everything after the device
-//! was lost.
+//! or spans for the buffers, with jumps beyond 8 bits, or with too many crossings on an edge; winding numbers beyond 16
+//! bits, which end in an error; and everything after the device was lost.
 
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples};

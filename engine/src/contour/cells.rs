@@ -116,7 +116,8 @@ impl BrickCells {
 
     /// For the leaf's own polygons, for each sign-changing edge of it, those along x first, the vertices of the four cells
     /// around it in the order of [`super::topology::SQUARE`], [`NO_VERTEX`] for those that are not plain cells of this
-    /// leaf with one loop, its vertex within, and without ambiguous faces. They are handed over once, because the cells stay for the leaves around.
+    /// leaf with one loop, or several where vertices are merged, its vertex within, and without ambiguous faces. They are
+    /// handed over once, because the cells stay for the leaves around.
     pub(super) fn take_quads(&self) -> Vec<Quad> {
         std::mem::take(&mut *self.quads.lock().unwrap_or_else(PoisonError::into_inner))
     }

@@ -8,7 +8,8 @@
 //!
 //! Both cells at a face must cut it alike, and leaves may differ in what they say of the edges between them: normals that
 //! are differences of samples are one-sided at a border. So the leaf of the upper cell is asked, as it owns the face.
-//! Faces of cells that touch finer leaves, and of those next to coarser ones, are not joined ([`super::mixed`]).
+//! Faces of cells that touch finer leaves, and those towards coarser ones, are not joined ([`super::mixed`]), nor are those
+//! of cells all of whose faces are ambiguous ([`may_join`]).
 
 use super::field::Field;
 use super::surface::{Changes, Surface};

@@ -3,8 +3,8 @@
 //! Dual contouring (Ju, Losasso, Schaefer & Warren 2002) in its manifold form (Schaefer, Ju & Warren 2007),
 //! over leaves of any levels next to each other: one vertex per surface component in a leaf cell, one polygon
 //! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one way to cut
-//! each face, known to both cells at it, so the mesh is closed, oriented, edge-manifold and vertex-manifold by construction, for
-//! any signs and any tree. Two passes over the leaves in Morton order: the first makes the vertices, the
+//! each face, known to both cells at it, so the mesh is closed, oriented, edge-manifold and vertex-manifold by
+//! construction, for any signs and any tree. Two passes over the leaves in Morton order: the first makes the vertices, the
 //! second the triangles; the mesh is never in memory as a whole. A sink that shares no vertices gets by with one
 //! pass, so that cells too many for the cache are not made twice.
 //!

@@ -38,7 +38,7 @@ pub struct BatchOutput<'a> {
     /// What became of the bricks.
     pub bricks: &'a [Brick],
     /// By brick: by row, four a word, the jumps of the samples at edges along x, as
-    /// [`brickfield_shaders::JUMP_BIAS`] tells; more follows.
+    /// [`brickfield_shaders::JUMP_BIAS`] tells; then those of the other lines, and which edges hold crossings.
     pub jumps: &'a [[u32; JUMP_WORDS as usize]],
     /// By brick and row: the first sample, and which edges along x hold crossings.
     pub rows: &'a [[[u32; 2]; ROWS as usize]],

@@ -44,6 +44,26 @@ fn noise_on_uniform_trees_meets_nowhere() {
     assert!(on_edges > 1000 && on_faces > 1000, "{on_edges} {on_faces}");
 }
 
+/// Normals of the other levels are differences of samples, one-sided at the borders of bricks, so the bricks at a border
+/// differ in what they say of the crossings there.
+#[test]
+fn levels_of_noise_meet_nowhere_across_borders() {
+    for seed in 0..3 {
+        let layer = |n: u64| Noise { seed: 3 * seed + n, ..noise(seed, 1, 5, 128, 0.0) };
+        let shape = Overlap(layer(0), Overlap(layer(1), layer(2)));
+        for iso in [1.5, 2.5] {
+            let options = ContourOptions { iso, ..Default::default() };
+            let (mesh, summary) = mesh(&tree(&shape, &uniform(1)), &options);
+            mesh.check();
+            check(&mesh.welded()).unwrap();
+            assert_eq!(pairs(&mesh), 0, "seed {seed} at {iso}");
+            assert!(summary.triangles > 1000, "{summary:?}");
+            let (mixed, _) = super::mesh(&tree(&shape, &random_divide(seed, (1, 2), 128)), &options);
+            mixed.check();
+        }
+    }
+}
+
 #[test]
 fn sharp_solids_meet_nowhere() {
     for half in [[3.0, 2.0, 4.0], [0.4, 5.0, 0.3], [5.0, 4.0, 0.07]] {
