@@ -106,8 +106,8 @@ pub const BLOCKS: u32 = CELLS / 4;
 pub const PAGE_HEADER_WORDS: u32 = 1 + 2 * BLOCKS;
 /// Pixels along the side of a tile: a tile has an invocation of a workgroup for each.
 pub const TILE: u32 = 8;
-/// Steps after which a ray ends its round before the next brick. Those within a brick come on top, 1,200 at most; for why see
-/// [`STEPS_MAX`].
+/// Steps after which a ray ends its round before the next brick. Those within a brick come on top, up to some 20 for each of
+/// the 94 cells that it passes at most; for why see [`STEPS_MAX`].
 pub const RAY_STEPS_MAX: u32 = 1 << 10;
 /// In a node's word of the page table: it has the page of the lower bits. Otherwise they are the last round that wanted it.
 pub const RESIDENT: u32 = 1 << 31;

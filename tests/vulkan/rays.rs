@@ -12,9 +12,9 @@ use brickfield_engine::gpu::{Failure, Fault, Stage};
 use brickfield_engine::ingest::Facets;
 use brickfield_engine::lattice::{Axis, RootCube};
 use brickfield_engine::render::{
-    Caster, CasterReport, Cut, Paint, RenderOptions, Scene, Stops, Style, Surface, View, Volume,
+    Caster, CasterReport, Cut, Focus, Paint, RenderOptions, Scene, Stops, Style, Surface, View, Volume,
 };
-use brickfield_engine::store::MemoryTree;
+use brickfield_engine::store::{BrickTree, MemoryTree};
 use std::time::Instant;
 
 type Soup = Vec<[[f64; 3]; 3]>;
@@ -196,8 +196,32 @@ fn styles_of_ones_own_look_alike() {
             cuts: cuts(&part)[1].clone(),
             ..options(&part, style, 20.0)
         };
-        let off = off(&there(&device, &part, &options).0, &here(&part, &options));
+        let (picture, report) = there(&device, &part, &options);
+        assert!(report.failure.is_none() && report.cpu_bands == 0 && report.bands > 0, "{report:?}");
+        let off = off(&picture, &here(&part, &options));
         assert!(off <= 1.0, "{off} of 1000 pixels are off");
+    }
+    silent(&device);
+}
+
+/// Where pixels are as small as what single precision tells apart, the processor draws.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn closest_views_are_the_processors() {
+    let part = part(&pile(), 3);
+    let device = open(0);
+    let edge = part.tree.root().edge;
+    let options = options(&part, Style::solid(), 0.0);
+    let centre = std::array::from_fn(|a| 0.5 * (options.bounds[0][a] + options.bounds[1][a]));
+    let height = f64::from(options.size[1]);
+    for (pixel, is_there) in [(2f64.powi(-15), true), (2f64.powi(-20), false)] {
+        let focus = Some(Focus { centre, height: pixel * edge * height });
+        let options = RenderOptions { focus, ..options.clone() };
+        let (picture, report) = there(&device, &part, &options);
+        assert!(report.failure.is_none() && (report.bands > 0) == is_there, "{pixel}: {report:?}");
+        assert_eq!(report.cpu_bands > 0, !is_there, "{pixel}");
+        let off = off(&picture, &here(&part, &options));
+        assert!(off <= if is_there { 1.0 } else { 0.0 }, "{pixel}: {off} of 1000 pixels are off");
     }
     silent(&device);
 }
@@ -278,7 +302,8 @@ fn pictures_leave_nothing_behind() {
     let part = part(&pile(), 2);
     let device = open(0);
     let (gpu, messages) = (device.gpu().clone(), device.gpu().messages());
-    there(&device, &part, &options(&part, Style::solid(), 0.0));
+    let (_, report) = there(&device, &part, &options(&part, Style::solid(), 0.0));
+    assert!(report.failure.is_none() && report.bands > 0, "{report:?}");
     assert_eq!(gpu.allocated().0, 0);
     drop((device, gpu));
     assert_eq!(read(&messages), Vec::<String>::new());

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Look at the part in a window: turn it, cut it open, go through its layers
 #[derive(Args)]
 #[command(after_help = "\
-A coarse picture follows every movement, and gets finer while nothing moves, until it has the very pixels of `render`. \
+A coarse picture follows every movement, and gets finer while nothing moves, until it has the very pixels of `render --backend cpu`. \
 The window needs an X11 display, or Xwayland, and a Vulkan driver, GPU or software; rays are cast by the processor.
 
 Mouse: left drag turns, right or middle drag (or with shift) moves, the wheel zooms. The strip at the right edge is the \

@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn a_caster_fits_its_memory() {
         let words = [page_words(1, false), page_words(5, true)];
-        let cases = [(1 << 20, 1 << 27), (3 << 20, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 32)];
+        let cases = [(2 << 20, 1 << 27), (3 << 20, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 32)];
         for ((bytes, range_max), words) in cases.into_iter().flat_map(|case| words.map(|words| (case, words)))
         {
             let room = RayRoom::within(bytes, range_max, 5000, words).unwrap();

@@ -182,7 +182,9 @@ impl Slot {
         };
         let uses = match behind {
             vk::PipelineStageFlags::HOST => vk::AccessFlags::HOST_READ,
-            vk::PipelineStageFlags::TRANSFER => vk::AccessFlags::TRANSFER_READ,
+            vk::PipelineStageFlags::TRANSFER => {
+                vk::AccessFlags::TRANSFER_READ | vk::AccessFlags::TRANSFER_WRITE
+            }
             _ => vk::AccessFlags::SHADER_READ | vk::AccessFlags::SHADER_WRITE,
         };
         let all = [vk::MemoryBarrier::default().src_access_mask(writes).dst_access_mask(uses)];

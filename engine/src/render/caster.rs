@@ -62,6 +62,10 @@ enum Stop {
     Error(Error),
 }
 
+/// Rounds in which rays go on and ask for nothing: each goes on by [`brickfield_shaders::RAY_STEPS_MAX`] steps, and no ray
+/// passes more nodes than three times the cells along the root, 2^21.
+const IDLE_MAX: u32 = 3 << 11;
+
 type Cast<T> = std::result::Result<T, Stop>;
 
 impl From<Failure> for Stop {
@@ -106,7 +110,8 @@ impl<'s> Caster<'s> {
     }
 
     /// Draws a picture of the scene as [`Frame::draw`] does, up to rounding: single precision moves a colour by a step here
-    /// and there, and decides otherwise where a ray grazes an edge. Pixels do not depend on the device's memory.
+    /// and there, and decides otherwise where a ray grazes an edge. Pixels do not depend on the device's memory. Where they
+    /// are smaller than a 262,144th of the root cube, or of the distance, the processor draws.
     ///
     /// # Errors
     /// As [`Frame::draw`]; failures of the device are none.
@@ -123,8 +128,8 @@ impl<'s> Caster<'s> {
     }
 
     /// Draws a picture in what time there is: from `deadline` on, coarser bricks that are there stand for those that are not,
-    /// or nothing does. Says whether the picture is complete; if not, the same again comes closer to it, as at least some
-    /// bricks are brought by every call. Should the device fail, the processor completes the picture, however long it takes.
+    /// or nothing does. Says whether the picture is complete; if not, the same again comes closer to it, as long as the device
+    /// has room for all bricks of it: some are brought by every call. Should the device fail, the processor completes the picture, however long it takes.
     ///
     /// # Errors
     /// What reading the tree and `row` give.
@@ -150,8 +155,9 @@ impl<'s> Caster<'s> {
         assert!(std::ptr::eq(frame.scene, self.scene), "a frame of another scene");
         self.ready.clear();
         let mut is_complete = true;
+        let is_resolved = is_resolved(&sight_of(frame));
         let band = |number: u32| {
-            let Some(device) = &mut self.device else {
+            let Some(device) = self.device.as_mut().filter(|_| is_resolved) else {
                 self.report.cpu_bands += 1;
                 return frame.band(number, progress);
             };
@@ -183,6 +189,12 @@ impl<'s> Caster<'s> {
         frame.draw_bands(progress, band, row)?;
         Ok(is_complete)
     }
+}
+
+/// Whether pixels are so large, beside the numbers by which single precision tells of places, that they do not show it: 16
+/// steps of these numbers. Views from closer by are the processor's.
+fn is_resolved(sight: &Sight) -> bool {
+    sight.pixel >= (2.0f32).powi(-18) * sight.distance.max(1.0)
 }
 
 fn note(report: &mut CasterReport, failure: Failure) {
@@ -252,7 +264,8 @@ impl<'s> Device<'s> {
     }
 
     /// Follows the rays of some tiles, in rounds, to their ends. Every round brings at least one of the bricks that rays wait
-    /// for, if there are any, and a ray whose brick is there goes on beyond it: so there is an end.
+    /// for, if there are any, and a ray whose brick is there goes on beyond it: so there is an end. A device that asks for
+    /// nothing that can be brought, or for nothing while rays wait, for longer than any ray is, is at fault.
     fn cast(
         &mut self,
         sight: Sight,
@@ -263,6 +276,7 @@ impl<'s> Device<'s> {
     ) -> Cast<bool> {
         self.rays.begin(sight, tiles);
         let (mut is_draft, mut is_complete) = (false, true);
+        let mut idle = 0;
         loop {
             progress.check()?;
             let end = self.rays.round(is_draft)?;
@@ -270,11 +284,19 @@ impl<'s> Device<'s> {
             if end.wanted > 0 {
                 is_complete &= !is_draft;
                 if !is_draft {
-                    report.brought += self.bring()?;
+                    let brought = self.bring()?;
+                    if brought == 0 {
+                        return Err(Failure::Lost.into());
+                    }
+                    report.brought += brought;
                 }
             }
             if end.waiting == 0 {
                 return Ok(is_complete);
+            }
+            idle = if end.wanted > 0 { 0 } else { idle + 1 };
+            if idle > IDLE_MAX {
+                return Err(Failure::Timeout.into());
             }
             is_draft = deadline.is_some_and(|deadline| Instant::now() >= deadline);
         }
@@ -284,6 +306,7 @@ impl<'s> Device<'s> {
     fn bring(&mut self) -> Result<u64> {
         // In the order of the tree, not in that in which rays happened to ask.
         let mut wanted = self.rays.wanted().to_vec();
+        wanted.retain(|node| (*node as usize) < self.keys.len());
         wanted.truncate(self.rays.pages() as usize);
         wanted.sort_unstable();
         let (bricks, keys, lanes) = (&self.bricks, &self.keys, &self.lanes);

@@ -111,7 +111,9 @@ pub(super) fn sight_of(frame: &Frame<'_>) -> Sight {
         background: [r.into(), g.into(), b.into(), f32::from(a) / 255.0],
         lighting: [lighting.ambient, lighting.strength, lighting.fill, lighting.gloss].map(|c| c as f32),
         volume: [low_w, high_w, seen_from, seen_to].map(|w| w as f32),
-        stretch: volume.and_then(|volume| volume.stretch).map_or(0.0, |stretch| (stretch / root.edge) as f32),
+        stretch: volume
+            .and_then(|volume| volume.stretch)
+            .map_or(0.0, |stretch| ((stretch / root.edge) as f32).max(f32::MIN_POSITIVE)),
         pixel: (pixel / root.edge) as f32,
         distance: (distance / root.edge) as f32,
         cell_pixels: frame.cell_pixels as f32,

@@ -23,6 +23,7 @@ const CELL_PIXELS: f64 = 0.5;
 /// Runs the command.
 pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     let script = args.script.as_deref().map(read_script).transpose()?.unwrap_or_default();
+    require_size(args.size.0).map_err(Failure::Usage)?;
     start(args.work)?;
     let caches = memory::picture_caches(args.memory);
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
@@ -107,6 +108,18 @@ impl Looks {
     }
 }
 
+/// Most layers that are told apart.
+const LAYERS_MAX: f64 = 1e9;
+/// Most pixels of a window: 24 bytes are held for each.
+const PIXELS_MAX: u64 = 1 << 26;
+
+fn require_size([width, height]: [u32; 2]) -> Result<(), String> {
+    if u64::from(width) * u64::from(height) <= PIXELS_MAX {
+        return Ok(());
+    }
+    Err(format!("no window has {width} × {height} pixels; choose fewer, at most {PIXELS_MAX} in all"))
+}
+
 fn part(args: &WindowArgs, store: &Store) -> Result<Part, Failure> {
     let meta = store.meta();
     let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
@@ -115,6 +128,12 @@ fn part(args: &WindowArgs, store: &Store) -> Result<Part, Failure> {
         None => store.root().spacing(deepest),
     };
     let bounds = [meta.bounds_min, meta.bounds_max];
+    let longest = (0..3).map(|a| bounds[1][a] - bounds[0][a]).fold(0.0, f64::max);
+    if !(pitch > 0.0 && longest / pitch <= LAYERS_MAX) {
+        return Err(Failure::Usage(format!(
+            "--layer-height {pitch} makes too many layers; choose thicker ones"
+        )));
+    }
     Ok(Part { bounds, unit: meta.unit.clone(), pitch, styles: Vec::new() })
 }
 
@@ -133,6 +152,7 @@ fn check(
             anyhow!("{name}: line {number}: {what}")
         };
         match step {
+            Step::Size(size) => require_size(*size).map_err(refused)?,
             Step::Cut(Some(cut)) => drop(place(*cut, part).map_err(refused)?),
             Step::Style(name) if !looks.names.contains(name) => drop(looks.add(Path::new(name), store)?),
             Step::Screenshot(path) if !outputs.contains(&path.as_path()) => outputs.push(path),

@@ -47,7 +47,7 @@ impl Screenshots {
         let opaque = self.opaque[session.shot().style];
         let mut rows = pixels.chunks_exact(size[0] as usize);
         write_png(path, size, opaque, |file| rows.try_for_each(|row| file.row(row)))?;
-        let options = session.options() + &self.options;
+        let options = session.options() + &self.options + " --backend cpu";
         let name = in_line(path);
         match self.saying {
             Saying::Nothing => Ok(()),

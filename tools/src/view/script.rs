@@ -191,9 +191,12 @@ fn bare(rest: &str, step: Step) -> Result<Step, String> {
     if rest.is_empty() { Ok(step) } else { Err(format!("{rest} is too much here")) }
 }
 
-/// So many finite numbers.
+/// Numbers of a script: far beyond any screen or angle, and nothing overflows.
+const NUMBER_MAX: f64 = 1e9;
+
+/// So many numbers.
 fn numbers<const N: usize>(text: &str, expected: &str) -> Result<[f64; N], String> {
-    let number = |word: &str| word.parse::<f64>().ok().filter(|number| number.is_finite());
+    let number = |word: &str| word.parse::<f64>().ok().filter(|number| number.abs() <= NUMBER_MAX);
     let found: Option<Vec<f64>> = text.split_whitespace().map(number).collect();
     found.and_then(|found| found.try_into().ok()).ok_or_else(|| format!("expected {expected}"))
 }
