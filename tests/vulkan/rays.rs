@@ -214,7 +214,7 @@ fn closest_views_are_the_processors() {
     let options = options(&part, Style::solid(), 0.0);
     let centre = std::array::from_fn(|a| 0.5 * (options.bounds[0][a] + options.bounds[1][a]));
     let height = f64::from(options.size[1]);
-    for (pixel, is_there) in [(2f64.powi(-15), true), (2f64.powi(-20), false)] {
+    for (pixel, is_there) in [(2f64.powi(-12), true), (2f64.powi(-14), false)] {
         let focus = Some(Focus { centre, height: pixel * edge * height });
         let options = RenderOptions { focus, ..options.clone() };
         let (picture, report) = there(&device, &part, &options);
