@@ -77,6 +77,10 @@ impl FaceVertices {
 
     /// Those of a leaf with these cells.
     pub(super) fn of(field: &Field, leaf: u32, cells: &Arc<BrickCells>) -> Result<FaceVertices> {
+        // Without active cells it may have let go of those below, whose polygons do not wait for it.
+        if cells.rows.is_empty() {
+            return Ok(FaceVertices::default());
+        }
         let around = field.leaves.around(leaf);
         let own = Block::new(field, leaf, Arc::clone(cells));
         let mut lower = [None, None, None];
