@@ -71,23 +71,24 @@ impl<'a> Halo<'a> {
         Ok(())
     }
 
-    /// The corner mask of a cell in a fetched leaf of this level that touches no finer leaf.
-    pub(super) fn plain_mask(&self, cell: Place) -> Option<u8> {
+    /// The surface that has a cell of a fetched leaf of this level, which touches no finer leaf, and where: the
+    /// direction of the leaf, and the cell counted from its first one.
+    fn plain(&self, cell: Place) -> Option<(&Surface, Place, [usize; 3])> {
         let d = cell.map(|c| c.div_euclid(SIDE));
         let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return None };
         (!self.field.leaves.touches_finer(self.key, cell))
-            .then(|| surface.mask(cell.map(|c| c.rem_euclid(SIDE) as usize)))
+            .then(|| (&**surface, d, cell.map(|c| c.rem_euclid(SIDE) as usize)))
+    }
+
+    /// The corner mask of such a cell; `None` for others.
+    pub(super) fn plain_mask(&self, cell: Place) -> Option<u8> {
+        self.plain(cell).map(|(surface, _, cell)| surface.mask(cell))
     }
 
     /// The number of loops of such a cell; 0 for others.
     pub(super) fn loops(&self, cell: Place) -> Result<u8> {
-        let d = cell.map(|c| c.div_euclid(SIDE));
-        let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return Ok(0) };
-        let Surface::Changes(changes) = &**surface else { return Ok(0) };
-        let Some(key) = self.key.neighbour(d).filter(|_| self.plain_mask(cell).is_some()) else {
-            return Ok(0);
-        };
-        let cell = cell.map(|c| c.rem_euclid(SIDE) as usize);
+        let Some((Surface::Changes(changes), d, cell)) = self.plain(cell) else { return Ok(0) };
+        let Some(key) = self.key.neighbour(d) else { return Ok(0) };
         Ok(joined::kind(self.field, key, changes, cell)?.loops().count)
     }
 
