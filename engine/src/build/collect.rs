@@ -4,9 +4,9 @@ use super::bins::{Binner, SortedRun};
 use super::field::Soup;
 use super::packed::{Extent, PackedCells, PackedRun, spill};
 use super::sorted::{CellStore, SortedPieces};
-use super::temporary::TempFile;
 use crate::error::Result;
 use crate::lattice::Triangle;
+use crate::part::temporary::TempFile;
 use std::sync::Arc;
 
 /// Pairs of a triangle and a cube sorted at a time: 3 MB. Triangles of a size beyond the cubes' touch many.

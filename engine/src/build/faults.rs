@@ -1,11 +1,11 @@
 //! Builds whose temporary file fails.
 
-use super::temporary::stand_in;
 use super::{BuildOptions, Keeping, Resolution, Resources, Summary, build_opened};
 use crate::disk::Disk;
 use crate::disk::sim::{Fault, ReadFault, SimDisk};
 use crate::error::Result;
 use crate::ingest::Input;
+use crate::part::temporary::stand_in;
 use crate::progress::Silent;
 use std::path::{Path, PathBuf};
 

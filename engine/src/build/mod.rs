@@ -27,7 +27,6 @@ mod snap;
 mod solids;
 mod sorted;
 mod subtree;
-mod temporary;
 #[cfg(test)]
 mod tests;
 mod toolpaths;

@@ -2,9 +2,9 @@
 
 use super::bins::SortedRun;
 use super::packing::{pack, unpack};
-use super::temporary::TempFile;
 use crate::error::Result;
 use crate::lattice::Triangle;
+use crate::part::temporary::TempFile;
 use std::sync::Arc;
 
 /// Bytes gathered into one write.

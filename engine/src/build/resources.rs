@@ -1,8 +1,8 @@
 //! What a build may take of the machine.
 
-use super::temporary::TempFile;
 use crate::backend::Vulkan;
 use crate::error::{Error, Result};
+use crate::part::temporary::TempFile;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -122,11 +122,6 @@ impl BrickCells {
         std::mem::take(&mut *self.quads.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Hands them back.
-    pub(super) fn give_quads(&self, quads: Vec<Quad>) {
-        *self.quads.lock().unwrap_or_else(PoisonError::into_inner) = quads;
-    }
-
     /// Number of vertices.
     pub(super) fn len(&self) -> usize {
         self.positions.len()

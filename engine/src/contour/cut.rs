@@ -2,7 +2,6 @@
 
 use super::envelope::{MinimalEdge, Vec3, diagonals};
 use super::polygons::Facet;
-use super::sink::Encoding;
 use crate::lattice::Axis;
 use crate::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, level, transposed, widened,
@@ -102,17 +101,14 @@ impl Cuts {
 /// Takes the polygons of a leaf and makes its facets, in the same order but for fans, which come late.
 pub(super) struct Cutter {
     centre: [f64; 3],
-    encoding: Option<Encoding>,
-    /// No facets are wanted.
-    is_survey: bool,
+    /// Appends what is wanted of facets.
+    encode: fn(&Cuts, &mut Vec<u8>),
     cuts: Cuts,
     /// Number of the first vertex on an edge.
     first: u32,
     /// The vertices that fans are about.
     pub edge_vertices: Vec<[f32; 3]>,
-    /// All facets if there is no encoding.
-    pub facets: Vec<Facet>,
-    /// What the encoding makes of them.
+    /// What is wanted of the facets.
     pub bytes: Vec<u8>,
     /// Number of facets.
     pub count: usize,
@@ -120,8 +116,13 @@ pub(super) struct Cutter {
 }
 
 impl Cutter {
-    /// Vertices on edges are numbered from `first` on; what the encoding makes of facets is appended to `bytes`.
-    pub(super) fn new(centre: [f64; 3], first: u32, encoding: Option<Encoding>, bytes: Vec<u8>) -> Cutter {
+    /// Vertices on edges are numbered from `first` on; what is wanted of facets is appended to `bytes`.
+    pub(super) fn new(
+        centre: [f64; 3],
+        first: u32,
+        encode: fn(&Cuts, &mut Vec<u8>),
+        bytes: Vec<u8>,
+    ) -> Cutter {
         let cuts = Cuts {
             count: 0,
             ids: [[0; 4]; GROUP],
@@ -136,21 +137,14 @@ impl Cutter {
         };
         Cutter {
             centre,
-            encoding,
-            is_survey: false,
+            encode,
             cuts,
             first,
             edge_vertices: Vec::new(),
-            facets: Vec::new(),
             bytes,
             count: 0,
             measured: Measured::default(),
         }
-    }
-
-    /// Makes nothing but the vertices on edges.
-    pub(super) fn survey() -> Cutter {
-        Cutter { is_survey: true, ..Cutter::new([0.0; 3], 0, None, Vec::new()) }
     }
 
     /// The next polygon, cut along one of the diagonals `allowed`.
@@ -220,18 +214,11 @@ impl Cutter {
     fn cut(&mut self) {
         // Lanes that are left have no area.
         self.cuts.corners[self.cuts.count..].fill([[0.0; 4]; 4]);
-        let lost = if self.is_survey {
-            dispatch!(level(), simd => lost(simd, &self.cuts))
-        } else {
-            let (measured, lost) = dispatch!(level(), simd => cut(simd, self.centre, &mut self.cuts));
-            self.measured.area += measured.area;
-            self.measured.volume += measured.volume;
-            lost
-        };
+        let (measured, lost) = dispatch!(level(), simd => cut(simd, self.centre, &mut self.cuts));
+        self.measured.area += measured.area;
+        self.measured.volume += measured.volume;
         let fans = self.fans(lost);
-        if !self.is_survey {
-            self.hand_over();
-        }
+        self.hand_over();
         self.cuts.count = 0;
         self.cuts.is_kept = 0;
         self.cuts.allowed = [0; 2];
@@ -262,12 +249,7 @@ impl Cutter {
     fn hand_over(&mut self) {
         let facets = |cuts: &Cuts, lane: usize| ORDERS[cuts.shapes[lane] as usize][0].len();
         self.count += (0..self.cuts.count).map(|lane| facets(&self.cuts, lane)).sum::<usize>();
-        match self.encoding {
-            Some(encoding) => (encoding.facets)(&self.cuts, &mut self.bytes),
-            None => self.cuts.for_each(|ids, corners, _| {
-                self.facets.push(Facet { ids, corners: corners.map(|&[x, y, z, _]| [x, y, z]) });
-            }),
-        }
+        (self.encode)(&self.cuts, &mut self.bytes);
     }
 }
 
@@ -304,13 +286,6 @@ fn allowed<S: Simd>(simd: S, cuts: &Cuts, p: &[Vec3<S>; 4]) -> [u64; 2] {
     let [first, second] = diagonals(simd, cuts.axis, p, at, ends);
     let within = |diagonal: u64, n: usize| cuts.allowed[n] & (diagonal | !cuts.is_kept);
     [within(first.to_bitmask(), 0), within(second.to_bitmask(), 1)]
-}
-
-/// Bit per polygon that no diagonal cuts as it must be.
-#[inline(always)]
-fn lost<S: Simd>(simd: S, cuts: &Cuts) -> u64 {
-    let [first, second] = allowed(simd, cuts, &corners(simd, cuts));
-    cuts.is_kept & !(first | second)
 }
 
 /// Cuts polygons; returns also the bits of those that are not cut.
@@ -377,9 +352,9 @@ fn squared<S: Simd>(p: [f64x8<S>; 3], q: [f64x8<S>; 3]) -> f64x8<S> {
     d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
 }
 
-/// What the encoding makes of facets.
-pub(super) fn encoded(facets: &[Facet], encoding: Encoding) -> Vec<u8> {
-    let mut cutter = Cutter::new([0.0; 3], 0, Some(encoding), Vec::new());
+/// What `encode` makes of facets.
+pub(super) fn encoded(facets: &[Facet], encode: fn(&Cuts, &mut Vec<u8>)) -> Vec<u8> {
+    let mut cutter = Cutter::new([0.0; 3], 0, encode, Vec::new());
     for facet in facets {
         cutter.push_triangle([0, 1, 2].map(|n| (facet.ids[n], facet.corners[n])), true);
     }
@@ -388,15 +363,13 @@ pub(super) fn encoded(facets: &[Facet], encoding: Encoding) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::later::{first_encoding, whole};
     use super::*;
     use proptest::prelude::*;
 
-    const AS_NUMBERS: Encoding = Encoding {
-        vertices: |_, _| {},
-        facets: |cuts, bytes| {
-            cuts.for_each(|_, _, n| bytes.extend(n[..3].iter().map(|&c| (c * 100.0).round() as i8 as u8)));
-        },
-    };
+    fn as_numbers(cuts: &Cuts, bytes: &mut Vec<u8>) {
+        cuts.for_each(|_, _, n| bytes.extend(n[..3].iter().map(|&c| (c * 100.0).round() as i8 as u8)));
+    }
 
     #[test]
     fn a_tetrahedron_is_measured_and_facets_without_area_have_no_normal() {
@@ -404,7 +377,7 @@ mod tests {
             |n: u32| (n, [[5.0, 0.0, 0.0], [7.0, 0.0, 0.0], [5.0, 2.0, 0.0], [5.0, 0.0, 2.0]][n as usize]);
         let facets = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 1, 1]];
         let made = |times: usize| {
-            let mut cutter = Cutter::new([1.0, 2.0, 3.0], 0, Some(AS_NUMBERS), Vec::new());
+            let mut cutter = Cutter::new([1.0, 2.0, 3.0], 0, as_numbers, Vec::new());
             for facet in facets.iter().cycle().take(5 * times) {
                 cutter.push_triangle(facet.map(at), true);
             }
@@ -427,14 +400,14 @@ mod tests {
             polygons in prop::collection::vec((prop::array::uniform4(prop::array::uniform3(-4i8..4)), 0usize..3), 1..40),
         ) {
             let shapes = [Shape::Quad, Shape::Turned, Shape::TurnedBack];
-            let mut cutter = Cutter::new([0.0; 3], 0, None, Vec::new());
+            let mut cutter = Cutter::new([0.0; 3], 0, first_encoding(None), Vec::new());
             for (corners, shape) in &polygons {
                 let corner = |n: usize| (n as u32, corners[n].map(f32::from));
                 cutter.push([0, 1, 2, 3].map(corner), shapes[*shape], BOTH);
             }
             let cut = cutter.finish();
             prop_assert_eq!(cut.count, 2 * polygons.len());
-            for ((corners, shape), facets) in polygons.iter().zip(cut.facets.chunks_exact(2)) {
+            for ((corners, shape), facets) in polygons.iter().zip(whole(&cut.bytes).chunks_exact(2)) {
                 let squared = |p: usize, q: usize| -> i32 {
                     (0..3).map(|a| (i32::from(corners[p][a]) - i32::from(corners[q][a])).pow(2)).sum()
                 };

@@ -4,9 +4,9 @@
 //! over leaves of any levels next to each other: one vertex per surface component in a leaf cell, one polygon
 //! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one way to cut
 //! each face, known to both cells at it, so the mesh is closed, oriented, edge-manifold and vertex-manifold by
-//! construction, for any signs and any tree. Two passes over the leaves in Morton order: the first makes the vertices, the
-//! second the triangles; the mesh is never in memory as a whole. A sink that shares no vertices gets by with one
-//! pass, so that cells too many for the cache are not made twice.
+//! construction, for any signs and any tree. One pass over the leaves in Morton order makes vertices and triangles; the
+//! latter wait outside of memory until the last vertex has its number, if a sink wants numbers. The mesh is never in
+//! memory as a whole.
 //!
 //! | file | owns |
 //! |---|---|
@@ -20,14 +20,15 @@
 //! | `solve` | the same for eight vertices at a time |
 //! | `outliers` | the few that need more, eight at a time, too |
 //! | `edges` | the edges of a row of cells |
-//! | `cells` | pass 1: active cells and vertices of a leaf |
+//! | `cells` | active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
 //! | `corner` | vertices at corners that no single cell sees |
 //! | `loops` | what belongs to one loop of a cell and what to another |
 //! | `mixed` | cells next to finer leaves |
 //! | `adaptive` | vertices that stand for several cells' |
-//! | `polygons` | pass 2: triangles of a leaf |
+//! | `polygons` | triangles of a leaf |
 //! | `vertices` | the vertices of a leaf as the mesh has them |
+//! | `later` | triangles that wait for the numbers of vertices |
 //! | `faces` | vertices on faces |
 //! | `extras` | how they are named |
 //! | `envelope` | where triangles cannot meet others |
@@ -48,6 +49,7 @@ mod faces;
 mod field;
 mod halo;
 mod joined;
+mod later;
 mod leaves;
 mod loops;
 mod mixed;
@@ -68,14 +70,15 @@ mod vertices;
 
 pub use cut::Cuts;
 pub use polygons::Facet;
-pub use sink::{Encoded, Encoding, MeshArrays, MeshSink, create_sink};
+pub use sink::{Encoded, Encoding, MeshArrays, MeshSink, Triangles, create_sink};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use field::Field;
+use later::{Later, Numbered, Waiting};
+use order::in_order;
 use polygons::{LeafFacets, Making};
-use spare::Spare;
 use surface::Level;
 use vertices::LeafVertices;
 
@@ -145,8 +148,9 @@ pub fn contour(
     field.merge_across(progress)?;
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
-        let first_vertex = vertices(&field, sink, progress, &mut summary)?;
-        triangles(&field, &first_vertex, sink, progress, &mut summary)?;
+        let later = Later::new(sink.folder(), sink.encoding());
+        let (first_vertex, waiting) = vertices(&field, &later, sink, progress, &mut summary)?;
+        triangles(&later, &first_vertex, &waiting, sink, progress)?;
     } else {
         lone_triangles(&field, sink, progress, &mut summary)?;
     }
@@ -201,36 +205,37 @@ fn level(iso: f64) -> Result<Level> {
     Ok(Level { threshold: iso.ceil() as i32, iso })
 }
 
-/// Pass 1: hands all vertices to the sink and returns the number of each leaf's first one, with the number
-/// of all at the end.
+/// Hands all vertices to the sink, and puts the triangles away. Returns the number of each leaf's first vertex, with the
+/// number of all at the end, and where the triangles of each leaf are.
 fn vertices(
     field: &Field,
+    later: &Later,
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
     summary: &mut MeshSummary,
-) -> Result<Vec<u32>> {
+) -> Result<(Vec<u32>, Vec<Waiting>)> {
     let mut first_vertex = Vec::with_capacity(field.leaves.len() + 1);
+    let mut waiting = Vec::with_capacity(field.leaves.len());
     first_vertex.push(0u32);
-    progress.phase("vertices", Some(field.leaves.len() as u64), "bricks");
+    progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
+    let making = Making::new(encoding);
     let make = |leaf| {
-        let vertices = field.vertices(leaf)?;
-        field.release_drafts(leaf);
-        let on_edges = polygons::edge_vertices(field, leaf, &vertices)?;
+        let (vertices, part, mut facets) = contoured(field, leaf, &making)?;
         let mut bytes = Vec::new();
         if let Some(encoding) = encoding {
             (encoding.vertices)(vertices.positions(), &mut bytes);
             (encoding.vertices)(vertices.on_faces(), &mut bytes);
-            (encoding.vertices)(&on_edges, &mut bytes);
+            (encoding.vertices)(&facets.edge_vertices, &mut bytes);
         }
-        let mut part = MeshSummary::of_leaf(&vertices);
-        part.add(&MeshSummary::of_edges(&on_edges));
-        Ok((vertices, on_edges, bytes, part))
+        let kept = later.keep(&mut facets)?;
+        making.spare.keep(std::mem::take(&mut facets.bytes));
+        Ok((vertices, part, facets.edge_vertices, bytes, kept))
     };
     field.in_order(
         progress,
         make,
-        |(vertices, on_edges, bytes, part): (LeafVertices, Vec<_>, Vec<u8>, _)| {
+        |(vertices, part, on_edges, bytes, kept): (LeafVertices, _, Vec<_>, Vec<u8>, _)| {
             match encoding {
                 Some(_) => sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?,
                 None => {
@@ -240,6 +245,7 @@ fn vertices(
                 }
             }
             summary.add(&part);
+            waiting.push(kept);
             first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
                 Error::setting(
                     "the mesh has more than 2^32 - 1 vertices",
@@ -249,61 +255,65 @@ fn vertices(
             Ok(())
         },
     )?;
-    Ok(first_vertex)
+    Ok((first_vertex, waiting))
 }
 
-/// Pass 2: hands all triangles to the sink.
+/// Hands all triangles to the sink.
 fn triangles(
-    field: &Field,
+    later: &Later,
     first_vertex: &[u32],
+    waiting: &[Waiting],
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
-    summary: &mut MeshSummary,
 ) -> Result<()> {
-    progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
-    let making =
-        Making { first_vertex: Some(first_vertex), encoding: sink.encoding(), spare: Spare::default() };
-    let make = |leaf| polygons::leaf_facets(field, leaf, &making);
-    field.in_order(progress, make, |leaf| hand_over(leaf, &making, sink, summary))
+    progress.phase("triangles", Some(waiting.len() as u64), "bricks");
+    let make = |leaf: u32| {
+        let waiting = &waiting[leaf as usize];
+        Ok((waiting.count as usize, later.numbered(waiting, first_vertex)?))
+    };
+    in_order(waiting.len(), progress, make, |(count, numbered)| match numbered {
+        Numbered::Bytes(bytes) => sink.encoded(Encoded::Triangles(count, &bytes)),
+        Numbered::Facets(facets) => sink.triangles(&facets),
+    })
 }
 
-/// Both passes in one, for a sink that shares no vertices. A leaf's polygons need the cells of the leaves below it,
-/// which come before it, and of coarser ones.
+/// Hands all triangles to a sink that shares no vertices.
 fn lone_triangles(
     field: &Field,
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
     summary: &mut MeshSummary,
 ) -> Result<()> {
-    progress.phase("triangles", Some(field.leaves.len() as u64), "bricks");
-    let making = Making { first_vertex: None, encoding: sink.encoding(), spare: Spare::default() };
-    let make = |leaf| {
-        let part = MeshSummary::of_leaf(&field.vertices(leaf)?);
-        field.release_drafts(leaf);
-        Ok((part, polygons::leaf_facets(field, leaf, &making)?))
-    };
-    field.in_order(progress, make, |(part, leaf)| {
+    progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
+    let encoding = sink.encoding();
+    let making = Making::new(encoding);
+    let make = |leaf| contoured(field, leaf, &making);
+    field.in_order(progress, make, |(_, part, facets)| {
         summary.add(&part);
-        summary.add(&MeshSummary::of_edges(&leaf.edge_vertices));
-        hand_over(leaf, &making, sink, summary)
+        match encoding {
+            Some(_) => sink.encoded(Encoded::Triangles(facets.count, &facets.bytes))?,
+            None => sink.triangles(&later::whole(&facets.bytes))?,
+        }
+        making.spare.keep(facets.bytes);
+        Ok(())
     })
 }
 
-fn hand_over(
-    leaf: LeafFacets,
-    making: &Making,
-    sink: &mut dyn MeshSink,
-    summary: &mut MeshSummary,
-) -> Result<()> {
-    match making.encoding {
-        Some(_) => sink.encoded(Encoded::Triangles(leaf.count, &leaf.bytes))?,
-        None => sink.triangles(&leaf.facets)?,
-    }
-    summary.triangles += leaf.count as u64;
-    summary.area += leaf.measured.area;
-    summary.volume += leaf.measured.volume;
-    making.spare.keep(leaf.bytes);
-    Ok(())
+/// The vertices of a leaf, what it adds to a summary, and its triangles. A leaf's polygons need the cells of the leaves
+/// below it, which come before it, and of coarser ones.
+fn contoured(field: &Field, leaf: u32, making: &Making) -> Result<(LeafVertices, MeshSummary, LeafFacets)> {
+    let vertices = field.vertices(leaf)?;
+    field.release_drafts(leaf);
+    let facets = polygons::leaf_facets(field, leaf, &vertices, making)?;
+    let mut part = MeshSummary::of_leaf(&vertices);
+    part.add(&MeshSummary::of_edges(&facets.edge_vertices));
+    part.add(&MeshSummary {
+        triangles: facets.count as u64,
+        area: facets.measured.area,
+        volume: facets.measured.volume,
+        ..MeshSummary::default()
+    });
+    Ok((vertices, part, facets))
 }
 
 impl MeshSummary {
@@ -333,9 +343,12 @@ impl MeshSummary {
         MeshSummary { vertices: positions.len() as u64, bounds, ..MeshSummary::default() }
     }
 
-    /// Adds what a leaf's cells add.
+    /// Adds what a leaf adds.
     fn add(&mut self, part: &MeshSummary) {
         self.vertices += part.vertices;
+        self.triangles += part.triangles;
+        self.area += part.area;
+        self.volume += part.volume;
         self.split_faces += part.split_faces;
         self.face_vertices += part.face_vertices;
         self.edge_vertices += part.edge_vertices;

@@ -19,11 +19,12 @@ mod merged;
 
 use super::adaptive::{OWN, Shared};
 use super::cells::BrickCells;
-use super::cut::{BOTH, Cutter, Measured, Shape, Vertex};
+use super::cut::{BOTH, Cuts, Cutter, Measured, Shape, Vertex};
 use super::edges::{NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
 use super::extras::{edge_key, face_key};
 use super::field::Field;
+use super::later::{Names, first_encoding};
 use super::leaves::{Around, Side, broken, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
@@ -49,55 +50,50 @@ pub struct Facet {
 #[derive(Default)]
 pub(super) struct LeafFacets {
     pub count: usize,
-    /// None if they are encoded.
-    pub facets: Vec<Facet>,
-    /// What a file holds of them, if it can be made here.
+    /// What is wanted of them.
     pub bytes: Vec<u8>,
+    /// How they name vertices.
+    pub names: Names,
     pub measured: Measured,
-    /// As [`edge_vertices`].
+    /// The vertices on edges, whose numbers follow those of the leaf's others.
     pub edge_vertices: Vec<[f32; 3]>,
 }
 
 /// How the facets of a mesh are made, beside the field.
-pub(super) struct Making<'a> {
-    /// The number of each leaf's first vertex, if numbers are wanted.
-    pub first_vertex: Option<&'a [u32]>,
-    /// How a file takes them.
-    pub encoding: Option<Encoding>,
+pub(super) struct Making {
+    /// Appends what is wanted of them.
+    pub encode: fn(&Cuts, &mut Vec<u8>),
     /// Room for the bytes of leaves.
     pub spare: Spare<u8>,
 }
 
-/// The triangles of `leaf`, which is done with then, as are the cells that no other leaf needs.
-pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<LeafFacets> {
-    let vertices = field.vertices(leaf)?;
+impl Making {
+    /// For a sink with this encoding.
+    pub(super) fn new(encoding: Option<Encoding>) -> Making {
+        Making { encode: first_encoding(encoding), spare: Spare::default() }
+    }
+}
+
+/// The triangles of `leaf` with these vertices, which is done with then, as are the cells that no other leaf needs.
+pub(super) fn leaf_facets(
+    field: &Field,
+    leaf: u32,
+    vertices: &LeafVertices,
+    making: &Making,
+) -> Result<LeafFacets> {
     let around = field.leaves.around(leaf);
     if vertices.cells.signs.is_none() {
         field.release(leaf, &around);
         return Ok(LeafFacets::default());
     }
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    let bytes = making.encoding.map_or(Vec::new(), |_| making.spare.take());
-    let first = making.first_vertex.map_or(0, |first| first[leaf as usize]);
-    let on_edges = first + (vertices.positions().len() + vertices.on_faces().len()) as u32;
-    let cutter = Cutter::new(centre, on_edges, making.encoding, bytes);
+    let cutter = Cutter::new(centre, Names::ON_EDGES, making.encode, making.spare.take());
     let quads = vertices.cells.take_quads();
-    let cutter = Maker::new(field, leaf, making.first_vertex, vertices, cutter).make(&quads)?;
+    let (cutter, names) = Maker::new(field, leaf, vertices.clone(), cutter).make(&quads)?;
     field.spare_quads.keep(quads);
     field.release(leaf, &around);
-    let Cutter { count, facets, bytes, measured, edge_vertices, .. } = cutter;
-    Ok(LeafFacets { count, facets, bytes, measured, edge_vertices })
-}
-
-/// The vertices on edges that the triangles of `leaf` need; their numbers follow those of its `vertices`.
-pub(super) fn edge_vertices(field: &Field, leaf: u32, vertices: &LeafVertices) -> Result<Vec<[f32; 3]>> {
-    if vertices.cells.signs.is_none() || field.merges() {
-        return Ok(Vec::new());
-    }
-    let quads = vertices.cells.take_quads();
-    let cutter = Maker::new(field, leaf, None, vertices.clone(), Cutter::survey()).make(&quads)?;
-    vertices.cells.give_quads(quads);
-    Ok(cutter.edge_vertices)
+    let Cutter { count, bytes, measured, edge_vertices, .. } = cutter;
+    Ok(LeafFacets { count, bytes, names, measured, edge_vertices })
 }
 
 /// Which of two equally fine leaves around an edge owns its polygon: the one of higher rank.
@@ -109,8 +105,7 @@ fn quadrant_rank([u, v]: [usize; 2]) -> usize {
 /// A corner of a polygon.
 #[derive(Clone, Copy, Default)]
 struct Corner {
-    id: u32,
-    position: [f32; 3],
+    vertex: Shared,
     /// The vertex of one of the smallest cells around, or an extra vertex on such a cell's face.
     is_finest: bool,
     is_extra: bool,
@@ -161,8 +156,7 @@ struct Quarter {
     step: [usize; 3],
     /// Which of the cell's edges it is.
     edge: usize,
-    /// Number of the leaf's first vertex.
-    first: u32,
+    leaf: u32,
 }
 
 /// Makes the facets of one leaf.
@@ -170,9 +164,7 @@ struct Maker<'a> {
     field: &'a Field<'a>,
     key: NodeKey,
     around: Around,
-    first_vertex: Option<&'a [u32]>,
-    /// Number of the leaf's own first vertex.
-    first: u32,
+    names: Names,
     /// Cells and vertices of the leaf itself and of its neighbours by direction, fetched when needed.
     neighbours: [Option<LeafVertices>; 27],
     /// By axis and where the edges along it lie: 0, 1 or 2 for the lower border, the inside, the upper border along
@@ -184,22 +176,16 @@ struct Maker<'a> {
 }
 
 impl<'a> Maker<'a> {
-    fn new(
-        field: &'a Field<'a>,
-        leaf: u32,
-        first_vertex: Option<&'a [u32]>,
-        vertices: LeafVertices,
-        cutter: Cutter,
-    ) -> Maker<'a> {
+    fn new(field: &'a Field<'a>, leaf: u32, vertices: LeafVertices, cutter: Cutter) -> Maker<'a> {
         let key = field.leaves.get(leaf).key;
+        let names = Names::new(leaf, vertices.positions().len() + vertices.on_faces().len());
         let mut neighbours = [const { None }; 27];
         neighbours[OWN] = Some(vertices);
         Maker {
             field,
             key,
             around: field.leaves.around(leaf),
-            first_vertex,
-            first: first_vertex.map_or(0, |first| first[leaf as usize]),
+            names,
             neighbours,
             borders: [Border::Unknown; 27],
             lattice: field.frame(key).lattice(),
@@ -208,7 +194,7 @@ impl<'a> Maker<'a> {
     }
 
     /// Makes the facets of all polygons that the leaf owns; `quads` as in [`BrickCells::take_quads`].
-    fn make(mut self, quads: &[Quad]) -> Result<Cutter> {
+    fn make(mut self, quads: &[Quad]) -> Result<(Cutter, Names)> {
         let own = self.neighbours[OWN].as_ref().map(|vertices| Arc::clone(&vertices.cells));
         if let Some(cells) = &own
             && let Some(signs) = &cells.signs
@@ -219,7 +205,7 @@ impl<'a> Maker<'a> {
                 dispatch!(level(), _simd => self.rows(cells, signs, quads))?;
             }
         }
-        Ok(self.cutter.finish())
+        Ok((self.cutter.finish(), self.names))
     }
 
     /// All edges of the leaf, in the order of [`BrickCells::take_quads`].
@@ -234,11 +220,6 @@ impl<'a> Maker<'a> {
             }
         }
         Ok(())
-    }
-
-    #[inline]
-    fn first_vertex(&self, leaf: u32) -> u32 {
-        self.first_vertex.map_or(0, |first| first[leaf as usize])
     }
 
     /// All edges along `axis` whose lower samples lie in the row (j, k) and that this leaf owns; `quads` are those of
@@ -274,7 +255,8 @@ impl<'a> Maker<'a> {
     #[inline(always)]
     fn plain(&mut self, edge: Edge, quad: &[u16; 4], cells: &BrickCells, inside: bool) {
         let [a, b, c, d] = *quad;
-        let at = |n: u16| (self.first + u32::from(n), cells.positions[usize::from(n)]);
+        // The leaf's own first place.
+        let at = |n: u16| (u32::from(n), cells.positions[usize::from(n)]);
         let shape = if inside { Shape::Quad } else { Shape::TurnedBack };
         self.cutter.push_around(&self.placed(edge), [at(a), at(b), at(c), at(d)], shape, BOTH);
     }
@@ -288,6 +270,8 @@ impl<'a> Maker<'a> {
             Border::Foreign => return Ok(()),
             Border::Equal(ref quarters) => {
                 if let Some(corners) = self.equal(axis, low, quarters, quad) {
+                    let corners = corners
+                        .map(|Shared { leaf, number, position }| (self.names.of(leaf, number), position));
                     let shape = if inside { Shape::Quad } else { Shape::Turned };
                     self.cutter.push_around(&self.placed(edge), corners, shape, BOTH);
                     return Ok(());
@@ -323,8 +307,7 @@ impl<'a> Maker<'a> {
             self.fetch(leaf, direction)?;
             let step =
                 std::array::from_fn(|a| (cell[a] - low[a] as i32).rem_euclid(BRICK_CELLS as i32) as usize);
-            let (edge, first) = (edge_index(axis, 1 - qu, 1 - qv), self.first_vertex(leaf));
-            quarters[n] = Quarter { direction, step, edge, first };
+            quarters[n] = Quarter { direction, step, edge: edge_index(axis, 1 - qu, 1 - qv), leaf };
         }
         Ok(Border::Equal(quarters))
     }
@@ -338,8 +321,8 @@ impl<'a> Maker<'a> {
         low: [usize; 3],
         quarters: &[Quarter; 4],
         quad: &[u16; 4],
-    ) -> Option<[Vertex; 4]> {
-        let mut corners = [Vertex::default(); 4];
+    ) -> Option<[Shared; 4]> {
+        let mut corners = [Shared::default(); 4];
         for n in 0..4 {
             let quarter = &quarters[n];
             let vertices = self.neighbours[quarter.direction].as_ref()?;
@@ -350,12 +333,13 @@ impl<'a> Maker<'a> {
             if qu == 1 && vertices.splits(u, cell) || qv == 1 && vertices.splits(v, cell) {
                 return None;
             }
-            let vertex = if quad[n] == NO_VERTEX {
+            let number = if quad[n] == NO_VERTEX {
                 vertices.cells.plain_vertex(cell, quarter.edge)?
             } else {
                 u32::from(quad[n])
             };
-            corners[n] = (quarter.first + vertex, vertices.cells.positions[vertex as usize]);
+            let position = vertices.cells.positions[number as usize];
+            corners[n] = Shared { leaf: quarter.leaf, number, position };
         }
         Some(corners)
     }
@@ -380,7 +364,7 @@ impl<'a> Maker<'a> {
             return Ok(());
         }
         triangulate(corners, |a, b, c| {
-            let vertex = |n: usize| (corners[n].id, corners[n].position);
+            let vertex = |n: usize| name(&mut self.names, &corners[n]);
             self.cutter.push_triangle([a, b, c].map(vertex), inside);
         });
         Ok(())
@@ -388,14 +372,14 @@ impl<'a> Maker<'a> {
 
     /// The facets of a polygon within the envelope of its edge.
     fn keep(&mut self, edge: &MinimalEdge, corners: &[Corner], inside: bool) {
-        let vertex = |corner: &Corner| (corner.id, corner.position);
+        let mut vertex = |corner: &Corner| name(&mut self.names, corner);
         match *corners {
             [a, b, c, d] if corners.iter().all(|corner| !corner.is_extra) => {
                 let shape = if inside { Shape::Quad } else { Shape::Turned };
                 let allowed = [a.is_finest || c.is_finest, b.is_finest || d.is_finest];
                 self.cutter.push_around(edge, [a, b, c, d].map(|corner| vertex(&corner)), shape, allowed);
             }
-            [a, b, c] if edge.pierces([a, b, c].map(|corner| corner.position)) => {
+            [a, b, c] if edge.pierces([a, b, c].map(|corner| corner.vertex.position)) => {
                 self.cutter.push_triangle([a, b, c].map(|corner| vertex(&corner)), inside);
             }
             _ => {
@@ -478,20 +462,23 @@ impl<'a> Maker<'a> {
             let (before, after) = ((n + 3) % 4, (n + 1) % 4);
             let this = &quadrants[n];
             if !is_same(before, n) {
-                polygon.push(self.corner(vertices[n], false, this.key.level() == self.key.level()));
+                polygon.push(Corner {
+                    vertex: vertices[n],
+                    is_finest: this.key.level() == self.key.level(),
+                    is_extra: false,
+                });
             }
             if !is_same(n, after)
                 && let Some((owner, vertex)) = self.extra(axis, n, this, &quadrants[after], lower)
             {
-                polygon.push(self.corner(vertex, true, owner.key.level() == self.key.level()));
+                polygon.push(Corner {
+                    vertex,
+                    is_finest: owner.key.level() == self.key.level(),
+                    is_extra: true,
+                });
             }
         }
         Ok(polygon)
-    }
-
-    fn corner(&self, vertex: Shared, is_extra: bool, is_finest: bool) -> Corner {
-        let id = self.first_vertex(vertex.leaf) + vertex.number;
-        Corner { id, position: vertex.position, is_finest, is_extra }
     }
 
     /// The extra vertex on the face between quadrant `n` and the next, with the leaf that owns the face.
@@ -527,6 +514,12 @@ fn relative(at: Units, key: NodeKey, point: [usize; 3]) -> Units {
     std::array::from_fn(|a| at[a] - key.base()[a] - ((point[a] as i32) << key.spacing_bits()))
 }
 
+/// The corner of a triangle.
+fn name(names: &mut Names, corner: &Corner) -> Vertex {
+    let Shared { leaf, number, position } = corner.vertex;
+    (names.of(leaf, number), position)
+}
+
 /// True if a quadrilateral is to be cut from corner 0 to corner 2: along the shorter of the diagonals that
 /// are allowed, along this one if they are equal.
 #[inline(always)]
@@ -545,7 +538,7 @@ fn triangulate(corners: &[Corner], mut triangle: impl FnMut(usize, usize, usize)
         Some(extra) => extra,
         None if is_plain_quad => {
             let finest = |n: usize| corners[n].is_finest || corners[n + 2].is_finest;
-            let positions = std::array::from_fn(|n| corners[n].position);
+            let positions = std::array::from_fn(|n| corners[n].vertex.position);
             usize::from(!shorter(&positions, finest(0), finest(1)))
         }
         None => corners.iter().position(|c| c.is_finest).unwrap_or(0),

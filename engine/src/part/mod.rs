@@ -3,6 +3,7 @@
 #[cfg(test)]
 pub(crate) mod outputs;
 mod pair;
+pub(crate) mod temporary;
 
 pub use crate::disk::free_bytes;
 pub use pair::PartPair;

@@ -6,6 +6,7 @@ use crate::brick::SignChanges;
 use crate::contour::adaptive::{OWN, Shared, turns};
 use crate::contour::cut::{BOTH, Shape, Vertex};
 use crate::contour::edges::{NO_VERTEX, Quad};
+use crate::contour::later::Names;
 use crate::contour::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS};
@@ -28,17 +29,11 @@ impl Maker<'_> {
             } else if let Some(own) = &self.neighbours[OWN]
                 && quad.iter().any(|vertex| *vertex != quad[0])
             {
-                let corners = quad.map(|vertex| self.merged_corner(own, vertex.into()));
+                let corners = quad.map(|vertex| corner(&mut self.names, own, vertex.into()));
                 self.push_distinct(axis, corners, inside);
             }
         }
         Ok(())
-    }
-
-    /// The corner that stands for a vertex, by the number with which its cell was made.
-    fn merged_corner(&self, vertices: &LeafVertices, vertex: u32) -> (Name, Vertex) {
-        let Shared { leaf, number, position } = vertices.vertex(vertex);
-        ((leaf, number), (self.first_vertex(leaf) + number, position))
     }
 
     /// As [`Maker::border`].
@@ -46,8 +41,8 @@ impl Maker<'_> {
         let place = self.border_place(axis, low)?;
         match self.borders[place] {
             Border::Foreign => return Ok(()),
-            Border::Equal(ref quarters) => {
-                if let Some(corners) = self.merged_equal(low, quarters, quad) {
+            Border::Equal(quarters) => {
+                if let Some(corners) = self.merged_equal(low, &quarters, quad) {
                     self.push_distinct(axis, corners, inside);
                     return Ok(());
                 }
@@ -60,7 +55,7 @@ impl Maker<'_> {
     /// The corners of a polygon among plain cells without ambiguous faces of leaves of this level; `quad` as in
     /// [`crate::contour::cells::BrickCells::take_quads`].
     fn merged_equal(
-        &self,
+        &mut self,
         low: [usize; 3],
         quarters: &[Quarter; 4],
         quad: &[u16; 4],
@@ -76,7 +71,7 @@ impl Maker<'_> {
             } else {
                 u32::from(quad[n])
             };
-            corners[n] = self.merged_corner(vertices, vertex);
+            corners[n] = corner(&mut self.names, vertices, vertex);
         }
         Some(corners)
     }
@@ -109,6 +104,12 @@ impl Maker<'_> {
             _ => {}
         }
     }
+}
+
+/// The corner that stands for a vertex, by the number with which its cell was made.
+fn corner(names: &mut Names, vertices: &LeafVertices, vertex: u32) -> (Name, Vertex) {
+    let Shared { leaf, number, position } = vertices.vertex(vertex);
+    ((leaf, number), (names.of(leaf, number), position))
 }
 
 /// Where a quadrilateral is cut.

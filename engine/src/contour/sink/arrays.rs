@@ -1,8 +1,7 @@
 //! A mesh in memory.
 
-use super::super::cut::Cuts;
 use super::ply::write_vertices;
-use super::{Encoded, Encoding, MeshSink};
+use super::{Encoded, Encoding, MeshSink, Triangles};
 use crate::error::Result;
 
 /// A mesh as arrays, for whoever goes on with it: 12 bytes a vertex and 12 a triangle, all of them in memory.
@@ -15,9 +14,8 @@ pub struct MeshArrays {
 }
 
 /// Numbers of the corners, little-endian.
-pub(super) fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
-    bytes.reserve(Cuts::MOST_FACETS * size_of::<[u32; 3]>());
-    cuts.for_each(|ids, _, _| bytes.extend_from_slice(ids.map(u32::to_le_bytes).as_flattened()));
+pub(super) fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+    bytes.extend(triangles.as_flattened().iter().flat_map(|number| number.to_le_bytes()));
 }
 
 /// What little-endian numbers, three each, say.
@@ -30,7 +28,7 @@ pub(super) fn triples<T>(bytes: &[u8], number: impl Fn([u8; 4]) -> T) -> impl It
 
 impl MeshSink for MeshArrays {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, facets: write_facets })
+        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

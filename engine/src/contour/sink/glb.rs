@@ -2,11 +2,12 @@
 //!
 //! glTF counts in metres and has y up; a matrix turns the part, which has z up, and scales it.
 
-use super::arrays::{triples, write_facets};
+use super::arrays::{triples, write_triangles};
 use super::ply::write_vertices;
-use super::{Encoded, Encoding, MeshSink};
+use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
+use std::path::Path;
 
 /// Room for the JSON, which is known at the end only and filled up with spaces. Most of it is nine numbers of up to 24
 /// characters.
@@ -83,7 +84,11 @@ impl GlbSink {
 
 impl MeshSink for GlbSink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, facets: write_facets })
+        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+    }
+
+    fn folder(&self) -> Option<&Path> {
+        folder_of(self.file.path())
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

@@ -21,7 +21,12 @@ pub trait MeshSink: Send {
     /// Whether triangles name vertices by number. If not, no vertices are handed over, and the numbers in
     /// [`Facet::ids`] mean nothing.
     fn shares_vertices(&self) -> bool {
-        true
+        !matches!(self.encoding(), Some(Encoding { triangles: Triangles::Lone(_), .. }))
+    }
+    /// Where triangles may wait for the numbers of their vertices, in a file without a name; `None` if they are to
+    /// wait in memory.
+    fn folder(&self) -> Option<&Path> {
+        None
     }
     /// The next vertices, world positions; the first one ever has number 0.
     fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
@@ -33,7 +38,16 @@ pub trait MeshSink: Send {
     /// The next triangles. Their numbers are those of vertices received before.
     fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
         let Some(encoding) = self.encoding() else { return Ok(()) };
-        self.encoded(Encoded::Triangles(facets.len(), &encoded(facets, encoding)))
+        let bytes = match encoding.triangles {
+            Triangles::Lone(encode) => encoded(facets, encode),
+            Triangles::Numbered(encode) => {
+                let ids: Vec<[u32; 3]> = facets.iter().map(|facet| facet.ids).collect();
+                let mut bytes = Vec::new();
+                encode(&ids, &mut bytes);
+                bytes
+            }
+        };
+        self.encoded(Encoded::Triangles(facets.len(), &bytes))
     }
     /// How a file takes the mesh, so that any thread can make its bytes. Where there is an encoding, they are handed
     /// over by [`MeshSink::encoded`] in place of vertices and triangles, in the same order.
@@ -53,8 +67,22 @@ pub trait MeshSink: Send {
 pub struct Encoding {
     /// Appends the bytes of vertices at world positions.
     pub vertices: fn(&[[f32; 3]], &mut Vec<u8>),
-    /// Appends the bytes of triangles.
-    pub facets: fn(&Cuts, &mut Vec<u8>),
+    /// The bytes of triangles.
+    pub triangles: Triangles,
+}
+
+/// How triangles become bytes of a file.
+#[derive(Clone, Copy)]
+pub enum Triangles {
+    /// Appends those of triangles with the positions of their corners.
+    Lone(fn(&Cuts, &mut Vec<u8>)),
+    /// Appends those of triangles by the numbers of their corners.
+    Numbered(fn(&[[u32; 3]], &mut Vec<u8>)),
+}
+
+/// The folder that a file lies in.
+fn folder_of(file: &Path) -> Option<&Path> {
+    file.parent().map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
 }
 
 /// A part of a mesh as bytes of a file.

@@ -1,10 +1,10 @@
 //! Wavefront OBJ: text, shared vertices, indices from 1.
 
-use super::super::cut::Cuts;
-use super::{Encoded, Encoding, MeshSink};
+use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
 use crate::error::Result;
 use crate::part::PartFile;
 use std::io::Write;
+use std::path::Path;
 
 /// Most bytes of a line of small numbers, to reserve room by.
 const LINE_BYTES: usize = 32;
@@ -28,17 +28,21 @@ fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
-fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
-    bytes.reserve(Cuts::MOST_FACETS * LINE_BYTES);
-    cuts.for_each(|ids, _, _| {
+fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(triangles.len() * LINE_BYTES);
+    for ids in triangles {
         let [a, b, c] = ids.map(|id| u64::from(id) + 1);
         let _ = writeln!(bytes, "f {a} {b} {c}");
-    });
+    }
 }
 
 impl MeshSink for ObjSink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, facets: write_facets })
+        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+    }
+
+    fn folder(&self) -> Option<&Path> {
+        folder_of(self.file.path())
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

@@ -1,9 +1,9 @@
 //! Binary little-endian PLY with shared vertices.
 
-use super::super::cut::Cuts;
-use super::{Encoded, Encoding, MeshSink};
+use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
 use crate::error::Result;
 use crate::part::PartFile;
+use std::path::Path;
 
 /// Bytes of a face: the number of corners and their indices.
 const FACE_BYTES: usize = 13;
@@ -39,18 +39,22 @@ pub(super) fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
-fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
-    bytes.reserve(Cuts::MOST_FACETS * FACE_BYTES);
-    cuts.for_each(|ids, _, _| {
+fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(triangles.len() * FACE_BYTES);
+    for ids in triangles {
         let mut record = [3; FACE_BYTES];
         record[1..].copy_from_slice(ids.map(u32::to_le_bytes).as_flattened());
         bytes.extend_from_slice(&record);
-    });
+    }
 }
 
 impl MeshSink for PlySink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, facets: write_facets })
+        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+    }
+
+    fn folder(&self) -> Option<&Path> {
+        folder_of(self.file.path())
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

@@ -1,11 +1,10 @@
 //! 3MF: a ZIP archive of an XML model (3MF Consortium, Core Specification 1.3).
 
-use super::super::cut::Cuts;
-use super::{Encoded, Encoding, MeshSink};
+use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::io::{self, Seek, SeekFrom, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
@@ -130,16 +129,20 @@ fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
-fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
-    bytes.reserve(Cuts::MOST_FACETS * LINE_BYTES);
-    cuts.for_each(|[a, b, c], _, _| {
+fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(triangles.len() * LINE_BYTES);
+    for [a, b, c] in triangles {
         let _ = writeln!(bytes, r#"<triangle v1="{a}" v2="{b}" v3="{c}"/>"#);
-    });
+    }
 }
 
 impl MeshSink for ThreeMfSink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, facets: write_facets })
+        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+    }
+
+    fn folder(&self) -> Option<&Path> {
+        folder_of(&self.path)
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

@@ -1,4 +1,4 @@
-//! The temporary file of a build that does not fit in memory.
+//! Temporary files of what does not fit in memory.
 
 use crate::disk::{DiskFile, free_bytes};
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 
 /// A file without a name in some folder: however the program ends, killed included, the system removes it. It is made
 /// when it is first written.
-pub(super) struct TempFile {
+pub(crate) struct TempFile {
     folder: PathBuf,
     file: OnceLock<Arc<dyn DiskFile>>,
     end: AtomicU64,
@@ -93,7 +93,7 @@ fn make(folder: &Path) -> io::Result<Arc<dyn DiskFile>> {
 
 /// Files that tests put in the place of a folder's temporary file.
 #[cfg(test)]
-pub(super) mod stand_in {
+pub(crate) mod stand_in {
     use super::*;
     use std::collections::BTreeMap;
     use std::sync::{Mutex, PoisonError};
