@@ -196,6 +196,16 @@ pub enum IoArg {
     Mmap,
 }
 
+/// How cells become triangles.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum MethodArg {
+    /// Manifold dual contouring: sharp edges, no triangles that meet, bricks of any levels
+    #[default]
+    Dual,
+    /// Marching cubes, for comparison: edges of the part are cut off within cells; bricks of one level at the surface
+    Mc,
+}
+
 /// The criterion by which bricks are divided.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub enum RefineArg {
@@ -282,6 +292,9 @@ pub struct MeshArgs {
     /// How far the surface may move for the sake of fewer triangles, as in 0.05mm; 0 keeps them all
     #[arg(long, value_name = "LEN", default_value = "0", requires = "output")]
     pub tolerance: Tolerance,
+    /// How cells become triangles
+    #[arg(long, value_enum, default_value_t, requires = "output")]
+    pub method: MethodArg,
     /// Memory to stay within, as in 512MiB, maps of files not counted; 160 MiB with two threads, and 40 MiB more for
     /// each further one, are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]

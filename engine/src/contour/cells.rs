@@ -204,7 +204,7 @@ impl CellRow {
 }
 
 /// A cell is active when its eight corners are not all alike.
-fn mark_active(signs: &SignChanges, rows: &mut [CellRow]) {
+pub(super) fn mark_active(signs: &SignChanges, rows: &mut [CellRow]) {
     for (n, row) in rows.iter_mut().enumerate() {
         let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
         let corners = [signs.row(j, k), signs.row(j + 1, k), signs.row(j, k + 1), signs.row(j + 1, k + 1)];

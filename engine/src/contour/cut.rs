@@ -195,7 +195,12 @@ impl Cutter {
 
     /// The next polygon as a fan about a vertex on its edge; corners and sense as of [`Cutter::push_triangle`].
     pub(super) fn push_fan(&mut self, edge: &MinimalEdge, corners: &[Vertex], inside: bool) {
-        let apex = (self.first + self.edge_vertices.len() as u32, edge.crossing());
+        self.push_fan_about(edge.crossing(), corners, inside);
+    }
+
+    /// The next polygon as a fan about a vertex of its own.
+    pub(super) fn push_fan_about(&mut self, apex: [f32; 3], corners: &[Vertex], inside: bool) {
+        let apex = (self.first + self.edge_vertices.len() as u32, apex);
         self.edge_vertices.push(apex.1);
         for n in 0..corners.len() {
             let (a, b) = (corners[n], corners[(n + 1) % corners.len()]);

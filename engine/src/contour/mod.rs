@@ -28,6 +28,7 @@
 //! | `adaptive` | vertices that stand for several cells' |
 //! | `polygons` | triangles of a leaf |
 //! | `vertices` | the vertices of a leaf as the mesh has them |
+//! | `marching` | marching cubes, for comparison |
 //! | `later` | triangles that wait for the numbers of vertices |
 //! | `faces` | vertices on faces |
 //! | `extras` | how they are named |
@@ -52,6 +53,7 @@ mod joined;
 mod later;
 mod leaves;
 mod loops;
+mod marching;
 mod mixed;
 mod order;
 mod outliers;
@@ -95,11 +97,23 @@ pub struct ContourOptions {
     pub cache_bytes: usize,
     /// How far, in world units, the surface may be moved for the sake of fewer triangles; 0 to keep every vertex.
     pub tolerance: f64,
+    /// How cells become triangles.
+    pub method: Method,
+}
+
+/// How cells become triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Manifold dual contouring: sharp edges, leaves of any levels.
+    #[default]
+    Dual,
+    /// Marching cubes (Lorensen & Cline 1987), for comparison: vertices on lattice edges, leaves of one level.
+    MarchingCubes,
 }
 
 impl Default for ContourOptions {
     fn default() -> ContourOptions {
-        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20, tolerance: 0.0 }
+        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20, tolerance: 0.0, method: Method::Dual }
     }
 }
 
@@ -142,17 +156,17 @@ pub fn contour(
 ) -> Result<MeshSummary> {
     let level = level(options.iso)?;
     require_half(tree, options.iso)?;
-    require_tolerance(options.tolerance)?;
+    require_tolerance(options)?;
     let mut field = Field::new(tree, level, options)?;
     require_resolution(tree, options.level)?;
     field.merge_across(progress)?;
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
         let later = Later::new(sink.folder(), sink.encoding());
-        let (first_vertex, waiting) = vertices(&field, &later, sink, progress, &mut summary)?;
-        triangles(&later, &first_vertex, &waiting, sink, progress)?;
+        let made = vertices(&field, options.method, &later, sink, progress, &mut summary)?;
+        triangles(&later, &made, sink, progress)?;
     } else {
-        lone_triangles(&field, sink, progress, &mut summary)?;
+        lone_triangles(&field, options.method, sink, progress, &mut summary)?;
     }
     sink.finish()?;
     Ok(summary)
@@ -176,11 +190,17 @@ fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Result<()> {
     Ok(())
 }
 
-fn require_tolerance(tolerance: f64) -> Result<()> {
-    if tolerance >= 0.0 && tolerance.is_finite() {
-        return Ok(());
+fn require_tolerance(options: &ContourOptions) -> Result<()> {
+    let ContourOptions { tolerance, method, .. } = *options;
+    if !(tolerance >= 0.0 && tolerance.is_finite()) {
+        let what = format!("no surface can be within {tolerance}");
+        return Err(Error::setting(what, "choose a length, or 0"));
     }
-    Err(Error::setting(format!("no surface can be within {tolerance}"), "choose a length, or 0"))
+    if tolerance > 0.0 && method == Method::MarchingCubes {
+        let what = "marching cubes keeps all its triangles";
+        return Err(Error::setting(what, "leave the tolerance out, or the method"));
+    }
+    Ok(())
 }
 
 /// Samples with binary places are told apart by their nearest whole numbers.
@@ -209,6 +229,7 @@ fn level(iso: f64) -> Result<Level> {
 /// number of all at the end, and where the triangles of each leaf are.
 fn vertices(
     field: &Field,
+    method: Method,
     later: &Later,
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
@@ -221,26 +242,26 @@ fn vertices(
     let encoding = sink.encoding();
     let making = Making::new(encoding);
     let make = |leaf| {
-        let (vertices, part, mut facets) = contoured(field, leaf, &making)?;
+        let (positions, part, mut facets) = contoured(field, method, leaf, &making)?;
         let mut bytes = Vec::new();
         if let Some(encoding) = encoding {
-            (encoding.vertices)(vertices.positions(), &mut bytes);
-            (encoding.vertices)(vertices.on_faces(), &mut bytes);
+            for positions in positions.slices() {
+                (encoding.vertices)(positions, &mut bytes);
+            }
             (encoding.vertices)(&facets.edge_vertices, &mut bytes);
         }
         let kept = later.keep(&mut facets)?;
         making.spare.keep(std::mem::take(&mut facets.bytes));
-        Ok((vertices, part, facets.edge_vertices, bytes, kept))
+        Ok((positions, part, facets.edge_vertices, bytes, kept))
     };
     field.in_order(
         progress,
         make,
-        |(vertices, part, on_edges, bytes, kept): (LeafVertices, _, Vec<_>, Vec<u8>, _)| {
+        |(positions, part, on_edges, bytes, kept): (Positions, _, Vec<_>, Vec<u8>, _)| {
             match encoding {
                 Some(_) => sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?,
                 None => {
-                    sink.vertices(vertices.positions())?;
-                    sink.vertices(vertices.on_faces())?;
+                    positions.slices().into_iter().try_for_each(|positions| sink.vertices(positions))?;
                     sink.vertices(&on_edges)?;
                 }
             }
@@ -261,8 +282,7 @@ fn vertices(
 /// Hands all triangles to the sink.
 fn triangles(
     later: &Later,
-    first_vertex: &[u32],
-    waiting: &[Waiting],
+    (first_vertex, waiting): &(Vec<u32>, Vec<Waiting>),
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
 ) -> Result<()> {
@@ -280,6 +300,7 @@ fn triangles(
 /// Hands all triangles to a sink that shares no vertices.
 fn lone_triangles(
     field: &Field,
+    method: Method,
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
     summary: &mut MeshSummary,
@@ -287,7 +308,7 @@ fn lone_triangles(
     progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
     let making = Making::new(encoding);
-    let make = |leaf| contoured(field, leaf, &making);
+    let make = |leaf| contoured(field, method, leaf, &making);
     field.in_order(progress, make, |(_, part, facets)| {
         summary.add(&part);
         match encoding {
@@ -299,13 +320,44 @@ fn lone_triangles(
     })
 }
 
+/// World positions of the vertices of a leaf, those on edges of polygons aside.
+enum Positions {
+    Dual(LeafVertices),
+    OnEdges(Vec<[f32; 3]>),
+}
+
+impl Positions {
+    /// Them, in order.
+    fn slices(&self) -> [&[[f32; 3]]; 2] {
+        match self {
+            Positions::Dual(vertices) => [vertices.positions(), vertices.on_faces()],
+            Positions::OnEdges(positions) => [positions, &[]],
+        }
+    }
+}
+
 /// The vertices of a leaf, what it adds to a summary, and its triangles. A leaf's polygons need the cells of the leaves
 /// below it, which come before it, and of coarser ones.
-fn contoured(field: &Field, leaf: u32, making: &Making) -> Result<(LeafVertices, MeshSummary, LeafFacets)> {
-    let vertices = field.vertices(leaf)?;
-    field.release_drafts(leaf);
-    let facets = polygons::leaf_facets(field, leaf, &vertices, making)?;
-    let mut part = MeshSummary::of_leaf(&vertices);
+fn contoured(
+    field: &Field,
+    method: Method,
+    leaf: u32,
+    making: &Making,
+) -> Result<(Positions, MeshSummary, LeafFacets)> {
+    let (positions, mut part, facets) = match method {
+        Method::Dual => {
+            let vertices = field.vertices(leaf)?;
+            field.release_drafts(leaf);
+            let facets = polygons::leaf_facets(field, leaf, &vertices, making)?;
+            let part = MeshSummary::of_leaf(&vertices);
+            (Positions::Dual(vertices), part, facets)
+        }
+        Method::MarchingCubes => {
+            let (positions, facets) = marching::leaf_facets(field, leaf, making)?;
+            let part = MeshSummary::of_positions(&positions);
+            (Positions::OnEdges(positions), part, facets)
+        }
+    };
     part.add(&MeshSummary::of_edges(&facets.edge_vertices));
     part.add(&MeshSummary {
         triangles: facets.count as u64,
@@ -313,7 +365,7 @@ fn contoured(field: &Field, leaf: u32, making: &Making) -> Result<(LeafVertices,
         volume: facets.measured.volume,
         ..MeshSummary::default()
     });
-    Ok((vertices, part, facets))
+    Ok((positions, part, facets))
 }
 
 impl MeshSummary {

@@ -504,7 +504,7 @@ impl<'a> Maker<'a> {
 
 /// In which direction a cell with coordinates -1..=32 lies from the leaf.
 #[inline]
-fn direction(cell: [i32; 3]) -> [i32; 3] {
+pub(super) fn direction(cell: [i32; 3]) -> [i32; 3] {
     cell.map(|c| i32::from(c >= BRICK_CELLS as i32) - i32::from(c < 0))
 }
 

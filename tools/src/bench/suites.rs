@@ -113,13 +113,19 @@ fn mesh(bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
     for (number, input) in meshed(bench.quick).into_iter().enumerate() {
         let store = format!("{number}.brf");
         let cell = prepared(bench, input, &store, depth)?["cell"].as_f64().unwrap_or(1.0);
-        for (ending, tolerance) in [("stl", 0.0), ("ply", 0.0), ("stl", 0.1), ("ply", 0.1)] {
-            let merged =
-                if tolerance > 0.0 { format!(", --tolerance {tolerance} cells") } else { String::new() };
-            let name = format!("mesh of depth {depth} to {ending}{merged}");
+        let kinds = [("stl", "dual", 0.0), ("ply", "dual", 0.0), ("stl", "mc", 0.0), ("ply", "mc", 0.0)];
+        for (ending, method, tolerance) in
+            kinds.into_iter().chain([("stl", "dual", 0.1), ("ply", "dual", 0.1)])
+        {
+            let how = match (method, tolerance > 0.0) {
+                ("mc", _) => ", marching cubes".to_owned(),
+                (_, true) => format!(", --tolerance {tolerance} cells"),
+                (_, false) => String::new(),
+            };
+            let name = format!("mesh of depth {depth} to {ending}{how}");
             let mut line = line!["mesh", &store, "-o", out(&format!("mesh.{ending}")), "--quiet", "--json"];
             line.extend(bench.threads());
-            line.extend(line!["--tolerance", (tolerance * cell).to_string()]);
+            line.extend(line!["--tolerance", (tolerance * cell).to_string(), "--method", method]);
             let at = [("depth", f64::from(depth)), ("tolerance", tolerance)];
             jobs.push(Job::new("mesh", input, &name, &at, vec![line]).reading(&[&store]));
         }

@@ -3,12 +3,12 @@
 use super::info_mesh::is_mesh;
 use super::mesh_check::{Checked, require_sound};
 use super::{of_store, open_store, require_level, start};
-use crate::args::MeshArgs;
+use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct};
 use crate::units::{Tolerance, Unit};
-use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, contour, create_sink};
+use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink};
 use brickfield_engine::store::{Accept, CacheStats, Store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
@@ -43,6 +43,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
         tolerance: tolerance_in(args.tolerance, &store)?,
+        method: args.method.into(),
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.
@@ -56,6 +57,15 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         print(&report.text())?;
     }
     report.check.as_ref().map_or(Ok(()), require_sound)
+}
+
+impl From<MethodArg> for Method {
+    fn from(method: MethodArg) -> Method {
+        match method {
+            MethodArg::Dual => Method::Dual,
+            MethodArg::Mc => Method::MarchingCubes,
+        }
+    }
 }
 
 /// The tolerance in the store's unit.

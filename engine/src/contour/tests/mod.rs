@@ -3,6 +3,7 @@
 mod adaptive;
 mod check;
 mod fields;
+mod marching;
 mod meetings;
 pub(super) mod one_by_one;
 
