@@ -1,4 +1,4 @@
-//! The active cells of one leaf, their loops and the vertices of these: what pass 1 makes and pass 2 reads.
+//! The active cells of one leaf, their loops and the vertices of these.
 //!
 //! Cells whose surroundings have their own level or a lower one are found by bit arithmetic on the sign rows
 //! and looped by a table; those next to finer leaves go to [`super::mixed`]. Vertices are numbered within the

@@ -1,4 +1,4 @@
-//! Pass 2: one polygon per sign-changing minimal edge, cut into triangles.
+//! One polygon per sign-changing minimal edge, cut into triangles.
 //!
 //! *Ownership.* A minimal edge is a full lattice edge of the finest leaves around it. Its polygon belongs to
 //! the one of these that lies above it, in the order of [`quadrant_rank`]; so a leaf needs its own cells and
