@@ -149,26 +149,26 @@ fn march(
     Ok((positions, LeafFacets { count, bytes, names, measured, edge_vertices }))
 }
 
-/// Hands the triangles of a ring on. Rings run clockwise seen from outside.
+/// Hands the triangles of a ring on. Rings run counter-clockwise seen from outside.
 fn push(cutter: &mut Cutter, ring: &Ring, corner: impl Fn(usize) -> Vertex) {
     match &ring.cut {
         &Cut::Quad(allowed) => {
             cutter.push(
                 [0, 1, 2, 3].map(&corner),
-                Shape::Turned,
+                Shape::Quad,
                 if allowed == [true; 2] { BOTH } else { allowed },
             );
         }
         Cut::Triangles(triangles) => {
             for triangle in triangles {
-                cutter.push_triangle(triangle.map(|n| corner(n.into())), false);
+                cutter.push_triangle(triangle.map(|n| corner(n.into())), true);
             }
         }
         Cut::Fan => {
             let corners: Vec<Vertex> = (0..ring.edges.len()).map(corner).collect();
             let sum = |a: usize| corners.iter().map(|(_, at)| f64::from(at[a])).sum::<f64>();
             let middle = [0, 1, 2].map(|a| (sum(a) / corners.len() as f64) as f32);
-            cutter.push_fan_about(middle, &corners, false);
+            cutter.push_fan_about(middle, &corners, true);
         }
     }
 }

@@ -15,6 +15,7 @@ fn marched_spheres_are_manifold_and_their_volumes_converge() {
         let (mesh, summary) = mesh(&tree, &marching(0.5));
         mesh.check();
         check(&mesh.welded()).unwrap();
+        assert!(summary.volume > 0.0, "outward");
         let now = (summary.volume / exact - 1.0).abs();
         assert!(now < error / 3.0, "level {level}: {now} after {error}");
         error = now;
