@@ -28,6 +28,6 @@ pub use failure::{Failure, Fault, Stage, Unavailable};
 pub use instance::{DeviceInfo, DeviceKind, devices, may_be_there};
 pub use lane::{BatchInput, BatchOutput, Lane};
 pub use present::Presenter;
-pub use rays::{RayCaster, RayScene, RoundEnd};
+pub use rays::{RayCaster, RayKernels, RayScene, RoundEnd};
 pub use slot::Seconds;
 pub use sums::{SumInput, SumLane, SumRoom, SumTree};
