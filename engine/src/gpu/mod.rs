@@ -27,7 +27,7 @@ pub use device::{Gpu, Settings};
 pub use failure::{Failure, Fault, Stage, Unavailable};
 pub use instance::{DeviceInfo, DeviceKind, devices, may_be_there};
 pub use lane::{BatchInput, BatchOutput, Lane};
-pub use present::Presenter;
+pub use present::{Outcome, Presenter};
 pub use rays::{RayCaster, RayKernels, RayScene, RoundEnd};
 pub use slot::Seconds;
 pub use sums::{SumInput, SumLane, SumRoom, SumTree};
