@@ -2,6 +2,9 @@
 
 use crate::support::*;
 use std::ffi::OsStr;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
 
 /// Runs the program where the Vulkan loader finds no driver, or is not there.
 fn run_without_drivers(args: &[&dyn AsRef<OsStr>]) -> Run {
@@ -92,10 +95,32 @@ fn a_device_draws_pictures_and_is_named() {
     ]);
     assert_eq!((done.status, done.stderr.lines().count()), (Some(0), 1), "{}", done.stderr);
     assert!(done.stderr.contains("the processor drew in its place"), "{}", done.stderr);
-    let turn = dir.path("t.apng");
-    let args: [&dyn AsRef<OsStr>; 10] =
-        [&"render", &store, &"-o", &turn, &"--turntable", &"3", &"--size", &"64x48", &"--device", &"0"];
-    run(&args).ok();
+    let turns = [["--device", "0"], ["--backend", "cpu"]].map(|by| {
+        let turn = dir.path("t.apng");
+        let args: [&dyn AsRef<OsStr>; 8] =
+            [&"render", &store, &"-o", &turn, &"--turntable", &"3", &"--size", &"64x48"];
+        run(&[&args[..], &[&by[0], &by[1]]].concat()).ok();
+        frames_of(&turn)
+    });
+    assert!(turns[0].len() == 3 && turns[0][0] != turns[0][1] && turns[0][1] != turns[0][2]);
+    for (there, here) in turns[0].iter().zip(&turns[1]) {
+        let is_off = |(a, b): (&[u8; 3], &[u8; 3])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 2);
+        let off = there.iter().zip(here).filter(|(a, b)| is_off((a, b))).count();
+        assert!(off * 1000 <= here.len(), "{off} of {} pixels are off", here.len());
+    }
+}
+
+/// The pictures of an opaque animation.
+fn frames_of(path: &Path) -> Vec<Vec<[u8; 3]>> {
+    let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+    let count = reader.info().animation_control().expect("it moves").num_frames;
+    let mut frame = vec![0; reader.output_buffer_size().unwrap()];
+    let mut next = || {
+        let info = reader.next_frame(&mut frame).unwrap();
+        assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+        frame.as_chunks::<3>().0.to_vec()
+    };
+    (0..count).map(|_| next()).collect()
 }
 
 #[test]

@@ -328,7 +328,7 @@ fn sketches_come_closer_to_the_picture() {
             picture.extend_from_slice(row);
             Ok(())
         };
-        let is_complete = caster.sketch(&frame, Instant::now(), row).unwrap();
+        let is_complete = caster.sketch(&frame, Instant::now(), &Silent, row).unwrap();
         errors.push(off(&picture, &expected));
         calls += 1;
         if is_complete {

@@ -41,7 +41,7 @@ pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Re
     };
     match Gpu::open(&settings) {
         Ok(gpu) => Ok(Chosen::Device(Box::new(Vulkan::new(gpu)))),
-        Err(why) if is_asked_for => Err(anyhow!("--backend vulkan: {why}").into()),
+        Err(why) if is_asked_for => Err(anyhow!("--backend vulkan: {why}, or use --backend cpu").into()),
         Err(why) => Ok(Chosen::Cpu { why: Some(why.what) }),
     }
 }

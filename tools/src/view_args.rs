@@ -1,7 +1,7 @@
 //! What the user types for the window.
 
 use crate::args::{IoArg, WorkArgs};
-use crate::picture_args::{PixelsArg, StyleArg, ViewArg};
+use crate::picture_args::{DrawArgs, PixelsArg, StyleArg, ViewArg};
 use crate::units::{Length, Size};
 use clap::Args;
 use std::path::PathBuf;
@@ -9,8 +9,9 @@ use std::path::PathBuf;
 /// Look at the part in a window: turn it, cut it open, go through its layers
 #[derive(Args)]
 #[command(after_help = "\
-A coarse picture follows every movement, and gets finer while nothing moves, until it has the very pixels of `render --backend cpu`. \
-The window needs an X11 display, or Xwayland, and a Vulkan driver, GPU or software; rays are cast by the processor.
+A coarse picture follows every movement, and gets finer while nothing moves, until it has the very pixels of `render` with \
+the same --backend. The window needs an X11 display, or Xwayland, and a Vulkan driver, GPU or software, whatever casts the \
+rays; should a device fail, the processor goes on in its place.
 
 Mouse: left drag turns, right or middle drag (or with shift) moves, the wheel zooms. The strip at the right edge is the \
 height of the cutting plane: drag it to go through the layers.
@@ -22,9 +23,10 @@ height of the cutting plane: drag it to go through the layers.
   x y z         cut across an axis, above the plane; again: below it
   up, down      move the plane by a layer; page up, page down by ten; home, end
   c             no cut
-  s             screenshot: PART-0001.png and so on in the working folder, without strip and letters
+  s             screenshot: PART-0001.png and so on in the working folder, without strip and letters; the next movement \
+is seen when it is written
   h             list of keys
-  q, escape     quit
+  q, escape     quit, when screenshots are written; twice, at once
 
 A script is a command a line, of which each begins when the one before is done; # begins a comment. The window stays \
 open behind the last one unless that is quit.
@@ -51,7 +53,7 @@ open behind the last one unless that is quit.
 Examples:
   brickfield view part.brf
   brickfield view part.brf --style boundary --layer-height 0.2mm
-  brickfield view part.brf --script tour.txt")]
+  brickfield view part.brf --backend vulkan --script tour.txt")]
 pub struct WindowArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
@@ -79,6 +81,8 @@ pub struct WindowArgs {
     /// two threads, and 8 MiB more for each further one, are used in any case
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
+    #[command(flatten)]
+    pub draws: DrawArgs,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

@@ -58,12 +58,8 @@ impl Context {
     ) -> Result<Context, Unavailable> {
         let physical = instance.physical_devices()?[index];
         let info = instance.describe(index, physical);
-        let refuse = |what: String| {
-            Unavailable::new(
-                format!("{}: {what}", info.name),
-                "name another with --device, or use --backend cpu",
-            )
-        };
+        let refuse =
+            |what: String| Unavailable::new(format!("{}: {what}", info.name), "name another with --device");
         if !info.missing.is_empty() {
             return Err(refuse(format!("the device lacks {}", info.missing.join(", "))));
         }

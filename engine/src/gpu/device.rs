@@ -67,7 +67,7 @@ impl Gpu {
             [(SCAN, c"find"), (SCAN, c"jump"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
             let what = format!("{}: the kernels cannot be compiled ({failure})", context.info.name);
-            Unavailable::new(what, "update the driver, or use --backend cpu")
+            Unavailable::new(what, "update the driver")
         })?;
         Ok(Gpu { kernels: Arc::new(kernels), context })
     }
@@ -117,7 +117,7 @@ fn choose(found: &[DeviceInfo], settings: &Settings) -> Result<usize, Unavailabl
         let by_number = wanted.parse().ok().filter(|number| *number < found.len());
         let by_name = || found.iter().position(|d| d.name.to_lowercase().contains(&lower));
         return by_number.or_else(by_name).ok_or_else(|| {
-            Unavailable::new(format!("there is no device {wanted}"), format!("the devices are: {list}"))
+            Unavailable::new(format!("there is no device {wanted}"), format!("name one of: {list}"))
         });
     }
     let usable = |d: &&DeviceInfo| if settings.real { d.is_real() } else { d.missing.is_empty() };
@@ -129,7 +129,7 @@ fn choose(found: &[DeviceInfo], settings: &Settings) -> Result<usize, Unavailabl
         ),
         false => Unavailable::new(
             format!("no Vulkan device has what is needed: {}", lacks(found)),
-            "update the driver, or use --backend cpu",
+            "update the driver",
         ),
     })
 }

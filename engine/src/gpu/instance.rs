@@ -78,7 +78,7 @@ pub fn may_be_there() -> bool {
 }
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
-const INSTALL: &str = "install the GPU's Vulkan driver, or use --backend cpu";
+const INSTALL: &str = "install the GPU's Vulkan driver or mesa-vulkan-drivers";
 
 /// Storage buffers that the kernels bind.
 const BUFFERS: u32 = brickfield_shaders::BRICK_BUFFERS.len() as u32;
@@ -113,10 +113,7 @@ impl Instance {
     pub fn with(extensions: &[&CStr], validation: bool) -> Result<Instance, Unavailable> {
         // SAFETY: the loader's initialization has no preconditions but that its library is Vulkan's, whose name this is.
         let entry = unsafe { Entry::load() }.map_err(|e| {
-            Unavailable::new(
-                format!("there is no Vulkan loader ({e})"),
-                "install libvulkan1, or use --backend cpu",
-            )
+            Unavailable::new(format!("there is no Vulkan loader ({e})"), "install libvulkan1")
         })?;
         let application = vk::ApplicationInfo::default()
             .application_name(c"brickfield")
@@ -141,6 +138,10 @@ impl Instance {
             vk::Result::ERROR_LAYER_NOT_PRESENT => Unavailable::new(
                 "the Vulkan validation layer is not there",
                 "install vulkan-validationlayers",
+            ),
+            vk::Result::ERROR_EXTENSION_NOT_PRESENT if validation => Unavailable::new(
+                "the Vulkan validation layer cannot report",
+                "install a newer vulkan-validationlayers",
             ),
             vk::Result::ERROR_EXTENSION_NOT_PRESENT => {
                 Unavailable::new("the Vulkan drivers show no windows", "install another Vulkan driver")

@@ -9,10 +9,21 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// How long a device may take to show a picture. One that waits for a screen that is off gives no image for ever.
-const PATIENCE_NS: u64 = 1_000_000_000;
+/// How long the window may stand still for the device: some frames of a screen. One that is off gives no image for ever.
+const PATIENCE_NS: u64 = 100_000_000;
 /// Attempts at a picture while the window changes its size.
 const ATTEMPTS: usize = 3;
+
+/// What became of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It is shown.
+    Shown,
+    /// The window has no area in which anything could be shown.
+    NoArea,
+    /// Device or system are not ready for it, or the window keeps changing; to be shown again.
+    NotYet,
+}
 
 /// Shows pictures in a window, one after the other: each is written to memory that the device reads, and copied from there
 /// into an image of the window.
@@ -81,20 +92,22 @@ impl Presenter {
     }
 
     /// Shows a picture of `size` (width, height) pixels, rows from the top, sRGB without regard to opacity. Where the
-    /// window is smaller for a moment it is cut off, where larger the rest is black. Returns whether it is shown: not in
-    /// a window without an area, or if the system takes no pictures now.
+    /// window is smaller for a moment it is cut off, where larger the rest is black. Takes a tenth of a second at most, but
+    /// for making images of another size.
     ///
     /// # Errors
     /// If the device fails for good.
-    pub fn show(&mut self, size: [u32; 2], pixels: &[[u8; 4]]) -> Result<bool, Failure> {
+    pub fn show(&mut self, size: [u32; 2], pixels: &[[u8; 4]]) -> Result<Outcome, Failure> {
         assert_eq!(size[0] as usize * size[1] as usize, pixels.len(), "a picture has as many pixels");
         for _ in 0..ATTEMPTS {
             // What the last picture was copied from is written anew, and its semaphore waited for again.
-            self.wait()?;
+            if !self.has_copied()? {
+                return Ok(Outcome::NotYet);
+            }
             if self.stale || self.swapchain.as_ref().is_none_or(|chain| chain.extent != size) {
                 self.renew(size)?;
             }
-            let Some(chain) = &self.swapchain else { return Ok(false) };
+            let Some(chain) = &self.swapchain else { return Ok(Outcome::NoArea) };
             let functions = &self.screen.functions;
             // SAFETY: the swapchain is alive, and nobody waits for the semaphore or will signal it.
             let next = unsafe {
@@ -106,27 +119,32 @@ impl Presenter {
                     self.stale = true;
                     continue;
                 }
-                Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(false),
+                Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(Outcome::NotYet),
                 Err(result) => return Err(result.into()),
             };
-            self.write(size, pixels)?;
+            self.write(size, pixels);
             self.stale = is_poor;
             if self.submit(image)? {
-                return Ok(true);
+                return Ok(Outcome::Shown);
             }
             self.stale = true;
         }
-        Ok(false)
+        Ok(Outcome::NotYet)
     }
 
-    /// Waits for the last copy.
-    fn wait(&self) -> Result<(), Failure> {
+    /// Waits for the last copy; whether it is done.
+    fn has_copied(&self) -> Result<bool, Failure> {
         // SAFETY: the fence is the device's, and signalled or to be signalled by a submission.
-        Ok(unsafe { self.screen.raw.wait_for_fences(&[self.copied], true, u64::MAX) }?)
+        match unsafe { self.screen.raw.wait_for_fences(&[self.copied], true, PATIENCE_NS) } {
+            Ok(()) => Ok(true),
+            Err(vk::Result::TIMEOUT) => Ok(false),
+            Err(result) => Err(result.into()),
+        }
     }
 
     /// Makes images for a window of this size, and room for one of them.
     fn renew(&mut self, size: [u32; 2]) -> Result<(), Failure> {
+        // The last copy is done, so that nothing is left but to show it.
         // SAFETY: only this structure uses the device.
         unsafe { self.screen.raw.device_wait_idle() }?;
         let made = Swapchain::new(&self.screen, size, self.swapchain.as_ref())?;
@@ -142,8 +160,8 @@ impl Presenter {
     }
 
     /// Puts the picture into the memory that is copied.
-    fn write(&mut self, size: [u32; 2], pixels: &[[u8; 4]]) -> Result<(), Failure> {
-        let (Some(chain), Some(staging)) = (&self.swapchain, &mut self.staging) else { return Ok(()) };
+    fn write(&mut self, size: [u32; 2], pixels: &[[u8; 4]]) {
+        let (Some(chain), Some(staging)) = (&self.swapchain, &mut self.staging) else { return };
         let bytes = staging.bytes_mut().as_chunks_mut::<4>().0;
         let order = if chain.is_bgra { [2, 1, 0, 3] } else { [0, 1, 2, 3] };
         for (y, row) in bytes.chunks_exact_mut(chain.extent[0] as usize).enumerate() {
@@ -154,7 +172,6 @@ impl Presenter {
             left.iter_mut().zip(seen).for_each(|(to, from)| *to = order.map(|channel| from[channel]));
             rest.fill([0, 0, 0, 255]);
         }
-        Ok(())
     }
 
     /// Copies what was written into the image and shows it; false if the window has changed meanwhile.

@@ -12,6 +12,7 @@ use ash::vk;
 use brickfield_shaders::{
     COUNT_WORDS, RAY_BUFFERS, RAYS, RESIDENT, Round, Shell, Sight, TABLE_ENTRIES, TILE, TreeNode, WORKGROUP,
 };
+use std::sync::Arc;
 
 /// Kernels by number.
 const TRACE: usize = 0;
@@ -56,6 +57,21 @@ impl RayScene<'_> {
     }
 }
 
+/// The kernels that follow rays, compiled. Clones are handles of the same.
+#[derive(Clone)]
+pub struct RayKernels(Arc<Kernels>);
+
+impl RayKernels {
+    /// Compiles them.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn new(gpu: &Gpu) -> Result<RayKernels, Failure> {
+        let entries = [(RAYS, c"trace"), (RAYS, c"blend")];
+        Ok(RayKernels(Arc::new(Kernels::new(&gpu.context, RAY_BUFFERS.len(), &entries)?)))
+    }
+}
+
 /// What a round left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RoundEnd {
@@ -73,7 +89,7 @@ pub struct RayCaster {
     device: Arena,
     read: Arena,
     sets: Sets,
-    kernels: Kernels,
+    kernels: Arc<Kernels>,
     gpu: Gpu,
     room: RayRoom,
     /// How many surfaces, and whether there is a haze.
@@ -83,6 +99,10 @@ pub struct RayCaster {
     round: Round,
     /// By page: the node that has it.
     holders: Vec<Option<u32>>,
+    /// By node: whether it has a page, or had one in the last round.
+    present: Vec<bool>,
+    /// Nodes that lose theirs in the next one.
+    evicted: Vec<u32>,
     /// Pages to be taken next, the one that was used longest ago last.
     spare: Vec<u32>,
     /// What the next round begins with.
@@ -93,21 +113,22 @@ pub struct RayCaster {
 }
 
 impl RayCaster {
-    /// Puts the scene there, with room for as many bricks and rays as fit in the memory that may be taken.
+    /// Puts the scene there, with room for as many bricks and rays as fit in the memory that may be taken. The kernels are
+    /// the device's.
     ///
     /// # Errors
     /// If the device has no room for a single brick, or fails.
     ///
     /// # Panics
     /// If the scene contradicts itself.
-    pub fn new(gpu: &Gpu, scene: RayScene<'_>) -> Result<RayCaster, Failure> {
+    pub fn new(gpu: &Gpu, kernels: &RayKernels, scene: RayScene<'_>) -> Result<RayCaster, Failure> {
         scene.check();
         gpu.check()?;
         let context = &gpu.context;
         let left = context.cap.saturating_sub(context.allocated().0);
         let room = RayRoom::within(left, context.range_max, scene.nodes.len(), scene.page_words())
             .ok_or(Failure::OutOfMemory)?;
-        let kernels = Kernels::new(context, RAY_BUFFERS.len(), &[(RAYS, c"trace"), (RAYS, c"blend")])?;
+        let RayKernels(kernels) = kernels.clone();
         let device = Arena::new(context, Use::Device, room.device_bytes(), 1)?;
         let upload = Arena::new(context, Use::Upload, room.upload_bytes(), 1)?;
         let read = Arena::new(context, Use::ReadBack, room.read_bytes(), 1)?;
@@ -128,6 +149,8 @@ impl RayCaster {
             tiles: 0,
             round: Round::default(),
             holders: vec![None; room.pages as usize],
+            present: vec![false; room.nodes as usize],
+            evicted: Vec::new(),
             spare: (0..room.pages).rev().collect(),
             copies: Vec::new(),
             changed: 0,
@@ -180,6 +203,11 @@ impl RayCaster {
     /// For how many bricks there are pages.
     pub fn pages(&self) -> u32 {
         self.room.pages
+    }
+
+    /// How many bricks can be brought for a round.
+    pub fn staged_max(&self) -> u32 {
+        self.room.staged
     }
 
     /// Tiles of a picture with so many rays along the side of a pixel that are drawn at once, at most.
@@ -236,6 +264,7 @@ impl RayCaster {
         self.slot.wait()?;
         self.copies.clear();
         (self.changed, self.staged) = (0, 0);
+        self.evicted.drain(..).for_each(|node| self.present[node as usize] = false);
         let [(round, length), ..] = self.room.read_ranges();
         let end: Round = *bytemuck::from_bytes(self.read.bytes(0, round, length));
         (self.round.rays, self.round.first) = (end.waiting, 0);
@@ -250,9 +279,18 @@ impl RayCaster {
         bytemuck::cast_slice(self.read.bytes(0, from, u64::from(self.round.wanted) * 4))
     }
 
+    /// Whether the brick of a node has a page, had one in the last round, or will have one in the next.
+    pub fn has(&self, node: u32) -> bool {
+        self.present[node as usize]
+    }
+
     /// Brings the brick of a node for the next round. `fill` writes the words of its page and says how many these are. False
     /// if no more can be brought before that.
+    ///
+    /// # Panics
+    /// If there is no such node, or it has a page: a round's copies must not overlap.
     pub fn bring(&mut self, node: u32, fill: impl FnOnce(&mut [u32]) -> usize) -> bool {
+        assert!(!self.has(node), "a brick that is there");
         if self.staged == u64::from(self.room.staged) {
             return false;
         }
@@ -267,8 +305,10 @@ impl RayCaster {
         self.copies.push(vk::BufferCopy { src_offset: from, dst_offset: to, size });
         self.staged += 1;
         if let Some(evicted) = self.holders[page as usize].replace(node) {
+            self.evicted.push(evicted);
             self.enter(evicted, 0);
         }
+        self.present[node as usize] = true;
         self.enter(node, RESIDENT | page);
         true
     }
@@ -320,7 +360,7 @@ impl RayCaster {
         self.slot.run(|slot| {
             slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
             // SAFETY: each copy lies in the ranges of the room from which both buffers were made, and no two of them
-            // overlap: a page is brought once, and a node's word changes once, in a round.
+            // overlap: `bring` takes a page once a round, and changes a node's word only if it has not changed yet.
             unsafe { raw.cmd_copy_buffer(slot.commands(), from, device, copies) };
             slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
             dispatch(slot, kernels, sets, raw, TRACE, groups);

@@ -2,9 +2,11 @@
 
 use super::failure::Unavailable;
 use super::instance::{DeviceInfo, DeviceKind, Instance};
-use ash::khr::{surface, swapchain, wayland_surface, xcb_surface, xlib_surface};
+use ash::khr::{surface, swapchain, xlib_surface};
 use ash::vk;
-use raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
+use raw_window_handle::{
+    HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle, XlibDisplayHandle, XlibWindowHandle,
+};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -44,15 +46,12 @@ impl Screen {
         let no_handle = |error| refused(format!("the window cannot be drawn on ({error})"));
         let display = window.display_handle().map_err(no_handle)?.as_raw();
         let handle = window.window_handle().map_err(no_handle)?.as_raw();
-        let own = match display {
-            RawDisplayHandle::Xlib(_) => xlib_surface::NAME,
-            RawDisplayHandle::Xcb(_) => xcb_surface::NAME,
-            RawDisplayHandle::Wayland(_) => wayland_surface::NAME,
-            _ => return Err(refused("the window is none of X11 or Wayland".to_owned())),
+        let (RawDisplayHandle::Xlib(display), RawWindowHandle::Xlib(handle)) = (display, handle) else {
+            return Err(Unavailable::new("the window is none of X11", "set DISPLAY to an X server's"));
         };
-        let instance = Instance::with(&[surface::NAME, own], false)?;
+        let instance = Instance::with(&[surface::NAME, xlib_surface::NAME], false)?;
         let surfaces = surface::Instance::new(&instance.entry, &instance.raw);
-        // SAFETY: the instance has the extension of the display, to which the window belongs; both live in the screen until
+        // SAFETY: the instance has the extension, and the window belongs to the display; both live in the screen until
         // the surface is destroyed.
         let surface = unsafe { surface_of(&instance, display, handle) };
         let surface = surface.map_err(|result| refused(format!("the window has no surface ({result})")))?;
@@ -84,38 +83,20 @@ impl Screen {
     }
 }
 
-// SAFETY: to be called with an instance that has the extension of the display, and with a window of that display; both
-// must live longer than the surface.
+/// The surface of a window.
+///
+/// # Safety
+/// The instance must have the extension of X11's windows, and the window be one of the display; both must live longer than
+/// the surface.
 unsafe fn surface_of(
     instance: &Instance,
-    display: RawDisplayHandle,
-    window: RawWindowHandle,
+    display: XlibDisplayHandle,
+    window: XlibWindowHandle,
 ) -> Result<vk::SurfaceKHR, vk::Result> {
-    let (entry, raw) = (&instance.entry, &instance.raw);
-    let lacking = vk::Result::ERROR_INITIALIZATION_FAILED;
+    let display = display.display.ok_or(vk::Result::ERROR_INITIALIZATION_FAILED)?.as_ptr();
+    let info = vk::XlibSurfaceCreateInfoKHR::default().dpy(display.cast()).window(window.window);
     // SAFETY: as above; the handles are those of a window that is open.
-    unsafe {
-        match (display, window) {
-            (RawDisplayHandle::Xlib(display), RawWindowHandle::Xlib(window)) => {
-                let display = display.display.ok_or(lacking)?.as_ptr();
-                let info = vk::XlibSurfaceCreateInfoKHR::default().dpy(display.cast()).window(window.window);
-                xlib_surface::Instance::new(entry, raw).create_xlib_surface(&info, None)
-            }
-            (RawDisplayHandle::Xcb(display), RawWindowHandle::Xcb(window)) => {
-                let connection = display.connection.ok_or(lacking)?.as_ptr();
-                let info =
-                    vk::XcbSurfaceCreateInfoKHR::default().connection(connection).window(window.window.get());
-                xcb_surface::Instance::new(entry, raw).create_xcb_surface(&info, None)
-            }
-            (RawDisplayHandle::Wayland(display), RawWindowHandle::Wayland(window)) => {
-                let info = vk::WaylandSurfaceCreateInfoKHR::default()
-                    .display(display.display.as_ptr())
-                    .surface(window.surface.as_ptr());
-                wayland_surface::Instance::new(entry, raw).create_wayland_surface(&info, None)
-            }
-            _ => Err(lacking),
-        }
-    }
+    unsafe { xlib_surface::Instance::new(&instance.entry, &instance.raw).create_xlib_surface(&info, None) }
 }
 
 /// The best device that shows pictures on the surface, opened.

@@ -100,6 +100,12 @@ impl Prepared {
         end
     }
 
+    /// The most that one takes which has every field, and w itself if `counts`.
+    pub fn heap_bytes_max(style: &Style, counts: bool) -> usize {
+        let fields = style.surfaces.len() + usize::from(style.volume.is_some());
+        fields * Field::heap_bytes() + if counts { POINTS } else { 0 }
+    }
+
     fn heap_bytes(&self) -> usize {
         let fields = self.surfaces.iter().filter(|passage| passage.field.is_some()).count();
         let fields = fields + usize::from(self.volume.is_some());
@@ -157,6 +163,11 @@ impl<'a> Bricks<'a> {
         };
         lane.held[slot] = Some((key, Arc::clone(&prepared)));
         Ok(prepared)
+    }
+
+    /// Lets go of all that is kept.
+    pub fn clear(&self) {
+        self.cache.clear();
     }
 
     /// How many were found, and how many had to be made.

@@ -87,7 +87,8 @@ pub struct RenderOptions {
     /// Size in pixels up to which the cells of a coarser level stand for what is below; 0 for leaves alone. Half a pixel
     /// looks like 0; with cells of a whole pixel, grooves between beads that are less than two pixels wide fill up.
     pub cell_pixels: f64,
-    /// Bytes for prepared bricks. Less costs time, nothing else.
+    /// Bytes for prepared bricks; on a device also for those that are on their way there and for finished rows of the picture.
+    /// Less costs time, nothing else.
     pub cache_bytes: u64,
 }
 
@@ -152,11 +153,9 @@ impl<'a> Scene<'a> {
             Arc::clone(&self.bricks)
         } else {
             options.style.check()?;
-            {
-                let style = options.style.clone();
-                let counts = style.counts();
-                Arc::new(Bricks::new(tree, style, counts, self.bricks.bytes_max))
-            }
+            let style = options.style.clone();
+            let counts = style.counts();
+            Arc::new(Bricks::new(tree, style, counts, self.bricks.bytes_max))
         };
         Scene::of(bricks, Arc::clone(&self.nodes), level, options)
     }

@@ -99,6 +99,14 @@ impl<T> BrickCache<T> {
         drop(evicted);
     }
 
+    /// Lets go of all bricks.
+    pub(crate) fn clear(&self) {
+        for shard in &self.shards {
+            let all = std::mem::take(&mut *lock(shard));
+            drop(all);
+        }
+    }
+
     pub(crate) fn stats(&self) -> CacheStats {
         let mut stats = CacheStats {
             hits: self.hits.load(Ordering::Relaxed),

@@ -75,7 +75,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut made = 0;
     let mut say = |path: &Path, frames: Option<u32>, caster: Option<&Caster<'_>>| {
         bars.clear();
-        let bricks = caster.map_or_else(|| scene.summary(), Caster::summary).made - made;
+        let bricks = scene.summary().made + caster.map_or(0, |caster| caster.summary().made) - made;
         made += bricks;
         let seconds = started.elapsed().as_secs_f64();
         started = Instant::now();

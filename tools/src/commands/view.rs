@@ -1,13 +1,18 @@
 //! `brickfield view`: the part in a window.
 
 use super::{no_unit, of_store, open_store, start};
+use crate::devices::choose;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::memory;
 use crate::output::{in_line, require_distinct};
 use crate::picture_args::{ColourArg, StyleArg};
 use crate::style_file::{self, StyleFile};
-use crate::view::{Caster, Line, Look, Part, Saying, Screenshots, Session, Step, Window, place, read_script};
+use crate::units::Size;
+use crate::view::{
+    CpuPainter, Line, Look, Painter, Part, Saying, Screenshots, Session, Step, VulkanPainter, Window, place,
+    quoted, read_script,
+};
 use crate::view_args::WindowArgs;
 use anyhow::anyhow;
 use brickfield_engine::picture::WHITE;
@@ -25,7 +30,10 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     let script = args.script.as_deref().map(read_script).transpose()?.unwrap_or_default();
     require_size(args.size.0).map_err(Failure::Usage)?;
     start(args.work)?;
-    let caches = memory::picture_caches(args.memory);
+    let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
+    // As in `render`: what is taken of the device may be this machine's.
+    let of_device = device.as_ref().map_or(0, |device| device.gpu().memory().min(args.memory.0 / 2));
+    let caches = memory::picture_caches(Size(args.memory.0 - of_device));
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
     let mut looks = Looks::new();
     let style = match &args.style {
@@ -58,6 +66,10 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
         } else {
             format!(" --supersample {}", args.supersample)
         },
+        device: match &args.draws.device {
+            Some(name) => format!(" --device {}", quoted(name)),
+            None => " --backend vulkan".to_owned(),
+        },
         saying: match (args.json, args.work.quiet) {
             (true, _) => Saying::Json,
             (false, true) => Saying::Nothing,
@@ -66,7 +78,11 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     };
     // What makes no picture is refused before a window is opened.
     let scene = Scene::new(&store, &options).map_err(|error| of_store(&store, "picture", error))?;
-    let mut painter = Caster::new(scene, looks.looks, options);
+    let here = CpuPainter::new(scene, looks.looks, options);
+    let mut painter: Box<dyn Painter + Send> = match device {
+        Some(device) => Box::new(VulkanPainter::new(here, device.gpu())),
+        None => Box::new(here),
+    };
     let window = Window {
         title: format!("{} - Brickfield", in_line(&args.store)),
         session: Session::new(part, args.view.0, style, args.size.0),
@@ -75,7 +91,7 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     };
     // The first Ctrl-C ends it: there is nothing to be made safe.
     interrupt::end_at_once(true);
-    window.run(&mut painter)
+    window.run(&mut *painter)
 }
 
 /// Styles by their names.

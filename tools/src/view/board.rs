@@ -1,6 +1,6 @@
 //! Where a painter's rows are put together for the window, which looks at them whenever it likes.
 
-use super::painter::{Painter, Rows};
+use super::painter::{By, Painter, Rows, Until};
 use super::session::Shot;
 use brickfield_engine::picture::Rgba;
 use brickfield_engine::{Error, Progress};
@@ -20,6 +20,8 @@ pub struct Picture {
     pub pixels: Vec<Rgba>,
     /// The number of the wish that it answers in full; 0 while it is being painted.
     pub complete: u64,
+    /// Whose pixels it has when it is complete.
+    pub by: By,
 }
 
 /// What the window wants, and what there is of it. The painter works on a thread of its own ([`Board::work`]).
@@ -65,7 +67,7 @@ impl Board {
     /// What the painter gives, but for being interrupted.
     pub fn work(&self, painter: &mut dyn Painter, tell: &dyn Fn()) -> Result<(), Error> {
         while let Some((number, shot)) = self.next() {
-            let stop = Stop { board: self, number };
+            let until = Until { another: &Stop { board: self, number }, over: &End(self) };
             let mut told = Instant::now();
             let mut show = |rows: Rows<'_>| {
                 let ends = rows.from as usize + rows.pixels.len() / rows.size[0].max(1) as usize;
@@ -76,9 +78,11 @@ impl Board {
                     told = Instant::now();
                 }
             };
-            match painter.paint(&shot, &stop, &mut show) {
-                Ok(()) => {
-                    lock(&self.picture).complete = number;
+            match painter.paint(&shot, until, &mut show) {
+                Ok(by) => {
+                    let mut picture = lock(&self.picture);
+                    (picture.complete, picture.by) = (number, by);
+                    drop(picture);
                     tell();
                 }
                 Err(Error::Interrupted) => {}
@@ -125,6 +129,15 @@ struct Stop<'a> {
 impl Progress for Stop<'_> {
     fn cancelled(&self) -> bool {
         self.board.number.load(Ordering::Relaxed) != self.number
+    }
+}
+
+/// Stops the painter when it is over.
+struct End<'a>(&'a Board);
+
+impl Progress for End<'_> {
+    fn cancelled(&self) -> bool {
+        self.0.number.load(Ordering::Relaxed) == OVER
     }
 }
 
@@ -189,32 +202,41 @@ mod tests {
         }
     }
 
-    /// Paints one pixel a step until it is stopped, or is told to be done.
+    /// Paints one pixel a step until it is stopped, or is told to be done; one shot until it is over.
     struct Patient<'a>(&'a mpsc::Sender<[u32; 2]>);
 
     impl Painter for Patient<'_> {
         fn paint(
             &mut self,
             shot: &Shot,
-            stop: &dyn Progress,
+            until: Until<'_>,
             show: &mut dyn FnMut(Rows<'_>),
-        ) -> Result<(), Error> {
+        ) -> Result<By, Error> {
             show(Rows { size: [1, 1], from: 0, pixels: &[[shot.size[0] as u8; 4]] });
             self.0.send(shot.size).expect("the test looks on");
-            // The last wish of the test is the only one that may be finished.
+            // One wish of the test is the only one that may be finished.
             let is_last = shot.size[0] == 9;
+            let mut is_first_step = shot.size[0] == 7;
             loop {
-                if is_last {
-                    return Ok(());
+                if is_first_step && until.another.cancelled() {
+                    assert!(!until.over.cancelled(), "it ends for another picture");
+                    self.0.send([0, 0]).expect("the test looks on");
+                    is_first_step = false;
+                    while !until.over.cancelled() {
+                        std::thread::yield_now();
+                    }
                 }
-                stop.check()?;
+                if is_last {
+                    return Ok(By::Processor);
+                }
+                until.another.check()?;
                 std::thread::yield_now();
             }
         }
     }
 
     #[test]
-    fn another_wish_stops_the_painter_and_the_end_ends_it() {
+    fn another_wish_stops_the_painter_and_the_end_even_its_first_step() {
         let board = Board::new();
         let (seen, looks) = mpsc::channel();
         let (told, news) = mpsc::channel();
@@ -233,8 +255,10 @@ mod tests {
                 news.recv().unwrap();
             }
             assert_eq!(board.picture().pixels, [[9; 4]; 9]);
+            board.ask(shot([7, 1]));
+            assert_eq!(looks.recv().unwrap(), [7, 1]);
             board.ask(shot([1, 1]));
-            assert_eq!(looks.recv().unwrap(), [1, 1]);
+            assert_eq!(looks.recv().unwrap(), [0, 0]);
             drop(over);
             assert!(work.join().unwrap().is_ok());
         });

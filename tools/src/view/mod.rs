@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `session` | what the user looks at: events in, what is to be drawn out |
 //! | `painter` | pictures of a store that get better; the processor's |
+//! | `vulkan` | those of a device |
 //! | `board` | the painter's thread, and its rows put together for the window |
 //! | `overlay` | slider, status line and keys over the picture |
 //! | `script` | scripts: a command a line |
@@ -16,10 +17,12 @@ mod painter;
 mod screenshots;
 mod script;
 mod session;
+mod vulkan;
 mod window;
 
-pub use painter::{Caster, Look};
+pub use painter::{CpuPainter, Look, Painter};
 pub use screenshots::{Saying, Screenshots};
 pub use script::{Line, Step, place, read as read_script};
-pub use session::{Part, Session};
+pub use session::{Part, Session, quoted};
+pub use vulkan::VulkanPainter;
 pub use window::Window;

@@ -3,7 +3,7 @@
 use super::session::Shot;
 use brickfield_engine::picture::Rgba;
 use brickfield_engine::render::{RenderOptions, Scene, Style};
-use brickfield_engine::{Error, Progress, Silent};
+use brickfield_engine::{Error, Progress};
 use std::time::{Duration, Instant};
 
 /// How long the first picture may take: twenty a second look like a movement.
@@ -24,19 +24,34 @@ pub struct Rows<'a> {
     pub pixels: &'a [Rgba],
 }
 
+/// What tells a painter to leave off.
+#[derive(Clone, Copy)]
+pub struct Until<'a> {
+    /// Another picture is wanted, or none.
+    pub another: &'a dyn Progress,
+    /// No picture is wanted any more.
+    pub over: &'a dyn Progress,
+}
+
+/// Whose pixels a complete picture has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum By {
+    /// Those of `render --backend cpu`.
+    #[default]
+    Processor,
+    /// Those of `render --backend vulkan`.
+    Device,
+}
+
 /// Paints what a session wants to see. The window knows nothing else of whoever does it.
 pub trait Painter {
     /// Paints a shot in steps, the first of them within some 50 ms, and hands over rows as they are done. All rows of the
     /// last step have the shot's size, and are those of `render`.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] behind the first step, as soon as `stop` says so; what reading the store gives.
-    fn paint(
-        &mut self,
-        shot: &Shot,
-        stop: &dyn Progress,
-        show: &mut dyn FnMut(Rows<'_>),
-    ) -> Result<(), Error>;
+    /// [`Error::Interrupted`] as soon as it is over, and behind the first step as soon as another picture is wanted; what
+    /// reading the store gives.
+    fn paint(&mut self, shot: &Shot, until: Until<'_>, show: &mut dyn FnMut(Rows<'_>)) -> Result<By, Error>;
 }
 
 /// A style and what lies behind.
@@ -47,24 +62,24 @@ pub struct Look {
 }
 
 /// The processor, by rays.
-pub struct Caster<'a> {
+pub struct CpuPainter<'a> {
     looks: Vec<Look>,
     /// What the shots have in common.
     options: RenderOptions,
     /// The last one: its index and bricks are at hand for the next.
-    scene: Scene<'a>,
+    pub(super) scene: Scene<'a>,
     coarseness: u32,
 }
 
-impl<'a> Caster<'a> {
+impl<'a> CpuPainter<'a> {
     /// Paints what `scene` shows in the styles that shots name by their number. Of its `options`, what a shot says does
     /// not matter.
-    pub fn new(scene: Scene<'a>, looks: Vec<Look>, options: RenderOptions) -> Caster<'a> {
-        Caster { looks, options, scene, coarseness: COARSENESS[1] }
+    pub fn new(scene: Scene<'a>, looks: Vec<Look>, options: RenderOptions) -> CpuPainter<'a> {
+        CpuPainter { looks, options, scene, coarseness: COARSENESS[1] }
     }
 
     /// The options for a picture of a shot.
-    fn options(&self, shot: &Shot) -> RenderOptions {
+    pub(super) fn options(&self, shot: &Shot) -> RenderOptions {
         let Look { style, background } = self.looks[shot.style].clone();
         RenderOptions {
             style,
@@ -77,6 +92,12 @@ impl<'a> Caster<'a> {
         }
     }
 
+    /// The scene of a picture, which takes the place of the last one.
+    pub(super) fn scene_of(&mut self, options: &RenderOptions) -> Result<&Scene<'a>, Error> {
+        self.scene = self.scene.with(options)?;
+        Ok(&self.scene)
+    }
+
     /// Draws one step of a shot.
     fn step(
         &mut self,
@@ -84,47 +105,53 @@ impl<'a> Caster<'a> {
         stop: &dyn Progress,
         show: &mut dyn FnMut(Rows<'_>),
     ) -> Result<(), Error> {
-        self.scene = self.scene.with(options)?;
-        let mut from = 0;
-        for frame in self.scene.frames() {
-            frame.draw(stop, |row| {
-                show(Rows { size: options.size, from, pixels: row });
-                from += 1;
-                Ok(())
-            })?;
+        for frame in self.scene_of(options)?.frames() {
+            frame.draw(stop, in_rows(options.size, show))?;
         }
         Ok(())
     }
 }
 
-impl Painter for Caster<'_> {
-    fn paint(
-        &mut self,
-        shot: &Shot,
-        stop: &dyn Progress,
-        show: &mut dyn FnMut(Rows<'_>),
-    ) -> Result<(), Error> {
+impl Painter for CpuPainter<'_> {
+    fn paint(&mut self, shot: &Shot, until: Until<'_>, show: &mut dyn FnMut(Rows<'_>)) -> Result<By, Error> {
         let whole = self.options(shot);
-        let first = RenderOptions {
-            size: shot.size.map(|side| side.div_ceil(self.coarseness)),
-            supersample: 1,
-            cell_pixels: self.options.cell_pixels.max(FIRST_CELL_PIXELS),
-            ..whole.clone()
-        };
         let started = Instant::now();
-        // Not to be stopped: who moves all the time would see nothing.
-        self.step(&first, &Silent, show)?;
-        self.coarseness = next_coarseness(self.coarseness, started.elapsed());
+        // Another picture does not stop it: who moves all the time would see nothing.
+        self.step(&first(&whole, self.coarseness), until.over, show)?;
+        self.coarseness = next_coarseness(self.coarseness, COARSENESS, started.elapsed());
         if whole.supersample > 1 {
-            self.step(&RenderOptions { supersample: 1, ..whole.clone() }, stop, show)?;
+            self.step(&RenderOptions { supersample: 1, ..whole.clone() }, until.another, show)?;
         }
-        self.step(&whole, stop, show)
+        self.step(&whole, until.another, show)?;
+        Ok(By::Processor)
+    }
+}
+
+/// Hands over a picture row by row.
+pub(super) fn in_rows(
+    size: [u32; 2],
+    show: &mut dyn FnMut(Rows<'_>),
+) -> impl FnMut(&[Rgba]) -> Result<(), Error> {
+    let mut from = 0;
+    move |pixels| {
+        show(Rows { size, from, pixels });
+        from += 1;
+        Ok(())
+    }
+}
+
+/// A first picture in place of the whole one, of pixels that are so many times as large.
+pub(super) fn first(whole: &RenderOptions, coarseness: u32) -> RenderOptions {
+    RenderOptions {
+        size: whole.size.map(|side| side.div_ceil(coarseness)),
+        supersample: 1,
+        cell_pixels: whole.cell_pixels.max(FIRST_CELL_PIXELS),
+        ..whole.clone()
     }
 }
 
 /// Sides of the pixels of the next first picture, by the time that this one took: pixels go with the square.
-fn next_coarseness(now: u32, took: Duration) -> u32 {
-    let [least, most] = COARSENESS;
+pub(super) fn next_coarseness(now: u32, [least, most]: [u32; 2], took: Duration) -> u32 {
     let wanted = f64::from(now) * (took.as_secs_f64() / FIRST_TIME.as_secs_f64()).sqrt();
     // Halfway, so that one slow picture does not make the next ones blurred.
     let wanted = (f64::from(now) + wanted) / 2.0;
@@ -140,7 +167,7 @@ mod tests {
         let converge = |start: u32, seconds_a_pixel: f64| {
             (0..20).fold(start, |coarse, _| {
                 let pixels = 1280.0 * 720.0 / f64::from(coarse * coarse);
-                next_coarseness(coarse, Duration::from_secs_f64(pixels * seconds_a_pixel))
+                next_coarseness(coarse, COARSENESS, Duration::from_secs_f64(pixels * seconds_a_pixel))
             })
         };
         for start in COARSENESS {

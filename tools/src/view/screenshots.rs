@@ -1,9 +1,11 @@
 //! Screenshots as files, and what is said of them.
 
-use super::session::Session;
+use super::board::Picture;
+use super::painter::By;
+use super::session::{Session, Shot};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json};
-use brickfield_engine::picture::{Rgba, write_png};
+use brickfield_engine::picture::write_png;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -23,6 +25,8 @@ pub struct Screenshots {
     pub opaque: Vec<bool>,
     /// Options of `render` beside those of the session, with a space before each.
     pub options: String,
+    /// Those by which it draws on the device that may paint.
+    pub device: String,
     pub saying: Saying,
 }
 
@@ -33,7 +37,7 @@ impl Screenshots {
         (1..).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(0))
     }
 
-    /// Writes what the session shows, `size` (width, height) pixels, and says by which options `render` draws the same.
+    /// Writes the complete picture of a shot, and says by which options `render` draws the same.
     ///
     /// # Errors
     /// What writing gives.
@@ -41,13 +45,17 @@ impl Screenshots {
         &self,
         path: &Path,
         session: &Session,
-        size: [u32; 2],
-        pixels: &[Rgba],
+        shot: &Shot,
+        picture: &Picture,
     ) -> Result<(), Failure> {
-        let opaque = self.opaque[session.shot().style];
-        let mut rows = pixels.chunks_exact(size[0] as usize);
+        let (size, opaque) = (picture.size, self.opaque[shot.style]);
+        let mut rows = picture.pixels.chunks_exact(size[0] as usize);
         write_png(path, size, opaque, |file| rows.try_for_each(|row| file.row(row)))?;
-        let options = session.options() + &self.options + " --backend cpu";
+        let backend = match picture.by {
+            By::Processor => " --backend cpu",
+            By::Device => &self.device,
+        };
+        let options = session.options(shot) + &self.options + backend;
         let name = in_line(path);
         match self.saying {
             Saying::Nothing => Ok(()),

@@ -201,18 +201,18 @@ impl Session {
         text
     }
 
-    /// The options by which `render` draws the same picture, but for a style of a file.
-    pub fn options(&self) -> String {
-        let View { azimuth, elevation, opening } = self.view;
-        let Focus { centre: [x, y, z], height } = self.focus;
-        let ([width, height_px], style) = (self.size, quoted(&self.part.styles[self.style]));
+    /// The options by which `render` draws a shot, but for a style of a file.
+    pub fn options(&self, shot: &Shot) -> String {
+        let View { azimuth, elevation, opening } = shot.view;
+        let Focus { centre: [x, y, z], height } = shot.focus;
+        let ([width, height_px], style) = (shot.size, quoted(&self.part.styles[shot.style]));
         let mut text = format!(
             "--view={azimuth},{elevation} --focus={x},{y},{z},{height} --size {width}x{height_px} --style {style}"
         );
         if opening > 0.0 {
             text += &format!(" --perspective {opening}");
         }
-        if let Some(Cut { axis, at, above }) = self.cut {
+        if let Some(Cut { axis, at, above }) = shot.cut {
             text += &format!(" --cut '{}{}{at}'", letter(axis), if above { '>' } else { '<' });
         }
         text
@@ -423,7 +423,7 @@ impl Session {
 }
 
 /// As a shell takes it.
-fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "._/-".contains(c);
     if text.chars().all(is_plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }

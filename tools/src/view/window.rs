@@ -8,11 +8,11 @@ use super::script::{Line, Step};
 use super::session::{Button, Event, Key, Request, Session, Shot};
 use crate::failure::Failure;
 use anyhow::anyhow;
-use brickfield_engine::gpu::{Presenter, Unavailable};
+use brickfield_engine::gpu::{Outcome, Presenter};
 use brickfield_engine::picture::Canvas;
 use std::collections::VecDeque;
 use std::panic;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -25,6 +25,8 @@ use winit::window::{Window as OpenWindow, WindowId};
 
 /// How long a window may take to get the size that a script asks for.
 const RESIZE_TIME: Duration = Duration::from_secs(5);
+/// How long after a picture that could not be shown it is tried again.
+const AGAIN: Duration = Duration::from_millis(50);
 /// Pixels that a touchpad scrolls for a notch of a wheel.
 const PIXELS_A_NOTCH: f64 = 40.0;
 /// What to do without a window.
@@ -121,9 +123,16 @@ fn event_loop() -> Result<EventLoop<News>, Failure> {
 /// What a script waits for.
 enum Waiting {
     Picture,
-    Screenshot(PathBuf),
+    Screenshots,
     Size([u32; 2], Instant),
     Time(Instant),
+}
+
+/// A screenshot that is taken as soon as its picture is complete.
+struct Screenshot {
+    shot: Shot,
+    /// `None` for a free name: the user asked by a key.
+    path: Option<PathBuf>,
 }
 
 /// The window's state.
@@ -142,8 +151,13 @@ struct App<'a> {
     asked: Option<(u64, Shot)>,
     /// The number of the wish whose complete picture was shown.
     shown: u64,
-    /// Taken when the picture is complete.
-    screenshot: Option<PathBuf>,
+    /// When to show again what could not be shown.
+    again: Option<Instant>,
+    /// In the order of their taking. Until they are, no other picture is painted: what was seen as they were asked for is what
+    /// they show.
+    screenshots_due: VecDeque<Screenshot>,
+    /// Whether the user wants to quit.
+    leaving: bool,
     /// What is said beside the status.
     note: String,
     ended: Result<(), Failure>,
@@ -164,7 +178,9 @@ impl<'a> App<'a> {
             shift: false,
             asked: None,
             shown: 0,
-            screenshot: None,
+            again: None,
+            screenshots_due: VecDeque::new(),
+            leaving: false,
             note: String::new(),
             ended: Ok(()),
         }
@@ -180,11 +196,9 @@ impl<'a> App<'a> {
         let window = events.create_window(wanted);
         let window = window.map_err(|error| anyhow!("no window can be opened ({error}); {WITHOUT}"))?;
         let window = Arc::new(window);
-        let shown = Presenter::new(Arc::clone(&window)).map_err(|Unavailable { what, .. }| {
-            let remedy = "install libvulkan1 and the GPU's driver or mesa-vulkan-drivers";
-            anyhow!("no pictures can be shown: {what}; {remedy}, or {WITHOUT}")
-        });
-        self.presenter = Some(shown?);
+        let presenter = Presenter::new(Arc::clone(&window));
+        let presenter = presenter.map_err(|why| anyhow!("no pictures can be shown: {why}, or {WITHOUT}"));
+        self.presenter = Some(presenter?);
         window.set_visible(true);
         self.resized(window.inner_size(), window.scale_factor());
         self.window = Some(window);
@@ -207,34 +221,47 @@ impl<'a> App<'a> {
     fn grant(&mut self, request: Request) {
         match request {
             Request::Quit => {
+                // Who asks twice does not want to wait.
+                if self.leaving {
+                    self.screenshots_due.clear();
+                }
+                self.leaving = true;
                 // Whatever the script is at.
                 self.waiting = None;
                 self.script = [Line { number: 0, step: Step::Quit }].into();
-            }
-            Request::Screenshot => {
-                let name = self.screenshots.name();
-                self.note = format!("{} follows", name.display());
-                self.screenshot = Some(name);
                 self.redraw();
             }
+            Request::Screenshot => self.take(None),
         }
+    }
+
+    /// Takes a screenshot of what is wanted now, as soon as it is there.
+    fn take(&mut self, path: Option<PathBuf>) {
+        self.screenshots_due.push_back(Screenshot { shot: self.session.shot(), path });
+        self.note = "a screenshot follows".to_owned();
+        self.redraw();
     }
 
     fn redraw(&self) {
         self.window.iter().for_each(|window| window.request_redraw());
     }
 
-    /// Wishes for what the session has come to.
+    /// What is to be painted: a screenshot that is due, or what the session has come to.
+    fn wanted(&self) -> Shot {
+        self.screenshots_due.front().map_or_else(|| self.session.shot(), |due| due.shot.clone())
+    }
+
+    /// Wishes for it.
     fn ask(&mut self) {
-        let shot = self.session.shot();
+        let shot = self.wanted();
         if self.window.is_some() && self.asked.as_ref().is_none_or(|(_, asked)| *asked != shot) {
             self.asked = Some((self.board.ask(shot.clone()), shot));
         }
     }
 
-    /// Whether all that the session wants is on the board.
+    /// Whether all that is wanted is on the board.
     fn is_complete(&self) -> bool {
-        let shot = self.session.shot();
+        let shot = self.wanted();
         self.asked
             .as_ref()
             .is_some_and(|(number, asked)| *asked == shot && self.board.picture().complete == *number)
@@ -255,39 +282,44 @@ impl<'a> App<'a> {
         overlay::draw(&mut canvas, &self.session, &self.note);
         let pixels = canvas.into_pixels();
         let Some(presenter) = &mut self.presenter else { return Ok(()) };
-        let shown = presenter.show(size, &pixels);
-        shown.map_err(|failure| anyhow!("{}: {failure}; {WITHOUT}", presenter.info().name))?;
-        self.shown = complete;
+        let outcome = presenter.show(size, &pixels);
+        match outcome.map_err(|failure| anyhow!("{}: {failure}; {WITHOUT}", presenter.info().name))? {
+            // Without an area there is nothing to be seen.
+            Outcome::Shown | Outcome::NoArea => (self.shown, self.again) = (complete, None),
+            Outcome::NotYet => self.again = Some(Instant::now() + AGAIN),
+        }
         Ok(())
     }
 
-    /// Writes the complete picture.
-    fn save(&mut self, path: &Path) -> Result<(), Failure> {
-        let (size, pixels) = {
-            let picture = self.board.picture();
-            (picture.size, picture.pixels.clone())
-        };
-        self.screenshots.write(path, &self.session, size, &pixels)?;
-        self.note = format!("wrote {}", path.display());
-        self.redraw();
+    /// Writes the screenshots whose pictures are complete.
+    fn save(&mut self) -> Result<(), Failure> {
+        while !self.screenshots_due.is_empty() && self.is_complete() {
+            let Some(Screenshot { shot, path }) = self.screenshots_due.pop_front() else { break };
+            let is_by_key = path.is_none();
+            let path = path.unwrap_or_else(|| self.screenshots.name());
+            let written = self.screenshots.write(&path, &self.session, &shot, &self.board.picture());
+            self.note = match written {
+                Ok(()) => format!("wrote {}", path.display()),
+                // Who asked by a key and looks on can ask again.
+                Err(Failure::Run(error)) if is_by_key && !self.leaving => format!("{error:#}"),
+                Err(error) => return Err(error),
+            };
+            self.redraw();
+            self.ask();
+        }
         Ok(())
     }
 
     /// Goes on in whatever waits. Returns when to look again, if not at the next event.
     fn advance(&mut self, events: &ActiveEventLoop) -> Result<Option<Instant>, Failure> {
-        if self.is_complete()
-            && let Some(path) = self.screenshot.take()
-        {
-            // Who asked by a key looks on, and can ask again.
-            if let Err(Failure::Run(error)) = self.save(&path) {
-                self.note = format!("{error:#}");
-            }
-        }
         loop {
+            self.save()?;
+            let is_free = self.screenshots_due.is_empty();
             match self.waiting.take() {
                 None => {}
-                Some(Waiting::Picture) if self.asked.as_ref().is_some_and(|(n, _)| *n == self.shown) => {}
-                Some(Waiting::Screenshot(path)) if self.is_complete() => self.save(&path)?,
+                Some(Waiting::Picture)
+                    if is_free && self.asked.as_ref().is_some_and(|(n, _)| *n == self.shown) => {}
+                Some(Waiting::Screenshots) if is_free => {}
                 Some(Waiting::Size(size, _)) if self.session.shot().size == size => {}
                 Some(Waiting::Size([width, height], until)) if Instant::now() >= until => {
                     let [w, h] = self.session.shot().size;
@@ -298,7 +330,7 @@ impl<'a> App<'a> {
                 Some(waiting) => {
                     let until = match waiting {
                         Waiting::Size(_, until) | Waiting::Time(until) => Some(until),
-                        Waiting::Picture | Waiting::Screenshot(_) => None,
+                        Waiting::Picture | Waiting::Screenshots => None,
                     };
                     self.waiting = Some(waiting);
                     return Ok(until);
@@ -306,8 +338,14 @@ impl<'a> App<'a> {
             }
             let Some(Line { step, .. }) = self.script.pop_front() else { return Ok(None) };
             match step.perform(&mut self.session) {
-                Some(Request::Quit) => {
+                Some(Request::Quit) if is_free => {
                     events.exit();
+                    return Ok(None);
+                }
+                Some(Request::Quit) => {
+                    self.leaving = true;
+                    self.script = [Line { number: 0, step: Step::Quit }].into();
+                    self.waiting = Some(Waiting::Screenshots);
                     return Ok(None);
                 }
                 Some(request) => self.grant(request),
@@ -319,10 +357,13 @@ impl<'a> App<'a> {
     }
 
     /// What a step is done by.
-    fn wait_for(&self, step: Step) -> Option<Waiting> {
+    fn wait_for(&mut self, step: Step) -> Option<Waiting> {
         match step {
             Step::Wait => Some(Waiting::Picture),
-            Step::Screenshot(path) => Some(Waiting::Screenshot(path)),
+            Step::Screenshot(path) => {
+                self.take(Some(path));
+                Some(Waiting::Screenshots)
+            }
             Step::Pause(seconds) => Some(Waiting::Time(Instant::now() + Duration::from_secs_f64(seconds))),
             Step::Size(size) => {
                 let window = self.window.as_ref()?;
@@ -359,7 +400,7 @@ impl ApplicationHandler<News> for App<'_> {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         match event {
-            WindowEvent::CloseRequested => events.exit(),
+            WindowEvent::CloseRequested => self.grant(Request::Quit),
             WindowEvent::RedrawRequested => {
                 if let Err(error) = self.show() {
                     self.end(events, error);
@@ -386,10 +427,16 @@ impl ApplicationHandler<News> for App<'_> {
         if events.exiting() {
             return;
         }
+        if self.again.is_some_and(|at| Instant::now() >= at) {
+            self.again = None;
+            self.redraw();
+        }
         self.ask();
         match self.advance(events) {
-            Ok(None) => events.set_control_flow(ControlFlow::Wait),
-            Ok(Some(until)) => events.set_control_flow(ControlFlow::WaitUntil(until)),
+            Ok(until) => {
+                let next = until.into_iter().chain(self.again).min();
+                events.set_control_flow(next.map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
+            }
             Err(error) => self.end(events, error),
         }
     }
