@@ -114,10 +114,10 @@ impl Context {
         let visible = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
         // Vulkan has a type that is both visible and coherent, and one that is the device's, on every machine.
         let wishes = match purpose {
+            Use::Device if self.shares_memory() => [IN_COMMON, visible],
             Use::Device => [Flags::DEVICE_LOCAL, Flags::empty()],
             Use::Upload => [visible, visible],
             Use::ReadBack => [visible | Flags::HOST_CACHED, visible],
-            Use::Shared => [IN_COMMON, visible],
         };
         let types = self.memory.memory_types_as_slice();
         let fits = |wish: Flags| {

@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use super::failure::Failure;
+use super::memory::Range;
 use ash::vk;
 use brickfield_shaders::Shader;
 use std::ffi::CStr;
@@ -117,7 +118,7 @@ pub(super) struct Sets {
 
 impl Sets {
     /// Points bindings of a set, from the number `first` on, to ranges (offset, length) of a buffer.
-    pub fn point(&self, set: usize, first: u32, buffer: vk::Buffer, ranges: &[(u64, u64)]) {
+    pub fn point(&self, set: usize, first: u32, buffer: vk::Buffer, ranges: &[Range]) {
         let infos: Vec<[vk::DescriptorBufferInfo; 1]> = ranges
             .iter()
             .map(|&(offset, range)| [vk::DescriptorBufferInfo { buffer, offset, range }])

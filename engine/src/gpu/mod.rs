@@ -8,6 +8,7 @@
 mod brute;
 mod context;
 mod device;
+mod exchange;
 mod failure;
 mod instance;
 mod kernels;
