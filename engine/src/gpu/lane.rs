@@ -78,13 +78,19 @@ impl Lane {
     pub fn new(gpu: &Gpu, bytes: u64) -> Result<Lane, Failure> {
         gpu.check()?;
         let context = &gpu.context;
-        let sizes = Sizes::within(bytes / RING as u64, context.range_max, !context.shares_memory());
+        let sizes =
+            Sizes::within(bytes / RING as u64, context.hardware.range_max, !context.hardware.shares_memory());
         let buffers = Exchange::new(context, &sizes.layout(), RING)?;
         let sets = gpu.kernels.sets(RING as u32)?;
         (0..RING).for_each(|slot| sets.point(slot, 0, buffers.buffer(slot), buffers.ranges()));
         let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
         let (clean, pending) = ([0; RING], VecDeque::new());
         Ok(Lane { slots, buffers, sets, gpu: gpu.clone(), sizes, clean, pending, next: 0 })
+    }
+
+    /// Whether its batches are this device's.
+    pub fn is_on(&self, gpu: &Gpu) -> bool {
+        self.gpu == *gpu
     }
 
     /// The most bricks, and pairs, that a batch may have.

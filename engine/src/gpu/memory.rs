@@ -92,9 +92,10 @@ impl Arena {
         // SAFETY: the buffer is the device's.
         let needs = unsafe { device.get_buffer_memory_requirements(self.buffers[0]) };
         self.stride = needs.size.next_multiple_of(needs.alignment.max(RANGE_ALIGNMENT));
-        let kind = self.context.memory_type(needs.memory_type_bits, purpose).ok_or(Failure::OutOfMemory)?;
+        let kind =
+            self.context.hardware.memory_type(needs.memory_type_bits, purpose).ok_or(Failure::OutOfMemory)?;
         let bytes = self.stride * count as u64;
-        self.context.reserve(bytes)?;
+        self.context.hardware.reserve(bytes)?;
         self.reserved = bytes;
         let info = vk::MemoryAllocateInfo::default().allocation_size(bytes).memory_type_index(kind);
         // SAFETY: the type is one that the buffers may have; buffers of equal size and use have equal needs, and each
@@ -104,7 +105,7 @@ impl Arena {
             for (number, buffer) in self.buffers.iter().enumerate() {
                 device.bind_buffer_memory(*buffer, self.memory, self.stride * number as u64)?;
             }
-            if purpose != Use::Device || self.context.shares_memory() {
+            if purpose != Use::Device || self.context.hardware.shares_memory() {
                 let all = vk::MemoryMapFlags::empty();
                 self.mapped = device.map_memory(self.memory, 0, vk::WHOLE_SIZE, all)?.cast();
             }
@@ -161,6 +162,6 @@ impl Drop for Arena {
             self.buffers.iter().for_each(|buffer| device.destroy_buffer(*buffer, None));
             device.free_memory(self.memory, None);
         }
-        self.context.release(self.reserved);
+        self.context.hardware.release(self.reserved);
     }
 }

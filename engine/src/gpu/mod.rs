@@ -10,6 +10,7 @@ mod context;
 mod device;
 mod exchange;
 mod failure;
+mod hardware;
 mod instance;
 mod kernels;
 mod lane;

@@ -104,8 +104,8 @@ impl RayCaster {
         scene.check();
         gpu.check()?;
         let context = &gpu.context;
-        let left = context.cap.saturating_sub(context.allocated().0);
-        let room = RayRoom::within(left, context.range_max, scene.nodes.len(), scene.page_words())
+        let left = context.hardware.cap.saturating_sub(context.hardware.allocated().0);
+        let room = RayRoom::within(left, context.hardware.range_max, scene.nodes.len(), scene.page_words())
             .ok_or(Failure::OutOfMemory)?;
         let kernels = Kernels::new(context, RAY_BUFFERS.len(), &[(RAYS, c"trace"), (RAYS, c"blend")])?;
         let device = Arena::new(context, Use::Device, room.device_bytes(), 1)?;

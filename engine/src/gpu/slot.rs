@@ -48,7 +48,7 @@ impl Slot {
             pending: false,
         };
         let device = &context.raw;
-        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.family);
+        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.hardware.family);
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         let times =
@@ -58,7 +58,7 @@ impl Slot {
         unsafe {
             slot.pool = device.create_command_pool(&pool, None)?;
             slot.semaphore = device.create_semaphore(&semaphore, None)?;
-            if context.tick_ns.is_some() {
+            if context.hardware.tick_ns.is_some() {
                 slot.times = device.create_query_pool(&times, None)?;
             }
             let info =
@@ -88,7 +88,7 @@ impl Slot {
 
     /// Begins to note times.
     pub fn reset_times(&self) {
-        if self.context.tick_ns.is_some() {
+        if self.context.hardware.tick_ns.is_some() {
             // SAFETY: the buffer is being recorded; the queries of the last batch were read.
             unsafe { self.context.raw.cmd_reset_query_pool(self.commands, self.times, 0, TIMES) };
         }
@@ -96,7 +96,7 @@ impl Slot {
 
     /// Notes when all before is done.
     pub fn note_time(&self, number: u32) {
-        if self.context.tick_ns.is_some() {
+        if self.context.hardware.tick_ns.is_some() {
             // SAFETY: the buffer is being recorded; the query was reset.
             unsafe {
                 self.context.raw.cmd_write_timestamp(
@@ -194,7 +194,7 @@ impl Slot {
 
     /// How long the last batch took, if the device has a clock.
     pub fn seconds(&self) -> Result<Option<Seconds>, Failure> {
-        let Some(tick_ns) = self.context.tick_ns else { return Ok(None) };
+        let Some(tick_ns) = self.context.hardware.tick_ns else { return Ok(None) };
         let mut ticks = [0u64; TIMES as usize];
         // SAFETY: the batch is done, so that all queries are there; the array has a word for each.
         unsafe {

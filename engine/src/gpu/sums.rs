@@ -53,7 +53,7 @@ impl SumTree {
         let context = &gpu.context;
         let parts: [&[u8]; OF_TREE] = [bytemuck::cast_slice(clusters), bytemuck::cast_slice(elements)];
         let ranges = in_a_row(parts.map(|part| part.len() as u64));
-        if ranges.iter().any(|(_, length)| *length > context.range_max) {
+        if ranges.iter().any(|(_, length)| *length > context.hardware.range_max) {
             return Err(Failure::OutOfMemory);
         }
         let kernels = Kernels::new(context, SUM_BUFFERS.len(), &[(OPEN, c"sum_up")])?;
@@ -158,7 +158,8 @@ impl SumLane {
         let context: &Arc<Context> = &tree.gpu.context;
         let fits = |bricks: &u64| {
             let layout = SumRoom::of(*bricks).layout();
-            layout.is_seen(context.range_max) && layout.total_bytes(!context.shares_memory()) <= bytes
+            layout.is_seen(context.hardware.range_max)
+                && layout.total_bytes(!context.hardware.shares_memory()) <= bytes
         };
         let room = SumRoom::of((1..=BRICKS_MAX).rev().find(fits).ok_or(Failure::OutOfMemory)?);
         let buffers = Exchange::new(context, &room.layout(), 1)?;
