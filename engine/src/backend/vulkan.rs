@@ -77,9 +77,17 @@ impl Vulkan {
         self.report().failure.get_or_insert_with(|| failure.to_string());
     }
 
-    pub(super) fn note_batch(&self, seconds: Option<Seconds>) {
+    /// A brick of a batch that the device could not do.
+    pub(super) fn note_brick_of_processor(&self) {
+        let mut report = self.report();
+        report.bricks -= 1;
+        report.cpu_bricks += 1;
+    }
+
+    pub(super) fn note_batch(&self, seconds: Option<Seconds>, bricks: usize) {
         let mut report = self.report();
         report.batches += 1;
+        report.bricks += bricks as u64;
         if let Some(Seconds { upload, kernels, read }) = seconds {
             report.upload_seconds += upload;
             report.kernel_seconds.iter_mut().zip(kernels).for_each(|(sum, seconds)| *sum += seconds);

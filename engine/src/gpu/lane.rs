@@ -1,5 +1,4 @@
-//! A thread's way to the device: a ring of batches, so that one is packed here while another is computed there and a third
-//! is read. Where the device's memory is the host's nothing is copied.
+//! A thread's way to the device: a ring of batches, so that one is packed or read here while another is computed there.
 
 use super::device::Gpu;
 use super::exchange::Exchange;
@@ -9,7 +8,7 @@ use super::memory::Range;
 use super::sizes::{CHAINS, READ, Sizes, UPLOADED, ZEROED};
 use super::slot::{KERNELS, Seconds, Slot};
 use ash::vk;
-use brickfield_shaders::{Batch, Brick, JUMP_WORDS, POINTS, Pair, ROWS, WORKGROUP};
+use brickfield_shaders::{Batch, Brick, JUMP_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, WORKGROUP};
 use std::collections::VecDeque;
 
 /// Batches under way.
@@ -51,8 +50,6 @@ pub struct BatchOutput<'a> {
     pub rows: &'a [[[u32; 2]; ROWS as usize]],
     /// The Hermite edges of all bricks: offset and normal.
     pub hermite: &'a [[u32; 2]],
-    /// How long it took, if the device has a clock.
-    pub seconds: Option<Seconds>,
 }
 
 /// Buffers and commands of one thread.
@@ -67,6 +64,8 @@ pub struct Lane {
     clean: [u64; RING],
     /// Batches under way by slot, oldest first.
     pending: VecDeque<(usize, Sizes)>,
+    /// The batch that is being read.
+    received: Option<(usize, Sizes)>,
     next: usize,
 }
 
@@ -85,7 +84,7 @@ impl Lane {
         (0..RING).for_each(|slot| sets.point(slot, 0, buffers.buffer(slot), buffers.ranges()));
         let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
         let (clean, pending) = ([0; RING], VecDeque::new());
-        Ok(Lane { slots, buffers, sets, gpu: gpu.clone(), sizes, clean, pending, next: 0 })
+        Ok(Lane { slots, buffers, sets, gpu: gpu.clone(), sizes, clean, pending, received: None, next: 0 })
     }
 
     /// Whether its batches are this device's.
@@ -98,9 +97,9 @@ impl Lane {
         (self.sizes.bricks as usize, self.sizes.pairs as usize)
     }
 
-    /// Whether a batch must be received before the next is sent.
+    /// Whether a batch must be received, and released, before the next is sent.
     pub fn is_full(&self) -> bool {
-        self.pending.len() == RING
+        self.pending.len() + usize::from(self.received.is_some()) == RING
     }
 
     /// Whether nothing is under way.
@@ -114,7 +113,8 @@ impl Lane {
     /// If the device fails; the batch is not under way then.
     ///
     /// # Panics
-    /// If the lane is full, or the batch is larger than its room, or empty, or has a triangle of no brick.
+    /// If the lane is full, or the batch is larger than its room, or empty, or has a triangle of no brick, or a brick has
+    /// more than [`PAIRS_OF_BRICK_MAX`].
     pub fn submit(&mut self, input: &BatchInput, limit: usize) -> Result<(), Failure> {
         assert!(!self.is_full(), "a batch must be received first");
         self.gpu.check()?;
@@ -170,10 +170,13 @@ impl Lane {
             fits(bricks.len(), self.sizes.bricks) && fits(pairs.len(), self.sizes.pairs),
             "the batch does not fit"
         );
-        let is_sound = |pair: &Pair| {
-            ((pair.owner & 0xffff) as usize) < bricks.len() && (1..=24).contains(&(pair.owner >> 16))
-        };
-        assert!(pairs.iter().all(is_sound), "a triangle of no brick");
+        let mut of_bricks = vec![0; bricks.len()];
+        for pair in pairs {
+            let (brick, spacing_bits) = ((pair.owner & 0xffff) as usize, pair.owner >> 16);
+            assert!(brick < bricks.len() && (1..=24).contains(&spacing_bits), "a triangle of no brick");
+            of_bricks[brick] += 1;
+        }
+        assert!(of_bricks.iter().all(|count| *count <= PAIRS_OF_BRICK_MAX), "a brick has too many");
         // A share of the room, so that no more is read back than there may be.
         let share = |room: u32| room / (limit.max(bricks.len()) as u32) * bricks.len() as u32;
         Sizes {
@@ -184,26 +187,42 @@ impl Lane {
         }
     }
 
-    /// Waits for the oldest batch under way; `None` if there is none.
+    /// Waits for the oldest batch under way, and says how long it took, if the device has a clock. What became of it is
+    /// [`Lane::output`] until [`Lane::release`].
     ///
     /// # Errors
     /// If the device fails; the batch is not under way any more.
-    pub fn receive(&mut self) -> Result<Option<BatchOutput<'_>>, Failure> {
-        let Some((slot, load)) = self.pending.pop_front() else { return Ok(None) };
+    ///
+    /// # Panics
+    /// If none is under way, or the one before was not released.
+    pub fn receive(&mut self) -> Result<Option<Seconds>, Failure> {
+        assert!(self.received.is_none(), "a batch must be released first");
+        let (slot, load) = self.pending.pop_front().expect("a batch is under way");
         // Where a batch failed nobody knows what it has left.
         let clean = std::mem::take(&mut self.clean[slot]);
         self.slots[slot].wait()?;
         self.clean[slot] = clean;
         let seconds = self.slots[slot].seconds()?;
+        self.received = Some((slot, load));
+        Ok(seconds)
+    }
+
+    /// What the device made of the batch that was received; `None` if it was released.
+    pub fn output(&self) -> Option<BatchOutput<'_>> {
+        let (slot, load) = self.received?;
         let lengths = load.lengths();
         let part = |number: usize| self.buffers.bytes(slot, number, lengths[READ[number]]);
-        Ok(Some(BatchOutput {
+        Some(BatchOutput {
             bricks: bytemuck::cast_slice(part(0)),
             jumps: bytemuck::cast_slice(part(1)),
             rows: bytemuck::cast_slice(part(2)),
             hermite: bytemuck::cast_slice(part(3)),
-            seconds,
-        }))
+        })
+    }
+
+    /// Gives the place of the batch that was received to the next one.
+    pub fn release(&mut self) {
+        self.received = None;
     }
 }
 

@@ -2,9 +2,7 @@
 
 use super::exchange::Layout;
 use super::memory::in_a_row;
-use brickfield_shaders::{
-    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, TABLE_WORDS, TAKEN_WORDS, WORKGROUP,
-};
+use brickfield_shaders::{BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, TABLE_WORDS, WORKGROUP};
 
 /// What a batch has room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +34,7 @@ const BRICKS_MAX: u32 = 64;
 
 /// Buffers that are uploaded, the first ones: batch, bricks, pairs.
 pub(super) const UPLOADED: usize = 3;
-/// Buffers that begin with zeros: jumps, taken, tables.
+/// Buffers that begin with zeros: jumps, counts, tables.
 pub(super) const ZEROED: [usize; 3] = [3, 4, 6];
 /// The buffer that begins with zeros and ends with them: chains.
 pub(super) const CHAINS: usize = 7;
@@ -78,10 +76,10 @@ impl Sizes {
             u64::from(self.bricks) * size_of::<Brick>() as u64,
             words(self.pairs, PAIR_WORDS),
             words(self.bricks, JUMP_WORDS),
-            words(self.bricks, TAKEN_WORDS),
+            words(self.edges.div_ceil(2), 1),
             words(self.bricks, 2 * ROWS),
             words(self.bricks, TABLE_WORDS),
-            words(self.edges, 2),
+            words(self.edges, 1),
             words(self.edges, 2),
             words(self.way_spans + self.other_spans, 2),
             words(self.more, 4),
