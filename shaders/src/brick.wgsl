@@ -32,17 +32,15 @@ struct Brick {
 // along x, then those in the face x = 0 along y, then the column x = y = 0 along z. Behind those of a brick, as bits:
 // which edges hold crossings, by line.
 @group(0) @binding(3) var<storage, read_write> jumps: array<atomic<u32>>;
-// By brick, axis and row, as bits over x: which sign-changing edges have a crossing; behind those of a brick, one bit each,
-// the edges at x = 32.
-@group(0) @binding(4) var<storage, read_write> taken: array<atomic<u32>>;
+// By sign-changing edge, two a word, the first one low: how many crossings it holds.
+@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
 // By row: its first sample, and in the high half which edges along x hold crossings.
 @group(0) @binding(5) var<storage, read_write> rows: array<u64>;
 // By brick, axis and row: which edges change sign that begin in the row, as bits over x; in the high half how many such
 // edges lie before the row's, if it has any and there is room for the brick's, which bit 30 tells; bit 31 tells whether
 // the one at x = 32 changes sign.
 @group(0) @binding(6) var<storage, read_write> tables: array<u64>;
-// By sign-changing edge: how many crossings it holds behind the first, and the number of its last one in `more`, from 1.
-// All are 0 between two batches.
+// By sign-changing edge: the number of its last crossing in `more`, from 1. All are 0 between two batches.
 @group(0) @binding(7) var<storage, read_write> chains: array<atomic<u32>>;
 // By sign-changing edge: the offset of the first crossing with its way, and in the high half its normal; in the end the
 // Hermite edge's.

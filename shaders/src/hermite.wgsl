@@ -18,7 +18,7 @@ fn keep_more(place: u32, crossing: u64, brick: u32, more_max: u32) {
         return;
     }
     more[2u * number] = crossing;
-    more[2u * number + 1u] = u64(atomicExchange(&chains[2u * place + 1u], number + 1u));
+    more[2u * number + 1u] = u64(atomicExchange(&chains[place], number + 1u));
 }
 
 // A crossing of a sign-changing edge.
@@ -26,9 +26,6 @@ struct Tag {
     // Whether there is one.
     found: bool,
     place: u32,
-    // Its word and bit in `taken`.
-    taken: u32,
-    bit: u32,
     // Where the edge begins in the brick.
     sample: u32,
     // From the edge's beginning: units, and the rest.
@@ -59,10 +56,8 @@ fn look(span: Span, cursor: Cursor) -> Tag {
     let changes = select((bits >> (i & 31u)) & 1u, rank >> 31u, is_last);
     let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
     let place = (rank & 0x3fffffffu) + countOneBits(below);
-    let taken = span.brick * TAKEN_WORDS + select(table_row, 3u * ROWS + (table_row >> 5u), is_last);
-    let bit = 1u << (select(i, table_row, is_last) & 31u);
     let found = is_inside && rank != 0u && changes != 0u;
-    return Tag(found, place, taken, bit, row * POINTS + i, edge.y, cursor.depth.rest);
+    return Tag(found, place, row * POINTS + i, edge.y, cursor.depth.rest);
 }
 
 // Loops within loops, so that invocations that run in step come together where less is to be done: llvmpipe goes through
@@ -73,9 +68,9 @@ fn tag_one(packed: u64, more_max: u32) {
     let way = select(0u, 1u << 16u, span.jump < 0i);
     var cursor = Cursor(0u, span.depth);
     loop {
-        var tag = Tag(false, 0u, 0u, 0u, 0u, 0i, 0li);
+        var tag = Tag(false, 0u, 0u, 0i, 0li);
         var crossing = 0lu;
-        var is_taken = false;
+        var before = 0u;
         loop {
             loop {
                 if cursor.line >= span.lines {
@@ -88,22 +83,23 @@ fn tag_one(packed: u64, more_max: u32) {
                     break;
                 }
             }
-            is_taken = false;
+            before = 0u;
             if !tag.found {
                 break;
             }
             let offset = offset_of(tag.beyond, tag.rest, span.across, span.per_n, span.shift);
             crossing = both(offset | way, normal);
-            is_taken = (atomicOr(&taken[tag.taken], tag.bit) & tag.bit) != 0u;
-            if is_taken {
+            let half = 16u * (tag.place & 1u);
+            before = (atomicAdd(&counts[tag.place >> 1u], 1u << half) >> half) & 0xffffu;
+            if before != 0u {
                 break;
             }
             hermite[tag.place] = crossing;
         }
-        if !is_taken {
+        if before == 0u {
             break;
         }
-        if atomicAdd(&chains[2u * tag.place], 1u) == 0u {
+        if before == 1u {
             keep_second(tag.place, crossing, tag.sample | (span.brick << 16u));
         } else {
             keep_more(tag.place, crossing, span.brick, more_max);
@@ -229,9 +225,8 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
         let packed = doubles[double];
         let place = low_of(packed);
         let brick = high_of(packed) >> 16u;
-        let head = atomicLoad(&chains[2u * place + 1u]);
-        atomicStore(&chains[2u * place], 0u);
-        atomicStore(&chains[2u * place + 1u], 0u);
+        let head = atomicLoad(&chains[place]);
+        atomicStore(&chains[place], 0u);
         // A brick whose crossings found no room has edges that lack some, one with too large jumps wrong samples.
         if (atomicLoad(&bricks[brick].flags) & (FULL | CROWDED)) != 0u {
             continue;

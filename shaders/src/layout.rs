@@ -11,7 +11,6 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("LINES", LINES),
     ("LINE_WORDS", LINE_WORDS),
     ("JUMP_WORDS", JUMP_WORDS),
-    ("TAKEN_WORDS", TAKEN_WORDS),
     ("JUMP_BIAS", JUMP_BIAS),
     ("WORKGROUP", WORKGROUP),
     ("VARIES", VARIES),
@@ -63,14 +62,13 @@ pub const LINE_WORDS: u32 = CELLS / 4;
 pub const JUMP_WORDS: u32 = (LINES * (LINE_WORDS + 1)).next_multiple_of(16);
 /// What is added to a word of jumps, which begins as 0, to have four numbers of 8 bits, each 128 more than a jump.
 pub const JUMP_BIAS: u32 = 0x8080_8080;
-/// Words of a brick in which a bit tells of each sign-changing edge whether it has a crossing: one for each axis and row, and
-/// behind those the edges at the rows' last samples.
-pub const TAKEN_WORDS: u32 = 3 * ROWS + (3 * ROWS).div_ceil(32);
 /// Words of what is known of a brick's rows: for each axis and row bits that say which edges change sign, and how many such
 /// edges the rows before hold.
 pub const TABLE_WORDS: u32 = 6 * ROWS;
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
+/// Triangles that touch a brick at most: an edge's crossings, of which a triangle has one at most, are counted in 16 bits.
+pub const PAIRS_OF_BRICK_MAX: u32 = 0xffff;
 /// Words of a [`Pair`].
 pub const PAIR_WORDS: u32 = size_of::<Pair>() as u32 / 4;
 /// Facets that one invocation of `brute` sums up, and steps that one of `resolve` takes along chains. Mesa's llvmpipe
@@ -403,7 +401,7 @@ pub const STRUCTURES: &[(&str, usize, Members)] = &[
 
 /// Buffers of the kernels that evaluate bricks, by binding.
 pub const BRICK_BUFFERS: [&str; 14] = [
-    "batch", "bricks", "pairs", "jumps", "taken", "rows", "tables", "chains", "hermite", "spans", "more",
+    "batch", "bricks", "pairs", "jumps", "counts", "rows", "tables", "chains", "hermite", "spans", "more",
     "normals", "doubles", "seconds",
 ];
 /// Buffers of the kernel that sums solid angles, by binding.

@@ -125,6 +125,37 @@ fn failures_end_in_the_same_store() {
     }
 }
 
+/// On a software driver a long build opens a second device: what both allocate counts together, and if one is lost the
+/// other goes on.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn a_second_device_shares_the_work() {
+    // So little memory that there are many batches.
+    let memory = 8 << 20;
+    let (_folder, pile) = input_of(&random_pile(3, 60));
+    let expected = reference(&pile, 4);
+    let lost = Fault { stage: Stage::Submit, after: 150, times: 1, failure: Failure::Lost };
+    for fault in [None, Some(lost)] {
+        let backend = Backend { device: Some(open(memory)), threads: 2 };
+        let gpu = backend.device.as_ref().unwrap().gpu();
+        fault.into_iter().for_each(|fault| gpu.inject(fault));
+        let (store, summary) = backend.build_with(&pile, 4, &options(4));
+        let report = summary.device.unwrap();
+        assert!(store == expected && report.peak_bytes <= memory && report.batches > 150, "{report:?}");
+        assert_eq!(gpu.allocated().0, 0, "{fault:?}");
+        if gpu.info().kind == DeviceKind::Cpu {
+            let are_lost = [gpu.is_lost(), gpu.second().unwrap().is_lost()];
+            assert_eq!(
+                are_lost.iter().filter(|is_lost| **is_lost).count(),
+                fault.iter().count(),
+                "{report:?}"
+            );
+        }
+        assert!(report.cpu_bricks > 0 || fault.is_none(), "{report:?}");
+        silent(&backend);
+    }
+}
+
 /// So does one of an open soup, whether the clusters fail to get there or the samples to come back.
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
@@ -134,11 +165,11 @@ fn failures_amid_open_soups_end_in_the_same_store() {
     let fault = |stage, after, times, failure| Fault { stage, after, times, failure };
     for fault in [
         fault(Stage::Allocate, 0, 1, Failure::OutOfMemory),
-        fault(Stage::Allocate, 3, 1000, Failure::OutOfMemory),
+        fault(Stage::Allocate, 1, 1000, Failure::OutOfMemory),
         fault(Stage::Submit, 1, 1, Failure::Lost),
-        fault(Stage::Submit, 6, 1, Failure::OutOfMemory),
+        fault(Stage::Submit, 4, 1, Failure::OutOfMemory),
         fault(Stage::Wait, 1, 1, Failure::Timeout),
-        fault(Stage::Wait, 9, 1, Failure::Lost),
+        fault(Stage::Wait, 5, 1, Failure::Lost),
     ] {
         let backend = Backend { device: Some(open(0)), threads: 2 };
         backend.device.as_ref().unwrap().gpu().inject(fault);

@@ -14,6 +14,9 @@ use brickfield_shaders as shaders;
 use std::collections::VecDeque;
 use std::ops::Range;
 
+/// Triangles of a brick that a device takes.
+const PAIRS_OF_BRICK_MAX: usize = shaders::PAIRS_OF_BRICK_MAX as usize;
+
 /// A leaf to evaluate.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a, P = Triangle> {
@@ -46,7 +49,18 @@ pub struct LeafQueue {
     /// Leaves that were sent.
     sent: usize,
     work: VecDeque<Work>,
-    ready: VecDeque<Brick>,
+    received: Option<Received>,
+}
+
+/// A batch that the device is done with. Its bricks are unpacked one by one, when they are asked for: all 64 at once are
+/// 6 MB, which leave the caches again and which the allocator returns to the system after every batch.
+struct Received {
+    /// Its leaves.
+    leaves: Range<usize>,
+    /// The next of them.
+    next: usize,
+    /// Whether its buffers were too small for one.
+    is_full: bool,
 }
 
 // Bricks are the same on both sides.
@@ -56,19 +70,25 @@ impl LeafQueue {
     /// Begins with other leaves.
     pub fn begin(&mut self, vulkan: &Vulkan) {
         self.sent = 0;
-        self.ready.clear();
+        self.received = None;
         self.work.clear();
-        if self.lane.is_none() {
-            let lane = vulkan.lane();
+        let gpu = vulkan.of_thread();
+        let moves = |lane: &Option<Lane>| lane.as_ref().is_some_and(|lane| !lane.is_on(gpu));
+        if self.lane.as_ref().is_none_or(moves) {
+            // Dropped first, for the next one needs its memory.
+            self.lane = None;
+            let lane = vulkan.lane(gpu);
             self.limit = lane.as_ref().map_or(0, |lane| lane.room().0);
             self.lane = Some(lane);
         }
         // What a run that ended early left behind.
         if let Some(Some(lane)) = &mut self.lane {
+            lane.release();
             while !lane.is_idle() {
                 if let Err(failure) = lane.receive() {
                     vulkan.note_failure(failure);
                 }
+                lane.release();
             }
         }
     }
@@ -80,8 +100,8 @@ impl LeafQueue {
     pub fn next(&mut self, vulkan: &Vulkan, evaluator: &mut Evaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
         loop {
             self.send(vulkan, leaves);
-            if let Some(brick) = self.ready.pop_front() {
-                return Ok(brick);
+            if self.received.is_some() {
+                return self.take(vulkan, evaluator, leaves);
             }
             match self.work.pop_front() {
                 Some(Work::Cpu(range)) => {
@@ -92,7 +112,7 @@ impl LeafQueue {
                     }
                     return Ok(brick);
                 }
-                Some(Work::Device(range)) => self.receive(vulkan, evaluator, leaves, range)?,
+                Some(Work::Device(range)) => self.receive(vulkan, range),
                 None => unreachable!("the queue is asked for as many bricks as there are leaves"),
             }
         }
@@ -110,9 +130,9 @@ impl LeafQueue {
                 return;
             }
             let pairs_max = lane.room().1;
-            let range = self.sent..self.sent + take(&leaves[self.sent..], self.limit, pairs_max).max(1);
+            let range = self.sent..self.sent + fitting(&leaves[self.sent..], self.limit, pairs_max).max(1);
             let batch = &leaves[range.clone()];
-            if batch[0].indices.len() > pairs_max {
+            if batch[0].indices.len() > pairs_max.min(PAIRS_OF_BRICK_MAX) {
                 self.sent = range.end;
                 self.work.push_back(Work::Cpu(range));
                 continue;
@@ -136,63 +156,65 @@ impl LeafQueue {
             vulkan.report().retries += 1;
         } else {
             self.lane = Some(None);
+            let left = self.received.take().map(|received| received.next..received.leaves.end);
+            left.into_iter().for_each(|range| self.work.push_front(Work::Cpu(range)));
         }
     }
 }
 
 impl LeafQueue {
-    /// Receives the oldest batch; what the device did not do, the processor does.
-    fn receive(
-        &mut self,
-        vulkan: &Vulkan,
-        evaluator: &mut Evaluator,
-        leaves: &[Leaf<'_>],
-        range: Range<usize>,
-    ) -> Result<()> {
+    /// Receives the oldest batch.
+    fn receive(&mut self, vulkan: &Vulkan, range: Range<usize>) {
         let Some(Some(lane)) = &mut self.lane else {
             self.work.push_front(Work::Cpu(range));
-            return Ok(());
+            return;
         };
-        let received = match lane.receive() {
-            Ok(Some(output)) => output,
-            Ok(None) => unreachable!("the batch was sent"),
+        match lane.receive() {
+            Ok(seconds) => {
+                vulkan.note_batch(seconds, range.len());
+                self.received = Some(Received { next: range.start, leaves: range, is_full: false });
+            }
             Err(failure) => {
                 self.give_way(vulkan, failure, range.len());
                 self.work.push_front(Work::Cpu(range));
-                return Ok(());
             }
+        }
+    }
+
+    /// The next brick of the batch that was received; what the device did not do, the processor does.
+    fn take(&mut self, vulkan: &Vulkan, evaluator: &mut Evaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
+        let (Some(Some(lane)), Some(received)) = (&mut self.lane, &mut self.received) else {
+            unreachable!("a lane that fails takes what was received along");
         };
-        vulkan.note_batch(received.seconds);
-        let mut here = 0;
-        let mut is_full = false;
-        for (number, leaf) in leaves[range.clone()].iter().enumerate() {
-            let brick = match unpack(&received, number) {
-                Some(brick) => brick,
-                None => {
-                    here += 1;
-                    is_full |= received.bricks[number].flags & shaders::FULL != 0;
-                    evaluate_here(evaluator, leaf)?
-                }
-            };
-            self.ready.push_back(brick);
+        let output = lane.output().expect("it is not released yet");
+        let (number, leaf) = (received.next - received.leaves.start, &leaves[received.next]);
+        let brick = unpack(&output, number);
+        received.is_full |= output.bricks[number].flags & shaders::FULL != 0;
+        received.next += 1;
+        if received.next == received.leaves.end {
+            if received.is_full && self.limit > 1 {
+                // Fewer bricks share the room for edges.
+                self.limit /= 2;
+            }
+            self.received = None;
+            lane.release();
         }
-        let mut report = vulkan.report();
-        report.cpu_bricks += here;
-        report.bricks += range.len() as u64 - here;
-        if is_full && self.limit > 1 {
-            // Fewer bricks share the room for edges.
-            self.limit /= 2;
+        match brick {
+            Some(brick) => Ok(brick),
+            None => {
+                vulkan.note_brick_of_processor();
+                evaluate_here(evaluator, leaf)
+            }
         }
-        Ok(())
     }
 }
 
 /// How many of the leaves, from the first on, make a batch of at most so many bricks and pairs.
-fn take(leaves: &[Leaf<'_>], bricks: usize, pairs: usize) -> usize {
+fn fitting(leaves: &[Leaf<'_>], bricks: usize, pairs: usize) -> usize {
     let mut sum = 0;
     let fits = |leaf: &&Leaf<'_>| {
         sum += leaf.indices.len();
-        sum <= pairs
+        sum <= pairs && leaf.indices.len() <= PAIRS_OF_BRICK_MAX
     };
     leaves.iter().take(bricks).take_while(fits).count()
 }
@@ -232,24 +254,38 @@ fn unpack(output: &BatchOutput<'_>, number: usize) -> Option<Brick> {
     Some(Brick::Counts { samples: unpack_samples(output, number), hermite: Hermite { edges } })
 }
 
+/// By edge of a row: all bits of the samples behind it, none of the others.
+const BEHIND: [[i16; BRICK_POINTS]; BRICK_CELLS] = {
+    let mut behind = [[0; BRICK_POINTS]; BRICK_CELLS];
+    let mut edge = 0;
+    while edge < BRICK_CELLS {
+        let mut sample = edge + 1;
+        while sample < BRICK_POINTS {
+            behind[edge][sample] = -1;
+            sample += 1;
+        }
+        edge += 1;
+    }
+    behind
+};
+
 fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
-    const ROWS: usize = shaders::ROWS as usize;
     const LINE_WORDS: usize = shaders::LINE_WORDS as usize;
     let lines = output.jumps[number].as_chunks::<LINE_WORDS>().0;
     let mut samples = Vec::with_capacity(POINTS);
-    for ([start, touched], words) in output.rows[number].iter().zip(&lines[..ROWS]) {
-        let mut w = *start as i16;
-        let mut values = [w; BRICK_POINTS];
+    for ([start, touched], words) in output.rows[number].iter().zip(lines) {
+        let mut row = [*start as i16; BRICK_POINTS];
         let biased = words.map(|word| word.wrapping_add(shaders::JUMP_BIAS));
         let biased: &[u8] = bytemuck::cast_slice(&biased);
         let mut left = *touched;
         while left != 0 {
             let edge = left.trailing_zeros() as usize;
-            w += i16::from(biased[edge]) - 128;
-            values[edge + 1..].fill(w);
+            let jump = i16::from(biased[edge]) - 128;
+            // All of them, so that it is done in vectors.
+            row.iter_mut().zip(&BEHIND[edge]).for_each(|(w, bits)| *w = w.wrapping_add(jump & bits));
             left &= left - 1;
         }
-        samples.extend_from_slice(&values);
+        samples.extend_from_slice(&row);
     }
     Samples(samples.into_boxed_slice().try_into().expect("the length is POINTS"), 0)
 }

@@ -22,6 +22,10 @@ impl Eq for Vulkan {}
 /// The smallest memory with which a lane is worth having: some bricks a batch.
 const LANE_BYTES_MIN: u64 = 4 << 20;
 
+/// Batches behind which half of the threads have a device of their own, if that is of use ([`Gpu::second`]): to open it
+/// takes 60 ms of processor time.
+const BATCHES_OF_ONE: u64 = 48;
+
 impl Vulkan {
     /// Of an open device.
     pub fn new(gpu: Gpu) -> Vulkan {
@@ -45,16 +49,24 @@ impl Vulkan {
         self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A lane for one of the pool's threads; `None` if the device has no room for it or fails.
-    pub(super) fn lane(&self) -> Option<Lane> {
-        let mut bytes = self.gpu.memory() / rayon::current_num_threads() as u64;
+    /// The device that has the batches of this thread.
+    pub(super) fn of_thread(&self) -> &Gpu {
+        let is_second = rayon::current_thread_index().is_some_and(|number| number % 2 == 1);
+        let is_worth_it = is_second && self.report().batches >= BATCHES_OF_ONE;
+        let second = if is_worth_it { self.gpu.second() } else { None };
+        second.unwrap_or(&self.gpu)
+    }
+
+    /// A lane on a device for one of the pool's threads; `None` if the device has no room for it or fails.
+    pub(super) fn lane(&self, gpu: &Gpu) -> Option<Lane> {
+        let mut bytes = gpu.memory() / rayon::current_num_threads() as u64;
         loop {
-            match Lane::new(&self.gpu, bytes) {
+            match Lane::new(gpu, bytes) {
                 Ok(lane) => return Some(lane),
                 Err(failure) => self.note_failure(failure),
             }
             bytes /= 2;
-            if self.gpu.is_lost() || bytes < LANE_BYTES_MIN {
+            if gpu.is_lost() || bytes < LANE_BYTES_MIN {
                 return None;
             }
             self.report().retries += 1;
@@ -65,9 +77,17 @@ impl Vulkan {
         self.report().failure.get_or_insert_with(|| failure.to_string());
     }
 
-    pub(super) fn note_batch(&self, seconds: Option<Seconds>) {
+    /// A brick of a batch that the device could not do.
+    pub(super) fn note_brick_of_processor(&self) {
+        let mut report = self.report();
+        report.bricks -= 1;
+        report.cpu_bricks += 1;
+    }
+
+    pub(super) fn note_batch(&self, seconds: Option<Seconds>, bricks: usize) {
         let mut report = self.report();
         report.batches += 1;
+        report.bricks += bricks as u64;
         if let Some(Seconds { upload, kernels, read }) = seconds {
             report.upload_seconds += upload;
             report.kernel_seconds.iter_mut().zip(kernels).for_each(|(sum, seconds)| *sum += seconds);

@@ -2,11 +2,11 @@
 //! invocation.
 
 use super::device::Gpu;
+use super::exchange::{Exchange, Layout};
 use super::failure::Failure;
 use super::kernels::{Kernels, Sets};
-use super::memory::{Arena, RANGE_ALIGNMENT, Use};
+use super::memory::in_a_row;
 use super::slot::Slot;
-use ash::vk;
 use brickfield_shaders::{ANGLE_BITS, BRUTE, BRUTE_BUFFERS, STEPS_MAX, Sum, WORKGROUP};
 
 /// Points of a run: 64 workgroups.
@@ -26,22 +26,10 @@ const UPLOADED: usize = 3;
 pub struct AngleSums {
     // Dropped first: it waits for the device.
     slot: Slot,
-    upload: Arena,
-    device: Arena,
-    read: Arena,
+    buffers: Exchange,
     sets: Sets,
     kernels: Kernels,
     gpu: Gpu,
-}
-
-/// Offset and length of each buffer.
-fn ranges() -> [(u64, u64); LENGTHS.len()] {
-    let mut end = 0;
-    LENGTHS.map(|length| {
-        let from = end;
-        end = (from + length).next_multiple_of(RANGE_ALIGNMENT);
-        (from, length)
-    })
 }
 
 impl AngleSums {
@@ -52,15 +40,12 @@ impl AngleSums {
     pub fn new(gpu: &Gpu) -> Result<AngleSums, Failure> {
         gpu.check()?;
         let context = &gpu.context;
-        let ranges = ranges();
-        let end = |buffer: usize| ranges[buffer].0 + ranges[buffer].1;
         let kernels = Kernels::new(context, BRUTE_BUFFERS.len(), &[(BRUTE, c"add_up")])?;
-        let device = Arena::new(context, Use::Device, end(LENGTHS.len() - 1), 1)?;
-        let upload = Arena::new(context, Use::Upload, end(UPLOADED - 1), 1)?;
-        let read = Arena::new(context, Use::ReadBack, LENGTHS[UPLOADED], 1)?;
+        let layout = Layout { ranges: in_a_row(LENGTHS), written: UPLOADED, read: &[UPLOADED] };
+        let buffers = Exchange::new(context, &layout, 1)?;
         let sets = kernels.sets(1)?;
-        sets.point(0, 0, device.buffer(0), &ranges);
-        Ok(AngleSums { slot: Slot::new(context)?, upload, device, read, sets, kernels, gpu: gpu.clone() })
+        sets.point(0, 0, buffers.buffer(0), buffers.ranges());
+        Ok(AngleSums { slot: Slot::new(context)?, buffers, sets, kernels, gpu: gpu.clone() })
     }
 
     /// Facets that one call of [`AngleSums::add`] takes at most.
@@ -87,7 +72,8 @@ impl AngleSums {
             self.gpu.check()?;
             self.run(facets, points)?;
             let parts = facets.len().div_ceil(STEPS_MAX as usize);
-            let sums: &[i64] = bytemuck::cast_slice(self.read.bytes(0, 0, (parts * points.len() * 8) as u64));
+            let sums = self.buffers.bytes(0, 0, (parts * points.len() * 8) as u64);
+            let sums: &[i64] = bytemuck::cast_slice(sums);
             for part in sums.chunks_exact(points.len()) {
                 angles.iter_mut().zip(part).for_each(|(angle, sum)| *angle += sum);
             }
@@ -99,36 +85,14 @@ impl AngleSums {
         let sum = Sum { points: points.len() as u32, facets: facets.len() as u32 };
         let inputs: [&[u8]; UPLOADED] =
             [bytemuck::bytes_of(&sum), bytemuck::cast_slice(facets), bytemuck::cast_slice(points)];
-        let ranges = ranges();
-        let mut copies = [vk::BufferCopy::default(); UPLOADED];
-        for ((copy, (from, _)), input) in copies.iter_mut().zip(ranges).zip(inputs) {
-            let size = input.len() as u64;
-            self.upload.bytes_mut(0, from, size).copy_from_slice(input);
-            *copy = vk::BufferCopy { src_offset: from, dst_offset: from, size };
-        }
         let parts = sum.facets.div_ceil(STEPS_MAX);
-        let size = u64::from(parts) * u64::from(sum.points) * 8;
-        let back = [vk::BufferCopy { src_offset: ranges[UPLOADED].0, dst_offset: 0, size }];
-        let (kernels, gpu) = (&self.kernels, &self.gpu);
-        let (upload, buffer, read) = (self.upload.buffer(0), self.device.buffer(0), self.read.buffer(0));
-        let sets = [self.sets.sets[0]];
+        let upload = self.buffers.write(0, &inputs, Vec::new());
+        let read_back = self.buffers.read_back(0, &[u64::from(parts) * u64::from(sum.points) * 8]);
+        let (kernels, set) = (&self.kernels, self.sets.sets[0]);
         self.slot.run(|slot| {
-            let (raw, commands) = (&gpu.context.raw, slot.commands());
-            let point = vk::PipelineBindPoint::COMPUTE;
-            // SAFETY: the buffers have the lengths of `LENGTHS`, within which the assertions of `add` keep everything;
-            // pipeline and set have the same layout.
-            unsafe { raw.cmd_copy_buffer(commands, upload, buffer, &copies) };
-            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            // SAFETY: as above.
-            unsafe {
-                raw.cmd_bind_pipeline(commands, point, kernels.pipeline(0));
-                raw.cmd_bind_descriptor_sets(commands, point, kernels.layout, 0, &sets, &[]);
-                raw.cmd_dispatch(commands, sum.points.div_ceil(WORKGROUP), parts, 1);
-            }
-            slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-            // SAFETY: as above.
-            unsafe { raw.cmd_copy_buffer(commands, buffer, read, &back) };
-            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
+            upload.record(slot);
+            slot.dispatch(kernels, 0, set, [sum.points.div_ceil(WORKGROUP), parts]);
+            read_back.record(slot);
         })?;
         self.slot.wait()
     }

@@ -2,12 +2,13 @@
 
 use super::context::Context;
 use super::failure::{Failure, Fault, Unavailable};
+use super::hardware::Hardware;
 use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::kernels::Kernels;
 use super::slot::KERNELS;
 use brickfield_shaders::{BRICK_BUFFERS, EVALUATE, HERMITE, SCAN};
 use std::fmt;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// Which device to open, and how.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -31,11 +32,13 @@ pub struct Settings {
 pub struct Gpu {
     pub(super) context: Arc<Context>,
     pub(super) kernels: Arc<Kernels>,
+    /// See [`Gpu::second`].
+    second: Arc<OnceLock<Option<Gpu>>>,
 }
 
 impl fmt::Debug for Gpu {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Gpu").field(&self.context.info).finish()
+        f.debug_tuple("Gpu").field(&self.context.hardware.info).finish()
     }
 }
 
@@ -62,32 +65,50 @@ impl Gpu {
             0 => (info.memory / 8).clamp(64 << 20, 1 << 30),
             bytes => bytes,
         };
-        let context = Arc::new(Context::new(instance, index, cap, settings.staging)?);
+        let hardware = Arc::new(Hardware::new(instance, index, cap, settings.staging)?);
+        Gpu::on(&hardware)
+    }
+
+    fn on(hardware: &Arc<Hardware>) -> Result<Gpu, Unavailable> {
+        let context = Arc::new(Context::new(hardware)?);
         let entries: [_; KERNELS] =
             [(SCAN, c"find"), (SCAN, c"jump"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
-            let what = format!("{}: the kernels cannot be compiled ({failure})", context.info.name);
+            let what = format!("{}: the kernels cannot be compiled ({failure})", hardware.info.name);
             Unavailable::new(what, "update the driver")
         })?;
-        Ok(Gpu { kernels: Arc::new(kernels), context })
+        Ok(Gpu { kernels: Arc::new(kernels), context, second: Arc::default() })
+    }
+
+    /// Another device on the same hardware for half of the threads, where that is of use; opened when it is first asked for.
+    /// What is allocated on either counts for both.
+    ///
+    /// A software driver works on one batch of a device at a time, with all cores, which wait for each other at the end of
+    /// each kernel; a second device's batch has them meanwhile. Hardware knows by itself what to do then.
+    pub fn second(&self) -> Option<&Gpu> {
+        let open = || match self.info().kind {
+            DeviceKind::Cpu => Gpu::on(&self.context.hardware).ok(),
+            _ => None,
+        };
+        self.second.get_or_init(open).as_ref()
     }
 
     /// What it is.
     pub fn info(&self) -> &DeviceInfo {
-        &self.context.info
+        &self.context.hardware.info
     }
 
     /// Bytes that may be allocated.
     pub fn memory(&self) -> u64 {
-        self.context.cap
+        self.context.hardware.cap
     }
 
     /// Bytes that are allocated, and the most that were so far.
     pub fn allocated(&self) -> (u64, u64) {
-        self.context.allocated()
+        self.context.hardware.allocated()
     }
 
-    /// Whether it failed for good.
+    /// Whether it failed for good; its second may go on.
     pub fn is_lost(&self) -> bool {
         self.context.is_lost()
     }
@@ -95,12 +116,12 @@ impl Gpu {
     /// Where the messages of the validation layer are collected, if it looks on: to the very end of the device, when it
     /// tells what was left behind.
     pub fn messages(&self) -> Arc<Mutex<Vec<String>>> {
-        self.context.messages()
+        self.context.hardware.instance.messages()
     }
 
     /// For tests: lets calls fail.
     pub fn inject(&self, fault: Fault) {
-        self.context.inject(fault);
+        self.context.hardware.inject(fault);
     }
 
     pub(super) fn check(&self) -> Result<(), Failure> {

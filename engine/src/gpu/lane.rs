@@ -1,19 +1,25 @@
-//! A thread's way to the device: a ring of batches, so that one is packed here while another is computed there and a third
-//! is read. Where the device's memory is the host's nothing is copied.
+//! A thread's way to the device: a ring of batches, so that one is packed or read here while another is computed there.
 
-use super::context::Context;
 use super::device::Gpu;
+use super::exchange::Exchange;
 use super::failure::Failure;
-use super::kernels::Sets;
-use super::memory::{Arena, Use};
+use super::kernels::{Kernels, Sets};
+use super::memory::Range;
 use super::sizes::{CHAINS, READ, Sizes, UPLOADED, ZEROED};
-use super::slot::{Buffers, Seconds, Slot, Staged};
-use brickfield_shaders::{Batch, Brick, JUMP_WORDS, Pair, ROWS};
+use super::slot::{KERNELS, Seconds, Slot};
+use ash::vk;
+use brickfield_shaders::{Batch, Brick, JUMP_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, WORKGROUP};
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 /// Batches under way.
 const RING: usize = 2;
+/// Spans that one invocation follows at most, of 33 lines each: see [`brickfield_shaders::STEPS_MAX`] for what bounds the
+/// steps of its loops.
+const SPANS_OF_INVOCATION: u32 = 16;
+/// Spans that a triangle has in a brick at most, on the way to samples and in all.
+const SPANS_OF_PAIR: [u32; 2] = [POINTS + 2, 3 * POINTS];
+/// Workgroups for each brick that share the edges with several crossings.
+const RESOLVE_GROUPS: u32 = 4;
 
 /// Bricks to evaluate.
 #[derive(Clone, Debug, Default)]
@@ -44,36 +50,13 @@ pub struct BatchOutput<'a> {
     pub rows: &'a [[[u32; 2]; ROWS as usize]],
     /// The Hermite edges of all bricks: offset and normal.
     pub hermite: &'a [[u32; 2]],
-    /// How long it took, if the device has a clock.
-    pub seconds: Option<Seconds>,
-}
-
-/// Memory through which data go to the device and come back.
-struct Staging {
-    upload: Arena,
-    read: Arena,
-}
-
-impl Staging {
-    fn new(context: &Arc<Context>, sizes: &Sizes) -> Result<Staging, Failure> {
-        let upload = Arena::new(context, Use::Upload, sizes.upload_bytes(), RING)?;
-        let read = Arena::new(context, Use::ReadBack, sizes.read_bytes(), RING)?;
-        Ok(Staging { upload, read })
-    }
-
-    /// The buffers of a slot.
-    fn of(&self, slot: usize) -> Staged {
-        Staged { upload: self.upload.buffer(slot), read: self.read.buffer(slot) }
-    }
 }
 
 /// Buffers and commands of one thread.
 pub struct Lane {
     // Dropped first: they wait for the device.
     slots: Vec<Slot>,
-    device: Arena,
-    /// None where the device's memory is written and read here.
-    staging: Option<Staging>,
+    buffers: Exchange,
     sets: Sets,
     gpu: Gpu,
     sizes: Sizes,
@@ -81,6 +64,8 @@ pub struct Lane {
     clean: [u64; RING],
     /// Batches under way by slot, oldest first.
     pending: VecDeque<(usize, Sizes)>,
+    /// The batch that is being read.
+    received: Option<(usize, Sizes)>,
     next: usize,
 }
 
@@ -92,17 +77,19 @@ impl Lane {
     pub fn new(gpu: &Gpu, bytes: u64) -> Result<Lane, Failure> {
         gpu.check()?;
         let context = &gpu.context;
-        let stages = !context.shares_memory();
-        let sizes = Sizes::within(bytes / RING as u64, context.range_max, stages);
-        let purpose = if stages { Use::Device } else { Use::Shared };
-        let device = Arena::new(context, purpose, sizes.device_bytes(), RING)?;
-        let staging = stages.then(|| Staging::new(context, &sizes)).transpose()?;
+        let sizes =
+            Sizes::within(bytes / RING as u64, context.hardware.range_max, !context.hardware.shares_memory());
+        let buffers = Exchange::new(context, &sizes.layout(), RING)?;
         let sets = gpu.kernels.sets(RING as u32)?;
-        let ranges = sizes.ranges();
-        (0..RING).for_each(|slot| sets.point(slot, 0, device.buffer(slot), &ranges));
+        (0..RING).for_each(|slot| sets.point(slot, 0, buffers.buffer(slot), buffers.ranges()));
         let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
         let (clean, pending) = ([0; RING], VecDeque::new());
-        Ok(Lane { slots, device, staging, sets, gpu: gpu.clone(), sizes, clean, pending, next: 0 })
+        Ok(Lane { slots, buffers, sets, gpu: gpu.clone(), sizes, clean, pending, received: None, next: 0 })
+    }
+
+    /// Whether its batches are this device's.
+    pub fn is_on(&self, gpu: &Gpu) -> bool {
+        self.gpu == *gpu
     }
 
     /// The most bricks, and pairs, that a batch may have.
@@ -110,9 +97,9 @@ impl Lane {
         (self.sizes.bricks as usize, self.sizes.pairs as usize)
     }
 
-    /// Whether a batch must be received before the next is sent.
+    /// Whether a batch must be received, and released, before the next is sent.
     pub fn is_full(&self) -> bool {
-        self.pending.len() == RING
+        self.pending.len() + usize::from(self.received.is_some()) == RING
     }
 
     /// Whether nothing is under way.
@@ -126,7 +113,8 @@ impl Lane {
     /// If the device fails; the batch is not under way then.
     ///
     /// # Panics
-    /// If the lane is full, or the batch is larger than its room, or empty, or has a triangle of no brick.
+    /// If the lane is full, or the batch is larger than its room, or empty, or has a triangle of no brick, or a brick has
+    /// more than [`PAIRS_OF_BRICK_MAX`].
     pub fn submit(&mut self, input: &BatchInput, limit: usize) -> Result<(), Failure> {
         assert!(!self.is_full(), "a batch must be received first");
         self.gpu.check()?;
@@ -145,28 +133,29 @@ impl Lane {
             bytemuck::cast_slice(&input.pairs),
         ];
         let slot = self.next;
-        let ranges = self.sizes.ranges();
-        let to = self.staging.as_mut().map_or(&mut self.device, |staging| &mut staging.upload);
-        for ((from, _), part) in ranges.iter().zip(parts) {
-            to.bytes_mut(slot, *from, part.len() as u64).copy_from_slice(part);
-        }
-        let mut zeros = self.zeros(slot, &load);
-        if self.staging.is_none() {
-            // Here, so that the device need not wait for it between two batches.
-            zeros.drain(..).for_each(|(from, length)| self.device.bytes_mut(slot, from, length).fill(0));
-        }
-        let staged = self.staging.as_ref().map(|staging| staging.of(slot));
-        let buffers = Buffers { device: self.device.buffer(slot), staged, set: self.sets.sets[slot] };
-        self.slots[slot].submit(&self.gpu.kernels, buffers, &zeros, &self.sizes, &load)?;
-        self.clean[slot] = self.clean[slot].max(load.lengths()[CHAINS]);
+        let lengths = load.lengths();
+        let zeros = self.zeros(slot, &load);
+        let upload = self.buffers.write(slot, &parts, zeros);
+        let read_back = self.buffers.read_back(slot, &READ.map(|number| lengths[number]));
+        let (kernels, set) = (&self.gpu.kernels, self.sets.sets[slot]);
+        self.slots[slot].run(|slot| {
+            slot.reset_times();
+            slot.note_time(0);
+            upload.record(slot);
+            slot.note_time(1);
+            record_kernels(slot, kernels, set, &load);
+            read_back.record(slot);
+            slot.note_time(KERNELS as u32 + 2);
+        })?;
+        self.clean[slot] = self.clean[slot].max(lengths[CHAINS]);
         self.pending.push_back((slot, load));
         self.next = (slot + 1) % RING;
         Ok(())
     }
 
     /// Offset and length of what must be 0 before a batch begins.
-    fn zeros(&self, slot: usize, load: &Sizes) -> Vec<(u64, u64)> {
-        let (ranges, lengths) = (self.sizes.ranges(), load.lengths());
+    fn zeros(&self, slot: usize, load: &Sizes) -> Vec<Range> {
+        let (ranges, lengths) = (self.buffers.ranges(), load.lengths());
         let clean = self.clean[slot];
         let chains = (ranges[CHAINS].0 + clean, lengths[CHAINS].saturating_sub(clean));
         let zeros = ZEROED.iter().map(|&number| (ranges[number].0, lengths[number])).chain([chains]);
@@ -181,10 +170,13 @@ impl Lane {
             fits(bricks.len(), self.sizes.bricks) && fits(pairs.len(), self.sizes.pairs),
             "the batch does not fit"
         );
-        let is_sound = |pair: &Pair| {
-            ((pair.owner & 0xffff) as usize) < bricks.len() && (1..=24).contains(&(pair.owner >> 16))
-        };
-        assert!(pairs.iter().all(is_sound), "a triangle of no brick");
+        let mut of_bricks = vec![0; bricks.len()];
+        for pair in pairs {
+            let (brick, spacing_bits) = ((pair.owner & 0xffff) as usize, pair.owner >> 16);
+            assert!(brick < bricks.len() && (1..=24).contains(&spacing_bits), "a triangle of no brick");
+            of_bricks[brick] += 1;
+        }
+        assert!(of_bricks.iter().all(|count| *count <= PAIRS_OF_BRICK_MAX), "a brick has too many");
         // A share of the room, so that no more is read back than there may be.
         let share = |room: u32| room / (limit.max(bricks.len()) as u32) * bricks.len() as u32;
         Sizes {
@@ -195,31 +187,59 @@ impl Lane {
         }
     }
 
-    /// Waits for the oldest batch under way; `None` if there is none.
+    /// Waits for the oldest batch under way, and says how long it took, if the device has a clock. What became of it is
+    /// [`Lane::output`] until [`Lane::release`].
     ///
     /// # Errors
     /// If the device fails; the batch is not under way any more.
-    pub fn receive(&mut self) -> Result<Option<BatchOutput<'_>>, Failure> {
-        let Some((slot, load)) = self.pending.pop_front() else { return Ok(None) };
+    ///
+    /// # Panics
+    /// If none is under way, or the one before was not released.
+    pub fn receive(&mut self) -> Result<Option<Seconds>, Failure> {
+        assert!(self.received.is_none(), "a batch must be released first");
+        let (slot, load) = self.pending.pop_front().expect("a batch is under way");
         // Where a batch failed nobody knows what it has left.
         let clean = std::mem::take(&mut self.clean[slot]);
         self.slots[slot].wait()?;
         self.clean[slot] = clean;
         let seconds = self.slots[slot].seconds()?;
-        let (ranges, read_ranges, lengths) = (self.sizes.ranges(), self.sizes.read_ranges(), load.lengths());
-        let part = |number: usize| {
-            let length = lengths[READ[number]];
-            match &self.staging {
-                Some(staging) => staging.read.bytes(slot, read_ranges[number].0, length),
-                None => self.device.bytes(slot, ranges[READ[number]].0, length),
-            }
-        };
-        Ok(Some(BatchOutput {
+        self.received = Some((slot, load));
+        Ok(seconds)
+    }
+
+    /// What the device made of the batch that was received; `None` if it was released.
+    pub fn output(&self) -> Option<BatchOutput<'_>> {
+        let (slot, load) = self.received?;
+        let lengths = load.lengths();
+        let part = |number: usize| self.buffers.bytes(slot, number, lengths[READ[number]]);
+        Some(BatchOutput {
             bricks: bytemuck::cast_slice(part(0)),
             jumps: bytemuck::cast_slice(part(1)),
             rows: bytemuck::cast_slice(part(2)),
             hermite: bytemuck::cast_slice(part(3)),
-            seconds,
-        }))
+        })
+    }
+
+    /// Gives the place of the batch that was received to the next one.
+    pub fn release(&mut self) {
+        self.received = None;
+    }
+}
+
+/// Records the kernels of a batch, each behind the one before.
+fn record_kernels(slot: &Slot, kernels: &Kernels, set: vk::DescriptorSet, load: &Sizes) {
+    let of_pairs = load.pairs.div_ceil(WORKGROUP);
+    let rooms = [load.way_spans, load.way_spans + load.other_spans];
+    let [of_way, of_spans] = std::array::from_fn(|i| {
+        let spans = rooms[i].min(load.pairs * SPANS_OF_PAIR[i]);
+        spans.div_ceil(WORKGROUP * SPANS_OF_INVOCATION)
+    });
+    let groups: [u32; KERNELS] = [of_pairs, of_way, load.bricks, of_spans, load.bricks * RESOLVE_GROUPS];
+    for (number, groups) in groups.into_iter().enumerate() {
+        if number > 0 {
+            slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
+        }
+        slot.dispatch(kernels, number, set, [groups, 1]);
+        slot.note_time(number as u32 + 2);
     }
 }

@@ -8,17 +8,33 @@ use std::sync::Arc;
 /// Alignment of ranges that kernels see: Vulkan lets no device ask for more.
 pub(super) const RANGE_ALIGNMENT: u64 = 256;
 
+/// Offset and length of a part of a buffer, in bytes.
+pub(super) type Range = (u64, u64);
+
+/// Parts of these lengths, one behind the other.
+pub(super) fn in_a_row<const N: usize>(lengths: [u64; N]) -> [Range; N] {
+    let mut end = 0;
+    lengths.map(|length| {
+        let from = end;
+        end = (from + length).next_multiple_of(RANGE_ALIGNMENT);
+        (from, length)
+    })
+}
+
+/// Where the last of some parts ends.
+pub(super) fn end_of(ranges: &[Range]) -> u64 {
+    ranges.last().map_or(0, |(from, length)| from + length)
+}
+
 /// What memory is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Use {
-    /// Kernels.
+    /// Kernels; written and read here, too, where the device's memory is the host's.
     Device,
     /// Written here, read by the device.
     Upload,
     /// Written by the device, read here.
     ReadBack,
-    /// Kernels, written and read here: memory that the device and the host have in common.
-    Shared,
 }
 
 /// Buffers of equal size in one allocation.
@@ -60,7 +76,7 @@ impl Arena {
     fn fill(&mut self, purpose: Use, count: usize) -> Result<(), Failure> {
         let device = &self.context.raw;
         let usage = match purpose {
-            Use::Device | Use::Shared => {
+            Use::Device => {
                 vk::BufferUsageFlags::STORAGE_BUFFER
                     | vk::BufferUsageFlags::TRANSFER_SRC
                     | vk::BufferUsageFlags::TRANSFER_DST
@@ -76,9 +92,10 @@ impl Arena {
         // SAFETY: the buffer is the device's.
         let needs = unsafe { device.get_buffer_memory_requirements(self.buffers[0]) };
         self.stride = needs.size.next_multiple_of(needs.alignment.max(RANGE_ALIGNMENT));
-        let kind = self.context.memory_type(needs.memory_type_bits, purpose).ok_or(Failure::OutOfMemory)?;
+        let kind =
+            self.context.hardware.memory_type(needs.memory_type_bits, purpose).ok_or(Failure::OutOfMemory)?;
         let bytes = self.stride * count as u64;
-        self.context.reserve(bytes)?;
+        self.context.hardware.reserve(bytes)?;
         self.reserved = bytes;
         let info = vk::MemoryAllocateInfo::default().allocation_size(bytes).memory_type_index(kind);
         // SAFETY: the type is one that the buffers may have; buffers of equal size and use have equal needs, and each
@@ -88,7 +105,7 @@ impl Arena {
             for (number, buffer) in self.buffers.iter().enumerate() {
                 device.bind_buffer_memory(*buffer, self.memory, self.stride * number as u64)?;
             }
-            if purpose != Use::Device {
+            if purpose != Use::Device || self.context.hardware.shares_memory() {
                 let all = vk::MemoryMapFlags::empty();
                 self.mapped = device.map_memory(self.memory, 0, vk::WHOLE_SIZE, all)?.cast();
             }
@@ -98,6 +115,16 @@ impl Arena {
 
     pub fn buffer(&self, number: usize) -> vk::Buffer {
         self.buffers[number]
+    }
+
+    /// Bytes of each buffer.
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// Whether it is written and read here.
+    pub fn is_mapped(&self) -> bool {
+        !self.mapped.is_null()
     }
 
     /// The bytes of a mapped buffer from `from` on, which the device must not be using.
@@ -117,7 +144,7 @@ impl Arena {
     }
 
     fn place(&self, number: usize, from: u64, length: u64) -> *mut u8 {
-        assert!(!self.mapped.is_null(), "only memory of the host's is mapped");
+        assert!(self.is_mapped(), "only memory of the host's is mapped");
         assert!(number < self.buffers.len() && from + length <= self.size, "beyond the buffer");
         // SAFETY: by the assertions the place lies within the mapped allocation.
         unsafe { self.mapped.add((self.stride * number as u64 + from) as usize) }
@@ -135,6 +162,6 @@ impl Drop for Arena {
             self.buffers.iter().for_each(|buffer| device.destroy_buffer(*buffer, None));
             device.free_memory(self.memory, None);
         }
-        self.context.release(self.reserved);
+        self.context.hardware.release(self.reserved);
     }
 }

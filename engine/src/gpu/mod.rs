@@ -8,7 +8,9 @@
 mod brute;
 mod context;
 mod device;
+mod exchange;
 mod failure;
+mod hardware;
 mod instance;
 mod kernels;
 mod lane;

@@ -1,6 +1,6 @@
 //! How many rays and bricks fit in the memory of a caster, and where its parts lie in the buffers.
 
-use super::memory::RANGE_ALIGNMENT;
+use super::memory::{RANGE_ALIGNMENT, Range, end_of, in_a_row};
 use brickfield_shaders::{
     COUNT_WORDS, FIELD_WORDS, PAGE_HEADER_WORDS, RAY_BUFFERS, Round, Shell, Sight, TABLE_ENTRIES, TreeNode,
 };
@@ -91,18 +91,18 @@ impl RayRoom {
     }
 
     /// Offset and length of each buffer, by binding.
-    pub fn ranges(&self) -> [(u64, u64); RAY_BUFFERS.len()] {
+    pub fn ranges(&self) -> [Range; RAY_BUFFERS.len()] {
         in_a_row(self.lengths())
     }
 
     /// Offset and length of what is read back: the round, what is wanted, when pages were used, pixels.
-    pub fn read_ranges(&self) -> [(u64, u64); 4] {
+    pub fn read_ranges(&self) -> [Range; 4] {
         let lengths = self.lengths();
         in_a_row([ROUND, WANTED, USED, PIXELS].map(|buffer| lengths[buffer]))
     }
 
     /// Offset and length of what rounds begin with: sight, round, words of the page table, pages.
-    fn upload_ranges(&self) -> [(u64, u64); 4] {
+    fn upload_ranges(&self) -> [Range; 4] {
         let lengths = self.lengths();
         let staged = u64::from(self.staged);
         in_a_row([lengths[SIGHT], lengths[ROUND], 2 * 4 * staged, staged * u64::from(self.page_words) * 4])
@@ -129,19 +129,6 @@ impl RayRoom {
     fn total_bytes(&self) -> u64 {
         self.device_bytes() + self.upload_bytes() + self.read_bytes()
     }
-}
-
-fn in_a_row<const N: usize>(lengths: [u64; N]) -> [(u64, u64); N] {
-    let mut end = 0;
-    lengths.map(|length| {
-        let from = end;
-        end = (from + length).next_multiple_of(RANGE_ALIGNMENT);
-        (from, length)
-    })
-}
-
-fn end_of(ranges: &[(u64, u64)]) -> u64 {
-    ranges.last().map_or(0, |(from, length)| from + length)
 }
 
 #[cfg(test)]

@@ -125,8 +125,8 @@ impl RayCaster {
         scene.check();
         gpu.check()?;
         let context = &gpu.context;
-        let left = context.cap.saturating_sub(context.allocated().0);
-        let room = RayRoom::within(left, context.range_max, scene.nodes.len(), scene.page_words())
+        let left = context.hardware.cap.saturating_sub(context.hardware.allocated().0);
+        let room = RayRoom::within(left, context.hardware.range_max, scene.nodes.len(), scene.page_words())
             .ok_or(Failure::OutOfMemory)?;
         let RayKernels(kernels) = kernels.clone();
         let device = Arena::new(context, Use::Device, room.device_bytes(), 1)?;
@@ -172,29 +172,14 @@ impl RayCaster {
     /// Fills a buffer.
     fn put(&mut self, buffer: usize, bytes: &[u8]) -> Result<(), Failure> {
         let (to, _) = self.room.ranges()[buffer];
-        let part = self.room.upload_bytes();
-        for (number, bytes) in (0..).zip(bytes.chunks(part as usize)) {
-            let size = bytes.len() as u64;
-            self.upload.bytes_mut(0, 0, size).copy_from_slice(bytes);
-            let copies = [vk::BufferCopy { src_offset: 0, dst_offset: to + number * part, size }];
-            let (raw, from, device) = (&self.gpu.context.raw, self.upload.buffer(0), self.device.buffer(0));
-            self.slot.run(|slot| {
-                // SAFETY: the bytes lie within both buffers, of which nothing else is made use of.
-                unsafe { raw.cmd_copy_buffer(slot.commands(), from, device, &copies) };
-                slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            })?;
-            self.slot.wait()?;
-        }
-        Ok(())
+        self.slot.put(Some(&mut self.upload), &mut self.device, to, bytes)
     }
 
     /// Fills a buffer with zeros.
     fn clear(&mut self, buffer: usize) -> Result<(), Failure> {
-        let (from, length) = self.room.ranges()[buffer];
-        let (raw, device) = (&self.gpu.context.raw, self.device.buffer(0));
+        let (range, device) = (self.room.ranges()[buffer], self.device.buffer(0));
         self.slot.run(|slot| {
-            // SAFETY: the range lies within the buffer, at multiples of four, and nothing else makes use of it.
-            unsafe { raw.cmd_fill_buffer(slot.commands(), device, from, length, 0) };
+            slot.zero(device, range);
             slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
         })?;
         self.slot.wait()
@@ -353,20 +338,18 @@ impl RayCaster {
             dst_offset: read[n].0,
             size: read[n].1,
         });
-        let (raw, from) = (&self.gpu.context.raw, self.upload.buffer(0));
-        let (device, to) = (self.device.buffer(0), self.read.buffer(0));
+        let (from, device, to) = (self.upload.buffer(0), self.device.buffer(0), self.read.buffer(0));
         let (copies, groups) = (&self.copies, self.round.rays.div_ceil(WORKGROUP).max(1));
-        let (kernels, sets) = (&self.kernels, &self.sets);
+        let (kernels, set) = (&self.kernels, self.sets.sets[0]);
         self.slot.run(|slot| {
             slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-            // SAFETY: each copy lies in the ranges of the room from which both buffers were made, and no two of them
-            // overlap: `bring` takes a page once a round, and changes a node's word only if it has not changed yet.
-            unsafe { raw.cmd_copy_buffer(slot.commands(), from, device, copies) };
+            // No two of them overlap: `bring` takes a page once a round, and changes a node's word only if it has not
+            // changed yet.
+            slot.copy(from, device, copies);
             slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            dispatch(slot, kernels, sets, raw, TRACE, groups);
+            slot.dispatch(kernels, TRACE, set, [groups, 1]);
             slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-            // SAFETY: as above.
-            unsafe { raw.cmd_copy_buffer(slot.commands(), device, to, &back) };
+            slot.copy(device, to, &back);
             slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
         })
     }
@@ -381,28 +364,16 @@ impl RayCaster {
         let size = u64::from(self.tiles * TILE_PIXELS) * 8;
         let [.., (at, _)] = self.room.read_ranges();
         let back = [vk::BufferCopy { src_offset: self.room.ranges()[PIXELS].0, dst_offset: at, size }];
-        let (raw, device, to) = (&self.gpu.context.raw, self.device.buffer(0), self.read.buffer(0));
-        let (kernels, sets, tiles) = (&self.kernels, &self.sets, self.tiles);
+        let (device, to) = (self.device.buffer(0), self.read.buffer(0));
+        let (kernels, set, tiles) = (&self.kernels, self.sets.sets[0], self.tiles);
         self.slot.run(|slot| {
             slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            dispatch(slot, kernels, sets, raw, BLEND, tiles);
+            slot.dispatch(kernels, BLEND, set, [tiles, 1]);
             slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-            // SAFETY: there is room for the pixels of so many tiles in both buffers.
-            unsafe { raw.cmd_copy_buffer(slot.commands(), device, to, &back) };
+            slot.copy(device, to, &back);
             slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
         })?;
         self.slot.wait()?;
         Ok(bytemuck::cast_slice(self.read.bytes(0, at, size)))
-    }
-}
-
-fn dispatch(slot: &Slot, kernels: &Kernels, sets: &Sets, raw: &ash::Device, number: usize, groups: u32) {
-    let point = vk::PipelineBindPoint::COMPUTE;
-    // SAFETY: pipelines and set have the same layout; `RayScene::check` and `RayCaster::begin` keep kernels within the
-    // buffers; there are fewer groups than any device allows, as `RayRoom` has fewer than 2^21 rays.
-    unsafe {
-        raw.cmd_bind_pipeline(slot.commands(), point, kernels.pipeline(number));
-        raw.cmd_bind_descriptor_sets(slot.commands(), point, kernels.layout, 0, &[sets.sets[0]], &[]);
-        raw.cmd_dispatch(slot.commands(), groups, 1, 1);
     }
 }

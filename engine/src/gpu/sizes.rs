@@ -1,9 +1,8 @@
 //! How large a batch may be, and where its parts lie in the buffers.
 
-use super::memory::RANGE_ALIGNMENT;
-use brickfield_shaders::{
-    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, TABLE_WORDS, TAKEN_WORDS, WORKGROUP,
-};
+use super::exchange::Layout;
+use super::memory::in_a_row;
+use brickfield_shaders::{BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, TABLE_WORDS, WORKGROUP};
 
 /// What a batch has room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,12 +32,9 @@ const OTHER_SPANS_OF_BRICK: u32 = 10240;
 /// Bricks of a batch at most: as many as the subtrees of the usual depths have leaves. Decoded they take 7 MB.
 const BRICKS_MAX: u32 = 64;
 
-/// Offset and length of each buffer, by binding; the first [`UPLOADED`] are uploaded.
-pub(super) type Ranges = [(u64, u64); BRICK_BUFFERS.len()];
-
-/// Buffers that are uploaded: batch, bricks, pairs.
+/// Buffers that are uploaded, the first ones: batch, bricks, pairs.
 pub(super) const UPLOADED: usize = 3;
-/// Buffers that begin with zeros: jumps, taken, tables.
+/// Buffers that begin with zeros: jumps, counts, tables.
 pub(super) const ZEROED: [usize; 3] = [3, 4, 6];
 /// The buffer that begins with zeros and ends with them: chains.
 pub(super) const CHAINS: usize = 7;
@@ -64,9 +60,9 @@ impl Sizes {
     pub fn within(bytes: u64, range_max: u64, stages: bool) -> Sizes {
         let fits = |bricks: &u32| {
             let sizes = Sizes::of(*bricks);
-            let ranges = sizes.ranges();
-            sizes.total_bytes(stages) <= bytes
-                && ranges.iter().all(|(_, length)| *length <= range_max)
+            let layout = sizes.layout();
+            layout.total_bytes(stages) <= bytes
+                && layout.is_seen(range_max)
                 && sizes.pairs / WORKGROUP < 1 << 16
         };
         (2..=BRICKS_MAX).rev().find(fits).map_or(Sizes::of(1), Sizes::of)
@@ -80,10 +76,10 @@ impl Sizes {
             u64::from(self.bricks) * size_of::<Brick>() as u64,
             words(self.pairs, PAIR_WORDS),
             words(self.bricks, JUMP_WORDS),
-            words(self.bricks, TAKEN_WORDS),
+            words(self.edges.div_ceil(2), 1),
             words(self.bricks, 2 * ROWS),
             words(self.bricks, TABLE_WORDS),
-            words(self.edges, 2),
+            words(self.edges, 1),
             words(self.edges, 2),
             words(self.way_spans + self.other_spans, 2),
             words(self.more, 4),
@@ -93,45 +89,10 @@ impl Sizes {
         ]
     }
 
-    pub fn ranges(&self) -> Ranges {
-        let mut end = 0;
-        self.lengths().map(|length| {
-            let from = end;
-            end = (from + length).next_multiple_of(RANGE_ALIGNMENT);
-            (from, length)
-        })
+    /// Where the parts of a buffer lie.
+    pub fn layout(&self) -> Layout<{ BRICK_BUFFERS.len() }> {
+        Layout { ranges: in_a_row(self.lengths()), written: UPLOADED, read: &READ }
     }
-
-    /// Offset and length of each part that is read back, in the buffer for that.
-    pub fn read_ranges(&self) -> [(u64, u64); READ.len()] {
-        let lengths = self.lengths();
-        let mut end = 0;
-        READ.map(|buffer| {
-            let from = end;
-            end = (from + lengths[buffer]).next_multiple_of(RANGE_ALIGNMENT);
-            (from, lengths[buffer])
-        })
-    }
-
-    pub fn device_bytes(&self) -> u64 {
-        end_of(&self.ranges())
-    }
-
-    pub fn upload_bytes(&self) -> u64 {
-        end_of(&self.ranges()[..UPLOADED])
-    }
-
-    pub fn read_bytes(&self) -> u64 {
-        end_of(&self.read_ranges())
-    }
-
-    fn total_bytes(&self, stages: bool) -> u64 {
-        self.device_bytes() + if stages { self.upload_bytes() + self.read_bytes() } else { 0 }
-    }
-}
-
-fn end_of(ranges: &[(u64, u64)]) -> u64 {
-    ranges.iter().map(|(from, length)| from + length).max().unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -143,10 +104,11 @@ mod tests {
         let cases = [(0, 1 << 27), (1 << 24, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 40)];
         for ((bytes, range_max), stages) in cases.into_iter().flat_map(|case| [(case, false), (case, true)]) {
             let sizes = Sizes::within(bytes, range_max, stages);
-            assert!(sizes.bricks == 1 || sizes.total_bytes(stages) <= bytes, "{sizes:?}");
-            assert!(sizes.bricks == 1 || sizes.ranges().iter().all(|(_, length)| *length <= range_max));
+            let Layout { ranges, .. } = sizes.layout();
+            assert!(sizes.bricks == 1 || sizes.layout().total_bytes(stages) <= bytes, "{sizes:?}");
+            assert!(sizes.bricks == 1 || ranges.iter().all(|(_, length)| *length <= range_max));
             assert!((1..=BRICKS_MAX).contains(&sizes.bricks));
-            assert!(sizes.ranges().windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0));
+            assert!(ranges.windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0));
         }
         assert_eq!(Sizes::within(1 << 40, 1 << 40, true).bricks, BRICKS_MAX);
     }

@@ -1,20 +1,12 @@
-//! One place of a lane's ring: the commands of a batch, from upload to read-back.
+//! The commands of one batch at a time, and how they are recorded.
 
 use super::context::Context;
 use super::failure::{Failure, Stage};
 use super::kernels::Kernels;
-use super::sizes::{READ, Ranges, Sizes, UPLOADED};
+use super::memory::{Arena, Range};
 use ash::vk;
-use brickfield_shaders::{POINTS, WORKGROUP};
 use std::sync::Arc;
 
-/// Spans that one invocation follows at most, of 33 lines each: see [`brickfield_shaders::STEPS_MAX`] for what bounds the
-/// steps of its loops.
-const SPANS_OF_INVOCATION: u32 = 16;
-/// Spans that a triangle has in a brick at most, on the way to samples and in all.
-const SPANS_OF_PAIR: [u32; 2] = [POINTS + 2, 3 * POINTS];
-/// Workgroups for each brick that share the edges with several crossings.
-const RESOLVE_GROUPS: u32 = 4;
 /// Kernels of a batch.
 pub(super) const KERNELS: usize = 5;
 /// Points of time that a batch notes: before, uploaded, after each kernel, read back.
@@ -44,22 +36,6 @@ pub(super) struct Slot {
     pending: bool,
 }
 
-/// The buffers of a slot.
-#[derive(Clone, Copy)]
-pub(super) struct Buffers {
-    pub device: vk::Buffer,
-    /// None if the device's buffer is written and read by the host.
-    pub staged: Option<Staged>,
-    pub set: vk::DescriptorSet,
-}
-
-/// From where and to where a batch is copied.
-#[derive(Clone, Copy)]
-pub(super) struct Staged {
-    pub upload: vk::Buffer,
-    pub read: vk::Buffer,
-}
-
 impl Slot {
     pub fn new(context: &Arc<Context>) -> Result<Slot, Failure> {
         let mut slot = Slot {
@@ -72,7 +48,7 @@ impl Slot {
             pending: false,
         };
         let device = &context.raw;
-        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.family);
+        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.hardware.family);
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         let times =
@@ -82,7 +58,7 @@ impl Slot {
         unsafe {
             slot.pool = device.create_command_pool(&pool, None)?;
             slot.semaphore = device.create_semaphore(&semaphore, None)?;
-            if context.tick_ns.is_some() {
+            if context.hardware.tick_ns.is_some() {
                 slot.times = device.create_query_pool(&times, None)?;
             }
             let info =
@@ -90,37 +66,6 @@ impl Slot {
             slot.commands = device.allocate_command_buffers(&info)?[0];
         }
         Ok(slot)
-    }
-
-    /// Sends a batch that lies in the upload buffer, or in the device's if nothing is staged. `zeros` are the offsets and
-    /// lengths of what is still to be zeroed, if it is staged. `load` is what it takes of the sizes of the buffers.
-    pub fn submit(
-        &mut self,
-        kernels: &Kernels,
-        buffers: Buffers,
-        zeros: &[(u64, u64)],
-        sizes: &Sizes,
-        load: &Sizes,
-    ) -> Result<(), Failure> {
-        let ranges = sizes.ranges();
-        self.run(|slot| {
-            slot.reset_times();
-            slot.note_time(0);
-            if let Some(staged) = buffers.staged {
-                slot.record_upload(staged, buffers, &ranges, zeros, load);
-                slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            }
-            slot.note_time(1);
-            slot.record_kernels(kernels, buffers, load);
-            let mut last = vk::PipelineStageFlags::COMPUTE_SHADER;
-            if let Some(staged) = buffers.staged {
-                slot.barrier(last, vk::PipelineStageFlags::TRANSFER);
-                slot.record_read_back(staged, buffers, &ranges, sizes, load);
-                last = vk::PipelineStageFlags::TRANSFER;
-            }
-            slot.barrier(last, vk::PipelineStageFlags::HOST);
-            slot.note_time(TIMES - 1);
-        })
     }
 
     /// Sends the commands that `record` records.
@@ -141,14 +86,9 @@ impl Slot {
         Ok(())
     }
 
-    /// The command buffer, while it is recorded.
-    pub fn commands(&self) -> vk::CommandBuffer {
-        self.commands
-    }
-
     /// Begins to note times.
     pub fn reset_times(&self) {
-        if self.context.tick_ns.is_some() {
+        if self.context.hardware.tick_ns.is_some() {
             // SAFETY: the buffer is being recorded; the queries of the last batch were read.
             unsafe { self.context.raw.cmd_reset_query_pool(self.commands, self.times, 0, TIMES) };
         }
@@ -156,7 +96,7 @@ impl Slot {
 
     /// Notes when all before is done.
     pub fn note_time(&self, number: u32) {
-        if self.context.tick_ns.is_some() {
+        if self.context.hardware.tick_ns.is_some() {
             // SAFETY: the buffer is being recorded; the query was reset.
             unsafe {
                 self.context.raw.cmd_write_timestamp(
@@ -193,74 +133,56 @@ impl Slot {
         unsafe { self.context.raw.cmd_pipeline_barrier(self.commands, before, behind, none, &all, &[], &[]) };
     }
 
-    fn record_upload(
-        &self,
-        staged: Staged,
-        buffers: Buffers,
-        ranges: &Ranges,
-        zeros: &[(u64, u64)],
-        load: &Sizes,
-    ) {
-        let lengths = load.lengths();
-        let copies: [vk::BufferCopy; UPLOADED] = std::array::from_fn(|i| vk::BufferCopy {
-            src_offset: ranges[i].0,
-            dst_offset: ranges[i].0,
-            size: lengths[i],
-        });
-        // SAFETY: the load fits the sizes from which the buffers were made, and no part of it is empty.
+    /// Copies parts of one buffer to another, within both.
+    pub fn copy(&self, from: vk::Buffer, to: vk::Buffer, copies: &[vk::BufferCopy]) {
+        // SAFETY: the buffer is being recorded. Whoever asks for copies has made both buffers from the lengths by which
+        // they are placed, and none is empty or overlaps another; barriers keep them apart from what uses the buffers.
+        unsafe { self.context.raw.cmd_copy_buffer(self.commands, from, to, copies) };
+    }
+
+    /// Fills a part of a buffer with zeros.
+    pub fn zero(&self, buffer: vk::Buffer, (from, length): Range) {
+        // SAFETY: as in `copy`; parts begin and end at multiples of four.
+        unsafe { self.context.raw.cmd_fill_buffer(self.commands, buffer, from, length, 0) };
+    }
+
+    /// Runs a kernel on a set of buffers.
+    pub fn dispatch(&self, kernels: &Kernels, number: usize, set: vk::DescriptorSet, groups: [u32; 2]) {
+        let (raw, point) = (&self.context.raw, vk::PipelineBindPoint::COMPUTE);
+        // SAFETY: the buffer is being recorded; the set was made for the layout of these kernels. What a kernel takes for
+        // an index was checked before it was written, and rooms are so small that there are fewer groups than any device
+        // allows.
         unsafe {
-            let device = &self.context.raw;
-            device.cmd_copy_buffer(self.commands, staged.upload, buffers.device, &copies);
-            for &(from, length) in zeros {
-                device.cmd_fill_buffer(self.commands, buffers.device, from, length, 0);
-            }
+            raw.cmd_bind_pipeline(self.commands, point, kernels.pipeline(number));
+            raw.cmd_bind_descriptor_sets(self.commands, point, kernels.layout, 0, &[set], &[]);
+            raw.cmd_dispatch(self.commands, groups[0], groups[1], 1);
         }
     }
 
-    fn record_kernels(&self, kernels: &Kernels, buffers: Buffers, load: &Sizes) {
-        let of_pairs = load.pairs.div_ceil(WORKGROUP);
-        let rooms = [load.way_spans, load.way_spans + load.other_spans];
-        let [of_way, of_spans] = std::array::from_fn(|i| {
-            let spans = rooms[i].min(load.pairs * SPANS_OF_PAIR[i]);
-            spans.div_ceil(WORKGROUP * SPANS_OF_INVOCATION)
-        });
-        let groups = [of_pairs, of_way, load.bricks, of_spans, load.bricks * RESOLVE_GROUPS];
-        let device = &self.context.raw;
-        for (number, groups) in groups.into_iter().enumerate() {
-            if number > 0 {
-                self.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            }
-            // SAFETY: pipelines and set have the same layout; there are fewer groups than any device allows; indices in
-            // the batch were checked before it was written.
-            unsafe {
-                let point = vk::PipelineBindPoint::COMPUTE;
-                device.cmd_bind_pipeline(self.commands, point, kernels.pipeline(number));
-                if number == 0 {
-                    let sets = [buffers.set];
-                    device.cmd_bind_descriptor_sets(self.commands, point, kernels.layout, 0, &sets, &[]);
-                }
-                device.cmd_dispatch(self.commands, groups, 1, 1);
-            }
-            self.note_time(number as u32 + 2);
+    /// Fills a part of a buffer that nothing uses, through one for uploads unless it is mapped itself.
+    pub fn put(
+        &mut self,
+        upload: Option<&mut Arena>,
+        to: &mut Arena,
+        from: u64,
+        bytes: &[u8],
+    ) -> Result<(), Failure> {
+        let Some(upload) = upload else {
+            to.bytes_mut(0, from, bytes.len() as u64).copy_from_slice(bytes);
+            return Ok(());
+        };
+        let part = upload.size();
+        for (number, bytes) in (0..).zip(bytes.chunks(part as usize)) {
+            let size = bytes.len() as u64;
+            upload.bytes_mut(0, 0, size).copy_from_slice(bytes);
+            let copies = [vk::BufferCopy { src_offset: 0, dst_offset: from + number * part, size }];
+            self.run(|slot| {
+                slot.copy(upload.buffer(0), to.buffer(0), &copies);
+                slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
+            })?;
+            self.wait()?;
         }
-    }
-
-    fn record_read_back(
-        &self,
-        staged: Staged,
-        buffers: Buffers,
-        ranges: &Ranges,
-        sizes: &Sizes,
-        load: &Sizes,
-    ) {
-        let (read, lengths) = (sizes.read_ranges(), load.lengths());
-        let copies: [vk::BufferCopy; READ.len()] = std::array::from_fn(|i| vk::BufferCopy {
-            src_offset: ranges[READ[i]].0,
-            dst_offset: read[i].0,
-            size: lengths[READ[i]],
-        });
-        // SAFETY: as in `record_upload`.
-        unsafe { self.context.raw.cmd_copy_buffer(self.commands, buffers.device, staged.read, &copies) };
+        Ok(())
     }
 
     /// Waits for what was sent.
@@ -272,7 +194,7 @@ impl Slot {
 
     /// How long the last batch took, if the device has a clock.
     pub fn seconds(&self) -> Result<Option<Seconds>, Failure> {
-        let Some(tick_ns) = self.context.tick_ns else { return Ok(None) };
+        let Some(tick_ns) = self.context.hardware.tick_ns else { return Ok(None) };
         let mut ticks = [0u64; TIMES as usize];
         // SAFETY: the batch is done, so that all queries are there; the array has a word for each.
         unsafe {

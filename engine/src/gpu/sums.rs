@@ -3,11 +3,11 @@
 
 use super::context::Context;
 use super::device::Gpu;
+use super::exchange::{Exchange, Layout};
 use super::failure::Failure;
 use super::kernels::{Kernels, Sets};
-use super::memory::{Arena, RANGE_ALIGNMENT, Use};
+use super::memory::{Arena, Range, Use, end_of, in_a_row};
 use super::slot::Slot;
-use ash::vk;
 use brickfield_shaders::{
     Block, CLUSTER_WORDS, COEFFICIENTS, ELEMENT_WORDS, OPEN, POINTS, SUM_BUFFERS, Sums, TERMS_MAX, WORKGROUP,
 };
@@ -29,22 +29,10 @@ const TERMS_OF_BRICK: u64 = 1 << 16;
 /// Bricks of a batch at most: siblings.
 const BRICKS_MAX: u64 = 8;
 
-type Ranges<const N: usize> = [(u64, u64); N];
-
-/// Offset and length of buffers of these lengths in one.
-fn in_a_row<const N: usize>(lengths: [u64; N]) -> Ranges<N> {
-    let mut end = 0;
-    lengths.map(|length| {
-        let from = end;
-        end = (from + length).next_multiple_of(RANGE_ALIGNMENT);
-        (from, length)
-    })
-}
-
 /// The clusters and elements of a tree on a device.
 pub struct SumTree {
     buffer: Arena,
-    ranges: Ranges<OF_TREE>,
+    ranges: [Range; OF_TREE],
     kernels: Kernels,
     /// How many clusters and elements.
     counts: [u32; OF_TREE],
@@ -65,38 +53,23 @@ impl SumTree {
         let context = &gpu.context;
         let parts: [&[u8]; OF_TREE] = [bytemuck::cast_slice(clusters), bytemuck::cast_slice(elements)];
         let ranges = in_a_row(parts.map(|part| part.len() as u64));
-        if ranges.iter().any(|(_, length)| *length > context.range_max) {
+        if ranges.iter().any(|(_, length)| *length > context.hardware.range_max) {
             return Err(Failure::OutOfMemory);
         }
-        let [_, (from, length)] = ranges;
-        let tree = SumTree {
-            buffer: Arena::new(context, Use::Device, from + length, 1)?,
-            ranges,
-            kernels: Kernels::new(context, SUM_BUFFERS.len(), &[(OPEN, c"sum_up")])?,
-            counts: [clusters.len() as u32 / CLUSTER_WORDS, elements.len() as u32 / ELEMENT_WORDS],
-            gpu: gpu.clone(),
+        let kernels = Kernels::new(context, SUM_BUFFERS.len(), &[(OPEN, c"sum_up")])?;
+        let mut buffer = Arena::new(context, Use::Device, end_of(&ranges), 1)?;
+        let mut upload = match buffer.is_mapped() {
+            true => None,
+            false => Some(Arena::new(context, Use::Upload, UPLOAD_BYTES, 1)?),
         };
-        // Dropped first: it waits for the device.
-        let mut slot = (Slot::new(context)?, Arena::new(context, Use::Upload, UPLOAD_BYTES, 1)?);
+        // Behind what it uses, so that it is dropped first: it waits for the device.
+        let mut slot = Slot::new(context)?;
         for (part, (from, _)) in parts.iter().zip(ranges) {
-            for (number, bytes) in (0..).zip(part.chunks(UPLOAD_BYTES as usize)) {
-                tree.upload(&mut slot, bytes, from + number * UPLOAD_BYTES)?;
-            }
+            slot.put(upload.as_mut(), &mut buffer, from, part)?;
         }
-        Ok(tree)
-    }
-
-    fn upload(&self, (slot, upload): &mut (Slot, Arena), bytes: &[u8], to: u64) -> Result<(), Failure> {
-        let size = bytes.len() as u64;
-        upload.bytes_mut(0, 0, size).copy_from_slice(bytes);
-        let copies = [vk::BufferCopy { src_offset: 0, dst_offset: to, size }];
-        slot.run(|slot| {
-            let raw = &self.gpu.context.raw;
-            // SAFETY: the bytes lie within both buffers, of which nothing else is made use of.
-            unsafe { raw.cmd_copy_buffer(slot.commands(), upload.buffer(0), self.buffer.buffer(0), &copies) };
-            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
-        })?;
-        slot.wait()
+        drop(slot);
+        let counts = [clusters.len() as u32 / CLUSTER_WORDS, elements.len() as u32 / ELEMENT_WORDS];
+        Ok(SumTree { buffer, ranges, kernels, counts, gpu: gpu.clone() })
     }
 }
 
@@ -148,25 +121,20 @@ impl SumRoom {
         }
     }
 
-    fn ranges(&self) -> Ranges<OF_LANE> {
+    /// Where the parts of a buffer lie.
+    fn layout(&self) -> Layout<OF_LANE> {
         let rows = self.rows as u64;
         let blocks = self.blocks as u64;
         let coefficients = u64::from(COEFFICIENTS) * 4;
-        in_a_row([
+        let ranges = in_a_row([
             size_of::<Sums>() as u64,
             blocks * size_of::<Block>() as u64,
             blocks * coefficients,
             self.terms as u64 * 4,
             rows * 4,
             rows * 16,
-        ])
-    }
-
-    /// Bytes of what is uploaded, on the device, and read back.
-    fn bytes(&self) -> [u64; 3] {
-        let ranges = self.ranges();
-        let end = |buffer: usize| ranges[buffer].0 + ranges[buffer].1;
-        [end(OF_LANE - 2), end(OF_LANE - 1), ranges[OF_LANE - 1].1]
+        ]);
+        Layout { ranges, written: OF_LANE - 1, read: &[OF_LANE - 1] }
     }
 }
 
@@ -174,9 +142,7 @@ impl SumRoom {
 pub struct SumLane {
     // Dropped first: it waits for the device.
     slot: Slot,
-    upload: Arena,
-    device: Arena,
-    read: Arena,
+    buffers: Exchange,
     sets: Sets,
     room: SumRoom,
     tree: Arc<SumTree>,
@@ -191,19 +157,16 @@ impl SumLane {
         tree.gpu.check()?;
         let context: &Arc<Context> = &tree.gpu.context;
         let fits = |bricks: &u64| {
-            let room = SumRoom::of(*bricks);
-            let is_seen = room.ranges().iter().all(|(_, length)| *length <= context.range_max);
-            is_seen && room.bytes().iter().sum::<u64>() <= bytes
+            let layout = SumRoom::of(*bricks).layout();
+            layout.is_seen(context.hardware.range_max)
+                && layout.total_bytes(!context.hardware.shares_memory()) <= bytes
         };
         let room = SumRoom::of((1..=BRICKS_MAX).rev().find(fits).ok_or(Failure::OutOfMemory)?);
-        let [upload, device, read] = room.bytes();
-        let device = Arena::new(context, Use::Device, device, 1)?;
-        let upload = Arena::new(context, Use::Upload, upload, 1)?;
-        let read = Arena::new(context, Use::ReadBack, read, 1)?;
+        let buffers = Exchange::new(context, &room.layout(), 1)?;
         let sets = tree.kernels.sets(1)?;
         sets.point(0, 0, tree.buffer.buffer(0), &tree.ranges);
-        sets.point(0, OF_TREE as u32, device.buffer(0), &room.ranges());
-        Ok(SumLane { slot: Slot::new(context)?, upload, device, read, sets, room, tree: Arc::clone(tree) })
+        sets.point(0, OF_TREE as u32, buffers.buffer(0), buffers.ranges());
+        Ok(SumLane { slot: Slot::new(context)?, buffers, sets, room, tree: Arc::clone(tree) })
     }
 
     /// What a batch may hold at most.
@@ -233,19 +196,22 @@ impl SumLane {
             bytemuck::cast_slice(&input.terms),
             bytemuck::cast_slice(&input.rows),
         ];
-        let ranges = self.room.ranges();
-        let mut copies = Vec::with_capacity(inputs.len());
-        for ((from, _), bytes) in ranges.into_iter().zip(inputs).filter(|(_, bytes)| !bytes.is_empty()) {
-            let size = bytes.len() as u64;
-            self.upload.bytes_mut(0, from, size).copy_from_slice(bytes);
-            copies.push(vk::BufferCopy { src_offset: from, dst_offset: from, size });
-        }
         let size = u64::from(sums.rows) * 16;
-        let back = vk::BufferCopy { src_offset: ranges[OF_LANE - 1].0, dst_offset: 0, size };
-        self.send(&copies, sums.rows.div_ceil(WORKGROUP), back)?;
+        let upload = self.buffers.write(0, &inputs, Vec::new());
+        let read_back = self.buffers.read_back(0, &[size]);
+        let (kernels, set) = (&self.tree.kernels, self.sets.sets[0]);
+        self.slot.run(|slot| {
+            slot.reset_times();
+            slot.note_time(0);
+            upload.record(slot);
+            slot.note_time(1);
+            slot.dispatch(kernels, 0, set, [sums.rows.div_ceil(WORKGROUP), 1]);
+            slot.note_times_from(2);
+            read_back.record(slot);
+        })?;
         self.slot.wait()?;
         let seconds = self.slot.seconds()?.map(|seconds| seconds.kernels[0]);
-        Ok((bytemuck::cast_slice(self.read.bytes(0, 0, size)), seconds))
+        Ok((bytemuck::cast_slice(self.buffers.bytes(0, 0, size)), seconds))
     }
 
     /// Every number that the kernel takes for an index lies within what it indexes.
@@ -271,33 +237,5 @@ impl SumLane {
         assert!(blocks.iter().all(is_sound), "a term that is not there");
         assert!(rows.iter().all(|row| ((row >> 10) as usize) < blocks.len()), "a row of no block");
         assert!((1..=15).contains(&bits), "samples have 16 bits");
-    }
-
-    fn send(&mut self, copies: &[vk::BufferCopy], groups: u32, back: vk::BufferCopy) -> Result<(), Failure> {
-        let tree = &self.tree;
-        let (upload, buffer, read) = (self.upload.buffer(0), self.device.buffer(0), self.read.buffer(0));
-        let sets = [self.sets.sets[0]];
-        self.slot.run(|slot| {
-            let (raw, commands) = (&tree.gpu.context.raw, slot.commands());
-            let point = vk::PipelineBindPoint::COMPUTE;
-            slot.reset_times();
-            slot.note_time(0);
-            // SAFETY: the parts lie in buffers of the same room, of which nothing is in use; `check` keeps the kernel
-            // within them; pipeline and set have the same layout; there are fewer groups than any device allows.
-            unsafe { raw.cmd_copy_buffer(commands, upload, buffer, copies) };
-            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            slot.note_time(1);
-            // SAFETY: as above.
-            unsafe {
-                raw.cmd_bind_pipeline(commands, point, tree.kernels.pipeline(0));
-                raw.cmd_bind_descriptor_sets(commands, point, tree.kernels.layout, 0, &sets, &[]);
-                raw.cmd_dispatch(commands, groups, 1, 1);
-            }
-            slot.note_times_from(2);
-            slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
-            // SAFETY: as above.
-            unsafe { raw.cmd_copy_buffer(commands, buffer, read, &[back]) };
-            slot.barrier(vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
-        })
     }
 }
