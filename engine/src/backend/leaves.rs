@@ -255,7 +255,7 @@ fn unpack(output: &BatchOutput<'_>, number: usize) -> Option<Brick> {
 }
 
 /// By edge of a row: all bits of the samples behind it, none of the others.
-const BEHIND: [[i16; BRICK_POINTS]; BRICK_CELLS] = {
+static BEHIND: [[i16; BRICK_POINTS]; BRICK_CELLS] = {
     let mut behind = [[0; BRICK_POINTS]; BRICK_CELLS];
     let mut edge = 0;
     while edge < BRICK_CELLS {
