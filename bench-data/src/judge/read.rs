@@ -59,9 +59,18 @@ pub fn stl(bytes: &[u8]) -> Result<Vec<Facet>, ReadError> {
     if bytes.len() != 84 + 50 * count {
         return bad(format!("{count} facets take {} bytes, the file has {}", 84 + 50 * count, bytes.len()));
     }
-    let float = |record: &[u8], i: usize| f32::from_le_bytes(word(record, 12 + 4 * i));
-    let facet = |r: &[u8]| std::array::from_fn(|v| std::array::from_fn(|a| float(r, 3 * v + a)));
-    Ok(bytes[84..].chunks_exact(50).map(facet).collect())
+    Ok(bytes[84..].chunks_exact(50).map(record).collect())
+}
+
+/// The corners of an STL record of 50 bytes.
+fn record(bytes: &[u8]) -> Facet {
+    let float = |i: usize| f32::from_le_bytes(word(bytes, 12 + 4 * i));
+    std::array::from_fn(|v| std::array::from_fn(|a| float(3 * v + a)))
+}
+
+/// The same in double precision.
+pub(crate) fn facet(bytes: &[u8]) -> [[f64; 3]; 3] {
+    record(bytes).map(|v| v.map(f64::from))
 }
 
 type Indexed = (Vec<[f64; 3]>, Vec<[u32; 3]>);
