@@ -1,7 +1,7 @@
 //! `make-input`: writes generated inputs to files, and judges meshes.
 
 use brickfield_bench_data::inputs;
-use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile};
+use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile, sharp_part};
 use brickfield_bench_data::shapes::{
     Polygon, cuboid, extrude, icosphere, octahedron, slant, spiked_cube, spiral_tube, torus,
 };
@@ -61,6 +61,13 @@ enum Command {
     Lattice {
         #[arg(long, default_value_t = 20)]
         pieces: usize,
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        #[command(flatten)]
+        to: Output,
+    },
+    /// A block with bosses and pockets in its sides: boxes, wedges and cylinders, turned at random; all edges sharp
+    Part {
         #[arg(long, default_value_t = 1)]
         seed: u64,
         #[command(flatten)]
@@ -130,6 +137,7 @@ fn run(command: Command) -> Result<ExitCode, String> {
         Command::Check { file } => return check(&file),
         Command::Random { pieces, seed, to } => (Mesh::merged(&random_pile(seed, pieces)), to),
         Command::Lattice { pieces, seed, to } => (Mesh::merged(&lattice_pile(seed, pieces, 1, 32)), to),
+        Command::Part { seed, to } => (Mesh::merged(&sharp_part(seed)), to),
         Command::Sphere { subdivisions, to } => (icosphere(subdivisions.min(11), 10.0), to),
         Command::Box(to) => (cuboid([0.0; 3], [10.0; 3]), to),
         Command::RotatedBox(to) => (cuboid([0.0; 3], [10.0; 3]).rotated([1.0, 2.0, 3.0], 0.5), to),
