@@ -1,5 +1,6 @@
 //! Meshes of real trees, judged by a half-edge check that shares no code with the engine: every closed input and
-//! random piles at three depths, volumes against the truth, sharp edges and corners of turned solids.
+//! random piles at three depths, volumes against the truth, sharp edges and corners of turned solids; and how far they
+//! are from the true union (`truth`).
 
 use brickfield_bench_data::judge::mesh::{Report, check};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
@@ -13,6 +14,9 @@ use brickfield_engine::store::Refine;
 use brickfield_engine::{Result, Silent};
 use proptest::prelude::*;
 use std::path::Path;
+
+#[path = "meshes/truth.rs"]
+mod truth;
 
 /// Keeps the mesh.
 #[derive(Default)]
