@@ -72,12 +72,16 @@ macro_rules! specs {
 }
 
 specs! {
+    /// 5,000 facets.
+    PILE_5K = "pile-5k.stl", Recipe::Pile(5_000), 0x34856781d6eaf9fb;
     /// 50,000 facets.
     PILE_50K = "pile-50k.stl", Recipe::Pile(50_000), 0x03b72e6c95a1eb3c;
     /// 200,000 facets.
     PILE_200K = "pile-200k.stl", Recipe::Pile(200_000), 0x612adb332a5cfa38;
     /// 400,000 facets.
     PILE_400K = "pile-400k.stl", Recipe::Pile(400_000), 0xe1aa0f2d5a7dd847;
+    /// 500,000 facets.
+    PILE_500K = "pile-500k.stl", Recipe::Pile(500_000), 0x06d165c3d9207783;
     /// 1,000,000 facets.
     PILE_1M = "pile-1m.stl", Recipe::Pile(1_000_000), 0xf3fc3b2c0f5a8e34;
     /// 2,000,000 facets.

@@ -87,6 +87,21 @@ fn a_suite_is_measured_compared_and_reported() {
     assert!(!page.contains("http://") || page.matches("http://").all(|_| page.contains("http://www.w3.org")));
 }
 
+/// Table 2: what a mesh is off from the true union does not depend on the round.
+#[test]
+fn unions_are_told_with_how_true_they_are() {
+    let dir = Scratch::new();
+    let value = read(&measured(&dir, "unions", "2", "a.json"));
+    let figures = value["figures"].as_array().expect("figures");
+    assert_eq!(figures.len(), 2);
+    for figure in figures {
+        let fact = |name: &str| figure["facts"][name].as_f64().expect("a number");
+        assert!(fact("width_cells") > 5.0 && fact("triangles") > 10_000.0, "{figure}");
+        assert!(fact("mesh_p999_widths") < 0.05 && fact("mesh_max_widths") < 0.1, "{figure}");
+        assert!(fact("boundary_clear_p999_widths") <= fact("boundary_p999_widths"), "{figure}");
+    }
+}
+
 #[test]
 fn a_report_has_plots() {
     let dir = Scratch::new();

@@ -86,6 +86,8 @@ pub enum SuiteArg {
     Store,
     /// Answers at points: from stores, from closed and open soups; builds from point clouds
     Points,
+    /// Table 2 of Peelar et al. 2019: the union of 10 to 10,000 beads from STL to STL, and how far it is from the true one
+    Unions,
 }
 
 /// Say what differs between two results beyond the noise of their rounds

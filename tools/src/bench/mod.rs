@@ -24,6 +24,7 @@ mod result;
 mod sections;
 mod suites;
 mod table;
+mod unions;
 
 use crate::bench_args::{BenchArgs, BenchCommand, BenchRunArgs, SuiteArg};
 use crate::commands::start;
@@ -190,7 +191,7 @@ fn measure_suite(
 fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
     let is_mesh = job.input.name.ends_with(".stl");
     let floor_seconds = floor::read_floor(&bench.cache.path(job.input), is_mesh)?;
-    let mut facts = serde_json::Map::new();
+    let mut facts = job.known.clone();
     let mut run_all = |lines: &[plan::Line]| -> Result<Round, Failure> {
         bench.empty_out()?;
         let mut round = Round { seconds: 0.0, cpu_seconds: 0.0, floor_seconds, anonymous_bytes: 0 };

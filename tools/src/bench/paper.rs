@@ -9,6 +9,7 @@ use brickfield_bench_data::inputs::{self, Spec};
 use brickfield_engine::Silent;
 use brickfield_engine::gpu::{DeviceKind, devices};
 use brickfield_engine::ingest::{Input, bounds_of_all};
+use serde_json::Map;
 use std::path::Path;
 
 /// Samples an axis of the paper's table.
@@ -189,7 +190,7 @@ fn brute(
         (figure, (samples.pow(3) - 1) as f64 / (points - 1) as f64)
     };
     let figures = SAMPLES.into_iter().map(of).collect();
-    Ok(Job { input, lines: line(points)?, fewer: Some(line(1)?), reads: None, figures })
+    Ok(Job { input, lines: line(points)?, fewer: Some(line(1)?), reads: None, known: Map::new(), figures })
 }
 
 /// The number of a device that is no processor.

@@ -36,6 +36,8 @@ pub struct Job {
     pub fewer: Option<Vec<Line>>,
     /// Files that have to be read whole; none if nobody knows how much of them.
     pub reads: Option<Vec<PathBuf>>,
+    /// What is known of the result beforehand.
+    pub known: Map<String, Value>,
     /// What comes of it, and how many times the difference between `lines` and `fewer` each is.
     pub figures: Vec<(Figure, f64)>,
 }
@@ -139,7 +141,7 @@ impl Job {
     /// A job with one figure.
     pub fn new(suite: &str, input: &'static Spec, name: &str, at: &[(&str, f64)], lines: Vec<Line>) -> Job {
         let figure = figure(suite, input, name, at);
-        Job { input, lines, fewer: None, reads: None, figures: vec![(figure, 1.0)] }
+        Job { input, lines, fewer: None, reads: None, known: Map::new(), figures: vec![(figure, 1.0)] }
     }
 
     /// With the files that it has to read whole; what it leaves is known when it has run.

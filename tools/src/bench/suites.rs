@@ -16,6 +16,7 @@ pub fn jobs(suite: SuiteArg, bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure>
         SuiteArg::Mesh => mesh(bench),
         SuiteArg::Store => store(bench),
         SuiteArg::Points => points(bench),
+        SuiteArg::Unions => super::unions::jobs(bench),
     }
 }
 
@@ -27,6 +28,7 @@ pub fn inputs(suite: SuiteArg, quick: bool, full: bool) -> Vec<&'static Spec> {
         SuiteArg::Mesh => meshed(quick),
         SuiteArg::Store => vec![stored(quick)],
         SuiteArg::Points => asked(quick).to_vec(),
+        SuiteArg::Unions => super::unions::inputs(quick),
     };
     own.into_iter().flat_map(|spec| spec.base().into_iter().chain([spec])).collect()
 }

@@ -171,6 +171,17 @@ fn facts(figure: &Figure) -> String {
     {
         told.push(format!("error {rms:.1e} rms, {worst:.1e} at most, {wrong} of {judged} on the wrong side"));
     }
+    if let (Some(width), Some(p999), Some(max), Some(clear)) = (
+        fact("width_cells"),
+        fact("mesh_p999_widths"),
+        fact("mesh_max_widths"),
+        fact("boundary_clear_p999_widths"),
+    ) {
+        told.push(format!(
+            "a width is {width:.1} cells; in widths 99.9 % of the mesh are within {p999:.3} of the truth, all within \
+             {max:.3}, 99.9 % of the truth at gaps of 2 cells and more within {clear:.3} of the mesh"
+        ));
+    }
     told.extend(fact("volume").map(|volume| format!("volume {volume:.1}")));
     told.extend(
         figure.facts.get("version").and_then(Value::as_str).map(|version| format!("version {version}")),
