@@ -2,7 +2,7 @@
 
 use super::{Kept, Soup, at_depth, file, meshed, root_of};
 use brickfield_bench_data::judge::boundary::Union;
-use brickfield_bench_data::judge::distance::{Comparison, Question, Triangles, compare};
+use brickfield_bench_data::judge::distance::{Comparison, Distances, Question, Triangles, compare};
 use brickfield_bench_data::pile::sharp_part;
 use brickfield_bench_data::shapes::{cuboid, spiral_tube};
 use brickfield_bench_data::{Facet, Mesh};
@@ -31,9 +31,8 @@ fn off(name: &str, soup: &Soup, depth: u8, cells: f64) -> Comparison {
     let mut told =
         compare(&union, &Triangles::Indexed(kept.vertices, kept.triangles), &asked).expect("a mesh");
     for distances in [&mut told.mesh, &mut told.boundary].into_iter().chain(&mut told.creases) {
-        for value in [&mut distances.mean, &mut distances.rms, &mut distances.p999, &mut distances.max] {
-            *value /= cell;
-        }
+        let Distances { mean, rms, p999, max, clear_p999, clear_max, .. } = distances;
+        [mean, rms, p999, max, clear_p999, clear_max].into_iter().for_each(|value| *value /= cell);
     }
     println!("{name} at depth {depth}, tolerance {cells} cells: {told:?}");
     told
@@ -78,12 +77,13 @@ fn thousands_of_cavities_are_found() {
     }
     let volume = edge.powi(3) - (f64::from(rooms) * room).powi(3);
     let soup: Soup = Mesh::merged(&walls).facets().collect();
-    for depth in [2, 3] {
+    // 6 and 12 cells from room to room.
+    for (depth, most) in [(2, 3e-3), (3, 1e-3)] {
         let (_, report) = meshed(&soup, at_depth(depth), false);
         let error = report.signed_volume / volume - 1.0;
         println!("{} shells, volume off by {error:.1e} at depth {depth}", report.components);
         assert_eq!(report.components, 1 + 13 * 13 * 13);
-        assert!(error.abs() < 1e-3, "{error}");
+        assert!(error.abs() < most, "{error}");
     }
 }
 
