@@ -23,7 +23,7 @@ impl Eq for Vulkan {}
 const LANE_BYTES_MIN: u64 = 4 << 20;
 
 /// Batches behind which half of the threads have a device of their own, if that is of use ([`Gpu::second`]): to open it
-/// takes 60 ms of processor time.
+/// takes some 50 ms of processor time.
 const BATCHES_OF_ONE: u64 = 48;
 
 impl Vulkan {

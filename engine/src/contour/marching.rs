@@ -329,7 +329,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(longest, 12);
+        assert_eq!(longest, 9);
         assert!(fans > 0);
     }
 }

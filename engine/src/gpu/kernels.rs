@@ -47,7 +47,7 @@ impl Kernels {
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
         // SAFETY: as above; the layout of the set was just made.
         kernels.layout = unsafe { device.create_pipeline_layout(&info, None) }?;
-        // At once: one after the other they are a third of what opening a device takes.
+        // At once: one after the other they take some 20 ms of processor time.
         let made: Vec<_> = std::thread::scope(|scope| {
             let kernels = &kernels;
             let compile =
