@@ -74,7 +74,9 @@ impl Making {
     }
 }
 
-/// The triangles of `leaf` with these vertices, which is done with then, as are the cells that no other leaf needs.
+/// The triangles of `leaf` with these vertices, which is done with then, as are the cells that no other leaf needs. Not
+/// inlined, so that a profile tells them from the vertices.
+#[inline(never)]
 pub(super) fn leaf_facets(
     field: &Field,
     leaf: u32,
