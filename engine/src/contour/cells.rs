@@ -354,8 +354,7 @@ impl<'a> Builder<'a> {
     #[inline(always)]
     fn kind(&self, cell: [usize; 3]) -> Result<Kind> {
         let Some(changes) = self.changes else { return Ok(Kind::default()) };
-        let kind = Kind::of(changes.mask(cell));
-        if kind.loops().ambiguous == 0 { Ok(kind) } else { joined::kind(self.field, self.key, changes, cell) }
+        joined::kind(self.field, self.key, changes, cell)
     }
 
     #[inline(always)]

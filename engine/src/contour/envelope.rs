@@ -16,7 +16,7 @@
 //! vertices keep a distance of more than a step from their cell's faces. Everything is decided from these numbers; what
 //! rounding of 64-bit numbers could decide otherwise counts as not within, which costs triangles at worst.
 
-use crate::lattice::Axis;
+use crate::lattice::{Axis, BRICK_POINTS};
 use crate::wide::{Select, Simd, SimdBase, f64x8, mask64x8};
 
 /// What rounding may change of a sum of products, as a share of their bound: some twenty operations of 2⁻⁵³ each.
@@ -96,6 +96,21 @@ fn crossed<S: Simd>(a: [f64x8<S>; 2], b: [f64x8<S>; 2]) -> f64x8<S> {
 }
 
 impl MinimalEdge {
+    /// The edge along `axis` from a sample of a brick on, crossed at `fraction`; `lattice` has the world coordinates of
+    /// the brick's samples by axis.
+    #[inline(always)]
+    pub(super) fn placed(
+        lattice: &[[f32; BRICK_POINTS]; 3],
+        axis: Axis,
+        low: [usize; 3],
+        fraction: f32,
+    ) -> MinimalEdge {
+        let (u, v) = axis.others();
+        let along = |axis: Axis| &lattice[axis.index()][low[axis.index()]..];
+        let ends = along(axis);
+        MinimalEdge { axis, at: [along(u)[0], along(v)[0]], ends: [ends[0], ends[1]], fraction }
+    }
+
     /// Corners seen along the edge, which is the origin, and their heights.
     fn seen(&self, corner: [f32; 3]) -> ([f64; 2], f64) {
         let (u, v) = self.axis.others();

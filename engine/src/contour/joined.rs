@@ -18,7 +18,14 @@ use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 
 /// How the boundary of a cell is cut that touches no finer leaf; `changes` are those of its leaf, which is `key`.
+#[inline(always)]
 pub(super) fn kind(field: &Field, key: NodeKey, changes: &Changes, cell: [usize; 3]) -> Result<Kind> {
+    let kind = Kind::of(changes.mask(cell));
+    if kind.loops().ambiguous == 0 { Ok(kind) } else { ambiguous_kind(field, key, changes, cell) }
+}
+
+/// That of a cell with ambiguous faces.
+fn ambiguous_kind(field: &Field, key: NodeKey, changes: &Changes, cell: [usize; 3]) -> Result<Kind> {
     let mask = changes.mask(cell);
     let ambiguous = Kind::of(mask).loops().ambiguous;
     let mut joined = 0;

@@ -8,7 +8,7 @@
 
 use super::cut::Cuts;
 use super::polygons::{Facet, LeafFacets};
-use super::sink::{Encoding, Triangles};
+use super::sink::{Encoding, Triangles, triples};
 use crate::error::{Error, Result};
 use crate::part::temporary::TempFile;
 use std::path::Path;
@@ -81,11 +81,6 @@ pub(super) fn first_encoding(encoding: Option<Encoding>) -> fn(&Cuts, &mut Vec<u
         Some(Encoding { triangles: Triangles::Numbered(_), .. }) => write_triples,
         None => write_whole,
     }
-}
-
-/// Numbers, little-endian, as [`write_triples`] makes them.
-fn triples(bytes: &[u8]) -> impl Iterator<Item = [u32; 3]> {
-    bytes.as_chunks::<4>().0.as_chunks::<3>().0.iter().map(|ids| ids.map(u32::from_le_bytes))
 }
 
 /// Triangles as [`write_whole`] makes them.
@@ -188,7 +183,8 @@ impl Later {
             let facet = |facet: Facet| Some(Facet { ids: numbers(facet.ids)?, ..facet });
             return Some(Numbered::Facets(facets.map(facet).collect::<Option<_>>()?));
         };
-        let ids: Vec<[u32; 3]> = triples(triangles).map(numbers).collect::<Option<_>>()?;
+        let ids: Vec<[u32; 3]> =
+            triples(triangles, u32::from_le_bytes).map(numbers).collect::<Option<_>>()?;
         let mut bytes = Vec::new();
         encode(&ids, &mut bytes);
         Some(Numbered::Bytes(bytes))
@@ -239,7 +235,7 @@ mod tests {
             let mut leaf = LeafFacets { count: whole / 3, bytes, names, ..LeafFacets::default() };
             let waiting = later.keep(&mut leaf).unwrap();
             let Numbered::Bytes(bytes) = later.numbered(&waiting, &first).unwrap() else { unreachable!() };
-            prop_assert_eq!(triples(&bytes).flatten().collect::<Vec<_>>(), expected);
+            prop_assert_eq!(triples(&bytes, u32::from_le_bytes).flatten().collect::<Vec<_>>(), expected);
             // A leaf that is not there.
             prop_assert!(later.numbered(&waiting, &first[..0]).is_err());
         }

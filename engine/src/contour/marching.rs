@@ -11,7 +11,7 @@
 //! crossings are near each other. Surfaces that pass from leaves of one level to those of another are refused.
 
 use super::cells::{CELL_ROWS, CellRow, mark_active};
-use super::cut::{BOTH, Cutter, Shape, Vertex};
+use super::cut::{Cutter, Shape, Vertex};
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::envelope::MinimalEdge;
 use super::field::Field;
@@ -135,10 +135,7 @@ fn march(
         let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
         let streams = EdgeStreams::of(Some(changes), j, k);
         for i in (0..BRICK_CELLS).filter(|i| row.active >> i & 1 == 1) {
-            let mut kind = Kind::of(changes.mask([i, j, k]));
-            if kind.loops().ambiguous != 0 {
-                kind = joined::kind(field, key, changes, [i, j, k])?;
-            }
+            let kind = joined::kind(field, key, changes, [i, j, k])?;
             for ring in &RINGS[kind.index()] {
                 let corner = |n: usize| corners[streams.slot(i, &EDGE_PLACES[usize::from(ring.edges[n])])];
                 push(&mut cutter, ring, corner);
@@ -153,11 +150,7 @@ fn march(
 fn push(cutter: &mut Cutter, ring: &Ring, corner: impl Fn(usize) -> Vertex) {
     match &ring.cut {
         &Cut::Quad(allowed) => {
-            cutter.push(
-                [0, 1, 2, 3].map(&corner),
-                Shape::Quad,
-                if allowed == [true; 2] { BOTH } else { allowed },
-            );
+            cutter.push([0, 1, 2, 3].map(&corner), Shape::Quad, allowed);
         }
         Cut::Triangles(triangles) => {
             for triangle in triangles {
@@ -221,10 +214,7 @@ fn owner_of(low: [usize; 3]) -> [i32; 3] {
 
 /// The crossing on an edge, in the world.
 fn placed(lattice: &[[f32; BRICK_POINTS]; 3], axis: Axis, low: [usize; 3], fraction: f32) -> [f32; 3] {
-    let (u, v) = axis.others();
-    let along = |axis: Axis| &lattice[axis.index()][low[axis.index()]..];
-    let ends = [along(axis)[0], along(axis)[1]];
-    MinimalEdge { axis, at: [along(u)[0], along(v)[0]], ends, fraction }.crossing()
+    MinimalEdge::placed(lattice, axis, low, fraction).crossing()
 }
 
 /// Fails unless all four cells around an edge are of one size.

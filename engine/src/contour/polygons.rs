@@ -394,15 +394,7 @@ impl<'a> Maker<'a> {
     /// Where an edge lies in the world.
     #[inline(always)]
     fn placed(&self, (axis, low, fraction): Edge) -> MinimalEdge {
-        let (u, v) = axis.others();
-        let along = |axis: Axis| &self.lattice[axis.index()][low[axis.index()]..];
-        let ends = along(axis);
-        MinimalEdge {
-            axis,
-            at: [along(u)[0], along(v)[0]],
-            ends: [ends[0], ends[1]],
-            fraction: f32::from(fraction) / 65536.0,
-        }
+        MinimalEdge::placed(&self.lattice, axis, low, f32::from(fraction) / 65536.0)
     }
 
     fn owns(&self, axis: Axis, low: [usize; 3]) -> bool {

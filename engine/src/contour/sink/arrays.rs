@@ -19,7 +19,10 @@ pub(super) fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 }
 
 /// What little-endian numbers, three each, say.
-pub(super) fn triples<T>(bytes: &[u8], number: impl Fn([u8; 4]) -> T) -> impl Iterator<Item = [T; 3]> {
+pub(in crate::contour) fn triples<T>(
+    bytes: &[u8],
+    number: impl Fn([u8; 4]) -> T,
+) -> impl Iterator<Item = [T; 3]> {
     bytes.as_chunks::<12>().0.iter().map(move |bytes| {
         let [a, b, c, d, e, f, g, h, i, j, k, l] = *bytes;
         [[a, b, c, d], [e, f, g, h], [i, j, k, l]].map(&number)

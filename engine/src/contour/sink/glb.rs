@@ -2,9 +2,9 @@
 //!
 //! glTF counts in metres and has y up; a matrix turns the part, which has z up, and scales it.
 
-use super::arrays::{triples, write_triangles};
+use super::arrays::write_triangles;
 use super::ply::write_vertices;
-use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
+use super::{Encoded, Encoding, MeshSink, Triangles, folder_of, triples};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;

@@ -14,6 +14,7 @@ use crate::part::PartFile;
 use std::path::Path;
 
 pub use arrays::MeshArrays;
+pub(super) use arrays::triples;
 
 /// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`]. One that keeps a mesh has its own
 /// `vertices` and `triangles`, one that writes a file its own `encoding` and `encoded`.
