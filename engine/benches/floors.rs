@@ -1,6 +1,6 @@
 //! The main job as multiples of the read floor, all measured in one run:
 //!
-//!     cargo bench -p brickfield-engine --bench floors [-- FACETS [ROUNDS]]
+//!     cargo bench -p brickfield-engine --bench floors [-- FACETS|FILE [ROUNDS]]
 //!
 //! Calls of the library within one process, also meshes into memory, which `brickfield bench` does not measure: it runs
 //! the program. The floor is that of `brickfield bench`, streaming the input once with all cores and snapping every
@@ -31,12 +31,20 @@ fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let measuring = arguments.iter().any(|a| a == "--bench");
     let mut numbers = arguments.iter().filter_map(|a| a.replace('_', "").parse::<u64>().ok());
-    let facets = numbers.next().unwrap_or(if measuring { 1_000_000 } else { 10_000 });
-    let rounds = numbers.next().unwrap_or(if measuring { 7 } else { 1 });
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let input = folder.path().join("pile.stl");
-    write_pile(&input, facets).expect("room for the pile");
-    println!("bead pile of {facets} facets, {} threads, {rounds} rounds", rayon::current_num_threads());
+    let given = arguments.iter().map(Path::new).find(|path| path.is_file());
+    let input = match given {
+        Some(file) => file.to_owned(),
+        None => {
+            let facets = numbers.next().unwrap_or(if measuring { 1_000_000 } else { 10_000 });
+            println!("bead pile of {facets} facets");
+            let pile = folder.path().join("pile.stl");
+            write_pile(&pile, facets).expect("room for the pile");
+            pile
+        }
+    };
+    let rounds = numbers.next().unwrap_or(if measuring { 7 } else { 1 });
+    println!("{}, {} threads, {rounds} rounds", input.display(), rayon::current_num_threads());
     let mut table = Table::default();
     let mut last = None;
     for _ in 0..rounds {
