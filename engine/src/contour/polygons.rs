@@ -5,8 +5,8 @@
 //! those of neighbours of the same or a lower level, never a finer one's.
 //!
 //! *Triangles.* A polygon stays within the envelope of its edge ([`super::envelope`]): quadrilaterals are cut along a
-//! diagonal that does, triangles stay what they are if they do, and all others, as those with extra vertices, become
-//! fans about a vertex on the edge.
+//! diagonal that does, of two that do along the one that meets the edge nearer to where the surface does; triangles stay
+//! what they are if they do; and all others, as those with extra vertices, become fans about a vertex on the edge.
 //!
 //! No mesh edge may be used by a second polygon unless it stands for a cut that both flank: the diagonal of a
 //! quadrilateral ends in a finest cell, because two coarser cells can face each other across several minimal edges of
