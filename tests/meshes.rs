@@ -15,6 +15,8 @@ use brickfield_engine::{Result, Silent};
 use proptest::prelude::*;
 use std::path::Path;
 
+#[path = "meshes/normals.rs"]
+mod normals;
 #[path = "meshes/truth.rs"]
 mod truth;
 

@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use brickfield_bench_data::judge::mesh::{Report, check_file};
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// Closed, oriented, manifold, and of the volume expected.
@@ -151,4 +152,112 @@ fn a_tolerance_makes_fewer_triangles() {
     }
     assert!(run(&[&"mesh", &"--check", &stl, &"--tolerance", &"1um"]).misused().contains("--output"));
     assert!(!out.exists());
+}
+
+/// Numbers of the vertices of a PLY, so many each, and the bytes of its faces.
+fn vertices_of_ply(bytes: &[u8], each: usize) -> (Vec<Vec<f32>>, &[u8]) {
+    let end = b"end_header\n";
+    let at = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
+    let header = std::str::from_utf8(&bytes[..at]).unwrap();
+    let count = header.split("element vertex ").nth(1).unwrap().split('\n').next().unwrap();
+    let (vertices, faces) = bytes[at..].split_at(4 * each * count.parse::<usize>().unwrap());
+    let numbers = vertices.as_chunks::<4>().0.iter().map(|number| f32::from_le_bytes(*number));
+    (numbers.collect::<Vec<f32>>().chunks(each).map(<[f32]>::to_vec).collect(), faces)
+}
+
+#[test]
+fn formats_that_have_normals_get_the_same() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 2);
+    let written = |name: &str, more: &[&str]| {
+        let out = dir.path(name);
+        let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"mesh", &store, &"-o", &out];
+        words.extend(more.iter().map(|word| word as &dyn AsRef<OsStr>));
+        run(&words).ok();
+        std::fs::read(out).unwrap()
+    };
+    let (plain, ply) = (written("plain.ply", &[]), written("a.ply", &["--normals", "--check"]));
+    judged(&dir.path("a.ply"), truth("overlap_boxes", "union_volume"), 0.01);
+    let ((plain, plain_faces), (vertices, faces)) = (vertices_of_ply(&plain, 3), vertices_of_ply(&ply, 6));
+    assert!(vertices.iter().map(|v| &v[..3]).eq(plain.iter().map(|v| &v[..])) && faces == plain_faces);
+    // Sides lie along the axes: most normals do, those at edges lie between.
+    let along_axis = |v: &&Vec<f32>| v[3..].iter().filter(|c| c.abs() == 1.0).count() == 1;
+    assert!(vertices.iter().filter(along_axis).count() * 10 > vertices.len() * 8);
+    for vertex in &vertices {
+        let length = vertex[3..].iter().map(|c| c * c).sum::<f32>().sqrt();
+        assert!((length - 1.0).abs() < 1e-3, "{vertex:?}");
+    }
+
+    let obj = String::from_utf8(written("a.obj", &["--normals", "--check"])).unwrap();
+    judged(&dir.path("a.obj"), truth("overlap_boxes", "union_volume"), 0.01);
+    let of = |name: &str| -> Vec<Vec<f32>> {
+        let lines = obj.lines().filter_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        lines.map(|line| line.split(' ').map(|word| word.parse().unwrap()).collect()).collect()
+    };
+    let joined: Vec<Vec<f32>> = of("v").into_iter().zip(of("vn")).map(|(v, n)| [v, n].concat()).collect();
+    assert!(joined == vertices);
+    for corner in obj.lines().filter_map(|line| line.strip_prefix("f ")).flat_map(|line| line.split(' ')) {
+        let (vertex, normal) = corner.split_once("//").unwrap();
+        assert_eq!(vertex, normal);
+    }
+
+    let glb = written("a.glb", &["--normals"]);
+    let json_bytes = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&glb[20..20 + json_bytes]).unwrap();
+    let data = &glb[20 + json_bytes + 8..];
+    let attributes = &json["meshes"][0]["primitives"][0]["attributes"];
+    for (attribute, first) in [("POSITION", 0), ("NORMAL", 3)] {
+        let accessor = &json["accessors"][attributes[attribute].as_u64().unwrap() as usize];
+        let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        let (stride, start) = (view["byteStride"].as_u64().unwrap(), accessor["byteOffset"].as_u64());
+        assert_eq!(accessor["count"], vertices.len());
+        for (n, vertex) in vertices.iter().enumerate() {
+            let at = n * stride as usize + start.unwrap_or(0) as usize;
+            let numbers =
+                data[at..at + 12].as_chunks::<4>().0.iter().map(|number| f32::from_le_bytes(*number));
+            assert!(numbers.eq(vertex[first..first + 3].iter().copied()), "{attribute} {n}");
+        }
+    }
+    assert!(!String::from_utf8_lossy(&written("plain.glb", &[])).contains("NORMAL"));
+
+    for name in ["a.stl", "a.3mf"] {
+        let refused = run(&[&"mesh", &store, &"-o", &dir.path(name), &"--normals"]).misused();
+        assert!(refused.contains(name) && refused.contains(".ply, .obj, .glb"), "{refused}");
+        assert!(refused.lines().next().is_some_and(|line| line.contains(".glb")), "{refused}");
+        assert!(!dir.path(name).exists() && !dir.path(&format!("{name}.part")).exists());
+    }
+    assert!(run(&[&"mesh", &"--check", &dir.path("a.ply"), &"--normals"]).misused().contains("--output"));
+}
+
+/// Of bricks of several sizes, merged vertices, marching cubes, coarser levels and other surfaces.
+#[test]
+fn normals_depend_on_neither_threads_nor_memory() {
+    let dir = Scratch::new();
+    let mixed = dir.path("mixed.brf");
+    let deviating: [&dyn AsRef<OsStr>; 4] = [&"--refine", &"stddev", &"--stddev", &"0.2"];
+    let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"build"];
+    let part = stl("clover_model");
+    words.extend([&part as &dyn AsRef<OsStr>, &"-o", &mixed, &"--depth", &"4", &"--quiet"]);
+    words.extend(deviating);
+    run(&words).ok();
+    let beads = dir.store("clover_beads", 3);
+    for (store, more, ending) in [
+        (&mixed, &[][..], "ply"),
+        (&beads, &["--tolerance", "0.1"][..], "obj"),
+        (&beads, &["--method", "mc", "--iso", "1.5"][..], "glb"),
+        (&beads, &["--level", "2"][..], "ply"),
+    ] {
+        let written = |threads: &str, memory: &str| {
+            let out = dir.path("a").with_extension(ending);
+            let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"mesh", store, &"-o", &out, &"--normals"];
+            words.extend([&"--threads" as &dyn AsRef<OsStr>, &threads, &"--memory", &memory]);
+            words.extend(more.iter().map(|word| word as &dyn AsRef<OsStr>));
+            run(&words).ok();
+            std::fs::read(out).unwrap()
+        };
+        let one = written("1", "1GiB");
+        for (threads, memory) in [("2", "1GiB"), ("3", "8MiB")] {
+            assert!(written(threads, memory) == one, "{more:?}, {threads} threads, {memory}");
+        }
+    }
 }

@@ -295,6 +295,11 @@ pub struct MeshArgs {
     /// How cells become triangles
     #[arg(long, value_enum, default_value_t, requires = "output")]
     pub method: MethodArg,
+    /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around
+    /// it, so at a sharp edge of the part one between both sides. Viewers shade smoothly by them, where they would show a
+    /// .glb without normals flat, facet by facet
+    #[arg(long, requires = "output")]
+    pub normals: bool,
     /// Memory to stay within, as in 512MiB, maps of files not counted; 160 MiB with two threads, and 40 MiB more for
     /// each further one, are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]

@@ -174,9 +174,14 @@ impl BrickCells {
         if row.mixed >> cell[0] & 1 == 0 {
             return self.plain_vertex(cell, edge);
         }
-        let place = self.first[row.slot(cell[0])] as usize;
-        let edges = &self.mixed_edges[self.mixed[place] as usize..self.mixed[place + 1] as usize];
+        let edges = self.mixed_edges_of(cell);
         edges.binary_search_by_key(&key, |e| e.0).ok().map(|n| edges[n].1)
+    }
+
+    /// Minimal edges of a mixed cell with the vertex of their loop, sorted.
+    pub(super) fn mixed_edges_of(&self, cell: [usize; 3]) -> &[(u64, u32)] {
+        let place = self.first[self.row(cell[1], cell[2]).slot(cell[0])] as usize;
+        &self.mixed_edges[self.mixed[place] as usize..self.mixed[place + 1] as usize]
     }
 
     /// The extra vertex on the cut of a face of this leaf that ends at a minimal edge, if the face is split.

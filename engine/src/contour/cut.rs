@@ -115,6 +115,8 @@ pub(super) struct Cutter {
     first: u32,
     /// The vertices that fans are about.
     pub edge_vertices: Vec<[f32; 3]>,
+    /// The edges that they are on, if these are wanted and fans are about such vertices only.
+    pub fan_edges: Option<Vec<MinimalEdge>>,
     /// What is wanted of the facets.
     pub bytes: Vec<u8>,
     /// Number of facets.
@@ -148,6 +150,7 @@ impl Cutter {
             cuts,
             first,
             edge_vertices: Vec::new(),
+            fan_edges: None,
             bytes,
             count: 0,
             measured: Measured::default(),
@@ -202,6 +205,9 @@ impl Cutter {
 
     /// The next polygon as a fan about a vertex on its edge; corners and sense as of [`Cutter::push_triangle`].
     pub(super) fn push_fan(&mut self, edge: &MinimalEdge, corners: &[Vertex], inside: bool) {
+        if let Some(edges) = &mut self.fan_edges {
+            edges.push(*edge);
+        }
         self.push_fan_about(edge.crossing(), corners, inside);
     }
 

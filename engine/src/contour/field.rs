@@ -86,9 +86,10 @@ impl<'a> Field<'a> {
     }
 
     /// With a tolerance, finds out what is merged across the borders of leaves, before anyone asks for vertices.
-    pub(super) fn merge_across(&mut self, progress: &dyn Progress) -> Result<()> {
+    /// Their normals are kept where they are wanted.
+    pub(super) fn merge_across(&mut self, normals: bool, progress: &dyn Progress) -> Result<()> {
         let Some(tolerance) = self.merging.as_ref().map(|merging| merging.tolerance) else { return Ok(()) };
-        let across = Across::find(self, tolerance, progress)?;
+        let across = Across::find(self, tolerance, normals, progress)?;
         if let Some(merging) = &mut self.merging {
             merging.across = across;
         }
@@ -155,6 +156,11 @@ impl<'a> Field<'a> {
             let bytes = draft.heap_bytes();
             Ok((draft, bytes))
         })
+    }
+
+    /// Normals of the vertices of a leaf, its first ones, that stand for vertices of several.
+    pub(super) fn normals_across(&self, leaf: u32) -> &[[f32; 3]] {
+        self.merging.as_ref().map_or(&[], |merging| merging.across.normals(leaf))
     }
 
     /// True if vertices are merged; else those of several loops in one cell are kept apart.

@@ -18,6 +18,7 @@ use super::field::Field;
 use super::joined;
 use super::later::Names;
 use super::leaves::{Around, Side, broken, direction_index};
+use super::normals::NormalSum;
 use super::polygons::{LeafFacets, Making, direction};
 use super::surface::{Changes, Surface};
 use super::topology::{CellLoops, KINDS, Kind, SQUARE, cell_around, edge_lower};
@@ -129,6 +130,7 @@ fn march(
     let Crossings { corners, positions, names } = Crossings::of(field, (leaf, around), changes)?;
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
     let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.encode, making.spare.take());
+    let mut normals = making.normals.then(|| own_normals(changes));
     let mut rows = vec![CellRow::default(); CELL_ROWS];
     mark_active(&changes.signs, &mut rows);
     for (n, row) in rows.iter().enumerate().filter(|(_, row)| row.active != 0) {
@@ -137,13 +139,32 @@ fn march(
         for i in (0..BRICK_CELLS).filter(|i| row.active >> i & 1 == 1) {
             let kind = joined::kind(field, key, changes, [i, j, k])?;
             for ring in &RINGS[kind.index()] {
-                let corner = |n: usize| corners[streams.slot(i, &EDGE_PLACES[usize::from(ring.edges[n])])];
-                push(&mut cutter, ring, corner);
+                let slot = |n: usize| streams.slot(i, &EDGE_PLACES[usize::from(ring.edges[n])]);
+                if let (Some(normals), Cut::Fan) = (&mut normals, &ring.cut) {
+                    let of_ring = (0..ring.edges.len()).map(|n| changes.planes[slot(n)].normal);
+                    normals.push(NormalSum::of(of_ring).direction());
+                }
+                push(&mut cutter, ring, |n| corners[slot(n)]);
             }
         }
     }
     let Cutter { count, bytes, measured, edge_vertices, .. } = cutter.finish();
-    Ok((positions, LeafFacets { count, bytes, names, measured, edge_vertices }))
+    let normals = normals.unwrap_or_default();
+    let facets =
+        LeafFacets { count, bytes, names, measured, edge_vertices, normals, ..LeafFacets::default() };
+    Ok((positions, facets))
+}
+
+/// Normals of the crossings that are the leaf's own.
+fn own_normals(changes: &Changes) -> Vec<[f32; 3]> {
+    let (mut planes, mut normals) = (changes.planes.iter(), Vec::new());
+    for axis in Axis::ALL {
+        changes.signs.for_edges(axis, |low| {
+            let own = planes.next().filter(|_| owner_of(low) == [0; 3]);
+            normals.extend(own.map(|plane| NormalSum::of([plane.normal]).direction()));
+        });
+    }
+    normals
 }
 
 /// Hands the triangles of a ring on. Rings run counter-clockwise seen from outside.

@@ -12,6 +12,7 @@ use super::extras::{edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Leaf, Side, broken, direction_index, directions};
 use super::planes::Plane;
+use super::qef::Vector;
 use super::surface::{Changes, Surface};
 use super::topology::cut_runs;
 use crate::brick::SignChanges;
@@ -41,6 +42,8 @@ pub(super) struct Split {
     pub face: u32,
     /// The two edges that the cut joins, named relative to the face's lower corner.
     pub edges: [u64; 2],
+    /// Of the planes of their crossings.
+    pub normals: [Vector; 2],
     /// In cell coordinates.
     pub at: [f64; 3],
 }
@@ -346,7 +349,8 @@ impl<'a> Surroundings<'a> {
                     at[a] += (0.5 - at[a]) / 32.0;
                 }
             }
-            walk.cell.splits.push(Split { face: face_key(face.axis, corner), edges, at });
+            let normals = [enter, leave].map(|c| c.plane.1);
+            walk.cell.splits.push(Split { face: face_key(face.axis, corner), edges, normals, at });
         }
     }
 

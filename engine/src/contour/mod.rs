@@ -28,6 +28,7 @@
 //! | `adaptive` | vertices that stand for several cells' |
 //! | `polygons` | triangles of a leaf |
 //! | `vertices` | the vertices of a leaf as the mesh has them |
+//! | `normals` | their normals |
 //! | `marching` | marching cubes, for comparison |
 //! | `later` | triangles that wait for the numbers of vertices |
 //! | `faces` | vertices on faces |
@@ -55,6 +56,7 @@ mod leaves;
 mod loops;
 mod marching;
 mod mixed;
+mod normals;
 mod order;
 mod outliers;
 mod planes;
@@ -72,13 +74,16 @@ mod vertices;
 
 pub use cut::Cuts;
 pub use polygons::Facet;
-pub use sink::{Encoded, Encoding, MeshArrays, MeshSink, Triangles, create_sink};
+pub use sink::{
+    Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
+};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use field::Field;
 use later::{Later, Numbered, Waiting};
+use normals::LeafNormals;
 use order::in_order;
 use polygons::{LeafFacets, Making};
 use surface::Level;
@@ -143,6 +148,9 @@ pub struct MeshSummary {
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
 /// finished; without the vertices if it does not share them. The same tree gives the same calls for any number of threads.
 ///
+/// Where the sink wants normals, that of a vertex is the direction of the sum of the unit normals of the Hermite edges that
+/// the vertex stands for, outward: one a vertex, so at a sharp edge of the part a mean of both sides.
+///
 /// # Errors
 ///
 /// [`Error::Setting`] if `iso` is not a finite number above 0, if the tolerance is below 0 or no finite number, if the
@@ -159,7 +167,7 @@ pub fn contour(
     require_tolerance(options)?;
     let mut field = Field::new(tree, level, options)?;
     require_resolution(tree, options.level)?;
-    field.merge_across(progress)?;
+    field.merge_across(sink.wants_normals(), progress)?;
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
         let later = Later::new(sink.folder(), sink.encoding());
@@ -240,29 +248,37 @@ fn vertices(
     first_vertex.push(0u32);
     progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
-    let making = Making::new(encoding);
+    let making = Making::new(encoding, sink.wants_normals());
     let make = |leaf| {
         let (positions, part, mut facets) = contoured(field, method, leaf, &making)?;
+        let mut vertices = Vertices {
+            positions,
+            on_edges: std::mem::take(&mut facets.edge_vertices),
+            normals: std::mem::take(&mut facets.normals),
+        };
         let mut bytes = Vec::new();
         if let Some(encoding) = encoding {
-            for positions in positions.slices() {
-                (encoding.vertices)(positions, &mut bytes);
+            for (positions, normals) in vertices.slices() {
+                encoding.vertices.append(positions, normals, &mut bytes);
             }
-            (encoding.vertices)(&facets.edge_vertices, &mut bytes);
+            vertices.normals = Vec::new();
         }
         let kept = later.keep(&mut facets)?;
         making.spare.keep(std::mem::take(&mut facets.bytes));
-        Ok((positions, part, facets.edge_vertices, bytes, kept))
+        Ok((vertices, part, bytes, kept))
     };
     field.in_order(
         progress,
         make,
-        |(positions, part, on_edges, bytes, kept): (Positions, _, Vec<_>, Vec<u8>, _)| {
+        |(vertices, part, bytes, kept): (Vertices, MeshSummary, Vec<u8>, Waiting)| {
             match encoding {
                 Some(_) => sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?,
+                None if making.normals => vertices
+                    .slices()
+                    .into_iter()
+                    .try_for_each(|(positions, normals)| sink.vertices_with_normals(positions, normals))?,
                 None => {
-                    positions.slices().into_iter().try_for_each(|positions| sink.vertices(positions))?;
-                    sink.vertices(&on_edges)?;
+                    vertices.slices().into_iter().try_for_each(|(positions, _)| sink.vertices(positions))?
                 }
             }
             summary.add(&part);
@@ -307,7 +323,7 @@ fn lone_triangles(
 ) -> Result<()> {
     progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
-    let making = Making::new(encoding);
+    let making = Making::new(encoding, false);
     let make = |leaf| contoured(field, method, leaf, &making);
     field.in_order(progress, make, |(_, part, facets)| {
         summary.add(&part);
@@ -336,6 +352,26 @@ impl Positions {
     }
 }
 
+/// The vertices of a leaf, with their normals where these are wanted.
+struct Vertices {
+    positions: Positions,
+    on_edges: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+}
+
+impl Vertices {
+    /// Positions and normals, in order.
+    fn slices(&self) -> [(&[[f32; 3]], &[[f32; 3]]); 3] {
+        let [of_cells, on_faces] = self.positions.slices();
+        let mut rest = &self.normals[..];
+        [of_cells, on_faces, &self.on_edges].map(|positions| {
+            let (normals, others) = rest.split_at(positions.len().min(rest.len()));
+            rest = others;
+            (positions, normals)
+        })
+    }
+}
+
 /// The vertices of a leaf, what it adds to a summary, and its triangles. A leaf's polygons need the cells of the leaves
 /// below it, which come before it, and of coarser ones.
 fn contoured(
@@ -348,7 +384,12 @@ fn contoured(
         Method::Dual => {
             let vertices = field.vertices(leaf)?;
             field.release_drafts(leaf);
-            let facets = polygons::leaf_facets(field, leaf, &vertices, making)?;
+            // Before the polygons, behind which the leaf's surface is dropped.
+            let normals = making.normals.then(|| LeafNormals::of(field, leaf, &vertices)).transpose()?;
+            let mut facets = polygons::leaf_facets(field, leaf, &vertices, making)?;
+            if let Some(normals) = normals {
+                facets.normals = normals.with_edges(&facets.fan_edges);
+            }
             let part = MeshSummary::of_leaf(&vertices);
             (Positions::Dual(vertices), part, facets)
         }

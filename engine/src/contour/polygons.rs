@@ -57,6 +57,10 @@ pub(super) struct LeafFacets {
     pub measured: Measured,
     /// The vertices on edges, whose numbers follow those of the leaf's others.
     pub edge_vertices: Vec<[f32; 3]>,
+    /// The edges that these are on, where normals are wanted.
+    pub fan_edges: Vec<MinimalEdge>,
+    /// Normals of all vertices of the leaf, where they are wanted.
+    pub normals: Vec<[f32; 3]>,
 }
 
 /// How the facets of a mesh are made, beside the field.
@@ -65,12 +69,14 @@ pub(super) struct Making {
     pub encode: fn(&Cuts, &mut Vec<u8>),
     /// Room for the bytes of leaves.
     pub spare: Spare<u8>,
+    /// Whether vertices are to have normals.
+    pub normals: bool,
 }
 
 impl Making {
     /// For a sink with this encoding.
-    pub(super) fn new(encoding: Option<Encoding>) -> Making {
-        Making { encode: first_encoding(encoding), spare: Spare::default() }
+    pub(super) fn new(encoding: Option<Encoding>, normals: bool) -> Making {
+        Making { encode: first_encoding(encoding), spare: Spare::default(), normals }
     }
 }
 
@@ -89,13 +95,15 @@ pub(super) fn leaf_facets(
         return Ok(LeafFacets::default());
     }
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    let cutter = Cutter::new(centre, Names::ON_EDGES, making.encode, making.spare.take());
+    let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.encode, making.spare.take());
+    cutter.fan_edges = making.normals.then(Vec::new);
     let quads = vertices.cells.take_quads();
     let (cutter, names) = Maker::new(field, leaf, vertices.clone(), cutter).make(&quads)?;
     field.spare_quads.keep(quads);
     field.release(leaf, &around);
-    let Cutter { count, bytes, measured, edge_vertices, .. } = cutter;
-    Ok(LeafFacets { count, bytes, names, measured, edge_vertices })
+    let Cutter { count, bytes, measured, edge_vertices, fan_edges, .. } = cutter;
+    let fan_edges = fan_edges.unwrap_or_default();
+    Ok(LeafFacets { count, bytes, names, measured, edge_vertices, fan_edges, normals: Vec::new() })
 }
 
 /// Which of two equally fine leaves around an edge owns its polygon: the one of higher rank.

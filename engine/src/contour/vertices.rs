@@ -11,7 +11,8 @@ use std::sync::Arc;
 pub(super) struct LeafVertices {
     leaf: u32,
     pub cells: Arc<BrickCells>,
-    merged: Option<Arc<Merged>>,
+    /// None where all stand for themselves.
+    pub merged: Option<Arc<Merged>>,
     /// None where vertices are merged.
     faces: Option<Arc<FaceVertices>>,
 }
@@ -65,10 +66,20 @@ impl LeafVertices {
 
     /// As [`BrickCells::extra`].
     pub(super) fn extra(&self, face: u32, edge: u64) -> Option<Shared> {
-        let on_face = || self.faces.as_ref().and_then(|faces| faces.extra(face, edge));
-        let vertex = self.cells.extra(face, edge).or_else(on_face)?;
+        let vertex = self.number_on_face(face, edge)?;
         let is_dropped = |merged: &Arc<Merged>| merged.names[vertex as usize] == Merged::NONE;
         (!self.merged.as_ref().is_some_and(is_dropped)).then(|| self.vertex(vertex))
+    }
+
+    /// The number of such a vertex, those on faces counted on from those of cells, before any is merged.
+    pub(super) fn number_on_face(&self, face: u32, edge: u64) -> Option<u32> {
+        let on_face = || self.faces.as_ref().and_then(|faces| faces.extra(face, edge));
+        self.cells.extra(face, edge).or_else(on_face)
+    }
+
+    /// Whether the leaf has any.
+    pub(super) fn has_extras(&self) -> bool {
+        !(self.cells.extras.is_empty() && self.on_faces().is_empty())
     }
 
     /// Faces with extra vertices.

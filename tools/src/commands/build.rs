@@ -150,7 +150,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         plan.options.resources.memory -= device.gpu().memory().min(plan.options.resources.memory / 2);
     }
     // Made before the long work, so that a name that cannot be written costs no time.
-    let mut sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units))).transpose()?;
+    let mut sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
     let mut summary = match clouds {
         None => build_opened(&inputs, &plan.output, &plan.options, &bars)?,
         Some(clouds) => build_clouds(clouds, plan.estimate_normals, &plan.output, &plan.options, &bars)?,

@@ -8,7 +8,9 @@ use crate::failure::Failure;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct};
 use crate::units::{Tolerance, Unit};
-use brickfield_engine::contour::{ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink};
+use brickfield_engine::contour::{
+    ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
+};
 use brickfield_engine::store::{Accept, CacheStats, Store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
@@ -37,7 +39,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         require_level(&store, level)?;
     }
     require_distinct(&[output], &[&args.file])?;
-    let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit))?;
+    let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
     let options = ContourOptions {
         iso: args.iso,
         level: args.level,
@@ -75,14 +77,15 @@ fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
     })
 }
 
-/// The file for a mesh in this unit; a name whose format is unknown is wrong usage.
-pub fn mesh_sink(path: &Path, unit: Option<Unit>) -> Result<Box<dyn MeshSink>, Failure> {
+/// The file for a mesh in this unit, with normals or not; a name whose format is unknown or has none is wrong usage.
+pub fn mesh_sink(path: &Path, unit: Option<Unit>, normals: bool) -> Result<Box<dyn MeshSink>, Failure> {
     if path.is_dir() {
         return Err(
             anyhow::anyhow!("{}: this is a directory; give the mesh a name in it", path.display()).into()
         );
     }
-    create_sink(path, unit.map(Unit::metres)).map_err(|error| match error {
+    let create = if normals { create_sink_with_normals } else { create_sink };
+    create(path, unit.map(Unit::metres)).map_err(|error| match error {
         Error::Setting { .. } => Failure::Usage(error.to_string()),
         error => error.into(),
     })

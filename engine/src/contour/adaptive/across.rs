@@ -14,6 +14,7 @@
 
 use super::super::field::Field;
 use super::super::leaves::Side;
+use super::super::normals::direction;
 use super::super::order::in_order;
 use super::super::solve::Group;
 use super::draft::Draft;
@@ -64,16 +65,25 @@ pub(in super::super) struct Across {
     places: Vec<[u32; 2]>,
     /// By leaf, the positions of those that it has, in the order of their numbers.
     owned: HashMap<u32, Vec<[f32; 3]>>,
+    /// Normals of all, where they are wanted, until those that stay are numbered.
+    normals: Option<Vec<[f32; 3]>>,
+    /// By leaf, those of the ones that it has.
+    owned_normals: HashMap<u32, Vec<[f32; 3]>>,
     /// By leaf, the positions in it or on its border.
     hosted: HashMap<u32, Vec<[f32; 3]>>,
 }
 
 impl Across {
     /// Of all leaves; `tolerance` is in world units.
-    pub(in super::super) fn find(field: &Field, tolerance: f64, progress: &dyn Progress) -> Result<Across> {
+    pub(in super::super) fn find(
+        field: &Field,
+        tolerance: f64,
+        normals: bool,
+        progress: &dyn Progress,
+    ) -> Result<Across> {
         progress.phase("flat parts", Some(field.leaves.len() as u64), "bricks");
-        let mut finder =
-            Finder { field, tolerance, found: Across::default(), group: Group::default(), open: Vec::new() };
+        let found = Across { normals: normals.then(Vec::new), ..Across::default() };
+        let mut finder = Finder { field, tolerance, found, group: Group::default(), open: Vec::new() };
         let make = |leaf| {
             let parts = match field.leaves.get(leaf).changes {
                 true => field.draft(leaf)?.parts.clone(),
@@ -128,6 +138,11 @@ impl Across {
         self.owned.get(&leaf).map_or(&[], |all| all)
     }
 
+    /// Normals of those that a leaf has, where they are wanted.
+    pub(in super::super) fn normals(&self, leaf: u32) -> &[[f32; 3]] {
+        self.owned_normals.get(&leaf).map_or(&[], |all| all)
+    }
+
     /// Positions in a leaf or on its border, so that no other vertex may be there.
     pub(super) fn hosted(&self, leaf: u32) -> &[[f32; 3]] {
         self.hosted.get(&leaf).map_or(&[], |all| all)
@@ -178,8 +193,9 @@ impl Across {
             }
         }
         let mut taken = HashSet::new();
-        let staying = self.places.iter_mut().zip(&mut self.all).filter(|(place, _)| place[0] != NONE);
-        for (place, wide) in staying {
+        let normals = self.normals.take();
+        let all = self.places.iter_mut().zip(&mut self.all).enumerate();
+        for (n, (place, wide)) in all.filter(|(_, (place, _))| place[0] != NONE) {
             // Two sheets of a wall may have theirs at the same place: moved by a step of coordinates, one is as good.
             let mut axis = 0;
             while !taken.insert(bits(&wide.position)) {
@@ -189,6 +205,9 @@ impl Across {
             let owned = self.owned.entry(place[0]).or_default();
             place[1] = owned.len() as u32;
             owned.push(wide.position);
+            if let Some(normals) = &normals {
+                self.owned_normals.entry(place[0]).or_default().push(normals[n]);
+            }
             for leaf in leaves_at(field, wide.position) {
                 self.hosted.entry(leaf).or_default().push(wide.position);
             }
@@ -300,6 +319,10 @@ impl Finder<'_> {
         let position = frame.world([0; 3], at.map(|c| c * BRICK_CELLS as f64));
         let number = self.found.all.len() as u32;
         self.found.all.push(Wide { bits: bits_wide as u8, position, up: NONE, is_barred: false });
+        if let Some(normals) = &mut self.found.normals {
+            // All face one direction, so their sum is none that vanishes.
+            normals.push(direction(part.sums.normal_sum));
+        }
         for piece in std::mem::replace(&mut part.pieces, vec![Piece::Merged(number)]) {
             match piece {
                 Piece::OfLeaf(leaf, part) => {

@@ -1,10 +1,13 @@
 //! Binary glTF 2.0 (`.glb`): a header, a chunk of JSON, and a chunk of positions and indices (Khronos glTF 2.0, §4.4).
 //!
+//! Where vertices have normals, each stands behind its position: one view of the data with a stride serves two accessors.
+//! Readers shade a mesh without normals flat (§3.7.2.1).
+//!
 //! glTF counts in metres and has y up; a matrix turns the part, which has z up, and scales it.
 
 use super::arrays::write_triangles;
-use super::ply::write_vertices;
-use super::{Encoded, Encoding, MeshSink, Triangles, folder_of, triples};
+use super::ply::{write_vertices, write_vertices_with_normals};
+use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of, triples};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;
@@ -17,7 +20,7 @@ const HEAD_BYTES: usize = 12;
 const CHUNK_BYTES: usize = 8;
 /// Where the positions begin.
 const DATA: u64 = (HEAD_BYTES + CHUNK_BYTES + JSON_BYTES + CHUNK_BYTES) as u64;
-/// Bytes of a position, and of the indices of a triangle.
+/// Bytes of a position, of a normal, and of the indices of a triangle.
 const TRIPLE_BYTES: u64 = 12;
 
 pub(super) struct GlbSink {
@@ -27,19 +30,27 @@ pub(super) struct GlbSink {
     /// Least and greatest coordinates.
     bounds: [[f32; 3]; 2],
     metres: f64,
+    normals: bool,
 }
 
 impl GlbSink {
-    /// `metres` is the length of the unit of the positions.
-    pub(super) fn new(mut file: PartFile, metres: f64) -> Result<GlbSink> {
+    /// `metres` is the length of the unit of the positions, one if it is not known; vertices have normals if `normals` says
+    /// so.
+    pub(super) fn new(mut file: PartFile, metres: Option<f64>, normals: bool) -> Result<GlbSink> {
         file.append(&[0; DATA as usize - CHUNK_BYTES])?;
         let bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-        Ok(GlbSink { file, vertices: 0, triangles: 0, bounds, metres })
+        let metres = metres.unwrap_or(1.0);
+        Ok(GlbSink { file, vertices: 0, triangles: 0, bounds, metres, normals })
     }
 
-    /// Bytes of the positions and indices.
+    /// From one vertex to the next.
+    fn vertex_bytes(&self) -> u64 {
+        if self.normals { 2 * TRIPLE_BYTES } else { TRIPLE_BYTES }
+    }
+
+    /// Bytes of the vertices and indices.
     fn data_bytes(&self) -> u64 {
-        TRIPLE_BYTES * (self.vertices + self.triangles)
+        self.vertex_bytes() * self.vertices + TRIPLE_BYTES * self.triangles
     }
 
     /// All that stands before the second chunk.
@@ -66,16 +77,28 @@ impl GlbSink {
         // With an exponent, or small numbers would take a line of zeros.
         let [low, high] = self.bounds.map(|at| at.map(|c| format!("{:e}", f64::from(c))).join(","));
         let (metres, indices) = (format!("{:e}", self.metres), 3 * self.triangles);
-        let (positions_bytes, indices_bytes) = (TRIPLE_BYTES * self.vertices, TRIPLE_BYTES * self.triangles);
+        let (vertices, indices_bytes) = (self.vertices, TRIPLE_BYTES * self.triangles);
+        let (stride, vertices_bytes) = (self.vertex_bytes(), self.vertex_bytes() * vertices);
+        let [mut attribute, mut accessor, mut view] = [const { String::new() }; 3];
+        if self.normals {
+            attribute = r#","NORMAL":2"#.to_owned();
+            accessor = format!(
+                r#",{{"bufferView":0,"byteOffset":{TRIPLE_BYTES},"componentType":5126,"count":{vertices},"type":"VEC3"}}"#
+            );
+            view = format!(r#","byteStride":{stride}"#);
+        }
         [
             format!(r#"{{{asset},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"#),
             format!(r#""matrix":[{metres},0,0,0,0,0,-{metres},0,0,{metres},0,0,0,0,0,1]}}],"#),
-            r#""meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],"#.to_owned(),
-            format!(r#""accessors":[{{"bufferView":0,"componentType":5126,"count":{},"#, self.vertices),
+            format!(
+                r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":0{attribute}}},"indices":1}}]}}],"#
+            ),
+            format!(r#""accessors":[{{"bufferView":0,"componentType":5126,"count":{vertices},"#),
             format!(r#""type":"VEC3","min":[{low}],"max":[{high}]}},"#),
-            format!(r#"{{"bufferView":1,"componentType":5125,"count":{indices},"type":"SCALAR"}}],"#),
-            format!(r#""bufferViews":[{{"buffer":0,"byteLength":{positions_bytes},"target":34962}},"#),
-            format!(r#"{{"buffer":0,"byteOffset":{positions_bytes},"byteLength":{indices_bytes},"#),
+            format!(r#"{{"bufferView":1,"componentType":5125,"count":{indices},"type":"SCALAR"}}"#),
+            format!(r#"{accessor}],"#),
+            format!(r#""bufferViews":[{{"buffer":0,"byteLength":{vertices_bytes}{view},"target":34962}},"#),
+            format!(r#"{{"buffer":0,"byteOffset":{vertices_bytes},"byteLength":{indices_bytes},"#),
             format!(r#""target":34963}}],"buffers":[{{"byteLength":{}}}]}}"#, self.data_bytes()),
         ]
         .concat()
@@ -84,7 +107,11 @@ impl GlbSink {
 
 impl MeshSink for GlbSink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+        let vertices = match self.normals {
+            false => VertexBytes::Positions(write_vertices),
+            true => VertexBytes::WithNormals(write_vertices_with_normals),
+        };
+        Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
     }
 
     fn folder(&self) -> Option<&Path> {
@@ -100,11 +127,13 @@ impl MeshSink for GlbSink {
         if self.vertices == 0 {
             self.file.append(&[0; CHUNK_BYTES])?;
         }
+        // Between positions there are normals.
+        let every = if self.normals { 2 } else { 1 };
         match part {
             Encoded::Vertices(count, _) => {
                 self.vertices += count as u64;
                 let [low, high] = &mut self.bounds;
-                for position in triples(bytes, f32::from_le_bytes) {
+                for position in triples(bytes, f32::from_le_bytes).step_by(every) {
                     *low = std::array::from_fn(|a| low[a].min(position[a]));
                     *high = std::array::from_fn(|a| high[a].max(position[a]));
                 }
@@ -128,5 +157,22 @@ impl MeshSink for GlbSink {
             self.file.overwrite(DATA - CHUNK_BYTES as u64, &chunk)?;
         }
         self.file.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::part::PartFile;
+
+    #[test]
+    fn the_longest_head_has_room() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = PartFile::create(&dir.path().join("a.glb")).unwrap();
+        // Numbers of the most digits, of the largest file.
+        let mut sink = GlbSink::new(file, Some(-1.234_567_890_123_456_7e-300), true).unwrap();
+        sink.bounds = [[-1.175_494_4e-38; 3]; 2];
+        (sink.vertices, sink.triangles) = (100_000_000, 150_000_000);
+        assert!(sink.json().len() <= JSON_BYTES, "{}", sink.json().len());
     }
 }

@@ -24,6 +24,10 @@ pub trait MeshSink: Send {
     fn shares_vertices(&self) -> bool {
         !matches!(self.encoding(), Some(Encoding { triangles: Triangles::Lone(_), .. }))
     }
+    /// Whether vertices come with their normals.
+    fn wants_normals(&self) -> bool {
+        matches!(self.encoding(), Some(Encoding { vertices: VertexBytes::WithNormals(_), .. }))
+    }
     /// Where triangles may wait for the numbers of their vertices, in a file without a name; `None` if they are to
     /// wait in memory.
     fn folder(&self) -> Option<&Path> {
@@ -31,9 +35,17 @@ pub trait MeshSink: Send {
     }
     /// The next vertices, world positions; the first one ever has number 0.
     fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+        self.vertices_with_normals(positions, &[])
+    }
+    /// The same for a sink that wants normals, with as many of them: outward, of length one.
+    fn vertices_with_normals(&mut self, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<()> {
         let Some(encoding) = self.encoding() else { return Ok(()) };
+        if self.wants_normals() && normals.len() != positions.len() {
+            let what = format!("{} normals for {} vertices", normals.len(), positions.len());
+            return Err(Error::setting(what, "hand over one for each"));
+        }
         let mut bytes = Vec::new();
-        (encoding.vertices)(positions, &mut bytes);
+        encoding.vertices.append(positions, normals, &mut bytes);
         self.encoded(Encoded::Vertices(positions.len(), &bytes))
     }
     /// The next triangles. Their numbers are those of vertices received before.
@@ -66,10 +78,29 @@ pub trait MeshSink: Send {
 /// How a mesh becomes bytes of a file.
 #[derive(Clone, Copy)]
 pub struct Encoding {
-    /// Appends the bytes of vertices at world positions.
-    pub vertices: fn(&[[f32; 3]], &mut Vec<u8>),
+    /// The bytes of vertices.
+    pub vertices: VertexBytes,
     /// The bytes of triangles.
     pub triangles: Triangles,
+}
+
+/// How vertices become bytes of a file.
+#[derive(Clone, Copy)]
+pub enum VertexBytes {
+    /// Appends those of world positions.
+    Positions(fn(&[[f32; 3]], &mut Vec<u8>)),
+    /// Appends those of world positions, each with its unit normal.
+    WithNormals(fn(&[[f32; 3]], &[[f32; 3]], &mut Vec<u8>)),
+}
+
+impl VertexBytes {
+    /// Appends those of vertices; normals that are not wanted may be missing.
+    pub(super) fn append(self, positions: &[[f32; 3]], normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
+        match self {
+            VertexBytes::Positions(append) => append(positions, bytes),
+            VertexBytes::WithNormals(append) => append(positions, normals, bytes),
+        }
+    }
 }
 
 /// How triangles become bytes of a file.
@@ -97,6 +128,8 @@ pub enum Encoded<'a> {
 
 /// Known file endings.
 const ENDINGS: &str = ".stl (binary), .ply (binary), .obj, .3mf, .glb";
+/// Those of formats whose vertices may have normals.
+const ENDINGS_WITH_NORMALS: &str = ".ply, .obj, .glb";
 
 /// A sink for a mesh file by the ending of its name: binary STL, binary little-endian PLY with shared
 /// vertices, OBJ, 3MF, or binary glTF (GLB). The file is written as `<name>.part` beside `path`, and made durable and
@@ -109,20 +142,58 @@ const ENDINGS: &str = ".stl (binary), .ply (binary), .obj, .3mf, .glb";
 ///
 /// [`Error::Setting`] for an unknown ending, [`Error::Io`] if the file cannot be made.
 pub fn create_sink(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
-    format_of(path)?(PartFile::create(path)?, metres)
+    let begin = format_of(path)?.begin;
+    begin(PartFile::create(path)?, metres)
+}
+
+/// As [`create_sink`], for a file whose vertices have normals: PLY with `nx`, `ny` and `nz`, OBJ with a `vn` for each
+/// vertex, or GLB with the attribute `NORMAL`. Readers of these shade smoothly then, by one normal a vertex, also across
+/// sharp edges; a GLB without normals is shaded flat (Khronos glTF 2.0, §3.7.2.1).
+///
+/// # Errors
+///
+/// [`Error::Setting`] for an unknown ending and for STL and 3MF, whose vertices have no normals, [`Error::Io`] if the file
+/// cannot be made.
+pub fn create_sink_with_normals(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
+    let Some(begin) = format_of(path)?.begin_with_normals else {
+        return Err(Error::setting(
+            format!("{}: the vertices of this format have no normals", path.display()),
+            format!("leave them out, or choose a name that ends in one of {ENDINGS_WITH_NORMALS}"),
+        ));
+    };
+    begin(PartFile::create(path)?, metres)
 }
 
 /// Begins a mesh in a file, in units of so many metres.
 type Begin = fn(PartFile, Option<f64>) -> Result<Box<dyn MeshSink>>;
 
-fn format_of(path: &Path) -> Result<Begin> {
+/// How files of a format begin.
+struct Format {
+    begin: Begin,
+    /// `None` where vertices have no normals.
+    begin_with_normals: Option<Begin>,
+}
+
+fn format_of(path: &Path) -> Result<Format> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     Ok(match ending.as_str() {
-        "stl" => |file, _| Ok(Box::new(stl::StlSink::new(file)?)),
-        "ply" => |file, _| Ok(Box::new(ply::PlySink::new(file)?)),
-        "obj" => |file, _| Ok(Box::new(obj::ObjSink::new(file)?)),
-        "3mf" => |file, metres| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)),
-        "glb" => |file, metres| Ok(Box::new(glb::GlbSink::new(file, metres.unwrap_or(1.0))?)),
+        "stl" => Format { begin: |file, _| Ok(Box::new(stl::StlSink::new(file)?)), begin_with_normals: None },
+        "ply" => Format {
+            begin: |file, _| Ok(Box::new(ply::PlySink::new(file, false)?)),
+            begin_with_normals: Some(|file, _| Ok(Box::new(ply::PlySink::new(file, true)?))),
+        },
+        "obj" => Format {
+            begin: |file, _| Ok(Box::new(obj::ObjSink::new(file, false)?)),
+            begin_with_normals: Some(|file, _| Ok(Box::new(obj::ObjSink::new(file, true)?))),
+        },
+        "3mf" => Format {
+            begin: |file, metres| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)),
+            begin_with_normals: None,
+        },
+        "glb" => Format {
+            begin: |file, metres| Ok(Box::new(glb::GlbSink::new(file, metres, false)?)),
+            begin_with_normals: Some(|file, metres| Ok(Box::new(glb::GlbSink::new(file, metres, true)?))),
+        },
         _ => {
             return Err(Error::setting(
                 format!("{}: unknown mesh format", path.display()),
@@ -141,6 +212,8 @@ mod tests {
     const TRIANGLES: [[u32; 3]; 2] = [[0, 1, 2], [1, 3, 2]];
 
     const FORMATS: [&str; 5] = ["a.stl", "a.ply", "a.obj", "a.3mf", "a.glb"];
+    const FORMATS_WITH_NORMALS: [&str; 3] = ["a.ply", "a.obj", "a.glb"];
+    const NORMALS: [[f32; 3]; 4] = [[0.0, 0.0, 1.0], [0.6, 0.0, -0.8], [1.0, 0.0, 0.0], [0.1, -0.7, 1e-3]];
 
     fn facets() -> Vec<Facet> {
         TRIANGLES.iter().map(|&ids| Facet { ids, corners: ids.map(|n| POSITIONS[n as usize]) }).collect()
@@ -165,6 +238,22 @@ mod tests {
         let bytes = std::fs::read(path).unwrap();
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
         bytes
+    }
+
+    fn write_with_normals(path: &Path) -> Vec<u8> {
+        let mut sink = create_sink_with_normals(path, None).unwrap();
+        sink.vertices_with_normals(&[], &[]).unwrap();
+        sink.vertices_with_normals(&POSITIONS[..3], &NORMALS[..3]).unwrap();
+        assert!(sink.vertices(&POSITIONS[3..]).unwrap_err().to_string().contains("0 normals for 1"));
+        sink.vertices_with_normals(&POSITIONS[3..], &NORMALS[3..]).unwrap();
+        sink.triangles(&facets()).unwrap();
+        sink.finish().unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    /// Positions and normals by turns.
+    fn both() -> Vec<f32> {
+        POSITIONS.into_iter().zip(NORMALS).flat_map(|(p, n)| [p, n].concat()).collect()
     }
 
     fn floats(bytes: &[u8]) -> Vec<f32> {
@@ -221,6 +310,75 @@ mod tests {
         }
         assert_eq!(positions, POSITIONS);
         assert_eq!(faces, TRIANGLES);
+    }
+
+    #[test]
+    fn ply_and_obj_round_trip_with_normals() {
+        let dir = tempfile::tempdir().unwrap();
+        let bytes = write_with_normals(&dir.path().join("a.ply"));
+        let end = b"end_header\n";
+        let at = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
+        let header = std::str::from_utf8(&bytes[..at]).unwrap();
+        let normals =
+            "property float z\nproperty float nx\nproperty float ny\nproperty float nz\nelement face 2\n";
+        assert!(header.contains("\nelement vertex 4\n") && header.contains(normals));
+        assert_eq!(floats(&bytes[at..at + 96]), both());
+        assert_eq!(bytes[at + 96..at + 109], [vec![3], TRIANGLES[0].map(u32::to_le_bytes).concat()].concat());
+        assert_eq!(bytes.len(), at + 4 * 24 + 2 * 13);
+
+        let bytes = write_with_normals(&dir.path().join("a.obj"));
+        let (mut numbers, mut faces) = (Vec::new(), Vec::new());
+        for line in std::str::from_utf8(&bytes).unwrap().lines() {
+            let words: Vec<&str> = line.split(' ').collect();
+            match words[0] {
+                "v" | "vn" => numbers.extend(words[1..].iter().map(|word| word.parse::<f32>().unwrap())),
+                "f" => faces.push(words[1..].join(" ")),
+                _ => assert_eq!(words[0], "#"),
+            }
+        }
+        assert_eq!(numbers, both());
+        assert_eq!(faces, ["1//1 2//2 3//3", "2//2 4//4 3//3"]);
+    }
+
+    #[test]
+    fn glb_round_trips_with_normals() {
+        let dir = tempfile::tempdir().unwrap();
+        let bytes = write_with_normals(&dir.path().join("a.glb"));
+        let (json, data) = read_glb(&bytes);
+        let attributes = &json["meshes"][0]["primitives"][0]["attributes"];
+        let stride = json["bufferViews"][0]["byteStride"].as_u64().unwrap() as usize;
+        assert_eq!((stride, &json["bufferViews"][0]["byteLength"]), (24, &96.into()));
+        let read = |attribute: &str| -> Vec<f32> {
+            let accessor = &json["accessors"][attributes[attribute].as_u64().unwrap() as usize];
+            assert_eq!((&accessor["componentType"], &accessor["type"]), (&5126.into(), &"VEC3".into()));
+            assert_eq!((&accessor["count"], &accessor["bufferView"]), (&4.into(), &0.into()));
+            let at = accessor["byteOffset"].as_u64().unwrap_or(0) as usize;
+            (0..4).flat_map(|n| floats(&data[n * stride + at..][..12])).collect()
+        };
+        assert_eq!((read("POSITION"), read("NORMAL")), (POSITIONS.concat(), NORMALS.concat()));
+        let bound =
+            |name| -> Vec<f32> { serde_json::from_value(json["accessors"][0][name].clone()).unwrap() };
+        assert_eq!((bound("min"), bound("max")), (vec![-3.25, 0.0, 0.0], vec![1.5, 2.0, 7e8]));
+        let indices = &json["bufferViews"][1];
+        assert_eq!((&indices["byteOffset"], &indices["byteLength"]), (&96.into(), &24.into()));
+        assert_eq!(
+            data[96..],
+            TRIANGLES.as_flattened().iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<_>>()
+        );
+        assert_eq!(json["buffers"][0]["byteLength"], data.len());
+    }
+
+    #[test]
+    fn formats_without_normals_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["a.stl", "a.3mf", "a.STL"] {
+            let refused = create_sink_with_normals(&dir.path().join(name), None).err().unwrap().to_string();
+            assert!(refused.contains(name) && refused.contains(".ply, .obj, .glb"), "{refused}");
+            assert!(!refused.contains('\n'));
+        }
+        let refused = create_sink_with_normals(Path::new("a.step"), None).err().unwrap().to_string();
+        assert!(refused.contains("unknown mesh format"), "{refused}");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
     }
 
     /// The JSON of a GLB file, and its data.
@@ -351,13 +509,15 @@ mod tests {
 
     #[test]
     fn every_call_may_fail_and_the_power_go() {
-        for format in FORMATS {
-            let begin = format_of(Path::new(format)).unwrap();
+        let plain = FORMATS.map(|format| (format, format_of(Path::new(format)).unwrap().begin));
+        let with_normals = FORMATS_WITH_NORMALS
+            .map(|format| (format, format_of(Path::new(format)).unwrap().begin_with_normals.unwrap()));
+        for (format, begin) in plain.into_iter().chain(with_normals) {
             // Enough for several writes.
             let many = vec![facets(); 1000].concat();
             let write = |disk| {
                 let mut sink = begin(PartFile::create_on(disk, Path::new(NAME))?, None)?;
-                sink.vertices(&POSITIONS)?;
+                sink.vertices_with_normals(&POSITIONS, &NORMALS)?;
                 (0..4).try_for_each(|_| sink.triangles(&many))?;
                 sink.finish()
             };

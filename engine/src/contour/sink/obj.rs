@@ -1,6 +1,6 @@
-//! Wavefront OBJ: text, shared vertices, indices from 1.
+//! Wavefront OBJ: text, shared vertices, indices from 1. A normal has its vertex' number and stands in the line below.
 
-use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
+use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of};
 use crate::error::Result;
 use crate::part::PartFile;
 use std::io::Write;
@@ -11,12 +11,14 @@ const LINE_BYTES: usize = 32;
 
 pub(super) struct ObjSink {
     file: PartFile,
+    normals: bool,
 }
 
 impl ObjSink {
-    pub(super) fn new(mut file: PartFile) -> Result<ObjSink> {
+    /// Vertices have normals if `normals` says so.
+    pub(super) fn new(mut file: PartFile, normals: bool) -> Result<ObjSink> {
         file.append(b"# written by Brickfield\n")?;
-        Ok(ObjSink { file })
+        Ok(ObjSink { file, normals })
     }
 }
 
@@ -28,6 +30,13 @@ fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
+fn write_vertices_with_normals(positions: &[[f32; 3]], normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(positions.len() * 2 * LINE_BYTES);
+    for ([x, y, z], [nx, ny, nz]) in positions.iter().zip(normals) {
+        let _ = writeln!(bytes, "v {x} {y} {z}\nvn {nx} {ny} {nz}");
+    }
+}
+
 fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(triangles.len() * LINE_BYTES);
     for ids in triangles {
@@ -36,9 +45,21 @@ fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
+fn write_triangles_with_normals(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(triangles.len() * 2 * LINE_BYTES);
+    for ids in triangles {
+        let [a, b, c] = ids.map(|id| u64::from(id) + 1);
+        let _ = writeln!(bytes, "f {a}//{a} {b}//{b} {c}//{c}");
+    }
+}
+
 impl MeshSink for ObjSink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+        let (vertices, triangles): (_, fn(&[[u32; 3]], &mut Vec<u8>)) = match self.normals {
+            false => (VertexBytes::Positions(write_vertices), write_triangles),
+            true => (VertexBytes::WithNormals(write_vertices_with_normals), write_triangles_with_normals),
+        };
+        Some(Encoding { vertices, triangles: Triangles::Numbered(triangles) })
     }
 
     fn folder(&self) -> Option<&Path> {

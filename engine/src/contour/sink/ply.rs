@@ -1,6 +1,6 @@
-//! Binary little-endian PLY with shared vertices.
+//! Binary little-endian PLY with shared vertices, with or without normals.
 
-use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
+use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of};
 use crate::error::Result;
 use crate::part::PartFile;
 use std::path::Path;
@@ -12,23 +12,26 @@ pub(super) struct PlySink {
     file: PartFile,
     vertices: u64,
     faces: u64,
+    normals: bool,
 }
 
 impl PlySink {
-    pub(super) fn new(mut file: PartFile) -> Result<PlySink> {
-        file.append(header(0, 0).as_bytes())?;
-        Ok(PlySink { file, vertices: 0, faces: 0 })
+    /// Vertices have normals if `normals` says so.
+    pub(super) fn new(mut file: PartFile, normals: bool) -> Result<PlySink> {
+        file.append(header(0, 0, normals).as_bytes())?;
+        Ok(PlySink { file, vertices: 0, faces: 0, normals })
     }
 }
 
 /// A header of the same length for all counts: a comment takes up what the digits leave.
-fn header(vertices: u64, faces: u64) -> String {
+fn header(vertices: u64, faces: u64, normals: bool) -> String {
+    let normals = if normals { "property float nx\nproperty float ny\nproperty float nz\n" } else { "" };
     let (vertices, faces) = (vertices.to_string(), faces.to_string());
     let fill = "-".repeat(40 - vertices.len() - faces.len());
     format!(
         "ply\nformat binary_little_endian 1.0\ncomment written by Brickfield {fill}\n\
          element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
-         element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n"
+         {normals}element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n"
     )
 }
 
@@ -36,6 +39,15 @@ pub(super) fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(size_of_val(positions));
     for position in positions {
         bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+    }
+}
+
+/// Positions and normals by turns.
+pub(super) fn write_vertices_with_normals(positions: &[[f32; 3]], normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
+    bytes.reserve(2 * size_of_val(positions));
+    for (position, normal) in positions.iter().zip(normals) {
+        bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+        bytes.extend_from_slice(normal.map(f32::to_le_bytes).as_flattened());
     }
 }
 
@@ -50,7 +62,11 @@ fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 
 impl MeshSink for PlySink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+        let vertices = match self.normals {
+            false => VertexBytes::Positions(write_vertices),
+            true => VertexBytes::WithNormals(write_vertices_with_normals),
+        };
+        Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
     }
 
     fn folder(&self) -> Option<&Path> {
@@ -72,7 +88,7 @@ impl MeshSink for PlySink {
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.file.overwrite(0, header(self.vertices, self.faces).as_bytes())?;
+        self.file.overwrite(0, header(self.vertices, self.faces, self.normals).as_bytes())?;
         self.file.finish()
     }
 }

@@ -1,7 +1,7 @@
 //! Binary STL: 80 bytes of header, a 32-bit count, then 50 bytes a facet. Positions are f32 and not shared.
 
 use super::super::cut::Cuts;
-use super::{Encoded, Encoding, MeshSink, Triangles};
+use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 
@@ -42,7 +42,10 @@ fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
 
 impl MeshSink for StlSink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: |_, _| {}, triangles: Triangles::Lone(write_facets) })
+        Some(Encoding {
+            vertices: VertexBytes::Positions(|_, _| {}),
+            triangles: Triangles::Lone(write_facets),
+        })
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

@@ -1,6 +1,6 @@
 //! 3MF: a ZIP archive of an XML model (3MF Consortium, Core Specification 1.3).
 
-use super::{Encoded, Encoding, MeshSink, Triangles, folder_of};
+use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -138,7 +138,10 @@ fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 
 impl MeshSink for ThreeMfSink {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding { vertices: write_vertices, triangles: Triangles::Numbered(write_triangles) })
+        Some(Encoding {
+            vertices: VertexBytes::Positions(write_vertices),
+            triangles: Triangles::Numbered(write_triangles),
+        })
     }
 
     fn folder(&self) -> Option<&Path> {

@@ -247,7 +247,7 @@ fn cuboid(half: [f64; 3]) -> impl Shape {
 fn sharing_leaves(tree: &MemoryTree, tolerance: f64) -> usize {
     let options = ContourOptions { tolerance, ..Default::default() };
     let mut field = Field::new(tree, level(options.iso).unwrap(), &options).unwrap();
-    field.merge_across(&Silent).unwrap();
+    field.merge_across(false, &Silent).unwrap();
     let is_sharing = |leaf: &u32| {
         let vertices = field.vertices(*leaf).unwrap();
         let count = vertices.cells.len() as u32;

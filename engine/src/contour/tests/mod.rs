@@ -5,6 +5,7 @@ mod check;
 mod fields;
 mod marching;
 mod meetings;
+mod normals;
 pub(super) mod one_by_one;
 
 use super::*;
