@@ -17,7 +17,8 @@ pub use arrays::MeshArrays;
 pub(super) use arrays::triples;
 
 /// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`]. One that keeps a mesh has its own
-/// `vertices` and `triangles`, one that writes a file its own `encoding` and `encoded`.
+/// `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and `triangles`; one that writes a
+/// file its own `encoding` and `encoded`.
 pub trait MeshSink: Send {
     /// Whether triangles name vertices by number. If not, no vertices are handed over, and the numbers in
     /// [`Facet::ids`] mean nothing.
