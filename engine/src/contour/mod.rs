@@ -359,9 +359,12 @@ struct Vertices {
     normals: Vec<[f32; 3]>,
 }
 
+/// Positions, and normals where these are wanted.
+type Both<'a> = (&'a [[f32; 3]], &'a [[f32; 3]]);
+
 impl Vertices {
-    /// Positions and normals, in order.
-    fn slices(&self) -> [(&[[f32; 3]], &[[f32; 3]]); 3] {
+    /// Both, in order.
+    fn slices(&self) -> [Both<'_>; 3] {
         let [of_cells, on_faces] = self.positions.slices();
         let mut rest = &self.normals[..];
         [of_cells, on_faces, &self.on_edges].map(|positions| {

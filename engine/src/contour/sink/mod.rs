@@ -91,8 +91,11 @@ pub enum VertexBytes {
     /// Appends those of world positions.
     Positions(fn(&[[f32; 3]], &mut Vec<u8>)),
     /// Appends those of world positions, each with its unit normal.
-    WithNormals(fn(&[[f32; 3]], &[[f32; 3]], &mut Vec<u8>)),
+    WithNormals(AppendBoth),
 }
+
+/// Appends the bytes of vertices at world positions with these unit normals.
+type AppendBoth = fn(&[[f32; 3]], &[[f32; 3]], &mut Vec<u8>);
 
 impl VertexBytes {
     /// Appends those of vertices; normals that are not wanted may be missing.

@@ -55,11 +55,14 @@ fn write_triangles_with_normals(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 
 impl MeshSink for ObjSink {
     fn encoding(&self) -> Option<Encoding> {
-        let (vertices, triangles): (_, fn(&[[u32; 3]], &mut Vec<u8>)) = match self.normals {
-            false => (VertexBytes::Positions(write_vertices), write_triangles),
-            true => (VertexBytes::WithNormals(write_vertices_with_normals), write_triangles_with_normals),
+        let (vertices, triangles) = match self.normals {
+            false => (VertexBytes::Positions(write_vertices), Triangles::Numbered(write_triangles)),
+            true => (
+                VertexBytes::WithNormals(write_vertices_with_normals),
+                Triangles::Numbered(write_triangles_with_normals),
+            ),
         };
-        Some(Encoding { vertices, triangles: Triangles::Numbered(triangles) })
+        Some(Encoding { vertices, triangles })
     }
 
     fn folder(&self) -> Option<&Path> {
