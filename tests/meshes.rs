@@ -124,7 +124,7 @@ fn every_closed_file_gives_a_closed_manifold_at_three_depths() {
     }
 }
 
-/// Merged vertices leave every shell and handle of real parts and random piles, and what they enclose.
+/// Merged vertices leave every shell and handle of real parts and random piles, and what they enclose, and nothing meets.
 #[test]
 fn a_tolerance_keeps_manifolds_and_their_topology() {
     let files = ["clover_model", "featuretype50_model", "overlap_boxes", "spot40_model", "void_ladder"];
@@ -145,6 +145,7 @@ fn a_tolerance_keeps_manifolds_and_their_topology() {
             let report = check(&kept.vertices, &kept.triangles);
             assert!(report.is_closed_manifold() && report.is_oriented(), "{name}: {report}");
             assert_eq!((report.duplicate_triangles, report.unused_vertices), (0, 0), "{name}: {report}");
+            assert_eq!(meetings(&kept), [0; 2], "{name} at {tolerance}");
             report
         };
         let plain = judged(0.0);

@@ -33,6 +33,7 @@ use std::borrow::Cow;
 use tally::Tally;
 
 pub use pair::Meeting;
+pub(crate) use pair::{Triangle, meet_by_place};
 pub use report::{Defect, Intersections, Pair, Report, Shell};
 
 /// Corners are numbered in 32 bits.

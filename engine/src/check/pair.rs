@@ -26,7 +26,7 @@ type Flat = [f64; 2];
 
 /// A triangle with an area.
 #[derive(Clone, Debug)]
-pub(super) struct Triangle {
+pub(crate) struct Triangle {
     pub(super) face: u32,
     pub(super) vertices: [u32; 3],
     pub(super) corners: [Point; 3],
@@ -40,6 +40,12 @@ impl Triangle {
         let corners = mesh.corners(face as usize);
         let axis = axis(&corners)?;
         Some(Triangle { face, vertices: mesh.triangles[face as usize], corners, axis })
+    }
+
+    /// One by itself, unless its corners are on a line; for [`meet_by_place`].
+    pub(crate) fn placed(corners: [[f32; 3]; 3]) -> Option<Triangle> {
+        let corners = corners.map(|corner| corner.map(f64::from));
+        Some(Triangle { face: 0, vertices: [0, 1, 2], corners, axis: axis(&corners)? })
     }
 }
 
@@ -97,6 +103,14 @@ pub(super) fn meeting(a: &Triangle, b: &Triangle) -> Option<Meeting> {
         }
         _ => Some(Meeting::Overlapping),
     }
+}
+
+/// Whether two triangles made by [`Triangle::placed`] meet elsewhere than they must; corners at the same place are one
+/// vertex.
+pub(crate) fn meet_by_place(a: &Triangle, b: &Triangle) -> bool {
+    let vertex =
+        |n: usize| a.corners.iter().position(|corner| *corner == b.corners[n]).unwrap_or(3 + n) as u32;
+    meeting(a, &Triangle { vertices: [0, 1, 2].map(vertex), ..b.clone() }).is_some()
 }
 
 /// Of two triangles without a common vertex. `a` has an area along `axis`.

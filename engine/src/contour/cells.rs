@@ -67,8 +67,7 @@ pub(super) struct BrickCells {
     pub mixed_edges: Vec<(u64, u32)>,
     /// Sorted by face and edge.
     pub extras: Vec<Extra>,
-    /// Plain cells with several loops, and cells whose vertex lies beyond them; see [`super::faces`]. None where vertices
-    /// are merged.
+    /// Plain cells with several loops, and cells whose vertex lies beyond them; see [`super::faces`].
     pub special: Vec<[u8; 3]>,
     /// See [`BrickCells::take_quads`].
     pub quads: Mutex<Vec<Quad>>,
@@ -116,10 +115,15 @@ impl BrickCells {
 
     /// For the leaf's own polygons, for each sign-changing edge of it, those along x first, the vertices of the four cells
     /// around it in the order of [`super::topology::SQUARE`], [`NO_VERTEX`] for those that are not plain cells of this
-    /// leaf with one loop, or several where vertices are merged, its vertex within, and without ambiguous faces. They are
-    /// handed over once, because the cells stay for the leaves around.
+    /// leaf with one loop, its vertex within, and without ambiguous faces. They are handed over once, because the cells
+    /// stay for the leaves around.
     pub(super) fn take_quads(&self) -> Vec<Quad> {
         std::mem::take(&mut *self.quads.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Hands them back.
+    pub(super) fn give_quads(&self, quads: Vec<Quad>) {
+        *self.quads.lock().unwrap_or_else(PoisonError::into_inner) = quads;
     }
 
     /// Number of vertices.
@@ -369,7 +373,7 @@ impl<'a> Builder<'a> {
         let first = self.cells.positions.len();
         self.cells.kinds.push(kind);
         self.cells.first.push(first as u32);
-        let is_named = loops.ambiguous == 0 && (loops.count == 1 || self.field.merges());
+        let is_named = loops.ambiguous == 0 && loops.count == 1;
         for l in 0..loops.count as usize {
             let vertex = first + l;
             let named = if is_named && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
@@ -386,7 +390,7 @@ impl<'a> Builder<'a> {
             }
             self.push_vertex(cell, first, loops.count == 1);
         }
-        if loops.count > 1 && !self.field.merges() {
+        if loops.count > 1 {
             self.cells.special.push(cell.map(|c| c as u8));
         }
         if loops.ambiguous != 0 {

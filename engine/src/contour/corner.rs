@@ -191,7 +191,7 @@ impl Search<'_> {
         }
         let mut best: Option<(f64, Place)> = None;
         for next in cells_about(home).skip(1) {
-            if self.halo.loops(next)? != 1 || (!self.builder.field.merges() && !self.is_clear(home, next)) {
+            if self.halo.loops(next)? != 1 || !self.is_clear(home, next) {
                 continue;
             }
             let (mut sum, mut count) = (DVec3::ZERO, 0.0);

@@ -22,6 +22,8 @@ pub(super) struct FaceVertices {
     /// Sorted by face and edge.
     extras: Vec<Extra>,
     pub positions: Vec<[f32; 3]>,
+    /// For each of them the leaf and the vertex of the cell below the face, and the leaf's own vertex above it.
+    pub sides: Vec<([u32; 2], u32)>,
     /// Lower faces of the leaf's cells with extra vertices, these or those of its cells.
     split: Faces,
 }
@@ -72,6 +74,7 @@ impl FaceVertices {
     pub(super) fn heap_bytes(&self) -> usize {
         self.extras.capacity() * size_of::<Extra>()
             + self.positions.capacity() * size_of::<[f32; 3]>()
+            + self.sides.capacity() * size_of::<([u32; 2], u32)>()
             + self.split.rows.capacity() * size_of::<[u32; 3]>()
     }
 
@@ -134,6 +137,7 @@ impl FaceVertices {
 
 /// The cells of a leaf and where they lie.
 struct Block {
+    leaf: u32,
     key: NodeKey,
     cells: Arc<BrickCells>,
     lattice: [[f32; BRICK_POINTS]; 3],
@@ -142,14 +146,23 @@ struct Block {
 /// A cell without finer leaves around it, its loops and where their vertices lie, 0..1 along each axis of the cell.
 struct Sight {
     kind: Kind,
+    /// Number of the first one.
+    first: usize,
     positions: Vec<[f32; 3]>,
     vertices: Vec<[f64; 3]>,
+}
+
+impl Sight {
+    /// The vertex of the loop through an edge.
+    fn vertex(&self, edge: usize) -> u32 {
+        self.first as u32 + u32::from(self.kind.loops().of_edge[edge])
+    }
 }
 
 impl Block {
     fn new(field: &Field, leaf: u32, cells: Arc<BrickCells>) -> Block {
         let key = field.leaves.get(leaf).key;
-        Block { key, cells, lattice: field.frame(key).lattice() }
+        Block { leaf, key, cells, lattice: field.frame(key).lattice() }
     }
 
     fn sight(&self, cell: [usize; 3]) -> Option<Sight> {
@@ -157,7 +170,7 @@ impl Block {
         let count = usize::from(kind.loops().count);
         let positions = self.cells.positions.get(first..first + count)?.to_vec();
         let vertices = positions.iter().map(|&position| within(&self.lattice, cell, position)).collect();
-        Some(Sight { kind, positions, vertices })
+        Some(Sight { kind, first, positions, vertices })
     }
 
     /// World position of a point, 0..1 along each axis, of a cell's lower face across `axis`, off the face's border.
@@ -195,6 +208,9 @@ impl Finder<'_> {
             let Some(at) = self.leaving(axis, above, [&upper, &lower], [enter, leave])? else { continue };
             let vertex = (self.own.cells.len() + self.found.positions.len()) as u32;
             self.found.positions.push(self.own.on_face(axis, above, at));
+            self.found
+                .sides
+                .push(([block.leaf, lower.vertex(on_other_side(axis, enter))], upper.vertex(enter)));
             self.found.extras.extend(keys.map(|edge| Extra { face, edge, vertex }));
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
 use super::ContourOptions;
-use super::adaptive::{self, Across, Draft, Merged};
+use super::adaptive::{self, Across, Draft, Fresh, Made, MeetingSearch, Merged};
 use super::cache::Cache;
 use super::cells::BrickCells;
 use super::edges::Quad;
@@ -13,11 +13,16 @@ use super::spare::Spare;
 use super::surface::{Level, Surface};
 use super::vertices::LeafVertices;
 use crate::error::Result;
-use crate::lattice::{BRICK_POINTS, NodeKey, RootCube};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Walk};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+
+/// What is made of the leaves around one is kept in any case while they are compared with it: each takes those around
+/// itself to make, and is asked for by all of them.
+const LEAST_FOR_MERGED: usize = 2 << 20;
+const LEAST_FOR_MADE: usize = 8 << 20;
 
 /// A level set of a tree, ready to be contoured leaf by leaf from any thread.
 pub(super) struct Field<'a> {
@@ -44,6 +49,8 @@ struct Merging {
     drafts: Cache<Draft>,
     across: Across,
     merged: Cache<Merged>,
+    /// Triangles, while it is found out which of them meet.
+    made: Cache<Made>,
     /// By leaf, for how many leaves vertices are still to be merged for the first time, which takes its draft.
     users: Vec<AtomicU32>,
 }
@@ -58,12 +65,13 @@ impl<'a> Field<'a> {
             tolerance: options.tolerance,
             drafts: Cache::new(cache_bytes / 4),
             across: Across::default(),
-            merged: Cache::new(cache_bytes / 8),
+            merged: Cache::new((cache_bytes / 8).max(LEAST_FOR_MERGED)),
+            made: Cache::new((cache_bytes / 8).max(LEAST_FOR_MADE)),
             users: counts(&leaves, drafts_needed_by),
         });
-        let for_merging = if merging.is_some() { cache_bytes / 4 + cache_bytes / 8 } else { 0 };
+        let for_merging = if merging.is_some() { cache_bytes / 2 } else { 0 };
         // Few cells have vertices on their faces.
-        let for_faces = if merging.is_none() { cache_bytes / 32 } else { 0 };
+        let for_faces = cache_bytes / 32;
         let (surfaces, cells) = (
             Cache::new(cache_bytes / 4),
             Cache::new(cache_bytes - cache_bytes / 4 - for_merging - for_faces),
@@ -90,10 +98,69 @@ impl<'a> Field<'a> {
     pub(super) fn merge_across(&mut self, normals: bool, progress: &dyn Progress) -> Result<()> {
         let Some(tolerance) = self.merging.as_ref().map(|merging| merging.tolerance) else { return Ok(()) };
         let across = Across::find(self, tolerance, normals, progress)?;
+        let mut search = MeetingSearch::new(self, &across);
+        self.take(across);
+        loop {
+            let taken = search.next(self, progress)?;
+            let Some(mut across) = self.merging.as_mut().map(|merging| std::mem::take(&mut merging.across))
+            else {
+                return Ok(());
+            };
+            if taken.is_empty() {
+                across.finish();
+                self.take(across);
+                break;
+            }
+            let changed = across.give_up(self, &taken);
+            self.take(across);
+            search.ask_again(self, &taken, &changed)?;
+        }
+        if let Some(merging) = &mut self.merging {
+            merging.merged.clear();
+            merging.made.clear();
+        }
+        Ok(())
+    }
+
+    /// What is merged across the borders of leaves; `None` without a tolerance.
+    pub(super) fn across(&self) -> Option<&Across> {
+        self.merging.as_ref().map(|merging| &merging.across)
+    }
+
+    fn take(&mut self, across: Across) {
         if let Some(merging) = &mut self.merging {
             merging.across = across;
         }
-        Ok(())
+    }
+
+    /// What was made of these leaves is made anew when it is asked for again.
+    pub(super) fn forget(&self, leaves: &[u32]) {
+        if let Some(merging) = &self.merging {
+            for leaf in leaves {
+                merging.merged.remove(*leaf);
+                merging.made.remove(*leaf);
+            }
+        }
+    }
+
+    /// The triangles of a leaf as they would be with what is merged so far, where `fresh` tells which of them are others
+    /// than they were; none without a tolerance.
+    pub(super) fn made(&self, leaf: u32, fresh: Fresh) -> Result<Arc<Made>> {
+        let Some(merging) = &self.merging else { return Ok(Arc::default()) };
+        merging.made.get_or_make(leaf, || {
+            let made = Made::of(self, leaf, &merging.across, fresh)?;
+            let bytes = made.heap_bytes();
+            Ok((made, bytes))
+        })
+    }
+
+    /// The vertices on faces that a leaf owns.
+    pub(super) fn faces(&self, leaf: u32) -> Result<Arc<FaceVertices>> {
+        self.faces.get_or_make(leaf, || {
+            let faces = FaceVertices::of(self, leaf, &self.cells(leaf)?)?;
+            let bytes = faces.heap_bytes() + size_of::<FaceVertices>();
+            Ok((faces, bytes))
+        })
     }
 
     /// Calls `make` for every leaf and `use_item` with what it gives, as [`in_order`]; the tree is told which bricks
@@ -132,20 +199,14 @@ impl<'a> Field<'a> {
     /// The vertices of a leaf as the mesh has them.
     pub(super) fn vertices(&self, leaf: u32) -> Result<LeafVertices> {
         let Some(merging) = &self.merging else {
-            let cells = self.cells(leaf)?;
-            let faces = self.faces.get_or_make(leaf, || {
-                let faces = FaceVertices::of(self, leaf, &cells)?;
-                let bytes = faces.heap_bytes() + size_of::<FaceVertices>();
-                Ok((faces, bytes))
-            })?;
-            return Ok(LeafVertices::new(leaf, cells, faces));
+            return Ok(LeafVertices::new(leaf, self.cells(leaf)?, self.faces(leaf)?));
         };
         let merged = merging.merged.get_or_make(leaf, || {
             let merged = adaptive::merged(self, leaf, &merging.across)?;
             let bytes = merged.heap_bytes();
             Ok((merged, bytes))
         })?;
-        Ok(LeafVertices::merged(leaf, self.cells(leaf)?, merged))
+        Ok(LeafVertices::merged(leaf, self.cells(leaf)?, self.faces(leaf)?, merged))
     }
 
     /// What may be merged of a leaf's cells; nothing without a tolerance.
@@ -163,7 +224,7 @@ impl<'a> Field<'a> {
         self.merging.as_ref().map_or(&[], |merging| merging.across.normals(leaf))
     }
 
-    /// True if vertices are merged; else those of several loops in one cell are kept apart.
+    /// True if vertices are merged.
     pub(super) fn merges(&self) -> bool {
         self.merging.is_some()
     }
@@ -259,6 +320,11 @@ impl Frame {
     pub(super) fn lattice(&self) -> [[f32; BRICK_POINTS]; 3] {
         let at = |a: usize, n: usize| (self.origin[a] + n as f64 * self.spacing) as f32;
         std::array::from_fn(|a| std::array::from_fn(|n| at(a, n)))
+    }
+
+    /// World coordinates of the brick's lower and upper corner.
+    pub(super) fn bounds(&self) -> [[f32; 3]; 2] {
+        [0.0, BRICK_CELLS as f64].map(|n| std::array::from_fn(|a| (self.origin[a] + n * self.spacing) as f32))
     }
 
     /// A point of the world in cells of the brick.

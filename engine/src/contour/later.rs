@@ -57,6 +57,25 @@ impl Names {
         });
         (at as u32) << WITHIN_BITS | within
     }
+
+    /// The place of a name, and what it counts from there.
+    pub(super) fn split(name: u32) -> [usize; 2] {
+        [name >> WITHIN_BITS, name & ((1 << WITHIN_BITS) - 1)].map(|n| n as usize)
+    }
+
+    /// The leaf of each place, and the number there of the vertex that it begins with.
+    ///
+    /// # Errors
+    /// If there are more than `most`, or than names tell apart.
+    pub(super) fn places(&self, most: usize) -> Result<&[(u32, u32)]> {
+        if self.is_full || self.places.len() > most {
+            return Err(Error::setting(
+                format!("the triangles of one brick have vertices in more than {most} others"),
+                "choose a smaller --tolerance",
+            ));
+        }
+        Ok(&self.places)
+    }
 }
 
 /// Appends the names of the corners of triangles.
@@ -133,14 +152,14 @@ impl Later {
     /// # Errors
     /// If the file cannot be written.
     pub(super) fn keep(&self, leaf: &mut LeafFacets) -> Result<Waiting> {
-        let Names { places, is_full } = &leaf.names;
-        if *is_full || u32::try_from(leaf.count).is_err() {
+        let places = leaf.names.places(1 << WITHIN_BITS)?;
+        if u32::try_from(leaf.count).is_err() {
             return Err(Error::setting(
-                "the triangles of one brick have vertices in more than 65,536 others",
-                "write .stl, which does not number them, or leave --tolerance out",
+                "the triangles of one brick are more than 2^32 - 1",
+                "choose a coarser level with --level",
             ));
         }
-        let (places, count) = (if leaf.count > 0 { &places[..] } else { &[] }, leaf.count as u32);
+        let (places, count) = (if leaf.count > 0 { places } else { &[] }, leaf.count as u32);
         let numbers = places.iter().flat_map(|(leaf, number)| [leaf, number]);
         leaf.bytes.extend(numbers.flat_map(|number| number.to_le_bytes()));
         let kept = match &self.file {

@@ -421,7 +421,7 @@ impl MeshSummary {
             ..MeshSummary::of_positions(vertices.positions())
         };
         part.add(&MeshSummary {
-            face_vertices: vertices.on_faces().len() as u64,
+            face_vertices: vertices.face_vertices() as u64,
             ..MeshSummary::of_positions(vertices.on_faces())
         });
         part

@@ -91,7 +91,7 @@ impl LeafNormals {
     /// What reading the tree gives.
     pub(super) fn of(field: &Field, leaf: u32, vertices: &LeafVertices) -> Result<LeafNormals> {
         let key = field.leaves.get(leaf).key;
-        let count = vertices.cells.len() + vertices.on_faces().len();
+        let count = vertices.first_count();
         let has_edges = count > 0 && field.leaves.get(leaf).changes;
         let surface = has_edges.then(|| field.surface(leaf)).transpose()?;
         let changes = surface.as_deref().and_then(changes);

@@ -10,7 +10,7 @@
 //!
 //! No mesh edge may be used by a second polygon unless it stands for a cut that both flank: the diagonal of a
 //! quadrilateral ends in a finest cell, because two coarser cells can face each other across several minimal edges of
-//! one line, while a finest cell has only this one. Where vertices are merged there are no vertices on edges; then
+//! one line, while a finest cell has only this one. Polygons with a merged vertex have no vertices on edges; there
 //! - a polygon with an extra vertex on a face of a finest cell is a fan about that vertex: of the other
 //!   polygon at that cut only the two cells at the face are the same;
 //! - other polygons with extra vertices are fans about a finest cell's vertex.
@@ -24,7 +24,7 @@ use super::edges::{NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
 use super::extras::{edge_key, face_key};
 use super::field::Field;
-use super::later::{Names, first_encoding};
+use super::later::{Names, first_encoding, whole};
 use super::leaves::{Around, Side, broken, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
@@ -106,6 +106,38 @@ pub(super) fn leaf_facets(
     Ok(LeafFacets { count, bytes, names, measured, edge_vertices, fan_edges, normals: Vec::new() })
 }
 
+/// The triangles of a leaf as they would be with what is merged so far, and how they name vertices; the names of the corners
+/// of polygons with a merged vertex bear a [`Mark`].
+pub(super) fn named_facets(field: &Field, leaf: u32) -> Result<(Vec<Facet>, Names)> {
+    let vertices = field.vertices(leaf)?;
+    if vertices.cells.signs.is_none() {
+        return Ok(Default::default());
+    }
+    let quads = vertices.cells.take_quads();
+    let cutter = Cutter::new([0.0; 3], Names::ON_EDGES, first_encoding(None), Vec::new());
+    let maker = Maker { mark: Mark::FIRST, ..Maker::new(field, leaf, vertices.clone(), cutter) };
+    let (cutter, names) = maker.make(&quads)?;
+    vertices.cells.give_quads(quads);
+    Ok((whole(&cutter.bytes), names))
+}
+
+/// What tells polygons with a merged vertex from others and from each other: their triangles follow each other but for those
+/// of others, and two such polygons that follow each other have different marks.
+pub(super) struct Mark;
+
+impl Mark {
+    const FIRST: u32 = 1 << 31;
+    const TURN: u32 = 1 << 30;
+    /// Places of names that marks leave room for.
+    pub(super) const MOST_PLACES: usize = 1 << 14;
+
+    /// A name without its mark, and the mark, zero without one.
+    pub(super) fn split(name: u32) -> (u32, u32) {
+        let mark = name & (Mark::FIRST | Mark::TURN);
+        (name ^ mark, mark)
+    }
+}
+
 /// Which of two equally fine leaves around an edge owns its polygon: the one of higher rank.
 #[inline]
 fn quadrant_rank([u, v]: [usize; 2]) -> usize {
@@ -175,6 +207,8 @@ struct Maker<'a> {
     key: NodeKey,
     around: Around,
     names: Names,
+    /// Set in the names of the corners of polygons with a merged vertex; zero unless they are asked for.
+    mark: u32,
     /// Cells and vertices of the leaf itself and of its neighbours by direction, fetched when needed.
     neighbours: [Option<LeafVertices>; 27],
     /// By axis and where the edges along it lie: 0, 1 or 2 for the lower border, the inside, the upper border along
@@ -187,8 +221,8 @@ struct Maker<'a> {
 
 impl<'a> Maker<'a> {
     fn new(field: &'a Field<'a>, leaf: u32, vertices: LeafVertices, cutter: Cutter) -> Maker<'a> {
-        let key = field.leaves.get(leaf).key;
         let names = Names::new(leaf, vertices.positions().len() + vertices.on_faces().len());
+        let key = field.leaves.get(leaf).key;
         let mut neighbours = [const { None }; 27];
         neighbours[OWN] = Some(vertices);
         Maker {
@@ -196,6 +230,7 @@ impl<'a> Maker<'a> {
             key,
             around: field.leaves.around(leaf),
             names,
+            mark: 0,
             neighbours,
             borders: [Border::Unknown; 27],
             lattice: field.frame(key).lattice(),
@@ -280,8 +315,7 @@ impl<'a> Maker<'a> {
             Border::Foreign => return Ok(()),
             Border::Equal(ref quarters) => {
                 if let Some(corners) = self.equal(axis, low, quarters, quad) {
-                    let corners = corners
-                        .map(|Shared { leaf, number, position }| (self.names.of(leaf, number), position));
+                    let corners = corners.map(|corner| name(&mut self.names, &corner));
                     let shape = if inside { Shape::Quad } else { Shape::Turned };
                     self.cutter.push_around(&self.placed(edge), corners, shape, BOTH);
                     return Ok(());
@@ -336,22 +370,35 @@ impl<'a> Maker<'a> {
         for n in 0..4 {
             let quarter = &quarters[n];
             let vertices = self.neighbours[quarter.direction].as_ref()?;
-            let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
-            // Faces belong to their upper cells.
-            let [qu, qv] = SQUARE[n];
-            let (u, v) = axis.others();
-            if qu == 1 && vertices.splits(u, cell) || qv == 1 && vertices.splits(v, cell) {
-                return None;
-            }
-            let number = if quad[n] == NO_VERTEX {
-                vertices.cells.plain_vertex(cell, quarter.edge)?
-            } else {
-                u32::from(quad[n])
-            };
+            let number = self.among_plain(vertices, axis, low, (n, quarter), quad)?;
             let position = vertices.cells.positions[number as usize];
-            corners[n] = Shared { leaf: quarter.leaf, number, position };
+            corners[n] = Shared { leaf: quarter.leaf, number, position, is_merged: false };
         }
         Some(corners)
+    }
+
+    /// The vertex in a quadrant around an edge, by the number with which its cell was made, if the cell is plain and its
+    /// faces at the edge have no extra vertices.
+    #[inline(always)]
+    fn among_plain(
+        &self,
+        vertices: &LeafVertices,
+        axis: Axis,
+        low: [usize; 3],
+        (n, quarter): (usize, &Quarter),
+        quad: &[u16; 4],
+    ) -> Option<u32> {
+        let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
+        // Faces belong to their upper cells.
+        let [qu, qv] = SQUARE[n];
+        let (u, v) = axis.others();
+        if qu == 1 && vertices.splits(u, cell) || qv == 1 && vertices.splits(v, cell) {
+            return None;
+        }
+        match quad[n] {
+            NO_VERTEX => vertices.cells.plain_vertex(cell, quarter.edge),
+            vertex => Some(u32::from(vertex)),
+        }
     }
 
     fn fetch(&mut self, leaf: u32, direction: usize) -> Result<()> {
@@ -369,20 +416,36 @@ impl<'a> Maker<'a> {
         }
         let polygon = self.polygon(axis, low)?;
         let corners = &polygon.corners[..polygon.count];
-        if !self.field.merges() {
+        if corners.len() < 3 {
+            // All around the edge is merged into one vertex, or into two.
+            return Ok(());
+        }
+        if !corners.iter().any(|corner| corner.vertex.is_merged) {
             self.keep(&self.placed(edge), corners, inside);
             return Ok(());
         }
+        let mark = self.next_mark();
         triangulate(corners, |a, b, c| {
-            let vertex = |n: usize| name(&mut self.names, &corners[n]);
+            let vertex = |n: usize| {
+                let (name, position) = name(&mut self.names, &corners[n].vertex);
+                (name | mark, position)
+            };
             self.cutter.push_triangle([a, b, c].map(vertex), inside);
         });
         Ok(())
     }
 
+    /// The mark of the next polygon with a merged vertex.
+    fn next_mark(&mut self) -> u32 {
+        if self.mark != 0 {
+            self.mark ^= Mark::TURN;
+        }
+        self.mark
+    }
+
     /// The facets of a polygon within the envelope of its edge.
     fn keep(&mut self, edge: &MinimalEdge, corners: &[Corner], inside: bool) {
-        let mut vertex = |corner: &Corner| name(&mut self.names, corner);
+        let mut vertex = |corner: &Corner| name(&mut self.names, &corner.vertex);
         match *corners {
             [a, b, c, d] if corners.iter().all(|corner| !corner.is_extra) => {
                 let shape = if inside { Shape::Quad } else { Shape::Turned };
@@ -517,9 +580,9 @@ fn relative(at: Units, key: NodeKey, point: [usize; 3]) -> Units {
 }
 
 /// The corner of a triangle.
-fn name(names: &mut Names, corner: &Corner) -> Vertex {
-    let Shared { leaf, number, position } = corner.vertex;
-    (names.of(leaf, number), position)
+#[inline(always)]
+fn name(names: &mut Names, vertex: &Shared) -> Vertex {
+    (names.of(vertex.leaf, vertex.number), vertex.position)
 }
 
 /// True if a quadrilateral is to be cut from corner 0 to corner 2: along the shorter of the diagonals that

@@ -13,32 +13,46 @@ pub(super) struct LeafVertices {
     pub cells: Arc<BrickCells>,
     /// None where all stand for themselves.
     pub merged: Option<Arc<Merged>>,
-    /// None where vertices are merged.
-    faces: Option<Arc<FaceVertices>>,
+    faces: Arc<FaceVertices>,
 }
 
 impl LeafVertices {
-    /// Of the cells of a leaf and what is merged of them.
-    pub(super) fn merged(leaf: u32, cells: Arc<BrickCells>, merged: Arc<Merged>) -> LeafVertices {
+    /// Of the cells of a leaf, the vertices on their faces, and what is merged of all these.
+    pub(super) fn merged(
+        leaf: u32,
+        cells: Arc<BrickCells>,
+        faces: Arc<FaceVertices>,
+        merged: Arc<Merged>,
+    ) -> LeafVertices {
         // All vertices stand for themselves.
         let merged = Some(merged).filter(|merged| !merged.names.is_empty());
-        LeafVertices { leaf, cells, merged, faces: None }
+        LeafVertices { leaf, cells, merged, faces }
     }
 
     /// Of the cells of a leaf and the vertices on their faces.
     pub(super) fn new(leaf: u32, cells: Arc<BrickCells>, faces: Arc<FaceVertices>) -> LeafVertices {
-        LeafVertices { leaf, cells, merged: None, faces: Some(faces) }
+        LeafVertices { leaf, cells, merged: None, faces }
     }
 
-    /// As [`FaceVertices::splits`]; unknown where vertices are merged.
+    /// As [`FaceVertices::splits`], whatever is merged.
     #[inline]
     pub(super) fn splits(&self, axis: Axis, cell: [usize; 3]) -> bool {
-        self.faces.as_ref().is_none_or(|faces| faces.splits(axis, cell))
+        self.faces.splits(axis, cell)
     }
 
-    /// World positions of the vertices on faces, which come after those of cells.
+    /// World positions of the vertices on faces that come after those of [`LeafVertices::positions`].
     pub(super) fn on_faces(&self) -> &[[f32; 3]] {
-        self.faces.as_ref().map_or(&[], |faces| &faces.positions)
+        if self.merged.is_some() { &[] } else { &self.faces.positions }
+    }
+
+    /// How many vertices of [`super::faces`] there are.
+    pub(super) fn face_vertices(&self) -> usize {
+        self.merged.as_ref().map_or(self.faces.positions.len(), |merged| merged.face_vertices)
+    }
+
+    /// What is merged, unless all vertices stand for themselves.
+    pub(super) fn what_is_merged(&self) -> Option<&Merged> {
+        self.merged.as_deref()
     }
 
     /// World positions of those that the leaf has.
@@ -53,13 +67,13 @@ impl LeafVertices {
         let leaf = self.leaf;
         let Some(merged) = &self.merged else {
             let at = number as usize;
-            let on_face = || self.on_faces()[at - self.cells.len()];
+            let on_face = || self.faces.positions[at - self.cells.len()];
             let position = self.cells.positions.get(at).copied().unwrap_or_else(on_face);
-            return Shared { leaf, number, position };
+            return Shared { leaf, number, position, is_merged: false };
         };
         let number = merged.names[number as usize];
         match merged.positions.get(number as usize) {
-            Some(&position) => Shared { leaf, number, position },
+            Some(&position) => Shared { leaf, number, position, is_merged: merged.is_merged(number) },
             None => merged.shared[number as usize - merged.positions.len()],
         }
     }
@@ -73,13 +87,17 @@ impl LeafVertices {
 
     /// The number of such a vertex, those on faces counted on from those of cells, before any is merged.
     pub(super) fn number_on_face(&self, face: u32, edge: u64) -> Option<u32> {
-        let on_face = || self.faces.as_ref().and_then(|faces| faces.extra(face, edge));
-        self.cells.extra(face, edge).or_else(on_face)
+        self.cells.extra(face, edge).or_else(|| self.faces.extra(face, edge))
     }
 
-    /// Whether the leaf has any.
+    /// Whether the leaf has any, before any is merged.
     pub(super) fn has_extras(&self) -> bool {
-        !(self.cells.extras.is_empty() && self.on_faces().is_empty())
+        !(self.cells.extras.is_empty() && self.faces.positions.is_empty())
+    }
+
+    /// Number of vertices of cells and on faces, before any is merged.
+    pub(super) fn first_count(&self) -> usize {
+        self.cells.len() + self.faces.positions.len()
     }
 
     /// Faces with extra vertices.

@@ -22,11 +22,11 @@ use super::fit;
 use super::folds::{self, Corner};
 use super::parts::{BorderCrossing, Part, Piece};
 use super::patches::{Join, Sets};
-use super::{NONE, bits};
+use super::{Merged, NONE, Name, bits};
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// A node with more crossings on its border hands nothing on: 2^15 of them take 512 KiB.
 const MOST_CROSSINGS: usize = 1 << 15;
@@ -37,7 +37,8 @@ const MOST_WALKS: usize = 2 * crate::lattice::MAX_LEVEL as usize;
 
 /// A vertex that stands for vertices of several leaves.
 struct Wide {
-    /// Its node is 2 to this power cells wide.
+    node: NodeKey,
+    /// The node is 2 to this power cells wide.
     bits: u8,
     position: [f32; 3],
     /// The one that stands for it if not given up, or [`NONE`].
@@ -53,6 +54,8 @@ pub(in super::super) struct Shared {
     /// Its number there.
     pub number: u32,
     pub position: [f32; 3],
+    /// It stands for others.
+    pub is_merged: bool,
 }
 
 /// What is merged across the borders of leaves.
@@ -65,12 +68,25 @@ pub(in super::super) struct Across {
     places: Vec<[u32; 2]>,
     /// By leaf, the positions of those that it has, in the order of their numbers.
     owned: HashMap<u32, Vec<[f32; 3]>>,
-    /// Normals of all, where they are wanted, until those that stay are numbered.
+    /// Normals of all, where they are wanted.
     normals: Option<Vec<[f32; 3]>>,
     /// By leaf, those of the ones that it has.
     owned_normals: HashMap<u32, Vec<[f32; 3]>>,
-    /// By leaf, the positions in it or on its border.
-    hosted: HashMap<u32, Vec<[f32; 3]>>,
+    /// The same as numbers in `all`.
+    numbered: HashMap<u32, Vec<u32>>,
+    /// By leaf, those that stay in it or on its border, and where.
+    hosted: HashMap<u32, Vec<([f32; 3], u32)>>,
+    /// By leaf, candidates that are given up beside those that its draft bars.
+    barred: HashMap<u32, BTreeSet<u32>>,
+}
+
+/// What stands for several vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(in super::super) enum Taken {
+    /// A leaf, and one of its candidates.
+    Candidate(u32, u32),
+    /// One of several leaves'.
+    Wide(u32),
 }
 
 impl Across {
@@ -97,7 +113,9 @@ impl Across {
         })?;
         let mut found = finder.found;
         found.give_up_folds(field, progress)?;
-        found.number(field);
+        found.tell_apart();
+        found.number(false);
+        found.host(field);
         Ok(found)
     }
 
@@ -112,6 +130,14 @@ impl Across {
         std::iter::successors(Some(first).filter(|wide| *wide != NONE), |wide| {
             Some(self.all[*wide as usize].up).filter(|up| *up != NONE)
         })
+    }
+
+    /// The leaves with parts of those of several leaves, sorted.
+    pub(in super::super) fn sharing(&self) -> Vec<u32> {
+        let mut leaves: Vec<u32> = self.of_part.keys().map(|(leaf, _)| *leaf).collect();
+        leaves.sort_unstable();
+        leaves.dedup();
+        leaves
     }
 
     /// The corner that stands for each part of a leaf; empty if there is none.
@@ -130,7 +156,7 @@ impl Across {
     /// What the mesh has for one of several leaves.
     pub(super) fn shared(&self, wide: u32) -> Shared {
         let [leaf, number] = self.places[wide as usize];
-        Shared { leaf, number, position: self.all[wide as usize].position }
+        Shared { leaf, number, position: self.all[wide as usize].position, is_merged: true }
     }
 
     /// Positions of those that a leaf has.
@@ -143,16 +169,17 @@ impl Across {
         self.owned_normals.get(&leaf).map_or(&[], |all| all)
     }
 
-    /// Positions in a leaf or on its border, so that no other vertex may be there.
-    pub(super) fn hosted(&self, leaf: u32) -> &[[f32; 3]] {
+    /// Those that stay in a leaf or on its border, and where, so that no other vertex may be there.
+    pub(super) fn hosted(&self, leaf: u32) -> &[([f32; 3], u32)] {
         self.hosted.get(&leaf).map_or(&[], |all| all)
     }
 
+    /// Gives up what folds the surface. The first walk is over all leaves, the others are over those with parts of what
+    /// several have.
     fn give_up_folds(&mut self, field: &Field, progress: &dyn Progress) -> Result<()> {
-        let mut leaves: Vec<u32> = self.of_part.keys().map(|(leaf, _)| *leaf).collect();
-        leaves.sort_unstable();
-        leaves.dedup();
-        let mut asked = leaves.clone();
+        let several = self.sharing();
+        let mut asked: Vec<u32> = (0..field.leaves.len() as u32).collect();
+        asked.retain(|leaf| field.leaves.get(*leaf).changes);
         for _ in 0..MOST_WALKS {
             if asked.is_empty() {
                 break;
@@ -160,56 +187,179 @@ impl Across {
             let mut folded = Vec::new();
             progress.phase("folds", Some(asked.len() as u64), "bricks");
             let this = &*self;
-            let make = |n: u32| folds::of_several(field, asked[n as usize], this);
-            in_order(asked.len(), progress, make, |wide: Vec<u32>| {
-                folded.extend(wide);
+            let make = |n: u32| folds::found(field, asked[n as usize], this);
+            in_order(asked.len(), progress, make, |taken: Vec<Taken>| {
+                folded.extend(taken);
                 Ok(())
             })?;
-            let folded: HashSet<u32> = folded.into_iter().collect();
-            folded.iter().for_each(|wide| self.all[*wide as usize].is_barred = true);
+            let changed: HashSet<u32> = self.bar(&folded).into_iter().collect();
             // Where neither a leaf nor one around it has lost any, it would say the same again.
-            let has_lost = |first: u32| self.chain(first).any(|wide| folded.contains(&wide));
-            let changed = self.of_part.iter().filter(|(_, wide)| has_lost(**wide));
-            let changed: HashSet<u32> = changed.map(|((leaf, _), _)| *leaf).collect();
             let has_changed = |leaf: &u32| {
                 let around = field.leaves.around(*leaf);
                 around.iter().any(|side| matches!(side, Side::Same(other) if changed.contains(other)))
             };
-            asked = leaves.iter().copied().filter(has_changed).collect();
+            asked = several.iter().copied().filter(has_changed).collect();
         }
         Ok(())
     }
 
-    /// Numbers those that stay: in each leaf they come first, in the order in which they were found.
-    fn number(&mut self, field: &Field) {
-        self.places = vec![[NONE; 2]; self.all.len()];
-        let mut parts: Vec<(u32, u32)> = self.of_part.keys().copied().collect();
-        parts.sort_unstable();
-        for (leaf, part) in parts {
-            if let Some(wide) = self.of(leaf, part)
-                && self.places[wide as usize][0] == NONE
-            {
-                self.places[wide as usize][0] = leaf;
+    /// Gives some up for what they are made of. Returns the leaves in which they stand for something, sorted.
+    fn bar(&mut self, taken: &[Taken]) -> Vec<u32> {
+        let mut changed = HashSet::new();
+        let mut wide = HashSet::new();
+        for taken in taken {
+            match *taken {
+                Taken::Candidate(leaf, candidate) => {
+                    self.barred.entry(leaf).or_default().insert(candidate);
+                    changed.insert(leaf);
+                }
+                Taken::Wide(number) => {
+                    self.all[number as usize].is_barred = true;
+                    wide.insert(number);
+                }
             }
         }
+        if !wide.is_empty() {
+            let has_lost = |first: u32| self.chain(first).any(|number| wide.contains(&number));
+            let lost = self.of_part.iter().filter(|(_, first)| has_lost(**first));
+            changed.extend(lost.map(|((leaf, _), _)| *leaf));
+        }
+        let mut changed: Vec<u32> = changed.into_iter().collect();
+        changed.sort_unstable();
+        changed
+    }
+
+    /// Gives some up once all are numbered. Returns the leaves whose vertices may be others now, sorted.
+    pub(in super::super) fn give_up(&mut self, field: &Field, taken: &[Taken]) -> Vec<u32> {
+        let mut changed = self.bar(taken);
+        if taken.iter().any(|taken| matches!(taken, Taken::Wide(_))) {
+            let before = std::mem::take(&mut self.hosted);
+            self.host(field);
+            let after = &self.hosted;
+            changed.extend(
+                before.iter().filter(|(leaf, all)| after.get(leaf) != Some(all)).map(|(leaf, _)| *leaf),
+            );
+            changed.extend(after.keys().filter(|leaf| !before.contains_key(leaf)));
+            changed.sort_unstable();
+            changed.dedup();
+        }
+        changed
+    }
+
+    /// No more is given up.
+    pub(in super::super) fn finish(&mut self) {
+        self.number(true);
+    }
+
+    /// Which candidates of a leaf are given up, by number.
+    pub(super) fn barred(&self, leaf: u32, draft: &Draft) -> Vec<bool> {
+        let mut barred = draft.barred.clone();
+        for candidate in self.barred.get(&leaf).into_iter().flatten() {
+            barred[*candidate as usize] = true;
+        }
+        barred
+    }
+
+    /// As [`Draft::of_vertex`], without what was given up.
+    pub(super) fn of_vertex(&self, leaf: u32, draft: &Draft, vertices: usize) -> Vec<u32> {
+        match self.barred.contains_key(&leaf) {
+            true => draft.assigned(&self.barred(leaf, draft), vertices),
+            false => draft.of_vertex.clone(),
+        }
+    }
+
+    /// What each of the vertices of a leaf's cells becomes.
+    pub(super) fn names(&self, leaf: u32, draft: &Draft, vertices: usize) -> Vec<Name> {
+        let wide: Vec<Option<u32>> = match self.all.is_empty() {
+            true => Vec::new(),
+            false => (0..draft.parts.len() as u32).map(|part| self.of(leaf, part)).collect(),
+        };
+        let of_vertex = self.of_vertex(leaf, draft, vertices);
+        let name = |vertex: u32| match draft.part_of(vertex).and_then(|part| *wide.get(part)?) {
+            Some(wide) => Name::Wide(wide),
+            None if of_vertex[vertex as usize] == NONE => Name::Own,
+            None => Name::Candidate(of_vertex[vertex as usize]),
+        };
+        (0..vertices as u32).map(name).collect()
+    }
+
+    /// What a merged vertex, by its number in a leaf, stands for, and the level of its node.
+    pub(super) fn taken(&self, leaf: u32, number: u32, merged: &Merged) -> Option<(Taken, u8)> {
+        match self.numbered.get(&leaf).and_then(|all| all.get(number as usize)) {
+            Some(&wide) => Some((Taken::Wide(wide), self.all[wide as usize].bits)),
+            None => {
+                let (candidate, level) = *merged.candidates.get((number - merged.several) as usize)?;
+                Some((Taken::Candidate(leaf, candidate), level))
+            }
+        }
+    }
+
+    /// World coordinates of the node of one of several leaves, and the size of a cell there.
+    pub(super) fn node(&self, field: &Field, wide: u32) -> ([[f32; 3]; 2], f64) {
+        let Wide { node, bits, .. } = self.all[wide as usize];
+        let spacing = field.root.spacing(node.level()) * BRICK_CELLS as f64 / f64::from(1u32 << bits);
+        (field.frame(node).bounds(), spacing)
+    }
+
+    /// Two sheets of a wall may have theirs at the same place: moved by a step of coordinates, one is as good. Those that
+    /// are made of others keep theirs.
+    fn tell_apart(&mut self) {
         let mut taken = HashSet::new();
-        let normals = self.normals.take();
-        let all = self.places.iter_mut().zip(&mut self.all).enumerate();
-        for (n, (place, wide)) in all.filter(|(_, (place, _))| place[0] != NONE) {
-            // Two sheets of a wall may have theirs at the same place: moved by a step of coordinates, one is as good.
+        for wide in self.all.iter_mut().rev() {
             let mut axis = 0;
             while !taken.insert(bits(&wide.position)) {
                 wide.position[axis] = wide.position[axis].next_up();
                 axis = (axis + 1) % 3;
             }
-            let owned = self.owned.entry(place[0]).or_default();
-            place[1] = owned.len() as u32;
-            owned.push(wide.position);
-            if let Some(normals) = &normals {
-                self.owned_normals.entry(place[0]).or_default().push(normals[n]);
+        }
+    }
+
+    /// The parts of leaves, in order, with the smallest that stands for each.
+    fn parts(&self) -> Vec<((u32, u32), u32)> {
+        let mut parts: Vec<_> = self.of_part.iter().map(|(part, first)| (*part, *first)).collect();
+        parts.sort_unstable();
+        parts
+    }
+
+    /// Gives each to the first leaf in which it stands for something, where they come before other vertices in the order
+    /// in which they were found: in the end those that stay, before that all, so that numbers do not change with what is
+    /// given up.
+    fn number(&mut self, only_staying: bool) {
+        self.places = vec![[NONE; 2]; self.all.len()];
+        for ((leaf, part), first) in self.parts() {
+            let staying = self.of(leaf, part);
+            let all: Vec<u32> =
+                self.chain(first).filter(|wide| !only_staying || staying == Some(*wide)).collect();
+            for wide in all {
+                let place = &mut self.places[wide as usize][0];
+                *place = (*place).min(leaf);
             }
-            for leaf in leaves_at(field, wide.position) {
-                self.hosted.entry(leaf).or_default().push(wide.position);
+        }
+        self.owned.clear();
+        self.owned_normals.clear();
+        self.numbered.clear();
+        for (number, (place, wide)) in (0..).zip(self.places.iter_mut().zip(&self.all)) {
+            if place[0] != NONE {
+                let owned = self.owned.entry(place[0]).or_default();
+                place[1] = owned.len() as u32;
+                owned.push(wide.position);
+                self.numbered.entry(place[0]).or_default().push(number);
+                if let Some(normals) = &self.normals {
+                    self.owned_normals.entry(place[0]).or_default().push(normals[number as usize]);
+                }
+            }
+        }
+    }
+
+    /// Finds the leaves in which those that stay are.
+    fn host(&mut self, field: &Field) {
+        let staying: BTreeSet<u32> =
+            self.of_part.keys().filter_map(|(leaf, part)| self.of(*leaf, *part)).collect();
+        self.hosted.clear();
+        for wide in staying {
+            let position = self.all[wide as usize].position;
+            for leaf in leaves_at(field, position) {
+                self.hosted.entry(leaf).or_default().push((position, wide));
             }
         }
     }
@@ -318,7 +468,7 @@ impl Finder<'_> {
         }
         let position = frame.world([0; 3], at.map(|c| c * BRICK_CELLS as f64));
         let number = self.found.all.len() as u32;
-        self.found.all.push(Wide { bits: bits_wide as u8, position, up: NONE, is_barred: false });
+        self.found.all.push(Wide { node, bits: bits_wide as u8, position, up: NONE, is_barred: false });
         if let Some(normals) = &mut self.found.normals {
             // All face one direction, so their sum is none that vanishes.
             normals.push(direction(part.sums.normal_sum));

@@ -4,13 +4,14 @@
 //! vertices should run around it the same way. Vertices of cells always do, or can be cut so. Those of larger nodes
 //! may not, where only three meet: on the side of a large node, if its vertex is far along the side. Then the largest
 //! of the three is given up, and what it is made of takes its place. The rules of [`super`] hold whichever candidates
-//! are taken, so leaves need not agree on this.
+//! are taken. A fold that meets nothing costs no more than a normal that points the wrong way, so the walks in search of
+//! folds may end before there are none; what meets is for [`super::meetings`].
 
 use super::super::cells::BrickCells;
 use super::super::field::Field;
 use super::super::leaves::{Side, direction_index};
 use super::super::topology::{SQUARE, cell_around, edge_index};
-use super::across::Across;
+use super::across::{Across, Taken};
 use super::crossings::{Crossing, FROZEN};
 use super::draft::Draft;
 use super::{LEVELS, NONE};
@@ -116,27 +117,34 @@ pub(in super::super) const OWN: usize = 13;
 /// Stands for the direction of what several leaves have.
 pub(super) const ACROSS: usize = 27;
 
-/// Which of those that stand for parts of several leaves fold the surface at an edge of a leaf and are the largest
-/// there.
-pub(super) fn of_several(field: &Field, leaf: u32, across: &Across) -> Result<Vec<u32>> {
+/// What folds the surface at an edge of a leaf and is the largest there: candidates of the leaf, and what stands for parts
+/// of several leaves.
+pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Taken>> {
     let seen = Neighbourhood::of(field, leaf, across)?;
-    let own = (&*seen.own.draft, &*seen.own.cells, &seen.own.wide[..]);
+    let Seen { cells, draft, wide, of_vertex } = &seen.own;
+    let own = (&**draft, &**cells, &wide[..]);
     let mut found = Vec::new();
-    for edge in &seen.own.draft.edges {
+    for edge in &draft.edges {
         let is_wide = |vertex: &u32| {
-            *vertex < FROZEN && own.0.part_of(*vertex).is_some_and(|part| own.2[part].is_some())
+            *vertex < FROZEN
+                && draft.part_of(*vertex).is_some_and(|part| wide.get(part).is_some_and(Option::is_some))
         };
         if !edge.vertices.iter().any(is_wide) {
             continue;
         }
         let beyond = &mut |edge: &Edge, quadrant, cell| seen.beyond(edge, quadrant, cell);
-        let Some(corners) = corners(own, edge, &own.0.of_vertex, beyond) else { continue };
+        let Some(corners) = corners(own, edge, of_vertex, beyond) else { continue };
         let most = corners.iter().map(|corner| corner.level).max().unwrap_or(0);
         if is_folded(edge.axis, &corners) {
             let largest = corners.iter().filter(|corner| corner.level == most && corner.name.0 == ACROSS);
-            found.extend(largest.map(|corner| corner.name.2));
+            found.extend(largest.map(|corner| Taken::Wide(corner.name.2)));
         }
     }
+    let before = across.barred(leaf, draft);
+    let mut barred = before.clone();
+    without(own, &mut barred, of_vertex.clone(), |edge, quadrant, cell| seen.beyond(edge, quadrant, cell));
+    let is_new = |n: &usize| barred[*n] && !before[*n];
+    found.extend((0..barred.len()).filter(is_new).map(|n| Taken::Candidate(leaf, n as u32)));
     found.sort_unstable();
     found.dedup();
     Ok(found)
@@ -148,6 +156,8 @@ pub(super) struct Seen {
     pub draft: Arc<Draft>,
     /// What stands for its parts.
     pub wide: Vec<Option<Corner>>,
+    /// As [`Draft::of_vertex`], without what was given up.
+    pub of_vertex: Vec<u32>,
 }
 
 /// A leaf and those of its level around it.
@@ -161,7 +171,8 @@ impl Neighbourhood {
         let see = |leaf| {
             let (cells, draft) = (field.cells(leaf)?, field.draft(leaf)?);
             let wide = across.corners(leaf, &draft);
-            Ok(Seen { cells, draft, wide })
+            let of_vertex = across.of_vertex(leaf, &draft, cells.len());
+            Ok(Seen { cells, draft, wide, of_vertex })
         };
         let mut others = [const { None }; 27];
         for (direction, side) in field.leaves.around(leaf).iter().enumerate() {
@@ -178,11 +189,11 @@ impl Neighbourhood {
     /// to it.
     pub(super) fn beyond(&self, edge: &Edge, quadrant: usize, cell: [i32; 3]) -> Option<Corner> {
         let direction = direction_index(cell.map(|c| c.div_euclid(BRICK_CELLS as i32)));
-        let Seen { cells, draft, wide } = self.others[direction].as_ref()?;
+        let Seen { cells, draft, wide, of_vertex } = self.others[direction].as_ref()?;
         let cell = cell.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
         let [qu, qv] = SQUARE[quadrant];
         let vertex = cells.plain_vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv))?;
-        Some(draft.corner((cells, wide), direction, vertex, &draft.of_vertex))
+        Some(draft.corner((cells, wide), direction, vertex, of_vertex))
     }
 }
 
@@ -232,8 +243,12 @@ fn is_folded(axis: Axis, corners: &[Corner; 4]) -> bool {
 }
 
 /// Whether a triangle runs counter-clockwise, seen from the upper end of `axis`.
-pub(in super::super) fn turns(axis: Axis, corners: [[f32; 3]; 3]) -> bool {
+#[inline]
+pub(in super::super) fn turns(axis: Axis, [p, q, r]: [[f32; 3]; 3]) -> bool {
     let (u, v) = axis.others();
-    let [p, q, r] = corners.map(|corner| [corner[u.index()], corner[v.index()]].map(f64::from));
-    (q[0] - p[0]) * (r[1] - q[1]) - (q[1] - p[1]) * (r[0] - q[0]) > 0.0
+    // The way from one corner to the next, seen from there.
+    let way = |from: [f32; 3], to: [f32; 3], axis: Axis| {
+        f64::from(to[axis.index()]) - f64::from(from[axis.index()])
+    };
+    way(p, q, u) * way(q, r, v) - way(p, q, v) * way(q, r, u) > 0.0
 }

@@ -29,29 +29,41 @@
 //!
 //! All within a leaf is a matter of the leaf and of the levels of those around it ([`Draft`]), all above it a matter
 //! of what leaves hand on, in the order of the tree; and the mesh is manifold whichever of the vertices that pass are
-//! taken. Some are given up because the surface would fold there ([`folds`]), which takes the drafts of the leaves
-//! around.
+//! taken. Some are given up because the surface would fold there ([`folds`]), others because triangles would meet where
+//! they are not joined ([`meetings`]). All of that is decided before any vertex is numbered; from then on what becomes of
+//! a leaf's vertices is a matter of its draft and of what was given up ([`Across::names`]).
+//!
+//! *What is not merged* is as without a tolerance: polygons without a merged vertex are cut the same way, and a vertex on
+//! a face ([`super::faces`]) stays as long as neither cell at the face is merged, which both polygons at it know.
 
 mod across;
+mod bounds;
 mod crossings;
 mod draft;
 mod fit;
 mod folds;
+mod made;
+mod meetings;
 mod parts;
 mod patches;
+mod room;
 
 pub(super) use across::{Across, Shared};
 pub(super) use draft::Draft;
 pub(super) use folds::{OWN, turns};
+pub(super) use made::{Fresh, Made};
+pub(super) use meetings::MeetingSearch;
 
 use super::cells::BrickCells;
 use super::extras::{edge_key, face_key};
+use super::faces::FaceVertices;
 use super::field::{Field, Frame};
 use crate::error::Result;
-use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
+use crate::lattice::{BRICK_BITS, NodeKey};
 use crossings::FROZEN;
 use draft::Candidate;
-use folds::{Edge, Neighbourhood, Seen};
+use folds::Edge;
+use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 
 /// Nodes of a leaf's cells are 2 to the power of 1 up to this many cells wide.
@@ -60,7 +72,7 @@ const LEVELS: u8 = BRICK_BITS as u8;
 /// Stands for a vertex that is not merged, or that is no more.
 const NONE: u32 = u32::MAX;
 
-/// What is merged of the vertices of a leaf's cells.
+/// What is merged of the vertices of a leaf: those of its cells and those on its faces.
 #[derive(Default)]
 pub(super) struct Merged {
     /// By number as first made, the number of each vertex or [`Merged::NONE`]; empty if nothing is merged. From
@@ -68,55 +80,88 @@ pub(super) struct Merged {
     pub names: Vec<u32>,
     /// World positions of the leaf's vertices by the new numbers.
     pub positions: Vec<[f32; 3]>,
+    /// How many of them, the first ones, stand for vertices of several leaves.
+    several: u32,
+    /// The candidates, with their levels, that the next ones are.
+    candidates: Vec<(u32, u8)>,
     /// Vertices that other leaves have.
     pub shared: Vec<Shared>,
     /// Faces with extra vertices.
     pub split_faces: u64,
+    /// Vertices on faces that are left.
+    pub face_vertices: usize,
+    /// A merged vertex made room for another one.
+    has_moved: bool,
+    /// Vertices of several leaves that are where one is that stays as it was: they are to be given up.
+    crowding: Vec<u32>,
 }
 
 impl Merged {
     /// The number of an extra vertex that is no more.
     pub(super) const NONE: u32 = NONE;
 
+    /// Whether one of the leaf's vertices, by its new number, stands for others.
+    #[inline]
+    pub(super) fn is_merged(&self, number: u32) -> bool {
+        number < self.several + self.candidates.len() as u32
+    }
+
     /// Heap bytes.
     pub(super) fn heap_bytes(&self) -> usize {
         4 * self.names.capacity()
             + self.positions.capacity() * size_of::<[f32; 3]>()
+            + self.candidates.capacity() * size_of::<(u32, u8)>()
             + self.shared.capacity() * size_of::<Shared>()
+            + 4 * self.crowding.capacity()
             + size_of::<Merged>()
     }
 }
 
 /// Merges the vertices of a leaf's cells.
 pub(super) fn merged(field: &Field, leaf: u32, across: &Across) -> Result<Merged> {
-    let draft = field.draft(leaf)?;
-    let (owned, hosted) = (across.owned(leaf), across.hosted(leaf));
-    let is_plain = draft.candidates.is_empty() && across.corners(leaf, &draft).iter().all(Option::is_none);
-    if is_plain && hosted.is_empty() {
+    let (draft, cells, faces) = (field.draft(leaf)?, field.cells(leaf)?, field.faces(leaf)?);
+    let hosted = across.hosted(leaf);
+    let names = across.names(leaf, &draft, cells.len());
+    let lost_faces = beside_merged(field, across, (leaf, &names), &faces)?;
+    if hosted.is_empty() && !lost_faces.contains(&true) && names.iter().all(|name| *name == Name::Own) {
         return Ok(Merged::default());
     }
-    let seen = Neighbourhood::of(field, leaf, across)?;
-    let Seen { cells, draft, wide } = &seen.own;
-    let mut barred = draft.barred.clone();
-    let beyond = |edge: &Edge, quadrant, cell| seen.beyond(edge, quadrant, cell);
-    let of_vertex = folds::without((draft, cells, wide), &mut barred, draft.of_vertex.clone(), beyond);
-    let names: Vec<Name> = (0..cells.len() as u32)
-        .map(|vertex| {
-            let wide = draft.part_of(vertex).and_then(|part| wide.get(part).copied().flatten());
-            match (wide, of_vertex[vertex as usize]) {
-                (Some(corner), _) => Name::Wide(corner.name.2),
-                (None, NONE) => Name::Own,
-                (None, candidate) => Name::Candidate(candidate),
-            }
-        })
-        .collect();
     let key = field.leaves.get(leaf).key;
     let dropped = match cells.extras.is_empty() {
         true => HashSet::new(),
         false => faces_within(&draft.edges, &names, key),
     };
-    let renaming = Renaming { leaf, cells, frame: field.frame(key), draft, across, owned, hosted };
-    Ok(renaming.merged(&names, &dropped))
+    let frame = field.frame(key);
+    let owned = across.owned(leaf);
+    let renaming = Renaming { leaf, cells: &cells, frame, draft: &draft, across, owned, hosted };
+    Ok(renaming.merged(&names, &dropped, (&faces, &lost_faces)))
+}
+
+/// For each vertex on a face whether one of the cells at the face is merged with others.
+fn beside_merged(
+    field: &Field,
+    across: &Across,
+    (leaf, names): (u32, &[Name]),
+    faces: &FaceVertices,
+) -> Result<Vec<bool>> {
+    let mut others: HashMap<u32, Vec<Name>> = HashMap::new();
+    let mut lost = Vec::with_capacity(faces.sides.len());
+    for &([other, below], above) in &faces.sides {
+        let below = if other == leaf {
+            names[below as usize]
+        } else {
+            let names = match others.entry(other) {
+                Entry::Occupied(names) => names.into_mut(),
+                Entry::Vacant(place) => {
+                    let (draft, cells) = (field.draft(other)?, field.cells(other)?);
+                    place.insert(across.names(other, &draft, cells.len()))
+                }
+            };
+            names[below as usize]
+        };
+        lost.push([below, names[above as usize]] != [Name::Own; 2]);
+    }
+    Ok(lost)
 }
 
 /// What a vertex becomes.
@@ -164,13 +209,18 @@ struct Renaming<'a> {
     draft: &'a Draft,
     across: &'a Across,
     owned: &'a [[f32; 3]],
-    hosted: &'a [[f32; 3]],
+    hosted: &'a [([f32; 3], u32)],
 }
 
 impl Renaming<'_> {
-    /// Vertices of several leaves come first, as far as the leaf has them; the merged ones then take the place of the
-    /// first one that each stands for.
-    fn merged(&self, names: &[Name], dropped: &HashSet<(u32, u64)>) -> Merged {
+    /// Vertices of several leaves come first, as far as the leaf has them, then the other merged ones in the order of the
+    /// first that each stands for, then those that stay, and at last those on faces.
+    fn merged(
+        &self,
+        names: &[Name],
+        dropped: &HashSet<(u32, u64)>,
+        (faces, lost_faces): (&FaceVertices, &[bool]),
+    ) -> Merged {
         let cells = self.cells;
         let mut numbers = vec![0; cells.len()];
         let mut joined_faces: HashSet<u32> = HashSet::new();
@@ -178,70 +228,74 @@ impl Renaming<'_> {
             numbers[extra.vertex as usize] = NONE;
             joined_faces.insert(extra.face);
         }
+        let kept = |vertex: &usize| names[*vertex] == Name::Own && numbers[*vertex] != NONE;
+        let kept: Vec<usize> = (0..cells.len()).filter(kept).collect();
+        let mut taken: HashSet<[u32; 3]> =
+            kept.iter().map(|vertex| bits(&cells.positions[*vertex])).collect();
+        let crowding = self.hosted.iter().filter(|(position, _)| !taken.insert(bits(position)));
+        let crowding = crowding.map(|(_, wide)| *wide).collect();
+        let mut has_moved = false;
         let mut positions = Vec::with_capacity(self.owned.len() + cells.len());
         positions.extend_from_slice(self.owned);
-        let mut taken: HashSet<[u32; 3]> = self.hosted.iter().map(bits).collect();
-        let is_kept = |vertex: &usize| names[*vertex] == Name::Own && numbers[*vertex] != NONE;
-        let kept: Vec<usize> = (0..cells.len()).filter(is_kept).collect();
-        let mut moved = HashMap::new();
-        for vertex in kept {
-            let position = cells.positions[vertex];
-            if !taken.insert(bits(&position)) && self.hosted.contains(&position) {
-                moved.insert(vertex, self.beside(position, &mut taken));
-            }
-        }
         let mut of_candidate = vec![NONE; self.draft.candidates.len()];
-        let mut elsewhere: Vec<(usize, Shared)> = Vec::new();
-        for vertex in 0..cells.len() {
-            if numbers[vertex] == NONE {
-                continue;
+        let mut candidates = Vec::new();
+        for (number, name) in numbers.iter_mut().zip(names) {
+            let Name::Candidate(candidate) = *name else { continue };
+            let place = &mut of_candidate[candidate as usize];
+            if *place == NONE {
+                let Candidate { node, at, .. } = self.draft.candidates[candidate as usize];
+                let is_taken = |position: &[f32; 3]| {
+                    let is_taken = !taken.insert(bits(position));
+                    has_moved |= is_taken;
+                    is_taken
+                };
+                *place = positions.len() as u32;
+                positions.push(self.frame.free_place((node.corner, node.size()), at, is_taken));
+                candidates.push((candidate, node.level));
             }
-            let number = positions.len() as u32;
-            numbers[vertex] = match names[vertex] {
-                Name::Own => {
-                    positions.push(moved.get(&vertex).copied().unwrap_or(cells.positions[vertex]));
-                    number
-                }
-                Name::Candidate(candidate) => {
-                    let place = &mut of_candidate[candidate as usize];
-                    if *place == NONE {
-                        let Candidate { node, at, .. } = self.draft.candidates[candidate as usize];
-                        let block = (node.corner, node.size());
-                        let is_taken = |position: &[f32; 3]| !taken.insert(bits(position));
-                        positions.push(self.frame.free_place(block, at, is_taken));
-                        *place = number;
-                    }
-                    *place
-                }
-                Name::Wide(wide) => {
-                    let shared = self.across.shared(wide);
-                    if shared.leaf != self.leaf {
-                        elsewhere.push((vertex, shared));
-                    }
-                    shared.number
-                }
-            };
+            *number = *place;
+        }
+        for vertex in kept {
+            numbers[vertex] = positions.len() as u32;
+            positions.push(cells.positions[vertex]);
+        }
+        let before_faces = positions.len();
+        for (position, is_lost) in faces.positions.iter().zip(lost_faces) {
+            numbers.push(if *is_lost { NONE } else { positions.len() as u32 });
+            positions.extend((!is_lost).then_some(*position));
         }
         positions.shrink_to_fit();
+        let shared = self.number_shared(names, &mut numbers, positions.len());
+        Merged {
+            names: numbers,
+            several: self.owned.len() as u32,
+            candidates,
+            shared,
+            split_faces: cells.split_faces - joined_faces.len() as u64,
+            face_vertices: positions.len() - before_faces,
+            has_moved,
+            crowding,
+            positions,
+        }
+    }
+
+    /// Numbers what stands for vertices of several leaves; returns those that other leaves have, from `first` on.
+    fn number_shared(&self, names: &[Name], numbers: &mut [u32], first: usize) -> Vec<Shared> {
         let mut shared: Vec<Shared> = Vec::new();
-        for (vertex, other) in elsewhere {
-            let known = shared.iter().position(|known| *known == other);
-            let n = known.unwrap_or_else(|| {
+        for (number, name) in numbers.iter_mut().zip(names) {
+            let Name::Wide(wide) = *name else { continue };
+            let other = self.across.shared(wide);
+            if other.leaf == self.leaf {
+                *number = other.number;
+                continue;
+            }
+            let n = shared.iter().position(|known| *known == other).unwrap_or_else(|| {
                 shared.push(other);
                 shared.len() - 1
             });
-            numbers[vertex] = (positions.len() + n) as u32;
+            *number = (first + n) as u32;
         }
-        let split_faces = cells.split_faces - joined_faces.len() as u64;
-        Merged { names: numbers, positions, shared, split_faces }
-    }
-
-    /// A place beside one that is taken, in the same cell.
-    fn beside(&self, position: [f32; 3], taken: &mut HashSet<[u32; 3]>) -> [f32; 3] {
-        let point = self.frame.local(position);
-        let cell = point.map(|c| (c.floor().max(0.0) as usize).min(BRICK_CELLS - 1));
-        let at = std::array::from_fn(|a| point[a] - cell[a] as f64);
-        self.frame.free_place((cell, 1.0), at, |position| !taken.insert(bits(position)))
+        shared
     }
 }
 

@@ -10,7 +10,7 @@ use crate::lattice::BRICK_POINTS;
 impl Builder<'_> {
     /// Takes a plain cell with one loop for one whose vertex lies beyond it.
     pub(in crate::contour) fn let_stray(&mut self, cell: [usize; 3]) {
-        let Some((kind, _)) = self.cells.plain(cell).filter(|_| !self.field.merges()) else { return };
+        let Some((kind, _)) = self.cells.plain(cell) else { return };
         self.cells.special.push(cell.map(|c| c as u8));
         let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
         for place in kind.loops().edges_of(0).map(|edge| &EDGE_PLACES[edge]) {

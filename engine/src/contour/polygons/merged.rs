@@ -1,18 +1,13 @@
 //! The polygons of a leaf some of whose vertices stand for others ([`super::super::adaptive`]): corners that fall
 //! together count once, and what has less than three vanishes.
 
-use super::{Border, Maker, Quarter};
+use super::{Border, Edge, Maker, Quarter, name};
 use crate::brick::SignChanges;
 use crate::contour::adaptive::{OWN, Shared, turns};
 use crate::contour::cut::{BOTH, Shape, Vertex};
 use crate::contour::edges::{NO_VERTEX, Quad};
-use crate::contour::later::Names;
-use crate::contour::vertices::LeafVertices;
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_CELLS};
-
-/// Which leaf a vertex is of, and its number there.
-type Name = (u32, u32);
+use crate::lattice::Axis;
 
 impl Maker<'_> {
     /// All edges of the leaf, in the order of [`crate::contour::cells::BrickCells::take_quads`].
@@ -22,73 +17,87 @@ impl Maker<'_> {
             signs.for_edges(axis, |low| edges.push((axis, low)));
         }
         for (n, &(axis, low)) in edges.iter().enumerate() {
-            let quad = &quads.get(n).unwrap_or(&Quad::UNKNOWN).vertices;
-            let inside = signs.is_inside(low);
-            if quad.contains(&NO_VERTEX) {
-                self.merged_border(axis, low, quad, inside)?;
-            } else if let Some(own) = &self.neighbours[OWN]
-                && quad.iter().any(|vertex| *vertex != quad[0])
-            {
-                let corners = quad.map(|vertex| corner(&mut self.names, own, vertex.into()));
-                self.push_distinct(axis, corners, inside);
+            let Quad { vertices, fraction } = quads.get(n).unwrap_or(&Quad::UNKNOWN);
+            let (edge, inside) = ((axis, low, *fraction), signs.is_inside(low));
+            if vertices.contains(&NO_VERTEX) {
+                self.merged_border(edge, vertices, inside)?;
+            } else if let Some(own) = &self.neighbours[OWN] {
+                let corners = vertices.map(|vertex| own.vertex(vertex.into()));
+                self.push_merged(edge, &corners, inside);
             }
         }
         Ok(())
     }
 
     /// As [`Maker::border`].
-    fn merged_border(&mut self, axis: Axis, low: [usize; 3], quad: &[u16; 4], inside: bool) -> Result<()> {
+    fn merged_border(&mut self, edge: Edge, quad: &[u16; 4], inside: bool) -> Result<()> {
+        let (axis, low, _) = edge;
         let place = self.border_place(axis, low)?;
         match self.borders[place] {
             Border::Foreign => return Ok(()),
-            Border::Equal(quarters) => {
-                if let Some(corners) = self.merged_equal(low, &quarters, quad) {
-                    self.push_distinct(axis, corners, inside);
+            Border::Equal(ref quarters) => {
+                if let Some(corners) = self.merged_equal(axis, low, quarters, quad) {
+                    self.push_merged(edge, &corners, inside);
                     return Ok(());
                 }
             }
             Border::Unknown | Border::Uneven => {}
         }
-        self.general((axis, low, 0), inside)
+        self.general(edge, inside)
     }
 
-    /// The corners of a polygon among plain cells without ambiguous faces of leaves of this level; `quad` as in
-    /// [`crate::contour::cells::BrickCells::take_quads`].
+    /// As [`Maker::equal`].
     fn merged_equal(
-        &mut self,
+        &self,
+        axis: Axis,
         low: [usize; 3],
         quarters: &[Quarter; 4],
         quad: &[u16; 4],
-    ) -> Option<[(Name, Vertex); 4]> {
+    ) -> Option<[Shared; 4]> {
         let mut corners = [Default::default(); 4];
         for (n, quarter) in quarters.iter().enumerate() {
             let vertices = self.neighbours[quarter.direction].as_ref()?;
-            let vertex = if quad[n] == NO_VERTEX {
-                let cell = std::array::from_fn(|a| (low[a] + quarter.step[a]) % BRICK_CELLS);
-                // A face that is cut twice may be split.
-                vertices.cells.plain(cell).filter(|(kind, _)| kind.loops().ambiguous == 0)?;
-                vertices.cells.plain_vertex(cell, quarter.edge)?
-            } else {
-                u32::from(quad[n])
-            };
-            corners[n] = corner(&mut self.names, vertices, vertex);
+            let vertex = self.among_plain(vertices, axis, low, (n, quarter), quad)?;
+            corners[n] = vertices.vertex(vertex);
         }
         Some(corners)
     }
 
-    /// The polygon of those of four corners that differ from the one before; equal ones follow each other.
-    fn push_distinct(&mut self, axis: Axis, corners: [(Name, Vertex); 4], inside: bool) {
+    /// The polygon of four corners: as without a tolerance if none of them is merged, else of those that differ from the
+    /// one before; equal ones follow each other.
+    fn push_merged(&mut self, edge: Edge, corners: &[Shared; 4], inside: bool) {
+        let named = corners.each_ref().map(|corner| name(&mut self.names, corner));
+        if !corners.iter().any(|corner| corner.is_merged) {
+            let shape = if inside { Shape::Quad } else { Shape::Turned };
+            self.cutter.push_around(&self.placed(edge), named, shape, BOTH);
+            return;
+        }
+        let mark = self.next_mark();
+        let named = named.map(|(name, position)| (name | mark, position));
+        let is_new = |n: usize| {
+            let (this, before) = (&corners[n], &corners[(n + 3) % 4]);
+            (this.leaf, this.number) != (before.leaf, before.number)
+        };
         let mut distinct = [Vertex::default(); 4];
         let mut count = 0;
-        for n in 0..4 {
-            if corners[n].0 != corners[(n + 3) % 4].0 {
-                distinct[count] = corners[n].1;
+        for (n, corner) in named.into_iter().enumerate() {
+            if is_new(n) {
+                distinct[count] = corner;
                 count += 1;
             }
         }
+        self.push_distinct(edge.0, count, distinct, inside);
+    }
+
+    /// The polygon of the first `count` corners.
+    fn push_distinct(&mut self, axis: Axis, count: usize, distinct: [Vertex; 4], inside: bool) {
         let [a, b, c, d] = distinct;
         let mut triangle = |a, b, c| self.cutter.push_triangle([a, b, c], inside);
-        match (count, diagonal(axis, distinct.map(|corner| corner.1))) {
+        let cut = match count {
+            4 => diagonal(axis, [a.1, b.1, c.1, d.1]),
+            _ => Diagonal::Shorter,
+        };
+        match (count, cut) {
             (4, Diagonal::Shorter) => {
                 self.cutter.push(distinct, if inside { Shape::Quad } else { Shape::Turned }, BOTH)
             }
@@ -106,12 +115,6 @@ impl Maker<'_> {
     }
 }
 
-/// The corner that stands for a vertex, by the number with which its cell was made.
-fn corner(names: &mut Names, vertices: &LeafVertices, vertex: u32) -> (Name, Vertex) {
-    let Shared { leaf, number, position } = vertices.vertex(vertex);
-    ((leaf, number), (names.of(leaf, number), position))
-}
-
 /// Where a quadrilateral is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Diagonal {
@@ -124,7 +127,7 @@ enum Diagonal {
 /// Where a quadrilateral around an edge along `axis` is cut so that no half is folded back: seen along the edge its
 /// corners lie in one quadrant each, so that at least one diagonal lies within it.
 fn diagonal(axis: Axis, corners: [[f32; 3]; 4]) -> Diagonal {
-    let turns = |n: usize| turns(axis, [n + 3, n, n + 1].map(|n| corners[n % 4]));
+    let turns = |n: usize| turns(axis, [corners[(n + 3) % 4], corners[n], corners[(n + 1) % 4]]);
     // Halves of the first diagonal have their tips at the corners 1 and 3.
     match (turns(1) && turns(3), turns(0) && turns(2)) {
         (true, false) => Diagonal::First,

@@ -1,5 +1,6 @@
 //! Meshes with merged vertices against those without.
 
+use super::meetings::pairs;
 use super::*;
 
 /// Edge of a cell of a level of the tests' root.
@@ -101,6 +102,40 @@ fn noise_keeps_its_topology() {
             quiet_bits: 24,
         };
         keeps_its_topology(&tree(&everywhere, &uniform(0)), 0, f64::INFINITY);
+    }
+}
+
+/// On trees of one level nothing meets, whatever the planes let through.
+#[test]
+fn merged_surfaces_meet_nowhere() {
+    let apart = |tree: &MemoryTree, tolerance: f64| {
+        let plain = checked(tree).1.triangles;
+        let (mesh, summary) = merged(tree, tolerance);
+        check(&mesh.welded()).unwrap();
+        assert_eq!(pairs(&mesh), 0, "{} triangles at {tolerance}", summary.triangles);
+        [summary.triangles, plain]
+    };
+    let mut all = [0; 2];
+    for seed in 0..6 {
+        let density = 20 + 36 * seed;
+        for (noise, level) in [(noise(seed, 1, 5, density, 3.9), 1), (noise(seed, 1, 3, density, 0.0), 2)] {
+            for tolerance in [0.5 * cell(level), 1e6] {
+                let counts = apart(&tree(&noise, &uniform(level)), tolerance);
+                (0..2).for_each(|n| all[n] += counts[n]);
+            }
+        }
+    }
+    assert!(all[0] < all[1], "{all:?}");
+    for half in [[3.0, 2.0, 4.0], [0.4, 5.0, 0.3], [5.0, 4.0, 0.07]] {
+        let other = Implicit(move |p: [f64; 3]| {
+            let q = to_box([p[2] + 0.7, p[0] - 0.3, p[1]]);
+            (0..3).map(|a| q[a].abs() - half[(a + 1) % 3]).fold(f64::NEG_INFINITY, f64::max)
+        });
+        let tree = tree(&Overlap(rotated_box(half), other), &uniform(2));
+        for cells in [0.01, 0.1, 0.3, 1.0] {
+            let [after, before] = apart(&tree, cells * cell(2));
+            assert!(after < before);
+        }
     }
 }
 
