@@ -73,12 +73,12 @@ fn facing(sectors: &[Sector]) -> Option<DVec3> {
     for _ in 0..DIRECTIONS {
         let direction = sum.try_normalize()?;
         let cosines = sectors.iter().map(|(normal, _)| (normal, normal.dot(direction)));
-        let turned_away = cosines.filter(|(_, cosine)| *cosine < LEAST_COSINE);
-        // To the other side, and a little beyond.
-        let pull: DVec3 = turned_away.map(|(normal, cosine)| *normal * (0.1 - 1.5 * cosine)).sum();
-        if pull == DVec3::ZERO {
+        let mut turned_away = cosines.filter(|(_, cosine)| *cosine < LEAST_COSINE).peekable();
+        if turned_away.peek().is_none() {
             return Some(direction);
         }
+        // To the other side, and a little beyond.
+        let pull: DVec3 = turned_away.map(|(normal, cosine)| *normal * (0.1 - 1.5 * cosine)).sum();
         sum = direction + pull;
     }
     None
@@ -166,6 +166,9 @@ mod tests {
         assert!(!is_fan(&fan([0.0; 3], &[flat.clone(), flat.clone()].concat()).1));
         let folded = [flat[0], flat[1], [3.0, 1.0, 0.0], flat[2]];
         assert!(!is_fan(&fan([0.0; 3], &folded).1));
+        // Two that lie on each other, upright where the direction of the others sees them from neither side.
+        let upright = [[1.0, 0.0, 0.0], [4.0, 0.0, 2.0], [0.0, -1.0, 0.0], [4.0, 0.0, 1.0]];
+        assert!(!is_fan(&fan([0.0; 3], &upright).1));
     }
 
     proptest! {
