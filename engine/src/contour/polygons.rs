@@ -425,7 +425,7 @@ impl<'a> Maker<'a> {
             return Ok(());
         }
         let mark = self.next_mark();
-        triangulate(corners, |a, b, c| {
+        merged::triangulate(corners, |a, b, c| {
             let vertex = |n: usize| {
                 let (name, position) = name(&mut self.names, &corners[n].vertex);
                 (name | mark, position)
@@ -583,32 +583,4 @@ fn relative(at: Units, key: NodeKey, point: [usize; 3]) -> Units {
 #[inline(always)]
 fn name(names: &mut Names, vertex: &Shared) -> Vertex {
     (names.of(vertex.leaf, vertex.number), vertex.position)
-}
-
-/// True if a quadrilateral is to be cut from corner 0 to corner 2: along the shorter of the diagonals that
-/// are allowed, along this one if they are equal.
-#[inline(always)]
-fn shorter(p: &[[f32; 3]; 4], is_first_allowed: bool, is_second_allowed: bool) -> bool {
-    let squared =
-        |a: [f32; 3], b: [f32; 3]| (0..3).map(|n| (f64::from(a[n]) - f64::from(b[n])).powi(2)).sum::<f64>();
-    is_first_allowed && (!is_second_allowed || squared(p[0], p[2]) <= squared(p[1], p[3]))
-}
-
-/// Cuts a polygon into triangles by the rules at the top of this file.
-fn triangulate(corners: &[Corner], mut triangle: impl FnMut(usize, usize, usize)) {
-    let count = corners.len();
-    let extra = corners.iter().position(|c| c.is_extra && c.is_finest);
-    let is_plain_quad = count == 4 && corners.iter().all(|c| !c.is_extra);
-    let apex = match extra {
-        Some(extra) => extra,
-        None if is_plain_quad => {
-            let finest = |n: usize| corners[n].is_finest || corners[n + 2].is_finest;
-            let positions = std::array::from_fn(|n| corners[n].vertex.position);
-            usize::from(!shorter(&positions, finest(0), finest(1)))
-        }
-        None => corners.iter().position(|c| c.is_finest).unwrap_or(0),
-    };
-    for n in 1..count.saturating_sub(1) {
-        triangle(apex, (apex + n) % count, (apex + n + 1) % count);
-    }
 }
