@@ -33,8 +33,9 @@ use std::borrow::Cow;
 use tally::Tally;
 
 pub use pair::Meeting;
-pub(crate) use pair::{Triangle, meet_by_place};
+pub(crate) use pair::{has_area, meet_by_place};
 pub use report::{Defect, Intersections, Pair, Report, Shell};
+pub(crate) use weld::hash_bits;
 
 /// Corners are numbered in 32 bits.
 const TRIANGLES_MAX: u64 = (u32::MAX / 3) as u64;

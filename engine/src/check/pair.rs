@@ -26,7 +26,7 @@ type Flat = [f64; 2];
 
 /// A triangle with an area.
 #[derive(Clone, Debug)]
-pub(crate) struct Triangle {
+pub(super) struct Triangle {
     pub(super) face: u32,
     pub(super) vertices: [u32; 3],
     pub(super) corners: [Point; 3],
@@ -42,8 +42,8 @@ impl Triangle {
         Some(Triangle { face, vertices: mesh.triangles[face as usize], corners, axis })
     }
 
-    /// One by itself, unless its corners are on a line; for [`meet_by_place`].
-    pub(crate) fn placed(corners: [[f32; 3]; 3]) -> Option<Triangle> {
+    /// One by itself, unless its corners are on a line.
+    fn placed(corners: &[[f32; 3]; 3]) -> Option<Triangle> {
         let corners = corners.map(|corner| corner.map(f64::from));
         Some(Triangle { face: 0, vertices: [0, 1, 2], corners, axis: axis(&corners)? })
     }
@@ -105,12 +105,19 @@ pub(super) fn meeting(a: &Triangle, b: &Triangle) -> Option<Meeting> {
     }
 }
 
-/// Whether two triangles made by [`Triangle::placed`] meet elsewhere than they must; corners at the same place are one
-/// vertex.
-pub(crate) fn meet_by_place(a: &Triangle, b: &Triangle) -> bool {
+/// Whether the corners of a triangle are not on a line.
+pub(crate) fn has_area(corners: &[[f32; 3]; 3]) -> bool {
+    Triangle::placed(corners).is_some()
+}
+
+/// Whether two triangles meet elsewhere than they must; corners at the same place are one vertex, and what has no area
+/// meets nothing.
+pub(crate) fn meet_by_place(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> bool {
+    let (Some(a), Some(b)) = (Triangle::placed(a), Triangle::placed(b)) else { return false };
     let vertex =
         |n: usize| a.corners.iter().position(|corner| *corner == b.corners[n]).unwrap_or(3 + n) as u32;
-    meeting(a, &Triangle { vertices: [0, 1, 2].map(vertex), ..b.clone() }).is_some()
+    let vertices = [0, 1, 2].map(vertex);
+    meeting(&a, &Triangle { vertices, ..b }).is_some()
 }
 
 /// Of two triangles without a common vertex. `a` has an area along `axis`.

@@ -42,10 +42,14 @@ fn bits(position: &[f64; 3]) -> [u64; 3] {
     position.map(f64::to_bits)
 }
 
-/// Each coordinate is multiplied into all bits before the next is added: the low half of an f64 that was an f32 is
-/// zero. Multiplier: 2^64 divided by the golden ratio.
 fn hash(position: &[f64; 3]) -> u64 {
-    bits(position).into_iter().fold(0, |hash: u64, bits| {
+    hash_bits(bits(position))
+}
+
+/// A hash of three coordinates by their bits. Each is multiplied into all bits before the next is added: the low half of
+/// an f64 that was an f32 is zero. Multiplier: 2^64 divided by the golden ratio.
+pub(crate) fn hash_bits(bits: [u64; 3]) -> u64 {
+    bits.into_iter().fold(0, |hash: u64, bits| {
         let mixed = u128::from(hash ^ bits ^ 0x5851_f42d_4c95_7f2d) * 0x9e37_79b9_7f4a_7c15;
         (mixed >> 64) as u64 ^ mixed as u64
     })

@@ -86,10 +86,7 @@ impl BrickCells {
             return Ok(BrickCells::default());
         }
         let surface = field.surface(leaf)?;
-        let changes = match &*surface {
-            Surface::Changes(changes) => Some(&**changes),
-            Surface::Uniform(_) => None,
-        };
+        let changes = surface.changes();
         let mut rows = vec![CellRow::default(); CELL_ROWS];
         if let Some(changes) = changes {
             mark_active(&changes.signs, &mut rows);

@@ -220,8 +220,8 @@ impl<'a> Field<'a> {
     }
 
     /// Normals of the vertices of a leaf, its first ones, that stand for vertices of several.
-    pub(super) fn normals_across(&self, leaf: u32) -> &[[f32; 3]] {
-        self.merging.as_ref().map_or(&[], |merging| merging.across.normals(leaf))
+    pub(super) fn normals_across(&self, leaf: u32) -> Vec<[f32; 3]> {
+        self.across().map_or(Vec::new(), |across| across.normals(leaf))
     }
 
     /// True if vertices are merged.

@@ -94,18 +94,18 @@ impl LeafNormals {
         let count = vertices.first_count();
         let has_edges = count > 0 && field.leaves.get(leaf).changes;
         let surface = has_edges.then(|| field.surface(leaf)).transpose()?;
-        let changes = surface.as_deref().and_then(changes);
+        let changes = surface.as_deref().and_then(Surface::changes);
         let mut sums = Sums { key, vertices, changes, all: vec![NormalSum::default(); count] };
         if count > 0 {
             sums.add_cells(field, leaf)?;
         }
-        let all = sums.by_number(field.normals_across(leaf));
+        let all = sums.by_number(&field.normals_across(leaf));
         Ok(LeafNormals { lattice: field.frame(key).lattice(), surface, all })
     }
 
     /// With those of vertices on edges of the leaf, which come last.
     pub(super) fn with_edges(mut self, edges: &[MinimalEdge]) -> Vec<[f32; 3]> {
-        if let Some(changes) = self.surface.as_deref().and_then(changes) {
+        if let Some(changes) = self.surface.as_deref().and_then(Surface::changes) {
             let normal = |edge: &MinimalEdge| {
                 let low = low_of(edge, &self.lattice);
                 NormalSum::of([changes.planes[changes.slot(edge.axis, low)].normal]).direction()
@@ -113,13 +113,6 @@ impl LeafNormals {
             self.all.extend(edges.iter().map(normal));
         }
         self.all
-    }
-}
-
-fn changes(surface: &Surface) -> Option<&Changes> {
-    match surface {
-        Surface::Changes(changes) => Some(changes),
-        Surface::Uniform(_) => None,
     }
 }
 
@@ -222,7 +215,7 @@ impl Sums<'_> {
     /// Normals by the numbers that vertices have in the mesh; `across` are those of the first ones, which stand for
     /// vertices of several leaves.
     fn by_number(self, across: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let Some(merged) = &self.vertices.merged else {
+        let Some(merged) = self.vertices.what_is_merged() else {
             return self.all.iter().map(NormalSum::direction).collect();
         };
         let mut sums = vec![NormalSum::default(); merged.positions.len()];

@@ -64,6 +64,14 @@ impl Surface {
         Ok(Surface::Changes(Box::new(Changes::new(signs, planes))))
     }
 
+    /// The edges that change sign, if any does.
+    pub(super) fn changes(&self) -> Option<&Changes> {
+        match self {
+            Surface::Uniform(_) => None,
+            Surface::Changes(changes) => Some(changes),
+        }
+    }
+
     /// True if the sample lies inside.
     pub(super) fn is_inside(&self, ijk: [usize; 3]) -> bool {
         match self {

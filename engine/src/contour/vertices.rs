@@ -12,7 +12,7 @@ pub(super) struct LeafVertices {
     leaf: u32,
     pub cells: Arc<BrickCells>,
     /// None where all stand for themselves.
-    pub merged: Option<Arc<Merged>>,
+    merged: Option<Arc<Merged>>,
     faces: Arc<FaceVertices>,
 }
 

@@ -66,13 +66,9 @@ pub(in super::super) struct Across {
     of_part: HashMap<(u32, u32), u32>,
     /// Leaf and number of those that are in the mesh.
     places: Vec<[u32; 2]>,
-    /// By leaf, the positions of those that it has, in the order of their numbers.
-    owned: HashMap<u32, Vec<[f32; 3]>>,
     /// Normals of all, where they are wanted.
     normals: Option<Vec<[f32; 3]>>,
-    /// By leaf, those of the ones that it has.
-    owned_normals: HashMap<u32, Vec<[f32; 3]>>,
-    /// The same as numbers in `all`.
+    /// By leaf, those that it has as numbers in `all`, in the order of their numbers there.
     numbered: HashMap<u32, Vec<u32>>,
     /// By leaf, those that stay in it or on its border, and where.
     hosted: HashMap<u32, Vec<([f32; 3], u32)>>,
@@ -159,14 +155,20 @@ impl Across {
         Shared { leaf, number, position: self.all[wide as usize].position, is_merged: true }
     }
 
-    /// Positions of those that a leaf has.
-    pub(super) fn owned(&self, leaf: u32) -> &[[f32; 3]] {
-        self.owned.get(&leaf).map_or(&[], |all| all)
+    /// Those that a leaf has, in the order of their numbers there.
+    fn numbered(&self, leaf: u32) -> &[u32] {
+        self.numbered.get(&leaf).map_or(&[], |all| all)
     }
 
-    /// Normals of those that a leaf has, where they are wanted.
-    pub(in super::super) fn normals(&self, leaf: u32) -> &[[f32; 3]] {
-        self.owned_normals.get(&leaf).map_or(&[], |all| all)
+    /// Positions of those that a leaf has.
+    pub(super) fn owned(&self, leaf: u32) -> Vec<[f32; 3]> {
+        self.numbered(leaf).iter().map(|number| self.all[*number as usize].position).collect()
+    }
+
+    /// Normals of those that a leaf has; none where they are not wanted.
+    pub(in super::super) fn normals(&self, leaf: u32) -> Vec<[f32; 3]> {
+        let Some(normals) = &self.normals else { return Vec::new() };
+        self.numbered(leaf).iter().map(|number| normals[*number as usize]).collect()
     }
 
     /// Those that stay in a leaf or on its border, and where, so that no other vertex may be there.
@@ -285,7 +287,7 @@ impl Across {
 
     /// What a merged vertex, by its number in a leaf, stands for, and the level of its node.
     pub(super) fn taken(&self, leaf: u32, number: u32, merged: &Merged) -> Option<(Taken, u8)> {
-        match self.numbered.get(&leaf).and_then(|all| all.get(number as usize)) {
+        match self.numbered(leaf).get(number as usize) {
             Some(&wide) => Some((Taken::Wide(wide), self.all[wide as usize].bits)),
             None => {
                 let (candidate, level) = *merged.candidates.get((number - merged.several) as usize)?;
@@ -335,18 +337,12 @@ impl Across {
                 *place = (*place).min(leaf);
             }
         }
-        self.owned.clear();
-        self.owned_normals.clear();
         self.numbered.clear();
-        for (number, (place, wide)) in (0..).zip(self.places.iter_mut().zip(&self.all)) {
+        for (number, place) in (0..).zip(&mut self.places) {
             if place[0] != NONE {
-                let owned = self.owned.entry(place[0]).or_default();
+                let owned = self.numbered.entry(place[0]).or_default();
                 place[1] = owned.len() as u32;
-                owned.push(wide.position);
-                self.numbered.entry(place[0]).or_default().push(number);
-                if let Some(normals) = &self.normals {
-                    self.owned_normals.entry(place[0]).or_default().push(normals[number as usize]);
-                }
+                owned.push(number);
             }
         }
     }

@@ -121,11 +121,6 @@ pub(super) fn bounds([a, b, c]: &Corners) -> Bounds {
     [[low(0), low(1), low(2)], [high(0), high(1), high(2)]]
 }
 
-/// Of two.
-pub(super) fn united(a: Bounds, b: Bounds) -> Bounds {
-    [std::array::from_fn(|n| a[0][n].min(b[0][n])), std::array::from_fn(|n| a[1][n].max(b[1][n]))]
-}
-
 /// Whether two boxes have a point in common.
 #[inline]
 pub(super) fn meets([low, high]: &Bounds, other: &Bounds) -> bool {
@@ -136,13 +131,8 @@ pub(super) fn meets([low, high]: &Bounds, other: &Bounds) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::{Triangle, meet_by_place};
+    use crate::check::meet_by_place;
     use proptest::prelude::*;
-
-    fn meet(a: &Corners, b: &Corners) -> bool {
-        let [a, b] = [a, b].map(|corners| Triangle::placed(*corners));
-        a.zip(b).is_some_and(|(a, b)| meet_by_place(&a, &b))
-    }
 
     fn fan(tip: [f32; 3], link: &[[f32; 3]]) -> (Vec<Corners>, Vec<Sector>) {
         let triangle = |n: usize| [tip, link[n], link[(n + 1) % link.len()]];
@@ -176,7 +166,7 @@ mod tests {
         fn what_is_apart_does_not_meet(places in prop::array::uniform6(prop::array::uniform3(-6i16..6))) {
             let [a, b, c, d, e, f] = places.map(|place| place.map(f32::from));
             let (s, t) = ([a, b, c], [d, e, f]);
-            prop_assert!(!are_apart(&s, &t, [normal(&s), normal(&t)]) || !meet(&s, &t));
+            prop_assert!(!are_apart(&s, &t, [normal(&s), normal(&t)]) || !meet_by_place(&s, &t));
             // One beside it in its plane.
             let beside = s.map(|corner| std::array::from_fn(|n| corner[n] + 2.0 * (b[n] - a[n]) + c[n] - a[n]));
             let has_normal = normal(&s) != DVec3::ZERO;
@@ -199,7 +189,7 @@ mod tests {
             let (all, sectors) = fan([0.0; 3], &link.iter().map(at).collect::<Vec<_>>());
             if is_fan(&sectors) {
                 for (n, first) in all.iter().enumerate() {
-                    prop_assert!(all[n + 1..].iter().all(|second| !meet(first, second)));
+                    prop_assert!(all[n + 1..].iter().all(|second| !meet_by_place(first, second)));
                 }
             }
         }

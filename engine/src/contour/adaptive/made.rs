@@ -115,8 +115,7 @@ impl Made {
     }
 
     fn kind(&self, facet: &Facet, corners: &[u32; 3], of_merged: bool, [low, high]: &Bounds) -> Kind {
-        let is_wide = |corner: &u32| matches!(self.merges[*corner as usize], Some((Taken::Wide(_), _)));
-        if corners.iter().any(is_wide) {
+        if corners.iter().any(|corner| is_wide(self.merges[*corner as usize])) {
             return Kind::Wide;
         }
         let own = bounds(&facet.corners);
@@ -170,6 +169,11 @@ impl Made {
             + 4 * self.crowding.capacity()
             + size_of::<Made>()
     }
+}
+
+/// Whether it stands for vertices of several leaves.
+pub(super) fn is_wide(merge: Option<Merge>) -> bool {
+    matches!(merge, Some((Taken::Wide(_), _)))
 }
 
 /// What has the larger node.

@@ -1,11 +1,11 @@
 //! Where triangles at merged vertices meet others, and which vertices are given up for that.
 //!
 //! Triangles of polygons none of whose corners is merged are those of the mesh without a tolerance, which keep apart
-//! ([`super::super::envelope`]). All others, also those without a merged corner of their own, are compared with what is near them ([`super::room`]). Of a pair that meets
-//! elsewhere than in common corners the vertices of the largest nodes are given up for what they are made of, and what has
-//! changed is compared again, until no pair is left. There is an end, because each time something is given up, and if all
-//! were, the mesh would be the one without a tolerance. Which pairs there are follows from the mesh alone, so no thread and
-//! no memory decides anything.
+//! ([`super::super::envelope`]). All others, also those without a merged corner of their own, are compared with what is
+//! near them ([`super::room`]). Of a pair that meets elsewhere than in common corners the vertices of the largest nodes are
+//! given up for what they are made of, and what has changed is compared again, until no pair is left. There is an end,
+//! because each time something is given up, and if all were, the mesh would be the one without a tolerance. Which pairs
+//! there are follows from the mesh alone, so no thread and no memory decides anything.
 //!
 //! A leaf looks at what is in its cube. A triangle lies between the leaves around the edge that it is for, since vertices
 //! are off the borders of their nodes by more than a step of coordinates, so two that meet in a leaf belong to it or to
@@ -17,9 +17,10 @@
 
 use super::super::field::Field;
 use super::super::order::in_order;
+use super::super::united;
 use super::NONE;
 use super::across::{Across, Taken};
-use super::bounds::{Bounds, Corners, bounds, meets, united, wide};
+use super::bounds::{Bounds, Corners, bounds, meets, wide};
 use super::made::{Fresh, Kind, Made, Merge};
 use super::room::Room;
 use crate::error::Result;
@@ -203,9 +204,10 @@ impl MeetingSearch {
         };
         let Some(reach) = reach else { return Ok((taken, has_moved)) };
         let mut room = Room::new(cube, reach);
-        for triangle in
-            passing.iter().filter(|triangle| room.wants(&bounds(&triangle.corners))).collect::<Vec<_>>()
-        {
+        for triangle in passing {
+            if !room.wants(&bounds(&triangle.corners)) {
+                continue;
+            }
             let number = |n: usize| room.number(triangle.corners[n], triangle.merges[n]);
             let corners = [0, 1, 2].map(number);
             room.add(corners, None, triangle.is_fresh);

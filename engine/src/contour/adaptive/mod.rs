@@ -208,7 +208,7 @@ struct Renaming<'a> {
     frame: Frame,
     draft: &'a Draft,
     across: &'a Across,
-    owned: &'a [[f32; 3]],
+    owned: Vec<[f32; 3]>,
     hosted: &'a [([f32; 3], u32)],
 }
 
@@ -236,7 +236,7 @@ impl Renaming<'_> {
         let crowding = crowding.map(|(_, wide)| *wide).collect();
         let mut has_moved = false;
         let mut positions = Vec::with_capacity(self.owned.len() + cells.len());
-        positions.extend_from_slice(self.owned);
+        positions.extend_from_slice(&self.owned);
         let mut of_candidate = vec![NONE; self.draft.candidates.len()];
         let mut candidates = Vec::new();
         for (number, name) in numbers.iter_mut().zip(names) {

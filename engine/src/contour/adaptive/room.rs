@@ -2,8 +2,8 @@
 
 use super::across::Taken;
 use super::bounds::{Bounds, Corners, Sector, are_apart, bounds, is_fan, meets, normal, wide};
-use super::made::Merge;
-use crate::check::{Triangle, meet_by_place};
+use super::made::{Merge, is_wide};
+use crate::check::{has_area, hash_bits, meet_by_place};
 use glam::DVec3;
 use hashbrown::HashTable;
 use hashbrown::hash_table::Entry;
@@ -80,8 +80,7 @@ impl Room {
     /// Adds a triangle of numbered vertices; without a merged one, `lone` is what is merged at its polygon.
     pub(super) fn add(&mut self, corners: [u32; 3], lone: Option<Merge>, is_fresh: bool) {
         let bounds = bounds(&at(&self.places, &corners));
-        let is_wide = |corner: &u32| matches!(self.merges[*corner as usize], Some((Taken::Wide(_), _)));
-        let is_wide = corners.iter().any(is_wide);
+        let is_wide = corners.iter().any(|corner| is_wide(self.merges[*corner as usize]));
         let placed = Placed { corners, bounds, lone, is_fresh, is_wide };
         match lone.is_some() || corners.iter().any(|corner| self.merges[*corner as usize].is_some()) {
             true => self.merged.push(placed),
@@ -145,13 +144,9 @@ fn at(places: &[[f32; 3]], [a, b, c]: &[u32; 3]) -> Corners {
     [places[*a as usize], places[*b as usize], places[*c as usize]]
 }
 
-/// Each coordinate is multiplied into all bits before the next is added. Multiplier: 2^64 divided by the golden ratio.
 fn hash(place: &[f32; 3]) -> u64 {
-    place.iter().fold(0, |hash: u64, c| {
-        let mixed =
-            u128::from(hash ^ u64::from((c + 0.0).to_bits()) ^ 0x5851_f42d_4c95_7f2d) * 0x9e37_79b9_7f4a_7c15;
-        (mixed >> 64) as u64 ^ mixed as u64
-    })
+    // Zeros with a sign are the same place.
+    hash_bits(place.map(|c| u64::from((c + 0.0).to_bits())))
 }
 
 /// Looks for triangles of a room that meet.
@@ -168,7 +163,7 @@ impl Search<'_> {
     /// Triangles whose corners are on a line.
     fn slim(&mut self) {
         for n in (0..self.merged).filter(|n| self.normals[*n] == DVec3::ZERO) {
-            if Triangle::placed(self.room.corners(&self.all[n])).is_none() {
+            if !has_area(&self.room.corners(&self.all[n])) {
                 self.give_up(&[n]);
             }
         }
@@ -251,8 +246,7 @@ impl Search<'_> {
         if first.min(second) >= self.merged || !(a.is_fresh || b.is_fresh) {
             return;
         }
-        let [a, b] = [a, b].map(|placed| Triangle::placed(self.room.corners(placed)));
-        if a.zip(b).is_some_and(|(a, b)| meet_by_place(&a, &b)) {
+        if meet_by_place(&self.room.corners(a), &self.room.corners(b)) {
             self.give_up(&[first, second]);
         }
     }

@@ -1,7 +1,7 @@
 //! A mesh in memory.
 
-use super::ply::write_vertices;
-use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes};
+use super::ply::vertex_bytes;
+use super::{Encoded, Encoding, MeshSink, Triangles};
 use crate::error::Result;
 
 /// A mesh as arrays, for whoever goes on with it: 12 bytes a vertex and 12 a triangle, all of them in memory.
@@ -31,10 +31,8 @@ pub(in crate::contour) fn triples<T>(
 
 impl MeshSink for MeshArrays {
     fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding {
-            vertices: VertexBytes::Positions(write_vertices),
-            triangles: Triangles::Numbered(write_triangles),
-        })
+        let vertices = vertex_bytes(false);
+        Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

@@ -6,8 +6,8 @@
 //! glTF counts in metres and has y up; a matrix turns the part, which has z up, and scales it.
 
 use super::arrays::write_triangles;
-use super::ply::{write_vertices, write_vertices_with_normals};
-use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of, triples};
+use super::ply::vertex_bytes;
+use super::{Encoded, Encoding, MeshSink, Triangles, folder_of, triples};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;
@@ -107,10 +107,7 @@ impl GlbSink {
 
 impl MeshSink for GlbSink {
     fn encoding(&self) -> Option<Encoding> {
-        let vertices = match self.normals {
-            false => VertexBytes::Positions(write_vertices),
-            true => VertexBytes::WithNormals(write_vertices_with_normals),
-        };
+        let vertices = vertex_bytes(self.normals);
         Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
     }
 

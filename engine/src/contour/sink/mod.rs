@@ -146,8 +146,8 @@ const ENDINGS_WITH_NORMALS: &str = ".ply, .obj, .glb";
 ///
 /// [`Error::Setting`] for an unknown ending, [`Error::Io`] if the file cannot be made.
 pub fn create_sink(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
-    let begin = format_of(path)?.begin;
-    begin(PartFile::create(path)?, metres)
+    let Format { begin, .. } = format_of(path)?;
+    begin(PartFile::create(path)?, metres, false)
 }
 
 /// As [`create_sink`], for a file whose vertices have normals: PLY with `nx`, `ny` and `nz`, OBJ with a `vn` for each
@@ -159,44 +159,45 @@ pub fn create_sink(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>
 /// [`Error::Setting`] for an unknown ending and for STL and 3MF, whose vertices have no normals, [`Error::Io`] if the file
 /// cannot be made.
 pub fn create_sink_with_normals(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
-    let Some(begin) = format_of(path)?.begin_with_normals else {
+    let Format { begin, has_normals } = format_of(path)?;
+    if !has_normals {
         return Err(Error::setting(
             format!("{}: the vertices of this format have no normals", path.display()),
             format!("leave them out, or choose a name that ends in one of {ENDINGS_WITH_NORMALS}"),
         ));
-    };
-    begin(PartFile::create(path)?, metres)
+    }
+    begin(PartFile::create(path)?, metres, true)
 }
 
-/// Begins a mesh in a file, in units of so many metres.
-type Begin = fn(PartFile, Option<f64>) -> Result<Box<dyn MeshSink>>;
+/// Begins a mesh in a file, in units of so many metres, whose vertices have normals or not.
+type Begin = fn(PartFile, Option<f64>, bool) -> Result<Box<dyn MeshSink>>;
 
 /// How files of a format begin.
 struct Format {
     begin: Begin,
-    /// `None` where vertices have no normals.
-    begin_with_normals: Option<Begin>,
+    /// Whether vertices can have normals.
+    has_normals: bool,
 }
 
 fn format_of(path: &Path) -> Result<Format> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     Ok(match ending.as_str() {
-        "stl" => Format { begin: |file, _| Ok(Box::new(stl::StlSink::new(file)?)), begin_with_normals: None },
+        "stl" => Format { begin: |file, _, _| Ok(Box::new(stl::StlSink::new(file)?)), has_normals: false },
         "ply" => Format {
-            begin: |file, _| Ok(Box::new(ply::PlySink::new(file, false)?)),
-            begin_with_normals: Some(|file, _| Ok(Box::new(ply::PlySink::new(file, true)?))),
+            begin: |file, _, normals| Ok(Box::new(ply::PlySink::new(file, normals)?)),
+            has_normals: true,
         },
         "obj" => Format {
-            begin: |file, _| Ok(Box::new(obj::ObjSink::new(file, false)?)),
-            begin_with_normals: Some(|file, _| Ok(Box::new(obj::ObjSink::new(file, true)?))),
+            begin: |file, _, normals| Ok(Box::new(obj::ObjSink::new(file, normals)?)),
+            has_normals: true,
         },
         "3mf" => Format {
-            begin: |file, metres| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)),
-            begin_with_normals: None,
+            begin: |file, metres, _| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)),
+            has_normals: false,
         },
         "glb" => Format {
-            begin: |file, metres| Ok(Box::new(glb::GlbSink::new(file, metres, false)?)),
-            begin_with_normals: Some(|file, metres| Ok(Box::new(glb::GlbSink::new(file, metres, true)?))),
+            begin: |file, metres, normals| Ok(Box::new(glb::GlbSink::new(file, metres, normals)?)),
+            has_normals: true,
         },
         _ => {
             return Err(Error::setting(
@@ -281,13 +282,18 @@ mod tests {
         assert!(floats(&bytes[84..96])[2] > 0.99);
     }
 
+    fn ply_header(bytes: &[u8]) -> &str {
+        let end = b"end_header\n";
+        let at = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
+        std::str::from_utf8(&bytes[..at]).unwrap()
+    }
+
     #[test]
     fn ply_round_trips() {
         let dir = tempfile::tempdir().unwrap();
         let bytes = write(&dir.path().join("a.ply"));
-        let end = b"end_header\n";
-        let at = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
-        let header = std::str::from_utf8(&bytes[..at]).unwrap();
+        let header = ply_header(&bytes);
+        let at = header.len();
         assert!(header.starts_with("ply\nformat binary_little_endian 1.0\n"));
         assert!(header.contains("\nelement vertex 4\n") && header.contains("\nelement face 2\n"));
         assert_eq!(floats(&bytes[at..at + 48]), POSITIONS.concat());
@@ -320,9 +326,8 @@ mod tests {
     fn ply_and_obj_round_trip_with_normals() {
         let dir = tempfile::tempdir().unwrap();
         let bytes = write_with_normals(&dir.path().join("a.ply"));
-        let end = b"end_header\n";
-        let at = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
-        let header = std::str::from_utf8(&bytes[..at]).unwrap();
+        let header = ply_header(&bytes);
+        let at = header.len();
         let normals =
             "property float z\nproperty float nx\nproperty float ny\nproperty float nz\nelement face 2\n";
         assert!(header.contains("\nelement vertex 4\n") && header.contains(normals));
@@ -513,14 +518,14 @@ mod tests {
 
     #[test]
     fn every_call_may_fail_and_the_power_go() {
-        let plain = FORMATS.map(|format| (format, format_of(Path::new(format)).unwrap().begin));
-        let with_normals = FORMATS_WITH_NORMALS
-            .map(|format| (format, format_of(Path::new(format)).unwrap().begin_with_normals.unwrap()));
-        for (format, begin) in plain.into_iter().chain(with_normals) {
+        let plain = FORMATS.map(|format| (format, false));
+        for (format, normals) in plain.into_iter().chain(FORMATS_WITH_NORMALS.map(|format| (format, true))) {
+            let Format { begin, has_normals } = format_of(Path::new(format)).unwrap();
+            assert!(has_normals || !normals);
             // Enough for several writes.
             let many = vec![facets(); 1000].concat();
             let write = |disk| {
-                let mut sink = begin(PartFile::create_on(disk, Path::new(NAME))?, None)?;
+                let mut sink = begin(PartFile::create_on(disk, Path::new(NAME))?, None, normals)?;
                 sink.vertices_with_normals(&POSITIONS, &NORMALS)?;
                 (0..4).try_for_each(|_| sink.triangles(&many))?;
                 sink.finish()

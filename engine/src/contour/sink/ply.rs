@@ -35,7 +35,7 @@ fn header(vertices: u64, faces: u64, normals: bool) -> String {
     )
 }
 
-pub(super) fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
+fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(size_of_val(positions));
     for position in positions {
         bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
@@ -43,11 +43,19 @@ pub(super) fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
 }
 
 /// Positions and normals by turns.
-pub(super) fn write_vertices_with_normals(positions: &[[f32; 3]], normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
+fn write_vertices_with_normals(positions: &[[f32; 3]], normals: &[[f32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(2 * size_of_val(positions));
     for (position, normal) in positions.iter().zip(normals) {
         bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
         bytes.extend_from_slice(normal.map(f32::to_le_bytes).as_flattened());
+    }
+}
+
+/// Numbers of 32 bits, little-endian: positions, each with its normal behind it if `normals` says so.
+pub(super) fn vertex_bytes(normals: bool) -> VertexBytes {
+    match normals {
+        false => VertexBytes::Positions(write_vertices),
+        true => VertexBytes::WithNormals(write_vertices_with_normals),
     }
 }
 
@@ -62,10 +70,7 @@ fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 
 impl MeshSink for PlySink {
     fn encoding(&self) -> Option<Encoding> {
-        let vertices = match self.normals {
-            false => VertexBytes::Positions(write_vertices),
-            true => VertexBytes::WithNormals(write_vertices_with_normals),
-        };
+        let vertices = vertex_bytes(self.normals);
         Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
     }
 
