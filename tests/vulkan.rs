@@ -51,6 +51,12 @@ macro_rules! instance {
 
             $(#[$attribute])*
             #[test]
+            fn trees_that_decide_give_the_same_store() {
+                backend::$name(suite::trees_that_decide_give_the_same_store);
+            }
+
+            $(#[$attribute])*
+            #[test]
             fn interrupted_builds_go_on_to_the_same_store() {
                 backend::$name(suite::interrupted_builds_go_on_to_the_same_store);
             }

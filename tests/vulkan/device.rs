@@ -1,17 +1,17 @@
 //! What a device alone must show: exact ties, failures amid a build, little memory, the sum over all triangles.
 
 use crate::backend::{Backend, open, open_staged, options, read, reference, silent};
-use crate::suite::{input_of, open_data};
+use crate::suite::{deciding, input_of, open_data};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
-use brickfield_engine::backend::{Leaf, LeafQueue, Vulkan, brute_at as brute_on_device};
+use brickfield_engine::Silent;
+use brickfield_engine::backend::{Leaf, LeafQueue, NodeQueue, Vulkan, brute_at as brute_on_device};
 use brickfield_engine::brick::Brick;
 use brickfield_engine::gpu::{DeviceKind, Failure, Fault, Stage};
 use brickfield_engine::ingest::Facet;
 use brickfield_engine::lattice::{NodeKey, Octant, RootCube, Triangle};
 use brickfield_engine::winding::{Evaluator, Triangles, brute_at};
-use brickfield_engine::{Silent, store::Refine};
 
 /// Vertices on the lattice itself, so that lines run through edges of facets and samples lie on them.
 #[test]
@@ -20,6 +20,8 @@ fn exact_ties_are_decided_alike() {
     let backend = Backend { device: Some(open(0)), threads: 1 };
     let device = backend.device.as_ref().unwrap();
     let (mut queue, mut here, mut there) = (LeafQueue::default(), Evaluator::default(), Evaluator::default());
+    let mut undecided = NodeQueue::default();
+    let mut hidden = [0; 2];
     for (seed, level) in (0..24).zip([0u8, 1, 2].into_iter().cycle()) {
         // Cells of the pile as large as some steps of the samples, or as some cells of a brick.
         let step = if seed % 2 == 0 { 1 << 18 } else { 3 << 16 };
@@ -36,15 +38,20 @@ fn exact_ties_are_decided_alike() {
         let leaves: Vec<Leaf<'_>> =
             nodes.iter().map(|&(key, corner)| Leaf { key, corner, array: &array, indices: &all }).collect();
         queue.begin(device);
+        undecided.find(device, &leaves);
         for leaf in &leaves {
             let brick = queue.next(device, &mut there, &leaves).unwrap();
-            assert!(
-                brick == evaluate(&mut here, &array, &all, leaf.key, leaf.corner),
-                "{seed}: {}",
-                leaf.key
-            );
+            let list = Triangles { array: &array, indices: &all };
+            let evaluation = here.evaluate(leaf.key, leaf.corner, list).unwrap();
+            let has_hidden_crossings = evaluation.has_hidden_crossings();
+            let expected = evaluation.into_leaf().unwrap();
+            let found = undecided.take(device, leaf.key).unwrap();
+            assert!(brick == expected && found.brick == expected, "{seed}: {}", leaf.key);
+            assert_eq!(found.has_hidden_crossings, has_hidden_crossings, "{seed}: {}", leaf.key);
+            hidden[usize::from(has_hidden_crossings)] += 1;
         }
     }
+    assert!(hidden.iter().all(|bricks| *bricks > 20), "{hidden:?}");
     assert_eq!(backend.report().unwrap().cpu_bricks, 0);
     silent(&backend);
 }
@@ -152,6 +159,33 @@ fn a_second_device_shares_the_work() {
             );
         }
         assert!(report.cpu_bricks > 0 || fault.is_none(), "{report:?}");
+        silent(&backend);
+    }
+}
+
+/// So does one whose nodes decide for themselves.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn failures_amid_decisions_end_in_the_same_store() {
+    let input = open_data("stl/clover_beads.stl");
+    let options = &deciding(4)[2];
+    let expected = Backend { device: None, threads: 1 }.build_with(&input, 4, options).0;
+    let fault = |stage, after, times, failure| Fault { stage, after, times, failure };
+    for (fault, is_done_for) in [
+        (fault(Stage::Allocate, 0, 1, Failure::OutOfMemory), false),
+        (fault(Stage::Allocate, 0, 1000, Failure::OutOfMemory), true),
+        (fault(Stage::Submit, 3, 1, Failure::OutOfMemory), false),
+        (fault(Stage::Submit, 1, 1, Failure::Lost), true),
+        (fault(Stage::Wait, 4, 1, Failure::Lost), true),
+        (fault(Stage::Wait, 2, 1, Failure::Timeout), true),
+    ] {
+        let backend = Backend { device: Some(open(0)), threads: 2 };
+        backend.device.as_ref().unwrap().gpu().inject(fault);
+        let (store, summary) = backend.build_with(&input, 4, options);
+        assert!(store == expected, "{fault:?}");
+        let report = summary.device.unwrap();
+        assert_eq!(report.failure, Some(fault.failure.to_string()), "{fault:?}");
+        assert_eq!(report.bricks < report.cpu_bricks, is_done_for, "{fault:?}: {report:?}");
         silent(&backend);
     }
 }
@@ -290,21 +324,6 @@ fn what_is_left_behind_is_found() {
         let left = left_by(2, &[Fault { stage, after: 1, times: 1, failure: Failure::OutOfMemory }]);
         assert_eq!(left.bytes > 0, bytes_tell, "{kept}");
         assert!(left.messages.iter().any(|message| message.contains(kept)), "{kept}: {:?}", left.messages);
-    }
-}
-
-/// Trees whose nodes decide for themselves are the processor's.
-#[test]
-#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
-fn other_trees_are_the_processors() {
-    let backend = Backend { device: Some(open(0)), threads: 2 };
-    let cpu = Backend { device: None, threads: 2 };
-    let (_folder, pile) = input_of(&random_pile(5, 9));
-    for refine in [Refine::Stddev, Refine::Surface] {
-        let options = brickfield_engine::build::BuildOptions { refine, ..options(3) };
-        let ((store, summary), (expected, _)) =
-            (backend.build_with(&pile, 3, &options), cpu.build_with(&pile, 3, &options));
-        assert!(store == expected && summary.device.is_none());
     }
 }
 

@@ -7,6 +7,7 @@ use brickfield_bench_data::{Mesh, write};
 use brickfield_engine::bead::SweepOptions;
 use brickfield_engine::build::BuildOptions;
 use brickfield_engine::ingest::{Facet, Input, OpenOptions};
+use brickfield_engine::store::Refine;
 use brickfield_engine::{Error, Progress, Silent};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -101,6 +102,39 @@ pub fn open_soups_give_the_same_store(backend: &Backend) {
     let (_folder, pile) = less("stl/thinwall_ladder.stl", 2);
     same_open_stores(backend, &pile, &[0, 1], 2.5e-4);
     same_open_stores(backend, &pile, &[0, 2], 0.02);
+}
+
+/// Options of trees whose nodes decide for themselves.
+pub fn deciding(depth: u8) -> [BuildOptions; 4] {
+    [(Refine::Stddev, 0.0), (Refine::Stddev, 0.1), (Refine::Surface, 0.0), (Refine::Hidden, 0.2)]
+        .map(|(refine, stddev)| BuildOptions { refine, stddev, ..options(depth) })
+}
+
+/// Beads that hide walls and gaps from coarse samples, flat parts, triangles on the lattice, anything.
+pub fn trees_that_decide_give_the_same_store(backend: &Backend) {
+    let here = Backend { device: None, threads: 1 };
+    let (_folder, on_lattice) = input_of(&lattice_pile(2, 12, 1 << 17, 64));
+    let (_folder, pile) = input_of(&random_pile(5, 20));
+    for (input, depth) in [
+        (open_data("stl/clover_beads.stl"), 4),
+        (open_data("stl/spot40_model.stl"), 4),
+        (open_data("stl/thinwall_ladder.stl"), 5),
+        (on_lattice, 3),
+        (pile, 4),
+    ] {
+        for options in deciding(depth) {
+            let expected = here.build_with(&input, depth, &options).0;
+            let (store, summary) = backend.build_with(&input, depth, &options);
+            let report = summary.device;
+            assert!(store == expected, "{}, {options:?}: {report:?}", input.path().display());
+            assert_eq!(report.is_some(), backend.device.is_some());
+            if let Some(report) = report {
+                // Levels above the jobs are the processor's.
+                let is_devices = report.bricks > 2 * report.cpu_bricks && report.failure.is_none();
+                assert!(is_devices, "{}, {options:?}: {report:?}", input.path().display());
+            }
+        }
+    }
 }
 
 /// Stops a build when a few of its jobs are done; how many are, once they have begun.

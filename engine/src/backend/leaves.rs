@@ -17,7 +17,7 @@ use std::ops::Range;
 /// Triangles of a brick that a device takes.
 const PAIRS_OF_BRICK_MAX: usize = shaders::PAIRS_OF_BRICK_MAX as usize;
 
-/// A leaf to evaluate.
+/// A leaf to evaluate, or a node that may become one.
 #[derive(Clone, Copy)]
 pub struct Leaf<'a, P = Triangle> {
     /// The brick.
@@ -52,6 +52,18 @@ pub struct LeafQueue {
     received: Option<Received>,
 }
 
+/// The next of some leaves.
+pub(super) enum Next {
+    /// A brick of the device's.
+    There {
+        brick: Brick,
+        /// Whether it has hidden crossings, if that was asked for.
+        is_hidden: bool,
+    },
+    /// One for the processor: the leaf's number.
+    Here(usize),
+}
+
 /// A batch that the device is done with. Its bricks are unpacked one by one, when they are asked for: all 64 at once are
 /// 6 MB, which leave the caches again and which the allocator returns to the system after every batch.
 struct Received {
@@ -69,6 +81,12 @@ const _: () = assert!(shaders::POINTS as usize == BRICK_POINTS && shaders::CELLS
 impl LeafQueue {
     /// Begins with other leaves.
     pub fn begin(&mut self, vulkan: &Vulkan) {
+        self.begin_with(vulkan, false);
+    }
+
+    /// The same; of bricks that may be divided hidden crossings are found, too.
+    pub(super) fn begin_with(&mut self, vulkan: &Vulkan, may_divide: bool) {
+        self.input.may_divide = may_divide;
         self.sent = 0;
         self.received = None;
         self.work.clear();
@@ -81,8 +99,11 @@ impl LeafQueue {
             self.limit = lane.as_ref().map_or(0, |lane| lane.room().0);
             self.lane = Some(lane);
         }
-        // What a run that ended early left behind.
         if let Some(Some(lane)) = &mut self.lane {
+            if may_divide {
+                self.limit = lane.room().0;
+            }
+            // What a run that ended early left behind.
             lane.release();
             while !lane.is_idle() {
                 if let Err(failure) = lane.receive() {
@@ -98,19 +119,28 @@ impl LeafQueue {
     /// # Errors
     /// As [`Evaluator::evaluate`].
     pub fn next(&mut self, vulkan: &Vulkan, evaluator: &mut Evaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
+        match self.next_there(vulkan, leaves) {
+            Next::There { brick, .. } => Ok(brick),
+            Next::Here(number) => {
+                vulkan.report().cpu_bricks += 1;
+                evaluate_here(evaluator, &leaves[number])
+            }
+        }
+    }
+
+    /// The same, but for what falls to the processor.
+    pub(super) fn next_there(&mut self, vulkan: &Vulkan, leaves: &[Leaf<'_>]) -> Next {
         loop {
             self.send(vulkan, leaves);
             if self.received.is_some() {
-                return self.take(vulkan, evaluator, leaves);
+                return self.take(vulkan);
             }
             match self.work.pop_front() {
                 Some(Work::Cpu(range)) => {
-                    let brick = evaluate_here(evaluator, &leaves[range.start])?;
-                    vulkan.report().cpu_bricks += 1;
                     if range.len() > 1 {
                         self.work.push_front(Work::Cpu(range.start + 1..range.end));
                     }
-                    return Ok(brick);
+                    return Next::Here(range.start);
                 }
                 Some(Work::Device(range)) => self.receive(vulkan, range),
                 None => unreachable!("the queue is asked for as many bricks as there are leaves"),
@@ -181,18 +211,19 @@ impl LeafQueue {
         }
     }
 
-    /// The next brick of the batch that was received; what the device did not do, the processor does.
-    fn take(&mut self, vulkan: &Vulkan, evaluator: &mut Evaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
+    /// The next brick of the batch that was received; what the device did not do is the processor's.
+    fn take(&mut self, vulkan: &Vulkan) -> Next {
         let (Some(Some(lane)), Some(received)) = (&mut self.lane, &mut self.received) else {
             unreachable!("a lane that fails takes what was received along");
         };
         let output = lane.output().expect("it is not released yet");
-        let (number, leaf) = (received.next - received.leaves.start, &leaves[received.next]);
-        let brick = unpack(&output, number);
-        received.is_full |= output.bricks[number].flags & shaders::FULL != 0;
+        let (leaf, number) = (received.next, received.next - received.leaves.start);
+        let (brick, flags) = (unpack(&output, number), output.bricks[number].flags);
+        received.is_full |= flags & shaders::FULL != 0;
         received.next += 1;
         if received.next == received.leaves.end {
-            if received.is_full && self.limit > 1 {
+            // What may be divided has more edges the farther up it is; leaves are much like each other.
+            if received.is_full && self.limit > 1 && !self.input.may_divide {
                 // Fewer bricks share the room for edges.
                 self.limit /= 2;
             }
@@ -200,10 +231,10 @@ impl LeafQueue {
             lane.release();
         }
         match brick {
-            Some(brick) => Ok(brick),
+            Some(brick) => Next::There { brick, is_hidden: flags & shaders::HIDDEN != 0 },
             None => {
-                vulkan.note_brick_of_processor();
-                evaluate_here(evaluator, leaf)
+                vulkan.report().bricks -= 1;
+                Next::Here(leaf)
             }
         }
     }

@@ -2,12 +2,14 @@
 
 mod brute;
 mod leaves;
+mod nodes;
 mod report;
 mod shares;
 mod vulkan;
 
 pub use brute::brute_at;
 pub use leaves::{Leaf, LeafQueue};
+pub use nodes::{NodeBrick, NodeQueue};
 pub use report::DeviceReport;
 pub use shares::{DeviceShares, ShareQueue};
 pub use vulkan::Vulkan;

@@ -77,13 +77,6 @@ impl Vulkan {
         self.report().failure.get_or_insert_with(|| failure.to_string());
     }
 
-    /// A brick of a batch that the device could not do.
-    pub(super) fn note_brick_of_processor(&self) {
-        let mut report = self.report();
-        report.bricks -= 1;
-        report.cpu_bricks += 1;
-    }
-
     pub(super) fn note_batch(&self, seconds: Option<Seconds>, bricks: usize) {
         let mut report = self.report();
         report.batches += 1;

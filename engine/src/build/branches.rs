@@ -319,7 +319,7 @@ fn branch<F: Field, R>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::field::Soup;
+    use super::super::soup::Soup;
     use super::*;
     use crate::lattice::Triangle;
 

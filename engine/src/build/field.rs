@@ -1,11 +1,10 @@
 //! What a tree is built from, and the view of it that sorting, jobs and subtrees share.
 
-use crate::backend::{Leaf, LeafQueue, Vulkan};
+use crate::backend::Leaf;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
-use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
+use crate::lattice::{NodeKey, Units};
 use crate::store::Refine;
-use crate::winding::{CornerGrid, Evaluation, Evaluator, Triangles};
 
 /// A field of winding numbers made of pieces. The pass over the input sorts the pieces into the cubes that
 /// they touch; a brick follows from those that touch it, and from nothing else.
@@ -70,7 +69,7 @@ pub(super) trait Field: Sync {
     ) -> Result<Self::Evaluation<'a>>;
 
     /// Tells which nodes are evaluated next.
-    fn foresee(&self, _evaluator: &mut Self::Evaluator, _keys: &[NodeKey]) {}
+    fn foresee(&self, _evaluator: &mut Self::Evaluator, _nodes: &[Leaf<'_, Self::Piece>]) {}
 
     /// Whether that is of use: a device does better with several.
     fn foresees(&self) -> bool {
@@ -142,121 +141,4 @@ pub(super) struct Fractions {
     pub bits: u8,
     /// Whether the field between the samples follows from them.
     pub straight: bool,
-}
-
-/// The field of a closed soup of triangles.
-#[derive(Default)]
-pub(super) struct Soup {
-    /// What evaluates leaves, if it is not the processor.
-    pub device: Option<Vulkan>,
-}
-
-impl Soup {
-    /// Evaluated on the processor.
-    pub const CPU: Soup = Soup { device: None };
-}
-
-/// Evaluates bricks of soups, on the processor or a device.
-#[derive(Default)]
-pub(super) struct SoupEvaluator {
-    cpu: Evaluator,
-    queue: LeafQueue,
-}
-
-impl Field for Soup {
-    type Piece = Triangle;
-    type Corners = CornerGrid;
-    type Evaluator = SoupEvaluator;
-    type Evaluation<'a> = Evaluation<'a>;
-
-    #[inline]
-    fn bounds(&self, t: &Triangle) -> (Units, Units) {
-        bounds(t)
-    }
-
-    #[inline]
-    fn points(&self, t: &Triangle) -> [Units; 3] {
-        *t
-    }
-
-    #[inline]
-    fn cube_test(&self, t: &Triangle, size: i32) -> impl Fn(Units) -> bool {
-        let test = CubeTest::new(t, size);
-        move |low| test.touches(low)
-    }
-
-    /// A triangle without area crosses nothing.
-    #[inline]
-    fn is_void(&self, t: &Triangle) -> bool {
-        !has_area(t)
-    }
-
-    fn corners(&self, node: NodeKey, stride: u8) -> CornerGrid {
-        CornerGrid::new(node, stride)
-    }
-
-    #[inline]
-    fn add_corners(&self, corners: &mut CornerGrid, t: &Triangle) {
-        corners.add(t);
-    }
-
-    fn merge_corners(&self, corners: &mut CornerGrid, other: &CornerGrid) {
-        corners.merge(other);
-    }
-
-    fn finish_corners(&self, corners: CornerGrid, corner: i64) -> Vec<i64> {
-        corners.finish(corner)
-    }
-
-    fn settled(&self, _: NodeKey, corner: i16, list: Pieces<'_, Triangle>) -> Option<i16> {
-        list.indices.is_empty().then_some(corner)
-    }
-
-    fn evaluate<'a>(
-        &'a self,
-        evaluator: &'a mut SoupEvaluator,
-        key: NodeKey,
-        corner: i16,
-        list: Pieces<'a, Triangle>,
-    ) -> Result<Evaluation<'a>> {
-        evaluator.cpu.evaluate(key, corner, Triangles { array: list.array, indices: list.indices })
-    }
-
-    fn begin_leaves(&self, evaluator: &mut SoupEvaluator) -> bool {
-        self.device.as_ref().inspect(|device| evaluator.queue.begin(device)).is_some()
-    }
-
-    fn next_leaf(&self, evaluator: &mut SoupEvaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
-        let device = self.device.as_ref().expect("leaves were begun");
-        evaluator.queue.next(device, &mut evaluator.cpu, leaves)
-    }
-
-    fn leaves_together(&self) -> u64 {
-        /// Two batches: while the bricks of one are encoded the device has the next. At 32 leaves llvmpipe took 4 % longer
-        /// at 1024³; at 512 it takes no less, and fewer jobs are there for threads.
-        const LEAVES: u64 = 128;
-        if self.device.is_some() { LEAVES } else { 1 }
-    }
-}
-
-impl Evaluated for Evaluation<'_> {
-    fn samples(&self) -> &Samples {
-        &self.samples
-    }
-
-    fn into_samples(self) -> Samples {
-        self.samples
-    }
-
-    fn has_hidden_crossings(&mut self) -> bool {
-        Evaluation::has_hidden_crossings(self)
-    }
-
-    fn has_hidden_boundary(&mut self) -> bool {
-        Evaluation::has_hidden_boundary(self)
-    }
-
-    fn into_leaf(self) -> Result<Brick> {
-        Evaluation::into_leaf(self)
-    }
 }

@@ -6,7 +6,7 @@ use super::field::{Evaluated, Field, Pieces};
 use super::records::Recorder;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
-use super::subtree::{Half, Node, SubtreeBuilder, interior, joined};
+use super::subtree::{Half, Node, SubtreeBuilder, Top, interior, joined};
 use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
@@ -41,6 +41,12 @@ struct Job<P> {
     key: NodeKey,
     corner: i16,
     pieces: Vec<P>,
+}
+
+impl<P> Job<P> {
+    fn top(&self) -> Top<'_, P> {
+        Top { key: self.key, corner: self.corner, pieces: &self.pieces }
+    }
 }
 
 /// What of a tree is to be built.
@@ -199,6 +205,16 @@ fn children<F: Field>(field: &F, key: NodeKey, corners: [i16; 8], pieces: &[F::P
     Octant::all().collect::<Vec<_>>().into_par_iter().map(child).collect()
 }
 
+/// Jobs that are built together where a field foresees: the children of eight nodes are a batch of a device's, 64 leaves
+/// are one, too.
+fn jobs_together<F: Field>(field: &F, rules: &Rules) -> usize {
+    match field.foresees() {
+        false => 1,
+        true if job_level(rules) == rules.depth => 64,
+        true => 8,
+    }
+}
+
 /// Runs the jobs on all threads and returns their top nodes.
 fn run_jobs<F: Field, R: Recorder>(
     field: &F,
@@ -209,22 +225,28 @@ fn run_jobs<F: Field, R: Recorder>(
 ) -> Result<Vec<Node>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     let local = || SubtreeBuilder::<F, R>::new(field, plan.rules, progress);
+    let groups: Vec<&[Job<F::Piece>]> = jobs.chunks(jobs_together(field, plan.rules)).collect();
     let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {
-        let Job { key, corner, pieces } = &jobs[number];
-        if let Some(node) = plan.built(*key)? {
-            return Ok((R::new(plan.rules.compression), node));
-        }
-        let all: Vec<u32> = (0..pieces.len() as u32).collect();
-        builder.foresee(std::iter::once((*key, *corner, Pieces { array: pieces, indices: &all })));
-        let node = builder.build(*key, *corner, pieces)?;
-        Ok((builder.records.take(), node))
+        let kept: Vec<Option<Node>> =
+            groups[number].iter().map(|job| plan.built(job.key)).collect::<Result<_>>()?;
+        let left = groups[number].iter().zip(&kept).filter(|(_, kept)| kept.is_none());
+        let tops: Vec<Top<'_, F::Piece>> = left.map(|(job, _)| job.top()).collect();
+        let mut built = builder.build_deciding(&tops)?.into_iter();
+        let node = |kept: Option<Node>| match kept {
+            Some(node) => (node, R::new(plan.rules.compression)),
+            None => built.next().expect("every node that was not kept is built"),
+        };
+        Ok(kept.into_iter().map(node).collect::<Vec<_>>())
     };
     progress.phase("building", Some(jobs.len() as u64), "subtrees");
     let window = 2 * rayon::current_num_threads();
-    run_ordered(jobs.len(), window, local, work, |(records, node)| {
-        done.lock().expect("no thread panicked").push(node);
-        progress.advance(1);
-        consume(records).map(drop)
+    run_ordered(groups.len(), window, local, work, |group| {
+        for (node, records) in group {
+            done.lock().expect("no thread panicked").push(node);
+            progress.advance(1);
+            consume(records)?;
+        }
+        Ok(())
     })?;
     Ok(done.into_inner().expect("no thread panicked"))
 }

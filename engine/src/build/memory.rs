@@ -1,7 +1,7 @@
 //! Small trees in memory, without a store.
 
 use super::cloud;
-use super::field::{Field, Soup};
+use super::field::Field;
 use super::jobs::{Plan, build_tree, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::records::KeptBricks;
@@ -10,6 +10,7 @@ use super::rules::{Rules, TreeOptions};
 use super::snap::snap;
 use super::solids::sort_segments;
 use super::sorted::SortedPieces;
+use super::soup::Soup;
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::RootCube;

@@ -26,6 +26,7 @@ mod sieve;
 mod snap;
 mod solids;
 mod sorted;
+mod soup;
 mod subtree;
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,7 @@ use super::bins::{Binner, SortedRun};
 use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::sorted::SortedPieces;
 use super::subtree::corner_at;
-use crate::backend::{DeviceShares, ShareQueue, Vulkan};
+use crate::backend::{DeviceShares, Leaf, ShareQueue, Vulkan};
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
@@ -111,9 +111,10 @@ impl Field for OpenSoup {
         }
     }
 
-    fn foresee(&self, evaluator: &mut OpenSoupEvaluator, keys: &[NodeKey]) {
+    fn foresee(&self, evaluator: &mut OpenSoupEvaluator, nodes: &[Leaf<'_, OpenPiece>]) {
         if let Some(device) = &self.device {
-            evaluator.queue.find(device, &self.field, keys);
+            let keys: Vec<NodeKey> = nodes.iter().map(|node| node.key).collect();
+            evaluator.queue.find(device, &self.field, &keys);
         }
     }
 

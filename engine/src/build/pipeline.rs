@@ -2,7 +2,7 @@
 
 use super::bins::Binner;
 use super::cut::cut;
-use super::field::{Field, Soup};
+use super::field::Field;
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::records::EncodedBricks;
@@ -10,6 +10,7 @@ use super::resources::{Resources, Room};
 use super::rules::{Rules, TreeOptions};
 use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
+use super::soup::Soup;
 use super::toolpaths::{bead_sources, build_beads};
 use super::weigh::{Work, weigh_soup};
 use crate::backend::{DeviceReport, Vulkan};
@@ -244,12 +245,9 @@ pub fn build_opened(
         field.field.part().summary
     };
     clock.lap("build");
-    // Where nodes of a closed soup decide for themselves, one waits for the other: their leaves are the processor's.
-    let is_for_devices = open.open_edges > 0 || task.rules.refines_all_touched();
-    let device = options.resources.device.as_ref().filter(|_| is_for_devices);
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
-        device: device.map(Vulkan::take_report),
+        device: options.resources.device.as_ref().map(Vulkan::take_report),
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
         open_edges: open.open_edges,
         loops: open.loops,

@@ -15,8 +15,7 @@ pub struct Resources {
     pub memory: u64,
     /// Folder of the temporary file that is used if the pieces do not fit in memory; the output's own by default.
     pub temp_dir: Option<PathBuf>,
-    /// A device for the leaves of closed soups that are refined where triangles are, and for the sums over the caps of
-    /// open ones. Everything else is the processor's.
+    /// A device for the bricks of closed soups, and for the sums over the caps of open ones. Everything else is the processor's.
     pub device: Option<Vulkan>,
 }
 

@@ -101,7 +101,7 @@ fn surrounds(t: &Triangle, (u, at_u): (usize, i32), (v, at_v): (usize, i32)) -> 
 mod tests {
     use super::*;
     use crate::build::bins::Binner;
-    use crate::build::field::Soup;
+    use crate::build::soup::Soup;
     use crate::lattice::{NodeKey, has_area};
     use proptest::prelude::*;
 

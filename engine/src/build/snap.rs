@@ -2,11 +2,12 @@
 
 use super::bins::{Binner, SortedRun};
 use super::collect::Collector;
-use super::field::{Field, Soup};
+use super::field::Field;
 use super::packed::PackedRun;
 use super::resources::Room;
 use super::sieve::{Sieve, Spacing};
 use super::sorted::SortedPieces;
+use super::soup::Soup;
 use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
 use crate::lattice::{RootCube, Triangle};

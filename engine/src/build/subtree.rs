@@ -102,8 +102,9 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         SubtreeBuilder { field, rules, progress, evaluator: F::Evaluator::default(), records }
     }
 
-    /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all pieces that touch it.
-    pub fn build(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
+    /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all pieces that touch it, of a tree that
+    /// follows the pieces.
+    fn build(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
         let all: Vec<u32> = (0..pieces.len() as u32).collect();
         let list = Pieces { array: pieces, indices: &all };
         if let Some(w) = self.field.settled(key, corner, list) {
@@ -111,10 +112,8 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         }
         if key.level() == self.rules.depth {
             self.leaf(key, corner, list)
-        } else if self.rules.refines_all_touched() {
-            self.descend_to_leaves(key, corner, pieces)
         } else {
-            self.decide(key, corner, list)
+            self.descend_to_leaves(key, corner, pieces)
         }
     }
 
@@ -205,23 +204,53 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         })
     }
 
-    /// Evaluates the node itself and refines it if its samples or crossings ask for it. Where its pieces do so
+    /// Builds several subtrees of a tree whose nodes decide for themselves, those of each with its records apart.
+    pub fn build_deciding(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
+        self.foresee(tops.iter().map(|top| (top.key, top.corner, top.pieces)));
+        let mut decided = Vec::with_capacity(tops.len());
+        for &Top { key, corner, pieces } in tops {
+            let all: Vec<u32> = (0..pieces.len() as u32).collect();
+            decided.push((key, self.decide(key, corner, Pieces { array: pieces, indices: &all })?));
+        }
+        self.foresee_below(decided.iter().map(|(_, decided)| decided));
+        let record = |(key, decided)| Ok((self.record(key, decided)?, self.records.take()));
+        decided.into_iter().map(record).collect()
+    }
+
+    /// Finds out what becomes of a node: it is refined if its samples or crossings ask for it. Where its pieces do so
     /// already, it is joined from its children.
-    fn decide(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
+    fn decide(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Decided<F::Piece>> {
         self.progress.check()?;
-        if let Some(corners) = self.field.refined_unseen(self.rules.refine, key, corner, list) {
-            let children = self.build_children(key, corners, list)?;
-            return Ok(join(key, children, self.field.binary_places(), &mut self.records));
+        if let Some(w) = self.field.settled(key, corner, list) {
+            return Ok(Decided::Empty(w));
+        }
+        let is_deepest = key.level() == self.rules.depth;
+        if !is_deepest && let Some(corners) = self.field.refined_unseen(self.rules.refine, key, corner, list)
+        {
+            return Ok(Decided::Refined(None, self.children(key, corners, list)));
         }
         let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
-        if self.rules.keeps(&mut evaluation) {
-            let brick = evaluation.into_leaf()?;
-            self.records.push(key, true, &brick);
-            return Ok(Node::Stored(Half::of(&brick)));
+        if is_deepest || self.rules.keeps(&mut evaluation) {
+            return Ok(Decided::Leaf(evaluation.into_leaf()?));
         }
         let corners = evaluation.corners();
-        let samples = evaluation.into_samples();
-        let children = self.build_children(key, corners, list)?;
+        Ok(Decided::Refined(Some(evaluation.into_samples()), self.children(key, corners, list)))
+    }
+
+    /// Builds what is below a node, whose children have been foreseen, and records all of it.
+    fn record(&mut self, key: NodeKey, decided: Decided<F::Piece>) -> Result<Node> {
+        let (samples, children) = match decided {
+            Decided::Empty(w) => return Ok(Node::Empty(w)),
+            Decided::Leaf(brick) => {
+                self.records.push(key, true, &brick);
+                return Ok(Node::Stored(Half::of(&brick)));
+            }
+            Decided::Refined(samples, children) => (samples, children),
+        };
+        let children = self.build_children(children)?;
+        let Some(samples) = samples else {
+            return Ok(join(key, children, self.field.binary_places(), &mut self.records));
+        };
         if let Some(w) = common_empty(&children) {
             return Ok(Node::Empty(w));
         }
@@ -231,42 +260,88 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         Ok(Node::Stored(Half::of(&brick)))
     }
 
-    /// Tells the field which of some nodes, each with its corner and its pieces, will be evaluated as they are built.
-    pub fn foresee<'p>(&mut self, nodes: impl Iterator<Item = (NodeKey, i16, Pieces<'p, F::Piece>)>)
+    /// Decides all eight before what is below them is built, so that up to 64 nodes are foreseen together.
+    fn build_children(&mut self, children: [Child<F::Piece>; 8]) -> Result<[Node; 8]> {
+        let mut decided = Vec::with_capacity(children.len());
+        for Child { key, corner, pieces } in children {
+            let all: Vec<u32> = (0..pieces.len() as u32).collect();
+            decided.push((key, self.decide(key, corner, Pieces { array: &pieces, indices: &all })?));
+        }
+        self.foresee_below(decided.iter().map(|(_, decided)| decided));
+        let mut nodes = [const { Node::Empty(0) }; 8];
+        for (node, (key, decided)) in nodes.iter_mut().zip(decided) {
+            *node = self.record(key, decided)?;
+        }
+        Ok(nodes)
+    }
+
+    /// Tells the field which children of some nodes will be evaluated as these are recorded.
+    fn foresee_below<'d>(&mut self, nodes: impl Iterator<Item = &'d Decided<F::Piece>>)
+    where
+        F::Piece: 'd,
+    {
+        let children = nodes.filter_map(|decided| match decided {
+            Decided::Refined(_, children) => Some(children.iter()),
+            Decided::Empty(_) | Decided::Leaf(_) => None,
+        });
+        self.foresee(children.flatten().map(|child| (child.key, child.corner, child.pieces.as_slice())));
+    }
+
+    /// Tells the field which of some nodes, each with its corner and its pieces, will be evaluated as they are decided.
+    fn foresee<'p>(&mut self, nodes: impl Iterator<Item = (NodeKey, i16, &'p [F::Piece])>)
     where
         F::Piece: 'p,
     {
         if !self.field.foresees() {
             return;
         }
-        let is_evaluated = |(key, corner, list): &(NodeKey, i16, Pieces<'p, F::Piece>)| {
-            let is_deepest = key.level() == self.rules.depth;
-            let refined = || self.field.refined_unseen(self.rules.refine, *key, *corner, *list);
-            self.field.settled(*key, *corner, *list).is_none() && (is_deepest || refined().is_none())
+        let nodes: Vec<_> = nodes.collect();
+        let most = nodes.iter().map(|(.., pieces)| pieces.len()).max().unwrap_or(0);
+        let all: Vec<u32> = (0..most as u32).collect();
+        let leaf = |(key, corner, array): (NodeKey, i16, &'p [F::Piece])| Leaf {
+            key,
+            corner,
+            array,
+            indices: &all[..array.len()],
         };
-        let keys: Vec<NodeKey> = nodes.filter(is_evaluated).map(|(key, ..)| key).collect();
-        self.field.foresee(&mut self.evaluator, &keys);
+        let is_evaluated = |leaf: &Leaf<'_, F::Piece>| {
+            let is_deepest = leaf.key.level() == self.rules.depth;
+            let refined = || self.field.refined_unseen(self.rules.refine, leaf.key, leaf.corner, leaf.into());
+            self.field.settled(leaf.key, leaf.corner, leaf.into()).is_none()
+                && (is_deepest || refined().is_none())
+        };
+        let leaves: Vec<_> = nodes.into_iter().map(leaf).filter(is_evaluated).collect();
+        self.field.foresee(&mut self.evaluator, &leaves);
     }
 
-    fn build_children(
-        &mut self,
-        key: NodeKey,
-        corners: [i16; 8],
-        list: Pieces<'_, F::Piece>,
-    ) -> Result<[Node; 8]> {
+    /// The children of a node with these corners, and the pieces that touch them.
+    fn children(&self, key: NodeKey, corners: [i16; 8], list: Pieces<'_, F::Piece>) -> [Child<F::Piece>; 8] {
         let lists = Binner::new(key, 1).sort_indices(self.field, list.array);
-        let mut children = [const { Node::Empty(0) }; 8];
-        self.foresee(Octant::all().map(|octant| {
-            let list = Pieces { array: list.array, indices: lists.of(octant.index()) };
-            (key.child(octant), corners[octant.index()], list)
-        }));
-        for octant in Octant::all() {
-            let own: Vec<F::Piece> =
-                lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect();
-            children[octant.index()] = self.build(key.child(octant), corners[octant.index()], &own)?;
-        }
-        Ok(children)
+        let child = |octant: Octant| Child {
+            key: key.child(octant),
+            corner: corners[octant.index()],
+            pieces: lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect(),
+        };
+        let children: Vec<_> = Octant::all().map(child).collect();
+        children.try_into().unwrap_or_else(|_| unreachable!("there are eight octants"))
     }
+}
+
+/// A node that is decided, and nothing below it built yet.
+enum Decided<P> {
+    /// No surface touches it.
+    Empty(i16),
+    Leaf(Brick),
+    /// Its samples, or `None` if these are joined from its children's, and the children.
+    Refined(Option<Samples>, [Child<P>; 8]),
+}
+
+/// A child of a refined node.
+struct Child<P> {
+    key: NodeKey,
+    corner: i16,
+    /// Those that touch it.
+    pieces: Vec<P>,
 }
 
 /// What [`descend`] meets.

@@ -3,8 +3,9 @@
 //! All are sums and unions over the pieces, so that every machine finds the same, in whatever order it reads them.
 
 use super::bins::Binner;
-use super::field::{Field, Soup};
+use super::field::Field;
 use super::snap::read;
+use super::soup::Soup;
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
 use crate::lattice::{NodeKey, ROOT_BITS, RootCube, Triangle, Units};

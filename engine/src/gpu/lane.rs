@@ -28,10 +28,12 @@ pub struct BatchInput {
     pub bricks: Vec<Brick>,
     /// Of each brick every triangle that touches it.
     pub pairs: Vec<Pair>,
+    /// Whether hidden crossings are asked for, because the bricks may be divided.
+    pub may_divide: bool,
 }
 
 impl BatchInput {
-    /// Empties it.
+    /// Empties it of bricks.
     pub fn clear(&mut self) {
         self.bricks.clear();
         self.pairs.clear();
@@ -107,7 +109,8 @@ impl Lane {
         self.pending.is_empty()
     }
 
-    /// Sends a batch. Each brick has the room for edges that it would have in a batch of `limit` bricks.
+    /// Sends a batch. Each brick has the room for edges that it would have in a batch of `limit` bricks, if it cannot be
+    /// divided.
     ///
     /// # Errors
     /// If the device fails; the batch is not under way then.
@@ -164,7 +167,7 @@ impl Lane {
 
     /// How much room a batch takes; checks that it is sound.
     fn load(&self, input: &BatchInput, limit: usize) -> Sizes {
-        let BatchInput { bricks, pairs } = input;
+        let BatchInput { bricks, pairs, may_divide } = input;
         let fits = |count: usize, room: u32| (1..=room as usize).contains(&count);
         assert!(
             fits(bricks.len(), self.sizes.bricks) && fits(pairs.len(), self.sizes.pairs),
@@ -177,12 +180,17 @@ impl Lane {
             of_bricks[brick] += 1;
         }
         assert!(of_bricks.iter().all(|count| *count <= PAIRS_OF_BRICK_MAX), "a brick has too many");
-        // A share of the room, so that no more is read back than there may be.
-        let share = |room: u32| room / (limit.max(bricks.len()) as u32) * bricks.len() as u32;
+        // A share of the room, so that no more is read back than there may be; all of it for bricks that may be divided, for
+        // coarse ones have ten times the edges of leaves.
+        let share = |room: u32| match may_divide {
+            true => room,
+            false => room / (limit.max(bricks.len()) as u32) * bricks.len() as u32,
+        };
         Sizes {
             bricks: bricks.len() as u32,
             pairs: pairs.len() as u32,
             edges: share(self.sizes.edges),
+            nodes: if *may_divide { bricks.len() as u32 } else { 0 },
             ..self.sizes
         }
     }
@@ -234,12 +242,16 @@ fn record_kernels(slot: &Slot, kernels: &Kernels, set: vk::DescriptorSet, load: 
         let spans = rooms[i].min(load.pairs * SPANS_OF_PAIR[i]);
         spans.div_ceil(WORKGROUP * SPANS_OF_INVOCATION)
     });
-    let groups: [u32; KERNELS] = [of_pairs, of_way, load.bricks, of_spans, load.bricks * RESOLVE_GROUPS];
+    let of_nodes = if load.nodes > 0 { of_spans } else { 0 };
+    let groups: [u32; KERNELS] =
+        [of_pairs, of_way, load.bricks, of_spans, load.bricks * RESOLVE_GROUPS, of_nodes];
     for (number, groups) in groups.into_iter().enumerate() {
-        if number > 0 {
-            slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
+        if groups > 0 {
+            if number > 0 {
+                slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
+            }
+            slot.dispatch(kernels, number, set, [groups, 1]);
         }
-        slot.dispatch(kernels, number, set, [groups, 1]);
         slot.note_time(number as u32 + 2);
     }
 }
