@@ -205,14 +205,15 @@ fn children<F: Field>(field: &F, key: NodeKey, corners: [i16; 8], pieces: &[F::P
     Octant::all().collect::<Vec<_>>().into_par_iter().map(child).collect()
 }
 
-/// Jobs that are built together where a field foresees: the children of eight nodes are a batch of a device's, 64 leaves
-/// are one, too.
-fn jobs_together<F: Field>(field: &F, rules: &Rules) -> usize {
-    match field.foresees() {
+/// Of so many jobs those that are built together where a field foresees: the children of eight nodes are a batch of a
+/// device's, 64 leaves are one, too. Every thread gets some.
+fn jobs_together<F: Field>(field: &F, rules: &Rules, jobs: usize) -> usize {
+    let batch = match field.foresees() {
         false => 1,
         true if job_level(rules) == rules.depth => 64,
         true => 8,
-    }
+    };
+    jobs.div_ceil(2 * rayon::current_num_threads()).clamp(1, batch)
 }
 
 /// Runs the jobs on all threads and returns their top nodes.
@@ -225,7 +226,7 @@ fn run_jobs<F: Field, R: Recorder>(
 ) -> Result<Vec<Node>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     let local = || SubtreeBuilder::<F, R>::new(field, plan.rules, progress);
-    let groups: Vec<&[Job<F::Piece>]> = jobs.chunks(jobs_together(field, plan.rules)).collect();
+    let groups: Vec<&[Job<F::Piece>]> = jobs.chunks(jobs_together(field, plan.rules, jobs.len())).collect();
     let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {
         let kept: Vec<Option<Node>> =
             groups[number].iter().map(|job| plan.built(job.key)).collect::<Result<_>>()?;

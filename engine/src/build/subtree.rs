@@ -209,8 +209,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         self.foresee(tops.iter().map(|top| (top.key, top.corner, top.pieces)));
         let mut decided = Vec::with_capacity(tops.len());
         for &Top { key, corner, pieces } in tops {
-            let all: Vec<u32> = (0..pieces.len() as u32).collect();
-            decided.push((key, self.decide(key, corner, Pieces { array: pieces, indices: &all })?));
+            decided.push((key, self.decide(key, corner, pieces)?));
         }
         self.foresee_below(decided.iter().map(|(_, decided)| decided));
         let record = |(key, decided)| Ok((self.record(key, decided)?, self.records.take()));
@@ -219,22 +218,24 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
 
     /// Finds out what becomes of a node: it is refined if its samples or crossings ask for it. Where its pieces do so
     /// already, it is joined from its children.
-    fn decide(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Decided<F::Piece>> {
+    fn decide(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Decided<F::Piece>> {
         self.progress.check()?;
+        let all: Vec<u32> = (0..pieces.len() as u32).collect();
+        let list = Pieces { array: pieces, indices: &all };
         if let Some(w) = self.field.settled(key, corner, list) {
             return Ok(Decided::Empty(w));
         }
         let is_deepest = key.level() == self.rules.depth;
         if !is_deepest && let Some(corners) = self.field.refined_unseen(self.rules.refine, key, corner, list)
         {
-            return Ok(Decided::Refined(None, self.children(key, corners, list)));
+            return Ok(Decided::Refined(None, self.children(key, corners, pieces)));
         }
         let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
         if is_deepest || self.rules.keeps(&mut evaluation) {
             return Ok(Decided::Leaf(evaluation.into_leaf()?));
         }
         let corners = evaluation.corners();
-        Ok(Decided::Refined(Some(evaluation.into_samples()), self.children(key, corners, list)))
+        Ok(Decided::Refined(Some(evaluation.into_samples()), self.children(key, corners, pieces)))
     }
 
     /// Builds what is below a node, whose children have been foreseen, and records all of it.
@@ -261,11 +262,10 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     }
 
     /// Decides all eight before what is below them is built, so that up to 64 nodes are foreseen together.
-    fn build_children(&mut self, children: [Child<F::Piece>; 8]) -> Result<[Node; 8]> {
+    fn build_children(&mut self, children: Box<[Child<F::Piece>; 8]>) -> Result<[Node; 8]> {
         let mut decided = Vec::with_capacity(children.len());
-        for Child { key, corner, pieces } in children {
-            let all: Vec<u32> = (0..pieces.len() as u32).collect();
-            decided.push((key, self.decide(key, corner, Pieces { array: &pieces, indices: &all })?));
+        for Child { key, corner, pieces } in *children {
+            decided.push((key, self.decide(key, corner, &pieces)?));
         }
         self.foresee_below(decided.iter().map(|(_, decided)| decided));
         let mut nodes = [const { Node::Empty(0) }; 8];
@@ -315,14 +315,14 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     }
 
     /// The children of a node with these corners, and the pieces that touch them.
-    fn children(&self, key: NodeKey, corners: [i16; 8], list: Pieces<'_, F::Piece>) -> [Child<F::Piece>; 8] {
-        let lists = Binner::new(key, 1).sort_indices(self.field, list.array);
+    fn children(&self, key: NodeKey, corners: [i16; 8], pieces: &[F::Piece]) -> Box<[Child<F::Piece>; 8]> {
+        let lists = Binner::new(key, 1).sort_indices(self.field, pieces);
         let child = |octant: Octant| Child {
             key: key.child(octant),
             corner: corners[octant.index()],
-            pieces: lists.of(octant.index()).iter().map(|&i| list.array[i as usize]).collect(),
+            pieces: lists.of(octant.index()).iter().map(|&i| pieces[i as usize]).collect(),
         };
-        let children: Vec<_> = Octant::all().map(child).collect();
+        let children: Box<[_]> = Octant::all().map(child).collect();
         children.try_into().unwrap_or_else(|_| unreachable!("there are eight octants"))
     }
 }
@@ -333,7 +333,7 @@ enum Decided<P> {
     Empty(i16),
     Leaf(Brick),
     /// Its samples, or `None` if these are joined from its children's, and the children.
-    Refined(Option<Samples>, [Child<P>; 8]),
+    Refined(Option<Samples>, Box<[Child<P>; 8]>),
 }
 
 /// A child of a refined node.
