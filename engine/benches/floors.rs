@@ -77,7 +77,7 @@ const MESHES: [&str; 2] = ["mesh of the depth 4 store, STL", "the same, arrays i
 /// One round: the floor, then every job.
 fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<Summary> {
     // To replace the files of the round before would take the time that freeing their pages takes.
-    for name in ["dense.brf", "512.brf", "deep.brf", "w.raw", "out.stl"] {
+    for name in ["dense.brf", "512.brf", "deep.brf", "deeper.brf", "w.raw", "out.stl"] {
         let _ = std::fs::remove_file(folder.join(name));
     }
     let floor = floor::read_floor(input, true)?;
@@ -91,6 +91,7 @@ fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<Summary> {
     let deep = folder.join("deep.brf");
     let (seconds, summary) = timed(|| build_to(input, &deep, 5))?;
     row("build, depth 5 (1024³)", seconds);
+    row("build, depth 6 (2048³)", timed(|| build_to(input, &folder.join("deeper.brf"), 6))?.0);
     row("export 128³ of the depth 5 store", timed(|| export(&deep, &folder.join("w.raw"), 2))?.0);
     let store = folder.join("512.brf");
     let (seconds, triangles) = timed(|| mesh(&store, &mut *create_sink(&folder.join("out.stl"), None)?))?;

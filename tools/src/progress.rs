@@ -5,7 +5,7 @@ use crate::interrupt;
 use brickfield_engine::Progress;
 use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
-use std::sync::{Mutex, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
 const COUNTED: &str = "{prefix:>18} [{bar:30}] {human_pos}/{human_len} {msg} {rate} {eta} left";
@@ -17,7 +17,7 @@ const TICK: Duration = Duration::from_millis(200);
 pub struct Bars {
     bar: RwLock<ProgressBar>,
     quiet: bool,
-    lines: Option<Mutex<Option<Phase>>>,
+    lines: Option<Arc<Mutex<Option<Phase>>>>,
 }
 
 /// Least time between two lines about a phase, but for the last.
@@ -51,6 +51,12 @@ struct Line<'a> {
 }
 
 impl Phase {
+    fn tell_if_due(&mut self) {
+        if self.told.elapsed() >= LINE_EVERY {
+            self.tell(false);
+        }
+    }
+
     fn tell(&mut self, ended: bool) {
         self.told = Instant::now();
         let seconds = self.begun.elapsed().as_secs_f64();
@@ -69,7 +75,8 @@ impl Phase {
 impl Bars {
     /// No bar is drawn before the first phase, nor ever if `quiet`.
     pub fn new(quiet: bool, progress: ProgressArg) -> Bars {
-        let lines = matches!(progress, ProgressArg::Json).then(Mutex::default);
+        let lines = matches!(progress, ProgressArg::Json).then(Arc::default);
+        lines.iter().for_each(tell_on);
         Bars { bar: RwLock::new(ProgressBar::hidden()), quiet: quiet || lines.is_some(), lines }
     }
 
@@ -98,6 +105,20 @@ impl Bars {
     }
 }
 
+/// Goes on to tell of a phase whose work does not advance.
+fn tell_on(lines: &Arc<Mutex<Option<Phase>>>) {
+    let lines = Arc::downgrade(lines);
+    std::thread::spawn(move || {
+        while let Some(lines) = lines.upgrade() {
+            if let Some(phase) = &mut *lines.lock().unwrap_or_else(PoisonError::into_inner) {
+                phase.tell_if_due();
+            }
+            drop(lines);
+            std::thread::sleep(LINE_EVERY / 4);
+        }
+    });
+}
+
 /// Steps a second, without the fractions that indicatif's own key shows.
 fn write_rate(state: &ProgressState, out: &mut dyn std::fmt::Write) {
     // A failed write only spoils the bar.
@@ -124,9 +145,7 @@ impl Progress for Bars {
         if let Some(lines) = &self.lines {
             if let Some(phase) = &mut *lines.lock().unwrap_or_else(PoisonError::into_inner) {
                 phase.done += steps;
-                if phase.told.elapsed() >= LINE_EVERY {
-                    phase.tell(false);
-                }
+                phase.tell_if_due();
             }
             return;
         }
