@@ -35,6 +35,35 @@ fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, Sum
 }
 
 #[test]
+fn an_index_that_outgrows_its_memory_ends_a_build_that_goes_on_with_more() {
+    let input = open("stl/clover_beads.stl");
+    let expected = build(&input, 4, 2, u64::MAX).0;
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("part.brf");
+    let within = |index: u64| {
+        let options = BuildOptions {
+            resolution: Resolution::Depth(4),
+            resources: Resources { index, ..Resources::default() },
+            ..BuildOptions::default()
+        };
+        build_opened(std::slice::from_ref(&input), &out, &options, &Silent)
+    };
+    let error = within(20 << 10).unwrap_err().to_string();
+    assert!(error.contains("nodes has outgrown the 20 KiB") && error.contains("--memory"), "{error}");
+    assert!(!out.exists());
+    // Further, then to the end.
+    let nodes = |error: &str| -> u64 {
+        let words: Vec<&str> = error.split(' ').collect();
+        words[words.iter().position(|word| *word == "nodes").unwrap() - 1].parse().unwrap()
+    };
+    let again = within(60 << 10).unwrap_err().to_string();
+    assert!(0 < nodes(&error) && nodes(&error) < nodes(&again), "{error}, {again}");
+    within(u64::MAX).unwrap();
+    assert!(std::fs::read(&out).unwrap() == expected);
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+}
+
+#[test]
 fn stores_do_not_depend_on_memory() {
     for (name, depths) in
         [("clover.gcode", &[3, 5][..]), ("stl/clover_beads.stl", &[4]), ("gcode/nonplanar.gcode", &[6])]

@@ -65,23 +65,23 @@ fn shaded(soup: &Soup, options: TreeOptions, contouring: ContourOptions) -> (Sha
 /// of `clover_beads` are turned from their triangles at depth 2, 1.4 % at depth 3, 0.7 % at depth 4.
 #[test]
 fn normals_of_real_parts_point_outward() {
-    let dual = ContourOptions::default();
-    let marching = ContourOptions { method: Method::MarchingCubes, ..dual };
-    let merging = ContourOptions { tolerance: 0.02, ..dual };
+    let dual = ContourOptions::default;
+    let marching = || ContourOptions { method: Method::MarchingCubes, ..dual() };
+    let merging = || ContourOptions { tolerance: 0.02, ..dual() };
     let mixed = TreeOptions { depth: 3, refine: Refine::Stddev, stddev: 0.2 };
     let mut special = [0; 3];
     for (name, options, contouring, most_inward) in [
-        ("clover_beads", at_depth(3), dual, 0.02),
-        ("clover_beads", at_depth(3), marching, 0.02),
-        ("clover_beads", at_depth(3), merging, 0.03),
-        ("clover_beads", mixed, dual, 0.05),
-        ("clover_model", at_depth(3), dual, 0.0),
-        ("clover_model", at_depth(3), merging, 0.0),
-        ("clover_model", mixed, dual, 0.0),
-        ("featuretype50_model", at_depth(3), dual, 0.0),
-        ("overlap_boxes", at_depth(2), dual, 0.0),
-        ("void_ladder", at_depth(3), dual, 0.0),
-        ("void_ladder", at_depth(3), merging, 0.0),
+        ("clover_beads", at_depth(3), dual(), 0.02),
+        ("clover_beads", at_depth(3), marching(), 0.02),
+        ("clover_beads", at_depth(3), merging(), 0.03),
+        ("clover_beads", mixed, dual(), 0.05),
+        ("clover_model", at_depth(3), dual(), 0.0),
+        ("clover_model", at_depth(3), merging(), 0.0),
+        ("clover_model", mixed, dual(), 0.0),
+        ("featuretype50_model", at_depth(3), dual(), 0.0),
+        ("overlap_boxes", at_depth(2), dual(), 0.0),
+        ("void_ladder", at_depth(3), dual(), 0.0),
+        ("void_ladder", at_depth(3), merging(), 0.0),
     ] {
         let (shaded, summary) = shaded(&file(&format!("{name}.stl")), options, contouring);
         let cosines = shaded.cosines();

@@ -211,26 +211,6 @@ fn the_sum_over_all_triangles_runs_on_a_device() {
 /// What a driver takes of the machine for itself, beside the memory that is asked of it: Mesa's llvmpipe 20 MiB.
 const DRIVER_MIB: u64 = 32;
 
-/// The largest RssAnon of a run, in MiB.
-fn peak_anonymous_mib(args: &[&dyn AsRef<OsStr>]) -> u64 {
-    let mut command = program();
-    command.args(args.iter().map(AsRef::as_ref));
-    let mut child = command.stdout(std::process::Stdio::null()).spawn().expect("it runs");
-    let status = format!("/proc/{}/status", child.id());
-    let mut peak = 0;
-    loop {
-        let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let kib = text.lines().find_map(|line| line.strip_prefix("RssAnon:"));
-        let kib = kib.and_then(|kib| kib.trim().strip_suffix(" kB")?.parse::<u64>().ok());
-        peak = peak.max(kib.unwrap_or(0));
-        if let Some(status) = child.try_wait().expect("it is a child") {
-            assert!(status.success());
-            return peak >> 10;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(1));
-    }
-}
-
 /// A software driver's device memory is the machine's: all that a build takes stays within what is allowed, but for what
 /// the driver takes for itself.
 #[test]

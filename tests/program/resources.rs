@@ -19,6 +19,56 @@ fn a_bound_on_memory_changes_nothing_but_is_refused_if_nothing_can_be_done_in_it
     assert_eq!(dir.names(), ["bound.brf", "free.brf"]);
 }
 
+/// Anonymous memory stays within 1.05 times what is allowed, where a build that may take more does.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_build_stays_within_its_memory() {
+    let dir = Scratch::new();
+    let pile = brickfield_bench_data::pile::bead_pile(1, 3_000_000, [100.0, 100.0, 12.0]);
+    let (input, out) = (dir.path("pile.stl"), dir.path("o.brf"));
+    let file = std::io::BufWriter::new(std::fs::File::create(&input).unwrap());
+    let mut writer = brickfield_bench_data::write::StlWriter::new(file, pile.triangles()).unwrap();
+    pile.into_iter().try_for_each(|bead| writer.mesh(&bead)).unwrap();
+    writer.finish().unwrap();
+    let peak = |memory: u64| {
+        let allowed = format!("{memory}MiB");
+        let args: [&dyn AsRef<std::ffi::OsStr>; 11] = [
+            &"build",
+            &input,
+            &"-o",
+            &out,
+            &"--depth",
+            &"3",
+            &"--threads",
+            &"2",
+            &"--memory",
+            &allowed,
+            &"-q",
+        ];
+        peak_anonymous_mib(&args)
+    };
+    let (within, unbound) = (peak(84), peak(1024));
+    assert!(within <= 84 * 105 / 100 && unbound > 100, "{within} of 84 MiB, {unbound} of 1024 MiB");
+}
+
+/// The temporary file of a mesh is in the folder that is named for it, of whichever command.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_mesh_waits_in_the_folder_for_temporary_files() {
+    let dir = Scratch::new();
+    let (store, mesh, none) = (dir.path("o.brf"), dir.path("o.ply"), dir.path("none"));
+    run(&[&"build", &stl("overlap_boxes"), &"-o", &store, &"--depth", &"3", &"-q"]).ok();
+    let args: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"mesh", &store, &"-o", &mesh, &"--temp-dir"];
+    let refused = run(&[&args[..], &[&none]].concat()).failed();
+    assert!(refused.contains("not a folder") && refused.contains("--temp-dir"), "{refused}");
+    assert_eq!(dir.names(), ["o.brf"]);
+    // A folder in which no file can be made, whoever asks.
+    let refused = run(&[&args[..], &[&"/proc"]].concat()).failed();
+    assert!(refused.contains("temporary file in") && refused.contains("/proc"), "{refused}");
+    run(&[&args[..], &[&std::env::temp_dir()]].concat()).ok();
+    assert_eq!(dir.names(), ["o.brf", "o.ply"]);
+}
+
 #[test]
 fn an_open_mesh_that_does_not_fit_is_refused() {
     let dir = Scratch::new();

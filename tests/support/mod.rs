@@ -83,6 +83,27 @@ pub fn run_with(args: &[&dyn AsRef<OsStr>], input: &str) -> Run {
     child.wait_with_output().expect("it ends").into()
 }
 
+/// The largest RssAnon of a run, in MiB.
+#[cfg(target_os = "linux")]
+pub fn peak_anonymous_mib(args: &[&dyn AsRef<OsStr>]) -> u64 {
+    let mut command = program();
+    command.args(args.iter().map(AsRef::as_ref));
+    let mut child = command.stdout(Stdio::null()).spawn().expect("it runs");
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak = 0;
+    loop {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let kib = text.lines().find_map(|line| line.strip_prefix("RssAnon:"));
+        let kib = kib.and_then(|kib| kib.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+        peak = peak.max(kib.unwrap_or(0));
+        if let Some(status) = child.try_wait().expect("it is a child") {
+            assert!(status.success());
+            return peak >> 10;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+}
+
 fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data")
 }

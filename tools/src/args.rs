@@ -121,11 +121,12 @@ pub struct BuildArgs {
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub units: Unit,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
-    /// meshes that do not fit go to a temporary file. Toolpaths as solids, open meshes, point clouds, and what --stddev or another
+    /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
+    /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --stddev or another
     /// --refine decides stay in memory, and are refused if they do not fit
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,
-    /// Folder of the temporary file, which has no name there and vanishes with the program; the output's own by default
+    /// Folder of the temporary files, which have no names there and vanish with the program; the output's own by default
     #[arg(long, value_name = "DIR")]
     pub temp_dir: Option<PathBuf>,
     /// Build share I of N of the store, I from 1, to be joined with the others by `cache merge`: the same store, made on
@@ -304,6 +305,10 @@ pub struct MeshArgs {
     /// each further one, are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
+    /// Folder of the temporary file in which triangles wait for the numbers of their vertices, 12 bytes each: it has no
+    /// name there and vanishes with the program; the output's own by default
+    #[arg(long, value_name = "DIR", requires = "output")]
+    pub temp_dir: Option<PathBuf>,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

@@ -94,6 +94,11 @@ fn left_of(
     )))
 }
 
+/// What of the memory for pieces and records the index of nodes may take: the jobs of two threads need the rest.
+pub fn index_share(memory: u64) -> u64 {
+    memory / 5 * 4
+}
+
 /// What pieces need that have to be in memory, and what they are.
 fn pieces(inputs: &[Input], options: &BuildOptions) -> (u64, String) {
     let follows = options.refine == Refine::Hidden && options.stddev == 0.0;

@@ -210,7 +210,6 @@ pub fn build_opened(
     }
     let mut clock = Clock::default();
     check_target(output)?;
-    progress.phase("measuring", Some(opened.iter().map(Input::facets).sum()), "facets");
     let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
     let (min, max) = Survey::bounds_of_all(&surveys);
     let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
@@ -254,6 +253,17 @@ pub fn build_opened(
         flipped_patches: open.flipped_patches,
         ..summary
     })
+}
+
+/// The error of an index that takes more than it may, of a store whose nodes so far are kept.
+fn outgrown(writer: &mut StoreWriter, index: u64) -> Error {
+    if let Err(error) = writer.commit() {
+        return error;
+    }
+    let (part, nodes) = writer.unfinished().unwrap_or_default();
+    let kib = index >> 10;
+    let what = format!("the index of {nodes} nodes has outgrown the {kib} KiB that it may take");
+    Error::store(&part, "index", what, "run the same again with more --memory, which goes on from there")
 }
 
 /// A build whose input is known and measured: the store is begun.
@@ -352,10 +362,11 @@ impl Task {
     ) -> Result<()> {
         let kept = self.writer.kept();
         let plan = Plan { rules: &self.rules, share: self.meta.share.as_ref(), kept: kept.as_deref() };
-        let writer = &mut self.writer;
+        let (writer, index) = (&mut self.writer, self.room.index());
         let record = |bricks: EncodedBricks| {
             let bytes = bricks.write(writer)?;
-            writer.commit_if_due().map(|()| bytes)
+            writer.commit_if_due()?;
+            if bytes > index { Err(outgrown(writer, index)) } else { Ok(bytes) }
         };
         let built = build_tree(field, sorted, plan, self.room.memory(), progress, record);
         let empty = self.keep(built)?;

@@ -1,8 +1,8 @@
 //! What a build may take of the machine.
 
 use crate::backend::Vulkan;
-use crate::error::{Error, Result};
-use crate::part::temporary::TempFile;
+use crate::error::Result;
+use crate::part::temporary::{TempFile, require_folder};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -13,6 +13,9 @@ pub struct Resources {
     /// Beside those a thread takes some 8 MB of its own, and a parsed input what it takes. Soups of triangles that
     /// are closed, refined where triangles are, obey it; other builds hold their pieces in memory.
     pub memory: u64,
+    /// Bytes of it that the index of nodes may take. A build whose index outgrows them ends with an error and keeps what it
+    /// has, from where the same build goes on with more.
+    pub index: u64,
     /// Folder of the temporary file that is used if the pieces do not fit in memory; the output's own by default.
     pub temp_dir: Option<PathBuf>,
     /// A device for the bricks of closed soups, and for the sums over the caps of open ones. Everything else is the processor's.
@@ -22,13 +25,14 @@ pub struct Resources {
 impl Default for Resources {
     /// No bound.
     fn default() -> Self {
-        Resources { memory: u64::MAX, temp_dir: None, device: None }
+        Resources { memory: u64::MAX, index: u64::MAX, temp_dir: None, device: None }
     }
 }
 
 /// [`Resources`] with a place.
 pub(super) struct Room {
     memory: u64,
+    index: u64,
     file: Arc<TempFile>,
 }
 
@@ -40,21 +44,25 @@ impl Room {
     pub fn new(resources: &Resources, output: &Path) -> Result<Room> {
         let beside = output.parent().filter(|parent| !parent.as_os_str().is_empty());
         let folder = resources.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."));
-        if !folder.is_dir() {
-            let remedy = "name an existing folder with --temp-dir";
-            return Err(Error::store(folder, "temporary file", "this is not a folder", remedy));
-        }
-        Ok(Room { memory: resources.memory, file: Arc::new(TempFile::new(folder)) })
+        require_folder(folder)?;
+        let Resources { memory, index, .. } = *resources;
+        Ok(Room { memory, index, file: Arc::new(TempFile::new(folder)) })
     }
 
     /// Without bound.
     pub fn unbounded() -> Room {
-        Room { memory: u64::MAX, file: Arc::new(TempFile::new(&std::env::temp_dir())) }
+        let file = Arc::new(TempFile::new(&std::env::temp_dir()));
+        Room { memory: u64::MAX, index: u64::MAX, file }
     }
 
     /// Bytes for everything.
     pub fn memory(&self) -> u64 {
         self.memory
+    }
+
+    /// Those of them that the index may take.
+    pub fn index(&self) -> u64 {
+        self.index
     }
 
     /// Bytes for the sorted pieces; jobs need the rest.

@@ -79,6 +79,7 @@ pub use sink::{
 };
 
 use crate::error::{Error, Result};
+use crate::part::temporary::require_folder;
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use field::Field;
@@ -86,11 +87,12 @@ use later::{Later, Numbered, Waiting};
 use normals::LeafNormals;
 use order::in_order;
 use polygons::{LeafFacets, Making};
+use std::path::PathBuf;
 use surface::Level;
 use vertices::LeafVertices;
 
 /// What to contour, and how.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ContourOptions {
     /// The winding number at the surface, above 0; inside means w ≥ `iso`. Up to 1 the surface is the
     /// boundary that the Hermite data describe. Above 1 the crossings are placed where the samples at the
@@ -104,6 +106,8 @@ pub struct ContourOptions {
     pub tolerance: f64,
     /// How cells become triangles.
     pub method: Method,
+    /// Folder in which triangles wait for the numbers of their vertices, if the sink writes a file; the file's own by default.
+    pub temp_dir: Option<PathBuf>,
 }
 
 /// How cells become triangles.
@@ -118,7 +122,14 @@ pub enum Method {
 
 impl Default for ContourOptions {
     fn default() -> ContourOptions {
-        ContourOptions { iso: 0.5, level: None, cache_bytes: 512 << 20, tolerance: 0.0, method: Method::Dual }
+        ContourOptions {
+            iso: 0.5,
+            level: None,
+            cache_bytes: 512 << 20,
+            tolerance: 0.0,
+            method: Method::Dual,
+            temp_dir: None,
+        }
     }
 }
 
@@ -165,12 +176,14 @@ pub fn contour(
     let level = level(options.iso)?;
     require_half(tree, options.iso)?;
     require_tolerance(options)?;
+    options.temp_dir.as_deref().map_or(Ok(()), require_folder)?;
     let mut field = Field::new(tree, level, options)?;
     require_resolution(tree, options.level)?;
     field.merge_across(sink.wants_normals(), progress)?;
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
-        let later = Later::new(sink.folder(), sink.encoding());
+        let folder = sink.folder().map(|own| options.temp_dir.as_deref().unwrap_or(own));
+        let later = Later::new(folder, sink.encoding());
         let made = vertices(&field, options.method, &later, sink, progress, &mut summary)?;
         triangles(&later, &made, sink, progress)?;
     } else {

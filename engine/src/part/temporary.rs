@@ -83,6 +83,18 @@ impl TempFile {
     }
 }
 
+/// Fails unless temporary files can be made there.
+///
+/// # Errors
+/// If it is no folder.
+pub(crate) fn require_folder(folder: &Path) -> Result<()> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let remedy = "name an existing folder with --temp-dir";
+    Err(Error::store(folder, "temporary file", "this is not a folder", remedy))
+}
+
 fn make(folder: &Path) -> io::Result<Arc<dyn DiskFile>> {
     #[cfg(test)]
     if let Some(file) = stand_in::of(folder) {

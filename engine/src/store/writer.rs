@@ -209,6 +209,10 @@ impl StoreWriter {
             return if same { Ok(()) } else { Err(unfit("it is not what an earlier run has made of it")) };
         }
         self.write(payload)?;
+        if self.entries.len() == self.entries.capacity() {
+            // Not doubled: what the list may grow to counts as memory that is taken.
+            self.entries.reserve_exact(self.entries.len() / 8 + 1024);
+        }
         self.entries.push(entry);
         Ok(())
     }

@@ -149,6 +149,9 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         // in any case.
         plan.options.resources.memory -= device.gpu().memory().min(plan.options.resources.memory / 2);
     }
+    if budget.is_some() {
+        plan.options.resources.index = memory::index_share(plan.options.resources.memory);
+    }
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
     let mut summary = match clouds {
@@ -162,7 +165,9 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mesh = match (&plan.mesh, &mut sink) {
         (Some(path), Some(sink)) => {
             let begun = Instant::now();
-            let options = ContourOptions { cache_bytes: cache_bytes as usize, ..ContourOptions::default() };
+            let temp_dir = plan.options.resources.temp_dir.clone();
+            let options =
+                ContourOptions { cache_bytes: cache_bytes as usize, temp_dir, ..ContourOptions::default() };
             let report = write_mesh(&store, &options, path, sink.as_mut(), &bars)?;
             summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
             Some(report)
@@ -410,10 +415,6 @@ fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static 
         Some("the bricks of point clouds are the processor's")
     } else if options.solids.is_some() {
         Some("the bricks of beads as solids are the processor's (see --beads mesh)")
-    } else if options.stddev > 0.0 {
-        Some("with --stddev bricks are the processor's")
-    } else if options.refine != Refine::Hidden {
-        Some("with this --refine bricks are the processor's")
     } else {
         None
     }

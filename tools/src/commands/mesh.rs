@@ -46,6 +46,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         cache_bytes: (cache_bytes - brick_bytes) as usize,
         tolerance: tolerance_in(args.tolerance, &store)?,
         method: args.method.into(),
+        temp_dir: args.temp_dir,
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.

@@ -195,7 +195,7 @@ fn threads_and_cache_do_not_change_what_is_merged() {
         let (expected, summary) = mesh(&tree, &options);
         assert!(summary.triangles < checked(&tree).1.triangles);
         for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (2, usize::MAX)] {
-            let options = ContourOptions { cache_bytes, ..options };
+            let options = ContourOptions { cache_bytes, ..options.clone() };
             gives_the_same(&tree, &options, threads, (&expected, &summary));
         }
     }

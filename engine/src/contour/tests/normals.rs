@@ -208,7 +208,7 @@ fn threads_and_cache_do_not_change_normals() {
         for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (3, usize::MAX)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut other = Shaded::default();
-            let options = ContourOptions { cache_bytes, ..options };
+            let options = ContourOptions { cache_bytes, ..options.clone() };
             pool.install(|| contour(tree, &options, &mut other, &Silent)).unwrap();
             assert!(other == expected, "{threads} threads, {cache_bytes} bytes");
         }
