@@ -15,12 +15,12 @@ mod special;
 
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
-use super::extras::{Extra, face_key, found_extra, plain_edge_key};
+use super::extras::{Extra, SplitVertex, face_key, found_extra, middle, plain_edge_key};
 use super::field::{Field, Frame};
 use super::halo::Place;
 use super::joined;
 use super::leaves::{Around, Side, direction_index};
-use super::mixed::Surroundings;
+use super::mixed::{Split, Surroundings};
 use super::outliers::{Outliers, minimisers};
 use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
@@ -247,8 +247,8 @@ pub(super) struct Builder<'a> {
     sum: PlaneSums,
     /// Cells, as bit rows, whose own planes rule out a corner in any block that they are part of.
     pub apart: Box<[u32; CELL_ROWS]>,
-    /// Extra vertices come after all others: (face, the two edges, position).
-    splits: Vec<(u32, [u64; 2], [f32; 3])>,
+    /// Extra vertices come after all others.
+    splits: Vec<SplitVertex>,
     /// Loops whose vertices are placed next; these are the last ones.
     group: Group,
     waiting: Vec<Waiting>,
@@ -486,8 +486,12 @@ impl<'a> Builder<'a> {
             for (enter, leave) in loops.face_cuts(axis, side) {
                 let edges = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.key));
                 let (p, q) = (self.crossing(cell[0], enter, streams), self.crossing(cell[0], leave, streams));
-                let middle = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
-                self.splits.push((face_key(axis, corner), edges, self.frame.world(cell, middle)));
+                self.splits.push(SplitVertex {
+                    face: face_key(axis, corner),
+                    edges,
+                    at: std::array::from_fn(|a| (p[a] + q[a]) * 0.5),
+                    middle: Some(middle([enter, leave])),
+                });
             }
         }
         Ok(())
@@ -546,8 +550,8 @@ impl<'a> Builder<'a> {
         self.cells.mixed_edges.extend(edges);
         self.cells.mixed.push(self.cells.mixed_edges.len() as u32);
         self.cells.split_faces += mixed.split_faces;
-        for split in mixed.splits {
-            self.splits.push((split.face, split.edges, self.frame.world(cell, split.at)));
+        for Split { face, edges, at, .. } in mixed.splits {
+            self.splits.push(SplitVertex { face, edges, at, middle: None });
         }
         Ok(())
     }
@@ -557,10 +561,14 @@ impl<'a> Builder<'a> {
         if let Some(sums) = self.sums.take() {
             self.field.spare_sums.keep(sums);
         }
-        for (face, edges, position) in self.splits {
-            let vertex = self.cells.positions.len() as u32;
-            self.cells.positions.push(position);
-            self.cells.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
+        if !self.splits.is_empty() {
+            let lattice = self.frame.lattice();
+            for split in self.splits {
+                let vertex = self.cells.positions.len() as u32;
+                self.cells.positions.push(split.position(&self.frame, &lattice));
+                let SplitVertex { face, edges, .. } = split;
+                self.cells.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
+            }
         }
         self.cells.quads = Mutex::new(self.quads);
         self.cells.extras.sort_unstable_by_key(|e| (e.face, e.edge));

@@ -13,7 +13,8 @@
 //! fan about a vertex on e.
 //!
 //! Cells are boxes between the planes of the lattice rounded to 32 bits, as vertices are: rounding keeps order, and
-//! vertices keep a distance of more than a step from their cell's faces. Everything is decided from these numbers; what
+//! vertices keep a distance of more than a step from their cell's faces, those on faces a step from the face's border
+//! ([`super::extras`]), and those on edges a step from the edge's ends. Everything is decided from these numbers; what
 //! rounding of 64-bit numbers could decide otherwise counts as not within, which costs triangles at worst.
 
 use crate::lattice::{Axis, BRICK_POINTS};

@@ -1,5 +1,12 @@
-//! Vertices on faces, and the names by which they are found.
+//! Vertices on faces: where they may stand, and the names by which they are found.
+//!
+//! Both polygons at a cut of a face are fans about vertices on edges of the face, so one that stood on the face's border
+//! could stand where the middle of a fan does, and two cuts of a face need places on either side of the diagonal between
+//! the corners that they do not cut off. That has to be so of places as they are written, with 32 bits: the surface may
+//! cross edges at samples, or nearer to them than a step of such numbers.
 
+use super::field::{Frame, Lattice};
+use super::loops::SLACK;
 use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
@@ -35,6 +42,104 @@ pub(super) fn face_of(face: u32) -> (Axis, [usize; 3]) {
         Axis::ALL[axis],
         [at % BRICK_POINTS, at / BRICK_POINTS % BRICK_POINTS, at / (BRICK_POINTS * BRICK_POINTS)],
     )
+}
+
+/// A face of a cell, between planes of the lattice.
+pub(super) struct Face<'a> {
+    lattice: &'a Lattice,
+    axis: Axis,
+    corner: [usize; 3],
+}
+
+impl Face<'_> {
+    /// The face across `axis` with this lower corner.
+    pub(super) fn new(lattice: &Lattice, axis: Axis, corner: [usize; 3]) -> Face<'_> {
+        Face { lattice, axis, corner }
+    }
+
+    /// A position moved onto the face and off its border, where it is not.
+    pub(super) fn inside(&self, position: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| match self.span(a) {
+            Some([low, high]) => position[a].clamp(low.next_up(), high.next_down()),
+            None => self.lattice[a][self.corner[a]],
+        })
+    }
+
+    /// World position of a point, 0..1 along each axis of the face, off its border.
+    pub(super) fn place(&self, at: [f64; 3]) -> [f32; 3] {
+        self.inside(self.rounded(at))
+    }
+
+    /// The same without moving it.
+    pub(super) fn rounded(&self, at: [f64; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| match self.span(a).map(|span| span.map(f64::from)) {
+            Some([low, high]) => (low + at[a] * (high - low)) as f32,
+            None => self.lattice[a][self.corner[a]],
+        })
+    }
+
+    /// Where a position on the face lies: 0..1 along its axes, 0 across it.
+    pub(super) fn seen(&self, position: [f32; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| {
+            let Some([low, high]) = self.span(a).map(|span| span.map(f64::from)) else { return 0.0 };
+            (f64::from(position[a]) - low) / (high - low)
+        })
+    }
+
+    /// From where to where the face reaches; nothing across it.
+    fn span(&self, a: usize) -> Option<[f32; 2]> {
+        let [low, high] = [self.corner[a], self.corner[a] + 1];
+        (a != self.axis.index()).then(|| [self.lattice[a][low], self.lattice[a][high]])
+    }
+}
+
+/// The mean of the middles of the two edges that a cut of a face joins, numbered as a cell's own, in the cell's coordinates.
+/// In cells of at least seven steps of 32 bits it is where the cut may have its vertex however it is rounded: the hull of
+/// the edges is a triangle, of which it is a mean with no weight below a quarter, or the whole face, whose middle it is.
+pub(super) fn middle(cut: [usize; 2]) -> [f64; 3] {
+    let middles = cut.map(|edge| {
+        let (along, low) = edge_lower(edge);
+        let mut at = low.map(|c| c as f64);
+        at[along.index()] += 0.5;
+        at
+    });
+    std::array::from_fn(|a| (middles[0][a] + middles[1][a]) / 2.0)
+}
+
+/// Whether a point of a face that is cut twice is within the triangle of the two edges that a cut with this [`middle`]
+/// joins, 0..1 along each axis of the face.
+fn is_cut_off(axis: Axis, middle: [f64; 3], at: [f64; 3]) -> bool {
+    let (u, v) = axis.others();
+    let from_corner = |a: usize| if middle[a] < 0.5 { at[a] } else { 1.0 - at[a] };
+    from_corner(u.index()) + from_corner(v.index()) < 1.0 - SLACK
+}
+
+/// The vertex on a cut of a split face.
+pub(super) struct SplitVertex {
+    /// Names of the face and of the edges that the cut joins.
+    pub face: u32,
+    pub edges: [u64; 2],
+    /// Where it should be, in coordinates of the cell.
+    pub at: [f64; 3],
+    /// [`middle`] of the cut, where the face has no edges but four.
+    pub middle: Option<[f64; 3]>,
+}
+
+impl SplitVertex {
+    /// Its position in 32 bits, apart from vertices on edges, and from that on the other cut of a face of four edges.
+    pub(super) fn position(&self, frame: &Frame, lattice: &Lattice) -> [f32; 3] {
+        let (axis, corner) = face_of(self.face);
+        let face = Face::new(lattice, axis, corner);
+        let place = |mut at: [f64; 3]| {
+            at[axis.index()] = 0.0;
+            face.inside(frame.world(corner, at))
+        };
+        let Some(middle) = self.middle else { return place(self.at) };
+        let between = std::array::from_fn(|a| (self.at[a] + middle[a]) / 2.0);
+        let mut places = [self.at, between].map(place).into_iter();
+        let is_apart = |position: &[f32; 3]| is_cut_off(axis, middle, face.seen(*position));
+        places.find(is_apart).unwrap_or_else(|| place(middle))
+    }
 }
 
 /// The vertex on one cut of a split face, found from either edge that the cut joins.

@@ -5,15 +5,15 @@
 //! faces between plain cells of one size are looked at.
 
 use super::cells::{BrickCells, CELL_ROWS, within};
-use super::extras::{Extra, face_key, face_of, found_extra, plain_edge_key};
-use super::field::Field;
+use super::extras::{Extra, Face, face_key, face_of, found_extra, middle, plain_edge_key};
+use super::field::{Field, Lattice};
 use super::leaves::{Side, direction_index};
-use super::loops::Part;
+use super::loops::{Part, SLACK};
 use super::planes::Plane;
 use super::surface::Surface;
 use super::topology::{Kind, edge_index, edge_lower};
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use std::sync::Arc;
 
 /// The vertices on faces that a leaf owns; numbered after those of its cells.
@@ -140,7 +140,7 @@ struct Block {
     leaf: u32,
     key: NodeKey,
     cells: Arc<BrickCells>,
-    lattice: [[f32; BRICK_POINTS]; 3],
+    lattice: Lattice,
 }
 
 /// A cell without finer leaves around it, its loops and where their vertices lie, 0..1 along each axis of the cell.
@@ -172,18 +172,6 @@ impl Block {
         let vertices = positions.iter().map(|&position| within(&self.lattice, cell, position)).collect();
         Some(Sight { kind, first, positions, vertices })
     }
-
-    /// World position of a point, 0..1 along each axis, of a cell's lower face across `axis`, off the face's border.
-    fn on_face(&self, axis: Axis, cell: [usize; 3], at: [f64; 3]) -> [f32; 3] {
-        std::array::from_fn(|a| {
-            let [low, high] = [self.lattice[a][cell[a]], self.lattice[a][cell[a] + 1]];
-            if a == axis.index() {
-                return low;
-            }
-            let place = f64::from(low) + at[a] * (f64::from(high) - f64::from(low));
-            (place as f32).clamp(low.next_up(), high.next_down())
-        })
-    }
 }
 
 struct Finder<'a> {
@@ -207,7 +195,7 @@ impl Finder<'_> {
             }
             let Some(at) = self.leaving(axis, above, [&upper, &lower], [enter, leave])? else { continue };
             let vertex = (self.own.cells.len() + self.found.positions.len()) as u32;
-            self.found.positions.push(self.own.on_face(axis, above, at));
+            self.found.positions.push(at);
             self.found
                 .sides
                 .push(([block.leaf, lower.vertex(on_other_side(axis, enter))], upper.vertex(enter)));
@@ -216,41 +204,45 @@ impl Finder<'_> {
         Ok(())
     }
 
-    /// Where on the face the mesh edge of a cut should pass, in the upper cell, if it does not pass well by itself: where
-    /// the planes of the cut's two crossings meet on the face, or else where it does pass, pulled into both loops' parts
-    /// towards the middle between the crossings.
+    /// Where on the face the mesh edge of a cut should pass, if it does not pass well by itself: where the planes of the
+    /// cut's two crossings meet on the face, or else where it does pass, pulled into both loops' parts towards the middle
+    /// between the crossings.
     fn leaving(
         &mut self,
         axis: Axis,
         above: [usize; 3],
         [upper, lower]: [&Sight; 2],
         cut: [usize; 2],
-    ) -> Result<Option<[f64; 3]>> {
+    ) -> Result<Option<[f32; 3]>> {
         let a = axis.index();
         let of_upper = usize::from(upper.kind.loops().of_edge[cut[0]]);
         let of_lower = usize::from(lower.kind.loops().of_edge[on_other_side(axis, cut[0])]);
-        let (Some(from), Some(to)) = (lower.positions.get(of_lower), upper.positions.get(of_upper)) else {
+        let (Some(from), Some(to)) = (lower.positions.get(of_lower), upper.vertices.get(of_upper)) else {
             return Ok(None);
         };
-        let (from, to) = (from.map(f64::from), to.map(f64::from));
-        let height = f64::from(self.own.lattice[a][above[a]]);
-        let share = (height - from[a]) / (to[a] - from[a]);
-        let passing: [f32; 3] = std::array::from_fn(|n| (from[n] + share * (to[n] - from[n])) as f32);
-        let mut passing = within(&self.own.lattice, above, passing);
+        let from = within(&self.own.lattice, above, *from);
+        let share = from[a] / (from[a] - to[a]);
+        let mut passing: [f64; 3] = std::array::from_fn(|n| from[n] + share * (to[n] - from[n]));
         passing[a] = 0.0;
         let parts = [
             Part::new(upper.kind, of_upper, &upper.vertices),
             Part::new(lower.kind, of_lower, &lower.vertices),
         ];
+        let face = Face::new(&self.own.lattice, axis, above);
+        // Where it would have a vertex it must be well, too: what passes within half a step of a border gets one.
+        let rounded = face.seen(face.rounded(passing));
         let is_between = share > 0.0 && share < 1.0;
-        if is_between && holds(axis, &parts, passing) {
+        if is_between && [passing, rounded].iter().all(|&at| holds(axis, &parts, at)) {
             return Ok(None);
         }
         let planes = self.planes(above, cut)?;
         let inner = std::array::from_fn(|n| (planes[0].0[n] + planes[1].0[n]) / 2.0);
-        let start = meeting(axis, planes).or(is_between.then_some(passing)).unwrap_or(inner);
+        let start = meeting(axis, planes).or(is_between.then_some(rounded)).unwrap_or(inner);
         let pull = pull(axis, &parts, start, inner);
-        Ok(Some(std::array::from_fn(|n| start[n] + pull * (inner[n] - start[n]))))
+        let pulled = std::array::from_fn(|n| start[n] + pull * (inner[n] - start[n]));
+        let mut places = [pulled, inner].map(|at| face.place(at)).into_iter();
+        let place = places.find(|place| holds(axis, &parts, face.seen(*place)));
+        Ok(Some(place.unwrap_or_else(|| face.place(middle(cut)))))
     }
 
     /// The planes of the crossings on two edges of a cell, in its coordinates; points stay away from the edges' ends.
@@ -278,7 +270,7 @@ fn on_lower(axis: Axis, mut at: [f64; 3]) -> [f64; 3] {
 
 /// Whether a point of a cell's lower face across `axis` is on the face and in the parts of the loops above and below.
 fn holds(axis: Axis, [upper, lower]: &[Part; 2], at: [f64; 3]) -> bool {
-    let is_there = (0..3).all(|n| n == axis.index() || (at[n] > 0.0 && at[n] < 1.0));
+    let is_there = (0..3).all(|n| n == axis.index() || (at[n] > SLACK && at[n] < 1.0 - SLACK));
     is_there && upper.holds(at) && lower.holds(on_lower(axis, at))
 }
 

@@ -295,9 +295,14 @@ fn counts<I: IntoIterator<Item = u32>>(
     counts
 }
 
+/// World coordinates of a brick's samples by axis.
+pub(super) type Lattice = [[f32; BRICK_POINTS]; 3];
+
 /// From cell coordinates of a brick to the world.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
+    root: RootCube,
+    key: NodeKey,
     origin: [f64; 3],
     spacing: f64,
     /// How far vertices stay away from their cell's faces, as a share of the cell.
@@ -305,7 +310,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    fn new(root: RootCube, key: NodeKey) -> Frame {
+    pub(super) fn new(root: RootCube, key: NodeKey) -> Frame {
         let spacing = root.spacing(key.level());
         let farthest = root.origin.iter().fold(0.0f64, |m, &o| m.max(o.abs()).max((o + root.edge).abs()));
         // More than one step of f32 on each side keeps the vertices of different cells, and the extra ones on
@@ -313,18 +318,26 @@ impl Frame {
         // cells is moved by the margin, and what it encloses grows or shrinks.
         let step = f64::from((farthest as f32).next_up()) - f64::from(farthest as f32);
         let margin = (1.01 * step / spacing).min(0.25);
-        Frame { origin: root.to_world(key.base().map(|b| f64::from(b) + 1.0)), spacing, margin }
+        let origin = root.to_world(key.base().map(|b| f64::from(b) + 1.0));
+        Frame { root, key, origin, spacing, margin }
     }
 
-    /// World coordinates of the brick's samples by axis.
-    pub(super) fn lattice(&self) -> [[f32; BRICK_POINTS]; 3] {
-        let at = |a: usize, n: usize| (self.origin[a] + n as f64 * self.spacing) as f32;
-        std::array::from_fn(|a| std::array::from_fn(|n| at(a, n)))
+    /// World coordinates of the brick's samples. They follow from the place in the root alone, so that all bricks have the
+    /// same number for one plane of samples, to the last bit.
+    pub(super) fn lattice(&self) -> Lattice {
+        let samples: [[f32; 3]; BRICK_POINTS] = std::array::from_fn(|n| self.sample(n));
+        std::array::from_fn(|a| std::array::from_fn(|n| samples[n][a]))
     }
 
     /// World coordinates of the brick's lower and upper corner.
     pub(super) fn bounds(&self) -> [[f32; 3]; 2] {
-        [0.0, BRICK_CELLS as f64].map(|n| std::array::from_fn(|a| (self.origin[a] + n * self.spacing) as f32))
+        [0, BRICK_CELLS].map(|n| self.sample(n))
+    }
+
+    /// World coordinates of the sample (n, n, n).
+    fn sample(&self, n: usize) -> [f32; 3] {
+        let step = (n as i32) << self.key.spacing_bits();
+        self.root.to_world(self.key.base().map(|b| f64::from(b + step) + 1.0)).map(|c| c as f32)
     }
 
     /// A point of the world in cells of the brick.

@@ -12,7 +12,7 @@ const LOOPS: usize = 4;
 const PAIRS: usize = LOOPS * (LOOPS - 1) / 2;
 
 /// What rounding may change of a sum of three numbers in 0..1.
-const SLACK: f64 = 1e-12;
+pub(super) const SLACK: f64 = 1e-12;
 
 /// Two loops of a cell lie where `normal`·p is at most `low`, and at least `high`; p is 0..1 along each axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -137,7 +137,9 @@ fn dot(normal: &[f64; 3], at: [f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::extras::middle;
     use super::*;
+    use crate::lattice::Axis;
     use proptest::prelude::*;
 
     #[test]
@@ -155,6 +157,42 @@ mod tests {
         }
         // All but two corners that are opposite each other.
         assert_eq!(all - tight, 8);
+    }
+
+    /// A coordinate is off by a seventh of a cell at most, where cells are seven steps of 32 bits wide: half a step by its
+    /// own rounding, half a step by that of the planes of the lattice. Places on faces are counted from these.
+    #[test]
+    fn middles_stay_in_their_parts_however_they_are_rounded() {
+        for kind in Kind::all() {
+            let loops = kind.loops();
+            for (i, j) in pairs(loops.count.into()) {
+                let gap = gap(kind, i, j);
+                // How far along each axis a place of one of the two may be moved.
+                let room = |of: usize, at: [f64; 3], axes: &[Axis]| {
+                    let room = match of == i {
+                        true => f64::from(gap.low) - gap.along(at),
+                        false => gap.along(at) - f64::from(gap.high),
+                    };
+                    room / axes.iter().map(|axis| f64::from(gap.normal[axis.index()].abs())).sum::<f64>()
+                };
+                for of in [i, j] {
+                    let mut mean = [0.0; 3];
+                    for edge in loops.edges_of(of) {
+                        let at = middle([edge; 2]);
+                        (0..3).for_each(|a| mean[a] += at[a] / f64::from(loops.edges[of].count_ones()));
+                    }
+                    assert!(room(of, mean, &Axis::ALL) > 1.0 / 7.0, "{kind:?}");
+                }
+                for (axis, side) in Axis::ALL.into_iter().flat_map(|axis| [(axis, 0), (axis, 1)]) {
+                    let (u, v) = axis.others();
+                    for (enter, leave) in loops.face_cuts(axis, side) {
+                        let of = usize::from(loops.of_edge[enter]);
+                        let at = middle([enter, leave]);
+                        assert!((of != i && of != j) || room(of, at, &[u, v]) > 1.0 / 14.0, "{kind:?}");
+                    }
+                }
+            }
+        }
     }
 
     proptest! {

@@ -3,9 +3,9 @@
 
 use super::Builder;
 use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX};
-use crate::contour::field::Frame;
+use crate::contour::field::{Frame, Lattice};
 use crate::contour::loops::tangled;
-use crate::lattice::BRICK_POINTS;
+use crate::contour::topology::{Kind, edge_lower};
 
 impl Builder<'_> {
     /// Takes a plain cell with one loop for one whose vertex lies beyond it.
@@ -18,8 +18,10 @@ impl Builder<'_> {
         }
     }
 
-    /// Sees to it that the vertices of several loops in one cell are apart: those that are not go to the mean of their
-    /// loop's crossings.
+    /// Sees to it that the vertices of several loops in one cell are apart, in 32 bits: those that are not go to the mean
+    /// of their loop's crossings. Where the surface crosses edges next to samples that may be on the plane between two loops
+    /// all the same, so crossings are kept off the ends of edges as far as it takes; means of the middles of edges are
+    /// apart however they are rounded ([`super::super::loops`]).
     #[cold]
     pub(super) fn separate_loops(&mut self) {
         if self.cells.special.is_empty() {
@@ -29,35 +31,40 @@ impl Builder<'_> {
         for n in 0..self.cells.special.len() {
             let cell = self.cells.special[n].map(usize::from);
             let Some((kind, first)) = self.cells.plain(cell) else { continue };
-            let loops = kind.loops();
-            let own = first..first + usize::from(loops.count);
-            let within = |position: &[f32; 3]| within(&lattice, cell, *position);
-            let vertices: Vec<[f64; 3]> = self.cells.positions[own].iter().map(within).collect();
-            let tangled = tangled(kind, &vertices);
-            if tangled == 0 {
-                continue;
-            }
-            let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
-            for l in (0..usize::from(loops.count)).filter(|l| tangled >> l & 1 == 1) {
-                let mut sum = [0.0; 3];
-                for edge in loops.edges_of(l) {
-                    let at = self.crossing(cell[0], edge, &streams);
-                    (0..3).for_each(|a| sum[a] += at[a]);
+            let own = first..first + usize::from(kind.loops().count);
+            for least in [0.0, 1.0 / 64.0, 0.5] {
+                let within = |position: &[f32; 3]| within(&lattice, cell, *position);
+                let vertices: Vec<[f64; 3]> = self.cells.positions[own.clone()].iter().map(within).collect();
+                let tangled = tangled(kind, &vertices);
+                if tangled == 0 {
+                    break;
                 }
-                let mean = sum.map(|c| c / f64::from(loops.edges[l].count_ones()));
-                let [low, high] = [self.frame.margin, 1.0 - self.frame.margin];
-                self.cells.positions[first + l] = self.frame.world(cell, mean.map(|c| c.clamp(low, high)));
+                for l in (0..own.len()).filter(|l| tangled >> l & 1 == 1) {
+                    self.cells.positions[first + l] = self.mean_of_crossings(cell, kind, l, least);
+                }
             }
         }
+    }
+
+    /// The mean of the crossings of a loop of a cell, counted as if they were at least so far from the ends of their edges.
+    fn mean_of_crossings(&self, cell: [usize; 3], kind: Kind, of: usize, least: f64) -> [f32; 3] {
+        let loops = kind.loops();
+        let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
+        let mut sum = [0.0; 3];
+        for edge in loops.edges_of(of) {
+            let mut at = self.crossing(cell[0], edge, &streams);
+            let along = edge_lower(edge).0.index();
+            at[along] = at[along].clamp(least, 1.0 - least);
+            (0..3).for_each(|a| sum[a] += at[a]);
+        }
+        let mean = sum.map(|c| c / f64::from(loops.edges[of].count_ones()));
+        let [low, high] = [self.frame.margin, 1.0 - self.frame.margin];
+        self.frame.world(cell, mean.map(|c| c.clamp(low, high)))
     }
 }
 
 /// Where a position of the world lies in a cell between planes of a lattice, 0..1 along each axis.
-pub(in crate::contour) fn within(
-    lattice: &[[f32; BRICK_POINTS]; 3],
-    cell: [usize; 3],
-    position: [f32; 3],
-) -> [f64; 3] {
+pub(in crate::contour) fn within(lattice: &Lattice, cell: [usize; 3], position: [f32; 3]) -> [f64; 3] {
     std::array::from_fn(|a| {
         let [low, high] = [cell[a], cell[a] + 1].map(|n| f64::from(lattice[a][n]));
         (f64::from(position[a]) - low) / (high - low)

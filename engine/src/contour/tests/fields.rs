@@ -151,7 +151,12 @@ pub fn brick(shape: &dyn Shape, key: NodeKey, leaf: bool) -> Brick {
 
 /// A tree whose nodes are divided where `divide` says so.
 pub fn tree(shape: &dyn Shape, divide: &dyn Fn(NodeKey) -> bool) -> MemoryTree {
-    let mut tree = MemoryTree::new(root());
+    tree_at(root(), shape, divide)
+}
+
+/// The same elsewhere in the world, which a shape that asks for the world does not know.
+pub fn tree_at(root: RootCube, shape: &dyn Shape, divide: &dyn Fn(NodeKey) -> bool) -> MemoryTree {
+    let mut tree = MemoryTree::new(root);
     let mut open = vec![NodeKey::ROOT];
     while let Some(key) = open.pop() {
         let leaf = !divide(key);

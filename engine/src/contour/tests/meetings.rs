@@ -1,12 +1,13 @@
 //! Triangles that meet where they should not.
 
 use super::*;
+use crate::check::Report;
 use crate::contour::envelope::MinimalEdge;
 use crate::ingest::Input;
 use proptest::prelude::*;
 
-/// Pairs of triangles that cross, overlap or touch, by exact arithmetic.
-pub fn pairs(mesh: &Mesh) -> u64 {
+/// What an exact check says of a mesh.
+pub fn report(mesh: &Mesh) -> Report {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.ply");
     let mut sink = create_sink(&path, None).unwrap();
@@ -14,7 +15,12 @@ pub fn pairs(mesh: &Mesh) -> u64 {
     sink.triangles(&mesh.facets).unwrap();
     sink.finish().unwrap();
     let input = Input::open(&path, &Silent).unwrap();
-    let report = crate::check::check(&input, false, &Silent).unwrap();
+    crate::check::check(&input, false, &Silent).unwrap()
+}
+
+/// Pairs of triangles that cross, overlap or touch, by exact arithmetic; none is without area.
+pub fn pairs(mesh: &Mesh) -> u64 {
+    let report = report(mesh);
     assert_eq!((report.flat_triangles.count, report.collapsed_triangles.count), (0, 0));
     report.intersections.pairs
 }

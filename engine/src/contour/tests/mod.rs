@@ -7,6 +7,7 @@ mod marching;
 mod meetings;
 mod normals;
 pub(super) mod one_by_one;
+mod rounding;
 
 use super::*;
 use crate::lattice::{Axis, NodeKey, Units};
