@@ -133,5 +133,8 @@ fn memory_is_bounded_by_the_bytes_present() {
         check(&flooded(&sound, size, stored), format!("{size} bytes of payloads"));
         check(&flooded(&sound, size, |_| [0; 32]), format!("{size} bytes of nothing"));
     }
+    // An index is in memory once, not as bytes and as entries.
+    let (_, peak) = open(&path, &flooded(&sound, 32 << 20, uniform));
+    assert!(peak > 31 << 20 && peak < 36 << 20, "{peak} bytes of memory for an index of 32 MiB");
     println!("{files} files, at most {:.0} % of the bound", 100.0 * worst);
 }

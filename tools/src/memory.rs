@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::units::Size;
 use brickfield_engine::build::BuildOptions;
 use brickfield_engine::ingest::{CloudInput, Input};
-use brickfield_engine::store::Refine;
+use brickfield_engine::store::{Refine, Store};
 use brickfield_engine::winding::FAR_FIELD_BYTES;
 use std::fs;
 use std::path::Path;
@@ -48,10 +48,23 @@ pub fn mesh_caches(memory: Size) -> u64 {
     caches(memory, BYTES_MESH_A_THREAD)
 }
 
-/// What of the memory for a picture is left for bricks. The allocator does not find room again for all that is dropped: with
-/// 446 MiB of bricks allowed a picture of overlaps held 544 MiB in all, with 404 MiB 496.
-pub fn picture_caches(memory: Size) -> u64 {
-    caches(memory, BYTES_PICTURE_A_THREAD) / 12 * 11
+/// What of the memory for a picture is left for bricks, of which `held` is taken by the index of the store and by pixels.
+/// The allocator does not find room again for all that is dropped: with 446 MiB of bricks allowed a picture of overlaps held
+/// 544 MiB in all, with 404 MiB 496.
+pub fn picture_caches(memory: Size, held: u64) -> u64 {
+    caches(Size(memory.0.saturating_sub(held)), BYTES_PICTURE_A_THREAD) / 12 * 11
+}
+
+/// What the index of a store takes while its nodes are drawn, each of which takes `bytes_a_node` beside its entry.
+pub fn index_drawn(store: &Store, bytes_a_node: u64) -> u64 {
+    store.index_bytes() + store.entries().len() as u64 * bytes_a_node
+}
+
+/// What a picture in space takes for pixels: three bands of 32 rows, of colours and depths, and one that is being made,
+/// measured as 1.8 KB for each pixel of the width; and all of a picture that is one of an animation.
+pub fn pixels_drawn([width, height]: [u32; 2], is_animated: bool) -> u64 {
+    let [width, height] = [u64::from(width), u64::from(height)];
+    2048 * width + if is_animated { 4 * width * height } else { 0 }
 }
 
 fn caches(memory: Size, bytes_a_thread: u64) -> u64 {
@@ -155,4 +168,24 @@ fn field(path: &Path, name: &str) -> Option<Size> {
     let text = fs::read_to_string(path).ok()?;
     let value = text.lines().find_map(|line| line.strip_prefix(name))?;
     Some(Size(value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bricks_of_a_picture_take_what_index_and_pixels_leave() {
+        let beside = BYTES_BESIDE + rayon::current_num_threads() as u64 * BYTES_PICTURE_A_THREAD;
+        let memory = Size(beside + (400 << 20));
+        for held in [0, 1 << 20, 100 << 20, 368 << 20] {
+            let (caches, left) = (picture_caches(memory, held), memory.0 - beside - held);
+            assert!(caches <= left && caches >= left / 12 * 10, "{caches} of {left}");
+        }
+        // Less would make the same bricks over and over.
+        for held in [369 << 20, 400 << 20, u64::MAX] {
+            assert_eq!(picture_caches(memory, held), BYTES_CACHES / 12 * 11);
+        }
+        assert!(pixels_drawn([4096, 4096], true) >= pixels_drawn([4096, 4096], false) + (64 << 20));
+    }
 }

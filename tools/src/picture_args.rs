@@ -63,8 +63,8 @@ pub struct SliceArgs {
     /// Deepest level to use
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
-    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, and 8 MiB more for each
-    /// further one, are used in any case
+    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, 8 MiB more for each further
+    /// one, and 60 bytes a node of the store are used in any case
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
     /// How to read the store
@@ -218,8 +218,9 @@ pub struct RenderArgs {
     /// Deepest level to use; coarser is faster
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
-    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, and 8 MiB more for each
-    /// further one, are used in any case
+    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, 8 MiB more for each further
+    /// one, 60 bytes a node of the store, 2 KiB a pixel of the width, and all pixels of one picture of an animation are used
+    /// in any case
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
     #[command(flatten)]

@@ -78,7 +78,8 @@ pub struct WindowArgs {
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
     pub supersample: u32,
     /// Memory to stay within, as in 256MiB, maps of files and the window's own 24 bytes a pixel not counted; 100 MiB with
-    /// two threads, and 8 MiB more for each further one, are used in any case
+    /// two threads, 8 MiB more for each further one, 60 bytes a node of the store, and 2 KiB a pixel of the width are used
+    /// in any case
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
     #[command(flatten)]

@@ -211,6 +211,8 @@ pub struct Scratch {
     plain: Vec<u8>,
     palette: Palette,
     layers: Option<Layers>,
+    /// The next brick's memory.
+    spare: Option<Samples>,
     small_table: CompressTable,
     large_table: CompressTable,
 }
@@ -232,8 +234,16 @@ impl Scratch {
             plain: Vec::new(),
             palette: Palette::default(),
             layers: None,
+            spare: None,
             small_table: CompressTable::small(),
             large_table: CompressTable::large(),
+        }
+    }
+
+    /// Takes the samples' memory of a brick that nobody needs any more for the next one that [`decode`] makes.
+    pub fn reuse(&mut self, brick: Brick) {
+        if let Brick::Counts { samples, .. } = brick {
+            self.spare = Some(samples);
         }
     }
 }
@@ -353,15 +363,15 @@ pub fn decode(
     if kind.is_range_coded() {
         return decode_range(kind, samples_part, hermite_bytes, scratch);
     }
-    let Scratch { plain, signs, .. } = scratch;
+    let Scratch { plain, signs, spare, .. } = scratch;
     let lz4 = kind.has(PayloadKind::LZ4_SAMPLES);
     let plain_samples = unpack(samples_part, lz4, SAMPLES_PART_MAX, plain)?;
     let samples = if kind.has_fractions() {
-        let samples = fractions::from_plain(plain_samples).ok_or(DecodeError::SamplesSize)?;
+        let samples = fractions::from_plain(plain_samples, spare.take()).ok_or(DecodeError::SamplesSize)?;
         *signs = SignChanges::of(&samples);
         samples
     } else {
-        join_rows(kind, plain_samples, signs)?
+        join_rows(kind, plain_samples, signs, spare)?
     };
     if !kind.has_hermite() {
         return Ok(Brick::Counts { samples, hermite: Hermite::default() });
@@ -381,7 +391,8 @@ fn decode_range(
     hermite_part: &[u8],
     scratch: &mut Scratch,
 ) -> Result<Brick, DecodeError> {
-    let samples = range::decode_samples(samples_part, kind.has_fractions()).ok_or(DecodeError::Range)?;
+    let samples = range::decode_samples(samples_part, kind.has_fractions(), scratch.spare.take());
+    let samples = samples.ok_or(DecodeError::Range)?;
     if !kind.has_hermite() {
         return Ok(Brick::Counts { samples, hermite: Hermite::default() });
     }
@@ -469,7 +480,12 @@ fn samples_plain(narrow: bool, scratch: &mut Scratch) {
 }
 
 /// Inverse of [`split_rows`] and [`samples_plain`]; also classifies the samples.
-fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result<Samples, DecodeError> {
+fn join_rows(
+    kind: PayloadKind,
+    plain: &[u8],
+    signs: &mut SignChanges,
+    spare: &mut Option<Samples>,
+) -> Result<Samples, DecodeError> {
     let words = if kind.is_wide() { 2 } else { 1 };
     let (firsts, rest) = plain.split_at_checked(ROWS * words).ok_or(DecodeError::SamplesSize)?;
     let (planes, steps) = rest.split_at_checked(ROWS * MASK_PLANES).ok_or(DecodeError::SamplesSize)?;
@@ -483,7 +499,7 @@ fn join_rows(kind: PayloadKind, plain: &[u8], signs: &mut SignChanges) -> Result
         1 => i16::from(bytes[index] as i8),
         _ => i16::from_le_bytes([bytes[index], bytes[count + index]]),
     };
-    let mut samples = SamplesInOrder::default();
+    let mut samples = SamplesInOrder::new(spare.take());
     let mut before = 0i16;
     let mut step = 0;
     for row in 0..ROWS {

@@ -387,3 +387,25 @@ fn brick_edges(brick: &Brick) -> &Hermite {
         Brick::Uniform(_) => panic!("a surface brick"),
     }
 }
+
+#[test]
+fn the_memory_of_another_brick_changes_nothing() {
+    let whole = brick_of(&[Solid::ball([16.0; 3], 9.0)]);
+    let mut fractions = Samples::fractions(7);
+    fractions.0.iter_mut().enumerate().for_each(|(n, w)| *w = (n % 311) as i16);
+    let fractions = Brick::Counts { samples: fractions, hermite: Hermite::default() };
+    for compression in [Compression::Lz4, Compression::None, Compression::Range] {
+        for brick in [&whole, &fractions] {
+            let (mut scratch, mut bytes) = (Scratch::new(), Vec::new());
+            let head = encode_with(brick, compression, &mut scratch, &mut bytes);
+            for other in [Samples::filled(-7), Samples(vec![300; POINTS].try_into().unwrap(), 3)] {
+                let memory = other.0.as_ptr();
+                scratch.reuse(Brick::Counts { samples: other, hermite: Hermite::default() });
+                let decoded = decode(head.kind, head.min, &bytes, &mut scratch).unwrap();
+                assert!(decoded == *brick, "{compression}");
+                let Brick::Counts { samples, .. } = decoded else { panic!("it is not uniform") };
+                assert_eq!(samples.0.as_ptr(), memory, "{compression}");
+            }
+        }
+    }
+}

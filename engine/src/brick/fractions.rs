@@ -30,14 +30,15 @@ fn before(samples: &[i16; POINTS], index: usize) -> i16 {
     }
 }
 
-/// Inverse of [`to_plain`]; `None` if the bytes are too few or too many, or the number of places is none.
-pub(super) fn from_plain(plain: &[u8]) -> Option<Samples> {
+/// Inverse of [`to_plain`], in the memory of samples that nobody needs; `None` if the bytes are too few or too many, or the
+/// number of places is none.
+pub(super) fn from_plain(plain: &[u8], spare: Option<Samples>) -> Option<Samples> {
     let (&bits, changes) = plain.split_first()?;
     if changes.len() != 2 * POINTS || !(1..=BITS_MAX).contains(&bits) {
         return None;
     }
     let (low, high) = changes.split_at(POINTS);
-    let mut samples = Samples::fractions(bits);
+    let mut samples = Samples::zeroed(spare, bits);
     for index in 0..POINTS {
         let code = u16::from_le_bytes([low[index], high[index]]);
         let change = (code >> 1) as i16 ^ -((code & 1) as i16);
@@ -91,11 +92,11 @@ mod tests {
         assert!(signs.is_inside([0; 3]) && !signs.is_inside([1, 0, 0]));
         let mut plain = Vec::new();
         to_plain(&samples, &mut plain);
-        assert_eq!(from_plain(&plain), Some(samples));
-        assert_eq!(from_plain(&plain[1..]), None);
+        assert_eq!(from_plain(&plain, None), Some(samples));
+        assert_eq!(from_plain(&plain[1..], None), None);
         for bits in [0, 15, 255] {
             plain[0] = bits;
-            assert_eq!(from_plain(&plain), None);
+            assert_eq!(from_plain(&plain, None), None);
         }
         let whole = Samples(vec![-2048; POINTS].into_boxed_slice().try_into().unwrap(), 10);
         assert_eq!(Brick::from_samples(whole, Hermite::default()), Brick::Uniform(-2));

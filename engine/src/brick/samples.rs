@@ -26,7 +26,14 @@ impl Samples {
 
     /// All samples 0, with binary places.
     pub fn fractions(bits: u8) -> Samples {
-        Samples(Samples::filled(0).0, bits)
+        Samples::zeroed(None, bits)
+    }
+
+    /// As [`Samples::fractions`], in the memory of samples that nobody needs any more.
+    pub(crate) fn zeroed(spare: Option<Samples>, bits: u8) -> Samples {
+        let Some(Samples(mut samples, _)) = spare else { return Samples(Samples::filled(0).0, bits) };
+        samples.fill(0);
+        Samples(samples, bits)
     }
 
     /// The nearest whole winding number of a stored sample, halves upward: at least 1 exactly where w ≥ 0.5.
@@ -90,13 +97,15 @@ impl Samples {
 /// Whole samples that are made from the first to the last.
 pub(crate) struct SamplesInOrder(Vec<i16>);
 
-impl Default for SamplesInOrder {
-    fn default() -> SamplesInOrder {
-        SamplesInOrder(Vec::with_capacity(POINTS))
-    }
-}
-
 impl SamplesInOrder {
+    /// None yet; they will lie in the memory of samples that nobody needs any more.
+    pub fn new(spare: Option<Samples>) -> SamplesInOrder {
+        let Some(Samples(samples, _)) = spare else { return SamplesInOrder(Vec::with_capacity(POINTS)) };
+        let mut samples = (samples as Box<[i16]>).into_vec();
+        samples.clear();
+        SamplesInOrder(samples)
+    }
+
     /// Sets the samples from linear index `at`, before which all are set, to the end of its row, and beyond: always a
     /// row's length, which is a few wide stores, where the exact length would be a call. What lies beyond is set again
     /// later, or cut off.

@@ -39,6 +39,7 @@ pub use camera::{Focus, Ray, View};
 pub use caster::{Caster, CasterReport};
 pub use clip::Cut;
 pub use frame::Frame;
+pub use nodes::NODE_BYTES;
 pub use stops::{Stops, W_MAX};
 pub use style::{BRIGHTNESS_MAX, BuiltIn, Lighting, Paint, SURFACES_MAX, Style, Surface, Volume};
 
@@ -87,8 +88,8 @@ pub struct RenderOptions {
     /// Size in pixels up to which the cells of a coarser level stand for what is below; 0 for leaves alone. Half a pixel
     /// looks like 0; with cells of a whole pixel, grooves between beads that are less than two pixels wide fill up.
     pub cell_pixels: f64,
-    /// Bytes for prepared bricks; on a device also for those that are on their way there and for finished rows of the picture.
-    /// Less costs time, nothing else.
+    /// Bytes for prepared bricks, beside [`NODE_BYTES`] for each node; on a device also for those that are on their way there
+    /// and for finished rows of the picture. Less costs time, nothing else.
     pub cache_bytes: u64,
 }
 
@@ -133,8 +134,7 @@ impl<'a> Scene<'a> {
         if nodes.is_empty() {
             return Err(Error::setting("the tree has no root", "build it again"));
         }
-        let cache_bytes = options.cache_bytes.saturating_sub(nodes.heap_bytes());
-        let bricks = Bricks::new(tree, options.style.clone(), options.style.counts(), cache_bytes);
+        let bricks = Bricks::new(tree, options.style.clone(), options.style.counts(), options.cache_bytes);
         Scene::of(Arc::new(bricks), Arc::new(nodes), level, options)
     }
 

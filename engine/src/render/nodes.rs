@@ -3,6 +3,9 @@
 use crate::lattice::NodeKey;
 use crate::store::BrickTree;
 
+/// Bytes that a node of a tree takes for pictures: what rays know of it, and its key, by which bricks are found.
+pub const NODE_BYTES: u64 = (size_of::<Node>() + size_of::<NodeKey>()) as u64;
+
 /// What is known of a node and of all below it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
@@ -23,12 +26,12 @@ impl Nodes {
     /// The nodes of a complete tree, which come along the Morton curve level by level, so that the children of a level's
     /// interior nodes are the next level.
     pub fn new(tree: &dyn BrickTree, level: u8) -> Nodes {
-        let mut nodes = Vec::new();
+        let keys = tree.keys();
+        let keys = &keys[..keys.partition_point(|key| key.level() <= level)];
+        // Where each has room from the beginning, none is held twice while room is made.
+        let mut nodes = Vec::with_capacity(keys.len());
         let mut interior = Vec::new();
-        for key in tree.keys() {
-            if key.level() > level {
-                break;
-            }
+        for &key in keys {
             let Some(info) = tree.node(key) else { continue };
             if !info.leaf && key.level() < level {
                 interior.push(nodes.len());
@@ -61,11 +64,6 @@ impl Nodes {
     pub fn keys(&self, tree: &dyn BrickTree) -> Vec<NodeKey> {
         let there = tree.keys().into_iter().filter(|key| tree.node(*key).is_some());
         there.take(self.0.len()).collect()
-    }
-
-    /// Bytes that they take.
-    pub fn heap_bytes(&self) -> u64 {
-        (self.0.capacity() * size_of::<Node>()) as u64
     }
 
     pub fn is_empty(&self) -> bool {

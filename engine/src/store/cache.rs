@@ -82,21 +82,19 @@ impl<T> BrickCache<T> {
         self.shard(key).places.contains_key(&key)
     }
 
-    /// Holds the brick, which takes `heap_bytes`, and lets go of others for it.
-    pub(crate) fn insert(&self, key: NodeKey, brick: &Arc<T>, heap_bytes: usize) {
+    /// Holds the brick, which takes `heap_bytes`, and lets go of others for it, which are returned.
+    pub(crate) fn insert(&self, key: NodeKey, brick: &Arc<T>, heap_bytes: usize) -> Vec<Arc<T>> {
         let bytes = heap_bytes as u64 + OVERHEAD_BYTES;
         if bytes > self.shard_bytes_max {
-            return;
+            return Vec::new();
         }
         let mut shard = self.shard(key);
         if shard.places.contains_key(&key) {
-            return;
+            return Vec::new();
         }
-        // Bricks let go of are freed after the lock.
         let evicted = shard.make_room(self.shard_bytes_max - bytes);
         shard.insert(Slot { key, brick: Arc::clone(brick), bytes, used: false });
-        drop(shard);
-        drop(evicted);
+        evicted
     }
 
     /// Lets go of all bricks.
@@ -147,7 +145,7 @@ impl<T> Shard<T> {
     }
 
     /// Turns the hand until no more than `bytes_max` are held.
-    fn make_room(&mut self, bytes_max: u64) -> Vec<Slot<T>> {
+    fn make_room(&mut self, bytes_max: u64) -> Vec<Arc<T>> {
         let mut evicted = Vec::new();
         while self.bytes > bytes_max {
             if self.hand >= self.ring.len() {
@@ -163,7 +161,7 @@ impl<T> Shard<T> {
                 self.places.insert(moved.key, self.hand);
             }
             self.bytes -= slot.bytes;
-            evicted.push(slot);
+            evicted.push(slot.brick);
         }
         evicted
     }

@@ -10,7 +10,7 @@ use crate::style_file::{self, StyleFile};
 use crate::units::Size;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{
-    Caster, CasterReport, Cut, RenderOptions, Scene, View, write_frame, write_turn,
+    Caster, CasterReport, Cut, NODE_BYTES, RenderOptions, Scene, View, write_frame, write_turn,
 };
 use brickfield_engine::store::{Accept, Store};
 use serde_json::json;
@@ -60,8 +60,10 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
     // As in builds: what is taken of the device may be this machine's.
     let of_device = device.as_ref().map_or(0, |device| device.gpu().memory().min(args.memory.0 / 2));
-    let caches = memory::picture_caches(Size(args.memory.0 - of_device));
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
+    let held =
+        memory::index_drawn(&store, NODE_BYTES) + memory::pixels_drawn(args.size.0, kind == Kind::Animation);
+    let caches = memory::picture_caches(Size(args.memory.0 - of_device), held);
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }

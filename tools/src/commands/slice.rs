@@ -19,6 +19,8 @@ use std::path::{Path, PathBuf};
 
 /// Most sections of one run.
 const SECTIONS_MAX: f64 = 99_999.0;
+/// What a node takes beside its entry: its place while the store is opened, and its key while the tree is surveyed.
+const BYTES_A_NODE: u64 = 24;
 /// What is seen beyond the part, as a share of its longer side.
 const MARGIN: f64 = 0.02;
 
@@ -53,10 +55,11 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
 pub fn run(args: &SliceArgs) -> Result<(), Failure> {
     let plan = Plan::try_from(args)?;
     let bars = start(args.work)?;
-    let caches = memory::picture_caches(args.memory);
+    let store = open_store(&args.store, 0, args.io, Accept::Whole)?;
+    let caches = memory::picture_caches(args.memory, memory::index_drawn(&store, BYTES_A_NODE));
     // Drawings keep points beside bricks.
     let brick_bytes = if plan.format == SliceFormat::Png { caches } else { caches / 2 };
-    let store = open_store(&args.store, brick_bytes, args.io, Accept::Whole)?;
+    let store = store.with_cache(brick_bytes);
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }

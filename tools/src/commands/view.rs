@@ -16,7 +16,7 @@ use crate::view::{
 use crate::view_args::WindowArgs;
 use anyhow::anyhow;
 use brickfield_engine::picture::WHITE;
-use brickfield_engine::render::{RenderOptions, Scene, Style};
+use brickfield_engine::render::{NODE_BYTES, RenderOptions, Scene, Style};
 use brickfield_engine::store::{Accept, BrickTree, Store};
 use std::path::Path;
 
@@ -33,8 +33,9 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
     // As in `render`: what is taken of the device may be this machine's.
     let of_device = device.as_ref().map_or(0, |device| device.gpu().memory().min(args.memory.0 / 2));
-    let caches = memory::picture_caches(Size(args.memory.0 - of_device));
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
+    let held = memory::index_drawn(&store, NODE_BYTES) + memory::pixels_drawn(args.size.0, false);
+    let caches = memory::picture_caches(Size(args.memory.0 - of_device), held);
     let mut looks = Looks::new();
     let style = match &args.style {
         StyleArg::Named(make) => Style::NAMED.iter().position(|(_, named)| named() == make()).unwrap_or(0),

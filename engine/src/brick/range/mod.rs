@@ -29,10 +29,11 @@ pub(super) fn encode_samples(samples: &Samples, out: &mut Vec<u8>) {
     coder.finish();
 }
 
-/// Inverse of [`encode_samples`]; `None` if the part is not what that makes of any samples.
-pub(super) fn decode_samples(part: &[u8], has_fractions: bool) -> Option<Samples> {
+/// Inverse of [`encode_samples`], in the memory of samples that nobody needs; `None` if the part is not what that makes of
+/// any samples.
+pub(super) fn decode_samples(part: &[u8], has_fractions: bool, spare: Option<Samples>) -> Option<Samples> {
     let mut coder = Decoder::new(part);
-    let mut samples = Samples::filled(0);
+    let mut samples = Samples::zeroed(spare, 0);
     if has_fractions {
         samples.1 = coder.raw(0, PLACES_BITS) as u8;
         if !(1..=BITS_MAX).contains(&samples.1) {
