@@ -312,6 +312,9 @@ fn styles_come_from_files() {
     let bad = dir.file("bad.toml", format!("{text}opacity = 2\n"));
     let line = run(&[&"render", &store, &"-o", &out, &"--style", &bad]).failed();
     assert!(line.contains("bad.toml: line 6: surface.opacity: expected a number from 0 to 1"), "{line}");
+    let bad = dir.file("bad.toml", text.replace("w = 0.5", "w = -0.5"));
+    let line = run(&[&"render", &store, &"-o", &out, &"--style", &bad]).failed();
+    assert!(line.contains("bad.toml: line 3: surface.w: expected a winding number above 0"), "{line}");
     let line = run(&[&"render", &store, &"-o", &out, &"--style", &dir.path("none.toml")]).failed();
     assert!(line.contains("none.toml: cannot open the style"), "{line}");
     let line = run(&[&"render", &store, &"-o", &out, &"--style", &"plaid"]).misused();

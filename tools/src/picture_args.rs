@@ -141,8 +141,8 @@ of its samples. --lod 0 draws the finest cells everywhere.
 
 Styles: solid shows the boundary w = 0.5, and where a cut opens the part, how many pieces cover each point; boundary \
 shows w between 0 and 1 in rainbow colours, so that closed voids are seen within; overlap shows where w is 2 or more \
-within a faint boundary. A file that ends in .toml makes another, of surfaces where w passes a number (up to 4) and of \
-haze where it lies between two. Of a surface w and colour must be given, of a volume opacity and colour:
+within a faint boundary. A file that ends in .toml makes another, of surfaces where w passes a number above 0 (up to \
+4) and of haze where it lies between two. Of a surface w and colour must be given, of a volume opacity and colour:
 
   background = \"white\"         # --background goes first
   [[surface]]

@@ -159,7 +159,8 @@ impl TryFrom<f64> for Winding {
     type Error = String;
 
     fn try_from(w: f64) -> Result<Winding, String> {
-        within(w, -W_MAX..=W_MAX, "winding number").map(Winding)
+        let expected = || format!("expected a winding number above 0, up to {W_MAX}");
+        (w > 0.0 && w <= W_MAX).then_some(Winding(w)).ok_or_else(expected)
     }
 }
 
@@ -297,14 +298,14 @@ mod tests {
     #[test]
     fn all_of_a_file_is_read() {
         let text = "background = \"transparent\"\n[light]\nfrom = [1, 0, 2]\nambient = 0.5\ngloss = 0\n\
-            [[surface]]\nw = -1\ncolour = \"#010203\"\nopacity = 0.25\nshaded = false\n\
+            [[surface]]\nw = 1.5\ncolour = \"#010203\"\nopacity = 0.25\nshaded = false\n\
             [volume]\nopacity = [[0.5, 0], [1.5, 0.75]]\ncolour = [[1, \"#ff0000\"]]\nstretch = \"0.5cm\"\n";
         let StyleFile { style, background } = parse(text, "mm").unwrap();
         assert_eq!(background, Some(ColourArg([0; 4])));
         let light = Lighting { from: [1.0, 0.0, 2.0], ambient: 0.5, gloss: 0.0, ..Lighting::default() };
         assert_eq!(style.lighting, light);
         let paint = Paint::Plain([1, 2, 3]);
-        let surface = Surface { w: -1.0, paint, opacity: 0.25, rim: 0.0, shaded: false };
+        let surface = Surface { w: 1.5, paint, opacity: 0.25, rim: 0.0, shaded: false };
         assert_eq!(style.surfaces, [surface]);
         let volume = style.volume.unwrap();
         assert_eq!((volume.stretch, volume.shaded), (Some(5.0), true));
@@ -324,6 +325,8 @@ mod tests {
             (format!("{surface}glow = 1\n"), "line 4: surface: ", "unknown field `glow`"),
             ("[[surface]]\nw = 0.5\ncolour = \"plaid\"".to_owned(), "line 3: surface.colour: ", "#20304a"),
             ("\n[[surface]]\nw = nan\ncolour = \"counted\"".to_owned(), "line 3: surface.w: ", "winding"),
+            ("[[surface]]\nw = -0.5\ncolour = \"counted\"".to_owned(), "line 2: surface.w: ", "above 0"),
+            ("[[surface]]\nw = 0\ncolour = \"counted\"".to_owned(), "line 2: surface.w: ", "up to 32767"),
             ("[[surface]]\nw = 0.5\n".to_owned(), "line 1: surface: ", "missing field `colour`"),
             ("background = 7".to_owned(), "line 1: background: ", "invalid type"),
             ("background = \"plaid\"".to_owned(), "line 1: background: ", "white, black"),

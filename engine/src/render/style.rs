@@ -25,7 +25,7 @@ pub struct Style {
 /// sections.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// The number.
+    /// The number, above 0: what is outside of everything, and of the root cube, has none.
     pub w: f64,
     /// Its colour.
     pub paint: Paint,
@@ -147,12 +147,14 @@ impl Style {
             );
         }
         let share = |value: f64| (0.0..=1.0).contains(&value);
-        let sound = |s: &Surface| s.w.abs() <= W_MAX && share(s.opacity) && share(s.rim);
+        let sound = |s: &Surface| s.w > 0.0 && s.w <= W_MAX && share(s.opacity) && share(s.rim);
         let hazy = |v: &Volume| {
             v.opacity.values().all(|[opacity]| share(opacity)) && v.stretch.is_none_or(|length| length > 0.0)
         };
         if !(self.surfaces.iter().all(sound) && self.volume.iter().all(hazy)) {
-            let remedy = format!("choose opacities from 0 to 1, w up to {W_MAX}, and lengths above 0");
+            let remedy = format!(
+                "choose opacities from 0 to 1, w of surfaces above 0 and up to {W_MAX}, and lengths above 0"
+            );
             return refused("a number of the style makes no sense", remedy);
         }
         let Lighting { from, ambient, strength, fill, gloss } = self.lighting;
