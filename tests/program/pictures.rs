@@ -361,6 +361,11 @@ fn a_turn_is_an_animation_or_a_folder_of_the_same_pictures() {
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 6);
     let many = run(&[&"render", &store, &"-o", &"turn.png", &"--turntable", &"3"]).misused();
     assert!(many.contains("--turntable makes many pictures"), "{many}");
+    for name in ["turn.gif", "turn.MP4", "turn.webm", "turn.jpg"] {
+        let line = run(&[&"render", &store, &"-o", &dir.path(name), &"--turntable", &"3"]).misused();
+        assert!(line.contains(name) && line.contains("ends in .apng, or .png files in a folder"), "{line}");
+        assert!(!dir.path(name).exists(), "{name}");
+    }
     let one = run(&[&"render", &store, &"-o", &"turn.apng"]).misused();
     assert!(one.contains("take --turntable"), "{one}");
 }

@@ -173,7 +173,8 @@ pub struct RenderArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// The picture to write; its name ends in .png. With --turntable an animation whose name ends in .apng, or a folder
+    /// The picture to write; its name ends in .png. With --turntable an animation whose name ends in .apng, or a
+    /// folder, whose name has no other format's ending
     #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
     /// First write a coarse picture here, a .png of the same size: one ray a pixel, cells of up to 4 pixels

@@ -24,6 +24,12 @@ const TURN_SECONDS: f64 = 6.0;
 /// Coarsest pictures: beyond it a cell of the root fills any screen.
 const LOD_MAX: f64 = 4096.0;
 
+/// Endings of pictures and films that are not written, in lower case.
+const OTHER_FORMATS: [&str; 26] = [
+    "avi", "avif", "bmp", "dxf", "exr", "gif", "heic", "jpeg", "jpg", "jxl", "m4v", "mkv", "mng", "mov",
+    "mp4", "mpeg", "mpg", "ogv", "pdf", "ppm", "svg", "tga", "tif", "tiff", "webm", "webp",
+];
+
 /// What is written, by the output's name.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -46,6 +52,10 @@ impl Kind {
             (Some(_), true, _) => refused(
                 &args.output,
                 "--turntable makes many pictures; give a name that ends in .apng, or a folder",
+            ),
+            (Some(_), ..) if OTHER_FORMATS.iter().any(|ending| ends(&args.output, ending)) => refused(
+                &args.output,
+                "--turntable writes an animated PNG, whose name ends in .apng, or .png files in a folder; choose such a name",
             ),
             (Some(_), ..) => Ok(Kind::Folder),
         }
