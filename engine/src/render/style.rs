@@ -278,6 +278,8 @@ mod tests {
             Style { surfaces: vec![surface.clone(); SURFACES_MAX + 1], ..Style::empty() },
             Style { surfaces: vec![Surface { opacity: 1.5, ..surface.clone() }], ..Style::empty() },
             Style { surfaces: vec![Surface { w: f64::NAN, ..surface.clone() }], ..Style::empty() },
+            Style { surfaces: vec![Surface { w: 0.0, ..surface.clone() }], ..Style::empty() },
+            Style { surfaces: vec![Surface { w: -0.5, ..surface.clone() }], ..Style::empty() },
             Style { lighting: Lighting { from: [0.0; 3], ..Lighting::default() }, ..Style::solid() },
             Style { lighting: Lighting { ambient: -1.0, ..Lighting::default() }, ..Style::solid() },
         ] {
