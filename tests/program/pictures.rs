@@ -193,6 +193,27 @@ fn layers_add_up_to_the_part() {
 }
 
 #[test]
+fn a_pitch_beyond_the_part_gives_one_section_in_its_middle() {
+    let dir = Scratch::new();
+    // From 0 to 10 mm.
+    let store = dir.store("overlap_boxes", 2);
+    for (pitch, at) in [("100mm", 5.0), ("10.5", 5.0), ("10", 5.0), ("9", 4.5)] {
+        let said = slice(&store, &dir.path("layers"), &["--all", "z", "--pitch", pitch, "--format", "svg"]);
+        assert!((said["at"].as_f64().unwrap() - at).abs() < 1e-6, "{pitch}: {said}");
+    }
+}
+
+#[test]
+fn coordinates_are_printed_with_the_digits_that_they_need() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 2);
+    let said = run(&[&"slice", &store, &"--z", &"0.4999999999999998mm", &"-o", &dir.path("s.png")]).ok();
+    assert!(said.contains(": z = 0.5 mm, "), "{said}");
+    let said = run(&[&"slice", &store, &"--z", &"0.1234567", &"-o", &dir.path("s.svg")]).ok();
+    assert!(said.contains(": z = 0.123457 mm, "), "{said}");
+}
+
+#[test]
 fn pictures_have_the_same_bytes_for_any_threads_and_memory() {
     let dir = Scratch::new();
     let store = dir.store("clover_beads", 3);

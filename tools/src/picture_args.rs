@@ -39,7 +39,7 @@ pub struct SliceArgs {
     #[arg(long, value_name = "AT", allow_hyphen_values = true)]
     pub z: Option<Position>,
     /// Sections all along an axis, as 0001.png and so on in the folder given by -o; the first half a pitch from the
-    /// part's lower end
+    /// part's lower end, or one in the middle of a part that is thinner than the pitch
     #[arg(long, value_name = "AXIS", value_enum, requires = "pitch")]
     pub all: Option<AxisArg>,
     /// Distance of the sections of --all

@@ -20,5 +20,5 @@ mod plane;
 
 pub use contour::{Contour, ContourLimits, contour};
 pub use drawing::{Drawing, write_drawing};
-pub use picture::{SectionPicture, SectionSummary, write_picture};
+pub use picture::{SectionPicture, SectionSummary, plain, write_picture};
 pub use plane::Plane;

@@ -98,9 +98,10 @@ pub fn write_picture(
 }
 
 /// A number with as many digits as it needs, six after the point at most.
-pub(super) fn plain(value: f64) -> String {
+pub fn plain(value: f64) -> String {
     let text = format!("{value:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
 /// Smallest and largest w, whether all samples are whole, and the deepest level. Reads no brick.

@@ -10,7 +10,7 @@ use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::section::{
-    Contour, ContourLimits, Drawing, Plane, SectionPicture, SectionSummary, contour, write_drawing,
+    Contour, ContourLimits, Drawing, Plane, SectionPicture, SectionSummary, contour, plain, write_drawing,
     write_picture,
 };
 use brickfield_engine::store::{Accept, BrickTree, Store};
@@ -98,7 +98,9 @@ impl Plan<'_> {
             }
             make_folder(&args.output)?;
             let name = |n: usize| args.output.join(format!("{:04}.{}", n + 1, self.format.ending()));
-            let plane = |n: usize| Plane { axis, at: (low + (n as f64 + 0.5) * pitch).min(high) };
+            // A part that is thinner than the pitch has one section, in its middle.
+            let step = pitch.min(high - low);
+            let plane = |n: usize| Plane { axis, at: (low + (n as f64 + 0.5) * step).min(high) };
             return Ok((0..count as usize).map(|n| (plane(n), name(n))).collect());
         }
         let given = [(Axis::X, args.x), (Axis::Y, args.y), (Axis::Z, args.z)];
@@ -160,7 +162,7 @@ impl Plan<'_> {
         let (letter, unit) = (plane.letter(), unit_of(store.meta()));
         let text = format!(
             "{letter} = {} {unit}, {width} × {height} pixels of {pixel:.6} {unit}, w of the part {low} to {high}",
-            plane.at
+            plain(plane.at)
         );
         let json = json!({
             "output": path.display().to_string(), "unit": unit, "axis": letter, "at": plane.at,
@@ -175,7 +177,7 @@ impl Plan<'_> {
         let (letter, unit) = (plane.letter(), unit_of(store.meta()));
         let text = format!(
             "{letter} = {} {unit}, {} loops of {points} points, area {area:.6} {unit}², length {length:.6} {unit}",
-            plane.at,
+            plain(plane.at),
             loops.len()
         );
         let json = json!({
