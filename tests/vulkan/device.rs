@@ -201,7 +201,7 @@ fn failures_amid_open_soups_end_in_the_same_store() {
         fault(Stage::Allocate, 0, 1, Failure::OutOfMemory),
         fault(Stage::Allocate, 1, 1000, Failure::OutOfMemory),
         fault(Stage::Submit, 1, 1, Failure::Lost),
-        fault(Stage::Submit, 3, 1, Failure::OutOfMemory),
+        fault(Stage::Submit, 3, 1000, Failure::OutOfMemory),
         fault(Stage::Wait, 1, 1, Failure::Timeout),
         fault(Stage::Wait, 3, 1, Failure::Lost),
     ] {
