@@ -43,9 +43,9 @@ const BYTES_PICTURE_A_THREAD: u64 = 8 << 20;
 /// Least for caches; less would make the same bricks over and over.
 const BYTES_CACHES: u64 = 32 << 20;
 
-/// What of the memory for contouring is left for caches.
-pub fn mesh_caches(memory: Size) -> u64 {
-    caches(memory, BYTES_MESH_A_THREAD)
+/// What of the memory for contouring is left for caches, beside the index of the store.
+pub fn mesh_caches(memory: Size, store: &Store) -> u64 {
+    caches(Size(memory.0.saturating_sub(store.index_bytes())), BYTES_MESH_A_THREAD)
 }
 
 /// What of the memory for a picture is left for bricks, of which `held` is taken by the index of the store and by pixels.

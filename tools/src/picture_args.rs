@@ -192,7 +192,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "NAME|AZ,EL", default_value = "iso", allow_hyphen_values = true)]
     pub view: ViewArg,
     /// What the middle of the picture shows, and how much of the world its height shows there, in the store's unit: `view`
-    /// prints it. By default all that is left of the part, as large as fits
+    /// prints it. By default the box around all that is left of the part, as large as fits
     #[arg(long, value_name = "X,Y,Z,HEIGHT", allow_hyphen_values = true)]
     pub focus: Option<FocusArg>,
     /// See it in perspective, with so many degrees between upper and lower border; parallel by default

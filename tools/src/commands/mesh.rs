@@ -31,10 +31,11 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         let what = "--check reads .stl, .obj and .ply only; choose such a name or leave --check out";
         return Err(Failure::Usage(format!("{}: {what}", output.display())));
     }
+    let store = open_store(&args.file, 0, args.io, Accept::Whole)?;
     // The contourer keeps what it makes of bricks and asks the store for each about once.
-    let cache_bytes = memory::mesh_caches(args.memory);
+    let cache_bytes = memory::mesh_caches(args.memory, &store);
     let brick_bytes = (cache_bytes / 8).min(BRICK_CACHE_BYTES);
-    let store = open_store(&args.file, brick_bytes, args.io, Accept::Whole)?;
+    let store = store.with_cache(brick_bytes);
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
