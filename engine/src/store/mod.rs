@@ -6,6 +6,7 @@
 mod ahead;
 mod begin;
 mod cache;
+mod commit;
 mod fault;
 mod identity;
 mod index;
