@@ -382,9 +382,10 @@ impl Session {
         let at = same.map_or(self.rested[axis.index()], |cut| cut.at);
         // At its very end nothing of the part would be left on the other side.
         let layer = self.part.layer_at(axis, at);
-        match same {
-            Some(_) if layer >= self.part.layers(axis) || layer <= 0.0 => self.rest(axis, layer, above),
-            _ => self.set_cut(Some(Cut { axis, at, above })),
+        let is_at_end = layer <= 0.0 || (same.is_some() && layer >= self.part.layers(axis));
+        match is_at_end {
+            true => self.rest(axis, layer, above),
+            false => self.set_cut(Some(Cut { axis, at, above })),
         }
     }
 

@@ -129,6 +129,17 @@ fn names_are_quoted_for_a_shell() {
     assert_eq!(quoted("my style's.toml"), "'my style'\\''s.toml'");
 }
 
+/// The plane may rest at the lower end where what is above stays; taken up again, it takes away what is above.
+#[test]
+fn a_plane_that_rested_at_the_lower_end_leaves_a_layer() {
+    let mut session = session();
+    keys(&mut session, "zz");
+    session.handle(Event::Key(Key::Home));
+    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 2.0, above: false }));
+    keys(&mut session, "xz");
+    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 2.5, above: true }));
+}
+
 fn any_event() -> impl Strategy<Value = Event> {
     let button = prop::sample::select(vec![Button::Left, Button::Right, Button::Middle]);
     let letter = prop::sample::select("xyzcfpth1234567".chars().collect::<Vec<_>>());
