@@ -302,7 +302,7 @@ pub struct MeshArgs {
     #[arg(long, requires = "output")]
     pub normals: bool,
     /// Memory to stay within, as in 512MiB, maps of files not counted; 160 MiB with two threads, 40 MiB more for each
-    /// further one, and 32 bytes a node are used in any case. The mesh itself passes through
+    /// further one, and 50 bytes a node are used in any case. The mesh itself passes through
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
     /// Folder of the temporary file in which triangles wait for the numbers of their vertices, 12 bytes each: it has no
