@@ -140,3 +140,20 @@ fn edge_at(span: Span, depth: Depth) -> vec2<i32> {
     let is_before = depth.rest == 0li && beyond == 0i && span.ties_before;
     return select(vec2(lower, beyond), vec2(lower - 1i, 1i << span.shift), is_before);
 }
+
+// All spans of a batch: those that lead to samples, and behind the room for them the others.
+struct Spans {
+    way_max: u32,
+    ways: u32,
+    count: u32,
+}
+
+fn all_spans() -> Spans {
+    let way_max = batch.way_max;
+    let ways = min(atomicLoad(&batch.way_spans), way_max);
+    return Spans(way_max, ways, ways + min(atomicLoad(&batch.other_spans), batch.other_max));
+}
+
+fn listed(all: Spans, number: u32) -> u64 {
+    return spans[select(all.way_max - all.ways, 0u, number < all.ways) + number];
+}

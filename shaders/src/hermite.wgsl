@@ -109,14 +109,11 @@ fn tag_one(packed: u64, more_max: u32) {
 
 @compute @workgroup_size(WORKGROUP)
 fn tag(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) me: u32) {
-    let way_max = batch.way_max;
     let more_max = batch.more_max;
-    // The spans that lead to samples, and behind their room the others.
-    let ways = min(atomicLoad(&batch.way_spans), way_max);
-    let count = ways + min(atomicLoad(&batch.other_spans), batch.other_max);
-    let part = part_of(count, group.x, groups.x);
+    let all = all_spans();
+    let part = part_of(all.count, group.x, groups.x);
     for (var number = part.x + me; number < part.y; number += WORKGROUP) {
-        tag_one(spans[select(way_max - ways, 0u, number < ways) + number], more_max);
+        tag_one(listed(all, number), more_max);
     }
 }
 

@@ -192,12 +192,9 @@ fn slope_one(packed: u64) {
 
 @compute @workgroup_size(WORKGROUP)
 fn slope(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) me: u32) {
-    let way_max = batch.way_max;
-    // The spans that lead to samples, and behind their room the others.
-    let ways = min(atomicLoad(&batch.way_spans), way_max);
-    let count = ways + min(atomicLoad(&batch.other_spans), batch.other_max);
-    let part = part_of(count, group.x, groups.x);
+    let all = all_spans();
+    let part = part_of(all.count, group.x, groups.x);
     for (var number = part.x + me; number < part.y; number += WORKGROUP) {
-        slope_one(spans[select(way_max - ways, 0u, number < ways) + number]);
+        slope_one(listed(all, number));
     }
 }

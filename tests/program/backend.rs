@@ -173,7 +173,7 @@ fn a_device_builds_the_same_store_and_is_named() {
 fn what_devices_do_not_do_is_said_in_a_line() {
     let dir = Scratch::new();
     let points = "0 0 1 0 0 1\n0 0 -1 0 0 -1\n0 1 0 0 1 0\n0 -1 0 0 -1 0\n1 0 0 1 0 0\n-1 0 0 -1 0 0\n";
-    let gcode = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/gcode/nonplanar.gcode");
+    let gcode = example("gcode/nonplanar.gcode");
     for (input, lines) in [(gcode, 1), (dir.file("points.xyz", points), 1), (stl("overlap_boxes"), 0)] {
         let out = dir.path("o.brf");
         let done = run(&[

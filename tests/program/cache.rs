@@ -6,10 +6,6 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-fn example(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data").join(name)
-}
-
 /// Builds a store that the build may warn about.
 #[track_caller]
 fn built(dir: &Scratch, name: &str, args: &[&dyn AsRef<OsStr>]) -> PathBuf {

@@ -275,12 +275,7 @@ fn pictures_look_as_they_did() {
         run(&[&"build", &input, &"-o", &out, &"--depth", &depth, &"--quiet"]).ok();
         out
     };
-    let pile = dir.path("pile.stl");
-    let beads = brickfield_bench_data::pile::bead_pile(1, 20_000, [100.0, 100.0, 12.0]);
-    let file = std::io::BufWriter::new(std::fs::File::create(&pile).unwrap());
-    let mut writer = brickfield_bench_data::write::StlWriter::new(file, beads.triangles()).unwrap();
-    beads.into_iter().try_for_each(|bead| writer.mesh(&bead)).unwrap();
-    writer.finish().unwrap();
+    let pile = dir.pile("pile.stl", 20_000);
     let (sphere, pile) = (store(&sphere, "2"), store(&pile, "3"));
     let (clover, cavity) = (store(&stl("clover_beads"), "3"), store(&stl("box_with_cavity"), "3"));
     let cases: [(&Path, &str, &[&str]); 6] = [

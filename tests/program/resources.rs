@@ -24,12 +24,7 @@ fn a_bound_on_memory_changes_nothing_but_is_refused_if_nothing_can_be_done_in_it
 #[cfg(target_os = "linux")]
 fn a_build_stays_within_its_memory() {
     let dir = Scratch::new();
-    let pile = brickfield_bench_data::pile::bead_pile(1, 3_000_000, [100.0, 100.0, 12.0]);
-    let (input, out) = (dir.path("pile.stl"), dir.path("o.brf"));
-    let file = std::io::BufWriter::new(std::fs::File::create(&input).unwrap());
-    let mut writer = brickfield_bench_data::write::StlWriter::new(file, pile.triangles()).unwrap();
-    pile.into_iter().try_for_each(|bead| writer.mesh(&bead)).unwrap();
-    writer.finish().unwrap();
+    let (input, out) = (dir.pile("pile.stl", 3_000_000), dir.path("o.brf"));
     let peak = |memory: u64| {
         let allowed = format!("{memory}MiB");
         let args: [&dyn AsRef<std::ffi::OsStr>; 11] = [

@@ -4,10 +4,11 @@ mod npy;
 
 pub use npy::Array;
 
+use brickfield_bench_data::{pile::bead_pile, write::StlWriter};
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::fs;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -108,6 +109,11 @@ fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data")
 }
 
+/// A file of the examples.
+pub fn example(name: &str) -> PathBuf {
+    data().join(name)
+}
+
 /// An example mesh.
 pub fn stl(name: &str) -> PathBuf {
     data().join("stl").join(name).with_extension("stl")
@@ -135,6 +141,16 @@ impl Scratch {
     /// Writes a file.
     pub fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         fs::write(self.path(name), content).expect("it can be written");
+        self.path(name)
+    }
+
+    /// Writes a pile of beads with about so many facets.
+    pub fn pile(&self, name: &str, facets: u64) -> PathBuf {
+        let pile = bead_pile(1, facets, [100.0, 100.0, 12.0]);
+        let file = BufWriter::new(fs::File::create(self.path(name)).expect("it can be created"));
+        let mut writer = StlWriter::new(file, pile.triangles()).expect("it can be written");
+        pile.into_iter().try_for_each(|bead| writer.mesh(&bead)).expect("it can be written");
+        writer.finish().expect("it can be written");
         self.path(name)
     }
 

@@ -6,10 +6,13 @@ use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::Silent;
-use brickfield_engine::backend::{Leaf, LeafQueue, NodeQueue, Vulkan, brute_at as brute_on_device};
+use brickfield_engine::backend::{
+    DeviceReport, Leaf, LeafQueue, NodeQueue, Vulkan, brute_at as brute_on_device,
+};
 use brickfield_engine::brick::Brick;
+use brickfield_engine::build::BuildOptions;
 use brickfield_engine::gpu::{DeviceKind, Failure, Fault, Stage};
-use brickfield_engine::ingest::Facet;
+use brickfield_engine::ingest::{Facet, Input};
 use brickfield_engine::lattice::{NodeKey, Octant, RootCube, Triangle};
 use brickfield_engine::winding::{Evaluator, Triangles, brute_at};
 
@@ -102,13 +105,34 @@ fn jumps_beyond_eight_bits_are_the_processors() {
     silent(&backend);
 }
 
+fn fault(stage: Stage, after: u32, times: u32, failure: Failure) -> Fault {
+    Fault { stage, after, times, failure }
+}
+
+/// Builds on a device that fails; the store is as expected, and the report names the failure.
+fn build_amid(
+    fault: Fault,
+    input: &Input,
+    depth: u8,
+    options: &BuildOptions,
+    expected: &[u8],
+) -> (Backend, DeviceReport) {
+    let backend = Backend { device: Some(open(0)), threads: 2 };
+    backend.device.as_ref().unwrap().gpu().inject(fault);
+    let (store, summary) = backend.build_with(input, depth, options);
+    assert!(store == expected, "{fault:?}");
+    let report = summary.device.unwrap();
+    assert_eq!(report.failure, Some(fault.failure.to_string()), "{fault:?}");
+    silent(&backend);
+    (backend, report)
+}
+
 /// A build on a device that fails ends with the same store; the report says what happened.
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
 fn failures_end_in_the_same_store() {
     let input = open_data("clover.gcode");
     let expected = reference(&input, 4);
-    let fault = |stage, after, times, failure| Fault { stage, after, times, failure };
     for (fault, is_retried) in [
         (fault(Stage::Allocate, 0, 1, Failure::OutOfMemory), true),
         (fault(Stage::Allocate, 1, 1000, Failure::OutOfMemory), true),
@@ -119,16 +143,10 @@ fn failures_end_in_the_same_store() {
         (fault(Stage::Wait, 0, 1, Failure::Timeout), false),
         (fault(Stage::Wait, 2, 3, Failure::OutOfMemory), true),
     ] {
-        let backend = Backend { device: Some(open(0)), threads: 2 };
-        backend.device.as_ref().unwrap().gpu().inject(fault);
-        let (store, summary) = backend.build_with(&input, 4, &options(4));
-        assert!(store == expected, "{fault:?}");
-        let report = summary.device.unwrap();
-        assert_eq!(report.failure, Some(fault.failure.to_string()), "{fault:?}");
+        let (backend, report) = build_amid(fault, &input, 4, &options(4), &expected);
         assert_eq!(report.retries > 0, is_retried, "{fault:?}: {report:?}");
         assert!(report.cpu_bricks > 0 || fault.times == 1, "{fault:?}: {report:?}");
         assert_eq!(backend.device.as_ref().unwrap().gpu().is_lost(), !is_retried, "{fault:?}");
-        silent(&backend);
     }
 }
 
@@ -170,7 +188,6 @@ fn failures_amid_decisions_end_in_the_same_store() {
     let input = open_data("stl/clover_beads.stl");
     let options = &deciding(4)[2];
     let expected = Backend { device: None, threads: 1 }.build_with(&input, 4, options).0;
-    let fault = |stage, after, times, failure| Fault { stage, after, times, failure };
     for (fault, is_done_for) in [
         (fault(Stage::Allocate, 0, 1, Failure::OutOfMemory), false),
         (fault(Stage::Allocate, 0, 1000, Failure::OutOfMemory), true),
@@ -179,14 +196,8 @@ fn failures_amid_decisions_end_in_the_same_store() {
         (fault(Stage::Wait, 4, 1, Failure::Lost), true),
         (fault(Stage::Wait, 2, 1, Failure::Timeout), true),
     ] {
-        let backend = Backend { device: Some(open(0)), threads: 2 };
-        backend.device.as_ref().unwrap().gpu().inject(fault);
-        let (store, summary) = backend.build_with(&input, 4, options);
-        assert!(store == expected, "{fault:?}");
-        let report = summary.device.unwrap();
-        assert_eq!(report.failure, Some(fault.failure.to_string()), "{fault:?}");
+        let (_, report) = build_amid(fault, &input, 4, options, &expected);
         assert_eq!(report.bricks < report.cpu_bricks, is_done_for, "{fault:?}: {report:?}");
-        silent(&backend);
     }
 }
 
@@ -196,7 +207,6 @@ fn failures_amid_decisions_end_in_the_same_store() {
 fn failures_amid_open_soups_end_in_the_same_store() {
     let input = open_data("stl/open_box_no_lid.stl");
     let expected = reference(&input, 2);
-    let fault = |stage, after, times, failure| Fault { stage, after, times, failure };
     for fault in [
         fault(Stage::Allocate, 0, 1, Failure::OutOfMemory),
         fault(Stage::Allocate, 1, 1000, Failure::OutOfMemory),
@@ -205,14 +215,8 @@ fn failures_amid_open_soups_end_in_the_same_store() {
         fault(Stage::Wait, 1, 1, Failure::Timeout),
         fault(Stage::Wait, 3, 1, Failure::Lost),
     ] {
-        let backend = Backend { device: Some(open(0)), threads: 2 };
-        backend.device.as_ref().unwrap().gpu().inject(fault);
-        let (store, summary) = backend.build_with(&input, 2, &options(2));
-        assert!(store == expected, "{fault:?}");
-        let report = summary.device.unwrap();
-        assert_eq!(report.failure, Some(fault.failure.to_string()), "{fault:?}");
+        let (_, report) = build_amid(fault, &input, 2, &options(2), &expected);
         assert!(report.cpu_bricks > 0, "{fault:?}: {report:?}");
-        silent(&backend);
     }
 }
 

@@ -2,8 +2,10 @@
 
 use crate::failure::Failure;
 use crate::units::Size;
+use brickfield_engine::backend::Vulkan;
 use brickfield_engine::build::BuildOptions;
 use brickfield_engine::ingest::{CloudInput, Input};
+use brickfield_engine::render::NODE_BYTES;
 use brickfield_engine::store::{Refine, Store};
 use brickfield_engine::winding::FAR_FIELD_BYTES;
 use std::fs;
@@ -48,7 +50,22 @@ pub fn mesh_caches(memory: Size, store: &Store) -> u64 {
     caches(Size(memory.0.saturating_sub(store.index_bytes())), BYTES_MESH_A_THREAD)
 }
 
-/// What of the memory for a picture is left for bricks, of which `held` is taken by the index of the store and by pixels.
+/// What of the memory for a picture in space is left for bricks. What is taken of the device may be this machine's, as in
+/// builds.
+pub fn render_caches(
+    memory: Size,
+    device: Option<&Vulkan>,
+    store: &Store,
+    size: [u32; 2],
+    is_animated: bool,
+) -> u64 {
+    let of_device = device.map_or(0, |device| device.gpu().memory().min(memory.0 / 2));
+    let held = of_device + index_drawn(store, NODE_BYTES) + pixels_drawn(size, is_animated);
+    picture_caches(memory, held)
+}
+
+/// What of the memory for a picture is left for bricks, of which `held` is taken by the index of the store, by pixels and by
+/// the device.
 /// The allocator does not find room again for all that is dropped: with 446 MiB of bricks allowed a picture of overlaps held
 /// 544 MiB in all, with 404 MiB 496.
 pub fn picture_caches(memory: Size, held: u64) -> u64 {
@@ -62,7 +79,7 @@ pub fn index_drawn(store: &Store, bytes_a_node: u64) -> u64 {
 
 /// What a picture in space takes for pixels: three bands of 32 rows, of colours and depths, and one that is being made,
 /// measured as 2074 bytes for each pixel of the width; and all of a picture that is one of an animation.
-pub fn pixels_drawn([width, height]: [u32; 2], is_animated: bool) -> u64 {
+fn pixels_drawn([width, height]: [u32; 2], is_animated: bool) -> u64 {
     let [width, height] = [u64::from(width), u64::from(height)];
     2100 * width + if is_animated { 4 * width * height } else { 0 }
 }

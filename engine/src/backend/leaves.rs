@@ -9,7 +9,7 @@ use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples};
 use crate::error::Result;
 use crate::gpu::{BatchInput, BatchOutput, Failure, Lane};
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units};
-use crate::winding::{Evaluator, Triangles};
+use crate::winding::{Evaluation, Evaluator, Triangles};
 use brickfield_shaders as shaders;
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -28,6 +28,16 @@ pub struct Leaf<'a, P = Triangle> {
     pub array: &'a [P],
     /// Those of them that touch the brick.
     pub indices: &'a [u32],
+}
+
+impl<'a> Leaf<'a> {
+    /// On the processor.
+    ///
+    /// # Errors
+    /// As [`Evaluator::evaluate`].
+    pub fn evaluate(&self, evaluator: &'a mut Evaluator) -> Result<Evaluation<'a>> {
+        evaluator.evaluate(self.key, self.corner, Triangles { array: self.array, indices: self.indices })
+    }
 }
 
 /// Some leaves, on their way.
@@ -123,7 +133,7 @@ impl LeafQueue {
             Next::There { brick, .. } => Ok(brick),
             Next::Here(number) => {
                 vulkan.report().cpu_bricks += 1;
-                evaluate_here(evaluator, &leaves[number])
+                leaves[number].evaluate(evaluator)?.into_leaf()
             }
         }
     }
@@ -319,9 +329,4 @@ fn unpack_samples(output: &BatchOutput<'_>, number: usize) -> Samples {
         samples.extend_from_slice(&row);
     }
     Samples(samples.into_boxed_slice().try_into().expect("the length is POINTS"), 0)
-}
-
-fn evaluate_here(evaluator: &mut Evaluator, leaf: &Leaf<'_>) -> Result<Brick> {
-    let list = Triangles { array: leaf.array, indices: leaf.indices };
-    evaluator.evaluate(leaf.key, leaf.corner, list)?.into_leaf()
 }

@@ -2,11 +2,12 @@
 
 use super::bins::Binner;
 use super::branches::follow_pieces;
-use super::field::{Evaluated, Field, Pieces};
+use super::decide::{Decided, Undecided};
+use super::field::Field;
 use super::records::Recorder;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
-use super::subtree::{Half, Node, SubtreeBuilder, Top, interior, joined};
+use super::subtree::{Half, Node, SubtreeBuilder, interior, joined};
 use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
@@ -34,19 +35,6 @@ pub(super) fn sort_level(rules: &Rules) -> u8 {
 /// The cubes of that level.
 pub(super) fn sort_cubes(rules: &Rules) -> Binner {
     Binner::new(NodeKey::ROOT, sort_level(rules))
-}
-
-/// One subtree to build, with the pieces that touch it.
-struct Job<P> {
-    key: NodeKey,
-    corner: i16,
-    pieces: Vec<P>,
-}
-
-impl<P> Job<P> {
-    fn top(&self) -> Top<'_, P> {
-        Top { key: self.key, corner: self.corner, pieces: &self.pieces }
-    }
 }
 
 /// What of a tree is to be built.
@@ -104,24 +92,33 @@ fn decide_from_the_top<F: Field, R: Recorder>(
     let mut all = Vec::new();
     sorted.gather(0, &mut all)?;
     drop(sorted);
-    let mut frontier = vec![Job { key: NodeKey::ROOT, corner: 0, pieces: all }];
+    let mut frontier = vec![Undecided { key: NodeKey::ROOT, corner: 0, pieces: all }];
     frontier.retain(|job| meets(job.key));
     let mut settled: Vec<(NodeKey, bool, Brick)> = Vec::new();
     let mut unseen = Vec::new();
     while frontier.first().is_some_and(|job| job.key.level() < job_level(rules)) {
-        let decided: Vec<Decision<F::Piece>> = frontier
-            .into_par_iter()
-            .map(|job| decide(field, job, rules, share.is_none()))
-            .collect::<Result<_>>()?;
+        // A share, which lacks some of the children, evaluates what the whole joins; that gives the same samples.
+        let decide = |evaluator: &mut F::Evaluator, node: Undecided<F::Piece>| {
+            Ok((node.key, node.decide(field, evaluator, rules, share.is_none())?))
+        };
+        let decided: Vec<(NodeKey, Decided<F::Piece>)> =
+            frontier.into_par_iter().map_init(F::Evaluator::default, decide).collect::<Result<_>>()?;
         progress.check()?;
         frontier = Vec::new();
-        for Decision { key, brick, refined } in decided {
+        for (key, decided) in decided {
+            let brick = match decided {
+                Decided::Empty(w) => Some((true, Brick::Uniform(w))),
+                Decided::Leaf(brick) => Some((true, brick)),
+                Decided::Refined(samples, children) => {
+                    frontier.extend(children.into_iter().filter(|job| meets(job.key)));
+                    samples.map(|samples| (false, interior(samples)))
+                }
+            };
             match brick {
-                Some(brick) if owns(key) => settled.push((key, refined.is_empty(), brick)),
+                Some((leaf, brick)) if owns(key) => settled.push((key, leaf, brick)),
                 Some(_) => {}
                 None => unseen.push(key),
             }
-            frontier.extend(refined.into_iter().filter(|job| meets(job.key)));
         }
     }
     let done = run_jobs(field, &frontier, plan, progress, consume)?;
@@ -159,52 +156,6 @@ fn join_unseen<F: Field>(
     }
 }
 
-/// What a node above the jobs turned out to be.
-struct Decision<P> {
-    key: NodeKey,
-    /// `None` if it follows from its children.
-    brick: Option<Brick>,
-    /// Its children; none of a leaf.
-    refined: Vec<Job<P>>,
-}
-
-/// A node that is refined whatever its samples are is joined from its children where the tree is built as a whole; a
-/// share, which lacks some of them, evaluates it, which gives the same samples.
-fn decide<F: Field>(
-    field: &F,
-    job: Job<F::Piece>,
-    rules: &Rules,
-    is_whole: bool,
-) -> Result<Decision<F::Piece>> {
-    let Job { key, corner, pieces } = job;
-    let all: Vec<u32> = (0..pieces.len() as u32).collect();
-    let list = Pieces { array: &pieces, indices: &all };
-    let leaf = |brick| Ok(Decision { key, brick: Some(brick), refined: Vec::new() });
-    if let Some(w) = field.settled(key, corner, list) {
-        return leaf(Brick::Uniform(w));
-    }
-    if is_whole && let Some(corners) = field.refined_unseen(rules.refine, key, corner, list) {
-        return Ok(Decision { key, brick: None, refined: children(field, key, corners, &pieces) });
-    }
-    let mut evaluator = F::Evaluator::default();
-    let mut evaluation = field.evaluate(&mut evaluator, key, corner, list)?;
-    if rules.keeps(&mut evaluation) {
-        return leaf(evaluation.into_leaf()?);
-    }
-    let refined = children(field, key, evaluation.corners(), &pieces);
-    Ok(Decision { key, brick: Some(interior(evaluation.into_samples())), refined })
-}
-
-/// The eight children of a refined node with their corners and pieces.
-fn children<F: Field>(field: &F, key: NodeKey, corners: [i16; 8], pieces: &[F::Piece]) -> Vec<Job<F::Piece>> {
-    let lists = Binner::new(key, 1).sort_indices(field, pieces);
-    let child = |octant: Octant| {
-        let own = lists.of(octant.index()).iter().map(|&i| pieces[i as usize]).collect();
-        Job { key: key.child(octant), corner: corners[octant.index()], pieces: own }
-    };
-    Octant::all().collect::<Vec<_>>().into_par_iter().map(child).collect()
-}
-
 /// Of so many jobs those that are built together where a field foresees: the children of eight nodes are a batch of a
 /// device's, 64 leaves are one, too. Every thread gets some.
 fn jobs_together<F: Field>(field: &F, rules: &Rules, jobs: usize) -> usize {
@@ -219,19 +170,20 @@ fn jobs_together<F: Field>(field: &F, rules: &Rules, jobs: usize) -> usize {
 /// Runs the jobs on all threads and returns their top nodes.
 fn run_jobs<F: Field, R: Recorder>(
     field: &F,
-    jobs: &[Job<F::Piece>],
+    jobs: &[Undecided<F::Piece>],
     plan: Plan<'_>,
     progress: &dyn Progress,
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<Vec<Node>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     let local = || SubtreeBuilder::<F, R>::new(field, plan.rules, progress);
-    let groups: Vec<&[Job<F::Piece>]> = jobs.chunks(jobs_together(field, plan.rules, jobs.len())).collect();
+    let groups: Vec<&[Undecided<F::Piece>]> =
+        jobs.chunks(jobs_together(field, plan.rules, jobs.len())).collect();
     let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {
         let kept: Vec<Option<Node>> =
             groups[number].iter().map(|job| plan.built(job.key)).collect::<Result<_>>()?;
         let left = groups[number].iter().zip(&kept).filter(|(_, kept)| kept.is_none());
-        let tops: Vec<Top<'_, F::Piece>> = left.map(|(job, _)| job.top()).collect();
+        let tops: Vec<&Undecided<F::Piece>> = left.map(|(job, _)| job).collect();
         let mut built = builder.build_deciding(&tops)?.into_iter();
         let node = |kept: Option<Node>| match kept {
             Some(node) => (node, R::new(plan.rules.compression)),

@@ -8,6 +8,7 @@ mod closed;
 mod cloud;
 mod collect;
 mod cut;
+mod decide;
 #[cfg(test)]
 mod faults;
 mod field;

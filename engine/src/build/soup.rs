@@ -5,7 +5,7 @@ use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
 use crate::brick::{Brick, Hermite, Samples};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
-use crate::winding::{CornerGrid, Evaluation, Evaluator, Triangles};
+use crate::winding::{CornerGrid, Evaluation, Evaluator};
 
 /// The field of a closed soup of triangles.
 #[derive(Default)]
@@ -105,7 +105,7 @@ impl Field for Soup {
         let node = Leaf { key, corner, array: list.array, indices: list.indices };
         match self.device.as_ref().and_then(|device| nodes.take(device, key)) {
             Some(found) => Ok(SoupEvaluation::There(DeviceEvaluation::new(found, node, cpu))),
-            None => Ok(SoupEvaluation::Here(evaluate_here(cpu, node)?)),
+            None => Ok(SoupEvaluation::Here(node.evaluate(cpu)?)),
         }
     }
 
@@ -136,10 +136,6 @@ impl Field for Soup {
     }
 }
 
-fn evaluate_here<'a>(evaluator: &'a mut Evaluator, node: Leaf<'a>) -> Result<Evaluation<'a>> {
-    evaluator.evaluate(node.key, node.corner, Triangles { array: node.array, indices: node.indices })
-}
-
 impl<'a> DeviceEvaluation<'a> {
     fn new(found: NodeBrick, node: Leaf<'a>, evaluator: &'a mut Evaluator) -> Self {
         let NodeBrick { brick, has_hidden_crossings } = found;
@@ -156,7 +152,7 @@ impl<'a> DeviceEvaluation<'a> {
         if !self.has_hidden_crossings {
             return false;
         }
-        let here = evaluate_here(self.evaluator, self.node);
+        let here = self.node.evaluate(self.evaluator);
         here.expect("its samples fit 16 bits on the device").has_hidden_boundary()
     }
 }

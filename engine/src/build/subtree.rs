@@ -2,6 +2,7 @@
 //! it, in post-order.
 
 use super::bins::{Binner, CellLists};
+use super::decide::{Decided, Undecided};
 use super::field::{Evaluated, Field, Pieces};
 use super::records::Recorder;
 use super::rules::Rules;
@@ -10,6 +11,7 @@ use crate::brick::{Brick, Samples, point_index};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant};
 use crate::progress::Progress;
+use std::borrow::Borrow;
 
 /// Levels that one sorting of pieces descends: 8³ cells of lists, and their corners in one small grid.
 pub(super) const STRIDE: u8 = 3;
@@ -205,37 +207,31 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     }
 
     /// Builds several subtrees of a tree whose nodes decide for themselves, those of each with its records apart.
-    pub fn build_deciding(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
-        self.foresee(tops.iter().map(|top| (top.key, top.corner, top.pieces)));
-        let mut decided = Vec::with_capacity(tops.len());
-        for &Top { key, corner, pieces } in tops {
-            decided.push((key, self.decide(key, corner, pieces)?));
-        }
-        self.foresee_below(decided.iter().map(|(_, decided)| decided));
+    pub fn build_deciding(&mut self, tops: &[&Undecided<F::Piece>]) -> Result<Vec<(Node, R)>> {
+        self.foresee(tops.iter().copied());
+        let decided = self.decide(tops.iter().copied())?;
         let record = |(key, decided)| Ok((self.record(key, decided)?, self.records.take()));
         decided.into_iter().map(record).collect()
     }
 
-    /// Finds out what becomes of a node: it is refined if its samples or crossings ask for it. Where its pieces do so
-    /// already, it is joined from its children.
-    fn decide(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Decided<F::Piece>> {
-        self.progress.check()?;
-        let all: Vec<u32> = (0..pieces.len() as u32).collect();
-        let list = Pieces { array: pieces, indices: &all };
-        if let Some(w) = self.field.settled(key, corner, list) {
-            return Ok(Decided::Empty(w));
+    /// Finds out what becomes of nodes that have been foreseen, all before what is below them is built: so up to 64 of
+    /// their children are foreseen together.
+    fn decide<N: Borrow<Undecided<F::Piece>>>(
+        &mut self,
+        nodes: impl IntoIterator<Item = N>,
+    ) -> Result<Vec<(NodeKey, Decided<F::Piece>)>> {
+        let mut decided = Vec::new();
+        for node in nodes {
+            self.progress.check()?;
+            let node: &Undecided<F::Piece> = node.borrow();
+            decided.push((node.key, node.decide(self.field, &mut self.evaluator, self.rules, true)?));
         }
-        let is_deepest = key.level() == self.rules.depth;
-        if !is_deepest && let Some(corners) = self.field.refined_unseen(self.rules.refine, key, corner, list)
-        {
-            return Ok(Decided::Refined(None, self.children(key, corners, pieces)));
-        }
-        let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
-        if is_deepest || self.rules.keeps(&mut evaluation) {
-            return Ok(Decided::Leaf(evaluation.into_leaf()?));
-        }
-        let corners = evaluation.corners();
-        Ok(Decided::Refined(Some(evaluation.into_samples()), self.children(key, corners, pieces)))
+        let children = decided.iter().filter_map(|(_, decided)| match decided {
+            Decided::Refined(_, children) => Some(children.iter()),
+            Decided::Empty(_) | Decided::Leaf(_) => None,
+        });
+        self.foresee(children.flatten());
+        Ok(decided)
     }
 
     /// Builds what is below a node, whose children have been foreseen, and records all of it.
@@ -248,7 +244,11 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
             }
             Decided::Refined(samples, children) => (samples, children),
         };
-        let children = self.build_children(children)?;
+        let mut nodes = [const { Node::Empty(0) }; 8];
+        for (node, (key, decided)) in nodes.iter_mut().zip(self.decide(*children)?) {
+            *node = self.record(key, decided)?;
+        }
+        let children = nodes;
         let Some(samples) = samples else {
             return Ok(join(key, children, self.field.binary_places(), &mut self.records));
         };
@@ -261,34 +261,8 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         Ok(Node::Stored(Half::of(&brick)))
     }
 
-    /// Decides all eight before what is below them is built, so that up to 64 nodes are foreseen together.
-    fn build_children(&mut self, children: Box<[Child<F::Piece>; 8]>) -> Result<[Node; 8]> {
-        let mut decided = Vec::with_capacity(children.len());
-        for Child { key, corner, pieces } in *children {
-            decided.push((key, self.decide(key, corner, &pieces)?));
-        }
-        self.foresee_below(decided.iter().map(|(_, decided)| decided));
-        let mut nodes = [const { Node::Empty(0) }; 8];
-        for (node, (key, decided)) in nodes.iter_mut().zip(decided) {
-            *node = self.record(key, decided)?;
-        }
-        Ok(nodes)
-    }
-
-    /// Tells the field which children of some nodes will be evaluated as these are recorded.
-    fn foresee_below<'d>(&mut self, nodes: impl Iterator<Item = &'d Decided<F::Piece>>)
-    where
-        F::Piece: 'd,
-    {
-        let children = nodes.filter_map(|decided| match decided {
-            Decided::Refined(_, children) => Some(children.iter()),
-            Decided::Empty(_) | Decided::Leaf(_) => None,
-        });
-        self.foresee(children.flatten().map(|child| (child.key, child.corner, child.pieces.as_slice())));
-    }
-
-    /// Tells the field which of some nodes, each with its corner and its pieces, will be evaluated as they are decided.
-    fn foresee<'p>(&mut self, nodes: impl Iterator<Item = (NodeKey, i16, &'p [F::Piece])>)
+    /// Tells the field which of some nodes will be evaluated as they are decided.
+    fn foresee<'p>(&mut self, nodes: impl Iterator<Item = &'p Undecided<F::Piece>>)
     where
         F::Piece: 'p,
     {
@@ -296,52 +270,17 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
             return;
         }
         let nodes: Vec<_> = nodes.collect();
-        let most = nodes.iter().map(|(.., pieces)| pieces.len()).max().unwrap_or(0);
+        let most = nodes.iter().map(|node| node.pieces.len()).max().unwrap_or(0);
         let all: Vec<u32> = (0..most as u32).collect();
-        let leaf = |(key, corner, array): (NodeKey, i16, &'p [F::Piece])| Leaf {
-            key,
-            corner,
-            array,
-            indices: &all[..array.len()],
-        };
         let is_evaluated = |leaf: &Leaf<'_, F::Piece>| {
             let is_deepest = leaf.key.level() == self.rules.depth;
             let refined = || self.field.refined_unseen(self.rules.refine, leaf.key, leaf.corner, leaf.into());
             self.field.settled(leaf.key, leaf.corner, leaf.into()).is_none()
                 && (is_deepest || refined().is_none())
         };
-        let leaves: Vec<_> = nodes.into_iter().map(leaf).filter(is_evaluated).collect();
+        let leaves: Vec<_> = nodes.into_iter().map(|node| node.as_leaf(&all)).filter(is_evaluated).collect();
         self.field.foresee(&mut self.evaluator, &leaves);
     }
-
-    /// The children of a node with these corners, and the pieces that touch them.
-    fn children(&self, key: NodeKey, corners: [i16; 8], pieces: &[F::Piece]) -> Box<[Child<F::Piece>; 8]> {
-        let lists = Binner::new(key, 1).sort_indices(self.field, pieces);
-        let child = |octant: Octant| Child {
-            key: key.child(octant),
-            corner: corners[octant.index()],
-            pieces: lists.of(octant.index()).iter().map(|&i| pieces[i as usize]).collect(),
-        };
-        let children: Box<[_]> = Octant::all().map(child).collect();
-        children.try_into().unwrap_or_else(|_| unreachable!("there are eight octants"))
-    }
-}
-
-/// A node that is decided, and nothing below it built yet.
-enum Decided<P> {
-    /// No surface touches it.
-    Empty(i16),
-    Leaf(Brick),
-    /// Its samples, or `None` if these are joined from its children's, and the children.
-    Refined(Option<Samples>, Box<[Child<P>; 8]>),
-}
-
-/// A child of a refined node.
-struct Child<P> {
-    key: NodeKey,
-    corner: i16,
-    /// Those that touch it.
-    pieces: Vec<P>,
 }
 
 /// What [`descend`] meets.

@@ -5,7 +5,7 @@
 //! the corners that they do not cut off. That has to be so of places as they are written, with 32 bits: the surface may
 //! cross edges at samples, or nearer to them than a step of such numbers.
 
-use super::field::{Frame, Lattice};
+use super::field::{Frame, Lattice, along};
 use super::loops::SLACK;
 use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};
@@ -80,9 +80,9 @@ impl Face<'_> {
 
     /// Where a position on the face lies: 0..1 along its axes, 0 across it.
     pub(super) fn seen(&self, position: [f32; 3]) -> [f64; 3] {
+        let across = self.axis.index();
         std::array::from_fn(|a| {
-            let Some([low, high]) = self.span(a).map(|span| span.map(f64::from)) else { return 0.0 };
-            (f64::from(position[a]) - low) / (high - low)
+            if a == across { 0.0 } else { along(self.lattice, a, self.corner[a], position[a]) }
         })
     }
 

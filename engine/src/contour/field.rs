@@ -298,6 +298,13 @@ fn counts<I: IntoIterator<Item = u32>>(
 /// World coordinates of a brick's samples by axis.
 pub(super) type Lattice = [[f32; BRICK_POINTS]; 3];
 
+/// Where a coordinate of the world lies along an axis, 0..1 in the cells with this number.
+#[inline(always)]
+pub(super) fn along(lattice: &Lattice, axis: usize, cell: usize, coordinate: f32) -> f64 {
+    let [low, high] = [cell, cell + 1].map(|n| f64::from(lattice[axis][n]));
+    (f64::from(coordinate) - low) / (high - low)
+}
+
 /// From cell coordinates of a brick to the world.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {

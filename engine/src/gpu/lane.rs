@@ -182,14 +182,14 @@ impl Lane {
         assert!(of_bricks.iter().all(|count| *count <= PAIRS_OF_BRICK_MAX), "a brick has too many");
         // A share of the room, so that no more is read back than there may be; all of it for bricks that may be divided, for
         // coarse ones have ten times the edges of leaves.
-        let share = |room: u32| match may_divide {
-            true => room,
-            false => room / (limit.max(bricks.len()) as u32) * bricks.len() as u32,
+        let edges = match may_divide {
+            true => self.sizes.edges,
+            false => self.sizes.edges / (limit.max(bricks.len()) as u32) * bricks.len() as u32,
         };
         Sizes {
             bricks: bricks.len() as u32,
             pairs: pairs.len() as u32,
-            edges: share(self.sizes.edges),
+            edges,
             nodes: if *may_divide { bricks.len() as u32 } else { 0 },
             ..self.sizes
         }

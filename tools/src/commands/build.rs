@@ -149,9 +149,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         // in any case.
         plan.options.resources.memory -= device.gpu().memory().min(plan.options.resources.memory / 2);
     }
-    if budget.is_some() {
-        plan.options.resources.index = memory::index_share(plan.options.resources.memory);
-    }
+    plan.options.resources.index = memory::index_share(plan.options.resources.memory);
     // Made before the long work, so that a name that cannot be written costs no time.
     let mut sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
     let mut summary = match clouds {

@@ -7,10 +7,9 @@ use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
 use crate::style_file::{self, StyleFile};
-use crate::units::Size;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{
-    Caster, CasterReport, Cut, NODE_BYTES, RenderOptions, Scene, View, write_frame, write_turn,
+    Caster, CasterReport, Cut, RenderOptions, Scene, View, write_frame, write_turn,
 };
 use brickfield_engine::store::{Accept, Store};
 use serde_json::json;
@@ -68,12 +67,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let kind = Kind::of(args)?;
     let bars = start(args.work)?;
     let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
-    // As in builds: what is taken of the device may be this machine's.
-    let of_device = device.as_ref().map_or(0, |device| device.gpu().memory().min(args.memory.0 / 2));
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
-    let held =
-        memory::index_drawn(&store, NODE_BYTES) + memory::pixels_drawn(args.size.0, kind == Kind::Animation);
-    let caches = memory::picture_caches(Size(args.memory.0 - of_device), held);
+    let is_animated = kind == Kind::Animation;
+    let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, is_animated);
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }

@@ -8,7 +8,6 @@ use crate::memory;
 use crate::output::{in_line, require_distinct};
 use crate::picture_args::{ColourArg, StyleArg};
 use crate::style_file::{self, StyleFile};
-use crate::units::Size;
 use crate::view::{
     CpuPainter, Line, Look, Painter, Part, Saying, Screenshots, Session, Step, VulkanPainter, Window, place,
     quoted, read_script,
@@ -16,7 +15,7 @@ use crate::view::{
 use crate::view_args::WindowArgs;
 use anyhow::anyhow;
 use brickfield_engine::picture::WHITE;
-use brickfield_engine::render::{NODE_BYTES, RenderOptions, Scene, Style};
+use brickfield_engine::render::{RenderOptions, Scene, Style};
 use brickfield_engine::store::{Accept, BrickTree, Store};
 use std::path::Path;
 
@@ -31,11 +30,8 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     require_size(args.size.0).map_err(Failure::Usage)?;
     start(args.work)?;
     let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
-    // As in `render`: what is taken of the device may be this machine's.
-    let of_device = device.as_ref().map_or(0, |device| device.gpu().memory().min(args.memory.0 / 2));
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
-    let held = memory::index_drawn(&store, NODE_BYTES) + memory::pixels_drawn(args.size.0, false);
-    let caches = memory::picture_caches(Size(args.memory.0 - of_device), held);
+    let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, false);
     let mut looks = Looks::new();
     let style = match &args.style {
         StyleArg::Named(make) => Style::NAMED.iter().position(|(_, named)| named() == make()).unwrap_or(0),

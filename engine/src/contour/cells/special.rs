@@ -3,7 +3,7 @@
 
 use super::Builder;
 use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX};
-use crate::contour::field::{Frame, Lattice};
+use crate::contour::field::{Frame, Lattice, along};
 use crate::contour::loops::tangled;
 use crate::contour::topology::{Kind, edge_lower};
 
@@ -65,10 +65,7 @@ impl Builder<'_> {
 
 /// Where a position of the world lies in a cell between planes of a lattice, 0..1 along each axis.
 pub(in crate::contour) fn within(lattice: &Lattice, cell: [usize; 3], position: [f32; 3]) -> [f64; 3] {
-    std::array::from_fn(|a| {
-        let [low, high] = [cell[a], cell[a] + 1].map(|n| f64::from(lattice[a][n]));
-        (f64::from(position[a]) - low) / (high - low)
-    })
+    std::array::from_fn(|a| along(lattice, a, cell[a], position[a]))
 }
 
 /// World position of the point `at` of a cell, or near it if it is among those `before` it: loops of one cell can have

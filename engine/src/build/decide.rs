@@ -1,0 +1,77 @@
+//! What becomes of a node of a tree whose nodes decide for themselves.
+
+use super::bins::Binner;
+use super::field::{Evaluated, Field, Pieces};
+use super::rules::Rules;
+use crate::backend::Leaf;
+use crate::brick::{Brick, Samples};
+use crate::error::Result;
+use crate::lattice::{NodeKey, Octant};
+
+/// A node that is to be decided.
+pub(super) struct Undecided<P> {
+    pub key: NodeKey,
+    /// As [`Field::evaluate`] takes it.
+    pub corner: i16,
+    /// All that touch it.
+    pub pieces: Vec<P>,
+}
+
+/// One that is, and nothing below it built yet.
+pub(super) enum Decided<P> {
+    /// No surface touches it.
+    Empty(i16),
+    Leaf(Brick),
+    /// Its samples, or `None` if these are joined from its children's, and the children.
+    Refined(Option<Samples>, Box<[Undecided<P>; 8]>),
+}
+
+impl<P: Copy> Undecided<P> {
+    /// A node is refined if its samples or crossings ask for it. Where its pieces do so already, it is not evaluated if it
+    /// `may_join`, for its samples are a part of its children's.
+    pub fn decide<F: Field<Piece = P>>(
+        &self,
+        field: &F,
+        evaluator: &mut F::Evaluator,
+        rules: &Rules,
+        may_join: bool,
+    ) -> Result<Decided<P>> {
+        let Undecided { key, corner, pieces } = self;
+        let all: Vec<u32> = (0..pieces.len() as u32).collect();
+        let list = Pieces { array: pieces, indices: &all };
+        if let Some(w) = field.settled(*key, *corner, list) {
+            return Ok(Decided::Empty(w));
+        }
+        let is_deepest = key.level() == rules.depth;
+        if may_join
+            && !is_deepest
+            && let Some(corners) = field.refined_unseen(rules.refine, *key, *corner, list)
+        {
+            return Ok(Decided::Refined(None, self.children(field, corners)));
+        }
+        let mut evaluation = field.evaluate(evaluator, *key, *corner, list)?;
+        if is_deepest || rules.keeps(&mut evaluation) {
+            return Ok(Decided::Leaf(evaluation.into_leaf()?));
+        }
+        let corners = evaluation.corners();
+        Ok(Decided::Refined(Some(evaluation.into_samples()), self.children(field, corners)))
+    }
+
+    /// The children by octant, with these corners and the pieces that touch them.
+    fn children<F: Field<Piece = P>>(&self, field: &F, corners: [i16; 8]) -> Box<[Undecided<P>; 8]> {
+        let lists = Binner::new(self.key, 1).sort_indices(field, &self.pieces);
+        let child = |octant: Octant| Undecided {
+            key: self.key.child(octant),
+            corner: corners[octant.index()],
+            pieces: lists.of(octant.index()).iter().map(|&i| self.pieces[i as usize]).collect(),
+        };
+        let children: Box<[_]> = Octant::all().map(child).collect();
+        children.try_into().unwrap_or_else(|_| unreachable!("there are eight octants"))
+    }
+
+    /// As a brick to evaluate; `all` counts from 0 at least as far as it has pieces.
+    pub fn as_leaf<'a>(&'a self, all: &'a [u32]) -> Leaf<'a, P> {
+        let indices = &all[..self.pieces.len()];
+        Leaf { key: self.key, corner: self.corner, array: &self.pieces, indices }
+    }
+}
