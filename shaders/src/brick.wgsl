@@ -20,6 +20,7 @@ struct Brick {
     edges: u32,
     edges_x: u32,
     edges_y: u32,
+    crossings: atomic<u32>,
 }
 
 @group(0) @binding(0) var<storage, read_write> batch: Batch;
@@ -56,8 +57,6 @@ struct Brick {
 @group(0) @binding(12) var<storage, read_write> doubles: array<u64>;
 // By sign-changing edge: its second crossing, as in `hermite`.
 @group(0) @binding(13) var<storage, read_write> seconds: array<u64>;
-// By brick, axis and line, 16 edges a word, two bits each: whether a crossing of the edge rises, and whether one falls.
-@group(0) @binding(14) var<storage, read_write> slopes: array<atomic<u32>>;
 
 fn both(low: u32, high: u32) -> u64 {
     return u64(low) | (u64(high) << 32u);

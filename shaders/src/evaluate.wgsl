@@ -9,6 +9,8 @@ var<workgroup> starts: array<u64, POINTS>;
 var<workgroup> insides: array<u64, ROWS>;
 // Sign-changing edges of each invocation's rows, those along an axis in 16 bits; then of those before them.
 var<workgroup> sums: array<u64, WORKGROUP>;
+// Whether a sample is inside (INSIDE), and whether one is not (OUTSIDE).
+var<workgroup> sides: atomic<u32>;
 // Where the brick's edges along each axis begin, and whether there are any and room for them.
 var<workgroup> places: vec3<u32>;
 var<workgroup> has_room: u32;
@@ -17,8 +19,14 @@ fn touched(brick: u32, line: u32) -> u32 {
     return atomicLoad(&jumps[touched_at(brick, line)]);
 }
 
+const INSIDE = 1u;
+const OUTSIDE = 2u;
+
 // The samples of the column.
 fn start_column(brick: u32, me: u32) {
+    if me == 0u {
+        atomicStore(&sides, 0u);
+    }
     if me < POINTS {
         var w = bricks[brick].corner;
         let below = select((1u << (me & 31u)) - 1u, 0xffffffffu, me == CELLS);
@@ -47,8 +55,14 @@ fn found_at(w: i32, corner: i32) -> u32 {
     return select(0u, VARIES, w != corner) | select(0u, EXCESS, w != extractBits(w, 0u, 16u));
 }
 
-// The samples of a row; returns what was found.
-fn walk_row(brick: u32, corner: i32, row: u32) -> u32 {
+// What was found in some rows, and on which sides samples are.
+struct Found {
+    flags: u32,
+    sides: u32,
+}
+
+// The samples of a row.
+fn walk_row(brick: u32, corner: i32, row: u32, before_row: Found) -> Found {
     let start = start_of(brick, row);
     var found = found_at(start, corner);
     let crossed = touched(brick, row);
@@ -63,7 +77,8 @@ fn walk_row(brick: u32, corner: i32, row: u32) -> u32 {
         bits = (bits & before) | select(0lu, 0x1fffffffflu & ~before, w >= 1i);
     }
     insides[row] = bits;
-    return found;
+    let sides = select(0u, INSIDE, bits != 0lu) | select(0u, OUTSIDE, bits != 0x1fffffffflu);
+    return Found(before_row.flags | found, before_row.sides | sides);
 }
 
 // Which edges change sign that begin in a row, as bits.
@@ -122,25 +137,28 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let brick = group.x;
     let corner = bricks[brick].corner;
     start_column(brick, me);
-    var found = 0u;
+    var found = Found(0u, 0u);
     for (var row = me; row < ROWS; row += WORKGROUP) {
-        found |= walk_row(brick, corner, row);
+        found = walk_row(brick, corner, row, found);
     }
-    if found != 0u {
-        atomicOr(&bricks[brick].flags, found);
+    if found.flags != 0u {
+        atomicOr(&bricks[brick].flags, found.flags);
     }
+    atomicOr(&sides, found.sides);
     workgroupBarrier();
-    // An invocation's rows follow each other, so that their edges do.
+    // An invocation's rows follow each other, so that their edges do. Where all samples are on one side there are none.
     let each = (ROWS + WORKGROUP - 1u) / WORKGROUP;
     let first = min(me * each, ROWS);
-    let end = min(first + each, ROWS);
-    let first_inside = insides[min(first, ROWS - 1u)];
+    let end = select(first, min(first + each, ROWS), atomicLoad(&sides) == (INSIDE | OUTSIDE));
     var sum = 0lu;
-    var inside = first_inside;
+    var inside = insides[min(first, ROWS - 1u)];
+    // Rows that have some: a wall along x shows in one of 33, of which the next loop then looks at no other.
+    var changing = 0u;
     for (var row = first; row < end; row++) {
         let next = insides[min(row + 1u, ROWS - 1u)];
         let changes = changes_of(row, inside, next);
         sum += both(count(changes.x) | (count(changes.y) << 16u), count(changes.z));
+        changing |= u32((changes.x | changes.y | changes.z) != 0lu) << (row - first);
         inside = next;
     }
     sums[me] = sum;
@@ -154,16 +172,12 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     }
     let before = sums[me];
     var place = places + vec3(low_of(before) & 0xffffu, low_of(before) >> 16u, high_of(before));
-    inside = first_inside;
-    for (var row = first; row < end; row++) {
-        let next = insides[min(row + 1u, ROWS - 1u)];
-        let changes = changes_of(row, inside, next);
-        if (changes.x | changes.y | changes.z) != 0lu {
-            write_table(brick, 0u, row, changes.x, place.x);
-            write_table(brick, 1u, row, changes.y, place.y);
-            write_table(brick, 2u, row, changes.z, place.z);
-            place += vec3(count(changes.x), count(changes.y), count(changes.z));
-        }
-        inside = next;
+    for (; changing != 0u; changing &= changing - 1u) {
+        let row = first + countTrailingZeros(changing);
+        let changes = changes_of(row, insides[row], insides[min(row + 1u, ROWS - 1u)]);
+        write_table(brick, 0u, row, changes.x, place.x);
+        write_table(brick, 1u, row, changes.y, place.y);
+        write_table(brick, 2u, row, changes.z, place.z);
+        place += vec3(count(changes.x), count(changes.y), count(changes.z));
     }
 }

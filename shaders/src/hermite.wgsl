@@ -23,8 +23,9 @@ fn keep_more(place: u32, crossing: u64, brick: u32, more_max: u32) {
 
 // A crossing of a sign-changing edge.
 struct Tag {
-    // Whether there is one.
+    // Whether there is one, and whether there is one of an edge of the brick, whatever its samples are.
     found: bool,
+    is_inside: bool,
     place: u32,
     // Where the edge begins in the brick.
     sample: u32,
@@ -57,18 +58,19 @@ fn look(span: Span, cursor: Cursor) -> Tag {
     let below = select(bits & ((1u << (i & 31u)) - 1u), bits, is_last);
     let place = (rank & 0x3fffffffu) + countOneBits(below);
     let found = is_inside && rank != 0u && changes != 0u;
-    return Tag(found, place, row * POINTS + i, edge.y, cursor.depth.rest);
+    return Tag(found, is_inside, place, row * POINTS + i, edge.y, cursor.depth.rest);
 }
 
 // Loops within loops, so that invocations that run in step come together where less is to be done: llvmpipe goes through
 // whatever a loop holds for all of them, and leaves out nothing because it is none's.
-fn tag_one(packed: u64, more_max: u32) {
-    let span = span_of(packed);
+// Returns how many crossings the brick's edges have with the span's lines.
+fn tag_one(span: Span, more_max: u32) -> u32 {
     let normal = normals[span.pair];
     let way = select(0u, 1u << 16u, span.jump < 0i);
     var cursor = Cursor(0u, span.depth);
+    var crossings = 0u;
     loop {
-        var tag = Tag(false, 0u, 0u, 0i, 0li);
+        var tag = Tag(false, false, 0u, 0u, 0i, 0li);
         var crossing = 0lu;
         var before = 0u;
         loop {
@@ -79,6 +81,7 @@ fn tag_one(packed: u64, more_max: u32) {
                 }
                 tag = look(span, cursor);
                 cursor = Cursor(cursor.line + 1u, next_depth(span, cursor.depth));
+                crossings += u32(tag.is_inside);
                 if tag.found {
                     break;
                 }
@@ -105,6 +108,7 @@ fn tag_one(packed: u64, more_max: u32) {
             keep_more(tag.place, crossing, span.brick, more_max);
         }
     }
+    return crossings;
 }
 
 @compute @workgroup_size(WORKGROUP)
@@ -112,8 +116,21 @@ fn tag(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups:
     let more_max = batch.more_max;
     let all = all_spans();
     let part = part_of(all.count, group.x, groups.x);
+    // Spans of a brick mostly follow each other, so their crossings are added to its own at once.
+    var brick = 0u;
+    var crossings = 0u;
     for (var number = part.x + me; number < part.y; number += WORKGROUP) {
-        tag_one(listed(all, number), more_max);
+        let span = span_of(listed(all, number));
+        while brick != span.brick {
+            atomicAdd(&bricks[brick].crossings, crossings);
+            crossings = 0u;
+            brick = span.brick;
+        }
+        crossings += tag_one(span, more_max);
+    }
+    while crossings != 0u {
+        atomicAdd(&bricks[brick].crossings, crossings);
+        crossings = 0u;
     }
 }
 
@@ -223,14 +240,14 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
         let place = low_of(packed);
         let brick = high_of(packed) >> 16u;
         let head = atomicLoad(&chains[place]);
-        atomicStore(&chains[place], 0u);
-        // A brick whose crossings found no room has edges that lack some, one with too large jumps wrong samples.
-        if (atomicLoad(&bricks[brick].flags) & (FULL | CROWDED)) != 0u {
-            continue;
+        // Loops, because llvmpipe goes through conditions whether they hold or not.
+        for (var is_chained = head != 0u; is_chained; is_chained = false) {
+            atomicStore(&chains[place], 0u);
         }
+        // A brick whose crossings found no room has edges that lack some, one with too large jumps wrong samples; that
+        // such an edge may be torn says nothing new of it.
         let start = sample(brick, high_of(packed) & 0xffffu);
-        let wrong = decide(place, head, start);
-        if wrong != 0u {
+        for (var wrong = decide(place, head, start); wrong != 0u; wrong = 0u) {
             atomicOr(&bricks[brick].flags, wrong);
         }
     }

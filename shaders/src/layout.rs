@@ -18,8 +18,6 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("FULL", FULL),
     ("TORN", TORN),
     ("CROWDED", CROWDED),
-    ("HIDDEN", HIDDEN),
-    ("SLOPE_WORDS", SLOPE_WORDS),
     ("STEPS_MAX", STEPS_MAX),
     ("PAIR_WORDS", PAIR_WORDS),
     ("ANGLE_BITS", ANGLE_BITS),
@@ -67,8 +65,6 @@ pub const JUMP_BIAS: u32 = 0x8080_8080;
 /// Words of what is known of a brick's rows: for each axis and row bits that say which edges change sign, and how many such
 /// edges the rows before hold.
 pub const TABLE_WORDS: u32 = 6 * ROWS;
-/// Words of what is known of a brick's edges along all axes: two bits each, whether a crossing rises and whether one falls.
-pub const SLOPE_WORDS: u32 = 3 * ROWS * CELLS / 16;
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
 /// Triangles that touch a brick at most: an edge's crossings, of which a triangle has one at most, are counted in 16 bits.
@@ -149,9 +145,6 @@ pub const FULL: u32 = 4;
 pub const TORN: u32 = 8;
 /// [`Brick::flags`]: an edge holds too many crossings, or jumps that do not fit 8 bits.
 pub const CROWDED: u32 = 16;
-/// [`Brick::flags`]: an edge holds crossings where the winding number rises and crossings where it falls, a wall or a gap
-/// that its samples do not show.
-pub const HIDDEN: u32 = 32;
 
 /// A structure of 32-bit members with their names and offsets.
 macro_rules! shared {
@@ -210,6 +203,8 @@ shared! {
         edges_x: u32,
         /// How many lie along y.
         edges_y: u32,
+        /// Crossings of triangles with its edges, whether these change sign or not.
+        crossings: u32,
     }
 }
 
@@ -407,9 +402,9 @@ pub const STRUCTURES: &[(&str, usize, Members)] = &[
 ];
 
 /// Buffers of the kernels that evaluate bricks, by binding.
-pub const BRICK_BUFFERS: [&str; 15] = [
+pub const BRICK_BUFFERS: [&str; 14] = [
     "batch", "bricks", "pairs", "jumps", "counts", "rows", "tables", "chains", "hermite", "spans", "more",
-    "normals", "doubles", "seconds", "slopes",
+    "normals", "doubles", "seconds",
 ];
 /// Buffers of the kernel that sums solid angles, by binding.
 pub const BRUTE_BUFFERS: [&str; 4] = ["sum", "facets", "points", "angles"];

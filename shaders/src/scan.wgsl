@@ -3,7 +3,6 @@
 // `find` lists the spans of lines that pass through a triangle, `jump` follows those along which samples are found and
 // adds up what the winding number jumps by at each crossing, an invocation a span: triangles have few spans or many, and
 // spans that follow each other in the list are about as long, so that the invocations that run in step end together.
-// `slope` follows all of them for bricks that may be divided, and finds those that hide crossings.
 
 // An edge function of a projected triangle along a row of lines.
 struct EdgeFunction {
@@ -163,38 +162,5 @@ fn jump(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     let part = part_of(count, group.x, groups.x);
     for (var number = part.x + me; number < part.y; number += WORKGROUP) {
         jump_one(spans[number]);
-    }
-}
-
-// Notes which way the crossings of a span's lines go, and finds edges that hold some of either way.
-fn slope_one(packed: u64) {
-    let span = span_of(packed);
-    let way = select(1u, 2u, span.jump < 0i);
-    let first_line = (span.axis * POINTS + span.line.y) * POINTS + span.line.x;
-    var depth = span.depth;
-    var is_hidden = false;
-    for (var number = 0u; number < span.lines; number++) {
-        let lower = edge_at(span, depth).x;
-        if lower >= 0i && lower < i32(CELLS) {
-            let edge = u32(lower);
-            let at = span.brick * SLOPE_WORDS + (first_line + number) * (CELLS / 16u) + (edge >> 4u);
-            let shift = 2u * (edge & 15u);
-            let ways = (atomicOr(&slopes[at], way << shift) >> shift) | way;
-            is_hidden |= (ways & 3u) == 3u;
-        }
-        depth = next_depth(span, depth);
-    }
-    while is_hidden {
-        atomicOr(&bricks[span.brick].flags, HIDDEN);
-        is_hidden = false;
-    }
-}
-
-@compute @workgroup_size(WORKGROUP)
-fn slope(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) me: u32) {
-    let all = all_spans();
-    let part = part_of(all.count, group.x, groups.x);
-    for (var number = part.x + me; number < part.y; number += WORKGROUP) {
-        slope_one(listed(all, number));
     }
 }

@@ -1,14 +1,17 @@
 //! Where bricks are evaluated: on the processor's cores, or on a Vulkan device with the same bytes.
 
+mod batch;
 mod brute;
 mod leaves;
 mod nodes;
+mod outlet;
 mod report;
 mod shares;
 mod vulkan;
 
+pub use batch::Leaf;
 pub use brute::brute_at;
-pub use leaves::{Leaf, LeafQueue};
+pub use leaves::LeafQueue;
 pub use nodes::{NodeBrick, NodeQueue};
 pub use report::DeviceReport;
 pub use shares::{DeviceShares, ShareQueue};

@@ -1,44 +1,102 @@
 //! Nodes that may be divided, evaluated on a device some at a time, before it is decided what becomes of them.
 
-use super::leaves::{Leaf, LeafQueue, Next};
+use super::batch::{Leaf, unpack};
+use super::outlet::{Outlet, Sent};
 use super::vulkan::Vulkan;
-use crate::brick::Brick;
+use crate::brick::{Brick, Hermite, Samples};
 use crate::lattice::NodeKey;
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 
 /// Evaluates nodes a few at a time; one per thread.
 #[derive(Default)]
 pub struct NodeQueue {
-    queue: LeafQueue,
+    outlet: Outlet,
+    /// Batches that are under way, the oldest first.
+    pending: VecDeque<Vec<NodeKey>>,
     ready: HashMap<NodeKey, NodeBrick>,
 }
 
 /// What a device made of a node.
 #[derive(Clone, Debug)]
 pub struct NodeBrick {
+    /// The node's samples.
+    pub samples: Samples,
+    /// Its Hermite edges; `None` if all samples are equal.
+    pub hermite: Option<Hermite>,
+    /// Crossings of triangles with its lattice edges.
+    pub crossings: u32,
+}
+
+impl NodeBrick {
+    fn new(brick: Brick, crossings: u32) -> NodeBrick {
+        match brick {
+            Brick::Uniform(w) => NodeBrick { samples: Samples::filled(w), hermite: None, crossings },
+            Brick::Counts { samples, hermite } => NodeBrick { samples, hermite: Some(hermite), crossings },
+        }
+    }
+
+    /// Whether an edge holds crossings where the winding number rises and some where it falls. The samples at its ends
+    /// differ by the sum of the jumps of 1 at its crossings: by as many as there are if all go one way, and by fewer if not.
+    pub fn has_hidden_crossings(&self) -> bool {
+        self.samples.variation() != u64::from(self.crossings)
+    }
+
     /// The node as a leaf.
-    pub brick: Brick,
-    /// Whether an edge holds crossings where the winding number rises and some where it falls.
-    pub has_hidden_crossings: bool,
+    pub fn into_leaf(self) -> Brick {
+        match self.hermite {
+            Some(hermite) => Brick::Counts { samples: self.samples, hermite },
+            None => Brick::Uniform(self.samples.0[0]),
+        }
+    }
 }
 
 impl NodeQueue {
-    /// Evaluates some nodes, which [`NodeQueue::take`] then gives; none of those that the device cannot do.
+    /// Sends some nodes, which [`NodeQueue::take`] then gives.
     pub fn find(&mut self, vulkan: &Vulkan, nodes: &[Leaf<'_>]) {
-        self.queue.begin_with(vulkan, true);
-        for node in nodes {
-            if let Next::There { brick, is_hidden } = self.queue.next_there(vulkan, nodes) {
-                self.ready.insert(node.key, NodeBrick { brick, has_hidden_crossings: is_hidden });
+        if self.pending.is_empty() {
+            self.outlet.begin(vulkan, true);
+        }
+        let mut left = nodes;
+        while !left.is_empty() {
+            match self.outlet.send(vulkan, left) {
+                Sent::There(count) => {
+                    self.pending.push_back(left[..count].iter().map(|node| node.key).collect());
+                    left = &left[count..];
+                }
+                Sent::Here(count) => left = &left[count..],
+                Sent::Later => self.receive(vulkan),
             }
         }
     }
 
-    /// What was found for a node, if anything was.
+    /// What the device made of a node, if it was sent and the device could do it.
     pub fn take(&mut self, vulkan: &Vulkan, key: NodeKey) -> Option<NodeBrick> {
+        while self.pending.iter().any(|batch| batch.contains(&key)) {
+            self.receive(vulkan);
+        }
         let found = self.ready.remove(&key);
         if found.is_none() {
             vulkan.report().cpu_bricks += 1;
         }
         found
+    }
+
+    /// Receives the oldest batch.
+    fn receive(&mut self, vulkan: &Vulkan) {
+        let Some(batch) = self.pending.pop_front() else { return };
+        if !self.outlet.receive(vulkan, batch.len()) {
+            return;
+        }
+        let output = self.outlet.output().expect("it was just received");
+        for (number, key) in batch.into_iter().enumerate() {
+            match unpack(&output, number) {
+                Some(brick) => {
+                    let crossings = output.bricks[number].crossings;
+                    self.ready.insert(key, NodeBrick::new(brick, crossings));
+                }
+                None => vulkan.report().bricks -= 1,
+            }
+        }
+        self.outlet.release(false);
     }
 }

@@ -20,8 +20,8 @@ pub struct DeviceReport {
     /// Seconds of the device's clock for uploads, if it has one.
     pub upload_seconds: f64,
     /// Seconds for kernels: which lines pass through which triangle, jumps, samples, sign-changing edges, those of them with
-    /// several crossings, hidden crossings of bricks that may be divided.
-    pub kernel_seconds: [f64; 6],
+    /// several crossings.
+    pub kernel_seconds: [f64; 5],
     /// Seconds for sums over the caps of an open soup.
     pub sum_seconds: f64,
     /// Samples of open soups in the bricks that it evaluated.

@@ -92,6 +92,21 @@ impl Samples {
         });
         (sum, squares)
     }
+
+    /// By how much the samples at the ends of the brick's lattice edges, those of the apron included, differ, added up over
+    /// all edges.
+    pub fn variation(&self) -> u64 {
+        const LAYER: usize = BRICK_POINTS * BRICK_POINTS;
+        // Of 33 x 33 x 32 differences of 16 bits at most, so 32 bits suffice.
+        let between = |lower: &[i16], upper: &[i16]| -> u32 {
+            lower.iter().zip(upper).map(|(a, b)| u32::from(a.abs_diff(*b))).sum()
+        };
+        let along_x: u32 = self.0.chunks_exact(BRICK_POINTS).map(|row| between(row, &row[1..])).sum();
+        let along_y: u32 =
+            self.0.chunks_exact(LAYER).map(|layer| between(layer, &layer[BRICK_POINTS..])).sum();
+        let along_z = between(&self.0[..], &self.0[LAYER..]);
+        u64::from(along_x) + u64::from(along_y) + u64::from(along_z)
+    }
 }
 
 /// Whole samples that are made from the first to the last.
@@ -143,5 +158,20 @@ mod tests {
         samples.0[point_index([31, 31, 31])] = -3;
         assert_eq!(samples.moments(), (-3, 9));
         assert_eq!(samples.range(), (-3, 100));
+    }
+
+    #[test]
+    fn variation_is_of_all_edges_along_three_axes() {
+        let mut samples = Samples::filled(2);
+        assert_eq!(samples.variation(), 0);
+        // A corner of the apron ends three edges, a sample amid the brick six; between them there is none.
+        samples.0[point_index([32, 32, 32])] = 3;
+        assert_eq!(samples.variation(), 3);
+        samples.0[point_index([5, 7, 31])] = -4;
+        assert_eq!(samples.variation(), 3 + 6 * 6);
+        // The farthest apart that they can be, everywhere.
+        let ends = |number: usize| if number.is_multiple_of(2) { i16::MIN } else { i16::MAX };
+        (0..POINTS).for_each(|number| samples.0[number] = ends(number));
+        assert_eq!(samples.variation(), 3 * 33 * 33 * 32 * 65535);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::field::{Evaluated, Field, Pieces};
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
-use crate::brick::{Brick, Hermite, Samples};
+use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
 use crate::winding::{CornerGrid, Evaluation, Evaluator};
@@ -37,10 +37,7 @@ pub(super) enum SoupEvaluation<'a> {
 
 /// What a device found, and from what.
 pub(super) struct DeviceEvaluation<'a> {
-    samples: Samples,
-    /// `None` if all samples are equal.
-    hermite: Option<Hermite>,
-    has_hidden_crossings: bool,
+    found: NodeBrick,
     node: Leaf<'a>,
     evaluator: &'a mut Evaluator,
 }
@@ -104,7 +101,7 @@ impl Field for Soup {
         let SoupEvaluator { cpu, nodes, .. } = evaluator;
         let node = Leaf { key, corner, array: list.array, indices: list.indices };
         match self.device.as_ref().and_then(|device| nodes.take(device, key)) {
-            Some(found) => Ok(SoupEvaluation::There(DeviceEvaluation::new(found, node, cpu))),
+            Some(found) => Ok(SoupEvaluation::There(DeviceEvaluation { found, node, evaluator: cpu })),
             None => Ok(SoupEvaluation::Here(node.evaluate(cpu)?)),
         }
     }
@@ -136,20 +133,11 @@ impl Field for Soup {
     }
 }
 
-impl<'a> DeviceEvaluation<'a> {
-    fn new(found: NodeBrick, node: Leaf<'a>, evaluator: &'a mut Evaluator) -> Self {
-        let NodeBrick { brick, has_hidden_crossings } = found;
-        let (samples, hermite) = match brick {
-            Brick::Uniform(w) => (Samples::filled(w), None),
-            Brick::Counts { samples, hermite } => (samples, Some(hermite)),
-        };
-        DeviceEvaluation { samples, hermite, has_hidden_crossings, node, evaluator }
-    }
-
+impl DeviceEvaluation<'_> {
     /// Where no edge holds crossings of either way, the running count along it passes 0.5 once at most. Where one does,
     /// their order tells, which the processor finds.
     fn has_hidden_boundary(&mut self) -> bool {
-        if !self.has_hidden_crossings {
+        if !self.found.has_hidden_crossings() {
             return false;
         }
         let here = self.node.evaluate(self.evaluator);
@@ -161,21 +149,21 @@ impl Evaluated for SoupEvaluation<'_> {
     fn samples(&self) -> &Samples {
         match self {
             SoupEvaluation::Here(evaluation) => &evaluation.samples,
-            SoupEvaluation::There(evaluation) => &evaluation.samples,
+            SoupEvaluation::There(evaluation) => &evaluation.found.samples,
         }
     }
 
     fn into_samples(self) -> Samples {
         match self {
             SoupEvaluation::Here(evaluation) => evaluation.samples,
-            SoupEvaluation::There(evaluation) => evaluation.samples,
+            SoupEvaluation::There(evaluation) => evaluation.found.samples,
         }
     }
 
     fn has_hidden_crossings(&mut self) -> bool {
         match self {
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_crossings(),
-            SoupEvaluation::There(evaluation) => evaluation.has_hidden_crossings,
+            SoupEvaluation::There(evaluation) => evaluation.found.has_hidden_crossings(),
         }
     }
 
@@ -189,10 +177,7 @@ impl Evaluated for SoupEvaluation<'_> {
     fn into_leaf(self) -> Result<Brick> {
         match self {
             SoupEvaluation::Here(evaluation) => evaluation.into_leaf(),
-            SoupEvaluation::There(DeviceEvaluation { samples, hermite, .. }) => Ok(match hermite {
-                Some(hermite) => Brick::Counts { samples, hermite },
-                None => Brick::Uniform(samples.0[0]),
-            }),
+            SoupEvaluation::There(evaluation) => Ok(evaluation.found.into_leaf()),
         }
     }
 }

@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant};
 use crate::progress::Progress;
 use std::borrow::Borrow;
+use std::collections::VecDeque;
 
 /// Levels that one sorting of pieces descends: 8³ cells of lists, and their corners in one small grid.
 pub(super) const STRIDE: u8 = 3;
@@ -86,6 +87,18 @@ impl<'a, P> From<&Leaf<'a, P>> for Pieces<'a, P> {
     fn from(leaf: &Leaf<'a, P>) -> Self {
         Pieces { array: leaf.array, indices: leaf.indices }
     }
+}
+
+/// A node of which it is known what becomes of it.
+type KnownNode<P> = (NodeKey, Decided<P>);
+
+/// One of whose children this is known, too.
+enum Opened<P> {
+    /// No surface touches it.
+    Empty(i16),
+    Leaf(NodeKey, Brick),
+    /// With its samples, if these are not joined from the children's.
+    Refined(NodeKey, Option<Samples>, Vec<KnownNode<P>>),
 }
 
 /// Builds subtrees one after the other; one per thread.
@@ -210,8 +223,9 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     pub fn build_deciding(&mut self, tops: &[&Undecided<F::Piece>]) -> Result<Vec<(Node, R)>> {
         self.foresee(tops.iter().copied());
         let decided = self.decide(tops.iter().copied())?;
-        let record = |(key, decided)| Ok((self.record(key, decided)?, self.records.take()));
-        decided.into_iter().map(record).collect()
+        let mut built = Vec::with_capacity(tops.len());
+        self.record_all(decided, &mut |builder, node| built.push((node, builder.records.take())))?;
+        Ok(built)
     }
 
     /// Finds out what becomes of nodes that have been foreseen, all before what is below them is built: so up to 64 of
@@ -219,7 +233,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     fn decide<N: Borrow<Undecided<F::Piece>>>(
         &mut self,
         nodes: impl IntoIterator<Item = N>,
-    ) -> Result<Vec<(NodeKey, Decided<F::Piece>)>> {
+    ) -> Result<Vec<KnownNode<F::Piece>>> {
         let mut decided = Vec::new();
         for node in nodes {
             self.progress.check()?;
@@ -234,21 +248,52 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         Ok(decided)
     }
 
-    /// Builds what is below a node, whose children have been foreseen, and records all of it.
-    fn record(&mut self, key: NodeKey, decided: Decided<F::Piece>) -> Result<Node> {
-        let (samples, children) = match decided {
-            Decided::Empty(w) => return Ok(Node::Empty(w)),
-            Decided::Leaf(brick) => {
+    /// Builds what is below some nodes, whose children have been foreseen, and records all of it, one after the other;
+    /// `done` gets each.
+    fn record_all(
+        &mut self,
+        nodes: Vec<KnownNode<F::Piece>>,
+        done: &mut dyn FnMut(&mut Self, Node),
+    ) -> Result<()> {
+        // Where a device evaluates what is foreseen, it has the grandchildren of the next node while those of this one are
+        // recorded here.
+        let ahead = usize::from(self.field.foresees());
+        let mut nodes = nodes.into_iter();
+        let mut opened = VecDeque::with_capacity(ahead + 1);
+        loop {
+            while opened.len() <= ahead
+                && let Some((key, decided)) = nodes.next()
+            {
+                opened.push_back(self.open(key, decided)?);
+            }
+            let Some(first) = opened.pop_front() else { return Ok(()) };
+            let node = self.record(first)?;
+            done(self, node);
+        }
+    }
+
+    /// Finds out what becomes of a node's children.
+    fn open(&mut self, key: NodeKey, decided: Decided<F::Piece>) -> Result<Opened<F::Piece>> {
+        Ok(match decided {
+            Decided::Empty(w) => Opened::Empty(w),
+            Decided::Leaf(brick) => Opened::Leaf(key, brick),
+            Decided::Refined(samples, children) => Opened::Refined(key, samples, self.decide(*children)?),
+        })
+    }
+
+    /// Builds what is below a node, and records all of it.
+    fn record(&mut self, opened: Opened<F::Piece>) -> Result<Node> {
+        let (key, samples, children) = match opened {
+            Opened::Empty(w) => return Ok(Node::Empty(w)),
+            Opened::Leaf(key, brick) => {
                 self.records.push(key, true, &brick);
                 return Ok(Node::Stored(Half::of(&brick)));
             }
-            Decided::Refined(samples, children) => (samples, children),
+            Opened::Refined(key, samples, children) => (key, samples, children),
         };
-        let mut nodes = [const { Node::Empty(0) }; 8];
-        for (node, (key, decided)) in nodes.iter_mut().zip(self.decide(*children)?) {
-            *node = self.record(key, decided)?;
-        }
-        let children = nodes;
+        let mut nodes = Vec::with_capacity(8);
+        self.record_all(children, &mut |_, node| nodes.push(node))?;
+        let children: [Node; 8] = nodes.try_into().expect("a node has eight children");
         let Some(samples) = samples else {
             return Ok(join(key, children, self.field.binary_places(), &mut self.records));
         };

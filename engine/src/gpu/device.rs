@@ -71,14 +71,8 @@ impl Gpu {
 
     fn on(hardware: &Arc<Hardware>) -> Result<Gpu, Unavailable> {
         let context = Arc::new(Context::new(hardware)?);
-        let entries: [_; KERNELS] = [
-            (SCAN, c"find"),
-            (SCAN, c"jump"),
-            (EVALUATE, c"walk"),
-            (HERMITE, c"tag"),
-            (HERMITE, c"resolve"),
-            (SCAN, c"slope"),
-        ];
+        let entries: [_; KERNELS] =
+            [(SCAN, c"find"), (SCAN, c"jump"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
             let what = format!("{}: the kernels cannot be compiled ({failure})", hardware.info.name);
             Unavailable::new(what, "update the driver")

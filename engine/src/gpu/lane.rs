@@ -28,7 +28,7 @@ pub struct BatchInput {
     pub bricks: Vec<Brick>,
     /// Of each brick every triangle that touches it.
     pub pairs: Vec<Pair>,
-    /// Whether hidden crossings are asked for, because the bricks may be divided.
+    /// Whether the bricks may be divided.
     pub may_divide: bool,
 }
 
@@ -186,13 +186,7 @@ impl Lane {
             true => self.sizes.edges,
             false => self.sizes.edges / (limit.max(bricks.len()) as u32) * bricks.len() as u32,
         };
-        Sizes {
-            bricks: bricks.len() as u32,
-            pairs: pairs.len() as u32,
-            edges,
-            nodes: if *may_divide { bricks.len() as u32 } else { 0 },
-            ..self.sizes
-        }
+        Sizes { bricks: bricks.len() as u32, pairs: pairs.len() as u32, edges, ..self.sizes }
     }
 
     /// Waits for the oldest batch under way, and says how long it took, if the device has a clock. What became of it is
@@ -242,16 +236,12 @@ fn record_kernels(slot: &Slot, kernels: &Kernels, set: vk::DescriptorSet, load: 
         let spans = rooms[i].min(load.pairs * SPANS_OF_PAIR[i]);
         spans.div_ceil(WORKGROUP * SPANS_OF_INVOCATION)
     });
-    let of_nodes = if load.nodes > 0 { of_spans } else { 0 };
-    let groups: [u32; KERNELS] =
-        [of_pairs, of_way, load.bricks, of_spans, load.bricks * RESOLVE_GROUPS, of_nodes];
+    let groups: [u32; KERNELS] = [of_pairs, of_way, load.bricks, of_spans, load.bricks * RESOLVE_GROUPS];
     for (number, groups) in groups.into_iter().enumerate() {
-        if groups > 0 {
-            if number > 0 {
-                slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
-            }
-            slot.dispatch(kernels, number, set, [groups, 1]);
+        if number > 0 {
+            slot.barrier(vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::COMPUTE_SHADER);
         }
+        slot.dispatch(kernels, number, set, [groups, 1]);
         slot.note_time(number as u32 + 2);
     }
 }

@@ -2,9 +2,7 @@
 
 use super::exchange::Layout;
 use super::memory::in_a_row;
-use brickfield_shaders::{
-    BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, SLOPE_WORDS, TABLE_WORDS, WORKGROUP,
-};
+use brickfield_shaders::{BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, TABLE_WORDS, WORKGROUP};
 
 /// What a batch has room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,8 +16,6 @@ pub(super) struct Sizes {
     pub other_spans: u32,
     /// Crossings of sign-changing edges behind their second.
     pub more: u32,
-    /// Bricks that may be divided.
-    pub nodes: u32,
 }
 
 /// Pairs of a triangle and a brick for which a brick makes room. Leaves of a part have 100 to 2,000; those with more
@@ -38,8 +34,8 @@ const BRICKS_MAX: u32 = 64;
 
 /// Buffers that are uploaded, the first ones: batch, bricks, pairs.
 pub(super) const UPLOADED: usize = 3;
-/// Buffers that begin with zeros: jumps, counts, tables, slopes.
-pub(super) const ZEROED: [usize; 4] = [3, 4, 6, 14];
+/// Buffers that begin with zeros: jumps, counts, tables.
+pub(super) const ZEROED: [usize; 3] = [3, 4, 6];
 /// The buffer that begins with zeros and ends with them: chains.
 pub(super) const CHAINS: usize = 7;
 /// Buffers that are read back: bricks, jumps, rows, hermite.
@@ -56,7 +52,6 @@ impl Sizes {
             way_spans: bricks * WAY_SPANS_OF_BRICK,
             other_spans: bricks * OTHER_SPANS_OF_BRICK,
             more: bricks * MORE_OF_BRICK,
-            nodes: bricks,
         }
     }
 
@@ -91,7 +86,6 @@ impl Sizes {
             words(self.pairs, 1),
             words(self.edges, 2),
             words(self.edges, 2),
-            words(self.nodes, SLOPE_WORDS),
         ]
     }
 

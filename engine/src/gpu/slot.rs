@@ -8,7 +8,7 @@ use ash::vk;
 use std::sync::Arc;
 
 /// Kernels of a batch.
-pub(super) const KERNELS: usize = 6;
+pub(super) const KERNELS: usize = 5;
 /// Points of time that a batch notes: before, uploaded, after each kernel, read back.
 const TIMES: u32 = KERNELS as u32 + 3;
 
