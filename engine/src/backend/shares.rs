@@ -11,7 +11,7 @@ use crate::gpu::{Failure, SumInput, SumLane, SumRoom, SumTree};
 use crate::lattice::NodeKey;
 use crate::winding::{BlockSample, ClusterParts, OpenField, RoundedShares, SumBlock, SumBlocks};
 use brickfield_shaders as shaders;
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, OnceLock};
 
 /// The distance of floats above 1.
@@ -49,9 +49,22 @@ struct Sizes {
 pub struct ShareQueue {
     /// `None` before the first brick; `Some(None)` if the device has no room.
     lane: Option<Option<SumLane>>,
-    blocks: SumBlocks,
+    /// Bricks in a batch, at most.
+    limit: usize,
     input: SumInput,
+    /// Batches that are under way, the oldest first.
+    pending: VecDeque<Batch>,
+    /// What the blocks of one need no more.
+    spare: Vec<SumBlocks>,
     ready: HashMap<NodeKey, RoundedShares>,
+}
+
+/// Bricks on their way.
+struct Batch {
+    keys: Vec<NodeKey>,
+    blocks: SumBlocks,
+    /// By sample of the blocks: where its answer will be, if it was sent.
+    sent: Vec<Option<usize>>,
 }
 
 impl DeviceShares {
@@ -105,49 +118,84 @@ impl DeviceShares {
 }
 
 impl ShareQueue {
-    /// Finds the sums at the samples of some bricks, which [`ShareQueue::take`] then gives. Where the device does not
-    /// answer, there are none.
+    /// Begins to find the sums at the samples of some bricks, which [`ShareQueue::take`] then gives. Where the device does
+    /// not answer, there are none.
     pub fn find(&mut self, device: &DeviceShares, field: &OpenField, keys: &[NodeKey]) {
         let Some(tree) = device.tree(field) else { return };
         if self.lane.is_none() {
-            self.lane = Some(device.lane(tree));
+            let lane = device.lane(tree);
+            self.limit = lane.as_ref().map_or(0, |lane| lane.room().bricks);
+            self.lane = Some(lane);
         }
-        let Some(Some(lane)) = &self.lane else { return };
-        let mut bricks = lane.room().bricks;
         let mut left = keys;
         while !left.is_empty() {
-            let Some(Some(lane)) = &mut self.lane else { return };
-            let (some, rest) = left.split_at(bricks.min(left.len()));
-            self.blocks.clear();
-            some.iter().for_each(|key| field.lay_open(*key, &mut self.blocks));
-            let sent = pack(&self.blocks, &tree.clusters, lane.room(), &mut self.input);
-            match lane.run(&self.input, field.binary_places()) {
-                Ok((quanta, seconds)) => {
-                    let found = unpack(field, &self.blocks, &sent, quanta);
-                    let mut report = device.vulkan.report();
-                    report.batches += 1;
-                    report.bricks += some.len() as u64;
-                    report.samples += (some.len() * POINTS) as u64;
-                    report.settled += found.iter().map(|shares| shares.exact.len() as u64).sum::<u64>();
-                    report.sum_seconds += seconds.unwrap_or(0.0);
-                    self.ready.extend(some.iter().copied().zip(found));
-                    left = rest;
-                }
-                Err(failure) => {
-                    device.vulkan.note_failure(failure);
-                    if failure.may_pass_with_less() && some.len() > 1 {
-                        bricks = some.len() / 2;
-                        device.vulkan.report().retries += 1;
-                    } else {
-                        self.lane = Some(None);
-                    }
-                }
+            let Some(Some(lane)) = &self.lane else { return };
+            let (some, rest) = left.split_at(self.limit.min(left.len()));
+            let mut blocks = self.spare.pop().unwrap_or_default();
+            blocks.clear();
+            some.iter().for_each(|key| field.lay_open(*key, &mut blocks));
+            let sent = pack(&blocks, &tree.clusters, lane.room(), &mut self.input);
+            let batch = Batch { keys: some.to_vec(), blocks, sent };
+            if self.input.rows.is_empty() {
+                self.ready.extend(some.iter().copied().zip(unpack(field, &batch, &[])));
+            } else if !self.send(device, field, batch) {
+                continue;
             }
+            left = rest;
+        }
+    }
+
+    /// Sends the batch whose input is written down, once there is a place for it; whether it is under way.
+    fn send(&mut self, device: &DeviceShares, field: &OpenField, batch: Batch) -> bool {
+        let is_full = |lane: &Option<Option<SumLane>>| matches!(lane, Some(Some(lane)) if lane.is_full());
+        if is_full(&self.lane) {
+            self.receive(device, field);
+        }
+        let Some(Some(lane)) = &mut self.lane else { return false };
+        let sent = lane.submit(&self.input, field.binary_places());
+        match sent {
+            Ok(()) => self.pending.push_back(batch),
+            Err(failure) => self.give_way(device, failure, batch.keys.len()),
+        }
+        sent.is_ok()
+    }
+
+    /// Receives the oldest batch.
+    fn receive(&mut self, device: &DeviceShares, field: &OpenField) {
+        let Some(batch) = self.pending.pop_front() else { return };
+        let Some(Some(lane)) = &mut self.lane else { return };
+        match lane.receive() {
+            Ok((quanta, seconds)) => {
+                let found = unpack(field, &batch, quanta);
+                let mut report = device.vulkan.report();
+                report.batches += 1;
+                report.bricks += batch.keys.len() as u64;
+                report.samples += (batch.keys.len() * POINTS) as u64;
+                report.settled += found.iter().map(|shares| shares.exact.len() as u64).sum::<u64>();
+                report.sum_seconds += seconds.unwrap_or(0.0);
+                self.ready.extend(batch.keys.into_iter().zip(found));
+                self.spare.push(batch.blocks);
+            }
+            Err(failure) => self.give_way(device, failure, batch.keys.len()),
+        }
+    }
+
+    /// After a failed batch: the next has half as many bricks, or the processor takes over.
+    fn give_way(&mut self, device: &DeviceShares, failure: Failure, bricks: usize) {
+        device.vulkan.note_failure(failure);
+        if failure.may_pass_with_less() && bricks > 1 {
+            self.limit = bricks / 2;
+            device.vulkan.report().retries += 1;
+        } else {
+            self.lane = Some(None);
         }
     }
 
     /// What was found for a brick.
-    pub fn take(&mut self, device: &DeviceShares, key: NodeKey) -> Option<RoundedShares> {
+    pub fn take(&mut self, device: &DeviceShares, field: &OpenField, key: NodeKey) -> Option<RoundedShares> {
+        while self.pending.iter().any(|batch| batch.keys.contains(&key)) {
+            self.receive(device, field);
+        }
         let found = self.ready.remove(&key);
         if found.is_none() {
             device.vulkan.report().cpu_bricks += 1;
@@ -214,12 +262,8 @@ fn rows(samples: &[BlockSample]) -> impl Iterator<Item = Row<'_>> {
 }
 
 /// The sums of each brick, of which the processor settles what the device leaves open.
-fn unpack(
-    field: &OpenField,
-    blocks: &SumBlocks,
-    sent: &[Option<usize>],
-    quanta: &[[i32; 4]],
-) -> Vec<RoundedShares> {
+fn unpack(field: &OpenField, batch: &Batch, quanta: &[[i32; 4]]) -> Vec<RoundedShares> {
+    let Batch { blocks, sent, .. } = batch;
     let fresh = || RoundedShares {
         negative: vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"),
         exact: Vec::new(),

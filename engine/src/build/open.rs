@@ -105,7 +105,7 @@ impl Field for OpenSoup {
     ) -> Result<OpenBrick> {
         let pieces = list.indices.iter().map(|&i| list.array[i as usize]);
         let OpenSoupEvaluator { cpu, queue } = evaluator;
-        match self.device.as_ref().and_then(|device| queue.take(device, key)) {
+        match self.device.as_ref().and_then(|device| queue.take(device, &self.field, key)) {
             Some(shares) => self.field.evaluate_with(cpu, key, corner, pieces, &shares),
             None => self.field.evaluate(cpu, key, corner, pieces),
         }

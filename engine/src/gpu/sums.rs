@@ -11,8 +11,11 @@ use super::slot::Slot;
 use brickfield_shaders::{
     Block, CLUSTER_WORDS, COEFFICIENTS, ELEMENT_WORDS, OPEN, POINTS, SUM_BUFFERS, Sums, TERMS_MAX, WORKGROUP,
 };
+use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Batches under way: one is laid open or settled here while another is summed up there.
+const RING: usize = 2;
 /// Buffers of the tree: clusters and elements. Those of a lane follow.
 const OF_TREE: usize = 2;
 /// Buffers of a lane, of which all but the last are uploaded, and that one is read back.
@@ -140,12 +143,15 @@ impl SumRoom {
 
 /// Buffers and commands of one thread.
 pub struct SumLane {
-    // Dropped first: it waits for the device.
-    slot: Slot,
+    // Dropped first: they wait for the device.
+    slots: Vec<Slot>,
     buffers: Exchange,
     sets: Sets,
     room: SumRoom,
     tree: Arc<SumTree>,
+    /// Batches under way, oldest first: the slot, and how many rows.
+    pending: VecDeque<(usize, usize)>,
+    next: usize,
 }
 
 impl SumLane {
@@ -159,14 +165,18 @@ impl SumLane {
         let fits = |bricks: &u64| {
             let layout = SumRoom::of(*bricks).layout();
             layout.is_seen(context.hardware.range_max)
-                && layout.total_bytes(!context.hardware.shares_memory()) <= bytes
+                && layout.total_bytes(!context.hardware.shares_memory()) <= bytes / RING as u64
         };
         let room = SumRoom::of((1..=BRICKS_MAX).rev().find(fits).ok_or(Failure::OutOfMemory)?);
-        let buffers = Exchange::new(context, &room.layout(), 1)?;
-        let sets = tree.kernels.sets(1)?;
-        sets.point(0, 0, tree.buffer.buffer(0), &tree.ranges);
-        sets.point(0, OF_TREE as u32, buffers.buffer(0), buffers.ranges());
-        Ok(SumLane { slot: Slot::new(context)?, buffers, sets, room, tree: Arc::clone(tree) })
+        let buffers = Exchange::new(context, &room.layout(), RING)?;
+        let sets = tree.kernels.sets(RING as u32)?;
+        for slot in 0..RING {
+            sets.point(slot, 0, tree.buffer.buffer(0), &tree.ranges);
+            sets.point(slot, OF_TREE as u32, buffers.buffer(slot), buffers.ranges());
+        }
+        let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
+        let (tree, pending) = (Arc::clone(tree), VecDeque::new());
+        Ok(SumLane { slots, buffers, sets, room, tree, pending, next: 0 })
     }
 
     /// What a batch may hold at most.
@@ -174,20 +184,22 @@ impl SumLane {
         self.room
     }
 
-    /// By row: the samples, less the sum, rounded to `bits` binary places, or [`brickfield_shaders::UNSURE`]; and the
-    /// seconds that the device took, if it has a clock.
+    /// Whether a batch must be received before the next is sent.
+    pub fn is_full(&self) -> bool {
+        self.pending.len() == RING
+    }
+
+    /// Sends a batch, whose samples are to be rounded to `bits` binary places.
     ///
     /// # Errors
-    /// If the device fails.
+    /// If the device fails; the batch is not under way then.
     ///
     /// # Panics
-    /// If the input is larger than the room, or not sound.
-    pub fn run(&mut self, input: &SumInput, bits: u8) -> Result<(&[[i32; 4]], Option<f64>), Failure> {
+    /// If the lane is full, or the input is larger than the room, empty, or not sound.
+    pub fn submit(&mut self, input: &SumInput, bits: u8) -> Result<(), Failure> {
+        assert!(!self.is_full(), "a batch must be received first");
         self.check(input, bits);
         self.tree.gpu.check()?;
-        if input.rows.is_empty() {
-            return Ok((&[], None));
-        }
         let sums = Sums { rows: input.rows.len() as u32, bits: bits.into() };
         let inputs: [&[u8]; OF_LANE - 1] = [
             bytemuck::bytes_of(&sums),
@@ -196,11 +208,11 @@ impl SumLane {
             bytemuck::cast_slice(&input.terms),
             bytemuck::cast_slice(&input.rows),
         ];
-        let size = u64::from(sums.rows) * 16;
-        let upload = self.buffers.write(0, &inputs, Vec::new());
-        let read_back = self.buffers.read_back(0, &[size]);
-        let (kernels, set) = (&self.tree.kernels, self.sets.sets[0]);
-        self.slot.run(|slot| {
+        let number = self.next;
+        let upload = self.buffers.write(number, &inputs, Vec::new());
+        let read_back = self.buffers.read_back(number, &[u64::from(sums.rows) * 16]);
+        let (kernels, set) = (&self.tree.kernels, self.sets.sets[number]);
+        self.slots[number].run(|slot| {
             slot.reset_times();
             slot.note_time(0);
             upload.record(slot);
@@ -209,16 +221,31 @@ impl SumLane {
             slot.note_times_from(2);
             read_back.record(slot);
         })?;
-        self.slot.wait()?;
-        let seconds = self.slot.seconds()?.map(|seconds| seconds.kernels[0]);
-        Ok((bytemuck::cast_slice(self.buffers.bytes(0, 0, size)), seconds))
+        self.pending.push_back((number, input.rows.len()));
+        self.next = (number + 1) % RING;
+        Ok(())
+    }
+
+    /// Waits for the oldest batch under way. By row: the samples, less the sum, rounded, or
+    /// [`brickfield_shaders::UNSURE`]; and the seconds that the device took, if it has a clock.
+    ///
+    /// # Errors
+    /// If the device fails; the batch is not under way any more.
+    ///
+    /// # Panics
+    /// If none is under way.
+    pub fn receive(&mut self) -> Result<(&[[i32; 4]], Option<f64>), Failure> {
+        let (number, rows) = self.pending.pop_front().expect("a batch is under way");
+        self.slots[number].wait()?;
+        let seconds = self.slots[number].seconds()?.map(|seconds| seconds.kernels[0]);
+        Ok((bytemuck::cast_slice(self.buffers.bytes(number, 0, rows as u64 * 16)), seconds))
     }
 
     /// Every number that the kernel takes for an index lies within what it indexes.
     fn check(&self, input: &SumInput, bits: u8) {
         let SumInput { blocks, coefficients, terms, rows } = input;
         assert!(
-            rows.len() <= self.room.rows
+            (1..=self.room.rows).contains(&rows.len())
                 && blocks.len() <= self.room.blocks
                 && terms.len() <= self.room.terms
                 && coefficients.len() == blocks.len(),
