@@ -1,5 +1,6 @@
 //! The library's error type: what went wrong, in which file and where, and what to do.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Result with [`Error`].
@@ -9,7 +10,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The operating system refused something.
-    #[error("{path}: cannot {action}: {source}", path = path.display())]
+    #[error("{path}: cannot {action}: {source}; {remedy}", path = path.display(), remedy = remedy(source.kind()))]
     Io {
         /// The file.
         path: PathBuf,
@@ -66,6 +67,25 @@ pub enum Error {
     },
 }
 
+/// What the user can do where the system refuses something.
+fn remedy(kind: ErrorKind) -> &'static str {
+    match kind {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => {
+            "check the path: a file or a folder of it is not there"
+        }
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            "choose another place, or see to it that this one may be used"
+        }
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+            "make room there, or choose another disk"
+        }
+        ErrorKind::IsADirectory | ErrorKind::InvalidFilename => "name a file",
+        ErrorKind::BrokenPipe => "nobody reads what is written",
+        ErrorKind::OutOfMemory => "leave the system more memory",
+        _ => "check the disk, or the network behind it, and try again",
+    }
+}
+
 impl Error {
     /// For `map_err` on I/O results.
     pub fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Error {
@@ -88,5 +108,23 @@ impl Error {
     /// An [`Error::Setting`].
     pub fn setting(what: impl ToString, remedy: impl ToString) -> Error {
         Error::Setting { what: what.to_string(), remedy: remedy.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    #[test]
+    fn what_the_system_refuses_comes_with_a_remedy() {
+        for (code, remedy) in
+            [(2, "check the path"), (13, "another place"), (28, "make room"), (21, "name a file")]
+        {
+            let error = Error::io(Path::new("a/b.brf"), "create")(io::Error::from_raw_os_error(code));
+            let line = error.to_string();
+            assert!(line.starts_with("a/b.brf: cannot create: ") && line.contains(remedy), "{line}");
+            assert!(!line.contains('\n'), "{line}");
+        }
     }
 }
