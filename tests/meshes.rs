@@ -17,6 +17,8 @@ use std::path::Path;
 
 #[path = "meshes/normals.rs"]
 mod normals;
+#[path = "meshes/tolerance.rs"]
+mod tolerance;
 #[path = "meshes/truth.rs"]
 mod truth;
 
@@ -213,7 +215,7 @@ fn leaves_of_many_levels_give_closed_manifolds() {
         let pile = Mesh::merged(&random_pile(40 + number as u64, 8));
         let soup: Soup = pile.facets().collect();
         for refine in [Refine::Hidden, Refine::Stddev, Refine::Surface] {
-            let options = TreeOptions { depth: 3, refine, stddev };
+            let options = TreeOptions { depth: 3, refine, stddev, ..Default::default() };
             let tree = build_in_memory(&[&soup], root_of(&soup), options).unwrap();
             let mut kept = Kept::default();
             mixed += contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap().mixed_cells;

@@ -133,7 +133,7 @@ fn bricks_are_divided_down_to_what_samples_show() {
     assert_eq!(nodes(&fine).len(), 9);
     let scene = Scene::of(&torus(4000, 8));
     for refine in [Refine::Hidden, Refine::Surface] {
-        let tree = scene.tree(TreeOptions { depth: 1, refine, stddev: 0.0 }, 0.5);
+        let tree = scene.tree(TreeOptions { depth: 1, refine, stddev: 0.0, ..Default::default() }, 0.5);
         assert_eq!(
             nodes(&tree).len(),
             9,

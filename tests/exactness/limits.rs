@@ -26,7 +26,8 @@ fn open_input_is_refused() {
         doubled.soup.push(doubled.soup[missing]);
         for scene in [open, turned, doubled] {
             for refine in MODES {
-                let error = message(&scene, TreeOptions { depth: 2, refine, stddev: 0.0 });
+                let error =
+                    message(&scene, TreeOptions { depth: 2, refine, stddev: 0.0, ..Default::default() });
                 assert!(error.contains("open edges"), "{error}");
             }
         }
@@ -52,7 +53,7 @@ fn vertices_torn_by_an_ulp_are_welded() {
     let scene = Scene { soup: torn(&whole.soup, 1), root: whole.root };
     assert!(scene.soup != whole.soup);
     for refine in MODES {
-        let options = TreeOptions { depth: 4, refine, stddev: 0.0 };
+        let options = TreeOptions { depth: 4, refine, stddev: 0.0, ..Default::default() };
         let (a, b) = (nodes(&scene.build(options)), nodes(&whole.build(options)));
         assert!(a == b);
     }
@@ -78,7 +79,7 @@ fn a_soup_without_area_is_empty_space() {
     let line = |a: f64, b: f64| [[a, 0.0, 0.0], [b, 0.0, 0.0], [a, 0.0, 0.0]];
     let scene = Scene::around(vec![line(0.0, 1.0), line(1.0, 3.0)]);
     for refine in MODES {
-        let tree = nodes(&scene.build(TreeOptions { depth: 3, refine, stddev: 0.0 }));
+        let tree = nodes(&scene.build(TreeOptions { depth: 3, refine, stddev: 0.0, ..Default::default() }));
         assert_eq!(tree.len(), 1);
         assert_eq!(tree[0].2.range(), (0, 0));
     }
@@ -100,7 +101,8 @@ fn thirty_thousand_shells_are_counted() {
     for (reversed, expected) in [(false, (0, 30_000)), (true, (-30_000, 0))] {
         let scene = crowd(30_000, reversed);
         for refine in MODES {
-            let tree = nodes(&scene.build(TreeOptions { depth: 2, refine, stddev: 0.0 }));
+            let tree =
+                nodes(&scene.build(TreeOptions { depth: 2, refine, stddev: 0.0, ..Default::default() }));
             let range = tree.iter().map(|n| n.2.range()).fold((0, 0), |m, r| (m.0.min(r.0), m.1.max(r.1)));
             // The frame's small pieces add none to them.
             assert!(range == expected || range == (expected.0, expected.1.max(1)), "{range:?}");
@@ -117,7 +119,7 @@ fn more_shells_than_fit_are_an_error_that_says_so() {
         let scene = crowd(copies, reversed);
         for refine in MODES {
             for depth in [0, 2] {
-                let error = message(&scene, TreeOptions { depth, refine, stddev: 0.0 });
+                let error = message(&scene, TreeOptions { depth, refine, stddev: 0.0, ..Default::default() });
                 assert!(error.contains("more than 32767 shells overlap"), "{error}");
             }
         }
@@ -128,6 +130,6 @@ fn more_shells_than_fit_are_an_error_that_says_so() {
 fn settings_out_of_range_are_refused() {
     let scene = Scene::of(&random_pile(1, 1));
     for (depth, stddev) in [(17, 0.0), (255, 0.0), (2, -0.1), (2, f64::NAN), (2, f64::INFINITY)] {
-        message(&scene, TreeOptions { depth, stddev, refine: Refine::Stddev });
+        message(&scene, TreeOptions { depth, stddev, refine: Refine::Stddev, ..Default::default() });
     }
 }

@@ -95,7 +95,7 @@ fn other_criteria_keep_the_bound() {
     let scene = Scene::around(without(spot(), 0.005, 5));
     let mut sizes = Vec::new();
     for (refine, stddev) in [(Refine::Stddev, 0.1), (Refine::Surface, 0.0), (Refine::Hidden, 0.2)] {
-        let tree = tree_of(&scene, TreeOptions { depth: 1, refine, stddev }, 1e-3);
+        let tree = tree_of(&scene, TreeOptions { depth: 1, refine, stddev, ..Default::default() }, 1e-3);
         compare(&scene, &tree, 1e-3, 200, 7);
         assert_positions_agree(&tree);
         sizes.push(nodes(&tree).len());

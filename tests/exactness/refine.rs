@@ -139,7 +139,8 @@ fn all_modes(scene: &Scene, depth: u8) -> [usize; 2] {
     let mut all = [0; 2];
     for refine in [Refine::Hidden, Refine::Stddev, Refine::Surface] {
         for stddev in [0.0, 0.1, 0.3, 0.6, 100.0] {
-            let decided = compare_decisions(scene, TreeOptions { depth, refine, stddev });
+            let decided =
+                compare_decisions(scene, TreeOptions { depth, refine, stddev, ..Default::default() });
             all = [all[0] + decided[0], all[1] + decided[1]];
         }
     }

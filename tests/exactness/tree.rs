@@ -35,7 +35,14 @@ fn nodes_that_share_a_position_agree_across_levels() {
     let scene = Scene::of(&random_pile(5, 4));
     for refine in [Refine::Hidden, Refine::Stddev, Refine::Surface] {
         for stddev in [0.0, 0.3] {
-            assert!(repeated_samples(&scene.build(TreeOptions { depth: 2, refine, stddev })) > 50_000);
+            assert!(
+                repeated_samples(&scene.build(TreeOptions {
+                    depth: 2,
+                    refine,
+                    stddev,
+                    ..Default::default()
+                })) > 50_000
+            );
         }
     }
     let place = Place { level: 16, step: Step::One, shift: [true, false, false], corner: 3 };
@@ -130,7 +137,7 @@ fn threads_and_the_order_of_the_facets_change_nothing() {
     let scenes = [Scene::of(&random_pile(21, 9)), on_lattice(4, 10, place), Scene::of(&beads)];
     for (number, scene) in scenes.iter().enumerate() {
         for refine in [Refine::Hidden, Refine::Stddev, Refine::Surface] {
-            let options = TreeOptions { depth: 3, refine, stddev: 0.0 };
+            let options = TreeOptions { depth: 3, refine, stddev: 0.0, ..Default::default() };
             let expected = on_threads(1, scene, options);
             for threads in [2, 3, 8] {
                 let same = on_threads(threads, &shuffled(scene, threads as u64), options);

@@ -68,7 +68,7 @@ fn normals_of_real_parts_point_outward() {
     let dual = ContourOptions::default;
     let marching = || ContourOptions { method: Method::MarchingCubes, ..dual() };
     let merging = || ContourOptions { tolerance: 0.02, ..dual() };
-    let mixed = TreeOptions { depth: 3, refine: Refine::Stddev, stddev: 0.2 };
+    let mixed = TreeOptions { depth: 3, refine: Refine::Stddev, stddev: 0.2, ..Default::default() };
     let mut special = [0; 3];
     for (name, options, contouring, most_inward) in [
         ("clover_beads", at_depth(3), dual(), 0.02),

@@ -18,23 +18,26 @@ fn off(name: &str, soup: &Soup, depth: u8, cells: f64) -> Comparison {
     let mut kept = Kept::default();
     let options = ContourOptions { tolerance: cells * cell, ..Default::default() };
     contour(&tree, &options, &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let told = in_cells(compared(soup, kept, cell, 10_000), cell);
+    println!("{name} at depth {depth}, tolerance {cells} cells: {told:?}");
+    told
+}
+
+/// The distance of a mesh and the boundary of a soup's union, by so many samples each way.
+pub fn compared(soup: &Soup, mesh: Kept, cell: f64, samples: u64) -> Comparison {
     let single = |facet: &[[f64; 3]; 3]| -> Facet { facet.map(|v| v.map(|c| c as f32)) };
-    let asked = Question {
-        samples: 10_000,
-        crease_samples: 10_000,
-        crease_degrees: 20.0,
-        seed: 1,
-        cell,
-        thin: 2.0 * cell,
-    };
+    let asked =
+        Question { samples, crease_samples: samples, crease_degrees: 20.0, seed: 1, cell, thin: 2.0 * cell };
     let union = Union::new(soup.iter().map(single).collect());
-    let mut told =
-        compare(&union, &Triangles::Indexed(kept.vertices, kept.triangles), &asked).expect("a mesh");
+    compare(&union, &Triangles::Indexed(mesh.vertices, mesh.triangles), &asked).expect("a mesh")
+}
+
+/// The same in cells.
+pub fn in_cells(mut told: Comparison, cell: f64) -> Comparison {
     for distances in [&mut told.mesh, &mut told.boundary].into_iter().chain(&mut told.creases) {
         let Distances { mean, rms, p999, max, clear_p999, clear_max, .. } = distances;
         [mean, rms, p999, max, clear_p999, clear_max].into_iter().for_each(|value| *value /= cell);
     }
-    println!("{name} at depth {depth}, tolerance {cells} cells: {told:?}");
     told
 }
 

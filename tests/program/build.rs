@@ -85,6 +85,42 @@ fn refinement_and_backend() {
 }
 
 #[test]
+fn a_tolerance_leaves_flat_walls_undivided() {
+    let dir = Scratch::new();
+    let out = dir.path("o.brf");
+    let built = |input: &std::path::Path, more: &[&str]| {
+        let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> =
+            vec![&"build", &input, &"-o", &out, &"--depth", &"4"];
+        args.extend(more.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
+        run(&args)
+    };
+    let leaves = |input: &std::path::Path, more: &[&str]| {
+        let leaves = built(input, &[more, &["--json"]].concat()).json()["leaves"].as_u64().unwrap();
+        run(&[&"verify", &out]).ok();
+        leaves
+    };
+    let model = stl("clover_model");
+    let all = leaves(&model, &[]);
+    assert_eq!(run(&[&"info", &out, &"--json"]).json()["tolerance"], serde_json::Value::Null);
+    assert_eq!(leaves(&model, &["--tolerance", "0"]), all);
+    let [some, few] = ["0.01mm", "50um"].map(|tolerance| leaves(&model, &["--tolerance", tolerance]));
+    assert!(few < some && 5 * some < all, "{few}, {some} of {all}");
+    assert_eq!(run(&[&"info", &out, &"--json"]).json()["tolerance"], 0.05);
+    assert!(run(&[&"info", &out]).ok().contains("standard deviation 0, tolerance 0.05 mm, depth 4"));
+    let mesh = dir.path("o.stl");
+    run(&[&"mesh", &out, &"-o", &mesh, &"--quiet"]).ok();
+    run(&[&"mesh", &"--check", &mesh, &"--quiet"]).ok();
+    // What it is measured against.
+    let beads = built(&example("clover.gcode"), &["--tolerance", "0.05mm"]).misused();
+    assert!(beads.contains("--tolerance: beads as solids") && beads.contains("--beads mesh"), "{beads}");
+    let points = dir.file("p.xyz", "0 0 1 0 0 1\n0 0 -1 0 0 -1\n0 1 0 0 1 0\n0 -1 0 0 -1 0\n");
+    let points = built(&points, &["--tolerance", "0.05mm"]).misused();
+    assert!(points.contains("--tolerance: points"), "{points}");
+    let open = built(&stl("open_box_no_lid"), &["--tolerance", "0.05mm"]).failed();
+    assert!(open.contains("closed meshes") && open.contains("--tolerance"), "{open}");
+}
+
+#[test]
 fn too_little_memory_is_said_before_the_work() {
     let dir = Scratch::new();
     let (input, out) = (stl("clover_beads"), dir.path("o.brf"));

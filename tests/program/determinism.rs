@@ -5,14 +5,19 @@ use brickfield_engine::store::{BrickTree, Store};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// Rules of refinement: by name, and the deviation from which on they refine.
-const RULES: [[&str; 2]; 4] = [["hidden", "0"], ["hidden", "0.1"], ["surface", "0.1"], ["stddev", "0.2"]];
+/// Rules of refinement.
+const RULES: [&[&str]; 5] = [
+    &[],
+    &["--stddev", "0.1"],
+    &["--refine", "surface", "--stddev", "0.1"],
+    &["--refine", "stddev", "--stddev", "0.2"],
+    &["--tolerance", "0.02mm"],
+];
 
-fn build(dir: &Scratch, input: &Path, [refine, stddev]: [&str; 2], threads: &str) -> PathBuf {
+fn build(dir: &Scratch, input: &Path, rule: &[&str], threads: &str) -> PathBuf {
     let out = dir.path(&format!("{threads}.brf"));
-    let rule: [&dyn AsRef<OsStr>; 4] = [&"--refine", &refine, &"--stddev", &stddev];
     let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"build", &input, &"-o", &out, &"--depth", &"3"];
-    args.extend(rule);
+    args.extend(rule.iter().map(|arg| arg as &dyn AsRef<OsStr>));
     args.extend([&"--threads" as &dyn AsRef<OsStr>, &threads, &"--quiet"]);
     run(&args).ok();
     out
@@ -32,7 +37,7 @@ fn answers(dir: &Scratch, store: &Path, threads: &str) -> Vec<Vec<u8>> {
     vec![
         out(&[&"mesh"], "mesh.stl"),
         out(&[&"mesh", &"--memory", &"64MB"], "mesh.ply"),
-        out(&[&"mesh", &"--level", &"2"], "mesh.obj"),
+        out(&[&"mesh", &"--level", &"1"], "mesh.obj"),
         out(&[&"export", &"--level", &"1"], "w.npy"),
         run(&[&"sample", &store, &"--points", &points, &"--threads", &threads]).ok().into(),
     ]
@@ -63,7 +68,7 @@ fn the_order_of_facets_shows_in_the_identity_only() {
     }
 }
 
-fn shuffled(name: &str, rule: [&str; 2]) {
+fn shuffled(name: &str, rule: &[&str]) {
     let dir = Scratch::new();
     let mut facets = facets_of(&stl(name));
     let part = dir.file("part.stl", binary_stl(facets.len() as u32, &facets));

@@ -14,6 +14,7 @@ fn kinds() -> Vec<(PathBuf, Vec<&'static str>)> {
     vec![
         (stl("clover_beads"), vec!["--depth", "3"]),
         (stl("featuretype50_model"), vec!["--depth", "3", "--refine", "surface"]),
+        (stl("spot40_model"), vec!["--depth", "3", "--tolerance", "0.05mm"]),
         (stl("open_box_no_lid"), vec!["--depth", "2"]),
         (gcode.clone(), vec!["--depth", "2", "--identity"]),
         (gcode, vec!["--depth", "2", "--shard", "2/3"]),
@@ -149,6 +150,7 @@ fn a_build_is_resumed_only_by_its_like() {
     for (other, named) in [
         (vec!["--depth", "3"], "its depth is 6, that of this build is 3"),
         (vec!["--depth", "6", "--stddev", "0.1"], "its standard deviation is 0, that of this build is 0.1"),
+        (vec!["--depth", "6", "--tolerance", "0.1mm"], "its tolerance is none, that of this build is 0.1"),
         (vec!["--depth", "6", "--shard", "1/2"], "its number of shares is 1, that of this build is 2"),
         (
             vec!["--depth", "6", "--gwn-error", "0.01"],

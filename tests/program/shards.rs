@@ -85,6 +85,8 @@ fn trees_whose_nodes_decide_are_joined_to_the_bytes_of_one_build() {
     let model = example("stl/clover_model.stl");
     joined_is_whole(&[&model], &["--depth", "4", "--refine", "stddev", "--stddev", "0.2"], &[7]);
     joined_is_whole(&[&model], &["--depth", "3", "--stddev", "0.3"], &[1, 3]);
+    joined_is_whole(&[&model], &["--depth", "4", "--tolerance", "0.01mm"], &[3, 7]);
+    joined_is_whole(&[&example("stl/spot40_model.stl")], &["--depth", "4", "--tolerance", "0.05mm"], &[1, 5]);
 }
 
 #[test]

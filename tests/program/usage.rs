@@ -47,7 +47,9 @@ fn what_makes_no_sense_is_refused() {
         &["--memory", "0"],
         &["--units", "furlong"],
         &["--mesh", "part.step"],
-        &["--tolerance", "1mm"],
+        &["--tolerance", "-1mm"],
+        &["--tolerance", "1mm", "--stddev", "0.1"],
+        &["--tolerance", "1mm", "--refine", "surface"],
     ] {
         let text = build(more);
         assert!(!text.is_empty(), "{more:?}");

@@ -105,6 +105,14 @@ pub struct BuildArgs {
     /// Keep a brick undivided if its samples deviate no more than this from their mean
     #[arg(long, value_name = "T", default_value_t = 0.0)]
     pub stddev: f64,
+    /// Keep a brick undivided, too, if the boundary w = 0.5 within it is no farther than this from the mesh of the brick's
+    /// own cells, as in 0.05mm: few bricks where the surface is flat. What lies inside of the boundary does not count, so
+    /// overlaps may be left coarse. Walls, gaps, cavities and small bodies are found however thin, but for what lies
+    /// within this of the mesh, as low bumps. The mesh is then within this and 0.1 cell of the boundary, both ways and at the 99.9th percentile, or by no
+    /// more than that farther than the mesh of the store without it; that is no bound on the maximum. Of closed meshes
+    /// only, without --stddev and another --refine [default: 0, which divides every brick that a facet touches]
+    #[arg(long, value_name = "LENGTH", default_value = "0", hide_default_value = true)]
+    pub tolerance: Tolerance,
     /// Largest error of the samples where the input is open or a point cloud; 2.5e-4 to 0.5. Those of closed input are
     /// exact [default: 0.001; of point clouds 0.01]
     #[arg(long, value_name = "E")]
@@ -122,7 +130,7 @@ pub struct BuildArgs {
     pub units: Unit,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
     /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
-    /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --stddev or another
+    /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --tolerance, --stddev or another
     /// --refine decides stay in memory, and are refused if they do not fit
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,

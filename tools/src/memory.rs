@@ -131,7 +131,7 @@ pub fn index_share(memory: u64) -> u64 {
 
 /// What pieces need that have to be in memory, and what they are.
 fn pieces(inputs: &[Input], options: &BuildOptions) -> (u64, String) {
-    let follows = options.refine == Refine::Hidden && options.stddev == 0.0;
+    let follows = options.refine == Refine::Hidden && options.stddev == 0.0 && options.tolerance == 0.0;
     if options.solids.is_some() {
         let bytes = if follows { BYTES_A_SEGMENT_FOLLOWED } else { BYTES_A_SEGMENT_DECIDED };
         let identity = if options.identity { BYTES_A_SEGMENT_IDENTIFIED } else { 0 };

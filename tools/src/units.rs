@@ -101,6 +101,11 @@ impl Length {
 pub struct Tolerance(Length);
 
 impl Tolerance {
+    /// In `unit`; a bare number is in that unit already.
+    pub fn in_unit(self, unit: Unit) -> f64 {
+        self.0.in_unit(unit)
+    }
+
     /// As [`Length::in_unit_of`].
     pub fn in_unit_of(self, symbol: &str) -> Option<f64> {
         self.0.in_unit_of(symbol)

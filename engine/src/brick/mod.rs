@@ -38,6 +38,14 @@ impl Brick {
         Brick::Counts { samples, hermite }
     }
 
+    /// Its samples alone.
+    pub(crate) fn into_samples(self) -> Samples {
+        match self {
+            Brick::Uniform(w) => Samples::filled(w),
+            Brick::Counts { samples, .. } => samples,
+        }
+    }
+
     /// The whole winding number nearest to the sample at lattice index `(i, j, k)`, each in 0..=32; of closed
     /// input the sample itself.
     #[inline]

@@ -3,6 +3,7 @@
 use super::bins::Binner;
 use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::pipeline::{BuildOptions, Clock, Resolution, Summary, Task, place};
+use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
 use super::weigh::weigh_pieces;
 use crate::brick::{Brick, Samples};
@@ -113,6 +114,7 @@ pub fn build_clouds(
     options: &BuildOptions,
     progress: &dyn Progress,
 ) -> Result<Summary> {
+    require_no_tolerance(options.tolerance, POINTS)?;
     let mut clock = Clock::default();
     check_target(output)?;
     let first = inputs.first().map(|input| input.path().to_owned());

@@ -3,10 +3,16 @@
 use super::bins::Binner;
 use super::field::{Evaluated, Field, Pieces};
 use super::rules::Rules;
+use super::subtree::corner_at;
 use crate::backend::Leaf;
 use crate::brick::{Brick, Samples};
+use crate::contour::has_one_sheet;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
+
+/// A node with more pieces is refined without a look where a tolerance decides: one facet in a thousand of its cells'
+/// would have to be a wrong one.
+const PIECES_MAX: usize = 1 << 15;
 
 /// A node that is to be decided.
 pub(super) struct Undecided<P> {
@@ -45,7 +51,7 @@ impl<P: Copy> Undecided<P> {
         let is_deepest = key.level() == rules.depth;
         if may_join
             && !is_deepest
-            && let Some(corners) = field.refined_unseen(rules.refine, *key, *corner, list)
+            && let Some(corners) = Self::refined_unseen(field, rules, *key, *corner, list)
         {
             return Ok(Decided::Refined(None, self.children(field, corners)));
         }
@@ -54,7 +60,35 @@ impl<P: Copy> Undecided<P> {
             return Ok(Decided::Leaf(evaluation.into_leaf()?));
         }
         let corners = evaluation.corners();
+        // Where facets are many, most nodes show by their signs alone that they are too coarse.
+        if let Some(tolerance) = &rules.tolerance
+            && has_one_sheet(evaluation.samples())
+        {
+            let brick = evaluation.into_leaf()?;
+            let (brick, fits) = field.fits(evaluator, tolerance, self.as_leaf(&all), brick)?;
+            if fits {
+                return Ok(Decided::Leaf(brick));
+            }
+            return Ok(Decided::Refined(Some(brick.into_samples()), self.children(field, corners)));
+        }
         Ok(Decided::Refined(Some(evaluation.into_samples()), self.children(field, corners)))
+    }
+
+    /// The corners of the children, by octant, of a node that is refined whatever its samples are.
+    pub fn refined_unseen<F: Field<Piece = P>>(
+        field: &F,
+        rules: &Rules,
+        key: NodeKey,
+        corner: i16,
+        list: Pieces<'_, P>,
+    ) -> Option<[i16; 8]> {
+        if rules.tolerance.is_none() || list.indices.len() <= PIECES_MAX {
+            return field.refined_unseen(rules.refine, key, corner, list);
+        }
+        let mut sums = field.corners(key, 1);
+        list.indices.iter().for_each(|&i| field.add_corners(&mut sums, &list.array[i as usize]));
+        let corners = field.finish_corners(sums, i64::from(corner));
+        Some(std::array::from_fn(|octant| corner_at(&corners, 1, octant)))
     }
 
     /// The children by octant, with these corners and the pieces that touch them.

@@ -1,5 +1,6 @@
 //! What a tree is built from, and the view of it that sorting, jobs and subtrees share.
 
+use super::fit::Tolerance;
 use crate::backend::Leaf;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
@@ -67,6 +68,18 @@ pub(super) trait Field: Sync {
         corner: i16,
         list: Pieces<'a, Self::Piece>,
     ) -> Result<Self::Evaluation<'a>>;
+
+    /// The brick of an evaluated node, and whether the boundary within it is near enough to the brick's mesh for the
+    /// node to stay a leaf; false of fields that cannot tell.
+    fn fits(
+        &self,
+        _evaluator: &mut Self::Evaluator,
+        _tolerance: &Tolerance,
+        _node: Leaf<'_, Self::Piece>,
+        brick: Brick,
+    ) -> Result<(Brick, bool)> {
+        Ok((brick, false))
+    }
 
     /// Tells which nodes are evaluated next.
     fn foresee(&self, _evaluator: &mut Self::Evaluator, _nodes: &[Leaf<'_, Self::Piece>]) {}

@@ -6,7 +6,7 @@ use super::jobs::{Plan, build_tree, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::records::KeptBricks;
 use super::resources::Room;
-use super::rules::{Rules, TreeOptions};
+use super::rules::{OPEN, POINTS, Rules, SOLIDS, TreeOptions, require_no_tolerance};
 use super::snap::snap;
 use super::solids::sort_segments;
 use super::sorted::SortedPieces;
@@ -25,7 +25,7 @@ use crate::winding::{CloudBricks, OpenField, OpenPart, Surfels};
 /// # Errors
 /// [`Error::Setting`] if the soup is not closed or overlaps itself more than 32,767-fold.
 pub fn build_in_memory(sources: &[&dyn Facets], root: RootCube, options: TreeOptions) -> Result<MemoryTree> {
-    build_with(sources, root, &Rules::new(options)?)
+    build_with(sources, root, &Rules::new(options, root)?)
 }
 
 /// Builds the tree of any soup in memory, with samples that are off by at most `error`.
@@ -38,7 +38,8 @@ pub fn build_open_in_memory(
     options: TreeOptions,
     error: f64,
 ) -> Result<MemoryTree> {
-    let rules = Rules { evaluate_interior: true, ..Rules::new(options)? };
+    require_no_tolerance(options.tolerance, OPEN)?;
+    let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
     let field = OpenSoup::new(OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?, None);
     let sorted = open::gather(&field, sources, root, &Silent)?;
     tree_of(&field, sorted, &rules, root)
@@ -54,7 +55,8 @@ pub fn build_cloud_in_memory(
     options: TreeOptions,
     error: f64,
 ) -> Result<MemoryTree> {
-    let rules = Rules { evaluate_interior: true, ..Rules::new(options)? };
+    require_no_tolerance(options.tolerance, POINTS)?;
+    let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
     let field = CloudBricks::new(surfels, root, error)?;
     let pieces: Vec<_> = field.pieces().collect();
     tree_of(&field, cloud::gather(&field, &pieces), &rules, root)
@@ -70,14 +72,15 @@ pub fn build_beads_in_memory(
     root: RootCube,
     options: TreeOptions,
 ) -> Result<MemoryTree> {
-    let rules = Rules::new(options)?;
+    require_no_tolerance(options.tolerance, SOLIDS)?;
+    let rules = Rules::new(options, root)?;
     let (solids, segments) = Solids::new(paths, root, outline)?;
     let sorted = sort_segments(&solids, &segments, sort_cubes(&rules), &Silent)?;
     tree_of(&solids, sorted, &rules, root)
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
-    let soup = snap(sources, root, (sort_cubes(rules), rules.depth), &Room::unbounded(), &Silent)?;
+    let soup = snap(sources, root, (sort_cubes(rules), rules.sieved()), &Room::unbounded(), &Silent)?;
     if !soup.balance.is_closed() {
         return Err(Error::setting("the soup has open edges", "close it"));
     }

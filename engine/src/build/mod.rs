@@ -12,6 +12,7 @@ mod decide;
 #[cfg(test)]
 mod faults;
 mod field;
+mod fit;
 mod identity;
 mod jobs;
 mod memory;

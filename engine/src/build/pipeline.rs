@@ -7,7 +7,7 @@ use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::records::EncodedBricks;
 use super::resources::{Resources, Room};
-use super::rules::{Rules, TreeOptions};
+use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
 use super::soup::Soup;
@@ -52,6 +52,9 @@ pub struct BuildOptions {
     pub refine: Refine,
     /// Largest standard deviation of a leaf above the depth limit.
     pub stddev: f64,
+    /// How far, in the input's unit, the boundary may be from the mesh of a leaf above the depth limit; 0 divides all that
+    /// facets touch. Of closed meshes only.
+    pub tolerance: f64,
     /// Largest error of samples of open input; those of closed input are exact.
     pub gwn_error: f64,
     /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
@@ -81,6 +84,7 @@ impl Default for BuildOptions {
             resolution: Resolution::Auto,
             refine: Refine::Hidden,
             stddev: 0.0,
+            tolerance: 0.0,
             gwn_error: 1e-3,
             solids: None,
             identity: false,
@@ -221,7 +225,7 @@ pub fn build_opened(
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
-    let soup = snap(&soups, root, (task.cubes(), depth), &task.room, progress)?;
+    let soup = snap(&soups, root, (task.cubes(), task.rules.sieved()), &task.room, progress)?;
     opened.iter().try_for_each(Input::check)?;
     require_area(&soup, opened)?;
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
@@ -233,6 +237,7 @@ pub fn build_opened(
         OpenSummary::default()
     } else {
         drop(soup);
+        require_no_tolerance(options.tolerance, OPEN)?;
         require_open_room(task.meta.numbers.facets, &options.resources)?;
         task.rules.evaluate_interior = true;
         let field = OpenField::new(OpenPart::of(&soups, root, progress)?, options.gwn_error)?;
@@ -296,7 +301,8 @@ impl Task {
                 "leave it out, and repack the whole when the shares are joined",
             ));
         }
-        let rules = Rules::new(TreeOptions { depth, refine: options.refine, stddev: options.stddev })?;
+        let BuildOptions { refine, stddev, tolerance, .. } = *options;
+        let rules = Rules::new(TreeOptions { depth, refine, stddev, tolerance }, root)?;
         let rules = Rules { compression, ..rules };
         let meta = Meta {
             program: options.program.clone(),
@@ -306,9 +312,9 @@ impl Task {
             bounds_min,
             bounds_max,
             depth,
-            refine: options.refine,
-            stddev: options.stddev,
-            tolerance: None,
+            refine,
+            stddev,
+            tolerance: (tolerance > 0.0).then_some(tolerance),
             numbers: Numbers::default(),
             beads,
             share: options.share.map(|id| Share {

@@ -1,9 +1,10 @@
 //! When a node of the tree is kept as a leaf.
 
 use super::field::{Evaluated, Fractions};
+use super::fit::Tolerance;
 use crate::brick::{Samples, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, MAX_LEVEL};
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, RootCube};
 use crate::store::{Compression, Refine};
 
 /// How deep and where the tree is refined, as asked for.
@@ -15,6 +16,9 @@ pub struct TreeOptions {
     pub refine: Refine,
     /// A node whose samples deviate no more than this may be kept as a leaf; 0 keeps uniform ones only.
     pub stddev: f64,
+    /// A node may be kept as a leaf, too, if the boundary below it is no farther than this from the mesh made of it, in the
+    /// unit of the input; 0 asks nothing. Of closed soups, with [`Refine::Hidden`] and without a deviation only.
+    pub tolerance: f64,
 }
 
 /// [`TreeOptions`], checked.
@@ -23,6 +27,8 @@ pub(super) struct Rules {
     pub depth: u8,
     pub refine: Refine,
     pub stddev: f64,
+    /// How far the boundary may be from the mesh of a leaf above the depth limit.
+    pub tolerance: Option<Tolerance>,
     /// How payloads are stored.
     pub compression: Compression,
     /// Evaluate every node from its pieces even where its children would give its samples: for fields that
@@ -30,9 +36,26 @@ pub(super) struct Rules {
     pub evaluate_interior: bool,
 }
 
+/// What has no tolerance.
+pub(super) const OPEN: &str = "of open ones";
+pub(super) const POINTS: &str = "points of clouds";
+pub(super) const SOLIDS: &str = "beads as solids";
+
+/// Fails if there is a tolerance, of a field whose Hermite data are not all that is known of its boundary.
+pub(super) fn require_no_tolerance(tolerance: f64, of: &str) -> Result<()> {
+    if tolerance == 0.0 {
+        return Ok(());
+    }
+    Err(Error::setting(
+        format!("a tolerance is measured against the facets of closed meshes, and not {of}"),
+        "leave --tolerance out; `mesh --tolerance` merges triangles where the surface is flat",
+    ))
+}
+
 impl Rules {
-    pub fn new(options: TreeOptions) -> Result<Rules> {
-        let TreeOptions { depth, refine, stddev } = options;
+    /// For the tree in `root`.
+    pub fn new(options: TreeOptions, root: RootCube) -> Result<Rules> {
+        let TreeOptions { depth, refine, stddev, tolerance } = options;
         if depth > MAX_LEVEL {
             return Err(Error::setting(
                 format!("depth {depth} is beyond the lattice"),
@@ -45,12 +68,41 @@ impl Rules {
                 "use a threshold of 0 or more",
             ));
         }
-        Ok(Rules { depth, refine, stddev, compression: Compression::Lz4, evaluate_interior: false })
+        if !(tolerance >= 0.0 && tolerance.is_finite()) {
+            return Err(Error::setting(
+                format!("no surface can be within {tolerance}"),
+                "choose a length, or 0",
+            ));
+        }
+        if tolerance > 0.0 && (refine != Refine::Hidden || stddev != 0.0) {
+            return Err(Error::setting(
+                "a tolerance holds only where nothing else keeps bricks undivided",
+                "leave it out, or the standard deviation and another criterion than hidden",
+            ));
+        }
+        let tolerance = (tolerance > 0.0).then(|| Tolerance::new(tolerance, root));
+        Ok(Rules {
+            depth,
+            refine,
+            stddev,
+            tolerance,
+            compression: Compression::Lz4,
+            evaluate_interior: false,
+        })
     }
 
     /// True if every node that a piece touches is refined down to the depth limit, whatever its samples.
     pub fn refines_all_touched(&self) -> bool {
-        self.refine == Refine::Hidden && self.stddev == 0.0 && !self.evaluate_interior
+        self.refine == Refine::Hidden
+            && self.stddev == 0.0
+            && self.tolerance.is_none()
+            && !self.evaluate_interior
+    }
+
+    /// The level of the lattice on which triangles must show, or may be left out; `None` where what they are measured
+    /// against may be any of them.
+    pub fn sieved(&self) -> Option<u8> {
+        self.tolerance.is_none().then_some(self.depth)
     }
 
     /// Whether a touched node above the depth limit is kept as a leaf.

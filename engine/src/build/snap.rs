@@ -38,15 +38,15 @@ struct Part {
     degenerate: u64,
 }
 
-/// Snaps and sorts all sources as one soup for jobs in the cubes of `binner` and a tree down to `depth`. What does not
-/// fit in the room goes to its temporary file.
+/// Snaps and sorts all sources as one soup for jobs in the cubes of `binner`. What does not fit in the room goes to its
+/// temporary file. Triangles that show in no sample of a tree down to `depth` may be left out, if one is given.
 ///
 /// # Errors
 /// If the disk has too little room for that file, or the user interrupts.
 pub(super) fn snap(
     sources: &[&dyn Facets],
     root: RootCube,
-    (binner, depth): (Binner, u8),
+    (binner, depth): (Binner, Option<u8>),
     room: &Room,
     progress: &dyn Progress,
 ) -> Result<SnappedSoup> {
@@ -55,7 +55,7 @@ pub(super) fn snap(
     let memory = room.sorted_bytes() / rayon::current_num_threads() as u64;
     let part = || {
         let collector = Collector::new(binner, memory, plan.plain, room.file());
-        let sieve = Sieve::new(depth).filter(|_| plan.sieve);
+        let sieve = depth.filter(|_| plan.sieve).and_then(Sieve::new);
         let kept = Vec::with_capacity(SORTED_FACETS);
         (
             Part { sieve, kept, collector, balance: EdgeBalance::default(), degenerate: 0 },
@@ -178,10 +178,10 @@ impl Plan {
         sources: &[&dyn Facets],
         runs: &[(usize, Range<u64>)],
         root: RootCube,
-        (binner, depth): (Binner, u8),
+        (binner, depth): (Binner, Option<u8>),
         room: &Room,
     ) -> Result<Plan> {
-        let lattice = Spacing::new(depth);
+        let lattice = depth.and_then(Spacing::new);
         let sample = |pack| {
             let parts = runs.par_iter().step_by(runs.len().div_ceil(SAMPLED_RUNS).max(1));
             let of_run = |(source, range): &(usize, _)| {

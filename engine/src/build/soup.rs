@@ -1,6 +1,7 @@
 //! The field of a closed soup as sorting, jobs and subtrees see it.
 
 use super::field::{Evaluated, Field, Pieces};
+use super::fit::Tolerance;
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
@@ -104,6 +105,19 @@ impl Field for Soup {
             Some(found) => Ok(SoupEvaluation::There(DeviceEvaluation { found, node, evaluator: cpu })),
             None => Ok(SoupEvaluation::Here(node.evaluate(cpu)?)),
         }
+    }
+
+    fn fits(
+        &self,
+        evaluator: &mut SoupEvaluator,
+        tolerance: &Tolerance,
+        node: Leaf<'_>,
+        brick: Brick,
+    ) -> Result<(Brick, bool)> {
+        let triangles = node.indices.iter().map(|&i| &node.array[i as usize]);
+        let (brick, fits) = tolerance.fits(node.key, brick, triangles)?;
+        // Few nodes come so far, and the boundary hides in hardly one of these.
+        Ok((brick, fits && !node.evaluate(&mut evaluator.cpu)?.has_hidden_boundary()))
     }
 
     fn foresee(&self, evaluator: &mut SoupEvaluator, nodes: &[Leaf<'_>]) {

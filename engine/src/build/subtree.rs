@@ -319,7 +319,8 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         let all: Vec<u32> = (0..most as u32).collect();
         let is_evaluated = |leaf: &Leaf<'_, F::Piece>| {
             let is_deepest = leaf.key.level() == self.rules.depth;
-            let refined = || self.field.refined_unseen(self.rules.refine, leaf.key, leaf.corner, leaf.into());
+            let refined =
+                || Undecided::refined_unseen(self.field, self.rules, leaf.key, leaf.corner, leaf.into());
             self.field.settled(leaf.key, leaf.corner, leaf.into()).is_none()
                 && (is_deepest || refined().is_none())
         };

@@ -43,8 +43,9 @@ fn root_of(soup: &[World]) -> RootCube {
 }
 
 fn build(soup: &[World], options: TreeOptions, evaluate_interior: bool) -> MemoryTree {
-    let rules = Rules { evaluate_interior, ..Rules::new(options).unwrap() };
-    build_with(&[&soup.to_vec()], root_of(soup), &rules).unwrap()
+    let root = root_of(soup);
+    let rules = Rules { evaluate_interior, ..Rules::new(options, root).unwrap() };
+    build_with(&[&soup.to_vec()], root, &rules).unwrap()
 }
 
 fn nodes(tree: &MemoryTree) -> Vec<(NodeKey, bool, Brick)> {
@@ -92,7 +93,9 @@ fn following_triangles_and_deciding_per_node_give_one_tree() {
 #[test]
 fn plain_and_surface_refinement_stop_earlier() {
     let soup = scene();
-    let count = |refine, stddev| build(&soup, TreeOptions { depth: 4, refine, stddev }, false).keys().len();
+    let count = |refine, stddev| {
+        build(&soup, TreeOptions { depth: 4, refine, stddev, ..Default::default() }, false).keys().len()
+    };
     let hidden = count(Refine::Hidden, 0.0);
     assert!(count(Refine::Stddev, 0.0) <= hidden);
     assert!(count(Refine::Surface, 0.0) < hidden);

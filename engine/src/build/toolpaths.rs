@@ -2,6 +2,7 @@
 
 use super::identity::{Leaves, write_identity};
 use super::pipeline::{BuildOptions, Clock, Summary, Task, describe, place};
+use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
 use super::weigh::weigh_pieces;
 use crate::error::{Error, Result};
@@ -38,6 +39,7 @@ pub fn build_beads(
     options: &BuildOptions,
     progress: &dyn Progress,
 ) -> Result<Summary> {
+    require_no_tolerance(options.tolerance, SOLIDS)?;
     let mut clock = Clock::default();
     check_target(output)?;
     progress.phase("measuring", None, "beads");

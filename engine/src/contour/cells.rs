@@ -97,7 +97,7 @@ impl BrickCells {
         }
         let mut rank = 0;
         for row in &mut rows {
-            row.rank = rank;
+            row.set_rank(rank);
             rank += row.active.count_ones();
         }
         if rank == 0 {
@@ -202,6 +202,11 @@ impl BrickCells {
 }
 
 impl CellRow {
+    /// Tells how many cells are active in the rows before.
+    pub(super) fn set_rank(&mut self, rank: u32) {
+        self.rank = rank;
+    }
+
     /// Place among all active cells of the one at `i`, up to 32, or of the next.
     #[inline]
     pub(super) fn slot(self, i: usize) -> usize {

@@ -23,6 +23,7 @@
 //! | `cells` | active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
 //! | `corner` | vertices at corners that no single cell sees |
+//! | `lone` | the vertices of a brick on its own, for builds |
 //! | `loops` | what belongs to one loop of a cell and what to another |
 //! | `mixed` | cells next to finer leaves |
 //! | `adaptive` | vertices that stand for several cells' |
@@ -53,6 +54,7 @@ mod halo;
 mod joined;
 mod later;
 mod leaves;
+mod lone;
 mod loops;
 mod marching;
 mod mixed;
@@ -73,6 +75,7 @@ mod topology;
 mod vertices;
 
 pub use cut::Cuts;
+pub(crate) use lone::{Lone, LoneCells, has_one_sheet};
 pub use polygons::Facet;
 pub use sink::{
     Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,

@@ -33,8 +33,8 @@ pub struct Meta {
     pub refine: Refine,
     /// Largest standard deviation of a leaf's samples above the depth limit.
     pub stddev: f64,
-    /// Largest distance of the Hermite data from a plane in a leaf above the depth limit, in `unit`, if that
-    /// was asked for.
+    /// How far, in `unit`, the boundary may be from the mesh of a leaf above the depth limit, if such leaves were asked
+    /// for.
     pub tolerance: Option<f64>,
     /// Numbers that the build found.
     pub numbers: Numbers,
@@ -151,7 +151,7 @@ impl Meta {
         fact("depth", self.depth.to_string());
         fact("criterion", format!("{:?}", self.refine).to_lowercase());
         fact("standard deviation", self.stddev.to_string());
-        fact("tolerance", format!("{:?}", self.tolerance));
+        fact("tolerance", self.tolerance.map_or("none".to_owned(), |tolerance| tolerance.to_string()));
         fact("error of samples", share.map_or("none".to_owned(), |share| share.gwn_error.to_string()));
         fact("unit", self.unit.clone());
         let beads = self.beads.as_ref();

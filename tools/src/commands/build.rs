@@ -55,6 +55,11 @@ impl TryFrom<BuildArgs> for Plan {
         if !(args.stddev >= 0.0 && args.stddev.is_finite()) {
             return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
         }
+        let decides_otherwise = args.stddev > 0.0 || !matches!(args.refine, RefineArg::Hidden);
+        if args.tolerance.in_unit(args.units) > 0.0 && decides_otherwise {
+            let what = "--tolerance: it decides which bricks are divided; leave --stddev and --refine out";
+            return Err(Failure::Usage(what.to_owned()));
+        }
         if args.shard.is_some() && args.compression != CompressionArg::Lz4 {
             let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
             return Err(Failure::Usage(what.to_owned()));
@@ -74,6 +79,7 @@ impl TryFrom<BuildArgs> for Plan {
                 RefineArg::Surface => Refine::Surface,
             },
             stddev: args.stddev,
+            tolerance: args.tolerance.in_unit(args.units),
             gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
             unit: args.units.symbol().to_owned(),
             solids: None,
@@ -205,6 +211,18 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
         (true, _) => (None, None),
     };
     plan.options.solids = solids;
+    if plan.options.tolerance > 0.0 {
+        let why = match (are_clouds, solids) {
+            (true, _) => Some("points have no facets to measure by; leave it out"),
+            (_, Some(_)) => {
+                Some("beads as solids have no facets to measure by; use --beads mesh, or leave it out")
+            }
+            _ => None,
+        };
+        if let Some(why) = why {
+            return Err(Failure::Usage(format!("--tolerance: {why}")));
+        }
+    }
     if plan.options.identity && solids.is_none() {
         let why = note.unwrap_or("it needs toolpaths as solids");
         return Err(Failure::Usage(format!("--identity: {why}; leave it out")));

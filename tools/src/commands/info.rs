@@ -60,6 +60,7 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         depth,
         refine,
         stddev,
+        tolerance,
         numbers,
         beads,
         share,
@@ -84,6 +85,7 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         "depth": depth,
         "refine": refine,
         "stddev": stddev,
+        "tolerance": tolerance,
         "facets": numbers.facets,
         "degenerate_facets": numbers.degenerate_facets,
         "beads": beads.as_ref().map(|beads| json!({
@@ -137,7 +139,12 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     line(format!("  units    {unit}"));
     line(format!("  bounds   {} to {}", point(meta.bounds_min), point(meta.bounds_max)));
     line(format!("  root     {} with an edge of {}", point(meta.root.origin), meta.root.edge));
-    line(format!("  refined  {:?}, standard deviation {}, depth {}", meta.refine, meta.stddev, meta.depth));
+    let tolerance =
+        meta.tolerance.map_or(String::new(), |tolerance| format!("tolerance {tolerance} {unit}, "));
+    line(format!(
+        "  refined  {:?}, standard deviation {}, {tolerance}depth {}",
+        meta.refine, meta.stddev, meta.depth
+    ));
     if let Some((min, max)) = winding_range(store) {
         line(format!("  winding  {min} to {max}"));
     }
