@@ -70,8 +70,19 @@ fn high_of(both: u64) -> u32 {
     return u32(both >> 32u);
 }
 
+// An index, as it is. llvmpipe reads and writes for one of eight invocations after the other, and LLVM moves what only an
+// index is made of, sums, products and shifts, there too: it leaves a minimum where it is, so that all eight are computed
+// at once. Indices are far smaller.
+fn whole(index: u32) -> u32 {
+    return min(index, 0x7fffffffu);
+}
+
 fn table_at(brick: u32, axis: u32, row: u32) -> u32 {
-    return (brick * 3u + axis) * ROWS + row;
+    return whole((brick * 3u + axis) * ROWS + row);
+}
+
+fn row_at(brick: u32, row: u32) -> u32 {
+    return whole(brick * ROWS + row);
 }
 
 // The lines in the face x = 0, by z.
@@ -84,7 +95,7 @@ const COLUMN_LINE = ROWS + POINTS;
 
 // Where the jump at an edge of a line is kept, with those of three others.
 fn jump_at(brick: u32, line: u32, edge: u32) -> u32 {
-    return brick * JUMP_WORDS + line * LINE_WORDS + (edge >> 2u);
+    return whole(brick * JUMP_WORDS + line * LINE_WORDS + (edge >> 2u));
 }
 
 // The jump at an edge, from its word. Words are sums of jumps times powers of 256.
@@ -98,7 +109,7 @@ fn jump_to(brick: u32, line: u32, edge: u32) -> i32 {
 
 // Where it is kept which edges of a line hold crossings.
 fn touched_at(brick: u32, line: u32) -> u32 {
-    return brick * JUMP_WORDS + LINES * LINE_WORDS + line;
+    return whole(brick * JUMP_WORDS + LINES * LINE_WORDS + line);
 }
 
 // The part of a list that a workgroup has: the first and the end. Parts are whole, so that what lies close in memory is

@@ -17,7 +17,7 @@ struct Pair {
 
 fn pair_of(number: u32) -> Pair {
     let at = number * (PAIR_WORDS / 2u);
-    let w = array<u64, 5>(pairs[at], pairs[at + 1u], pairs[at + 2u], pairs[at + 3u], pairs[at + 4u]);
+    let w = array<u64, 5>(pairs[whole(at)], pairs[whole(at + 1u)], pairs[whole(at + 2u)], pairs[whole(at + 3u)], pairs[whole(at + 4u)]);
     let a = vec3(low_of(w[0]), high_of(w[0]), low_of(w[1]));
     let b = vec3(high_of(w[1]), low_of(w[2]), high_of(w[2]));
     let c = vec3(low_of(w[3]), high_of(w[3]), low_of(w[4]));
@@ -155,5 +155,5 @@ fn all_spans() -> Spans {
 }
 
 fn listed(all: Spans, number: u32) -> u64 {
-    return spans[select(all.way_max - all.ways, 0u, number < all.ways) + number];
+    return spans[whole(select(all.way_max - all.ways, 0u, number < all.ways) + number)];
 }

@@ -66,7 +66,7 @@ fn walk_row(brick: u32, corner: i32, row: u32, before_row: Found) -> Found {
     let start = start_of(brick, row);
     var found = found_at(start, corner);
     let crossed = touched(brick, row);
-    rows[brick * ROWS + row] = both(bitcast<u32>(start), crossed);
+    rows[row_at(brick, row)] = both(bitcast<u32>(start), crossed);
     var w = start;
     var bits = select(0lu, 0x1fffffffflu, start >= 1i);
     for (var left = crossed; left != 0u; left &= left - 1u) {

@@ -49,8 +49,7 @@ fn look(span: Span, cursor: Cursor) -> Tag {
     let v = span.line.y;
     let row = select(select(lower * POINTS + v, u * POINTS + lower, span.axis == 1u), v * POINTS + u, span.axis == 0u);
     let i = select(select(u, v, span.axis == 1u), lower, span.axis == 0u);
-    let table_row = table_at(0u, span.axis, row);
-    let table = tables[table_at(span.brick, 0u, table_row)];
+    let table = tables[table_at(span.brick, span.axis, row)];
     let bits = low_of(table);
     let rank = high_of(table);
     let is_last = i == CELLS;
@@ -93,7 +92,7 @@ fn tag_one(span: Span, more_max: u32) -> u32 {
             let offset = offset_of(tag.beyond, tag.rest, span.across, span.per_n, span.shift);
             crossing = both(offset | way, normal);
             let half = 16u * (tag.place & 1u);
-            before = (atomicAdd(&counts[tag.place >> 1u], 1u << half) >> half) & 0xffffu;
+            before = (atomicAdd(&counts[whole(tag.place >> 1u)], 1u << half) >> half) & 0xffffu;
             if before != 0u {
                 break;
             }
@@ -142,7 +141,7 @@ fn sample(brick: u32, index: u32) -> i32 {
     let row = index / POINTS;
     let i = index % POINTS;
     let before = select((1u << (i & 31u)) - 1u, 0xffffffffu, i == CELLS);
-    let packed = rows[brick * ROWS + row];
+    let packed = rows[row_at(brick, row)];
     var w = bitcast<i32>(low_of(packed));
     for (var left = high_of(packed) & before; left != 0u; left &= left - 1u) {
         w += jump_to(brick, row, countTrailingZeros(left));
