@@ -13,6 +13,7 @@
 
 mod special;
 
+use super::annex::Direction;
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
 use super::extras::{Extra, SplitVertex, face_key, found_extra, middle, plain_edge_key};
@@ -21,7 +22,7 @@ use super::halo::Place;
 use super::joined;
 use super::leaves::{Around, Side, direction_index};
 use super::mixed::{Split, Surroundings};
-use super::outliers::{Outliers, minimisers};
+use super::outliers::{self, Outliers, minimisers};
 use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
@@ -69,6 +70,8 @@ pub(super) struct BrickCells {
     pub extras: Vec<Extra>,
     /// Plain cells with several loops, and cells whose vertex lies beyond them; see [`super::faces`].
     pub special: Vec<[u8; 3]>,
+    /// Cells that have annexed one, in order, and in which direction; see [`super::annex`].
+    pub annexed: Vec<([u8; 3], Direction)>,
     /// See [`BrickCells::take_quads`].
     pub quads: Mutex<Vec<Quad>>,
     /// World positions of the vertices.
@@ -143,6 +146,7 @@ impl BrickCells {
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.extras.capacity() * size_of::<Extra>()
             + self.special.capacity() * size_of::<[u8; 3]>()
+            + self.annexed.capacity() * size_of::<([u8; 3], Direction)>()
             + self.quads.lock().unwrap_or_else(PoisonError::into_inner).capacity() * size_of::<Quad>()
             + self.positions.capacity() * size_of::<[f32; 3]>()
             + size_of::<BrickCells>()
@@ -188,6 +192,12 @@ impl BrickCells {
     /// The extra vertex on the cut of a face of this leaf that ends at a minimal edge, if the face is split.
     pub(super) fn extra(&self, face: u32, edge: u64) -> Option<u32> {
         found_extra(&self.extras, face, edge)
+    }
+
+    /// In which direction a cell has annexed one, if it has.
+    pub(super) fn annexed(&self, cell: [usize; 3]) -> Option<Direction> {
+        let cell = cell.map(|c| c as u8);
+        self.annexed.binary_search_by_key(&cell, |annexed| annexed.0).ok().map(|n| self.annexed[n].1)
     }
 
     /// Kind and first vertex of an active cell that is not mixed.
@@ -240,6 +250,8 @@ pub(super) struct Builder<'a> {
     pub cells: BrickCells,
     /// Plain cells with one loop that is not flat, for [`super::corner`].
     pub creased: Vec<[usize; 3]>,
+    /// Those of them whose crease is sharp, for [`super::annex`], if creases are followed.
+    pub sharp: Vec<[usize; 3]>,
     /// Those of them that may be at a corner, where there are sums.
     pub candidates: Vec<Place>,
     /// How many of the creased cells, and of the layers of cells along z, these are of.
@@ -306,6 +318,7 @@ impl<'a> Builder<'a> {
             quads,
             cells,
             creased: Vec::new(),
+            sharp: Vec::new(),
             candidates: Vec::new(),
             seen: 0,
             decided: 0,
@@ -444,13 +457,16 @@ impl<'a> Builder<'a> {
                 let mut point = solved.points[lane];
                 if is_left {
                     // The cell's next vertex must know where this one is.
-                    point = minimisers(simd, &solved.terms, margin)[lane];
+                    point = minimisers(simd, &solved.terms, outliers::cell(margin))[lane];
                 }
                 let (placed, own) = self.cells.positions.split_at_mut(vertex as usize);
                 own[0] = apart(&self.frame, cell, point, &placed[first as usize..]);
             }
             if is_lone && solved.flat >> lane & 1 == 0 {
                 self.creased.push(cell);
+                if solved.sharp >> lane & 1 == 1 && self.field.follows_creases() {
+                    self.sharp.push(cell);
+                }
             }
             if let Some(sums) = &mut self.sums {
                 if vertex == first {

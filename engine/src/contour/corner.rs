@@ -17,6 +17,7 @@
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.
 
+use super::annex::{Claims, neighbour};
 use super::cells::{BrickCells, Builder, CELL_ROWS};
 use super::halo::{Halo, Named, Place};
 use super::planes::Plane;
@@ -45,20 +46,21 @@ const EVIDENCE: usize = 2;
 
 impl Builder<'_> {
     /// Moves vertices to the corners that the creased cells find, which were noted when their own vertices
-    /// were placed. Where a corner lies and whose vertex goes there is a function of the crossings about it
-    /// alone, so leaves next to each other agree; each moves its own vertices.
+    /// were placed, and others along their creases ([`super::annex`]). Where a corner lies and whose vertex goes there is a
+    /// function of the crossings about it alone, so leaves next to each other agree; each moves its own vertices.
     pub(super) fn complete_corners(&mut self) -> Result<()> {
         let candidates = match self.sums {
             Some(_) => std::mem::take(&mut self.candidates),
             None => self.creased.iter().map(|&cell| place_of(cell)).collect(),
         };
-        if candidates.is_empty() {
+        if candidates.is_empty() && self.sharp.is_empty() {
             return Ok(());
         }
-        let halo = Halo::new(self.field, self.leaf)?;
-        let mut search = Search { builder: self, halo, planes: Vec::new() };
+        let claims = Claims::new(Halo::new(self.field, self.leaf)?, self.field.follows_creases());
+        let mut search = Search { builder: self, claims, planes: Vec::new() };
         let mut homes = HashSet::new();
         let (mut aside, mut moves, mut strays) = (Vec::new(), Vec::new(), Vec::new());
+        let mut at_corners = HashSet::new();
         for cell in candidates {
             let Some(seen) = search.seen_from(cell)? else { continue };
             let home = home_of(seen);
@@ -75,15 +77,29 @@ impl Builder<'_> {
             let Some((corner, taker)) = search.corner_in(home)? else { continue };
             if let Some(vertex) = self.lone_vertex(taker) {
                 moves.push((vertex, self.frame.world_within(home, corner)));
+                let is_first = at_corners.insert(vertex);
                 if taker != home {
-                    strays.push(taker.map(|c| c as usize));
+                    strays.push((taker, home, is_first));
                 }
             }
         }
-        strays.into_iter().for_each(|cell| self.let_stray(cell));
+        let mut claims = search.claims;
+        for (taker, home, is_first) in strays {
+            let cell = taker.map(|c| c as usize);
+            match (0..6).find(|&direction| neighbour(taker, direction) == home) {
+                Some(direction) if is_first && claims.may_annex => self.annex(cell, direction),
+                _ => self.let_stray(cell),
+            }
+        }
+        let beside_corners: HashSet<usize> = aside.iter().map(|(vertex, _)| *vertex).collect();
+        let along = self.follow_creases(
+            &mut claims,
+            |vertex| at_corners.contains(&vertex),
+            |vertex| beside_corners.contains(&vertex),
+        )?;
         // The first corner that a vertex could go to gets it.
         moves.reverse();
-        for (vertex, position) in aside.into_iter().chain(moves) {
+        for (vertex, position) in along.into_iter().chain(aside).chain(moves) {
             self.cells.positions[vertex] = position;
         }
         Ok(())
@@ -117,7 +133,7 @@ impl Builder<'_> {
     }
 
     /// The vertex of a plain active cell of this leaf with a single loop.
-    fn lone_vertex(&self, cell: Place) -> Option<usize> {
+    pub(super) fn lone_vertex(&self, cell: Place) -> Option<usize> {
         if cell.iter().any(|&c| c < 0 || c >= BRICK_CELLS as i32) {
             return None;
         }
@@ -149,22 +165,22 @@ fn cells_about(cell: Place) -> impl Iterator<Item = Place> {
 }
 
 /// Looks for corners about one leaf.
-struct Search<'a> {
-    builder: &'a Builder<'a>,
-    halo: Halo<'a>,
+struct Search<'b, 'a> {
+    builder: &'b Builder<'a>,
+    claims: Claims<'a>,
     planes: Vec<Named>,
 }
 
-impl Search<'_> {
+impl Search<'_, '_> {
     /// The point where the planes of all crossings of the 27 cells about `cell` meet, if there is just one.
     fn seen_from(&mut self, cell: Place) -> Result<Option<[f64; 3]>> {
         let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c + 2));
-        self.halo.fetch(low, high)?;
+        self.claims.halo.fetch(low, high)?;
         // As compiled for this processor: bits are counted for every crossing.
         if !dispatch!(level(), simd => self.may_meet(simd, cell, low, high)) {
             return Ok(None);
         }
-        dispatch!(level(), _simd => self.halo.gather(low, high, &mut self.planes));
+        dispatch!(level(), _simd => self.claims.halo.gather(low, high, &mut self.planes));
         Ok(meeting_point(cell, &self.planes))
     }
 
@@ -181,21 +197,26 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// The cell whose vertex goes to a corner in the cell `home`: `home` itself if it is active, otherwise, of
-    /// the cells around it that have no plane that misses the corner, the one with its crossings nearest.
+    /// The cell whose vertex goes to a corner in the cell `home`: `home` itself if it is active, otherwise the one that
+    /// annexes it, or, of the cells around it that have no plane that misses the corner, the one with its crossings nearest.
     fn taker(&mut self, home: Place, corner: [f64; 3]) -> Result<Option<Place>> {
-        self.halo.fetch(home.map(|c| c - 1), home.map(|c| c + 2))?;
-        let Some(mask) = self.halo.plain_mask(home) else { return Ok(None) };
+        self.claims.halo.fetch(home.map(|c| c - 1), home.map(|c| c + 2))?;
+        let Some(mask) = self.claims.halo.plain_mask(home) else { return Ok(None) };
         if !matches!(mask, 0 | u8::MAX) {
-            return Ok((self.halo.loops(home)? == 1).then_some(home));
+            return Ok((self.claims.halo.loops(home)? == 1).then_some(home));
+        }
+        if let Some(annexer) = self.claims.annexer(home)? {
+            let (low, high) = (annexer, annexer.map(|c| c + 1));
+            let misses_it = self.claims.halo.any_plane(low, high, false, |plane| misses(&plane, corner));
+            return Ok((!misses_it).then_some(annexer));
         }
         let mut best: Option<(f64, Place)> = None;
         for next in cells_about(home).skip(1) {
-            if self.halo.loops(next)? != 1 || !self.is_clear(home, next) {
+            if self.claims.halo.loops(next)? != 1 || !self.is_clear(home, next)? {
                 continue;
             }
             let (mut sum, mut count) = (DVec3::ZERO, 0.0);
-            let misses_it = self.halo.any_plane(next, next.map(|c| c + 1), false, |plane| {
+            let misses_it = self.claims.halo.any_plane(next, next.map(|c| c + 1), false, |plane| {
                 sum += DVec3::from(plane.0);
                 count += 1.0;
                 misses(&plane, corner)
@@ -208,13 +229,20 @@ impl Search<'_> {
         Ok(best.map(|(_, taker)| taker))
     }
 
-    /// Whether all cells between two that touch are inactive: then the first one and these have room for what the vertex of
-    /// the other one spans with its own cell, which meets nothing there.
-    fn is_clear(&self, home: Place, next: Place) -> bool {
-        let between = (1..7)
-            .map(|n| -> Place { std::array::from_fn(|a| if n >> a & 1 == 1 { next[a] } else { home[a] }) });
-        let mut between = between.filter(|&cell| cell != home && cell != next);
-        between.all(|cell| matches!(self.halo.plain_mask(cell), Some(0 | u8::MAX)))
+    /// Whether all cells between two that touch are inactive and nobody else's: then the first one and these have room for
+    /// what the vertex of the other one spans with its own cell, which meets nothing there.
+    fn is_clear(&mut self, home: Place, next: Place) -> Result<bool> {
+        for n in 1..7 {
+            let cell: Place = std::array::from_fn(|a| if n >> a & 1 == 1 { next[a] } else { home[a] });
+            if cell == home || cell == next {
+                continue;
+            }
+            let is_inactive = matches!(self.claims.halo.plain_mask(cell), Some(0 | u8::MAX));
+            if !is_inactive || self.claims.annexer(cell)?.is_some_and(|annexer| annexer != next) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// A better place for the vertex, now at `position`, of a cell beside a corner: the minimiser of the errors
@@ -223,7 +251,7 @@ impl Search<'_> {
     fn on_crease(&self, cell: Place, corner: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
         let mut faces: Vec<DVec3> = Vec::with_capacity(MOST_FACES);
         let (mut sum, mut count, mut is_off) = (DVec3::ZERO, 0.0, false);
-        self.halo.any_plane(cell, cell.map(|c| c + 1), false, |plane| {
+        self.claims.halo.any_plane(cell, cell.map(|c| c + 1), false, |plane| {
             let normal = DVec3::from(plane.1);
             if faces.iter().all(|face| face.dot(normal) <= SAME_NORMAL) {
                 faces.push(normal);
@@ -268,7 +296,7 @@ impl Search<'_> {
         let within = before.map(|before| sums_within(simd, &self.builder.cells, cell, before));
         let beyond = within.is_some();
         let mut sums = within.unwrap_or_default();
-        self.halo.any_plane(low, high, beyond, |(point, normal)| {
+        self.claims.halo.any_plane(low, high, beyond, |(point, normal)| {
             sums.add(point, normal);
             false
         });

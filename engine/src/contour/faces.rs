@@ -4,17 +4,21 @@
 //! They are found when the cells of both sides are known, by the leaf that owns the face: that of the upper cell. Only
 //! faces between plain cells of one size are looked at.
 
+use super::annex::Direction;
 use super::cells::{BrickCells, CELL_ROWS, within};
 use super::extras::{Extra, Face, face_key, face_of, found_extra, middle, plain_edge_key};
 use super::field::{Field, Lattice};
 use super::leaves::{Side, direction_index};
-use super::loops::{Part, SLACK};
+use super::loops::{LOOPS, Part, SLACK};
 use super::planes::Plane;
 use super::surface::Surface;
 use super::topology::{Kind, edge_index, edge_lower};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use std::sync::Arc;
+
+/// How far within a face vertices stay towards which a crease passes beyond it.
+const BESIDE: f64 = 1.0 / 1024.0;
 
 /// The vertices on faces that a leaf owns; numbered after those of its cells.
 #[derive(Default)]
@@ -50,9 +54,13 @@ impl Faces {
 
     fn iter(&self) -> impl Iterator<Item = (usize, [usize; 3])> {
         self.rows.iter().enumerate().flat_map(|(n, row)| {
-            (0..3).flat_map(move |axis| {
-                let is_set = move |i: &usize| row[axis] >> i & 1 == 1;
-                (0..BRICK_CELLS).filter(is_set).map(move |i| (axis, [i, n % BRICK_CELLS, n / BRICK_CELLS]))
+            row.iter().enumerate().flat_map(move |(axis, &row)| {
+                let mut bits = row;
+                std::iter::from_fn(move || {
+                    let i = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
+                    bits &= bits - 1;
+                    Some((axis, [i, n % BRICK_CELLS, n / BRICK_CELLS]))
+                })
             })
         })
     }
@@ -148,8 +156,11 @@ struct Sight {
     kind: Kind,
     /// Number of the first one.
     first: usize,
-    positions: Vec<[f32; 3]>,
-    vertices: Vec<[f64; 3]>,
+    positions: [[f32; 3]; LOOPS],
+    vertices: [[f64; 3]; LOOPS],
+    count: usize,
+    /// Where the cell that it has annexed lies.
+    annexed: Option<Direction>,
 }
 
 impl Sight {
@@ -167,10 +178,13 @@ impl Block {
 
     fn sight(&self, cell: [usize; 3]) -> Option<Sight> {
         let (kind, first) = self.cells.plain(cell)?;
-        let count = usize::from(kind.loops().count);
-        let positions = self.cells.positions.get(first..first + count)?.to_vec();
-        let vertices = positions.iter().map(|&position| within(&self.lattice, cell, position)).collect();
-        Some(Sight { kind, first, positions, vertices })
+        let count = usize::from(kind.loops().count).min(LOOPS);
+        let (mut positions, mut vertices) = ([[0.0; 3]; LOOPS], [[0.0; 3]; LOOPS]);
+        positions[..count].copy_from_slice(self.cells.positions.get(first..first + count)?);
+        for (vertex, position) in vertices.iter_mut().zip(&positions[..count]) {
+            *vertex = within(&self.lattice, cell, *position);
+        }
+        Some(Sight { kind, first, positions, vertices, count, annexed: self.cells.annexed(cell) })
     }
 }
 
@@ -186,6 +200,10 @@ struct Finder<'a> {
 impl Finder<'_> {
     /// Gives each cut of the lower face of the cell `above` a vertex if it needs one.
     fn face(&mut self, axis: Axis, above: [usize; 3], (block, below): (&Block, [usize; 3])) -> Result<()> {
+        let is_crossed = |(kind, _): &(Kind, usize)| kind.loops().face_cuts(axis, 0).next().is_some();
+        if !self.own.cells.plain(above).as_ref().is_some_and(is_crossed) {
+            return Ok(());
+        }
         let (Some(upper), Some(lower)) = (self.own.sight(above), block.sight(below)) else { return Ok(()) };
         let face = face_key(axis, above);
         for (enter, leave) in upper.kind.loops().face_cuts(axis, 0) {
@@ -217,7 +235,9 @@ impl Finder<'_> {
         let a = axis.index();
         let of_upper = usize::from(upper.kind.loops().of_edge[cut[0]]);
         let of_lower = usize::from(lower.kind.loops().of_edge[on_other_side(axis, cut[0])]);
-        let (Some(from), Some(to)) = (lower.positions.get(of_lower), upper.vertices.get(of_upper)) else {
+        let (Some(from), Some(to)) =
+            (lower.positions[..lower.count].get(of_lower), upper.vertices[..upper.count].get(of_upper))
+        else {
             return Ok(None);
         };
         let from = within(&self.own.lattice, above, *from);
@@ -225,19 +245,28 @@ impl Finder<'_> {
         let mut passing: [f64; 3] = std::array::from_fn(|n| from[n] + share * (to[n] - from[n]));
         passing[a] = 0.0;
         let parts = [
-            Part::new(upper.kind, of_upper, &upper.vertices),
-            Part::new(lower.kind, of_lower, &lower.vertices),
+            Part::new(upper.kind, of_upper, &upper.vertices[..upper.count]),
+            Part::new(lower.kind, of_lower, &lower.vertices[..lower.count]),
         ];
         let face = Face::new(&self.own.lattice, axis, above);
         // Where it would have a vertex it must be well, too: what passes within half a step of a border gets one.
         let rounded = face.seen(face.rounded(passing));
         let is_between = share > 0.0 && share < 1.0;
+        // The face between the annexed cells is shared, too: both vertices are within the same slabs across it.
+        if is_between && upper.annexed.is_some() && upper.annexed == lower.annexed {
+            return Ok(None);
+        }
         if is_between && [passing, rounded].iter().all(|&at| holds(axis, &parts, at)) {
             return Ok(None);
         }
         let planes = self.planes(above, cut)?;
         let inner = std::array::from_fn(|n| (planes[0].0[n] + planes[1].0[n]) / 2.0);
-        let start = meeting(axis, planes).or(is_between.then_some(rounded)).unwrap_or(inner);
+        let mut start = meeting(axis, planes).or(is_between.then_some(rounded)).unwrap_or(inner);
+        if upper.annexed.is_some() || lower.annexed.is_some() {
+            // As near as can be to where a crease passes beyond the face.
+            start = start.map(|c| c.clamp(BESIDE, 1.0 - BESIDE));
+            start[a] = 0.0;
+        }
         let pull = pull(axis, &parts, start, inner);
         let pulled = std::array::from_fn(|n| start[n] + pull * (inner[n] - start[n]));
         let mut places = [pulled, inner].map(|at| face.place(at)).into_iter();

@@ -35,6 +35,7 @@ pub(super) struct Field<'a> {
     faces: Cache<FaceVertices>,
     /// Where vertices are merged.
     merging: Option<Merging>,
+    follows_creases: bool,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
     users: Vec<AtomicU32>,
     /// Room that cells were made in.
@@ -87,6 +88,7 @@ impl<'a> Field<'a> {
             cells,
             faces,
             merging,
+            follows_creases: options.follow_creases && options.tolerance <= 0.0,
             users,
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),
@@ -222,6 +224,11 @@ impl<'a> Field<'a> {
     /// Normals of the vertices of a leaf, its first ones, that stand for vertices of several.
     pub(super) fn normals_across(&self, leaf: u32) -> Vec<[f32; 3]> {
         self.across().map_or(Vec::new(), |across| across.normals(leaf))
+    }
+
+    /// Whether creases are followed through cells without a vertex of their own, see [`super::annex`].
+    pub(super) fn follows_creases(&self) -> bool {
+        self.follows_creases
     }
 
     /// True if vertices are merged.

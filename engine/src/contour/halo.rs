@@ -7,8 +7,10 @@
 
 use super::field::Field;
 use super::joined;
+use super::leaves::Side;
 use super::planes::Plane;
-use super::surface::Surface;
+use super::surface::{Changes, Surface};
+use super::topology::Kind;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use std::sync::Arc;
@@ -29,6 +31,8 @@ enum Piece {
 pub(super) struct Halo<'a> {
     field: &'a Field<'a>,
     key: NodeKey,
+    /// Whether there are finer leaves around it.
+    has_finer: bool,
     /// The leaf itself in the middle, the 26 around it by direction.
     pieces: [Piece; 27],
 }
@@ -45,7 +49,8 @@ impl<'a> Halo<'a> {
     pub(super) fn new(field: &'a Field<'a>, leaf: u32) -> Result<Halo<'a>> {
         let mut pieces = [const { Piece::NotFetched }; 27];
         pieces[piece_index([0; 3])] = Piece::Fetched(field.surface(leaf)?);
-        Ok(Halo { field, key: field.leaves.get(leaf).key, pieces })
+        let has_finer = field.leaves.around(leaf).contains(&Side::Finer);
+        Ok(Halo { field, key: field.leaves.get(leaf).key, has_finer, pieces })
     }
 
     /// Fetches the leaves that hold the cells between the samples `low` and `high`.
@@ -76,7 +81,8 @@ impl<'a> Halo<'a> {
     fn plain(&self, cell: Place) -> Option<(&Surface, Place, [usize; 3])> {
         let d = cell.map(|c| c.div_euclid(SIDE));
         let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return None };
-        (!self.field.leaves.touches_finer(self.key, cell))
+        let may_touch = d != [0; 3] || self.has_finer;
+        (!may_touch || !self.field.leaves.touches_finer(self.key, cell))
             .then(|| (&**surface, d, cell.map(|c| c.rem_euclid(SIDE) as usize)))
     }
 
@@ -87,9 +93,18 @@ impl<'a> Halo<'a> {
 
     /// The number of loops of such a cell; 0 for others.
     pub(super) fn loops(&self, cell: Place) -> Result<u8> {
-        let Some((Surface::Changes(changes), d, cell)) = self.plain(cell) else { return Ok(0) };
-        let Some(key) = self.key.neighbour(d) else { return Ok(0) };
-        Ok(joined::kind(self.field, key, changes, cell)?.loops().count)
+        Ok(self.active(cell)?.map_or(0, |(_, _, kind)| kind.loops().count))
+    }
+
+    /// Such a cell, as its leaf sees it, if it has one loop.
+    pub(super) fn lone(&self, cell: Place) -> Result<Option<(&Changes, [usize; 3], Kind)>> {
+        Ok(self.active(cell)?.filter(|(_, _, kind)| kind.loops().count == 1))
+    }
+
+    fn active(&self, cell: Place) -> Result<Option<(&Changes, [usize; 3], Kind)>> {
+        let Some((Surface::Changes(changes), d, cell)) = self.plain(cell) else { return Ok(None) };
+        let Some(key) = self.key.neighbour(d) else { return Ok(None) };
+        Ok(Some((&**changes, cell, joined::kind(self.field, key, changes, cell)?)))
     }
 
     /// The crossings on the lattice edges between the samples `low` and `high`, both included, in an order that

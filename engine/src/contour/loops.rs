@@ -8,7 +8,7 @@ use super::topology::{KINDS, Kind, edge_lower};
 use std::sync::LazyLock;
 
 /// Loops of a cell, and pairs of them, at most.
-const LOOPS: usize = 4;
+pub(super) const LOOPS: usize = 4;
 const PAIRS: usize = LOOPS * (LOOPS - 1) / 2;
 
 /// What rounding may change of a sum of three numbers in 0..1.

@@ -22,6 +22,7 @@
 //! | `edges` | the edges of a row of cells |
 //! | `cells` | active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
+//! | `annex` | room beyond cells for vertices on creases |
 //! | `corner` | vertices at corners that no single cell sees |
 //! | `lone` | the vertices of a brick on its own, for builds |
 //! | `loops` | what belongs to one loop of a cell and what to another |
@@ -41,6 +42,7 @@
 //! | `sink` | arrays; STL, PLY and OBJ files |
 
 mod adaptive;
+mod annex;
 mod cache;
 mod cells;
 mod corner;
@@ -109,6 +111,10 @@ pub struct ContourOptions {
     pub tolerance: f64,
     /// How cells become triangles.
     pub method: Method,
+    /// Whether sharp edges are followed through cells that have no vertex of their own: they are nearer to the mesh by half
+    /// or more, in up to half as much time again, and some corners of theirs are lost. Of meshes by dual contouring in which no vertices
+    /// are merged.
+    pub follow_creases: bool,
     /// Folder in which triangles wait for the numbers of their vertices, if the sink writes a file; the file's own by default.
     pub temp_dir: Option<PathBuf>,
 }
@@ -131,6 +137,7 @@ impl Default for ContourOptions {
             cache_bytes: 512 << 20,
             tolerance: 0.0,
             method: Method::Dual,
+            follow_creases: false,
             temp_dir: None,
         }
     }

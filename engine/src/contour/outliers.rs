@@ -7,7 +7,7 @@
 use super::qef::{PULL, TRUNCATION_SQUARED, Vector};
 use super::solve::{GROUP, Lanes, Matrix, Vec3, load, on_faces};
 use super::symmetric::dot;
-use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, f64x8, mask64x8};
+use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, level, mask64x8};
 
 /// What is known of loops, term by term: matrix (6) and right-hand side (3) about the mass point, mass point (3), the
 /// minimiser anywhere (3), and the largest eigenvalue, below zero where these last two are not known.
@@ -48,7 +48,7 @@ impl Outliers {
         batch.used += 1;
         (batch.used == GROUP).then(|| {
             batch.used = 0;
-            (batch.names, minimisers(simd, &batch.terms, margin))
+            (batch.names, minimisers(simd, &batch.terms, cell(margin)))
         })
     }
 
@@ -57,7 +57,7 @@ impl Outliers {
     pub(super) fn drain<S: Simd>(&mut self, simd: S, margin: f64, mut each: impl FnMut(Name, Vector)) {
         for batch in &mut self.0 {
             if batch.used > 0 {
-                let points = minimisers(simd, &batch.terms, margin);
+                let points = minimisers(simd, &batch.terms, cell(margin));
                 batch
                     .names
                     .into_iter()
@@ -70,9 +70,20 @@ impl Outliers {
     }
 }
 
-/// The minimisers over the box `margin..1 − margin`, by lane.
+/// The box `margin..1 − margin`.
 #[inline(always)]
-pub(super) fn minimisers<S: Simd>(simd: S, terms: &Terms, margin: f64) -> [Vector; GROUP] {
+pub(super) fn cell(margin: f64) -> [Vector; 2] {
+    [[margin; 3], [1.0 - margin; 3]]
+}
+
+/// The minimiser of one loop over a box.
+pub(super) fn minimiser(terms: &[f64; 16], bounds: [Vector; 2]) -> Vector {
+    dispatch!(level(), simd => minimisers(simd, &terms.map(|term| [term; GROUP]), bounds)[0])
+}
+
+/// The minimisers over a box, by lane.
+#[inline(always)]
+pub(super) fn minimisers<S: Simd>(simd: S, terms: &Terms, bounds: [Vector; 2]) -> [Vector; GROUP] {
     let vector = |n: usize| {
         [
             f64x8::from_slice(simd, &terms[n]),
@@ -84,7 +95,7 @@ pub(super) fn minimisers<S: Simd>(simd: S, terms: &Terms, margin: f64) -> [Vecto
     let matrix = load(simd, &[a, b, c, d, e, f]);
     let (rhs, mass, mut at) = (vector(6), vector(9), vector(12));
     let mut largest = f64x8::from_slice(simd, &terms[15]);
-    let bounds = [f64x8::splat(simd, margin), f64x8::splat(simd, 1.0 - margin)];
+    let bounds = bounds.map(|corner| corner.map(|c| f64x8::splat(simd, c)));
     let is_unknown = largest.simd_lt(0.0);
     if is_unknown.any_true() {
         let (x, found) = by_rotations(simd, &matrix, rhs);
@@ -165,7 +176,7 @@ struct Bounded<S: Simd> {
     mass: Vec3<S>,
     /// The largest eigenvalue.
     largest: f64x8<S>,
-    bounds: [f64x8<S>; 2],
+    bounds: [Vec3<S>; 2],
 }
 
 impl<S: Simd> Bounded<S> {
@@ -180,9 +191,9 @@ impl<S: Simd> Bounded<S> {
         let none = mask64x8::splat(simd, false);
         let (mut beyond, mut is_within) = ([[none; 3]; 2], !none);
         for a in 0..3 {
-            beyond[0][a] = free[a].simd_lt(low);
-            beyond[1][a] = free[a].simd_gt(high);
-            is_within &= free[a].simd_ge(low) & free[a].simd_le(high);
+            beyond[0][a] = free[a].simd_lt(low[a]);
+            beyond[1][a] = free[a].simd_gt(high[a]);
+            is_within &= free[a].simd_ge(low[a]) & free[a].simd_le(high[a]);
         }
         let mut best = free;
         for best in &mut best {
@@ -202,8 +213,8 @@ impl<S: Simd> Bounded<S> {
                 continue;
             }
             let (x, point) = self.with_fixed(simd, digits);
-            for p in point {
-                is_tried &= !(p.simd_lt(low) | p.simd_gt(high));
+            for a in 0..3 {
+                is_tried &= !(point[a].simd_lt(low[a]) | point[a].simd_gt(high[a]));
             }
             let error = dot(x, self.matrix.times(x)) - dot(x, self.rhs) * 2.0 + dot(x, x) * PULL;
             let is_better = is_tried & error.simd_lt(least);
@@ -225,7 +236,7 @@ impl<S: Simd> Bounded<S> {
         let mut x = [zero; 3];
         for a in 0..3 {
             if is_fixed[a] {
-                x[a] = self.bounds[digits[a]] - self.mass[a];
+                x[a] = self.bounds[digits[a]][a] - self.mass[a];
             }
         }
         let moved = self.matrix.times(x);
@@ -247,7 +258,7 @@ impl<S: Simd> Bounded<S> {
         }
         let mut point = x;
         for a in 0..3 {
-            point[a] = if is_fixed[a] { self.bounds[digits[a]] } else { self.mass[a] + x[a] };
+            point[a] = if is_fixed[a] { self.bounds[digits[a]][a] } else { self.mass[a] + x[a] };
         }
         (x, point)
     }
@@ -312,7 +323,7 @@ mod tests {
         dispatch!(level(), simd => {
             let all = |c: f64| f64x8::splat(simd, c);
             let mut at = free.map(all);
-            let bounds = [all(margin), all(1.0 - margin)];
+            let bounds = [[all(margin); 3], [all(1.0 - margin); 3]];
             let matrix = Symmetric(centred.matrix.0.map(all));
             on_faces(&matrix, centred.rhs.map(all), centred.mass.map(all), all(largest), bounds, &mut at);
             at.map(|c| c[0])
@@ -337,7 +348,7 @@ mod tests {
                 terms.iter_mut().zip(values).for_each(|(term, value)| term[lane] = value);
                 expected.push((centred, free, largest, is_known));
             }
-            let points = dispatch!(level(), simd => minimisers(simd, &terms, margin));
+            let points = dispatch!(level(), simd => minimisers(simd, &terms, cell(margin)));
             for (point, (centred, mut free, largest, is_known)) in points.into_iter().zip(expected) {
                 if !is_known {
                     free = face_first(&centred, free, largest, margin);

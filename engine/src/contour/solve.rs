@@ -4,6 +4,7 @@
 //! width and whatever loops share its group. Lanes without a closed form, a few in a hundred, and minimisers outside
 //! their cell that do not lie on the one face that they are beyond are left to [`super::outliers`].
 
+use super::annex::SHARP;
 use super::outliers::Terms;
 use super::qef::{Qef, TRUNCATION_SQUARED, Vector, WideSums, most_least, ridge};
 use super::symmetric::{Symmetric, dot};
@@ -67,6 +68,8 @@ pub(super) struct Solved<S: Simd> {
     pub terms: Terms,
     /// Bit per loop: all normals agree so well that two eigenvalues are truncated anyway.
     pub flat: u64,
+    /// Bit per loop: its normals are as far apart as those at a crease that is followed ([`super::annex`]).
+    pub sharp: u64,
     /// Bit per loop: no point within [`REACH`] cells of its cell's centre along every axis is within the miss asked for
     /// of all planes.
     pub apart: u64,
@@ -121,7 +124,7 @@ impl Group {
     pub(super) fn points(&mut self, used: usize, margin: f64) -> [Vector; GROUP] {
         crate::wide::dispatch!(crate::wide::level(), simd => {
             let mut solved = self.solve(simd, used, margin, 0.01);
-            let left = super::outliers::minimisers(simd, &solved.terms, margin);
+            let left = super::outliers::minimisers(simd, &solved.terms, super::outliers::cell(margin));
             for lane in (0..used).filter(|lane| solved.left >> lane & 1 == 1) {
                 solved.points[lane] = left[lane];
             }
@@ -199,6 +202,7 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     let is_flat = (count - agreed).simd_le(agreed * TRUNCATION_SQUARED);
     let lanes = (1u64 << used) - 1;
     let flat = is_flat.to_bitmask() & lanes;
+    let sharp = (count - agreed).simd_gt(agreed * SHARP).to_bitmask() & lanes;
     // Neighbours are alike: most groups need one of the two.
     let mut free = if flat != 0 { along_normal(simd, &matrix, rhs, normals) } else { Truncated::none(simd) };
     if flat != lanes {
@@ -211,7 +215,7 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     }
     let mass = [mean[0] + half, mean[1] + half, mean[2] + half];
     let mut at = [mass[0] + free.x[0], mass[1] + free.x[1], mass[2] + free.x[2]];
-    let bounds = [f64x8::splat(simd, margin), f64x8::splat(simd, 1.0 - margin)];
+    let bounds = [[f64x8::splat(simd, margin); 3], [f64x8::splat(simd, 1.0 - margin); 3]];
     let done = on_faces(&matrix, rhs, mass, free.largest, bounds, &mut at);
     let left = lanes & !(done & free.is_sound.to_bitmask());
     let mut points = [[0.0; 3]; GROUP];
@@ -233,7 +237,7 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     }
     let sums = about_origin(simd, &planes, group);
     let apart = apart(&planes, miss).to_bitmask() & lanes;
-    Solved { points, left, terms, flat, apart, sums }
+    Solved { points, left, terms, flat, sharp, apart, sums }
 }
 
 /// Moves minimisers that are beyond one face of the box to those over the face, where these lie within the face and
@@ -245,25 +249,25 @@ pub(super) fn on_faces<S: Simd>(
     rhs: Vec3<S>,
     mass: Vec3<S>,
     largest: f64x8<S>,
-    [low, high]: [f64x8<S>; 2],
+    [low, high]: [Vec3<S>; 2],
     at: &mut Vec3<S>,
 ) -> u64 {
     let is_within = [
-        at[0].simd_ge(low) & at[0].simd_le(high),
-        at[1].simd_ge(low) & at[1].simd_le(high),
-        at[2].simd_ge(low) & at[2].simd_le(high),
+        at[0].simd_ge(low[0]) & at[0].simd_le(high[0]),
+        at[1].simd_ge(low[1]) & at[1].simd_le(high[1]),
+        at[2].simd_ge(low[2]) & at[2].simd_le(high[2]),
     ];
     let mut done = (is_within[0] & is_within[1] & is_within[2]).to_bitmask();
     let [xx, yy, zz, xy, yz, zx] = matrix.0;
     let (diagonal, opposite) = ([xx, yy, zz], [yz, zx, xy]);
     for a in 0..3 {
         let (b, c) = ((a + 1) % 3, (a + 2) % 3);
-        let is_below = at[a].simd_lt(low);
-        let is_beyond = (is_below | at[a].simd_gt(high)) & is_within[b] & is_within[c];
+        let is_below = at[a].simd_lt(low[a]);
+        let is_beyond = (is_below | at[a].simd_gt(high[a])) & is_within[b] & is_within[c];
         if !is_beyond.any_true() {
             continue;
         }
-        let face = is_below.select(low, high);
+        let face = is_below.select(low[a], high[a]);
         let [bb, cc, bc] = [diagonal[b], diagonal[c], opposite[a]];
         let from_mass = face - mass[a];
         let rhs = [rhs[b] - opposite[c] * from_mass, rhs[c] - opposite[b] * from_mass];
@@ -272,7 +276,7 @@ pub(super) fn on_faces<S: Simd>(
         let is_whole = determinant.simd_gt(largest * TRUNCATION_SQUARED * (bb + cc));
         let p = mass[b] + (cc * rhs[0] - bc * rhs[1]) / determinant;
         let q = mass[c] + (bb * rhs[1] - bc * rhs[0]) / determinant;
-        let is_on_face = p.simd_ge(low) & p.simd_le(high) & q.simd_ge(low) & q.simd_le(high);
+        let is_on_face = p.simd_ge(low[b]) & p.simd_le(high[b]) & q.simd_ge(low[c]) & q.simd_le(high[c]);
         let is_found = is_beyond & is_whole & is_on_face;
         at[a] = is_found.select(face, at[a]);
         at[b] = is_found.select(p, at[b]);

@@ -47,6 +47,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         cache_bytes: (cache_bytes - brick_bytes) as usize,
         tolerance: tolerance_in(args.tolerance, &store)?,
         method: args.method.into(),
+        follow_creases: args.follow_creases,
         temp_dir: args.temp_dir,
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;

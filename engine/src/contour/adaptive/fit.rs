@@ -9,7 +9,7 @@
 //!
 //! Without the direction the planes would say little: all planes of a thin fin pass close to a vertex at its foot.
 
-use super::super::outliers::minimisers;
+use super::super::outliers::{cell, minimisers};
 use super::super::qef::{Qef, Vector};
 use super::super::solve::{GROUP, Group};
 use super::super::symmetric::dot;
@@ -119,7 +119,7 @@ pub(super) fn best_points(
         let solved = group.solve(simd, parts.len(), margin, tolerance);
         let mut points = solved.points;
         if solved.left != 0 {
-            let others = minimisers(simd, &solved.terms, margin);
+            let others = minimisers(simd, &solved.terms, cell(margin));
             for lane in (0..parts.len()).filter(|lane| solved.left >> lane & 1 == 1) {
                 points[lane] = others[lane];
             }

@@ -1,6 +1,7 @@
 //! The whole pipeline on trees of every shape.
 
 mod adaptive;
+mod annex;
 mod check;
 mod fields;
 mod marching;
