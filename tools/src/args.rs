@@ -108,9 +108,9 @@ pub struct BuildArgs {
     /// Keep a brick undivided, too, if the boundary w = 0.5 within it is no farther than this from the mesh of the brick's
     /// own cells, as in 0.05mm: few bricks where the surface is flat. What lies inside of the boundary does not count, so
     /// overlaps may be left coarse. Walls, gaps, cavities and small bodies are found however thin, but for what lies
-    /// within this of the mesh, as low bumps. The mesh is then within this and 0.1 cell of the boundary, both ways and at the 99.9th percentile, or by no
-    /// more than that farther than the mesh of the store without it; that is no bound on the maximum. Of closed meshes
-    /// only, without --stddev and another --refine [default: 0, which divides every brick that a facet touches]
+    /// within this of the mesh, as low bumps. The mesh is then within this and 0.1 cell of the boundary, both ways and at
+    /// the 99.9th percentile, or by no more than that farther than the mesh of the store without it; that is no bound on
+    /// the maximum. Of closed meshes only, without --stddev and another --refine [default: 0, which divides every brick that a facet touches]
     #[arg(long, value_name = "LENGTH", default_value = "0", hide_default_value = true)]
     pub tolerance: Tolerance,
     /// Largest error of the samples where the input is open or a point cloud; 2.5e-4 to 0.5. Those of closed input are
