@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn a_limit_that_is_too_small_is_named() {
         let mut limits = vk::PhysicalDeviceLimits {
-            max_per_stage_descriptor_storage_buffers: 15,
+            max_per_stage_descriptor_storage_buffers: 14,
             max_descriptor_set_storage_buffers: 24,
             max_per_stage_resources: 128,
             max_compute_work_group_size: [128, 128, 64],
@@ -318,7 +318,7 @@ mod tests {
         assert_eq!(
             found,
             [
-                "maxPerStageDescriptorStorageBuffers of 15 (it has 8)",
+                "maxPerStageDescriptorStorageBuffers of 14 (it has 8)",
                 "maxComputeWorkGroupSize of 64 (it has 32)"
             ]
         );
