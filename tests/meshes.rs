@@ -57,18 +57,24 @@ fn root_of(soup: &Soup) -> RootCube {
 /// The mesh of a soup's tree, and what the judge says of it. Vertices are also welded by position, as a reader
 /// of an STL file would, where `weld` asks for it.
 fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
-    let tree = build_in_memory(&[soup], root_of(soup), options).unwrap_or_else(|e| panic!("{e}"));
-    let mut kept = Kept::default();
-    contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
-    let report = check(&kept.vertices, &kept.triangles);
-    assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
-    assert_eq!(meetings(&kept), [0; 2]);
+    let (kept, report) = contoured(soup, options, &ContourOptions::default());
     if weld {
         let facets: Vec<[[f32; 3]; 3]> =
             kept.triangles.iter().map(|t| t.map(|v| kept.vertices[v as usize].map(|c| c as f32))).collect();
         let welded = brickfield_bench_data::judge::mesh::check_soup(&facets);
         assert!(welded.is_closed_manifold(), "{welded}");
     }
+    (kept, report)
+}
+
+/// A mesh that is closed, oriented, manifold, and meets itself nowhere, and what the judge tells of it.
+fn contoured(soup: &Soup, options: TreeOptions, contouring: &ContourOptions) -> (Kept, Report) {
+    let tree = build_in_memory(&[soup], root_of(soup), options).unwrap_or_else(|e| panic!("{e}"));
+    let mut kept = Kept::default();
+    contour(&tree, contouring, &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
+    let report = check(&kept.vertices, &kept.triangles);
+    assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
+    assert_eq!(meetings(&kept), [0; 2]);
     (kept, report)
 }
 

@@ -1,9 +1,8 @@
 //! Meshes against the truth: how far surfaces are from the boundary of the union, both ways, and what they enclose.
 
-use super::{Kept, Soup, at_depth, file, meetings, meshed, root_of};
+use super::{Kept, Soup, at_depth, contoured, file, meshed, root_of};
 use brickfield_bench_data::judge::boundary::Union;
 use brickfield_bench_data::judge::distance::{Comparison, Distances, Question, Triangles, compare};
-use brickfield_bench_data::judge::mesh::check;
 use brickfield_bench_data::pile::sharp_part;
 use brickfield_bench_data::shapes::{cuboid, spiral_tube};
 use brickfield_bench_data::{Facet, Mesh};
@@ -70,23 +69,14 @@ fn a_part_of_sharp_pieces_keeps_its_edges() {
 #[test]
 fn followed_creases_keep_sharp_edges_closer() {
     let options = ContourOptions { follow_creases: true, ..Default::default() };
-    let followed = |soup: &Soup, depth: u8| {
-        let root = root_of(soup);
-        let tree = build_in_memory(&[soup], root, at_depth(depth)).unwrap_or_else(|e| panic!("{e}"));
-        let mut kept = Kept::default();
-        contour(&tree, &options, &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
-        let report = check(&kept.vertices, &kept.triangles);
-        assert!(report.is_closed_manifold() && report.is_oriented(), "{report}");
-        assert_eq!(meetings(&kept), [0; 2]);
-        (kept, root.spacing(depth))
-    };
     let soup: Soup = Mesh::merged(&sharp_part(1)).facets().collect();
-    let (kept, cell) = followed(&soup, 3);
+    let (kept, _) = contoured(&soup, at_depth(3), &options);
+    let cell = root_of(&soup).spacing(3);
     let creases = in_cells(compared(&soup, kept, cell, 10_000), cell).creases.expect("they were asked for");
     println!("creases: {creases:?}");
     assert!(creases.mean <= 0.01 && creases.count > 5000, "{creases:?}");
-    followed(&file("clover_beads.stl"), 2);
-    followed(&file("overlap_boxes.stl"), 2);
+    contoured(&file("clover_beads.stl"), at_depth(2), &options);
+    contoured(&file("overlap_boxes.stl"), at_depth(2), &options);
 }
 
 /// Walls in three directions, turned so that none is parallel to an axis: every room between them is a cavity.

@@ -61,17 +61,18 @@ impl<P: Copy> Undecided<P> {
         }
         let corners = evaluation.corners();
         // Where facets are many, most nodes show by their signs alone that they are too coarse.
-        if let Some(tolerance) = &rules.tolerance
-            && has_one_sheet(evaluation.samples())
-        {
-            let brick = evaluation.into_leaf()?;
-            let (brick, fits) = field.fits(evaluator, tolerance, self.as_leaf(&all), brick)?;
-            if fits {
-                return Ok(Decided::Leaf(brick));
+        let samples = match &rules.tolerance {
+            Some(tolerance) if has_one_sheet(evaluation.samples()) => {
+                let brick = evaluation.into_leaf()?;
+                let (brick, fits) = field.fits(evaluator, tolerance, self.as_leaf(&all), brick)?;
+                if fits {
+                    return Ok(Decided::Leaf(brick));
+                }
+                brick.into_samples()
             }
-            return Ok(Decided::Refined(Some(brick.into_samples()), self.children(field, corners)));
-        }
-        Ok(Decided::Refined(Some(evaluation.into_samples()), self.children(field, corners)))
+            _ => evaluation.into_samples(),
+        };
+        Ok(Decided::Refined(Some(samples), self.children(field, corners)))
     }
 
     /// The corners of the children, by octant, of a node that is refined whatever its samples are.

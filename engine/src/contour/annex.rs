@@ -21,7 +21,7 @@ use super::cells::Builder;
 use super::edges::EDGE_PLACES;
 use super::halo::{Halo, Place};
 use super::outliers::minimiser;
-use super::planes::Plane;
+use super::planes::{Plane, distance};
 use super::qef::{Qef, TRUNCATION_SQUARED, Vector};
 use super::surface::Changes;
 use super::symmetric::dot;
@@ -211,8 +211,8 @@ impl Crease {
 }
 
 /// True if a point is not on a plane.
-fn misses((point, normal): &Plane, at: &Vector) -> bool {
-    dot(*normal, std::array::from_fn(|a| at[a] - point[a])).abs() > FIT
+fn misses(plane: &Plane, at: &Vector) -> bool {
+    distance(plane, *at) > FIT
 }
 
 /// The cell that a cell would annex.
@@ -296,11 +296,12 @@ impl<'a> Claims<'a> {
         (0..6).all(is_plain).then(|| Claim { direction, distance: crease.distance(direction) })
     }
 
-    fn is_inactive(&self, cell: Place) -> bool {
+    /// Whether a plain cell has no sign change; what is about it must have been fetched.
+    pub(super) fn is_inactive(&self, cell: Place) -> bool {
         matches!(self.halo.plain_mask(cell), Some(0 | u8::MAX))
     }
 
-    /// The cell that annexes one without a sign change, unless its vertex has gone to a corner elsewhere.
+    /// The cell that annexes one without a sign change, if any does.
     pub(super) fn annexer(&mut self, cell: Place) -> Result<Option<Place>> {
         let mut best: Option<(f64, Place)> = None;
         for direction in 0..6 {

@@ -20,7 +20,7 @@
 use super::annex::{Claims, neighbour};
 use super::cells::{BrickCells, Builder, CELL_ROWS};
 use super::halo::{Halo, Named, Place};
-use super::planes::Plane;
+use super::planes::{Plane, distance};
 use super::qef::{PlaneSums, Qef};
 use super::symmetric::dot;
 use crate::error::Result;
@@ -237,8 +237,9 @@ impl Search<'_, '_> {
             if cell == home || cell == next {
                 continue;
             }
-            let is_inactive = matches!(self.claims.halo.plain_mask(cell), Some(0 | u8::MAX));
-            if !is_inactive || self.claims.annexer(cell)?.is_some_and(|annexer| annexer != next) {
+            if !self.claims.is_inactive(cell)
+                || self.claims.annexer(cell)?.is_some_and(|annexer| annexer != next)
+            {
                 return Ok(false);
             }
         }
@@ -359,8 +360,8 @@ fn near(rows: &[u32; CELL_ROWS], layer: usize) -> [u32; BRICK_CELLS] {
 }
 
 /// True if the corner is not on a crossing's plane.
-fn misses((point, normal): &Plane, corner: [f64; 3]) -> bool {
-    dot(*normal, std::array::from_fn(|a| corner[a] - point[a])).abs() > MISS
+fn misses(plane: &Plane, corner: [f64; 3]) -> bool {
+    distance(plane, corner) > MISS
 }
 
 /// The point where the planes of all crossings about a cell meet, if there is just one.

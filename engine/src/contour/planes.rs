@@ -1,5 +1,6 @@
 //! Hermite edges as contouring wants them: decoded.
 
+use super::symmetric::dot;
 use crate::brick::HermiteEdge;
 use crate::wide::{Select, Simd, SimdBase, SimdFloat, dispatch, f64x8, level};
 
@@ -8,6 +9,12 @@ const GROUP: usize = 8;
 
 /// A sign change on the boundary of a cell: where it lies in cell coordinates and the normal there.
 pub(super) type Plane = ([f64; 3], [f64; 3]);
+
+/// How far a point is from such a plane.
+#[inline]
+pub(super) fn distance((point, normal): &Plane, at: [f64; 3]) -> f64 {
+    dot(*normal, std::array::from_fn(|a| at[a] - point[a])).abs()
+}
 
 /// A decoded Hermite edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
