@@ -3,10 +3,10 @@
 //! [`Spec::write`] makes those that need nothing but this crate. [`Recipe::Swept`] is for whoever has a program that
 //! sweeps toolpaths; its hash tells whether that program still makes the triangles that figures were told of.
 
-use crate::Rng;
-use crate::pile::bead_pile;
+use crate::pile::{bead_pile, sharp_part};
 use crate::trig::sin_cos;
 use crate::write::StlWriter;
+use crate::{Mesh, Rng};
 use std::f64::consts::TAU;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -32,6 +32,8 @@ pub enum Recipe {
     Swept(&'static Toolpath, u32, u64),
     /// What is left of another input, a binary STL, when 3 of 100 facets are lost at random: cracks everywhere.
     Cracked(&'static Spec),
+    /// The sharp part of seed 1 and how many facets it has.
+    Part(u64),
     /// So many points `x,y,z` a line, at random in the box of the pile and a little around it.
     Points(u64),
     /// So many points with normals, `x y z nx ny nz` a line, scattered over a torus of radii 10 and 4.
@@ -112,6 +114,8 @@ specs! {
     CRACKED_CLOVER_3M = "cracked-clover-3m.stl", Recipe::Cracked(&CLOVER_3M), 0x4bed048b42e7f11e;
     /// 45,000,000 facets less 3 of 100.
     CRACKED_45M = "cracked-45m.stl", Recipe::Cracked(&PILE_45M), 0xafd986660d039bce;
+    /// A block with 56 bosses and 40 pockets.
+    PART = "part.stl", Recipe::Part(9_448), 0xf3846dfa989db447;
     /// A cloud of two thousand points.
     TORUS_2K = "torus-2k.xyz", Recipe::Torus(2_000), 0xa49fd8e33146c0c3;
     /// A cloud of twenty thousand points.
@@ -131,7 +135,7 @@ impl Spec {
     pub fn bytes_max(&self) -> u64 {
         let stl = |facets: u64| STL_HEAD as u64 + STL_FACET as u64 * facets;
         match self.recipe {
-            Recipe::Pile(facets) | Recipe::Swept(_, _, facets) => stl(facets),
+            Recipe::Pile(facets) | Recipe::Swept(_, _, facets) | Recipe::Part(facets) => stl(facets),
             Recipe::Cracked(base) => base.bytes_max(),
             // Three and six numbers of at most 24 digits and a mark behind each.
             Recipe::Points(count) => 75 * count,
@@ -149,6 +153,11 @@ impl Spec {
                 let pile = bead_pile(1, facets, PILE_SIZE);
                 let mut stl = StlWriter::new(&mut out, pile.triangles())?;
                 pile.into_iter().try_for_each(|bead| stl.mesh(&bead))?;
+                stl.finish().map(drop)
+            }
+            Recipe::Part(facets) => {
+                let mut stl = StlWriter::new(&mut out, facets)?;
+                stl.mesh(&Mesh::merged(&sharp_part(1)))?;
                 stl.finish().map(drop)
             }
             Recipe::Swept(..) => Err(io::Error::other("toolpaths are swept elsewhere")),
@@ -228,7 +237,7 @@ mod tests {
     #[test]
     fn the_small_ones_have_their_hashes() {
         let folder = tempfile::tempdir().unwrap();
-        for spec in [&PILE_50K, &CRACKED_50K, &TORUS_2K] {
+        for spec in [&PILE_50K, &CRACKED_50K, &PART, &TORUS_2K] {
             let base = spec.base().map(|base| folder.path().join(base.name));
             let mut out = Hashed::new(File::create(folder.path().join(spec.name)).unwrap());
             spec.write(base.as_deref(), io::BufWriter::new(&mut out)).unwrap();

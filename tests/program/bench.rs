@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use serde_json::{Value, json};
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -128,7 +129,7 @@ fn a_report_has_plots() {
 fn peers_that_fail_say_so_in_their_rows() {
     let dir = Scratch::new();
     let (cache, output) = (dir.path("cache"), dir.path("a.json"));
-    let args = ["bench", "points", "--quick", "--rounds", "1", "--peers=false"];
+    let args = ["bench", "points", "mesh", "unions", "--quick", "--rounds", "1", "--peers=false"];
     let told = program().args(args).arg("--cache").arg(&cache).arg("-o").arg(&output).output();
     let told: Run = told.expect("it runs").into();
     assert_eq!(told.status, Some(0), "{}", told.stderr);
@@ -137,7 +138,7 @@ fn peers_that_fail_say_so_in_their_rows() {
     let figures = value["figures"].as_array().expect("figures").iter().filter(|f| f["suite"] == "peers");
     let (ours, theirs): (Vec<&Value>, Vec<&Value>) =
         figures.partition(|figure| figure["job"].as_str().is_some_and(|job| job.starts_with("this program")));
-    assert!(ours.len() == 5 && theirs.len() > 5, "{} {}", ours.len(), theirs.len());
+    assert!(ours.len() == 29 && theirs.len() == 34, "{} {}", ours.len(), theirs.len());
     assert!(theirs.iter().all(|f| f["failed"].is_string() && f["rounds"] == json!([])), "{theirs:?}");
     // Closed soups are exact, and open ones within what was asked for.
     for figure in ours.iter().filter(|figure| figure["facts"].get("judged").is_some()) {
@@ -149,12 +150,27 @@ fn peers_that_fail_say_so_in_their_rows() {
         let counted: u64 = bins.iter().filter_map(|bin| bin["samples"].as_u64()).sum();
         assert_eq!(json!(counted), figure["facts"]["judged"], "{figure}");
     }
+    // A mesh is the same in memory and in a file, and no triangles of it meet.
+    let contours = ours.iter().filter(|figure| figure["at"].get("cells").is_some());
+    let triangles: Vec<&Value> = contours.clone().map(|figure| &figure["facts"]["triangles"]).collect();
+    assert!(triangles.chunks(2).all(|pair| pair[0] == pair[1] && pair[0].is_u64()), "{triangles:?}");
+    assert_eq!(contours.clone().filter(|figure| figure["facts"]["pairs"] == json!(0)).count(), 12);
     run(&[&"bench", &"compare", &output, &output]).ok();
     run(&[&"bench", &"report", &output, &"-o", &dir.path("r.md")]).ok();
     let text = fs::read_to_string(dir.path("r.md")).unwrap();
     assert!(text.contains("failed: ") && text.contains("(r-errors-cracked-50k.svg)"), "{text}");
+    assert!(text.contains("| million triangles/s | pairs |"), "{text}");
     let picture = fs::read_to_string(dir.path("r-errors-cracked-50k.svg")).unwrap();
     assert!(picture.contains("this program, build and export"), "{picture}");
+}
+
+#[test]
+fn peers_are_not_asked_for_what_they_cannot_do() {
+    let dir = Scratch::new();
+    let args: [&dyn AsRef<OsStr>; 6] =
+        [&"bench", &"scale", &"--quick", &"--peers=false", &"--cache", &dir.path("cache")];
+    let line = run(&args).misused();
+    assert!(line.contains("--peers") && line.contains("mesh"), "{line}");
 }
 
 #[test]

@@ -55,8 +55,9 @@ pub struct BenchRunArgs {
     /// How often every figure is measured
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub rounds: u16,
-    /// Also ask other programs the same questions, by turns with this one, through the Python of the environment that
-    /// bench-data/peers/setup makes [default: peers/bin/python in the cache folder]
+    /// Also ask other programs such questions, by turns with this one, through the Python of the environment that
+    /// bench-data/peers/setup makes: samples with `paper` and `points`, contouring with `mesh`, the union of all pieces with
+    /// `unions` [default: peers/bin/python in the cache folder]
     #[arg(long, value_name = "PYTHON", num_args = 0..=1, require_equals = true)]
     pub peers: Option<Option<OsString>>,
     /// Write everything that was measured, every round of it, as JSON

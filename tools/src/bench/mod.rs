@@ -3,12 +3,13 @@
 //! Suites are lists of jobs, jobs are commands of this program (`plan`, `suites`, `paper`) that are run as processes of
 //! their own (`child`), on inputs that are made once (`inputs`), beside the read floor (`floor`). What was measured is
 //! one file (`result`), for people a table (`table`), compared with another (`compare`) or shown (`report`,
-//! `sections`, `plots`). Other programs are asked by `peers`. Instructions are counted apart (`instructions`,
+//! `sections`, `plots`). Other programs are asked by `peers` and `contours`. Instructions are counted apart (`instructions`,
 //! `callgrind`).
 
 mod callgrind;
 mod child;
 mod compare;
+mod contours;
 mod floor;
 mod histogram;
 mod inputs;
@@ -67,7 +68,13 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
     suites.sort_unstable();
     suites.dedup();
     let asked = suites.iter().flat_map(|&suite| suites::inputs(suite, args.quick, args.full));
-    let asked: Vec<_> = asked.chain(args.peers.iter().flat_map(|_| peers::inputs(args.quick))).collect();
+    let topics = args.peers.as_ref().map(|_| {
+        let why = "--peers goes with paper, points, mesh or unions: other programs are not asked for what other suites do";
+        peers::Topics::of(&suites).ok_or_else(|| Failure::Usage(why.to_owned()))
+    });
+    let topics = topics.transpose()?;
+    let asked: Vec<_> =
+        asked.chain(topics.iter().flat_map(|&topics| peers::inputs(topics, args.quick))).collect();
     cache.require_room(&asked, scratch_bytes(args.quick, args.full))?;
     let begun = Instant::now();
     let (date, load) = (machine::date(), machine::load());
@@ -95,10 +102,12 @@ fn measure(args: BenchRunArgs) -> Result<(), Failure> {
         let name = name_of(suite);
         with_bench(&cache, &bars, &mut results, |bench, rounds| measure_suite(suite, &name, bench, rounds))?;
     }
-    if let Some(python) = &args.peers {
+    if let (Some(python), Some(topics)) = (&args.peers, topics) {
         let python = python.clone().unwrap_or_else(|| peers::default_python(cache.folder()));
         results.settings.suites.push(peers::PEERS.to_owned());
-        with_bench(&cache, &bars, &mut results, |bench, rounds| peers::measure(bench, &python, rounds))?;
+        with_bench(&cache, &bars, &mut results, |bench, rounds| {
+            peers::measure(bench, topics, &python, rounds)
+        })?;
     }
     bars.clear();
     results.seconds = begun.elapsed().as_secs_f64();

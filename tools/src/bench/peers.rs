@@ -1,18 +1,23 @@
 //! Other programs asked the same questions, by turns with this one: samples of a grid, meshes of a dense array, the
-//! union of all pieces. Each peer is a process of its own that tells how long its answer took, reading not counted.
+//! union of all pieces, and contouring alone (`contours`). Each peer is a process of its own that tells how long its answer
+//! took, reading not counted.
 
 use crate::bench::child::{self, Ran};
+use crate::bench::contours;
 use crate::bench::floor::read_floor;
 use crate::bench::histogram::Histogram;
 use crate::bench::plan::{Bench, Line, figure};
 use crate::bench::result::{Figure, Round};
 use crate::bench::suites::out;
+use crate::bench_args::SuiteArg;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::line;
 use anyhow::Context;
 use brickfield_bench_data::inputs::{self, Spec};
 use brickfield_bench_data::{ASK_PEER, Rng};
+use brickfield_engine::check::check;
+use brickfield_engine::ingest::Input;
 use serde_json::{Map, Value, json};
 use std::ffi::{OsStr, OsString};
 use std::fs;
@@ -22,12 +27,14 @@ use std::time::Duration;
 
 /// The name of the suite.
 pub const PEERS: &str = "peers";
+/// The script that asks a peer.
+const SCRIPT: &str = "peers.py";
 /// Samples an axis of the grids, those of level 1, and of the dense array, those of level 2.
 const SAMPLES: u32 = 64;
 /// Samples that are judged by the sum over all triangles.
 const JUDGED: usize = 200;
 /// No peer takes longer.
-const LIMIT: Duration = Duration::from_secs(600);
+pub const LIMIT: Duration = Duration::from_secs(600);
 /// One that takes longer is asked in one round only.
 const LONG: Duration = Duration::from_secs(60);
 /// Depth of this program's union, and OpenVDB's cells along the longest side, which are as large.
@@ -36,21 +43,58 @@ const UNION_DEPTH: u32 = 4;
 const PIECE: u32 = brickfield_bench_data::pile::FACETS_PER_BEAD;
 
 /// Something asked of somebody.
-struct Question {
+pub struct Question {
     figure: Figure,
     input: &'static Spec,
     who: Who,
     /// It took so long that once is enough.
     is_long: bool,
-    /// Flat indices of the samples that are judged, and what they are.
+    /// What the judged samples are.
     judged: Option<Vec<f64>>,
+    /// Who writes the mesh as `out/mesh.ply`, to be checked once.
+    check: Option<Who>,
 }
 
-enum Who {
+pub enum Who {
     /// This program: the commands, and one that prints the judged samples.
     Us(Vec<Line>, Option<Line>),
+    /// A function of this program, called in its own process, and what it tells.
+    Here(Box<dyn Fn() -> Result<Value, Failure>>),
     /// A function of the script and the file of its question.
     Peer(&'static str, String),
+}
+
+impl Question {
+    /// With nothing to be judged or checked.
+    pub fn new(figure: Figure, input: &'static Spec, who: Who) -> Question {
+        Question { figure, input, who, is_long: false, judged: None, check: None }
+    }
+
+    /// Says how many pairs of triangles meet in the mesh that `who` writes.
+    pub fn checked_by(self, who: Who) -> Question {
+        Question { check: Some(who), ..self }
+    }
+}
+
+/// Which questions belong to the suites that were asked for.
+#[derive(Clone, Copy)]
+pub struct Topics {
+    samples: bool,
+    meshes: bool,
+    unions: bool,
+}
+
+impl Topics {
+    /// None if no question belongs to them.
+    pub fn of(suites: &[SuiteArg]) -> Option<Topics> {
+        let any = |of: &[SuiteArg]| suites.iter().any(|suite| of.contains(suite));
+        let topics = Topics {
+            samples: any(&[SuiteArg::Paper, SuiteArg::Points]),
+            meshes: any(&[SuiteArg::Mesh]),
+            unions: any(&[SuiteArg::Unions]),
+        };
+        (topics.samples || topics.meshes || topics.unions).then_some(topics)
+    }
 }
 
 /// A closed soup, an open one, a large one; and the pieces that are united.
@@ -61,22 +105,38 @@ fn soups(quick: bool) -> ([&'static Spec; 3], &'static Spec) {
     }
 }
 
-/// All inputs.
-pub fn inputs(quick: bool) -> impl Iterator<Item = &'static Spec> {
+/// All inputs; those that have others for a base stand behind them.
+pub fn inputs(topics: Topics, quick: bool) -> Vec<&'static Spec> {
     let (soups, united) = soups(quick);
-    soups.into_iter().chain([united])
+    let mut inputs = Vec::new();
+    inputs.extend(soups.into_iter().filter(|_| topics.samples));
+    inputs.extend(contours::inputs(quick).into_iter().chain([soups[0]]).filter(|_| topics.meshes));
+    inputs.extend([united].into_iter().filter(|_| topics.unions));
+    inputs.into_iter().flat_map(|spec| spec.base().into_iter().chain([spec])).collect()
 }
 
 /// Asks all, `rounds` times by turns.
-pub fn measure(bench: &mut Bench<'_>, python: &OsStr, rounds: u16) -> Result<Vec<Figure>, Failure> {
-    fs::write(bench.folder.join("peers.py"), ASK_PEER).context("peers.py: cannot be written")?;
+pub fn measure(
+    bench: &mut Bench<'_>,
+    topics: Topics,
+    python: &OsStr,
+    rounds: u16,
+) -> Result<Vec<Figure>, Failure> {
+    fs::write(bench.folder.join(SCRIPT), ASK_PEER).context("peers.py: cannot be written")?;
     let mut questions = Vec::new();
     let (soups, united) = soups(bench.quick);
-    for soup in soups {
-        ask_for_samples(bench, soup, &mut questions)?;
+    if topics.samples {
+        for soup in soups {
+            ask_for_samples(bench, soup, &mut questions)?;
+        }
     }
-    ask_for_meshes(bench, soups[0], &mut questions)?;
-    ask_for_union(bench, united, &mut questions)?;
+    if topics.meshes {
+        ask_for_meshes(bench, soups[0], &mut questions)?;
+        contours::ask(bench, python, &mut questions)?;
+    }
+    if topics.unions {
+        ask_for_union(bench, united, &mut questions)?;
+    }
     for round in 1..=rounds {
         bench.progress.phase(&format!("{PEERS} {round}/{rounds}"), Some(questions.len() as u64), "answers");
         for question in &mut questions {
@@ -107,19 +167,17 @@ fn ask_for_samples(
     bench.progress.phase("adding up what is exact", None, "");
     let brute = line!["winding", &path, "--points", &points, "--brute", "--quiet"];
     let judged = Some(values_of(&child::run_self(&brute, &bench.folder)?));
-    let file = format!("{stem}.question");
     let indices: Vec<usize> = check.iter().map(|(index, _)| *index).collect();
     let (origin, spacing) = (&grid["origin"], &grid["spacing"]);
     let told =
         json!({"soup": path, "samples": SAMPLES, "origin": origin, "spacing": spacing, "check": indices});
-    fs::write(bench.folder.join(&file), told.to_string())
-        .with_context(|| format!("{file}: cannot be written"))?;
+    let file = put_question(bench, &format!("{stem}.question"), &told)?;
     let export = line!["export", out("part.brf"), "--level", "1", "-o", out("w.npy"), "--quiet"];
     let ours = vec![bench.build(&path, &out("part.brf"), &words), export];
     let sample = line!["sample", &store, "--points", &points];
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, {SAMPLES}³ samples"), &[]);
-        questions.push(Question { figure, input: soup, who, is_long: false, judged: judged.clone() });
+        questions.push(Question { judged: judged.clone(), ..Question::new(figure, soup, who) });
     };
     ask("this program, build and export", Who::Us(ours, Some(sample)));
     ask("libigl, fast winding number", Who::Peer("libigl-fast", file.clone()));
@@ -162,12 +220,10 @@ fn ask_for_meshes(
     let export = line!["export", "mesh.brf", "--level", "2", "-o", "mesh.npy", "--quiet", "--json"];
     let grid = bench.prepare(export)?;
     let told = json!({"array": "mesh.npy", "spacing": grid["spacing"]});
-    let file = "mesh.question".to_owned();
-    fs::write(bench.folder.join(&file), told.to_string())
-        .with_context(|| format!("{file}: cannot be written"))?;
+    let file = put_question(bench, "mesh.question", &told)?;
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, mesh of 128³ samples"), &[]);
-        questions.push(Question { figure, input: soup, who, is_long: false, judged: None });
+        questions.push(Question::new(figure, soup, who));
     };
     let ours = line!["mesh", "mesh.brf", "-o", out("mesh.stl"), "--quiet", "--json"];
     ask("this program, mesh to STL", Who::Us(vec![ours], None));
@@ -183,16 +239,14 @@ fn ask_for_union(
     questions: &mut Vec<Question>,
 ) -> Result<(), Failure> {
     let path = bench.input(soup)?;
-    let file = "union.question".to_owned();
     let cells = 32u32 << UNION_DEPTH;
     let told = json!({"soup": path, "piece": PIECE, "cells": cells, "threads": bench.threads});
-    fs::write(bench.folder.join(&file), told.to_string())
-        .with_context(|| format!("{file}: cannot be written"))?;
+    let file = put_question(bench, "union.question", &told)?;
     let build = bench.build(&path, &out("part.brf"), &["--depth", &UNION_DEPTH.to_string()]);
     let mesh = line!["mesh", out("part.brf"), "-o", out("mesh.stl"), "--quiet", "--json"];
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, union"), &[]);
-        questions.push(Question { figure, input: soup, who, is_long: false, judged: None });
+        questions.push(Question::new(figure, soup, who));
     };
     let ours = format!("this program, build --depth {UNION_DEPTH} and mesh");
     ask(&ours, Who::Us(vec![build, mesh], None));
@@ -210,9 +264,9 @@ fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<
     }
     let floor_seconds = read_floor(&bench.cache.path(question.input), true)?;
     let empty = Round { seconds: 0.0, cpu_seconds: 0.0, floor_seconds, anonymous_bytes: 0 };
+    bench.empty_out()?;
     let (round, told) = match &question.who {
         Who::Us(lines, sample) => {
-            bench.empty_out()?;
             let (mut round, mut told) = (empty, Map::new());
             for line in lines {
                 let ran = child::run_self(line, &bench.folder)?;
@@ -225,28 +279,67 @@ fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<
             }
             (round, Value::Object(told))
         }
-        Who::Peer(name, file) => {
-            let mut command = Command::new(python);
-            command.args(["peers.py", name, file]);
-            match child::run(command, &bench.folder, Some(LIMIT)) {
-                Ok(ran) => {
-                    let told: Value = serde_json::from_slice(&ran.printed).unwrap_or(Value::Null);
-                    let mut round = empty;
-                    round.add(&ran);
-                    question.is_long = ran.seconds > LONG.as_secs_f64();
-                    round.seconds = told["seconds"].as_f64().unwrap_or(0.0);
-                    (round, told)
-                }
-                Err(failure) if interrupt::requested() => return Err(failure),
-                Err(failure) => {
-                    question.figure.rounds.clear();
-                    question.figure.failed = Some(why(&failure));
-                    return Ok(());
-                }
-            }
+        Who::Here(work) => {
+            let (ran, told) = child::here(work)?;
+            let mut round = empty;
+            round.add(&ran);
+            (round, told)
         }
+        Who::Peer(name, file) => match child::run(command(python, name, file), &bench.folder, Some(LIMIT)) {
+            Ok(ran) => {
+                let told: Value = serde_json::from_slice(&ran.printed).unwrap_or(Value::Null);
+                let mut round = empty;
+                round.add(&ran);
+                question.is_long = ran.seconds > LONG.as_secs_f64();
+                round.seconds = told["seconds"].as_f64().unwrap_or(0.0);
+                (round, told)
+            }
+            Err(failure) if interrupt::requested() => return Err(failure),
+            Err(failure) => {
+                question.figure.rounds.clear();
+                question.figure.failed = Some(why(&failure));
+                return Ok(());
+            }
+        },
     };
     tell(question, round, &told);
+    match question.check.take() {
+        Some(who) => tell_pairs(question, &who, bench, python),
+        None => Ok(()),
+    }
+}
+
+/// A question to a peer as it is run in the suite's folder.
+pub fn command(python: &OsStr, name: &str, file: &str) -> Command {
+    let mut command = Command::new(python);
+    command.args([SCRIPT, name, file]);
+    command
+}
+
+/// Writes what a peer is asked.
+pub fn put_question(bench: &Bench<'_>, name: &str, told: &Value) -> Result<String, Failure> {
+    let written = fs::write(bench.folder.join(name), told.to_string());
+    written.with_context(|| format!("{name}: cannot be written"))?;
+    Ok(name.to_owned())
+}
+
+/// Has the mesh written and counts the pairs of triangles that meet where they must not.
+fn tell_pairs(question: &mut Question, who: &Who, bench: &Bench<'_>, python: &OsStr) -> Result<(), Failure> {
+    bench.empty_out()?;
+    match who {
+        Who::Us(lines, _) => {
+            for line in lines {
+                child::run_self(line, &bench.folder)?;
+            }
+        }
+        Who::Here(work) => drop(work()?),
+        Who::Peer(name, file) => {
+            child::run(command(python, name, file), &bench.folder, Some(LIMIT))?;
+        }
+    }
+    let mesh = Input::open(&bench.folder.join(out("mesh.ply")), bench.progress)?;
+    let pairs = check(&mesh, false, bench.progress)?.intersections.pairs;
+    question.figure.facts.insert("pairs".to_owned(), pairs.into());
     Ok(())
 }
 
@@ -264,6 +357,10 @@ fn tell(question: &mut Question, mut round: Round, told: &Value) {
         round.seconds *= f64::from(SAMPLES).powi(3) / of;
         // Most of it is reading the file.
         round.cpu_seconds = 0.0;
+    }
+    // Of the answer alone.
+    if let Some(seconds) = told["cpu_seconds"].as_f64() {
+        round.cpu_seconds = seconds;
     }
     // Of a program that Python has run.
     if let Some(bytes) = told["anonymous_bytes"].as_u64() {

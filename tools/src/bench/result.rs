@@ -111,7 +111,7 @@ pub struct Round {
     pub cpu_seconds: f64,
     /// The read floor of the input just before.
     pub floor_seconds: f64,
-    /// The most anonymous memory of the process; 0 if it ended too soon to be seen.
+    /// The most anonymous memory of the process; 0 if it ended too soon to be seen, or is this one.
     pub anonymous_bytes: u64,
 }
 

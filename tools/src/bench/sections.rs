@@ -1,5 +1,6 @@
 //! What a report tells: tables and plots of results.
 
+use crate::bench::contours;
 use crate::bench::histogram::{self, Histogram, Panel};
 use crate::bench::paper::{Row, SAMPLES, TABLE_3};
 use crate::bench::peers::PEERS;
@@ -44,6 +45,11 @@ pub fn sections(results: &[Results]) -> anyhow::Result<Vec<Section>> {
             }
             if suite == PEERS {
                 section.text.push(ERRORS.to_owned());
+                let contours = contours::table(result);
+                if !contours.rows.is_empty() {
+                    section.text.push(CONTOURS.to_owned());
+                    section.tables.push(contours);
+                }
                 let of = if results.len() > 1 { format!("{}-", number + 1) } else { String::new() };
                 section.plots = errors(result, &of)?;
             }
@@ -75,6 +81,12 @@ const PAPER: &str = "Peelar et al. 2019, Table 3: the sum over all triangles on 
 const ERRORS: &str = "Times of peers are without reading their input, this program's with it. Errors are those of \
     samples at random within the input's box against the sum of solid angles over all triangles in double precision, \
     whose own rounding is 1e-15 to 1e-13.";
+
+const CONTOURS: &str = "Last, contouring alone: of peers from a field in memory, of this program from the store, to arrays \
+    in memory and to a durable file. Their field holds signed distances to this program's uniform mesh in cells, cut off at \
+    three, at the samples of the store; processor time is of contouring alone, and memory is without the field, which is \
+    mapped, but for OpenVDB, whose own grid counts. fidget meshes a function, the maxima of the planes of the convex pieces of \
+    the part. Pairs of triangles that meet where they must not are those of `mesh --check`.";
 
 /// Errors of all who gave winding numbers, a picture for each input.
 fn errors(result: &Results, of: &str) -> anyhow::Result<Vec<Drawing>> {

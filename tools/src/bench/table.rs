@@ -152,7 +152,8 @@ fn unless_extrapolated(figure: &Figure, text: String) -> String {
     if figure.extrapolated { "–".to_owned() } else { text }
 }
 
-fn memory(figure: &Figure) -> String {
+/// The most that was seen.
+pub fn memory(figure: &Figure) -> String {
     match figure.anonymous_bytes() {
         0 => "not seen".to_owned(),
         bytes => Size(bytes).to_string(),
@@ -182,6 +183,7 @@ fn facts(figure: &Figure) -> String {
              {max:.3}, 99.9 % of the truth at gaps of 2 cells and more within {clear:.3} of the mesh"
         ));
     }
+    told.extend(fact("pairs").map(|pairs| format!("{pairs} pairs of triangles meet")));
     told.extend(fact("volume").map(|volume| format!("volume {volume:.1}")));
     told.extend(
         figure.facts.get("version").and_then(Value::as_str).map(|version| format!("version {version}")),
