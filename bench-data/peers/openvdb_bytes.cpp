@@ -2,7 +2,7 @@
 // floats and in halves, with each compression that the library was built with; and as a NanoVDB file, in floats and
 // quantized to 4, 8, 16 and a variable number of bits, where that library's headers are there.
 //
-//     apt-get install g++ libopenvdb-dev            (or OpenVDB built from source)
+//     apt-get install g++ libopenvdb-dev libboost-dev     (or OpenVDB built from source)
 //     g++ -O3 -march=native -std=c++17 openvdb_bytes.cpp -o openvdb_bytes -lopenvdb -ltbb
 //     ./openvdb_bytes pile.stl 1024 3 /tmp/band     (cells along the longest side, half width of the band in voxels)
 //

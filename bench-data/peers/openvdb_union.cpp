@@ -1,6 +1,6 @@
 // The union of a soup of closed pieces by OpenVDB: meshToVolume, then volumeToMesh of the level set.
 //
-//     apt-get install g++ libopenvdb-dev            (or OpenVDB built from source)
+//     apt-get install g++ libopenvdb-dev libboost-dev     (or OpenVDB built from source)
 //     g++ -O3 -march=native -std=c++17 openvdb_union.cpp -o openvdb_union -lopenvdb -ltbb
 //     ./openvdb_union pile.stl 512 2 mesh.stl       (cells along the longest side, threads; the mesh's file may be left out)
 //
