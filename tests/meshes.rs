@@ -227,6 +227,7 @@ fn leaves_of_many_levels_give_closed_manifolds() {
             mixed += contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap().mixed_cells;
             let report = check(&kept.vertices, &kept.triangles);
             assert!(report.is_closed_manifold(), "{refine:?} {stddev}: {report}");
+            assert_eq!(meetings(&kept), [0; 2], "{refine:?} {stddev}");
         }
     }
     assert!(mixed > 1000, "{mixed}");

@@ -11,29 +11,32 @@
 //! always split. A face belongs to the finer of its two cells, and to the upper one where they have the same
 //! size; every leaf around asks the one that owns it.
 
+mod cones;
 mod special;
 
 use super::annex::Direction;
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
-use super::extras::{Extra, SplitVertex, face_key, found_extra, middle, plain_edge_key};
-use super::field::{Field, Frame};
+use super::envelope::MinimalEdge;
+use super::extras::{Extra, Face, SplitPlace, SplitVertex, face_key, found_extra, middle, plain_edge_key};
+use super::field::{Field, Frame, Lattice};
 use super::halo::Place;
 use super::joined;
 use super::leaves::{Around, Side, direction_index};
-use super::mixed::{Split, Surroundings};
+use super::mixed::Surroundings;
 use super::outliers::{self, Outliers, minimisers};
 use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
 use super::surface::{Changes, Surface};
-use super::topology::{CellLoops, Kind, NO_LOOP};
+use super::topology::{CellLoops, Kind, NO_LOOP, edge_lower};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use crate::wide::{Simd, dispatch, level};
 use std::sync::{Mutex, PoisonError};
 
+use cones::Several;
 use special::apart;
 pub(super) use special::within;
 
@@ -110,6 +113,7 @@ impl BrickCells {
         builder.fill(surroundings.as_mut())?;
         builder.complete_corners()?;
         builder.separate_loops();
+        builder.separate_cones();
         Ok(builder.finish())
     }
 
@@ -175,12 +179,22 @@ impl BrickCells {
     /// The vertex of the loop of `cell` through a minimal edge: number `edge` of the cell's own 12 if the
     /// cell is plain, named `key` relative to the cell's lower corner.
     pub(super) fn vertex(&self, cell: [usize; 3], edge: usize, key: u64) -> Option<u32> {
-        let row = self.row(cell[1], cell[2]);
-        if row.mixed >> cell[0] & 1 == 0 {
+        if !self.is_mixed(cell) {
             return self.plain_vertex(cell, edge);
         }
         let edges = self.mixed_edges_of(cell);
         edges.binary_search_by_key(&key, |e| e.0).ok().map(|n| edges[n].1)
+    }
+
+    /// Whether a cell next to finer leaves has several loops.
+    pub(super) fn has_several_loops(&self, cell: [usize; 3]) -> bool {
+        let edges = if self.is_mixed(cell) { self.mixed_edges_of(cell) } else { &[] };
+        edges.iter().any(|(_, vertex)| *vertex != edges[0].1)
+    }
+
+    /// Whether a cell is active and next to finer leaves.
+    pub(super) fn is_mixed(&self, cell: [usize; 3]) -> bool {
+        self.row(cell[1], cell[2]).mixed >> cell[0] & 1 == 1
     }
 
     /// Minimal edges of a mixed cell with the vertex of their loop, sorted.
@@ -266,11 +280,21 @@ pub(super) struct Builder<'a> {
     pub apart: Box<[u32; CELL_ROWS]>,
     /// Extra vertices come after all others.
     splits: Vec<SplitVertex>,
+    /// Mixed cells with several loops.
+    several: Vec<Several>,
     /// Loops whose vertices are placed next; these are the last ones.
     group: Group,
     waiting: Vec<Waiting>,
     /// Lone vertices that need more, of groups before.
     outliers: Outliers,
+}
+
+/// What is beyond a face of a plain cell.
+enum Beyond {
+    /// A plain cell of its size.
+    Plain,
+    /// A cell next to leaves of other levels.
+    Uneven,
 }
 
 /// A loop in a group.
@@ -330,6 +354,7 @@ impl<'a> Builder<'a> {
             sum: PlaneSums::default(),
             apart: Box::new([0; CELL_ROWS]),
             splits: Vec::new(),
+            several: Vec::new(),
             group: Group::default(),
             waiting: Vec::with_capacity(GROUP),
             outliers: Outliers::default(),
@@ -498,44 +523,63 @@ impl<'a> Builder<'a> {
     ) -> Result<()> {
         for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
             let (axis, side) = (Axis::ALL[face / 2], face % 2);
-            if !self.splits_plain_face(cell, loops, axis, side)? {
-                continue;
-            }
+            let Some(beyond) = self.splits_plain_face(cell, loops, axis, side)? else { continue };
             self.cells.split_faces += 1;
             let mut corner = cell;
             corner[axis.index()] += side;
             for (enter, leave) in loops.face_cuts(axis, side) {
                 let edges = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.key));
-                let (p, q) = (self.crossing(cell[0], enter, streams), self.crossing(cell[0], leave, streams));
-                self.splits.push(SplitVertex {
-                    face: face_key(axis, corner),
-                    edges,
-                    at: std::array::from_fn(|a| (p[a] + q[a]) * 0.5),
-                    middle: Some(middle([enter, leave])),
-                });
+                let cut = [enter, leave];
+                let [p, q] = cut.map(|edge| self.crossing(cell[0], edge, streams));
+                let place = match beyond {
+                    Beyond::Plain => {
+                        SplitPlace::Near(std::array::from_fn(|a| (p[a] + q[a]) * 0.5), middle(cut))
+                    }
+                    Beyond::Uneven => {
+                        let lattice = self.frame.lattice();
+                        let [p, q] = cut.map(|edge| self.minimal_edge(&lattice, cell, edge, streams));
+                        SplitPlace::At(Face::new(&lattice, axis, corner).half_way([&p, &q]))
+                    }
+                };
+                self.splits.push(SplitVertex { face: face_key(axis, corner), edges, place });
             }
         }
         Ok(())
     }
 
+    /// Edge `edge` of a cell, which changes sign, in the world.
+    fn minimal_edge(
+        &self,
+        lattice: &Lattice,
+        cell: [usize; 3],
+        edge: usize,
+        streams: &EdgeStreams,
+    ) -> MinimalEdge {
+        let (axis, offset) = edge_lower(edge);
+        let fraction = self.planes[streams.slot(cell[0], &EDGE_PLACES[edge])].rounded_down();
+        MinimalEdge::placed(lattice, axis, std::array::from_fn(|a| cell[a] + offset[a]), fraction)
+    }
+
+    /// Whether a face of a plain cell that is cut twice gets extra vertices of this leaf, and for what cell beyond it.
     fn splits_plain_face(
         &self,
         cell: [usize; 3],
         loops: &CellLoops,
         axis: Axis,
         side: usize,
-    ) -> Result<bool> {
+    ) -> Result<Option<Beyond>> {
         let a = axis.index();
         let mut step = [0; 3];
         step[a] = 2 * side as i32 - 1;
         let beyond = self.around[direction_index(step)];
         if side == 1 {
-            return Ok(cell[a] == BRICK_CELLS - 1 && matches!(beyond, Side::Coarser(_)));
+            let is_own = cell[a] == BRICK_CELLS - 1 && matches!(beyond, Side::Coarser(_));
+            return Ok(is_own.then_some(Beyond::Uneven));
         }
         let below = std::array::from_fn(|n| cell[n] as i32 + step[n]);
         // A cell next to a finer leaf may have loops that its own corners do not tell of.
         if self.field.leaves.touches_finer(self.key, below) {
-            return Ok(true);
+            return Ok(Some(Beyond::Uneven));
         }
         let other = if cell[a] > 0 {
             self.cells.plain(below.map(|c| c as usize)).map(|(kind, _)| kind)
@@ -547,8 +591,9 @@ impl<'a> Builder<'a> {
         } else {
             None
         };
-        Ok(other
-            .is_none_or(|other| loops.rejoined >> (2 * a) & other.loops().rejoined >> (2 * a + 1) & 1 == 1))
+        let Some(other) = other else { return Ok(Some(Beyond::Uneven)) };
+        let rejoined = loops.rejoined >> (2 * a) & other.loops().rejoined >> (2 * a + 1) & 1 == 1;
+        Ok(rejoined.then_some(Beyond::Plain))
     }
 
     fn mixed_cell(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {
@@ -571,8 +616,12 @@ impl<'a> Builder<'a> {
         self.cells.mixed_edges.extend(edges);
         self.cells.mixed.push(self.cells.mixed_edges.len() as u32);
         self.cells.split_faces += mixed.split_faces;
-        for Split { face, edges, at, .. } in mixed.splits {
-            self.splits.push(SplitVertex { face, edges, at, middle: None });
+        if mixed.loops > 1 {
+            self.several.push(Several::of(cell, first, &mixed));
+        }
+        for cut in mixed.cuts.iter().filter(|cut| cut.is_split) {
+            let place = SplitPlace::At(cut.at);
+            self.splits.extend(cut.face.map(|face| SplitVertex { face, edges: cut.edges, place }));
         }
         Ok(())
     }

@@ -4,7 +4,8 @@
 //! e is the union of the tetrahedra of e with each two vertices that follow each other. Where the mesh edges between
 //! vertices pass through the faces that their cells share, envelopes of different edges have no inner point in common,
 //! so triangles that stay within theirs do not meet. That is so by itself between cells of one size, each with one
-//! vertex strictly inside it: the segment between two of them lies within their common slab along both other axes.
+//! vertex strictly inside it: the segment between two of them lies within their common slab along both other axes. Elsewhere
+//! mesh edges get vertices on faces ([`super::faces`]).
 //!
 //! Of a quadrilateral a, b, c, d around e, seen along e, the diagonal ac passes e on one side, say that of b, and meets
 //! there the ray from e to b at a point q. The two triangles along this diagonal stay within the envelope exactly if q
@@ -17,7 +18,7 @@
 //! ([`super::extras`]), and those on edges a step from the edge's ends. Everything is decided from these numbers; what
 //! rounding of 64-bit numbers could decide otherwise counts as not within, which costs triangles at worst.
 
-use crate::lattice::{Axis, BRICK_POINTS};
+use crate::lattice::{Axis, BRICK_POINTS, RootCube, Units, spacing_bits};
 use crate::wide::{Select, Simd, SimdBase, f64x8, mask64x8};
 
 /// What rounding may change of a sum of products, as a share of their bound: some twenty operations of 2⁻⁵³ each.
@@ -150,6 +151,39 @@ impl MinimalEdge {
         area.iter().all(|&area| area > whole * SLACK)
             && height > slack
             && whole * (high - low) - height > slack
+    }
+
+    /// The edge of `level` with this lower end, crossed at `fraction`.
+    pub(super) fn of_level(
+        root: RootCube,
+        axis: Axis,
+        lower: Units,
+        level: u8,
+        fraction: f32,
+    ) -> MinimalEdge {
+        let (u, v) = axis.others();
+        let mut upper = lower;
+        upper[axis.index()] += 1 << spacing_bits(level);
+        let [low, high] = [lower, upper].map(|at| root.sample(at));
+        let ends = [low[axis.index()], high[axis.index()]];
+        MinimalEdge { axis, at: [low[u.index()], low[v.index()]], ends, fraction }
+    }
+
+    /// Where the surface crosses the edge, kept a 64th of it off the ends, or eight steps of 32 bits if that is more.
+    pub(super) fn crossing_off_ends(&self) -> [f64; 3] {
+        let [low, high] = self.ends.map(f64::from);
+        let farthest = self.ends.into_iter().chain(self.at).fold(0.0f32, |far, c| far.max(c.abs()));
+        let step = f64::from(farthest.next_up()) - f64::from(farthest);
+        let least = (8.0 * step / (high - low)).clamp(1.0 / 64.0, 0.5);
+        let (u, v) = self.axis.others();
+        let mut at = [low + f64::from(self.fraction).clamp(least, 1.0 - least) * (high - low); 3];
+        (at[u.index()], at[v.index()]) = (f64::from(self.at[0]), f64::from(self.at[1]));
+        at
+    }
+
+    /// Half way between its ends.
+    pub(super) fn middle(&self) -> [f32; 3] {
+        MinimalEdge { fraction: 0.5, ..*self }.crossing()
     }
 
     /// Where the surface crosses the edge, kept off the ends.

@@ -5,11 +5,17 @@
 //! the corners that they do not cut off. That has to be so of places as they are written, with 32 bits: the surface may
 //! cross edges at samples, or nearer to them than a step of such numbers.
 
-use super::field::{Frame, Lattice, along};
+use super::envelope::MinimalEdge;
+use super::field::{Frame, Lattice};
 use super::loops::SLACK;
 use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};
-use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
+use crate::lattice::{Axis, BRICK_POINTS, NodeKey, RootCube, Units, spacing_bits};
+
+/// How far off the side of a face a vertex is whose cut joins two edges of that side, in distances of their crossings: lines of
+/// other cuts that pass over it rise by 1/128 of one of their edges at least over the whole face, and edges are rarely
+/// more than 64 times shorter than the face.
+const NOTCH: f64 = 1.0 / 16384.0;
 
 /// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
 /// its lower end minus the corner in units.
@@ -44,24 +50,37 @@ pub(super) fn face_of(face: u32) -> (Axis, [usize; 3]) {
     )
 }
 
-/// A face of a cell, between planes of the lattice.
-pub(super) struct Face<'a> {
-    lattice: &'a Lattice,
+/// A face, between planes of the lattice.
+pub(super) struct Face {
     axis: Axis,
-    corner: [usize; 3],
+    /// From where to where it reaches in the world; across it both are one number.
+    span: [[f32; 2]; 3],
 }
 
-impl Face<'_> {
-    /// The face across `axis` with this lower corner.
-    pub(super) fn new(lattice: &Lattice, axis: Axis, corner: [usize; 3]) -> Face<'_> {
-        Face { lattice, axis, corner }
+impl Face {
+    /// That of a cell across `axis` with this lower corner.
+    pub(super) fn new(lattice: &Lattice, axis: Axis, corner: [usize; 3]) -> Face {
+        let span = |a: usize| {
+            let end = corner[a] + usize::from(a != axis.index());
+            [lattice[a][corner[a]], lattice[a][end]]
+        };
+        Face { axis, span: std::array::from_fn(span) }
+    }
+
+    /// That of cells of `level` across `axis` with this lower corner.
+    pub(super) fn of_level(root: RootCube, axis: Axis, corner: Units, level: u8) -> Face {
+        let end =
+            std::array::from_fn(|a| corner[a] + if a == axis.index() { 0 } else { 1 << spacing_bits(level) });
+        let [low, high] = [corner, end].map(|at| root.sample(at));
+        Face { axis, span: std::array::from_fn(|a| [low[a], high[a]]) }
     }
 
     /// A position moved onto the face and off its border, where it is not.
     pub(super) fn inside(&self, position: [f32; 3]) -> [f32; 3] {
-        std::array::from_fn(|a| match self.span(a) {
-            Some([low, high]) => position[a].clamp(low.next_up(), high.next_down()),
-            None => self.lattice[a][self.corner[a]],
+        let across = self.axis.index();
+        std::array::from_fn(|a| {
+            let [low, high] = self.span[a];
+            if a == across { low } else { position[a].clamp(low.next_up(), high.next_down()) }
         })
     }
 
@@ -72,9 +91,10 @@ impl Face<'_> {
 
     /// The same without moving it.
     pub(super) fn rounded(&self, at: [f64; 3]) -> [f32; 3] {
-        std::array::from_fn(|a| match self.span(a).map(|span| span.map(f64::from)) {
-            Some([low, high]) => (low + at[a] * (high - low)) as f32,
-            None => self.lattice[a][self.corner[a]],
+        let across = self.axis.index();
+        std::array::from_fn(|a| {
+            let [low, high] = self.span[a].map(f64::from);
+            if a == across { self.span[a][0] } else { (low + at[a] * (high - low)) as f32 }
         })
     }
 
@@ -82,14 +102,27 @@ impl Face<'_> {
     pub(super) fn seen(&self, position: [f32; 3]) -> [f64; 3] {
         let across = self.axis.index();
         std::array::from_fn(|a| {
-            if a == across { 0.0 } else { along(self.lattice, a, self.corner[a], position[a]) }
+            let [low, high] = self.span[a].map(f64::from);
+            if a == across { 0.0 } else { (f64::from(position[a]) - low) / (high - low) }
         })
     }
 
-    /// From where to where the face reaches; nothing across it.
-    fn span(&self, a: usize) -> Option<[f32; 2]> {
-        let [low, high] = [self.corner[a], self.corner[a] + 1];
-        (a != self.axis.index()).then(|| [self.lattice[a][low], self.lattice[a][high]])
+    /// Where a mesh edge through the cut between two minimal edges has a vertex, if it has one wherever its ends are: half way
+    /// between the crossings, off the ends of the edges by as much as rounding could move it; off the border, too, if both
+    /// edges are on one side of the face. All leaves have the same, and any lines from there to points of the two edges
+    /// meet none of another cut of the face.
+    pub(super) fn half_way(&self, cut: [&MinimalEdge; 2]) -> [f32; 3] {
+        let ends = cut.map(MinimalEdge::crossing_off_ends);
+        let mut at: [f64; 3] = std::array::from_fn(|a| (ends[0][a] + ends[1][a]) / 2.0);
+        if cut[0].axis == cut[1].axis && cut[0].at == cut[1].at {
+            let along = cut[0].axis.index();
+            let height = (ends[0][along] - ends[1][along]).abs() * NOTCH;
+            let across = self.axis.index();
+            for a in (0..3).filter(|&a| a != along && a != across) {
+                at[a] += if at[a] > f64::from(self.span[a][0]) { -height } else { height };
+            }
+        }
+        self.inside(at.map(|c| c as f32))
     }
 }
 
@@ -119,24 +152,32 @@ pub(super) struct SplitVertex {
     /// Names of the face and of the edges that the cut joins.
     pub face: u32,
     pub edges: [u64; 2],
-    /// Where it should be, in coordinates of the cell.
-    pub at: [f64; 3],
-    /// [`middle`] of the cut, where the face has no edges but four.
-    pub middle: Option<[f64; 3]>,
+    pub place: SplitPlace,
+}
+
+/// Where it goes.
+pub(super) enum SplitPlace {
+    /// There: [`Face::half_way`].
+    At([f32; 3]),
+    /// Between plain cells of one size, where it should be in coordinates of the cell, and the [`middle`] of the cut.
+    Near([f64; 3], [f64; 3]),
 }
 
 impl SplitVertex {
     /// Its position in 32 bits, apart from vertices on edges, and from that on the other cut of a face of four edges.
     pub(super) fn position(&self, frame: &Frame, lattice: &Lattice) -> [f32; 3] {
+        let (at, middle) = match self.place {
+            SplitPlace::At(position) => return position,
+            SplitPlace::Near(at, middle) => (at, middle),
+        };
         let (axis, corner) = face_of(self.face);
         let face = Face::new(lattice, axis, corner);
         let place = |mut at: [f64; 3]| {
             at[axis.index()] = 0.0;
             face.inside(frame.world(corner, at))
         };
-        let Some(middle) = self.middle else { return place(self.at) };
-        let between = std::array::from_fn(|a| (self.at[a] + middle[a]) / 2.0);
-        let mut places = [self.at, between].map(place).into_iter();
+        let between = std::array::from_fn(|a| (at[a] + middle[a]) / 2.0);
+        let mut places = [at, between].map(place).into_iter();
         let is_apart = |position: &[f32; 3]| is_cut_off(axis, middle, face.seen(*position));
         places.find(is_apart).unwrap_or_else(|| place(middle))
     }

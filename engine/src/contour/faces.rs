@@ -1,8 +1,11 @@
 //! Vertices on the faces of cells with several loops, and of cells whose vertex lies beyond them, where a mesh edge
 //! leaves the part of the cell that its loop has for itself ([`super::loops`]).
 //!
-//! They are found when the cells of both sides are known, by the leaf that owns the face: that of the upper cell. Only
-//! faces between plain cells of one size are looked at.
+//! They are found when the cells of both sides are known, by the leaf that owns the face: that of the finer cell, or of the
+//! upper one of two of one size. Here are faces between plain cells of one size; [`uneven`] has those next to leaves of other
+//! levels.
+
+mod uneven;
 
 use super::annex::Direction;
 use super::cells::{BrickCells, CELL_ROWS, within};
@@ -26,7 +29,7 @@ pub(super) struct FaceVertices {
     /// Sorted by face and edge.
     extras: Vec<Extra>,
     pub positions: Vec<[f32; 3]>,
-    /// For each of them the leaf and the vertex of the cell below the face, and the leaf's own vertex above it.
+    /// For each of them the leaf and the vertex of the cell beyond the face, and the leaf's own vertex.
     pub sides: Vec<([u32; 2], u32)>,
     /// Lower faces of the leaf's cells with extra vertices, these or those of its cells.
     split: Faces,
@@ -86,6 +89,14 @@ impl FaceVertices {
             + self.split.rows.capacity() * size_of::<[u32; 3]>()
     }
 
+    /// Adds one on a cut, numbered after `before` others.
+    fn push(&mut self, face: u32, edges: [u64; 2], at: [f32; 3], sides: ([u32; 2], u32), before: usize) {
+        let vertex = (before + self.positions.len()) as u32;
+        self.positions.push(at);
+        self.sides.push(sides);
+        self.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
+    }
+
     /// Those of a leaf with these cells.
     pub(super) fn of(field: &Field, leaf: u32, cells: &Arc<BrickCells>) -> Result<FaceVertices> {
         // Without active cells it may have let go of those below, whose polygons do not wait for it.
@@ -130,6 +141,7 @@ impl FaceVertices {
                 found.face(Axis::ALL[axis], above, (block, below))?;
             }
         }
+        found.uneven(&around)?;
         let mut found = found.found;
         found.extras.sort_unstable_by_key(|extra| (extra.face, extra.edge));
         for extra in cells.extras.iter().chain(&found.extras) {
@@ -212,12 +224,8 @@ impl Finder<'_> {
                 continue;
             }
             let Some(at) = self.leaving(axis, above, [&upper, &lower], [enter, leave])? else { continue };
-            let vertex = (self.own.cells.len() + self.found.positions.len()) as u32;
-            self.found.positions.push(at);
-            self.found
-                .sides
-                .push(([block.leaf, lower.vertex(on_other_side(axis, enter))], upper.vertex(enter)));
-            self.found.extras.extend(keys.map(|edge| Extra { face, edge, vertex }));
+            let sides = ([block.leaf, lower.vertex(on_other_side(axis, enter))], upper.vertex(enter));
+            self.found.push(face, keys, at, sides, self.own.cells.len());
         }
         Ok(())
     }

@@ -351,7 +351,7 @@ impl Frame {
     /// World coordinates of the sample (n, n, n).
     fn sample(&self, n: usize) -> [f32; 3] {
         let step = (n as i32) << self.key.spacing_bits();
-        self.root.to_world(self.key.base().map(|b| f64::from(b + step) + 1.0)).map(|c| c as f32)
+        self.root.sample(self.key.base().map(|b| b + step))
     }
 
     /// A point of the world in cells of the brick.

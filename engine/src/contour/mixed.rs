@@ -8,11 +8,11 @@
 //! link into closed loops whatever the levels are; and both cells at a face cut it alike, so the mesh closes.
 
 use super::cells::CellRow;
-use super::extras::{edge_key, face_key};
+use super::envelope::MinimalEdge;
+use super::extras::{self, edge_key, face_key};
 use super::field::Field;
 use super::leaves::{Around, Leaf, Side, broken, direction_index, directions};
 use super::planes::Plane;
-use super::qef::Vector;
 use super::surface::{Changes, Surface};
 use super::topology::cut_runs;
 use crate::brick::SignChanges;
@@ -30,22 +30,25 @@ pub(super) struct Crossing {
     pub plane: Plane,
     /// Number of the loop through the edge.
     pub in_loop: u32,
-    /// The edge itself: lower end, counted from the root's first sample, axis and level.
-    lower: Units,
-    axis: Axis,
-    level: u8,
+    /// Lower end of the edge, counted from the root's first sample, and its level.
+    pub lower: Units,
+    pub level: u8,
+    /// The edge in the world.
+    pub edge: MinimalEdge,
 }
 
-/// An extra vertex on one cut of a face.
-pub(super) struct Split {
-    /// Name of the face within the leaf.
-    pub face: u32,
+/// A cut of a minimal face.
+pub(super) struct Cut {
+    /// Name of the face within the leaf, if the cell owns it.
+    pub face: Option<u32>,
     /// The two edges that the cut joins, named relative to the face's lower corner.
     pub edges: [u64; 2],
-    /// Of the planes of their crossings.
-    pub normals: [Vector; 2],
-    /// In cell coordinates.
-    pub at: [f64; 3],
+    /// The crossings of these edges.
+    pub crossings: [Crossing; 2],
+    /// Where it has its vertex if it must have one, as [`Face::half_way`](super::extras::Face::half_way) says.
+    pub at: [f32; 3],
+    /// Whether the face has several cuts, each with a vertex.
+    pub is_split: bool,
 }
 
 /// The loops of one mixed cell.
@@ -55,9 +58,9 @@ pub(super) struct MixedCell {
     pub crossings: Vec<Crossing>,
     /// Number of loops.
     pub loops: u32,
-    /// Extra vertices on the split faces that the cell owns.
-    pub splits: Vec<Split>,
-    /// Number of these faces.
+    /// The cuts of all minimal faces.
+    pub cuts: Vec<Cut>,
+    /// Number of the faces with several that the cell owns.
     pub split_faces: u64,
 }
 
@@ -245,9 +248,7 @@ impl<'a> Surroundings<'a> {
         // As the finer cell this one owns the face, as an equal one only if it is the upper cell.
         let is_own = face.level == self.own.key.level()
             && (face.side == 0 || other.is_none() || other_level < face.level);
-        if is_own && runs.len() > 1 {
-            self.split(face, &runs, walk);
-        }
+        self.keep_cuts(face, is_own, &runs, walk);
         Ok(())
     }
 
@@ -327,30 +328,28 @@ impl<'a> Surroundings<'a> {
         let mut at = relative.map(f64::from);
         at[axis.index()] += f64::from(edge.fraction) * f64::from(1 << crate::lattice::spacing_bits(level));
         let plane = (at.map(|c| c / spacing), edge.normal.map(f64::from));
-        Crossing { key: edge_key(relative, axis, level), plane, in_loop: NOT_LOOPED, lower, axis, level }
+        let edge = MinimalEdge::of_level(self.field.root, axis, lower, level, edge.rounded_down());
+        Crossing { key: edge_key(relative, axis, level), plane, in_loop: NOT_LOOPED, lower, level, edge }
     }
 
-    /// Gives every cut of a face that is cut more than once a vertex of its own.
-    fn split(&self, face: Face, runs: &[(Crossing, Crossing)], walk: &mut Walk) {
+    /// Keeps the cuts of a face.
+    fn keep_cuts(&self, face: Face, is_own: bool, runs: &[(Crossing, Crossing)], walk: &mut Walk) {
         let own = self.own.key;
         let corner =
             std::array::from_fn(|a| ((face.corner[a] - own.base()[a]) >> own.spacing_bits()) as usize);
-        walk.cell.split_faces += 1;
-        for (enter, leave) in runs {
-            let edges = [enter, leave]
-                .map(|c| edge_key(std::array::from_fn(|a| c.lower[a] - face.corner[a]), c.axis, c.level));
-            let (p, q) = (enter.plane.0, leave.plane.0);
-            let mut at = std::array::from_fn(|a| (p[a] + q[a]) * 0.5);
-            // A run within one side of the face: its middle must not lie on the side, where the other faces
-            // at that side would have the same point. 1/64 of the face towards its centre.
-            let equal = (0..3).filter(|&a| p[a] == q[a]).count();
-            if equal > 1 {
-                for a in (0..3).filter(|&a| a != face.axis.index() && p[a] == q[a]) {
-                    at[a] += (0.5 - at[a]) / 32.0;
-                }
-            }
-            let normals = [enter, leave].map(|c| c.plane.1);
-            walk.cell.splits.push(Split { face: face_key(face.axis, corner), edges, normals, at });
+        let name = is_own.then(|| face_key(face.axis, corner));
+        let is_split = runs.len() > 1;
+        walk.cell.split_faces += u64::from(is_split && is_own);
+        if runs.is_empty() {
+            return;
+        }
+        let in_world = extras::Face::of_level(self.field.root, face.axis, face.corner, face.level);
+        for &(enter, leave) in runs {
+            let crossings = [enter, leave];
+            let relative = |c: Crossing| std::array::from_fn(|a| c.lower[a] - face.corner[a]);
+            let edges = crossings.map(|c| edge_key(relative(c), c.edge.axis, c.level));
+            let at = in_world.half_way([&enter.edge, &leave.edge]);
+            walk.cell.cuts.push(Cut { face: name, edges, crossings, at, is_split });
         }
     }
 
@@ -372,6 +371,11 @@ impl<'a> Surroundings<'a> {
             if crossings[start].in_loop == walk.cell.loops {
                 walk.cell.loops += 1;
             }
+        }
+        let MixedCell { crossings, cuts, .. } = &mut walk.cell;
+        for crossing in cuts.iter_mut().flat_map(|cut| &mut cut.crossings) {
+            let found = crossings.binary_search_by_key(&crossing.key, |c| c.key);
+            crossing.in_loop = found.map_or(NOT_LOOPED, |n| crossings[n].in_loop);
         }
         Ok(walk.cell)
     }

@@ -198,14 +198,14 @@ impl Sums<'_> {
     /// Those of a cell next to finer leaves, whose loops are found once more.
     #[cold]
     fn add_mixed(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {
-        let cells = &self.vertices.cells;
         let mixed = surroundings.loops(cell)?;
-        for (crossing, (_, vertex)) in mixed.crossings.iter().zip(cells.mixed_edges_of(cell)) {
+        for (crossing, (_, vertex)) in mixed.crossings.iter().zip(self.vertices.cells.mixed_edges_of(cell)) {
             self.all[*vertex as usize].add(crossing.plane.1.map(|c| c as f32));
         }
-        for split in &mixed.splits {
-            if let Some(vertex) = cells.extra(split.face, split.edges[0]) {
-                let normals = split.normals.map(|normal| normal.map(|c| c as f32));
+        for cut in &mixed.cuts {
+            let on_face = |face| self.vertices.number_on_face(face, cut.edges[0]);
+            if let Some(vertex) = cut.face.and_then(on_face) {
+                let normals = cut.crossings.map(|crossing| crossing.plane.1.map(|c| c as f32));
                 self.all[vertex as usize] = NormalSum::of(normals);
             }
         }

@@ -25,6 +25,13 @@ pub(super) struct EdgePlane {
     pub normal: [f32; 3],
 }
 
+impl EdgePlane {
+    /// The fraction with the 16 bits of [`super::edges::Quad`], as polygons have it.
+    pub(super) fn rounded_down(&self) -> f32 {
+        f32::from((self.fraction * 65536.0) as u16) / 65536.0
+    }
+}
+
 /// Appends the decoded `edges`: normals as [`crate::brick::OctNormal::to_vector`] gives them, rounded.
 pub(super) fn decode(edges: &[HermiteEdge], planes: &mut Vec<EdgePlane>) {
     dispatch!(level(), simd => decode_groups(simd, edges, planes))

@@ -71,6 +71,13 @@ impl RootCube {
         std::array::from_fn(|a| self.origin[a] + units[a] * unit)
     }
 
+    /// World position in 32 bits of the sample that is one unit above a corner of a cell, to the last bit the same for all
+    /// that have it.
+    #[inline]
+    pub(crate) fn sample(&self, corner: Units) -> [f32; 3] {
+        self.to_world(corner.map(|c| f64::from(c) + 1.0)).map(|c| c as f32)
+    }
+
     /// Lattice position of a world position, not rounded.
     #[inline]
     pub fn to_units(&self, world: [f64; 3]) -> [f64; 3] {

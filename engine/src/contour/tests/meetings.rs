@@ -70,19 +70,55 @@ fn levels_of_noise_meet_nowhere_across_borders() {
     }
 }
 
+/// Two turned boxes, the thinnest of which are less than a cell thick.
+fn sharp_solids() -> impl Iterator<Item = impl Shape> {
+    [[3.0, 2.0, 4.0], [0.4, 5.0, 0.3], [5.0, 4.0, 0.07]].into_iter().map(|half: [f64; 3]| {
+        let other = Implicit(move |p: [f64; 3]| {
+            let q = to_box([p[2] + 0.7, p[0] - 0.3, p[1]]);
+            (0..3).map(|a| q[a].abs() - half[(a + 1) % 3]).fold(f64::NEG_INFINITY, f64::max)
+        });
+        Overlap(rotated_box(half), other)
+    })
+}
+
 #[test]
 fn sharp_solids_meet_nowhere() {
-    for half in [[3.0, 2.0, 4.0], [0.4, 5.0, 0.3], [5.0, 4.0, 0.07]] {
-        let other = |n: f64| {
-            Implicit(move |p: [f64; 3]| {
-                let q = to_box([p[2] + n, p[0] - 0.3, p[1]]);
-                (0..3).map(|a| q[a].abs() - half[(a + 1) % 3]).fold(f64::NEG_INFINITY, f64::max)
-            })
-        };
+    for solid in sharp_solids() {
         for level in 0..=2 {
-            apart(&tree(&Overlap(rotated_box(half), other(0.7)), &uniform(level)));
+            apart(&tree(&solid, &uniform(level)));
         }
     }
+}
+
+/// Leaves of up to four levels next to each other.
+#[test]
+fn sharp_solids_meet_nowhere_between_levels() {
+    let (mut mixed, mut on_faces) = (0, 0);
+    for solid in sharp_solids() {
+        for seed in 0..5 {
+            let tree = tree(&solid, &random_divide(seed, (1, 3 + u8::from(seed % 3 == 0)), 110));
+            let (_, summary) = apart(&tree);
+            mixed += summary.mixed_cells;
+            on_faces += summary.face_vertices;
+        }
+    }
+    assert!(mixed > 5000 && on_faces > 5000, "{mixed} {on_faces}");
+}
+
+/// Cells next to finer leaves have up to a dozen loops here.
+#[test]
+fn noise_meets_nowhere_between_levels() {
+    let (mut mixed, mut split) = (0, 0);
+    for seed in [1, 3, 5, 7, 9, 10, 11, 14] {
+        let (top, bottom) = ((seed % 2) as u8, 3 + u8::from(seed % 5 == 0));
+        let radius = if seed % 2 == 0 { 0.0 } else { 4.1 };
+        let shape = noise(seed, 1, 2 + (seed % 3) as i32, 30 + 15 * seed, radius);
+        let (mesh, summary) = checked(&tree(&shape, &random_divide(seed, (top, bottom), 90)));
+        assert_eq!(pairs(&mesh), 0, "seed {seed}: {summary:?}");
+        mixed += summary.mixed_cells;
+        split += summary.split_faces;
+    }
+    assert!(mixed > 5000 && split > 5000, "{mixed} {split}");
 }
 
 /// Twice the area of a triangle in the plane.

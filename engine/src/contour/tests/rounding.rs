@@ -63,6 +63,21 @@ fn places_are_apart_in_32_bits() {
     assert!(split > 5000 && on_faces > 5000, "{split} {on_faces}");
 }
 
+/// The same where leaves of three levels are next to each other; cells of the deepest are 8 steps wide at least.
+#[test]
+fn places_are_apart_in_32_bits_between_levels() {
+    let (mut mixed, mut meeting) = (0, Vec::new());
+    for (n, far) in [16.0, 80.0, 1000.3, 2e4, 6e4].into_iter().enumerate() {
+        let seed = n as u64;
+        let shape = noise(seed, 1, 4, [60, 110, 160, 200][n % 4], 0.0);
+        let tree = tree_at(far_away(far), &Ends(shape), &random_divide(seed, (1, 3), 110));
+        let (mesh, summary) = checked(&tree);
+        meeting.push(pairs(&mesh));
+        mixed += summary.mixed_cells;
+    }
+    assert_eq!((meeting, mixed > 1000), (vec![0; 5], true));
+}
+
 /// Merged vertices stay away from those on faces and edges.
 #[test]
 fn places_are_apart_in_32_bits_with_a_tolerance() {
