@@ -305,8 +305,7 @@ pub struct MeshArgs {
     #[arg(long, value_enum, default_value_t, requires = "output")]
     pub method: MethodArg,
     /// Follow sharp edges through cells that have no vertex of their own: they come out twice to three times nearer to the
-    /// part, at up to half as much time again. A few corners of turned boxes, one in 400, lie farther off than without it,
-    /// by up to a third of a cell
+    /// part, for a tenth more time, of beads for a third to three quarters
     #[arg(long, requires = "output", conflicts_with_all = ["method", "tolerance"])]
     pub follow_creases: bool,
     /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around

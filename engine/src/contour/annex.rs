@@ -12,23 +12,27 @@
 //! edge would pass elsewhere it gets a vertex on the face ([`super::faces`]). Who annexes a cell follows from the
 //! crossings of the cells around it alone, which all leaves see alike through [`super::halo`].
 //!
+//! *Corners* come first. The vertex of a corner in a cell without a sign change comes from one of the cells around it, over
+//! the edge or corner between the two if need be, and no other region may be in its way ([`super::corner`]). So a cell that
+//! sees a corner ahead annexes nothing next to the cell that holds it, but that cell itself.
+//!
 //! *Gaps.* Where a crease goes on into a region that shares no mesh edge with this one, the mesh runs below it from the one
 //! vertex to the other. Along a crease a vertex is as good in one place as in another, so there it goes to the end of the
 //! region, and the gap is as short as it can be. The points of true edges of a part at 256³ are 0.018 cells from the mesh on
 //! average with annexed cells alone, 0.015 with shorter gaps alone, 0.009 with both, and 0.021 with none.
 
-use super::cells::Builder;
-use super::edges::EDGE_PLACES;
-use super::halo::{Halo, Place};
+use super::cells::{Builder, CELL_ROWS, CellRow};
+use super::corner::{home_of, is_next_to};
+use super::halo::{Halo, Named, Place};
 use super::outliers::minimiser;
 use super::planes::{Plane, distance};
-use super::qef::{Qef, TRUNCATION_SQUARED, Vector};
-use super::surface::Changes;
-use super::symmetric::dot;
-use super::topology::{Kind, edge_lower};
+use super::qef::{TRUNCATION_SQUARED, Vector};
+use super::solve::{Group, REACH, Solved};
+use super::symmetric::{Symmetric, dot};
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
-use std::rc::Rc;
+use crate::wide::Simd;
+use std::collections::HashMap;
 
 /// How far, in cells, planes may pass by a crease or a corner that they form: faces that are curved a little have one, too.
 const FIT: f64 = 0.1;
@@ -36,6 +40,12 @@ const FIT: f64 = 0.1;
 /// tan² of half the angle between the normals of two faces, 30°, from which on their crease is followed: the flatter it is
 /// the less of it is lost.
 pub(super) const SHARP: f64 = 0.071_796_769_724_490_83;
+
+/// How far from the middle of a cell, along every axis, corners are that may want what it annexes.
+const AHEAD: f64 = REACH;
+
+/// Where the largest eigenvalue stands among the terms of a loop.
+const LARGEST: usize = 15;
 
 /// Least length, in cells, of a crease in a cell for which it is annexed.
 const LEAST: f64 = 1.0 / 64.0;
@@ -62,6 +72,11 @@ fn region(annexed: Option<Direction>, margin: f64) -> [Vector; 2] {
     bounds
 }
 
+/// Whether a cell is one of the leaf's own.
+fn is_own(cell: Place) -> bool {
+    cell.iter().all(|c| (0..BRICK_CELLS as i32).contains(c))
+}
+
 fn holds([low, high]: &[Vector; 2], at: &Vector) -> bool {
     (0..3).all(|a| (low[a]..=high[a]).contains(&at[a]))
 }
@@ -73,10 +88,10 @@ fn is_crossed(mask: u8, face: Direction) -> bool {
     mask & corners != 0 && mask & corners != corners
 }
 
-/// Where the planes of a cell with one loop meet, as the cell sees it.
-#[derive(Clone)]
-struct Crease {
-    /// Matrix, right-hand side and so on, as in [`super::outliers::Terms`].
+/// Where the planes of a cell with one loop meet at a sharp angle, as the cell sees it.
+#[derive(Clone, Copy)]
+pub(super) struct Crease {
+    /// Matrix, right-hand side and so on, as in [`super::outliers::Terms`]; the largest eigenvalue is known.
     terms: [f64; 16],
     /// The minimiser anywhere.
     free: Vector,
@@ -85,45 +100,43 @@ struct Crease {
 }
 
 impl Crease {
-    /// That of such a cell; `None` where its planes are as good as one, or do not meet.
-    fn of(changes: &Changes, cell: [usize; 3], kind: Kind) -> Option<Crease> {
-        let mut planes = [Plane::default(); 12];
-        let (mut qef, mut count) = (Qef::default(), 0);
-        for edge in kind.loops().edges_of(0) {
-            let (axis, offset) = edge_lower(edge);
-            let plane = &changes.planes[changes.slot(axis, std::array::from_fn(|a| cell[a] + offset[a]))];
-            let [x, y, z, _] = EDGE_PLACES[edge].seen_from_centre(plane);
-            planes[count] = ([x, y, z].map(|c| f64::from(c) + 0.5), plane.normal.map(f64::from));
-            qef.add(planes[count].0, planes[count].1);
-            count += 1;
-        }
-        let agreed = dot(qef.normal_sum, qef.normal_sum) / qef.count;
-        if qef.count - agreed <= agreed * SHARP {
+    /// That of the loop in a lane; `None` where its planes are as good as one or do not meet at a sharp angle.
+    #[inline(always)]
+    pub(super) fn of<S: Simd>(solved: &Solved<S>, lane: usize) -> Option<Crease> {
+        if solved.sharp >> lane & 1 == 0 {
             return None;
         }
-        let mean = qef.point_sum.map(|c| c / qef.count);
-        let moved = qef.matrix.times(mean);
-        let rhs: Vector = std::array::from_fn(|a| qef.rhs[a] - moved[a]);
-        let (values, vectors) = qef.matrix.eigen();
+        let mut terms = [0.0; 16];
+        for (term, lanes) in terms.iter_mut().zip(&solved.terms) {
+            *term = lanes[lane];
+        }
+        if terms[LARGEST] < 0.0 {
+            return Crease::by_rotations(terms);
+        }
+        let [x, y, z] = &solved.along;
+        let along = (solved.lines >> lane & 1 == 1).then(|| [x[lane], y[lane], z[lane]]);
+        Some(Crease { terms, free: [terms[12], terms[13], terms[14]], along })
+    }
+
+    /// The same where there is no closed form.
+    #[cold]
+    fn by_rotations(mut terms: [f64; 16]) -> Option<Crease> {
+        let [xx, yy, zz, xy, yz, zx, ra, rb, rc, ma, mb, mc, ..] = terms;
+        let (values, vectors) = Symmetric([xx, yy, zz, xy, yz, zx]).eigen();
         let largest = values.into_iter().fold(0.0, f64::max);
-        let mass = mean.map(|c| c + 0.5);
-        let (mut free, mut flat, mut flats) = (mass, None, 0);
+        let (mut free, mut flat, mut flats) = ([ma, mb, mc], None, 0);
         for (value, vector) in values.into_iter().zip(vectors) {
             if value > largest * TRUNCATION_SQUARED {
-                let along = dot(vector, rhs) / value;
+                let along = dot(vector, [ra, rb, rc]) / value;
                 (0..3).for_each(|a| free[a] += vector[a] * along);
             } else {
                 flat = Some(vector);
                 flats += 1;
             }
         }
-        if flats > 1 || planes[..count].iter().any(|plane| misses(plane, &free)) {
-            return None;
-        }
-        let [xx, yy, zz, xy, yz, zx] = qef.matrix.0;
-        let ([ra, rb, rc], [ma, mb, mc], [fa, fb, fc]) = (rhs, mass, free);
-        let terms = [xx, yy, zz, xy, yz, zx, ra, rb, rc, ma, mb, mc, fa, fb, fc, largest];
-        Some(Crease { terms, free, along: flat })
+        terms[12..LARGEST].copy_from_slice(&free);
+        terms[LARGEST] = largest;
+        (flats < 2).then_some(Crease { terms, free, along: flat })
     }
 
     /// From where to where the crease lies in a box, along it from the minimiser, if it does.
@@ -224,52 +237,108 @@ struct Claim {
 }
 
 /// Who annexes what about a leaf.
-pub(super) struct Claims<'a> {
+pub(super) struct Claims<'b, 'a> {
     pub halo: Halo<'a>,
+    /// The cells of the leaf.
+    pub builder: &'b Builder<'a>,
     /// Whether creases are followed. Where vertices are merged they are not: what stands for several cells' is placed anew.
     pub may_annex: bool,
-    /// For each cell of the leaf and those up to two cells around it, one more than its place in `known`, if it has one.
-    places: Vec<u32>,
-    known: Vec<Known>,
+    /// The cells of the leaf with a sharp crease.
+    rows: Vec<CellRow>,
+    /// What is known of them, in order, and of other cells.
+    states: Vec<State>,
+    /// Cells of other leaves with their place in `states`, if they have one, and their creases.
+    others: HashMap<Place, Option<usize>>,
+    creases: Vec<Crease>,
+    group: Group,
+    /// Where planes are gathered.
+    pub planes: Vec<Named>,
 }
 
-/// What is known of a cell whose crease leaves it where no mesh edge leads; none of others.
-type Known = Option<(Rc<Crease>, u8, Option<Claim>)>;
+/// What becomes of a crease.
+#[derive(Clone, Copy)]
+enum State {
+    Unknown,
+    /// It stays where mesh edges lead, or the cell's planes do not meet.
+    Led,
+    /// The mask of the cell's corners, and what the cell would annex.
+    Leaving(u8, Option<Claim>),
+}
 
-/// Cells along each axis of which something is known.
-const KNOWN: i32 = BRICK_CELLS as i32 + 8;
-
-impl<'a> Claims<'a> {
-    pub(super) fn new(halo: Halo<'a>, may_annex: bool) -> Claims<'a> {
-        let places = if may_annex { vec![0; KNOWN.pow(3) as usize] } else { Vec::new() };
-        Claims { halo, may_annex, places, known: Vec::new() }
+impl<'b, 'a> Claims<'b, 'a> {
+    /// About a leaf whose vertices are placed.
+    pub(super) fn new(halo: Halo<'a>, builder: &'b Builder<'a>) -> Claims<'b, 'a> {
+        let sharp = &builder.sharp;
+        let mut rows = vec![CellRow::default(); if sharp.is_empty() { 0 } else { CELL_ROWS }];
+        for &([i, j, k], _) in sharp {
+            rows[k * BRICK_CELLS + j].active |= 1 << i;
+        }
+        let mut rank = 0;
+        for row in &mut rows {
+            row.set_rank(rank);
+            rank += row.active.count_ones();
+        }
+        Claims {
+            halo,
+            builder,
+            may_annex: builder.field.follows_creases(),
+            rows,
+            states: vec![State::Unknown; sharp.len()],
+            others: HashMap::new(),
+            creases: Vec::new(),
+            group: Group::default(),
+            planes: Vec::new(),
+        }
     }
 
-    /// Where the planes of a plain cell with one loop meet, its corner mask and what it would annex, if its crease leaves it
-    /// where no mesh edge leads.
-    fn crease(&mut self, cell: Place) -> Result<Known> {
+    /// The place in `states` of a cell, if it has a sharp crease.
+    fn place(&mut self, cell: Place) -> Result<Option<usize>> {
+        if is_own(cell) {
+            let [i, j, k] = cell.map(|c| c as usize);
+            let row = self.rows.get(k * BRICK_CELLS + j).copied().unwrap_or_default();
+            return Ok((row.active >> i & 1 == 1).then(|| row.slot(i)));
+        }
+        if let Some(place) = self.others.get(&cell) {
+            return Ok(*place);
+        }
+        self.fetch_around(cell)?;
+        let place = self.halo.sharp_crease(cell, &mut self.group)?.map(|crease| {
+            self.creases.push(crease);
+            self.states.push(State::Unknown);
+            self.states.len() - 1
+        });
+        self.others.insert(cell, place);
+        Ok(place)
+    }
+
+    /// What becomes of the crease of a plain cell with one loop, and where it stands; `None` if it has no sharp one.
+    fn state(&mut self, cell: Place) -> Result<Option<(State, usize)>> {
         if !self.may_annex {
             return Ok(None);
         }
-        let [x, y, z] = cell.map(|c| c + 4);
-        let place = (x + KNOWN * (y + KNOWN * z)) as usize;
-        if self.places[place] == 0 {
-            let known = self.found(cell)?;
-            self.known.push(known);
-            self.places[place] = self.known.len() as u32;
+        let Some(place) = self.place(cell)? else { return Ok(None) };
+        if let State::Unknown = self.states[place] {
+            self.states[place] = self.found(cell, &self.crease(place))?;
         }
-        Ok(self.known[self.places[place] as usize - 1].clone())
+        Ok(Some((self.states[place], place)))
     }
 
-    fn found(&mut self, cell: Place) -> Result<Known> {
+    fn crease(&self, place: usize) -> Crease {
+        let own = &self.builder.sharp;
+        own.get(place).map_or_else(|| self.creases[place - own.len()], |(_, crease)| *crease)
+    }
+
+    fn found(&mut self, cell: Place, crease: &Crease) -> Result<State> {
         self.fetch_around(cell)?;
-        let Some((changes, local, kind)) = self.halo.lone(cell)? else { return Ok(None) };
-        let mask = kind.loops().mask;
-        let Some(crease) = Crease::of(changes, local, kind).filter(|crease| !crease.is_led(mask)) else {
-            return Ok(None);
+        let Some(mask) = self.halo.plain_mask(cell) else { return Ok(State::Led) };
+        if crease.is_led(mask) || self.halo.any_of_cell(cell, |plane| misses(plane, &crease.free)) {
+            return Ok(State::Led);
+        }
+        let claim = match self.claim_of(cell, crease, mask) {
+            Some(claim) if self.is_in_the_way(cell, neighbour(cell, claim.direction))? => None,
+            claim => claim,
         };
-        let claim = self.claim_of(cell, &crease, mask);
-        Ok(Some((Rc::new(crease), mask, claim)))
+        Ok(State::Leaving(mask, claim))
     }
 
     fn fetch_around(&mut self, cell: Place) -> Result<()> {
@@ -277,7 +346,23 @@ impl<'a> Claims<'a> {
     }
 
     fn claim(&mut self, cell: Place) -> Result<Option<Claim>> {
-        Ok(self.crease(cell)?.and_then(|(_, _, claim)| claim))
+        Ok(match self.state(cell)? {
+            Some((State::Leaving(_, claim), _)) => claim,
+            _ => None,
+        })
+    }
+
+    /// Whether a cell without a sign change is to be left free, because `from` sees a corner in another one next to it.
+    fn is_in_the_way(&mut self, from: Place, cell: Place) -> Result<bool> {
+        if is_own(from) && self.builder.is_apart(from.map(|c| c as usize)) {
+            return Ok(false);
+        }
+        let Some(home) = self.seen_from(from, AHEAD)?.map(home_of) else { return Ok(false) };
+        if home == cell || !is_next_to(home, cell) {
+            return Ok(false);
+        }
+        self.fetch_around(home)?;
+        Ok(self.is_inactive(home))
     }
 
     /// What a cell with this crease would annex, which must have been fetched with all around it.
@@ -318,7 +403,8 @@ impl<'a> Claims<'a> {
 
     /// What a cell annexes, and where its vertex goes then or for the gaps beside it, as the cell sees it.
     fn reach(&mut self, cell: Place, margin: f64) -> Result<Option<(Option<Direction>, Vector)>> {
-        let Some((crease, mask, claim)) = self.crease(cell)? else { return Ok(None) };
+        let Some((State::Leaving(mask, claim), place)) = self.state(cell)? else { return Ok(None) };
+        let crease = self.crease(place);
         let mut annexed = None;
         if let Some(Claim { direction, .. }) = claim
             && self.annexer(neighbour(cell, direction))? == Some(cell)
@@ -375,47 +461,38 @@ impl<'a> Claims<'a> {
         if self.halo.plain_mask(owner).is_none() {
             return Ok(false);
         }
-        let points = points.map(|at| -> Vector { std::array::from_fn(|a| at[a] + f64::from(cell[a])) });
-        let is_off = |plane| points.iter().any(|at| misses(&plane, at));
-        Ok(!self.halo.any_plane(owner, owner.map(|c| c + 1), false, is_off))
+        let points =
+            points.map(|at| -> Vector { std::array::from_fn(|a| at[a] + f64::from(cell[a] - owner[a])) });
+        Ok(!self.halo.any_of_cell(owner, |plane| points.iter().any(|at| misses(plane, at))))
     }
 }
 
-/// A vertex that goes elsewhere.
-pub(super) type Moved = (usize, [f32; 3]);
+/// A vertex that follows its crease.
+pub(super) struct Following {
+    pub vertex: usize,
+    pub cell: [usize; 3],
+    pub annexed: Option<Direction>,
+    pub position: [f32; 3],
+}
+
+impl Claims<'_, '_> {
+    /// Where the vertices of creased cells go whose crease leaves them where no mesh edge leads, but for those that `stay`
+    /// where they are or go to a corner.
+    pub(super) fn follow_creases(&mut self, stay: impl Fn(usize) -> bool) -> Result<Vec<Following>> {
+        let (builder, mut following) = (self.builder, Vec::new());
+        for &(cell, _) in &builder.sharp {
+            let place = cell.map(|c| c as i32);
+            let Some(vertex) = builder.lone_vertex(place).filter(|&vertex| !stay(vertex)) else { continue };
+            if let Some((annexed, at)) = self.reach(place, builder.frame.margin)? {
+                let position = builder.frame.world(cell, at);
+                following.push(Following { vertex, cell, annexed, position });
+            }
+        }
+        Ok(following)
+    }
+}
 
 impl Builder<'_> {
-    /// Where the vertices of creased cells go whose crease leaves them where no mesh edge leads, but for those that `stay`
-    /// where they are or go to a corner. Notes what they annex; those that `keep` their place may annex, too.
-    pub(super) fn follow_creases(
-        &mut self,
-        claims: &mut Claims,
-        stay: impl Fn(usize) -> bool,
-        keep: impl Fn(usize) -> bool,
-    ) -> Result<Vec<Moved>> {
-        let mut moved = Vec::new();
-        if !claims.may_annex {
-            return Ok(moved);
-        }
-        for cell in std::mem::take(&mut self.sharp) {
-            let Some(vertex) = self.lone_vertex(cell.map(|c| c as i32)).filter(|&vertex| !stay(vertex))
-            else {
-                continue;
-            };
-            let Some((annexed, at)) = claims.reach(cell.map(|c| c as i32), self.frame.margin)? else {
-                continue;
-            };
-            if !keep(vertex) {
-                moved.push((vertex, self.frame.world(cell, at)));
-            }
-            if let Some(direction) = annexed {
-                self.annex(cell, direction);
-            }
-        }
-        self.cells.annexed.sort_unstable();
-        Ok(moved)
-    }
-
     /// Notes that a cell annexes its neighbour in a direction.
     pub(super) fn annex(&mut self, cell: [usize; 3], direction: Direction) {
         self.cells.annexed.push((cell.map(|c| c as u8), direction));

@@ -14,7 +14,7 @@
 mod cones;
 mod special;
 
-use super::annex::Direction;
+use super::annex::{Crease, Direction};
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
@@ -265,7 +265,7 @@ pub(super) struct Builder<'a> {
     /// Plain cells with one loop that is not flat, for [`super::corner`].
     pub creased: Vec<[usize; 3]>,
     /// Those of them whose crease is sharp, for [`super::annex`], if creases are followed.
-    pub sharp: Vec<[usize; 3]>,
+    pub sharp: Vec<([usize; 3], Crease)>,
     /// Those of them that may be at a corner, where there are sums.
     pub candidates: Vec<Place>,
     /// How many of the creased cells, and of the layers of cells along z, these are of.
@@ -489,8 +489,8 @@ impl<'a> Builder<'a> {
             }
             if is_lone && solved.flat >> lane & 1 == 0 {
                 self.creased.push(cell);
-                if solved.sharp >> lane & 1 == 1 && self.field.follows_creases() {
-                    self.sharp.push(cell);
+                if self.field.follows_creases() {
+                    self.sharp.extend(Crease::of(&solved, lane).map(|crease| (cell, crease)));
                 }
             }
             if let Some(sums) = &mut self.sums {

@@ -17,7 +17,7 @@
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.
 
-use super::annex::{Claims, neighbour};
+use super::annex::{Claims, Following, neighbour};
 use super::cells::{BrickCells, Builder, CELL_ROWS};
 use super::halo::{Halo, Named, Place};
 use super::planes::{Plane, distance};
@@ -56,25 +56,24 @@ impl Builder<'_> {
         if candidates.is_empty() && self.sharp.is_empty() {
             return Ok(());
         }
-        let claims = Claims::new(Halo::new(self.field, self.leaf)?, self.field.follows_creases());
-        let mut search = Search { builder: self, claims, planes: Vec::new() };
+        let mut claims = Claims::new(Halo::new(self.field, self.leaf)?, self);
         let mut homes = HashSet::new();
         let (mut aside, mut moves, mut strays) = (Vec::new(), Vec::new(), Vec::new());
         let mut at_corners = HashSet::new();
         for cell in candidates {
-            let Some(seen) = search.seen_from(cell)? else { continue };
+            let Some(seen) = claims.seen_from(cell, BLOCK_REACH)? else { continue };
             let home = home_of(seen);
             if home != cell
                 && let Some(vertex) = self.lone_vertex(cell)
                 && let Some(point) =
-                    search.on_crease(cell, seen, self.frame.local(self.cells.positions[vertex]))
+                    claims.on_crease(cell, seen, self.frame.local(self.cells.positions[vertex]))
             {
                 aside.push((vertex, self.frame.world_within(cell, point)));
             }
             if !is_next_to(home, cell) || !homes.insert(home) {
                 continue;
             }
-            let Some((corner, taker)) = search.corner_in(home)? else { continue };
+            let Some((corner, taker)) = claims.corner_in(home)? else { continue };
             if let Some(vertex) = self.lone_vertex(taker) {
                 moves.push((vertex, self.frame.world_within(home, corner)));
                 let is_first = at_corners.insert(vertex);
@@ -83,23 +82,26 @@ impl Builder<'_> {
                 }
             }
         }
-        let mut claims = search.claims;
+        let following = claims.follow_creases(|vertex| at_corners.contains(&vertex))?;
+        let may_annex = claims.may_annex;
         for (taker, home, is_first) in strays {
             let cell = taker.map(|c| c as usize);
             match (0..6).find(|&direction| neighbour(taker, direction) == home) {
-                Some(direction) if is_first && claims.may_annex => self.annex(cell, direction),
+                Some(direction) if is_first && may_annex => self.annex(cell, direction),
                 _ => self.let_stray(cell),
             }
         }
-        let beside_corners: HashSet<usize> = aside.iter().map(|(vertex, _)| *vertex).collect();
-        let along = self.follow_creases(
-            &mut claims,
-            |vertex| at_corners.contains(&vertex),
-            |vertex| beside_corners.contains(&vertex),
-        )?;
+        for Following { vertex, cell, annexed, position } in following {
+            // Those beside corners have their place; they may annex, too.
+            self.cells.positions[vertex] = position;
+            if let Some(direction) = annexed {
+                self.annex(cell, direction);
+            }
+        }
+        self.cells.annexed.sort_unstable();
         // The first corner that a vertex could go to gets it.
         moves.reverse();
-        for (vertex, position) in along.into_iter().chain(aside).chain(moves) {
+        for (vertex, position) in aside.into_iter().chain(moves) {
             self.cells.positions[vertex] = position;
         }
         Ok(())
@@ -147,11 +149,11 @@ fn place_of(cell: [usize; 3]) -> Place {
 }
 
 /// The cell that holds a point.
-fn home_of(point: [f64; 3]) -> Place {
+pub(super) fn home_of(point: [f64; 3]) -> Place {
     point.map(|c| c.floor() as i32)
 }
 
-fn is_next_to(a: Place, b: Place) -> bool {
+pub(super) fn is_next_to(a: Place, b: Place) -> bool {
     (0..3).all(|n| (a[n] - b[n]).abs() <= 1)
 }
 
@@ -164,23 +166,17 @@ fn cells_about(cell: Place) -> impl Iterator<Item = Place> {
     })
 }
 
-/// Looks for corners about one leaf.
-struct Search<'b, 'a> {
-    builder: &'b Builder<'a>,
-    claims: Claims<'a>,
-    planes: Vec<Named>,
-}
-
-impl Search<'_, '_> {
-    /// The point where the planes of all crossings of the 27 cells about `cell` meet, if there is just one.
-    fn seen_from(&mut self, cell: Place) -> Result<Option<[f64; 3]>> {
+impl Claims<'_, '_> {
+    /// The point where the planes of all crossings of the 27 cells about `cell` meet, if there is just one; one farther
+    /// than `reach` cells from the middle of the cell along an axis may be left out.
+    pub(super) fn seen_from(&mut self, cell: Place, reach: f64) -> Result<Option<[f64; 3]>> {
         let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c + 2));
-        self.claims.halo.fetch(low, high)?;
+        self.halo.fetch(low, high)?;
         // As compiled for this processor: bits are counted for every crossing.
-        if !dispatch!(level(), simd => self.may_meet(simd, cell, low, high)) {
+        if !dispatch!(level(), simd => self.may_meet(simd, cell, [low, high], reach)) {
             return Ok(None);
         }
-        dispatch!(level(), _simd => self.claims.halo.gather(low, high, &mut self.planes));
+        dispatch!(level(), _simd => self.halo.gather(low, high, &mut self.planes));
         Ok(meeting_point(cell, &self.planes))
     }
 
@@ -188,7 +184,7 @@ impl Search<'_, '_> {
     /// cell whose vertex goes there.
     fn corner_in(&mut self, home: Place) -> Result<Option<([f64; 3], Place)>> {
         for cell in cells_about(home) {
-            if let Some(corner) = self.seen_from(cell)?
+            if let Some(corner) = self.seen_from(cell, BLOCK_REACH)?
                 && home_of(corner) == home
             {
                 return Ok(self.taker(home, corner)?.map(|taker| (corner, taker)));
@@ -200,23 +196,23 @@ impl Search<'_, '_> {
     /// The cell whose vertex goes to a corner in the cell `home`: `home` itself if it is active, otherwise the one that
     /// annexes it, or, of the cells around it that have no plane that misses the corner, the one with its crossings nearest.
     fn taker(&mut self, home: Place, corner: [f64; 3]) -> Result<Option<Place>> {
-        self.claims.halo.fetch(home.map(|c| c - 1), home.map(|c| c + 2))?;
-        let Some(mask) = self.claims.halo.plain_mask(home) else { return Ok(None) };
+        self.halo.fetch(home.map(|c| c - 1), home.map(|c| c + 2))?;
+        let Some(mask) = self.halo.plain_mask(home) else { return Ok(None) };
         if !matches!(mask, 0 | u8::MAX) {
-            return Ok((self.claims.halo.loops(home)? == 1).then_some(home));
+            return Ok((self.halo.loops(home)? == 1).then_some(home));
         }
-        if let Some(annexer) = self.claims.annexer(home)? {
+        if let Some(annexer) = self.annexer(home)? {
             let (low, high) = (annexer, annexer.map(|c| c + 1));
-            let misses_it = self.claims.halo.any_plane(low, high, false, |plane| misses(&plane, corner));
+            let misses_it = self.halo.any_plane(low, high, false, |plane| misses(&plane, corner));
             return Ok((!misses_it).then_some(annexer));
         }
         let mut best: Option<(f64, Place)> = None;
         for next in cells_about(home).skip(1) {
-            if self.claims.halo.loops(next)? != 1 || !self.is_clear(home, next)? {
+            if self.halo.loops(next)? != 1 || !self.is_clear(home, next)? {
                 continue;
             }
             let (mut sum, mut count) = (DVec3::ZERO, 0.0);
-            let misses_it = self.claims.halo.any_plane(next, next.map(|c| c + 1), false, |plane| {
+            let misses_it = self.halo.any_plane(next, next.map(|c| c + 1), false, |plane| {
                 sum += DVec3::from(plane.0);
                 count += 1.0;
                 misses(&plane, corner)
@@ -237,9 +233,7 @@ impl Search<'_, '_> {
             if cell == home || cell == next {
                 continue;
             }
-            if !self.claims.is_inactive(cell)
-                || self.claims.annexer(cell)?.is_some_and(|annexer| annexer != next)
-            {
+            if !self.is_inactive(cell) || self.annexer(cell)?.is_some_and(|annexer| annexer != next) {
                 return Ok(false);
             }
         }
@@ -252,7 +246,7 @@ impl Search<'_, '_> {
     fn on_crease(&self, cell: Place, corner: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
         let mut faces: Vec<DVec3> = Vec::with_capacity(MOST_FACES);
         let (mut sum, mut count, mut is_off) = (DVec3::ZERO, 0.0, false);
-        self.claims.halo.any_plane(cell, cell.map(|c| c + 1), false, |plane| {
+        self.halo.any_plane(cell, cell.map(|c| c + 1), false, |plane| {
             let normal = DVec3::from(plane.1);
             if faces.iter().all(|face| face.dot(normal) <= SAME_NORMAL) {
                 faces.push(normal);
@@ -292,16 +286,16 @@ impl Search<'_, '_> {
     /// Whether the block about a cell may hold a corner. Within the leaf the sums of its cells serve; the crossings
     /// beyond its border are added up.
     #[inline(always)]
-    fn may_meet<S: Simd>(&self, simd: S, cell: Place, low: Place, high: Place) -> bool {
+    fn may_meet<S: Simd>(&self, simd: S, cell: Place, [low, high]: [Place; 2], reach: f64) -> bool {
         let before = self.builder.sums.as_ref();
         let within = before.map(|before| sums_within(simd, &self.builder.cells, cell, before));
         let beyond = within.is_some();
         let mut sums = within.unwrap_or_default();
-        self.claims.halo.any_plane(low, high, beyond, |(point, normal)| {
+        self.halo.any_plane(low, high, beyond, |(point, normal)| {
             sums.add(point, normal);
             false
         });
-        may_meet(&sums, cell)
+        may_meet(&sums, cell, reach)
     }
 }
 
@@ -310,14 +304,19 @@ fn may_meet_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[
     const LAST: i32 = BRICK_CELLS as i32 - 1;
     let sums = sums_within(simd, cells, cell, before);
     let is_within = cell.iter().all(|&c| 0 < c && c < LAST);
-    if is_within { may_meet(&sums, cell) } else { sums.may_share_point(middle(cell), BLOCK_REACH, MISS) }
+    if is_within {
+        may_meet(&sums, cell, BLOCK_REACH)
+    } else {
+        sums.may_share_point(middle(cell), BLOCK_REACH, MISS)
+    }
 }
 
 /// The sums over the cells of the leaf in the block about a cell, from those over all cells before each.
 #[inline(always)]
 fn sums_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[PlaneSums]) -> PlaneSums {
     let (mut first, mut rest) = PlaneSums::default().load(simd);
-    let [x, y, z] = cell.map(|c| (c - 1).max(0) as usize..(c + 2).min(BRICK_CELLS as i32) as usize);
+    let within = |c: i32| c.clamp(0, BRICK_CELLS as i32) as usize;
+    let [x, y, z] = cell.map(|c| within(c - 1)..within(c + 2));
     for k in z {
         for j in y.clone() {
             let row = cells.row(j, k);
@@ -329,10 +328,10 @@ fn sums_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[Plan
     PlaneSums::of((first, rest))
 }
 
-/// Whether the planes of the block about a cell may meet in a corner.
+/// Whether the planes of the block about a cell may meet in a corner so far from its middle.
 #[inline(always)]
-fn may_meet(sums: &PlaneSums, cell: Place) -> bool {
-    sums.may_meet(middle(cell), BLOCK_REACH, MISS, LEAST_SPREAD)
+fn may_meet(sums: &PlaneSums, cell: Place, reach: f64) -> bool {
+    sums.may_meet(middle(cell), reach, MISS, LEAST_SPREAD)
 }
 
 #[inline(always)]

@@ -43,6 +43,12 @@ impl EdgeStreams {
         streams
     }
 
+    /// Whether an edge of cell `i` changes sign.
+    #[inline(always)]
+    pub(super) fn is_crossed(&self, i: usize, place: &EdgePlace) -> bool {
+        self.bits[place.stream] >> (i as u32 + place.step) & 1 == 1
+    }
+
     /// Place among the decoded planes of an edge of cell `i`.
     #[inline(always)]
     pub(super) fn slot(&self, i: usize, place: &EdgePlace) -> usize {

@@ -171,8 +171,6 @@ struct Sight {
     positions: [[f32; 3]; LOOPS],
     vertices: [[f64; 3]; LOOPS],
     count: usize,
-    /// Where the cell that it has annexed lies.
-    annexed: Option<Direction>,
 }
 
 impl Sight {
@@ -196,7 +194,7 @@ impl Block {
         for (vertex, position) in vertices.iter_mut().zip(&positions[..count]) {
             *vertex = within(&self.lattice, cell, *position);
         }
-        Some(Sight { kind, first, positions, vertices, count, annexed: self.cells.annexed(cell) })
+        Some(Sight { kind, first, positions, vertices, count })
     }
 }
 
@@ -223,7 +221,10 @@ impl Finder<'_> {
             if self.own.cells.extra(face, keys[0]).is_some() {
                 continue;
             }
-            let Some(at) = self.leaving(axis, above, [&upper, &lower], [enter, leave])? else { continue };
+            let annexed = || [self.own.cells.annexed(above), block.cells.annexed(below)];
+            let Some(at) = self.leaving(axis, above, ([&upper, &lower], annexed), [enter, leave])? else {
+                continue;
+            };
             let sides = ([block.leaf, lower.vertex(on_other_side(axis, enter))], upper.vertex(enter));
             self.found.push(face, keys, at, sides, self.own.cells.len());
         }
@@ -232,12 +233,12 @@ impl Finder<'_> {
 
     /// Where on the face the mesh edge of a cut should pass, if it does not pass well by itself: where the planes of the
     /// cut's two crossings meet on the face, or else where it does pass, pulled into both loops' parts towards the middle
-    /// between the crossings.
+    /// between the crossings. `annexed` tells what the two cells have annexed; few faces need it.
     fn leaving(
         &mut self,
         axis: Axis,
         above: [usize; 3],
-        [upper, lower]: [&Sight; 2],
+        ([upper, lower], annexed): ([&Sight; 2], impl Fn() -> [Option<Direction>; 2]),
         cut: [usize; 2],
     ) -> Result<Option<[f32; 3]>> {
         let a = axis.index();
@@ -260,20 +261,19 @@ impl Finder<'_> {
         // Where it would have a vertex it must be well, too: what passes within half a step of a border gets one.
         let rounded = face.seen(face.rounded(passing));
         let is_between = share > 0.0 && share < 1.0;
-        // The face between the annexed cells is shared, too: both vertices are within the same slabs across it.
-        if is_between && upper.annexed.is_some() && upper.annexed == lower.annexed {
+        if is_between && [passing, rounded].iter().all(|&at| holds(axis, &parts, at)) {
             return Ok(None);
         }
-        if is_between && [passing, rounded].iter().all(|&at| holds(axis, &parts, at)) {
+        let annexed = annexed();
+        // The face between the annexed cells is shared, too: both vertices are within the same slabs across it.
+        if is_between && annexed[0].is_some() && annexed[0] == annexed[1] {
             return Ok(None);
         }
         let planes = self.planes(above, cut)?;
         let inner = std::array::from_fn(|n| (planes[0].0[n] + planes[1].0[n]) / 2.0);
         let mut start = meeting(axis, planes).or(is_between.then_some(rounded)).unwrap_or(inner);
-        if upper.annexed.is_some() || lower.annexed.is_some() {
-            // As near as can be to where a crease passes beyond the face.
-            start = start.map(|c| c.clamp(BESIDE, 1.0 - BESIDE));
-            start[a] = 0.0;
+        if annexed.iter().any(Option::is_some) {
+            start = beside(axis, planes, start);
         }
         let pull = pull(axis, &parts, start, inner);
         let pulled = std::array::from_fn(|n| start[n] + pull * (inner[n] - start[n]));
@@ -319,6 +319,40 @@ fn pull(axis: Axis, [upper, lower]: &[Part; 2], at: [f64; 3], inner: [f64; 3]) -
         pull = pull.max((at[n] - goal) / (at[n] - inner[n]));
     }
     pull
+}
+
+/// As near on the lower face of a cell across `axis` as can be to where a crease passes beyond it: on one of two planes, or
+/// off both where neither passes the face.
+fn beside(axis: Axis, planes: [Plane; 2], at: [f64; 3]) -> [f64; 3] {
+    let (u, v) = axis.others();
+    let (u, v) = (u.index(), v.index());
+    let mut nearest = at.map(|c| c.clamp(BESIDE, 1.0 - BESIDE));
+    nearest[axis.index()] = 0.0;
+    if nearest == at {
+        return at;
+    }
+    let mut least = f64::INFINITY;
+    for (p, n) in planes {
+        // From p along the plane.
+        let along = [-n[v], n[u]];
+        let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+        for (a, along) in [u, v].into_iter().zip(along) {
+            let (s, t) = ((BESIDE - p[a]) / along, (1.0 - BESIDE - p[a]) / along);
+            (enter, leave) = (enter.max(s.min(t)), leave.min(s.max(t)));
+        }
+        if enter <= leave {
+            let square = along[0] * along[0] + along[1] * along[1];
+            let to = ((at[u] - p[u]) * along[0] + (at[v] - p[v]) * along[1]) / square;
+            let to = to.clamp(enter, leave);
+            let place = [p[u] + to * along[0], p[v] + to * along[1]];
+            let distance = (place[0] - at[u]).powi(2) + (place[1] - at[v]).powi(2);
+            if distance < least {
+                least = distance;
+                (nearest[u], nearest[v]) = (place[0], place[1]);
+            }
+        }
+    }
+    nearest
 }
 
 /// Where two planes meet on the lower face of a cell across `axis`, if they do at an angle of more than 6°.

@@ -5,14 +5,19 @@
 //! whose vertex goes to a corner between them. Leaves of other levels are not looked into; of the border with
 //! them only the own apron is known.
 
+use super::annex::Crease;
+use super::corner::MISS;
+use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::field::Field;
 use super::joined;
 use super::leaves::Side;
 use super::planes::Plane;
+use super::solve::Group;
 use super::surface::{Changes, Surface};
 use super::topology::Kind;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+use crate::wide::{dispatch, level};
 use std::sync::Arc;
 
 /// A cell or sample, counted from the leaf's first one.
@@ -24,15 +29,20 @@ const SIDE: i32 = BRICK_CELLS as i32;
 enum Piece {
     NotFetched,
     OtherLevel,
-    Fetched(Arc<Surface>),
+    /// Its surface, and whether there are finer leaves around it.
+    Fetched(Arc<Surface>, bool),
+}
+
+impl Piece {
+    fn of(field: &Field, leaf: u32) -> Result<Piece> {
+        Ok(Piece::Fetched(field.surface(leaf)?, field.leaves.around(leaf).contains(&Side::Finer)))
+    }
 }
 
 /// A leaf and its surroundings.
 pub(super) struct Halo<'a> {
     field: &'a Field<'a>,
     key: NodeKey,
-    /// Whether there are finer leaves around it.
-    has_finer: bool,
     /// The leaf itself in the middle, the 26 around it by direction.
     pieces: [Piece; 27],
 }
@@ -48,9 +58,8 @@ fn piece_index(d: Place) -> usize {
 impl<'a> Halo<'a> {
     pub(super) fn new(field: &'a Field<'a>, leaf: u32) -> Result<Halo<'a>> {
         let mut pieces = [const { Piece::NotFetched }; 27];
-        pieces[piece_index([0; 3])] = Piece::Fetched(field.surface(leaf)?);
-        let has_finer = field.leaves.around(leaf).contains(&Side::Finer);
-        Ok(Halo { field, key: field.leaves.get(leaf).key, has_finer, pieces })
+        pieces[piece_index([0; 3])] = Piece::of(field, leaf)?;
+        Ok(Halo { field, key: field.leaves.get(leaf).key, pieces })
     }
 
     /// Fetches the leaves that hold the cells between the samples `low` and `high`.
@@ -68,7 +77,7 @@ impl<'a> Halo<'a> {
             let piece = &mut self.pieces[piece_index(d)];
             if matches!(piece, Piece::NotFetched) {
                 *piece = match self.key.neighbour(d).and_then(|key| self.field.leaves.exact(key)) {
-                    Some(leaf) => Piece::Fetched(self.field.surface(leaf)?),
+                    Some(leaf) => Piece::of(self.field, leaf)?,
                     None => Piece::OtherLevel,
                 };
             }
@@ -80,9 +89,8 @@ impl<'a> Halo<'a> {
     /// direction of the leaf, and the cell counted from its first one.
     fn plain(&self, cell: Place) -> Option<(&Surface, Place, [usize; 3])> {
         let d = cell.map(|c| c.div_euclid(SIDE));
-        let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return None };
-        let may_touch = d != [0; 3] || self.has_finer;
-        (!may_touch || !self.field.leaves.touches_finer(self.key, cell))
+        let Piece::Fetched(surface, has_finer) = &self.pieces[piece_index(d)] else { return None };
+        (!has_finer || !self.field.leaves.touches_finer(self.key, cell))
             .then(|| (&**surface, d, cell.map(|c| c.rem_euclid(SIDE) as usize)))
     }
 
@@ -97,8 +105,22 @@ impl<'a> Halo<'a> {
     }
 
     /// Such a cell, as its leaf sees it, if it has one loop.
-    pub(super) fn lone(&self, cell: Place) -> Result<Option<(&Changes, [usize; 3], Kind)>> {
+    fn lone(&self, cell: Place) -> Result<Option<(&Changes, [usize; 3], Kind)>> {
         Ok(self.active(cell)?.filter(|(_, _, kind)| kind.loops().count == 1))
+    }
+
+    /// The sharp crease of such a cell, found in the first lane of `group`, which is empty; see [`super::annex`].
+    pub(super) fn sharp_crease(&self, cell: Place, group: &mut Group) -> Result<Option<Crease>> {
+        let Some((changes, cell, kind)) = self.lone(cell)? else { return Ok(None) };
+        Ok(dispatch!(level(), simd => {
+            let streams = EdgeStreams::of(Some(changes), cell[1], cell[2]);
+            for place in kind.loops().edges_of(0).map(|edge| &EDGE_PLACES[edge]) {
+                let plane = &changes.planes[streams.slot(cell[0], place)];
+                let [x, y, z] = plane.normal;
+                group.add(0, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
+            }
+            Crease::of(&group.solve(simd, 1, 0.0, MISS), 0)
+        }))
     }
 
     fn active(&self, cell: Place) -> Result<Option<(&Changes, [usize; 3], Kind)>> {
@@ -128,6 +150,29 @@ impl<'a> Halo<'a> {
         }
     }
 
+    /// Whether the predicate holds for one of the crossings on the edges of a cell, as the cell sees them.
+    pub(super) fn any_of_cell(&self, cell: Place, mut holds: impl FnMut(&Plane) -> bool) -> bool {
+        let Piece::Fetched(surface, _) = &self.pieces[piece_index(cell.map(|c| c.div_euclid(SIDE)))] else {
+            return false;
+        };
+        let [i, j, k] = cell.map(|c| c.rem_euclid(SIDE) as usize);
+        dispatch!(level(), _simd => {
+            let streams = EdgeStreams::of(surface.changes(), j, k);
+            let mut is_any = false;
+            for place in &EDGE_PLACES {
+                if let Some(changes) = surface.changes()
+                    && streams.is_crossed(i, place)
+                {
+                    let plane = &changes.planes[streams.slot(i, place)];
+                    let ([x, y, z, _], [u, v, w]) = (place.seen_from_centre(plane), plane.normal);
+                    let point = [f64::from(x) + 0.5, f64::from(y) + 0.5, f64::from(z) + 0.5];
+                    is_any |= holds(&(point, [f64::from(u), f64::from(v), f64::from(w)]));
+                }
+            }
+            is_any
+        })
+    }
+
     /// Whether the predicate holds for one of those crossings, or of those of other leaves if `beyond`; some may come
     /// twice, and those after it are not looked at.
     #[inline(always)]
@@ -151,7 +196,7 @@ impl<'a> Halo<'a> {
         high: Place,
         mut holds: impl FnMut(Axis, Place, Plane) -> bool,
     ) -> bool {
-        let Piece::Fetched(surface) = &self.pieces[piece_index(d)] else { return false };
+        let Piece::Fetched(surface, _) = &self.pieces[piece_index(d)] else { return false };
         let Surface::Changes(changes) = &**surface else { return false };
         let first = d.map(|d| d * SIDE);
         let low: [usize; 3] = std::array::from_fn(|a| (low[a] - first[a]).max(0) as usize);

@@ -64,12 +64,16 @@ pub(super) struct Solved<S: Simd> {
     pub points: [Vector; GROUP],
     /// Bit per loop: its point is left to [`super::outliers`].
     pub left: u64,
-    /// What those need.
+    /// What those need, and what is known of sharp ones.
     pub terms: Terms,
     /// Bit per loop: all normals agree so well that two eigenvalues are truncated anyway.
     pub flat: u64,
     /// Bit per loop: its normals are as far apart as those at a crease that is followed ([`super::annex`]).
     pub sharp: u64,
+    /// Bit per loop: one direction is truncated.
+    pub lines: u64,
+    /// That direction, of length one, of sharp ones.
+    pub along: [Lanes; 3],
     /// Bit per loop: no point within [`REACH`] cells of its cell's centre along every axis is within the miss asked for
     /// of all planes.
     pub apart: u64,
@@ -212,9 +216,11 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
         }
         free.largest = is_flat.select(free.largest, creased.largest);
         free.is_sound = is_flat | creased.is_sound;
+        (free.along, free.is_line) = (creased.along, creased.is_line);
     }
     let mass = [mean[0] + half, mean[1] + half, mean[2] + half];
-    let mut at = [mass[0] + free.x[0], mass[1] + free.x[1], mass[2] + free.x[2]];
+    let anywhere = [mass[0] + free.x[0], mass[1] + free.x[1], mass[2] + free.x[2]];
+    let mut at = anywhere;
     let bounds = [[f64x8::splat(simd, margin); 3], [f64x8::splat(simd, 1.0 - margin); 3]];
     let done = on_faces(&matrix, rhs, mass, free.largest, bounds, &mut at);
     let left = lanes & !(done & free.is_sound.to_bitmask());
@@ -226,18 +232,25 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
         }
     }
     let mut terms = [[0.0; GROUP]; 16];
-    if left != 0 {
+    if left | sharp != 0 {
         let largest = free.is_sound.select(free.largest, f64x8::splat(simd, -1.0));
         let [xx, yy, zz, xy, yz, zx] = matrix.0;
-        let ([ra, rb, rc], [ma, mb, mc], [ax, ay, az]) = (rhs, mass, at);
+        let ([ra, rb, rc], [ma, mb, mc], [ax, ay, az]) = (rhs, mass, anywhere);
         let all = [xx, yy, zz, xy, yz, zx, ra, rb, rc, ma, mb, mc, ax, ay, az, largest];
         for n in 0..16 {
             all[n].store_slice(&mut terms[n]);
         }
     }
+    let mut along = [[0.0; GROUP]; 3];
+    if sharp != 0 {
+        for (along, of) in along.iter_mut().zip(free.along) {
+            of.store_slice(along);
+        }
+    }
+    let lines = free.is_line.to_bitmask() & lanes;
     let sums = about_origin(simd, &planes, group);
     let apart = apart(&planes, miss).to_bitmask() & lanes;
-    Solved { points, left, terms, flat, sharp, apart, sums }
+    Solved { points, left, terms, flat, sharp, lines, along, apart, sums }
 }
 
 /// Moves minimisers that are beyond one face of the box to those over the face, where these lie within the face and
@@ -331,13 +344,16 @@ struct Truncated<S: Simd> {
     largest: f64x8<S>,
     /// False where the closed form does not hold.
     is_sound: mask64x8<S>,
+    /// The direction of the least eigenvalue, and where it alone is truncated.
+    along: Vec3<S>,
+    is_line: mask64x8<S>,
 }
 
 impl<S: Simd> Truncated<S> {
     #[inline(always)]
     fn none(simd: S) -> Truncated<S> {
-        let zero = f64x8::splat(simd, 0.0);
-        Truncated { x: [zero; 3], largest: zero, is_sound: mask64x8::splat(simd, false) }
+        let (zero, none) = (f64x8::splat(simd, 0.0), mask64x8::splat(simd, false));
+        Truncated { x: [zero; 3], largest: zero, is_sound: none, along: [zero; 3], is_line: none }
     }
 }
 
@@ -349,7 +365,7 @@ fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>, normals: Vec
     let square = dot(v, matrix.times(v));
     let scale = dot(v, rhs) / square;
     let is_sound = mask64x8::splat(simd, true);
-    Truncated { x: times(v, scale), largest: square / dot(v, v), is_sound }
+    Truncated { x: times(v, scale), largest: square / dot(v, v), is_sound, ..Truncated::none(simd) }
 }
 
 /// Pseudo-inverse times `rhs` without the eigenvalues below [`TRUNCATION_SQUARED`] of the largest, where at most one
@@ -381,7 +397,8 @@ fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> Truncated<S>
             x[a] = has_three.select(whole[a], x[a]);
         }
     }
-    Truncated { x, largest, is_sound: is_found & (has_three | has_two) }
+    let is_line = is_found & has_two & !has_three;
+    Truncated { x, largest, is_sound: is_found & (has_three | has_two), along: v, is_line }
 }
 
 /// The eigenvectors, of length one, of eigenvalues well below the other two, with the values, and where there are

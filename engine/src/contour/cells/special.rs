@@ -6,8 +6,14 @@ use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX};
 use crate::contour::field::{Frame, Lattice, along};
 use crate::contour::loops::tangled;
 use crate::contour::topology::{Kind, edge_lower};
+use crate::lattice::BRICK_CELLS;
 
 impl Builder<'_> {
+    /// Whether the planes of a cell of the leaf alone rule out a corner in any block that the cell is part of.
+    pub(in crate::contour) fn is_apart(&self, [i, j, k]: [usize; 3]) -> bool {
+        self.sums.is_some() && self.apart[k * BRICK_CELLS + j] >> i & 1 == 1
+    }
+
     /// Takes a plain cell with one loop for one whose vertex lies beyond it.
     pub(in crate::contour) fn let_stray(&mut self, cell: [usize; 3]) {
         let Some((kind, _)) = self.cells.plain(cell) else { return };
