@@ -90,7 +90,8 @@ impl Cells {
                 strays += 1;
             }
         }
-        assert!(strays * 200 <= self.cells.len(), "{strays} of {}", self.cells.len());
+        // A small solid has few cells for each of its corners.
+        assert!(strays <= 4 || strays * 200 <= self.cells.len(), "{strays} of {}", self.cells.len());
         let bricks = |place: &Place| place.map(|c| c.div_euclid(BRICK_CELLS as i32));
         let across = annexed.iter().filter(|(other, place)| bricks(other) != bricks(place)).count();
         [annexed.len(), across]
