@@ -72,9 +72,10 @@ fn followed_creases_keep_sharp_edges_closer() {
     let soup: Soup = Mesh::merged(&sharp_part(1)).facets().collect();
     let (kept, _) = contoured(&soup, at_depth(3), &options);
     let cell = root_of(&soup).spacing(3);
-    let creases = in_cells(compared(&soup, kept, cell, 10_000), cell).creases.expect("they were asked for");
+    // Few points are far off and make up much of the mean, which fewer samples tell to a tenth only.
+    let creases = in_cells(compared(&soup, kept, cell, 50_000), cell).creases.expect("they were asked for");
     println!("creases: {creases:?}");
-    assert!(creases.mean <= 0.01 && creases.count > 5000, "{creases:?}");
+    assert!(creases.mean <= 0.01 && creases.count > 25_000, "{creases:?}");
     contoured(&file("clover_beads.stl"), at_depth(2), &options);
     contoured(&file("overlap_boxes.stl"), at_depth(2), &options);
 }
