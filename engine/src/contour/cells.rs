@@ -13,26 +13,26 @@
 
 mod cones;
 mod special;
+mod split;
 
 use super::annex::{Crease, Direction};
 use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
-use super::envelope::MinimalEdge;
-use super::extras::{Extra, Face, SplitPlace, SplitVertex, face_key, found_extra, middle, plain_edge_key};
-use super::field::{Field, Frame, Lattice};
+use super::extras::{Extra, SplitPlace, SplitVertex, found_extra};
+use super::field::{Field, Frame};
 use super::halo::Place;
 use super::joined;
-use super::leaves::{Around, Side, direction_index};
+use super::leaves::{Around, Side};
 use super::mixed::Surroundings;
 use super::outliers::{self, Outliers, minimisers};
 use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
-use super::surface::{Changes, Surface};
-use super::topology::{CellLoops, Kind, NO_LOOP, edge_lower};
+use super::surface::Changes;
+use super::topology::{Kind, NO_LOOP};
 use crate::brick::SignChanges;
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::wide::{Simd, dispatch, level};
 use std::sync::{Mutex, PoisonError};
 
@@ -289,14 +289,6 @@ pub(super) struct Builder<'a> {
     outliers: Outliers,
 }
 
-/// What is beyond a face of a plain cell.
-enum Beyond {
-    /// A plain cell of its size.
-    Plain,
-    /// A cell next to leaves of other levels.
-    Uneven,
-}
-
 /// A loop in a group.
 #[derive(Clone, Copy)]
 struct Waiting {
@@ -511,89 +503,6 @@ impl<'a> Builder<'a> {
         dispatch!(level(), simd => self.outliers.drain(simd, frame.margin, |(vertex, cell), point| {
             positions[vertex as usize] = frame.world(cell, point);
         }))
-    }
-
-    /// Extra vertices on the faces of a plain cell that this leaf owns and that need them.
-    #[cold]
-    fn split_plain_faces(
-        &mut self,
-        cell: [usize; 3],
-        loops: &CellLoops,
-        streams: &EdgeStreams,
-    ) -> Result<()> {
-        for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
-            let (axis, side) = (Axis::ALL[face / 2], face % 2);
-            let Some(beyond) = self.splits_plain_face(cell, loops, axis, side)? else { continue };
-            self.cells.split_faces += 1;
-            let mut corner = cell;
-            corner[axis.index()] += side;
-            for (enter, leave) in loops.face_cuts(axis, side) {
-                let edges = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.key));
-                let cut = [enter, leave];
-                let [p, q] = cut.map(|edge| self.crossing(cell[0], edge, streams));
-                let place = match beyond {
-                    Beyond::Plain => {
-                        SplitPlace::Near(std::array::from_fn(|a| (p[a] + q[a]) * 0.5), middle(cut))
-                    }
-                    Beyond::Uneven => {
-                        let lattice = self.frame.lattice();
-                        let [p, q] = cut.map(|edge| self.minimal_edge(&lattice, cell, edge, streams));
-                        SplitPlace::At(Face::new(&lattice, axis, corner).half_way([&p, &q]))
-                    }
-                };
-                self.splits.push(SplitVertex { face: face_key(axis, corner), edges, place });
-            }
-        }
-        Ok(())
-    }
-
-    /// Edge `edge` of a cell, which changes sign, in the world.
-    fn minimal_edge(
-        &self,
-        lattice: &Lattice,
-        cell: [usize; 3],
-        edge: usize,
-        streams: &EdgeStreams,
-    ) -> MinimalEdge {
-        let (axis, offset) = edge_lower(edge);
-        let fraction = self.planes[streams.slot(cell[0], &EDGE_PLACES[edge])].rounded_down();
-        MinimalEdge::placed(lattice, axis, std::array::from_fn(|a| cell[a] + offset[a]), fraction)
-    }
-
-    /// Whether a face of a plain cell that is cut twice gets extra vertices of this leaf, and for what cell beyond it.
-    fn splits_plain_face(
-        &self,
-        cell: [usize; 3],
-        loops: &CellLoops,
-        axis: Axis,
-        side: usize,
-    ) -> Result<Option<Beyond>> {
-        let a = axis.index();
-        let mut step = [0; 3];
-        step[a] = 2 * side as i32 - 1;
-        let beyond = self.around[direction_index(step)];
-        if side == 1 {
-            let is_own = cell[a] == BRICK_CELLS - 1 && matches!(beyond, Side::Coarser(_));
-            return Ok(is_own.then_some(Beyond::Uneven));
-        }
-        let below = std::array::from_fn(|n| cell[n] as i32 + step[n]);
-        // A cell next to a finer leaf may have loops that its own corners do not tell of.
-        if self.field.leaves.touches_finer(self.key, below) {
-            return Ok(Some(Beyond::Uneven));
-        }
-        let other = if cell[a] > 0 {
-            self.cells.plain(below.map(|c| c as usize)).map(|(kind, _)| kind)
-        } else if let Side::Same(other) = beyond
-            && let Surface::Changes(changes) = &*self.field.surface(other)?
-        {
-            let below = below.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
-            Some(joined::kind(self.field, self.field.leaves.get(other).key, changes, below)?)
-        } else {
-            None
-        };
-        let Some(other) = other else { return Ok(Some(Beyond::Uneven)) };
-        let rejoined = loops.rejoined >> (2 * a) & other.loops().rejoined >> (2 * a + 1) & 1 == 1;
-        Ok(rejoined.then_some(Beyond::Plain))
     }
 
     fn mixed_cell(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {
