@@ -99,7 +99,12 @@ fn all_are_within(name: &str, soup: &Soup, depth: u8, tolerances: &[f64]) -> Vec
     for (outcome, &cells) in outcomes.iter().zip(tolerances) {
         let p999 = outcome.p999();
         assert!(outcome.is_within(cells), "{name} at depth {depth}, {cells} cells: {p999:?}");
-        assert!(outcome.leaves[1] <= outcome.leaves[0] && outcome.triangles[1] <= outcome.triangles[0]);
+        // Where bricks of different levels meet there are vertices on faces: six triangles more of 174,312 at worst.
+        let [all, kept] = outcome.triangles;
+        assert!(
+            outcome.leaves[1] <= outcome.leaves[0] && kept <= all + all / 1000,
+            "{kept} of {all} triangles"
+        );
     }
     outcomes
 }

@@ -107,6 +107,12 @@ fn crossed<S: Simd>(a: [f64x8<S>; 2], b: [f64x8<S>; 2]) -> f64x8<S> {
     a[0] * b[1] - a[1] * b[0]
 }
 
+/// The largest step of 32 bits among coordinates.
+pub(super) fn step_at(coordinates: &[f32]) -> f64 {
+    let farthest = coordinates.iter().fold(0.0f32, |far, c| far.max(c.abs()));
+    f64::from(farthest.next_up()) - f64::from(farthest)
+}
+
 impl MinimalEdge {
     /// The edge along `axis` from a sample of a brick on, crossed at `fraction`; `lattice` has the world coordinates of
     /// the brick's samples by axis.
@@ -172,8 +178,7 @@ impl MinimalEdge {
     /// Where the surface crosses the edge, kept a 64th of it off the ends, or eight steps of 32 bits if that is more.
     pub(super) fn crossing_off_ends(&self) -> [f64; 3] {
         let [low, high] = self.ends.map(f64::from);
-        let farthest = self.ends.into_iter().chain(self.at).fold(0.0f32, |far, c| far.max(c.abs()));
-        let step = f64::from(farthest.next_up()) - f64::from(farthest);
+        let step = step_at([self.ends, self.at].as_flattened());
         let least = (8.0 * step / (high - low)).clamp(1.0 / 64.0, 0.5);
         let (u, v) = self.axis.others();
         let mut at = [low + f64::from(self.fraction).clamp(least, 1.0 - least) * (high - low); 3];

@@ -5,17 +5,17 @@
 //! the corners that they do not cut off. That has to be so of places as they are written, with 32 bits: the surface may
 //! cross edges at samples, or nearer to them than a step of such numbers.
 
-use super::envelope::MinimalEdge;
+use super::envelope::{MinimalEdge, step_at};
 use super::field::{Frame, Lattice};
 use super::loops::SLACK;
 use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, RootCube, Units, spacing_bits};
 
-/// How far off the side of a face a vertex is whose cut joins two edges of that side, in distances of their crossings: lines of
-/// other cuts that pass over it rise by 1/128 of one of their edges at least over the whole face, and edges are rarely
-/// more than 64 times shorter than the face.
-const NOTCH: f64 = 1.0 / 16384.0;
+/// How far off the side of a face a vertex is whose cut joins two edges of that side and spans it, in steps of 32 bits and in
+/// sides, whichever is less; others by the square of their share, so that of cuts within each other the outer one
+/// passes above. Lines of other cuts rise by 1/128 of one of their edges at least.
+const NOTCH: (f64, f64) = (16.0, 1.0 / 256.0);
 
 /// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
 /// its lower end minus the corner in units.
@@ -116,7 +116,11 @@ impl Face {
         let mut at: [f64; 3] = std::array::from_fn(|a| (ends[0][a] + ends[1][a]) / 2.0);
         if cut[0].axis == cut[1].axis && cut[0].at == cut[1].at {
             let along = cut[0].axis.index();
-            let height = (ends[0][along] - ends[1][along]).abs() * NOTCH;
+            let [low, high] = self.span[along].map(f64::from);
+            let share = (ends[0][along] - ends[1][along]) / (high - low);
+            let step = step_at(self.span.as_flattened());
+            let most = (NOTCH.0 * step).min(NOTCH.1 * (high - low));
+            let height = step.max(most * share * share);
             let across = self.axis.index();
             for a in (0..3).filter(|&a| a != along && a != across) {
                 at[a] += if at[a] > f64::from(self.span[a][0]) { -height } else { height };

@@ -243,8 +243,8 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     }
     let mut along = [[0.0; GROUP]; 3];
     if sharp != 0 {
-        for (along, of) in along.iter_mut().zip(free.along) {
-            of.store_slice(along);
+        for a in 0..3 {
+            free.along[a].store_slice(&mut along[a]);
         }
     }
     let lines = free.is_line.to_bitmask() & lanes;
