@@ -243,9 +243,10 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     }
     let mut along = [[0.0; GROUP]; 3];
     if sharp != 0 {
-        for a in 0..3 {
-            free.along[a].store_slice(&mut along[a]);
-        }
+        let [x, y, z] = &mut along;
+        free.along[0].store_slice(x);
+        free.along[1].store_slice(y);
+        free.along[2].store_slice(z);
     }
     let lines = free.is_line.to_bitmask() & lanes;
     let sums = about_origin(simd, &planes, group);
