@@ -243,10 +243,9 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     }
     let mut along = [[0.0; GROUP]; 3];
     if sharp != 0 {
-        let [x, y, z] = &mut along;
-        free.along[0].store_slice(x);
-        free.along[1].store_slice(y);
-        free.along[2].store_slice(z);
+        for (along, of) in along.iter_mut().zip(free.along) {
+            of.store_slice(along);
+        }
     }
     let lines = free.is_line.to_bitmask() & lanes;
     let sums = about_origin(simd, &planes, group);
@@ -326,8 +325,10 @@ fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, group: &Group) -> [WideSum
     let terms = transposed([xx, yy, zz, xy, yz, zx, x, y]);
     let zero = f64x8::splat(simd, 0.0);
     let mut sums = [(zero, zero.split().0); GROUP];
+    // What fills the vectors is not zero: for that compilers have an instruction, `vmovq` from a high register in its
+    // form for stores, that valgrind 3.19 does not know.
     let ((z_count, z_count_high), (constant, constant_high)) =
-        (z.interleave(*count), constant.interleave(zero));
+        (z.interleave(*count), constant.interleave(constant));
     let (first, second) = z_count.interleave(constant);
     let (third, fourth) = z_count_high.interleave(constant_high);
     for (pair, more) in [first, second, third, fourth].into_iter().enumerate() {
