@@ -69,6 +69,8 @@ pub(super) struct BrickCells {
     pub mixed: Vec<u32>,
     /// Minimal edges of mixed cells with the vertex of their loop, sorted within a cell.
     pub mixed_edges: Vec<(u64, u32)>,
+    /// Mixed cells with several loops, [z, y, x], in order.
+    pub several: Vec<[u8; 3]>,
     /// Sorted by face and edge.
     pub extras: Vec<Extra>,
     /// Plain cells with several loops, and cells whose vertex lies beyond them; see [`super::faces`].
@@ -148,6 +150,7 @@ impl BrickCells {
             + self.kinds.capacity() * size_of::<Kind>()
             + 4 * (self.first.capacity() + self.mixed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
+            + self.several.capacity() * size_of::<[u8; 3]>()
             + self.extras.capacity() * size_of::<Extra>()
             + self.special.capacity() * size_of::<[u8; 3]>()
             + self.annexed.capacity() * size_of::<([u8; 3], Direction)>()
@@ -187,9 +190,8 @@ impl BrickCells {
     }
 
     /// Whether a cell next to finer leaves has several loops.
-    pub(super) fn has_several_loops(&self, cell: [usize; 3]) -> bool {
-        let edges = if self.is_mixed(cell) { self.mixed_edges_of(cell) } else { &[] };
-        edges.iter().any(|(_, vertex)| *vertex != edges[0].1)
+    pub(super) fn has_several_loops(&self, [i, j, k]: [usize; 3]) -> bool {
+        self.several.binary_search(&[k, j, i].map(|c| c as u8)).is_ok()
     }
 
     /// Whether a cell is active and next to finer leaves.
@@ -526,6 +528,8 @@ impl<'a> Builder<'a> {
         self.cells.mixed.push(self.cells.mixed_edges.len() as u32);
         self.cells.split_faces += mixed.split_faces;
         if mixed.loops > 1 {
+            let [i, j, k] = cell.map(|c| c as u8);
+            self.cells.several.push([k, j, i]);
             self.several.push(Several::of(cell, first, &mixed));
         }
         for cut in mixed.cuts.iter().filter(|cut| cut.is_split) {

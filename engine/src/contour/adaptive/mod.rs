@@ -149,6 +149,9 @@ fn beside_merged(
     for &([other, below], above) in &faces.sides {
         let below = if other == leaf {
             names[below as usize]
+        } else if field.leaves.get(other).key.level() != field.leaves.get(leaf).key.level() {
+            // Nothing is merged next to leaves of other levels.
+            Name::Own
         } else {
             let names = match others.entry(other) {
                 Entry::Occupied(names) => names.into_mut(),

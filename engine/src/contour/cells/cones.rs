@@ -2,7 +2,8 @@
 //!
 //! What belongs to a loop within such a cell is the cone from its vertex over the line in which the surface passes the cell's
 //! boundary. All faces of these cells have vertices, whose places follow from the crossings alone, as do those on edges, so
-//! the lines are known before any vertex is. Where cones meet, vertices go elsewhere until they do not.
+//! the lines are known before any vertex is. Where cones meet, vertices go to others of some places until they do not; what none
+//! of these separates stays.
 
 use super::Builder;
 use crate::check::meet_by_place;
@@ -23,6 +24,8 @@ const PLACES: [(f64, i32); 7] = [
 ];
 /// How often all vertices of a cell are looked at.
 const ROUNDS: usize = 4;
+/// Pieces of lines in a cell at most of which vertices are moved: as many as noise four levels deeper has, some 0.1 s.
+const MOST_PIECES: usize = 1024;
 
 /// A mixed cell with several loops.
 pub(super) struct Several {
@@ -72,6 +75,9 @@ impl Several {
 
     /// Moves vertices until cones do not meet, or no place is better.
     fn separate(&self, vertices: &mut [Point], places: impl Fn(&Line) -> Vec<Point>) {
+        if self.lines.iter().map(Vec::len).sum::<usize>() > MOST_PIECES {
+            return;
+        }
         for _ in 0..ROUNDS {
             let mut is_left = false;
             for n in 0..vertices.len() {

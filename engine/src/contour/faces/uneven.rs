@@ -7,7 +7,7 @@
 //! face, and on to a point of another. Between cells of two sizes the mesh edge may well pass beside the face, though; then
 //! it gets a vertex on it.
 //!
-//! Faces of cells with several loops that are next to finer leaves have vertices in any case ([`super::super::cells`]).
+//! Faces of cells with several loops that are next to finer leaves have vertices in any case (`cells/cones`).
 
 use super::*;
 use crate::contour::envelope::MinimalEdge;
