@@ -282,16 +282,22 @@ impl Finder<'_> {
         Ok(Some(place.unwrap_or_else(|| face.place(middle(cut)))))
     }
 
-    /// The planes of the crossings on two edges of a cell, in its coordinates; points stay away from the edges' ends.
-    fn planes(&mut self, cell: [usize; 3], edges: [usize; 2]) -> Result<[Plane; 2]> {
+    /// The surface of the leaf.
+    fn surface(&mut self) -> Result<Arc<Surface>> {
         let surface = match &self.surface {
             Some(surface) => surface,
             None => self.surface.insert(self.field.surface(self.leaf)?),
         };
+        Ok(Arc::clone(surface))
+    }
+
+    /// The planes of the crossings on two edges of a cell, in its coordinates; points stay away from the edges' ends.
+    fn planes(&mut self, cell: [usize; 3], edges: [usize; 2]) -> Result<[Plane; 2]> {
+        let surface = self.surface()?;
         Ok(edges.map(|edge| {
             let (along, offset) = edge_lower(edge);
             let mut at = offset.map(|c| c as f64);
-            let Surface::Changes(changes) = &**surface else { return (at, [0.0; 3]) };
+            let Surface::Changes(changes) = &*surface else { return (at, [0.0; 3]) };
             let plane = &changes.planes[changes.slot(along, std::array::from_fn(|n| cell[n] + offset[n]))];
             at[along.index()] += f64::from(plane.fraction).clamp(1.0 / 64.0, 63.0 / 64.0);
             (at, plane.normal.map(f64::from))

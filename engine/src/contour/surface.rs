@@ -1,5 +1,7 @@
 //! The surface as one leaf sees it: signs at its 33³ samples and a Hermite edge on every sign change.
 
+use super::envelope::MinimalEdge;
+use super::field::Lattice;
 use super::leaves::Leaf;
 use super::planes::{EdgePlane, decode};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Ranks, Samples, SignChanges};
@@ -118,6 +120,12 @@ impl Changes {
     pub(super) fn mask(&self, [i, j, k]: [usize; 3]) -> u8 {
         let pair = |j, k| (self.signs.row(j, k) >> i) as u8 & 3;
         pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
+    }
+
+    /// The edge along `axis` that starts at sample (i, j, k), which changes sign, between planes of the leaf's lattice.
+    pub(super) fn minimal_edge(&self, lattice: &Lattice, axis: Axis, ijk: [usize; 3]) -> MinimalEdge {
+        let fraction = self.planes[self.slot(axis, ijk)].rounded_down();
+        MinimalEdge::placed(lattice, axis, ijk, fraction)
     }
 
     /// Place in `planes` of the edge along `axis` that starts at sample (i, j, k).

@@ -1,10 +1,8 @@
 //! Faces of plain cells that are cut twice.
 
 use super::Builder;
-use crate::contour::edges::{EDGE_PLACES, EdgeStreams};
-use crate::contour::envelope::MinimalEdge;
+use crate::contour::edges::EdgeStreams;
 use crate::contour::extras::{Face, SplitPlace, SplitVertex, face_key, middle, plain_edge_key};
-use crate::contour::field::Lattice;
 use crate::contour::joined;
 use crate::contour::leaves::{Side, direction_index};
 use crate::contour::surface::Surface;
@@ -32,20 +30,25 @@ impl Builder<'_> {
         for face in (0..6).filter(|face| loops.ambiguous >> face & 1 == 1) {
             let (axis, side) = (Axis::ALL[face / 2], face % 2);
             let Some(beyond) = self.splits_plain_face(cell, loops, axis, side)? else { continue };
+            let Some(changes) = self.changes else { continue };
             self.cells.split_faces += 1;
             let mut corner = cell;
             corner[axis.index()] += side;
             for (enter, leave) in loops.face_cuts(axis, side) {
-                let edges = [enter, leave].map(|edge| plain_edge_key(edge, axis, self.key));
                 let cut = [enter, leave];
-                let [p, q] = cut.map(|edge| self.crossing(cell[0], edge, streams));
+                let edges = cut.map(|edge| plain_edge_key(edge, axis, self.key));
                 let place = match beyond {
                     Beyond::Plain => {
+                        let [p, q] = cut.map(|edge| self.crossing(cell[0], edge, streams));
                         SplitPlace::Near(std::array::from_fn(|a| (p[a] + q[a]) * 0.5), middle(cut))
                     }
                     Beyond::Uneven => {
                         let lattice = self.frame.lattice();
-                        let [p, q] = cut.map(|edge| self.minimal_edge(&lattice, cell, edge, streams));
+                        let [p, q] = cut.map(|edge| {
+                            let (along, offset) = edge_lower(edge);
+                            let low = std::array::from_fn(|a| cell[a] + offset[a]);
+                            changes.minimal_edge(&lattice, along, low)
+                        });
                         SplitPlace::At(Face::new(&lattice, axis, corner).half_way([&p, &q]))
                     }
                 };
@@ -53,19 +56,6 @@ impl Builder<'_> {
             }
         }
         Ok(())
-    }
-
-    /// Edge `edge` of a cell, which changes sign, in the world.
-    fn minimal_edge(
-        &self,
-        lattice: &Lattice,
-        cell: [usize; 3],
-        edge: usize,
-        streams: &EdgeStreams,
-    ) -> MinimalEdge {
-        let (axis, offset) = edge_lower(edge);
-        let fraction = self.planes[streams.slot(cell[0], &EDGE_PLACES[edge])].rounded_down();
-        MinimalEdge::placed(lattice, axis, std::array::from_fn(|a| cell[a] + offset[a]), fraction)
     }
 
     /// Whether a face of a plain cell that is cut twice gets extra vertices of this leaf, and for what cell beyond it.

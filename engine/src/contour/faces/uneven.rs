@@ -10,7 +10,6 @@
 //! Faces of cells with several loops that are next to finer leaves have vertices in any case (`cells/cones`).
 
 use super::*;
-use crate::contour::envelope::MinimalEdge;
 use crate::contour::extras::edge_key;
 use crate::contour::leaves::{Around, broken};
 use crate::contour::mixed::{Cut, MixedCell, Surroundings};
@@ -107,6 +106,8 @@ impl Finder<'_> {
     /// The cuts of a face of a plain cell of the leaf.
     fn plain_cuts(&mut self, cell: [usize; 3], axis: Axis, side: usize) -> Result<Vec<FaceCut>> {
         let Some((kind, _)) = self.own.cells.plain(cell) else { return Ok(Vec::new()) };
+        let surface = self.surface()?;
+        let Some(changes) = surface.changes() else { return Ok(Vec::new()) };
         let (key, lattice) = (self.own.key, &self.own.lattice);
         let mut corner = cell;
         corner[axis.index()] += side;
@@ -117,7 +118,7 @@ impl Finder<'_> {
                 let (along, offset) = edge_lower(edge);
                 (along, std::array::from_fn(|a| cell[a] + offset[a]))
             });
-            let [p, q] = ends.map(|(along, low)| self.minimal_edge(along, low));
+            let [p, q] = ends.map(|(along, low)| changes.minimal_edge(lattice, along, low));
             let from_base = |a: usize| (ends[0].1[a] as i32) << key.spacing_bits();
             cuts.push(FaceCut {
                 edges: [enter, leave].map(|edge| plain_edge_key(edge, axis, key)),
@@ -127,13 +128,6 @@ impl Finder<'_> {
             });
         }
         Ok(cuts)
-    }
-
-    /// An edge of the leaf, which changes sign, in the world.
-    fn minimal_edge(&self, axis: Axis, low: [usize; 3]) -> MinimalEdge {
-        let changes = self.surface.as_ref().and_then(|surface| surface.changes());
-        let fraction = changes.map_or(0.0, |changes| changes.planes[changes.slot(axis, low)].rounded_down());
-        MinimalEdge::placed(&self.own.lattice, axis, low, fraction)
     }
 
     /// Gives a cut of the face between two cells a vertex if it needs one.
@@ -149,19 +143,19 @@ impl Finder<'_> {
         if own.cells.extra(face, cut.edges[0]).is_some() {
             return Ok(());
         }
-        let [Some(own_vertex), Some(others)] = cells.map(|(block, cell)| block.vertex(cell, cut.first))
+        let [Some(own_vertex), Some(other_vertex)] = cells.map(|(block, cell)| block.vertex(cell, cut.first))
         else {
             return Err(broken(own.key));
         };
         let [upper, lower] = if side == 0 { [0, 1] } else { [1, 0] };
-        let ends = [own.cells.positions[own_vertex as usize], other.cells.positions[others as usize]];
-        let parts = [(cells[0], own_vertex), (cells[1], others)]
+        let ends = [own.cells.positions[own_vertex as usize], other.cells.positions[other_vertex as usize]];
+        let parts = [(cells[0], own_vertex), (cells[1], other_vertex)]
             .map(|((block, cell), vertex)| block.part(cell, vertex));
         let (ends, parts) = ([ends[lower], ends[upper]], [parts[upper], parts[lower]]);
         let must = cells.iter().any(|(block, cell)| block.cells.has_several_loops(*cell));
         let at = if must { Some(cut.at) } else { passage(&own.lattice, (axis, corner), &parts, ends, cut) };
         let Some(at) = at else { return Ok(()) };
-        self.found.push(face, cut.edges, at, ([other.leaf, others], own_vertex), own.cells.len());
+        self.found.push(face, cut.edges, at, ([other.leaf, other_vertex], own_vertex), own.cells.len());
         Ok(())
     }
 }
