@@ -83,6 +83,8 @@ pub(super) struct BrickCells {
     pub positions: Vec<[f32; 3]>,
     /// Faces with extra vertices.
     pub split_faces: u64,
+    /// Cells next to finer leaves between whose sheets no place was found.
+    pub unseparated: u64,
 }
 
 impl BrickCells {

@@ -12,11 +12,6 @@ use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, RootCube, Units, spacing_bits};
 
-/// How far off the side of a face a vertex is whose cut joins two edges of that side and spans it, in steps of 32 bits and in
-/// sides, whichever is less; others by the square of their share, so that of cuts within each other the outer one
-/// passes above. Lines of other cuts rise by 1/128 of one of their edges at least.
-const NOTCH: (f64, f64) = (16.0, 1.0 / 256.0);
-
 /// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
 /// its lower end minus the corner in units.
 #[inline]
@@ -110,23 +105,26 @@ impl Face {
     /// Where a mesh edge through the cut between two minimal edges has a vertex, if it has one wherever its ends are: half way
     /// between the crossings, off the ends of the edges by as much as rounding could move it; off the border, too, if both
     /// edges are on one side of the face. All leaves have the same, and any lines from there to points of the two edges
-    /// meet none of another cut of the face.
+    /// meet none of another cut of the face, if no run that is cut off has more than two corners.
     pub(super) fn half_way(&self, cut: [&MinimalEdge; 2]) -> [f32; 3] {
         let ends = cut.map(MinimalEdge::crossing_off_ends);
         let mut at: [f64; 3] = std::array::from_fn(|a| (ends[0][a] + ends[1][a]) / 2.0);
         if cut[0].axis == cut[1].axis && cut[0].at == cut[1].at {
-            let along = cut[0].axis.index();
-            let [low, high] = self.span[along].map(f64::from);
-            let share = (ends[0][along] - ends[1][along]) / (high - low);
+            // Lines of other cuts leave that side more steeply.
             let step = step_at(self.span.as_flattened());
-            let most = (NOTCH.0 * step).min(NOTCH.1 * (high - low));
-            let height = step.max(most * share * share);
-            let across = self.axis.index();
+            let (along, across) = (cut[0].axis.index(), self.axis.index());
             for a in (0..3).filter(|&a| a != along && a != across) {
-                at[a] += if at[a] > f64::from(self.span[a][0]) { -height } else { height };
+                at[a] += if at[a] > f64::from(self.span[a][0]) { -step } else { step };
             }
         }
         self.inside(at.map(|c| c as f32))
+    }
+
+    /// The same on a face with several cuts, of which this one cuts off a run with so many corners of the face. With three
+    /// or four all others are between its ends, on one side of the face or about one of its corners: lines from the middle of
+    /// the face pass over whatever is there.
+    pub(super) fn half_way_of_several(&self, cut: [&MinimalEdge; 2], corners: usize) -> [f32; 3] {
+        if corners < 3 { self.half_way(cut) } else { self.place([0.5; 3]) }
     }
 }
 

@@ -298,7 +298,7 @@ impl Finder<'_> {
             let (along, offset) = edge_lower(edge);
             let mut at = offset.map(|c| c as f64);
             let Surface::Changes(changes) = &*surface else { return (at, [0.0; 3]) };
-            let plane = &changes.planes[changes.slot(along, std::array::from_fn(|n| cell[n] + offset[n]))];
+            let plane = changes.plane(along, std::array::from_fn(|n| cell[n] + offset[n]));
             at[along.index()] += f64::from(plane.fraction).clamp(1.0 / 64.0, 63.0 / 64.0);
             (at, plane.normal.map(f64::from))
         }))

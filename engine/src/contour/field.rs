@@ -5,15 +5,16 @@ use super::adaptive::{self, Across, Draft, Fresh, Made, MeetingSearch, Merged};
 use super::cache::Cache;
 use super::cells::BrickCells;
 use super::edges::Quad;
+use super::envelope::MinimalEdge;
 use super::faces::FaceVertices;
 use super::leaves::{Around, Leaves, Side};
 use super::order::in_order;
 use super::qef::PlaneSums;
 use super::spare::Spare;
-use super::surface::{Level, Surface};
+use super::surface::{Changes, Level, Surface};
 use super::vertices::LeafVertices;
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Walk};
 use std::sync::Arc;
@@ -156,6 +157,34 @@ impl<'a> Field<'a> {
         })
     }
 
+    /// An edge of a plain cell that changes sign, along `axis` from a sample of a leaf on, as the leaf has it that makes its
+    /// polygon: where an interior node stands for its descendants it may know another of several crossings than a leaf of
+    /// the tree beside it. `lattice` and `changes` are of `leaf`.
+    pub(super) fn minimal_edge(
+        &self,
+        (leaf, changes): (u32, &Changes),
+        lattice: &Lattice,
+        (axis, low): (Axis, [usize; 3]),
+    ) -> Result<MinimalEdge> {
+        let is_upper = |axis: Axis| low[axis.index()] == BRICK_CELLS;
+        let (u, v) = axis.others();
+        let mut fraction = changes.plane(axis, low).rounded_down();
+        if is_upper(u) || is_upper(v) {
+            let key = self.leaves.get(leaf).key;
+            let sample = |key: NodeKey| key.first_sample().map(|c| c as usize);
+            let lower = std::array::from_fn(|a| key.base()[a] + ((low[a] as i32) << key.spacing_bits()));
+            let owner = self.leaves.owner(axis, lower, |at| self.leaves.at(at)).unwrap_or(leaf);
+            if owner != leaf
+                && let Surface::Changes(changes) = &*self.surface(owner)?
+            {
+                let (own, other) = (sample(key), sample(self.leaves.get(owner).key));
+                let low = std::array::from_fn(|a| own[a] + low[a] - other[a]);
+                fraction = changes.plane(axis, low).rounded_down();
+            }
+        }
+        Ok(MinimalEdge::placed(lattice, axis, low, fraction))
+    }
+
     /// The vertices on faces that a leaf owns.
     pub(super) fn faces(&self, leaf: u32) -> Result<Arc<FaceVertices>> {
         self.faces.get_or_make(leaf, || {
@@ -267,9 +296,10 @@ impl<'a> Field<'a> {
     }
 }
 
-/// The leaves whose cells the polygons of a leaf may need: its own and those next to it that are no finer.
+/// The leaves whose cells the polygons and vertices on faces of a leaf may need: its own and those next to it that are no
+/// finer. Next to finer leaves it may have active cells without a sign change of its own.
 fn needed_by(leaves: &Leaves, leaf: u32, around: &Around) -> Vec<u32> {
-    let is_needing = leaves.get(leaf).changes;
+    let is_needing = leaves.get(leaf).changes || around.contains(&Side::Finer);
     let one = |side: &Side| match side {
         Side::Same(other) | Side::Coarser(other) if is_needing || *other == leaf => Some(*other),
         _ => None,

@@ -210,7 +210,7 @@ impl<'a> Halo<'a> {
                 while bits != 0 {
                     let start = [bits.trailing_zeros() as usize, j, k];
                     bits &= bits - 1;
-                    let edge = &changes.planes[changes.slot(axis, start)];
+                    let edge = changes.plane(axis, start);
                     let start: Place = std::array::from_fn(|a| first[a] + start[a] as i32);
                     let mut point = start.map(f64::from);
                     point[axis.index()] += f64::from(edge.fraction);

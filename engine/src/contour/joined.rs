@@ -72,7 +72,7 @@ fn is_within(changes: &Changes, cell: [usize; 3], axis: Axis) -> bool {
     let distance = |along: Axis, across: Axis, offset: usize| {
         let mut low = cell;
         low[across.index()] += offset;
-        let plane = &changes.planes[changes.slot(along, low)];
+        let plane = changes.plane(along, low);
         let normal = plane.normal.map(f64::from);
         normal[along.index()] * (0.5 - f64::from(plane.fraction))
             + normal[across.index()] * (0.5 - offset as f64)

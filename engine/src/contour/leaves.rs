@@ -1,7 +1,7 @@
 //! The leaves that are contoured, in Morton order, and who lies next to whom.
 
 use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, Units};
+use crate::lattice::{Axis, BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, Units};
 use crate::store::BrickTree;
 
 /// A leaf of the tree, or an interior node that stands for its descendants where the tree is truncated.
@@ -113,6 +113,29 @@ impl Leaves {
     /// outside the root.
     pub(super) fn at(&self, at: Units) -> Option<u32> {
         NodeKey::deepest_at(at).map(|key| self.covering(key))
+    }
+
+    /// Of the leaves around the lower end of an edge along `axis` the finest, the upper one of several: it makes the polygon
+    /// of the edge if it is its own. `leaf_at` does what [`Leaves::at`] does.
+    pub(super) fn owner(
+        &self,
+        axis: Axis,
+        lower: Units,
+        mut leaf_at: impl FnMut(Units) -> Option<u32>,
+    ) -> Option<u32> {
+        let (u, v) = axis.others();
+        let mut finest: Option<u32> = None;
+        for quadrant in 0..4 {
+            let mut probe = lower;
+            probe[u.index()] -= quadrant & 1;
+            probe[v.index()] -= quadrant >> 1;
+            let is_finer = |leaf: u32, than: u32| self.get(leaf).key.level() > self.get(than).key.level();
+            finest = match (leaf_at(probe), finest) {
+                (Some(leaf), Some(best)) if !is_finer(leaf, best) => Some(best),
+                (found, best) => found.or(best),
+            };
+        }
+        finest
     }
 
     /// What lies around a leaf.

@@ -14,7 +14,7 @@ use super::field::Field;
 use super::leaves::{Around, Leaf, Side, broken, direction_index, directions};
 use super::planes::Plane;
 use super::surface::{Changes, Surface};
-use super::topology::cut_runs;
+use super::topology::{corners_in_run, cut_runs};
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, Units};
@@ -43,9 +43,9 @@ pub(super) struct Cut {
     pub face: Option<u32>,
     /// The two edges that the cut joins, named relative to the face's lower corner.
     pub edges: [u64; 2],
-    /// The crossings of these edges.
-    pub crossings: [Crossing; 2],
-    /// Where it has its vertex if it must have one, as [`Face::half_way`](super::extras::Face::half_way) says.
+    /// The same relative to the cell's lower corner, as [`Crossing::key`].
+    keys: [u64; 2],
+    /// Where it has its vertex if it must have one: [`extras::Face::half_way`], or that of several.
     pub at: [f32; 3],
     /// Whether the face has several cuts, each with a vertex.
     pub is_split: bool,
@@ -62,6 +62,14 @@ pub(super) struct MixedCell {
     pub cuts: Vec<Cut>,
     /// Number of the faces with several that the cell owns.
     pub split_faces: u64,
+}
+
+impl MixedCell {
+    /// The crossings of the two edges that a cut joins.
+    pub(super) fn ends(&self, cut: &Cut) -> [&Crossing; 2] {
+        // Those of all cuts are there.
+        cut.keys.map(|key| &self.crossings[self.crossings.partition_point(|c| c.key < key)])
+    }
 }
 
 const NOT_LOOPED: u32 = u32::MAX;
@@ -86,6 +94,10 @@ struct Walk {
     cuts: Vec<(u64, u64)>,
     /// Edges round the current face with the sign of the point where each starts.
     ring: Vec<(Option<Crossing>, bool)>,
+    /// The places there of the edges that start at corners of the face.
+    corners: [usize; 4],
+    /// Places there of the edges that enter and leave each run of inside points.
+    runs: Vec<[usize; 2]>,
 }
 
 /// A face of a cell or a part of it.
@@ -197,7 +209,14 @@ impl<'a> Surroundings<'a> {
     pub(super) fn loops(&mut self, cell: [usize; 3]) -> Result<MixedCell> {
         let bits = self.own.key.spacing_bits();
         let base: Units = std::array::from_fn(|a| self.own.key.base()[a] + ((cell[a] as i32) << bits));
-        let mut walk = Walk { base, cell: MixedCell::default(), cuts: Vec::new(), ring: Vec::new() };
+        let mut walk = Walk {
+            base,
+            cell: MixedCell::default(),
+            cuts: Vec::new(),
+            ring: Vec::new(),
+            corners: [0; 4],
+            runs: Vec::new(),
+        };
         for axis in Axis::ALL {
             for side in 0..2 {
                 let mut corner = base;
@@ -241,14 +260,13 @@ impl<'a> Surroundings<'a> {
             return Ok(());
         }
         self.ring(face, walk)?;
-        let mut runs = Vec::new();
-        cut_runs(&walk.ring, |enter, leave| runs.extend(enter.zip(leave)));
-        walk.cuts.extend(runs.iter().map(|(enter, leave)| (enter.key, leave.key)));
+        walk.runs.clear();
+        cut_runs(&walk.ring, |enter, leave| walk.runs.push([enter, leave]));
         walk.cell.crossings.extend(walk.ring.iter().filter_map(|(crossing, _)| *crossing));
         // As the finer cell this one owns the face, as an equal one only if it is the upper cell.
         let is_own = face.level == self.own.key.level()
             && (face.side == 0 || other.is_none() || other_level < face.level);
-        self.keep_cuts(face, is_own, &runs, walk);
+        self.keep_cuts(face, is_own, walk);
         Ok(())
     }
 
@@ -259,15 +277,16 @@ impl<'a> Surroundings<'a> {
         walk.ring.clear();
         // Seen from above the ring runs along u, then v, then back; seen from below the other way round.
         let (first, second) = if face.side == 1 { (u, v) } else { (v, u) };
-        for (axis, across, forward) in
-            [(first, second, true), (second, first, true), (first, second, false), (second, first, false)]
-        {
+        let sides =
+            [(first, second, true), (second, first, true), (first, second, false), (second, first, false)];
+        for (n, (axis, across, forward)) in sides.into_iter().enumerate() {
             let mut lower = face.corner;
             // Backward along the first axis at the far end of the second; forward along the second axis at
             // the far end of the first.
             let is_far = (axis == first) != forward;
             lower[across.index()] += if is_far { size } else { 0 };
             let start = walk.ring.len();
+            walk.corners[n] = start;
             self.edge(lower, axis, face.level, walk)?;
             if !forward {
                 reverse(&mut walk.ring[start..]);
@@ -278,27 +297,17 @@ impl<'a> Surroundings<'a> {
 
     /// Appends the minimal edges along an edge, in ascending order.
     fn edge(&mut self, lower: Units, axis: Axis, level: u8, walk: &mut Walk) -> Result<()> {
-        let (u, v) = axis.others();
-        let mut finest = None;
-        for quadrant in 0..4 {
-            let mut probe = lower;
-            probe[u.index()] -= quadrant & 1;
-            probe[v.index()] -= quadrant >> 1;
-            if let Some(leaf) = self.leaf_at(probe) {
-                let leaf_level = self.field.leaves.get(leaf).key.level();
-                if finest.is_none_or(|(best, _)| leaf_level > best) {
-                    finest = Some((leaf_level, leaf));
-                }
-            }
-        }
-        let Some((finest_level, leaf)) = finest else { return Err(broken(self.own.key)) };
-        if finest_level > level {
+        let field = self.field;
+        let leaves = &field.leaves;
+        let owner = leaves.owner(axis, lower, |at| self.leaf_at(at));
+        let leaf = owner.ok_or_else(|| broken(self.own.key))?;
+        let key = leaves.get(leaf).key;
+        if key.level() > level {
             self.edge(lower, axis, level + 1, walk)?;
             let mut middle = lower;
             middle[axis.index()] += 1 << crate::lattice::spacing_bits(level + 1);
             return self.edge(middle, axis, level + 1, walk);
         }
-        let key = self.field.leaves.get(leaf).key;
         let base = key.base();
         let low: [usize; 3] = std::array::from_fn(|a| ((lower[a] - base[a]) >> key.spacing_bits()) as usize);
         let mut high = low;
@@ -322,7 +331,7 @@ impl<'a> Surroundings<'a> {
         (lower, axis, level): (Units, Axis, u8),
         base: Units,
     ) -> Crossing {
-        let edge = &changes.planes[changes.slot(axis, low)];
+        let edge = changes.plane(axis, low);
         let relative: Units = std::array::from_fn(|a| lower[a] - base[a]);
         let spacing = f64::from(1 << self.own.key.spacing_bits());
         let mut at = relative.map(f64::from);
@@ -333,23 +342,29 @@ impl<'a> Surroundings<'a> {
     }
 
     /// Keeps the cuts of a face.
-    fn keep_cuts(&self, face: Face, is_own: bool, runs: &[(Crossing, Crossing)], walk: &mut Walk) {
+    fn keep_cuts(&self, face: Face, is_own: bool, walk: &mut Walk) {
         let own = self.own.key;
         let corner =
             std::array::from_fn(|a| ((face.corner[a] - own.base()[a]) >> own.spacing_bits()) as usize);
         let name = is_own.then(|| face_key(face.axis, corner));
-        let is_split = runs.len() > 1;
+        let is_split = walk.runs.len() > 1;
         walk.cell.split_faces += u64::from(is_split && is_own);
-        if runs.is_empty() {
+        if walk.runs.is_empty() {
             return;
         }
         let in_world = extras::Face::of_level(self.field.root, face.axis, face.corner, face.level);
-        for &(enter, leave) in runs {
-            let crossings = [enter, leave];
+        for &run in &walk.runs {
+            let [Some(enter), Some(leave)] = run.map(|place| walk.ring[place].0) else { continue };
             let relative = |c: Crossing| std::array::from_fn(|a| c.lower[a] - face.corner[a]);
-            let edges = crossings.map(|c| edge_key(relative(c), c.edge.axis, c.level));
-            let at = in_world.half_way([&enter.edge, &leave.edge]);
-            walk.cell.cuts.push(Cut { face: name, edges, crossings, at, is_split });
+            let edges = [enter, leave].map(|c| edge_key(relative(c), c.edge.axis, c.level));
+            let cut = [&enter.edge, &leave.edge];
+            let at = match is_split {
+                true => in_world.half_way_of_several(cut, corners_in_run(run, walk.corners, walk.ring.len())),
+                false => in_world.half_way(cut),
+            };
+            let keys = [enter.key, leave.key];
+            walk.cuts.push((keys[0], keys[1]));
+            walk.cell.cuts.push(Cut { face: name, edges, keys, at, is_split });
         }
     }
 
@@ -371,11 +386,6 @@ impl<'a> Surroundings<'a> {
             if crossings[start].in_loop == walk.cell.loops {
                 walk.cell.loops += 1;
             }
-        }
-        let MixedCell { crossings, cuts, .. } = &mut walk.cell;
-        for crossing in cuts.iter_mut().flat_map(|cut| &mut cut.crossings) {
-            let found = crossings.binary_search_by_key(&crossing.key, |c| c.key);
-            crossing.in_loop = found.map_or(NOT_LOOPED, |n| crossings[n].in_loop);
         }
         Ok(walk.cell)
     }

@@ -164,6 +164,8 @@ pub struct MeshSummary {
     pub edge_vertices: u64,
     /// Cells whose boundary has edges of finer leaves.
     pub mixed_cells: u64,
+    /// Those of them whose sheets may meet: none of the places tried for their vertices keeps them apart.
+    pub unseparated_cells: u64,
 }
 
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
@@ -441,6 +443,7 @@ impl MeshSummary {
         let mut part = MeshSummary {
             split_faces: vertices.split_faces(),
             mixed_cells: vertices.cells.mixed_cells(),
+            unseparated_cells: vertices.cells.unseparated,
             ..MeshSummary::of_positions(vertices.positions())
         };
         part.add(&MeshSummary {
@@ -472,6 +475,7 @@ impl MeshSummary {
         self.face_vertices += part.face_vertices;
         self.edge_vertices += part.edge_vertices;
         self.mixed_cells += part.mixed_cells;
+        self.unseparated_cells += part.unseparated_cells;
         self.bounds = match (self.bounds, part.bounds) {
             (Some(a), Some(b)) => Some(united(a, b)),
             (a, b) => a.or(b),

@@ -108,7 +108,7 @@ impl LeafNormals {
         if let Some(changes) = self.surface.as_deref().and_then(Surface::changes) {
             let normal = |edge: &MinimalEdge| {
                 let low = low_of(edge, &self.lattice);
-                NormalSum::of([changes.planes[changes.slot(edge.axis, low)].normal]).direction()
+                NormalSum::of([changes.plane(edge.axis, low).normal]).direction()
             };
             self.all.extend(edges.iter().map(normal));
         }
@@ -205,7 +205,7 @@ impl Sums<'_> {
         for cut in &mixed.cuts {
             let on_face = |face| self.vertices.number_on_face(face, cut.edges[0]);
             if let Some(vertex) = cut.face.and_then(on_face) {
-                let normals = cut.crossings.map(|crossing| crossing.plane.1.map(|c| c as f32));
+                let normals = mixed.ends(cut).map(|crossing| crossing.plane.1.map(|c| c as f32));
                 self.all[vertex as usize] = NormalSum::of(normals);
             }
         }

@@ -1,7 +1,5 @@
 //! The surface as one leaf sees it: signs at its 33³ samples and a Hermite edge on every sign change.
 
-use super::envelope::MinimalEdge;
-use super::field::Lattice;
 use super::leaves::Leaf;
 use super::planes::{EdgePlane, decode};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Ranks, Samples, SignChanges};
@@ -122,10 +120,9 @@ impl Changes {
         pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
     }
 
-    /// The edge along `axis` that starts at sample (i, j, k), which changes sign, between planes of the leaf's lattice.
-    pub(super) fn minimal_edge(&self, lattice: &Lattice, axis: Axis, ijk: [usize; 3]) -> MinimalEdge {
-        let fraction = self.planes[self.slot(axis, ijk)].rounded_down();
-        MinimalEdge::placed(lattice, axis, ijk, fraction)
+    /// The Hermite edge along `axis` that starts at sample (i, j, k), which changes sign.
+    pub(super) fn plane(&self, axis: Axis, ijk: [usize; 3]) -> &EdgePlane {
+        &self.planes[self.slot(axis, ijk)]
     }
 
     /// Place in `planes` of the edge along `axis` that starts at sample (i, j, k).

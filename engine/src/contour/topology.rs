@@ -58,25 +58,27 @@ pub(super) fn cell_around(axis: Axis, low: [i32; 3], [qu, qv]: [usize; 2]) -> [i
 }
 
 /// Cuts a face. `ring` lists the minimal edges round the face with the sign of the point where each starts;
-/// every maximal run of inside points is cut off by one segment, which `segment` receives as (edge that
-/// enters the run, edge that leaves it). Inside points of a face that is cut twice are thus separated. Walked the
-/// other way round the same runs are cut off, with the two edges swapped. Returns the number of runs.
-pub(super) fn cut_runs<E: Copy>(ring: &[(E, bool)], mut segment: impl FnMut(E, E)) -> usize {
+/// every maximal run of inside points is cut off by one segment, which `segment` receives as the places in the ring of the
+/// edge that enters the run and of the one that leaves it. Inside points of a face that is cut twice are thus separated.
+/// Walked the other way round the same runs are cut off, with the two edges swapped.
+pub(super) fn cut_runs<E>(ring: &[(E, bool)], mut segment: impl FnMut(usize, usize)) {
     let starts = |n: usize| ring[n % ring.len()].1;
-    let Some(first) = (0..ring.len()).find(|&n| !starts(n) && starts(n + 1)) else { return 0 };
-    let mut runs = 0;
-    let mut enter = ring[first].0;
+    let Some(first) = (0..ring.len()).find(|&n| !starts(n) && starts(n + 1)) else { return };
+    let mut enter = first;
     for n in first..first + ring.len() {
         match (starts(n), starts(n + 1)) {
-            (false, true) => enter = ring[n % ring.len()].0,
-            (true, false) => {
-                segment(enter, ring[n % ring.len()].0);
-                runs += 1;
-            }
+            (false, true) => enter = n % ring.len(),
+            (true, false) => segment(enter, n % ring.len()),
             _ => {}
         }
     }
-    runs
+}
+
+/// How many corners of a face a run holds that [`cut_runs`] finds between these places of a ring with so many edges;
+/// `corners` are the places of the edges that start there.
+pub(super) fn corners_in_run([enter, leave]: [usize; 2], corners: [usize; 4], edges: usize) -> usize {
+    let from_enter = |place: usize| (place + edges - enter - 1) % edges;
+    corners.iter().filter(|&&corner| from_enter(corner) < from_enter(leave) + 1).count()
 }
 
 /// The loops that the cuts of a cell's six faces link into.
@@ -111,7 +113,7 @@ impl CellLoops {
         let mut cuts = [None; 2];
         let mut n = 0;
         cut_runs(&ring, |enter, leave| {
-            cuts[n] = Some((enter, leave));
+            cuts[n] = Some((ring[enter].0, ring[leave].0));
             n += 1;
         });
         if self.joined >> (2 * axis.index() + side) & 1 == 1

@@ -6,7 +6,7 @@ use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
 use crate::memory;
-use crate::output::{one_line, print, print_json, require_distinct};
+use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::units::{Tolerance, Unit};
 use brickfield_engine::contour::{
     ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
@@ -149,8 +149,14 @@ pub fn write_mesh(
     progress: &dyn Progress,
 ) -> Result<MeshReport, Failure> {
     let started = Instant::now();
-    let MeshSummary { vertices, triangles, area, volume, bounds, .. } =
+    let MeshSummary { vertices, triangles, area, volume, bounds, unseparated_cells, .. } =
         contour(store, options, sink, progress).map_err(|error| of_store(store, "settings", error))?;
+    if unseparated_cells > 0 {
+        warn(&format!(
+            "{}: triangles may meet in {unseparated_cells} cells next to finer bricks (mesh --check counts them)",
+            path.display()
+        ));
+    }
     let CacheStats { hits, misses, ahead, ahead_used, .. } = store.cache_stats();
     Ok(MeshReport {
         output: path.display().to_string(),

@@ -3,7 +3,7 @@
 //! What belongs to a loop within such a cell is the cone from its vertex over the line in which the surface passes the cell's
 //! boundary. All faces of these cells have vertices, whose places follow from the crossings alone, as do those on edges, so
 //! the lines are known before any vertex is. Where cones meet, vertices go to others of some places until they do not; what none
-//! of these separates stays.
+//! of these separates stays, and is counted.
 
 use super::Builder;
 use crate::check::meet_by_place;
@@ -50,7 +50,7 @@ impl Several {
     pub(super) fn of(cell: [usize; 3], first: usize, mixed: &MixedCell) -> Several {
         let mut lines: Vec<Line> = (0..mixed.loops).map(|_| Line::new()).collect();
         for cut in &mixed.cuts {
-            for crossing in &cut.crossings {
+            for crossing in mixed.ends(cut) {
                 if let Some(line) = lines.get_mut(crossing.in_loop as usize) {
                     let edge = crossing.edge;
                     line.push(Piece { edge, on_edge: edge.crossing(), on_face: cut.at });
@@ -73,19 +73,21 @@ impl Several {
         (0..vertices.len()).filter(|&other| other != of).map(with).sum()
     }
 
-    /// Moves vertices until cones do not meet, or no place is better.
-    fn separate(&self, vertices: &mut [Point], places: impl Fn(&Line) -> Vec<Point>) {
+    /// Moves vertices until cones do not meet, or no place is better. Returns whether they are known not to.
+    fn separate(&self, vertices: &mut [Point], places: impl Fn(&Line) -> Vec<Point>) -> bool {
         if self.lines.iter().map(Vec::len).sum::<usize>() > MOST_PIECES {
-            return;
+            return false;
         }
+        let mut known: Vec<Option<Vec<Point>>> = vec![None; vertices.len()];
+        let mut is_left = false;
         for _ in 0..ROUNDS {
-            let mut is_left = false;
+            is_left = false;
             for n in 0..vertices.len() {
                 let mut least = self.meetings(n, vertices[n], vertices);
                 if least == 0 {
                     continue;
                 }
-                for at in places(&self.lines[n]) {
+                for &at in known[n].get_or_insert_with(|| places(&self.lines[n])).iter() {
                     let now = self.meetings(n, at, vertices);
                     if now < least {
                         (least, vertices[n]) = (now, at);
@@ -97,6 +99,8 @@ impl Several {
                 break;
             }
         }
+        // The last ones moved may have left those before them alone.
+        !is_left || (0..vertices.len()).all(|n| self.meetings(n, vertices[n], vertices) == 0)
     }
 }
 
@@ -117,7 +121,8 @@ impl Builder<'_> {
         for several in std::mem::take(&mut self.several) {
             let own = several.first..several.first + several.lines.len();
             let mut vertices = self.cells.positions[own.clone()].to_vec();
-            several.separate(&mut vertices, |line| self.places(several.cell, line));
+            let is_apart = several.separate(&mut vertices, |line| self.places(several.cell, line));
+            self.cells.unseparated += u64::from(!is_apart);
             self.cells.positions[own].copy_from_slice(&vertices);
         }
     }

@@ -44,11 +44,12 @@ impl Builder<'_> {
                     }
                     Beyond::Uneven => {
                         let lattice = self.frame.lattice();
-                        let [p, q] = cut.map(|edge| {
+                        let edge = |edge: usize| {
                             let (along, offset) = edge_lower(edge);
                             let low = std::array::from_fn(|a| cell[a] + offset[a]);
-                            changes.minimal_edge(&lattice, along, low)
-                        });
+                            self.field.minimal_edge((self.leaf, changes), &lattice, (along, low))
+                        };
+                        let [p, q] = [edge(enter)?, edge(leave)?];
                         SplitPlace::At(Face::new(&lattice, axis, corner).half_way([&p, &q]))
                     }
                 };

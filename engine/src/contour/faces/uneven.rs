@@ -23,7 +23,7 @@ struct FaceCut {
     first: (Units, Axis, u8),
     /// The planes of their crossings, 0..1 along the face.
     planes: [Plane; 2],
-    /// Where its vertex is if it must have one: [`Face::half_way`].
+    /// Where its vertex is if it must have one, as [`Cut::at`].
     at: [f32; 3],
 }
 
@@ -92,7 +92,7 @@ impl Finder<'_> {
                     None => mixed.insert(surroundings.loops(cell)?),
                 };
                 let here = |cut: &&Cut| cut.face == Some(face_key(axis, corner));
-                mixed.cuts.iter().filter(here).map(|cut| FaceCut::of_mixed(axis, cut)).collect()
+                mixed.cuts.iter().filter(here).map(|cut| FaceCut::of_mixed(axis, mixed, cut)).collect()
             } else {
                 self.plain_cuts(cell, axis, side)?
             };
@@ -118,13 +118,13 @@ impl Finder<'_> {
                 let (along, offset) = edge_lower(edge);
                 (along, std::array::from_fn(|a| cell[a] + offset[a]))
             });
-            let [p, q] = ends.map(|(along, low)| changes.minimal_edge(lattice, along, low));
+            let [p, q] = ends.map(|end| self.field.minimal_edge((self.leaf, changes), lattice, end));
             let from_base = |a: usize| (ends[0].1[a] as i32) << key.spacing_bits();
             cuts.push(FaceCut {
                 edges: [enter, leave].map(|edge| plain_edge_key(edge, axis, key)),
                 first: (std::array::from_fn(|a| key.base()[a] + from_base(a)), ends[0].0, key.level()),
                 planes,
-                at: Face::new(lattice, axis, corner).half_way([&p, &q]),
+                at: Face::new(lattice, axis, corner).half_way([&p?, &q?]),
             });
         }
         Ok(cuts)
@@ -202,8 +202,8 @@ impl Block {
 }
 
 impl FaceCut {
-    fn of_mixed(axis: Axis, cut: &Cut) -> FaceCut {
-        let [enter, leave] = &cut.crossings;
+    fn of_mixed(axis: Axis, mixed: &MixedCell, cut: &Cut) -> FaceCut {
+        let [enter, leave] = mixed.ends(cut);
         FaceCut {
             edges: cut.edges,
             first: (enter.lower, enter.edge.axis, enter.level),

@@ -12,6 +12,10 @@ use std::collections::HashMap;
 
 type Place = [i32; 3];
 
+fn following() -> ContourOptions {
+    ContourOptions { follow_creases: true, ..ContourOptions::default() }
+}
+
 /// A cell with a sign change: its leaf, where it is in it, what it has annexed, and its vertex if it has but one.
 struct Cell {
     leaf: u32,
@@ -30,7 +34,7 @@ struct Cells {
 
 impl Cells {
     fn of(tree: &MemoryTree) -> Cells {
-        let options = ContourOptions { follow_creases: true, ..ContourOptions::default() };
+        let options = following();
         let field = Field::new(tree, level(options.iso).unwrap(), &options).unwrap();
         let mut all = Cells { leaves: Vec::new(), cells: HashMap::new(), planes: Default::default() };
         for leaf in 0..field.leaves.len() as u32 {
@@ -162,7 +166,7 @@ fn regions_of_sharp_solids_are_disjoint_boxes_that_hold_their_vertices() {
         let tree = tree(&Overlap(solid(0), solid(5)), &uniform((1 + seed % 2) as u8));
         let more = Cells::of(&tree).hold();
         (0..2).for_each(|n| found[n] += more[n]);
-        apart(&tree);
+        apart(&tree, &following());
     }
     assert!(found[0] > 400 && found[1] > 8, "{found:?}");
 }
@@ -186,11 +190,11 @@ proptest! {
     ) {
         let solid = cut_ball(planes);
         let tree_of_one = tree(&solid, &uniform(1));
-        if checked(&tree_of_one).0.facets.is_empty() {
+        if mesh(&tree_of_one, &following()).0.facets.is_empty() {
             return Ok(());
         }
         Cells::of(&tree_of_one).hold();
-        apart(&tree_of_one);
-        checked(&tree(&solid, &random_divide(seed, (0, 3), 128)));
+        apart(&tree_of_one, &following());
+        mesh(&tree(&solid, &random_divide(seed, (0, 3), 128)), &following()).0.check();
     }
 }

@@ -25,9 +25,10 @@ pub fn pairs(mesh: &Mesh) -> u64 {
     report.intersections.pairs
 }
 
-/// Contours with the default options and checks the mesh by index and by place, and that nothing in it meets.
-pub fn apart(tree: &MemoryTree) -> (Mesh, MeshSummary) {
-    let (mesh, summary) = checked(tree);
+/// Contours and checks the mesh by index and by place, and that nothing in it meets.
+pub fn apart(tree: &MemoryTree, options: &ContourOptions) -> (Mesh, MeshSummary) {
+    let (mesh, summary) = mesh(tree, options);
+    mesh.check();
     check(&mesh.welded()).unwrap();
     assert_eq!(pairs(&mesh), 0);
     (mesh, summary)
@@ -42,7 +43,7 @@ fn noise_on_uniform_trees_meets_nowhere() {
         let boxes = vec![[[1 << 19; 3], [31 << 19; 3]]];
         let everywhere = Noise { seed, boxes, density, radius: 0.0, quiet_bits: 24 };
         for (shape, level) in [(everywhere, 0), (noise(seed, 1, 5, density, 3.9), 1)] {
-            let (_, summary) = apart(&tree(&shape, &uniform(level)));
+            let (_, summary) = apart(&tree(&shape, &uniform(level)), &ContourOptions::default());
             on_edges += summary.edge_vertices;
             on_faces += summary.face_vertices;
         }
@@ -85,7 +86,7 @@ fn sharp_solids() -> impl Iterator<Item = impl Shape> {
 fn sharp_solids_meet_nowhere() {
     for solid in sharp_solids() {
         for level in 0..=2 {
-            apart(&tree(&solid, &uniform(level)));
+            apart(&tree(&solid, &uniform(level)), &ContourOptions::default());
         }
     }
 }
@@ -97,7 +98,7 @@ fn sharp_solids_meet_nowhere_between_levels() {
     for solid in sharp_solids() {
         for seed in 0..5 {
             let tree = tree(&solid, &random_divide(seed, (1, 3 + u8::from(seed % 3 == 0)), 110));
-            let (_, summary) = apart(&tree);
+            let (_, summary) = apart(&tree, &ContourOptions::default());
             mixed += summary.mixed_cells;
             on_faces += summary.face_vertices;
         }
@@ -119,6 +120,27 @@ fn noise_meets_nowhere_between_levels() {
         split += summary.split_faces;
     }
     assert!(mixed > 5000 && split > 5000, "{mixed} {split}");
+}
+
+/// Leaves of the tree beside interior nodes that stand for their descendants: these may differ in what they say of crossings
+/// on their common border.
+#[test]
+fn noise_meets_nowhere_in_truncated_trees() {
+    let (mut mixed, mut split) = (0, 0);
+    for seed in 0..8 {
+        let shape =
+            noise(seed, 1, 2 + (seed % 3) as i32, 40 + 20 * seed, if seed % 2 == 0 { 0.0 } else { 4.1 });
+        let tree = tree(&shape, &random_divide(seed, (0, 4), 100));
+        for level in 1..4 {
+            let options = ContourOptions { level: Some(level), ..Default::default() };
+            let (mesh, summary) = mesh(&tree, &options);
+            mesh.check();
+            assert_eq!(pairs(&mesh), 0, "seed {seed} at level {level}: {summary:?}");
+            mixed += summary.mixed_cells;
+            split += summary.split_faces;
+        }
+    }
+    assert!(mixed > 3000 && split > 4000, "{mixed} {split}");
 }
 
 /// Twice the area of a triangle in the plane.

@@ -3,6 +3,7 @@
 mod adaptive;
 mod annex;
 mod check;
+mod faces;
 mod fields;
 mod marching;
 mod meetings;
@@ -247,7 +248,7 @@ fn check_all_masks(size: [i32; 3], masks: u64) {
     let per_brick = Grid::PER_AXIS.pow(3) as u64;
     for (first, seed) in (0..masks).step_by(per_brick as usize).flat_map(|n| [(n, None), (n, Some(n))]) {
         let grid = Grid { size, first, count: per_brick.min(masks - first), seed };
-        meetings::apart(&tree(&grid, &uniform(0)));
+        meetings::apart(&tree(&grid, &uniform(0)), &ContourOptions::default());
     }
 }
 
@@ -402,12 +403,15 @@ fn other_levels_of_an_overlap_are_manifold() {
 
 #[test]
 fn threads_and_cache_do_not_change_the_mesh() {
-    let shape = noise(5, 2, 4, 90, 4.0);
-    let tree = tree(&shape, &random_divide(5, (1, 3), 128));
-    let (expected, summary) = mesh(&tree, &ContourOptions::default());
-    for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (3, usize::MAX)] {
-        let options = ContourOptions { cache_bytes, ..Default::default() };
-        gives_the_same(&tree, &options, threads, (&expected, &summary));
+    let noise = tree(&noise(5, 2, 4, 90, 4.0), &random_divide(5, (1, 3), 128));
+    let sharp = tree(&rotated_box([3.0, 2.0, 4.0]), &random_divide(3, (1, 3), 64));
+    for (tree, follow_creases) in [(&noise, false), (&noise, true), (&sharp, true)] {
+        let options = ContourOptions { follow_creases, ..Default::default() };
+        let (expected, summary) = mesh(tree, &options);
+        for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (3, usize::MAX)] {
+            let options = ContourOptions { cache_bytes, ..options.clone() };
+            gives_the_same(tree, &options, threads, (&expected, &summary));
+        }
     }
 }
 

@@ -72,7 +72,7 @@ fn options(tolerance: f64) -> ContourOptions {
 /// Vertices of mixed cells, on split faces, and on edges.
 #[test]
 fn normals_across_levels_point_outward() {
-    let (mut splits, mut on_edges, mut mixed) = (0, 0, 0);
+    let (mut on_faces, mut on_edges, mut mixed) = (0, 0, 0);
     for seed in 0..6 {
         let tree = tree(&sphere(5.5), &random_divide(seed, (1, 3), 60 + 10 * seed));
         let (shaded, summary) = shaded(&tree, &options(0.0));
@@ -80,9 +80,9 @@ fn normals_across_levels_point_outward() {
         assert!(least > cosine(9.0), "seed {seed}: {}", least.acos().to_degrees());
         mixed += summary.mixed_cells;
         on_edges += summary.edge_vertices;
-        splits += summary.split_faces;
+        on_faces += summary.face_vertices;
     }
-    assert!(mixed > 100 && on_edges > 100, "{mixed} {on_edges} {splits}");
+    assert!(mixed > 100 && on_edges > 100 && on_faces > 100, "{mixed} {on_edges} {on_faces}");
 }
 
 /// Marching cubes' vertices have their edge's own normal.
