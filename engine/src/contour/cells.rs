@@ -324,9 +324,7 @@ impl<'a> Builder<'a> {
         };
         let key = field.leaves.get(leaf).key;
         let mut quads = field.spare_quads.take();
-        // Fractions have 16 bits.
-        let fraction = |plane: &EdgePlane| (plane.fraction * 65536.0) as u16;
-        quads.extend(planes.iter().map(|plane| Quad { fraction: fraction(plane), ..Quad::UNKNOWN }));
+        quads.extend(planes.iter().map(|plane| Quad { fraction: plane.offset(), ..Quad::UNKNOWN }));
         Builder {
             field,
             leaf,

@@ -7,7 +7,7 @@ use super::cells::BrickCells;
 use super::edges::Quad;
 use super::envelope::MinimalEdge;
 use super::faces::FaceVertices;
-use super::leaves::{Around, Leaves, Side};
+use super::leaves::{Around, Leaves, Side, cell_in};
 use super::order::in_order;
 use super::qef::PlaneSums;
 use super::spare::Spare;
@@ -171,15 +171,13 @@ impl<'a> Field<'a> {
         let mut fraction = changes.plane(axis, low).rounded_down();
         if is_upper(u) || is_upper(v) {
             let key = self.leaves.get(leaf).key;
-            let sample = |key: NodeKey| key.first_sample().map(|c| c as usize);
             let lower = std::array::from_fn(|a| key.base()[a] + ((low[a] as i32) << key.spacing_bits()));
             let owner = self.leaves.owner(axis, lower, |at| self.leaves.at(at)).unwrap_or(leaf);
             if owner != leaf
                 && let Surface::Changes(changes) = &*self.surface(owner)?
             {
-                let (own, other) = (sample(key), sample(self.leaves.get(owner).key));
-                let low = std::array::from_fn(|a| own[a] + low[a] - other[a]);
-                fraction = changes.plane(axis, low).rounded_down();
+                let there = cell_in(self.leaves.get(owner).key, key, low.map(|c| c as i32));
+                fraction = changes.plane(axis, there).rounded_down();
             }
         }
         Ok(MinimalEdge::placed(lattice, axis, low, fraction))

@@ -191,6 +191,14 @@ impl Leaves {
     }
 }
 
+/// The cell of `other`, a leaf that is no finer than `own`, that holds one counted from the first cell of `own`. Samples of
+/// leaves of one level are counted alike.
+pub(super) fn cell_in(other: NodeKey, own: NodeKey, cell: [i32; 3]) -> [usize; 3] {
+    let shift = own.level() - other.level();
+    let (own, first) = (own.first_sample(), other.first_sample());
+    std::array::from_fn(|a| (((own[a] as i32 + cell[a]) >> shift) - first[a] as i32) as usize)
+}
+
 /// Code of a node's first descendant at the deepest level.
 fn first_descendant(key: NodeKey) -> u64 {
     key.code() << (3 * u32::from(MAX_LEVEL - key.level()))

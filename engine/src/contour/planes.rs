@@ -26,9 +26,15 @@ pub(super) struct EdgePlane {
 }
 
 impl EdgePlane {
-    /// The fraction with the 16 bits of [`super::edges::Quad`], as polygons have it.
+    /// The fraction in 65536ths, rounded down, as polygons have it ([`super::edges::Quad`]).
+    #[inline]
+    pub(super) fn offset(&self) -> u16 {
+        (self.fraction * 65536.0) as u16
+    }
+
+    /// The same as a fraction.
     pub(super) fn rounded_down(&self) -> f32 {
-        f32::from((self.fraction * 65536.0) as u16) / 65536.0
+        f32::from(self.offset()) / 65536.0
     }
 }
 

@@ -25,7 +25,7 @@ use super::envelope::MinimalEdge;
 use super::extras::{edge_key, face_key};
 use super::field::Field;
 use super::later::{Names, first_encoding, whole};
-use super::leaves::{Around, Side, broken, direction_index};
+use super::leaves::{Around, Side, broken, cell_in, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
 use super::topology::{SQUARE, cell_around, edge_index};
@@ -494,11 +494,7 @@ impl<'a> Maker<'a> {
         let (leaf, n) = self.neighbour(cell)?;
         let vertices = self.neighbours[n].as_ref().ok_or_else(|| broken(self.key))?;
         let key = self.field.leaves.get(leaf).key;
-        let shift = self.key.level() - key.level();
-        let (own_first, first) = (self.key.first_sample(), key.first_sample());
-        let cell =
-            std::array::from_fn(|a| (((own_first[a] as i32 + cell[a]) >> shift) - first[a] as i32) as usize);
-        Ok(Quadrant { key, cell, vertices })
+        Ok(Quadrant { key, cell: cell_in(key, self.key, cell), vertices })
     }
 
     /// The corners of an edge's polygon, counter-clockwise seen from the edge's upper end.

@@ -14,7 +14,7 @@ use crate::lattice::{Axis, BRICK_CELLS};
 enum Beyond {
     /// A plain cell of its size.
     Plain,
-    /// A cell next to leaves of other levels.
+    /// Another: of another size, or next to finer leaves.
     Uneven,
 }
 

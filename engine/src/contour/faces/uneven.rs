@@ -11,7 +11,7 @@
 
 use super::*;
 use crate::contour::extras::edge_key;
-use crate::contour::leaves::{Around, broken};
+use crate::contour::leaves::{Around, broken, cell_in};
 use crate::contour::mixed::{Cut, MixedCell, Surroundings};
 use crate::lattice::Units;
 
@@ -176,11 +176,7 @@ impl Block {
             return (side == 0).then_some((self, beyond.map(|c| c as usize)));
         }
         let other = others[2 * a + side].as_ref()?;
-        let shift = self.key.level() - other.key.level();
-        let (own, first) = (self.key.first_sample(), other.key.first_sample());
-        let cell =
-            std::array::from_fn(|a| (((own[a] as i32 + beyond[a]) >> shift) - first[a] as i32) as usize);
-        Some((other, cell))
+        Some((other, cell_in(other.key, self.key, beyond)))
     }
 
     /// The vertex of a cell's loop through a minimal edge.

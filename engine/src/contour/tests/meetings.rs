@@ -111,10 +111,7 @@ fn sharp_solids_meet_nowhere_between_levels() {
 fn noise_meets_nowhere_between_levels() {
     let (mut mixed, mut split) = (0, 0);
     for seed in [1, 3, 5, 7, 9, 10, 11, 14] {
-        let (top, bottom) = ((seed % 2) as u8, 3 + u8::from(seed % 5 == 0));
-        let radius = if seed % 2 == 0 { 0.0 } else { 4.1 };
-        let shape = noise(seed, 1, 2 + (seed % 3) as i32, 30 + 15 * seed, radius);
-        let (mesh, summary) = checked(&tree(&shape, &random_divide(seed, (top, bottom), 90)));
+        let (mesh, summary) = checked(&noise_between_levels(seed, 30 + 15 * seed));
         assert_eq!(pairs(&mesh), 0, "seed {seed}: {summary:?}");
         mixed += summary.mixed_cells;
         split += summary.split_faces;

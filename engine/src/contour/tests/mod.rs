@@ -141,14 +141,18 @@ fn noise_on_uniform_trees_is_manifold() {
     assert!(splits > 1000);
 }
 
+/// Noise where leaves of three or four levels are next to each other.
+fn noise_between_levels(seed: u64, density: u64) -> MemoryTree {
+    let (top, bottom) = ((seed % 2) as u8, 3 + u8::from(seed.is_multiple_of(5)));
+    let radius = if seed.is_multiple_of(2) { 0.0 } else { 4.1 };
+    tree(&noise(seed, 1, 2 + (seed % 3) as i32, density, radius), &random_divide(seed, (top, bottom), 90))
+}
+
 #[test]
 fn noise_on_random_trees_is_manifold() {
     let (mut splits, mut mixed) = (0, 0);
     for seed in 0..40 {
-        let (top, bottom) = ((seed % 2) as u8, 3 + (seed % 5 == 0) as u8);
-        let shape =
-            noise(seed, 1, 2 + (seed % 3) as i32, 30 + 5 * seed, if seed % 2 == 0 { 0.0 } else { 4.1 });
-        let (_, summary) = checked(&tree(&shape, &random_divide(seed, (top, bottom), 90)));
+        let (_, summary) = checked(&noise_between_levels(seed, 30 + 5 * seed));
         splits += summary.split_faces;
         mixed += summary.mixed_cells;
     }
