@@ -549,7 +549,7 @@ impl MeshSink for Count {
 #[test]
 #[ignore = "long"]
 fn noise_on_many_more_trees_is_manifold_and_meets_nowhere() {
-    let (mut welded, mut total) = (0, 0);
+    let (mut welded, mut total, mut unseparated) = (0, 0, 0);
     let mut meeting = Vec::new();
     for seed in 1000..1400 {
         let top = (seed % 3 == 0) as u8;
@@ -561,18 +561,22 @@ fn noise_on_many_more_trees_is_manifold_and_meets_nowhere() {
             &shape,
             &random_divide(seed, (top, top + 3 + (seed % 7 == 0) as u8), 70 + hash(seed ^ 1) % 100),
         );
-        let (m, _) = checked(&tree);
-        welded += check(&m.welded()).is_ok() as u32;
-        total += 1;
-        let report = meetings::report(&m);
-        let flat = report.flat_triangles.count + report.collapsed_triangles.count;
-        if report.intersections.pairs + flat > 0 {
-            meeting.push((seed, report.intersections.pairs, flat));
-        }
-        for level in 0..2 {
-            mesh(&tree, &ContourOptions { level: Some(level), ..Default::default() }).0.check();
+        for level in [None, Some(0), Some(1)] {
+            let (m, summary) = mesh(&tree, &ContourOptions { level, ..Default::default() });
+            m.check();
+            unseparated += summary.unseparated_cells;
+            if m.facets.is_empty() {
+                continue;
+            }
+            welded += check(&m.welded()).is_ok() as u32;
+            total += 1;
+            let report = meetings::report(&m);
+            let flat = report.flat_triangles.count + report.collapsed_triangles.count;
+            if report.intersections.pairs + flat > 0 {
+                meeting.push((seed, level, report.intersections.pairs, flat));
+            }
         }
     }
-    println!("{welded} of {total} stay manifold when welded");
-    assert!(meeting.is_empty(), "seeds, pairs that meet, triangles without area: {meeting:?}");
+    println!("{welded} of {total} stay manifold when welded; {unseparated} cells are not known to be apart");
+    assert!(meeting.is_empty(), "seeds, levels, pairs that meet, triangles without area: {meeting:?}");
 }
