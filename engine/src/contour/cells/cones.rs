@@ -73,21 +73,42 @@ impl Several {
         (0..vertices.len()).filter(|&other| other != of).map(with).sum()
     }
 
+    /// In how many any two of them meet, each counted twice.
+    fn all_meetings(&self, vertices: &[Point]) -> usize {
+        (0..vertices.len()).map(|n| self.meetings(n, vertices[n], vertices)).sum()
+    }
+
     /// Moves vertices until cones do not meet, or no place is better. Returns whether they are known not to.
     fn separate(&self, vertices: &mut [Point], places: impl Fn(&Line) -> Vec<Point>) -> bool {
         if self.lines.iter().map(Vec::len).sum::<usize>() > MOST_PIECES {
             return false;
         }
-        let mut known: Vec<Option<Vec<Point>>> = vec![None; vertices.len()];
-        let mut is_left = false;
+        if self.all_meetings(vertices) == 0 {
+            return true;
+        }
+        let places: Vec<Vec<Point>> = self.lines.iter().map(places).collect();
+        if self.move_singly(vertices, &places) {
+            return true;
+        }
+        // A vertex far from its own line may be in the way of all places of another.
+        let mut others: Vec<Point> = places.iter().map(|places| places[0]).collect();
+        let is_apart = self.move_singly(&mut others, &places);
+        if is_apart || self.all_meetings(&others) < self.all_meetings(vertices) {
+            vertices.copy_from_slice(&others);
+        }
+        is_apart
+    }
+
+    /// Moves one vertex after another to where its cone meets others in fewer places. Returns whether none do any more.
+    fn move_singly(&self, vertices: &mut [Point], places: &[Vec<Point>]) -> bool {
         for _ in 0..ROUNDS {
-            is_left = false;
+            let mut is_left = false;
             for n in 0..vertices.len() {
                 let mut least = self.meetings(n, vertices[n], vertices);
                 if least == 0 {
                     continue;
                 }
-                for &at in known[n].get_or_insert_with(|| places(&self.lines[n])).iter() {
+                for &at in &places[n] {
                     let now = self.meetings(n, at, vertices);
                     if now < least {
                         (least, vertices[n]) = (now, at);
@@ -96,11 +117,11 @@ impl Several {
                 is_left |= least > 0;
             }
             if !is_left {
-                break;
+                return true;
             }
         }
         // The last ones moved may have left those before them alone.
-        !is_left || (0..vertices.len()).all(|n| self.meetings(n, vertices[n], vertices) == 0)
+        self.all_meetings(vertices) == 0
     }
 }
 

@@ -119,6 +119,15 @@ fn noise_meets_nowhere_between_levels() {
     assert!(mixed > 5000 && split > 5000, "{mixed} {split}");
 }
 
+/// Vertices of noise are anywhere in their cells, and one that stays there may be in the way of all places of another.
+#[test]
+fn cones_are_separated_from_places_near_their_lines() {
+    for seed in [1029, 1206, 1232, 1282, 1379] {
+        let (mesh, summary) = checked(&noise_of_many_kinds(seed));
+        assert_eq!((pairs(&mesh), summary.unseparated_cells), (0, 0), "seed {seed}: {summary:?}");
+    }
+}
+
 /// Leaves of the tree beside interior nodes that stand for their descendants: these may differ in what they say of crossings
 /// on their common border.
 #[test]
