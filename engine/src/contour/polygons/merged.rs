@@ -72,8 +72,6 @@ impl Maker<'_> {
             self.cutter.push_around(&self.placed(edge), named, shape, BOTH);
             return;
         }
-        let mark = self.next_mark();
-        let named = named.map(|(name, position)| (name | mark, position));
         let is_new = |n: usize| {
             let (this, before) = (&corners[n], &corners[(n + 3) % 4]);
             (this.leaf, this.number) != (before.leaf, before.number)
@@ -86,6 +84,13 @@ impl Maker<'_> {
                 count += 1;
             }
         }
+        if count < 3 {
+            // All around the edge is merged into one vertex, or into two. It takes no mark, so that the polygons before and
+            // after it are told apart.
+            return;
+        }
+        let mark = self.next_mark();
+        let distinct = distinct.map(|(name, position)| (name | mark, position));
         self.push_distinct(edge.0, count, distinct, inside);
     }
 
