@@ -46,10 +46,12 @@ impl Outliers {
         }
         batch.names[to] = name;
         batch.used += 1;
-        (batch.used == GROUP).then(|| {
-            batch.used = 0;
-            (batch.names, minimisers(simd, &batch.terms, cell(margin)))
-        })
+        if batch.used < GROUP {
+            return None;
+        }
+        batch.used = 0;
+        // No closure: that stays a call, compiled for the narrowest vectors.
+        Some((batch.names, minimisers(simd, &batch.terms, cell(margin))))
     }
 
     /// Those that still wait.
