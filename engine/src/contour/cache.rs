@@ -20,6 +20,8 @@ struct State<V> {
     used_bytes: usize,
     /// Leaves whose values some thread is making.
     making: HashSet<u32>,
+    /// Threads that wait for one of these.
+    waiting: usize,
 }
 
 struct Entry<V> {
@@ -36,6 +38,7 @@ impl<V> Cache<V> {
             now: 0,
             used_bytes: 0,
             making: HashSet::new(),
+            waiting: 0,
         };
         Cache { budget_bytes, state: Mutex::new(state), made: Condvar::new() }
     }
@@ -51,7 +54,9 @@ impl<V> Cache<V> {
             if state.making.insert(leaf) {
                 break;
             }
+            state.waiting += 1;
             state = self.made.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state.waiting -= 1;
         }
         drop(state);
         let making = Making { cache: self, leaf };
@@ -91,8 +96,12 @@ struct Making<'a, V> {
 
 impl<V> Drop for Making<'_, V> {
     fn drop(&mut self) {
-        self.cache.lock().making.remove(&self.leaf);
-        self.cache.made.notify_all();
+        let mut state = self.cache.lock();
+        state.making.remove(&self.leaf);
+        // To wake nobody is a system call, too.
+        if state.waiting > 0 {
+            self.cache.made.notify_all();
+        }
     }
 }
 

@@ -61,6 +61,8 @@ struct State<T, E> {
     running: BTreeSet<Place>,
     ready: BTreeMap<Place, (E, Option<Held>)>,
     consuming: bool,
+    /// Threads that wait for a task.
+    idle: usize,
     /// Bytes that the consumer keeps.
     kept: u64,
     failure: Option<Error>,
@@ -91,6 +93,7 @@ pub(crate) fn run_tasks<L, T: Send, E: Send>(
         running: BTreeSet::new(),
         ready: BTreeMap::new(),
         consuming: false,
+        idle: 0,
         kept: 0,
         failure: None,
     };
@@ -130,6 +133,13 @@ impl<T, E> Shared<T, E> {
         self.state.lock().expect("no thread panicked")
     }
 
+    /// Lets threads that wait for a task look again. To wake nobody is a system call, too.
+    fn wake(&self, state: &State<T, E>) {
+        if state.idle > 0 {
+            self.moved.notify_all();
+        }
+    }
+
     /// The next task and the memory for it; `None` when there is none left or something failed.
     fn claim(&self, need: impl Fn(&T) -> u64) -> Option<(Place, T, Held)> {
         let mut state = self.lock();
@@ -146,7 +156,9 @@ impl<T, E> Shared<T, E> {
                 self.held.fetch_add(bytes, Ordering::Relaxed);
                 return Some((place, task, Held { bytes, total: Arc::clone(&self.held) }));
             }
+            state.idle += 1;
             state = self.moved.wait(state).expect("no thread panicked");
+            state.idle -= 1;
         }
     }
 
@@ -180,7 +192,7 @@ impl<T, E> Shared<T, E> {
                 state.waiting.extend(tasks);
             }
         }
-        self.moved.notify_all();
+        self.wake(&state);
         if state.consuming {
             return;
         }
@@ -190,7 +202,7 @@ impl<T, E> Shared<T, E> {
             let outcome = (consume.lock().expect("no thread panicked"))(result);
             drop(held);
             state = self.lock();
-            self.moved.notify_all();
+            self.wake(&state);
             match outcome {
                 Ok(kept) => state.kept = kept.unwrap_or(state.kept),
                 Err(error) => drop(state.failure.get_or_insert(error)),
@@ -203,8 +215,9 @@ impl<T, E> Shared<T, E> {
     }
 
     fn fail(&self, error: Error) {
-        self.lock().failure.get_or_insert(error);
-        self.moved.notify_all();
+        let mut state = self.lock();
+        state.failure.get_or_insert(error);
+        self.wake(&state);
     }
 }
 
