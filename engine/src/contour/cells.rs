@@ -90,11 +90,11 @@ pub(super) struct BrickCells {
 impl BrickCells {
     /// Finds the active cells of a leaf and places their vertices.
     pub(super) fn build(field: &Field, leaf: u32) -> Result<BrickCells> {
-        let around = field.leaves.around(leaf);
-        let has_finer = around.contains(&Side::Finer);
+        let has_finer = field.leaves.has_finer(leaf);
         if !field.leaves.get(leaf).changes && !has_finer {
             return Ok(BrickCells::default());
         }
+        let around = field.leaves.around(leaf);
         let surface = field.surface(leaf)?;
         let changes = surface.changes();
         let mut rows = vec![CellRow::default(); CELL_ROWS];

@@ -7,7 +7,7 @@ use super::cells::BrickCells;
 use super::edges::Quad;
 use super::envelope::MinimalEdge;
 use super::faces::FaceVertices;
-use super::leaves::{Around, Leaves, Side, cell_in};
+use super::leaves::{Leaves, Side, cell_in};
 use super::order::in_order;
 use super::qef::PlaneSums;
 use super::spare::Spare;
@@ -266,7 +266,7 @@ impl<'a> Field<'a> {
     /// The first pass has the vertices of a leaf: drafts that the leaves after it do not need are dropped.
     pub(super) fn release_drafts(&self, leaf: u32) {
         let Some(merging) = &self.merging else { return };
-        for other in drafts_needed_by(&self.leaves, leaf, &self.leaves.around(leaf)) {
+        for other in drafts_needed_by(&self.leaves, leaf) {
             if merging.users[other as usize].fetch_sub(1, Ordering::Relaxed) == 1 {
                 merging.drafts.remove(other);
             }
@@ -275,8 +275,8 @@ impl<'a> Field<'a> {
 
     /// The polygons of a leaf are made: what no others need is dropped, so that its room serves the next leaves. A
     /// surface that the cells of a leaf beyond a corner, or of a coarser one, still want is read again.
-    pub(super) fn release(&self, leaf: u32, around: &Around) {
-        for other in needed_by(&self.leaves, leaf, around) {
+    pub(super) fn release(&self, leaf: u32) {
+        for other in needed_by(&self.leaves, leaf) {
             if self.users[other as usize].fetch_sub(1, Ordering::Relaxed) == 1 {
                 self.cells.remove(other);
                 self.surfaces.remove(other);
@@ -296,34 +296,41 @@ impl<'a> Field<'a> {
 
 /// The leaves whose cells the polygons and vertices on faces of a leaf may need: its own and those next to it that are no
 /// finer. Next to finer leaves it may have active cells without a sign change of its own.
-fn needed_by(leaves: &Leaves, leaf: u32, around: &Around) -> Vec<u32> {
-    let is_needing = leaves.get(leaf).changes || around.contains(&Side::Finer);
+fn needed_by(leaves: &Leaves, leaf: u32) -> Vec<u32> {
+    let is_needing = leaves.get(leaf).changes || leaves.has_finer(leaf);
     let one = |side: &Side| match side {
-        Side::Same(other) | Side::Coarser(other) if is_needing || *other == leaf => Some(*other),
+        Side::Same(other) | Side::Coarser(other) => Some(*other),
         _ => None,
     };
-    around.iter().filter_map(one).collect()
+    needed(leaves, leaf, is_needing, one)
 }
 
 /// The leaves whose drafts the vertices of a leaf may need: its own and those next to it of its level.
-fn drafts_needed_by(leaves: &Leaves, leaf: u32, around: &Around) -> Vec<u32> {
-    let is_needing = leaves.get(leaf).changes;
+fn drafts_needed_by(leaves: &Leaves, leaf: u32) -> Vec<u32> {
     let one = |side: &Side| match side {
-        Side::Same(other) if is_needing || *other == leaf => Some(*other),
+        Side::Same(other) => Some(*other),
         _ => None,
     };
-    around.iter().filter_map(one).collect()
+    needed(leaves, leaf, leaves.get(leaf).changes, one)
+}
+
+/// Those on the sides that count of a leaf that needs any; of another itself alone.
+fn needed(leaves: &Leaves, leaf: u32, is_needing: bool, counts: impl Fn(&Side) -> Option<u32>) -> Vec<u32> {
+    if !is_needing {
+        return vec![leaf];
+    }
+    leaves.around(leaf).iter().filter_map(counts).collect()
 }
 
 /// For each leaf by how many it is needed.
 fn counts<I: IntoIterator<Item = u32>>(
     leaves: &Leaves,
-    needed_by: impl Fn(&Leaves, u32, &Around) -> I,
+    needed_by: impl Fn(&Leaves, u32) -> I,
 ) -> Vec<AtomicU32> {
     let mut counts = Vec::new();
     counts.resize_with(leaves.len(), AtomicU32::default);
     for leaf in 0..leaves.len() as u32 {
-        for other in needed_by(leaves, leaf, &leaves.around(leaf)) {
+        for other in needed_by(leaves, leaf) {
             counts[other as usize].fetch_add(1, Ordering::Relaxed);
         }
     }

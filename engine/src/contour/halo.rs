@@ -10,7 +10,6 @@ use super::corner::MISS;
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::field::Field;
 use super::joined;
-use super::leaves::Side;
 use super::planes::Plane;
 use super::solve::Group;
 use super::surface::{Changes, Surface};
@@ -35,7 +34,7 @@ enum Piece {
 
 impl Piece {
     fn of(field: &Field, leaf: u32) -> Result<Piece> {
-        Ok(Piece::Fetched(field.surface(leaf)?, field.leaves.around(leaf).contains(&Side::Finer)))
+        Ok(Piece::Fetched(field.surface(leaf)?, field.leaves.has_finer(leaf)))
     }
 }
 

@@ -50,6 +50,8 @@ pub(super) struct Leaves {
     leaves: Vec<Leaf>,
     /// Code of each leaf's last descendant at the deepest level; ascending.
     last: Vec<u64>,
+    /// The highest level of them all.
+    deepest: u8,
 }
 
 impl Leaves {
@@ -68,7 +70,8 @@ impl Leaves {
         }
         leaves.sort_by_key(|leaf| leaf.key.post_order());
         let last: Vec<u64> = leaves.iter().map(|leaf| leaf.key.post_order().0).collect();
-        let this = Leaves { leaves, last };
+        let deepest = leaves.iter().map(|leaf| leaf.key.level()).max().unwrap_or(0);
+        let this = Leaves { leaves, last, deepest };
         this.check_cover()?;
         Ok(this)
     }
@@ -155,11 +158,16 @@ impl Leaves {
         sides
     }
 
+    /// Whether finer leaves lie around a leaf.
+    pub(super) fn has_finer(&self, leaf: u32) -> bool {
+        self.get(leaf).key.level() < self.deepest && self.around(leaf).contains(&Side::Finer)
+    }
+
     /// True if a leaf across one of a cell's faces or edges is finer than the cell, which is counted from the
     /// first cell of `key` and may lie beyond it in a leaf of the same level.
     pub(super) fn touches_finer(&self, key: NodeKey, cell: [i32; 3]) -> bool {
         const LAST: i32 = BRICK_CELLS as i32 - 1;
-        if cell.iter().all(|c| (1..LAST).contains(&(c & LAST))) {
+        if key.level() >= self.deepest || cell.iter().all(|c| (1..LAST).contains(&(c & LAST))) {
             return false;
         }
         directions().any(|d| {

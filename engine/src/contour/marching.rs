@@ -116,7 +116,7 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<(
         Some(Surface::Changes(changes)) => march(field, (leaf, &around), changes, making)?,
         _ => Default::default(),
     };
-    field.release(leaf, &around);
+    field.release(leaf);
     Ok(made)
 }
 

@@ -89,9 +89,8 @@ pub(super) fn leaf_facets(
     vertices: &LeafVertices,
     making: &Making,
 ) -> Result<LeafFacets> {
-    let around = field.leaves.around(leaf);
     if vertices.cells.signs.is_none() {
-        field.release(leaf, &around);
+        field.release(leaf);
         return Ok(LeafFacets::default());
     }
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
@@ -100,7 +99,7 @@ pub(super) fn leaf_facets(
     let quads = vertices.cells.take_quads();
     let (cutter, names) = Maker::new(field, leaf, vertices.clone(), cutter).make(&quads)?;
     field.spare_quads.keep(quads);
-    field.release(leaf, &around);
+    field.release(leaf);
     let Cutter { count, bytes, measured, edge_vertices, fan_edges, .. } = cutter;
     let fan_edges = fan_edges.unwrap_or_default();
     Ok(LeafFacets { count, bytes, names, measured, edge_vertices, fan_edges, normals: Vec::new() })
