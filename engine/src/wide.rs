@@ -37,6 +37,26 @@ pub(crate) fn transposed<S: Simd, V: SimdFloat<S> + SimdFrom<V, S>>(rows: [V; 8]
     [k, l, m, n, x, y, z, o]
 }
 
+/// Four rows of eight numbers as columns, in shuffles, too.
+#[inline(always)]
+pub(crate) fn in_fours<S: Simd>([a, b, c, d]: [f32x8<S>; 4]) -> [[f32; 4]; 8] {
+    let ((ac, ac_high), (bd, bd_high)) = (a.interleave(c), b.interleave(d));
+    let ((p, q), (r, s)) = (ac.interleave(bd), ac_high.interleave(bd_high));
+    let mut columns = [[0.0; 4]; 8];
+    p.store_slice(columns[..2].as_flattened_mut());
+    q.store_slice(columns[2..4].as_flattened_mut());
+    r.store_slice(columns[4..6].as_flattened_mut());
+    s.store_slice(columns[6..].as_flattened_mut());
+    columns
+}
+
+/// Eight numbers with half the bits, rounded to nearest.
+#[inline(always)]
+pub(crate) fn narrowed<S: Simd>(simd: S, numbers: f64x8<S>) -> f32x8<S> {
+    let (low, high) = numbers.split();
+    simd.narrow_f64x4(low, high)
+}
+
 /// Eight numbers with twice the bits.
 #[inline(always)]
 pub(crate) fn widened<S: Simd>(simd: S, numbers: f32x8<S>) -> f64x8<S> {

@@ -267,7 +267,7 @@ pub(super) struct Builder<'a> {
     quads: Vec<Quad>,
     pub cells: BrickCells,
     /// Plain cells with one loop that is not flat, for [`super::corner`].
-    pub creased: Vec<[usize; 3]>,
+    pub creased: Vec<[u8; 3]>,
     /// Those of them whose crease is sharp, for [`super::annex`], if creases are followed.
     pub sharp: Vec<([usize; 3], Crease)>,
     /// Those of them that may be at a corner, where there are sums.
@@ -335,7 +335,7 @@ impl<'a> Builder<'a> {
             planes,
             quads,
             cells,
-            creased: Vec::new(),
+            creased: Vec::with_capacity(active),
             sharp: Vec::new(),
             candidates: Vec::new(),
             seen: 0,
@@ -412,16 +412,18 @@ impl<'a> Builder<'a> {
             let vertex = first + l;
             let named = if is_named && vertex < NO_VERTEX.into() { vertex as u16 } else { NO_VERTEX };
             let lane = self.waiting.len();
-            let mut edges = loops.edges[l];
+            let (mut edges, mut count) = (loops.edges[l], 0);
             while edges != 0 {
                 let place = &EDGE_PLACES[edges.trailing_zeros() as usize];
                 let slot = streams.slot(cell[0], place);
                 let plane = &self.planes[slot];
                 let [x, y, z] = plane.normal;
-                self.group.add(lane, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
+                self.group.put(lane, count, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
                 self.quads[slot].vertices[place.quadrant] = named;
                 edges &= edges - 1;
+                count += 1;
             }
+            self.group.count(lane, count);
             self.push_vertex(cell, first, loops.count == 1);
         }
         if loops.count > 1 {
@@ -461,11 +463,16 @@ impl<'a> Builder<'a> {
     fn place_group<S: Simd>(&mut self, simd: S) {
         let margin = self.frame.margin;
         let solved = self.group.solve(simd, self.waiting.len(), margin, MISS);
+        let places = self.frame.world_wide(simd, solved.corners, solved.at);
         let mut sum = self.sum.load(simd);
-        for lane in 0..self.waiting.len() {
+        let (mut creased, mut creases) = ([[0; 3]; GROUP], 0);
+        let follows_creases = self.field.follows_creases();
+        for (lane, [x, y, z, _]) in places.into_iter().enumerate().take(self.waiting.len()) {
             let Waiting { cell, first, vertex, is_lone } = self.waiting[lane];
             let is_left = solved.left >> lane & 1 == 1;
-            if is_left && is_lone {
+            if !is_left && is_lone {
+                self.cells.positions[vertex as usize] = [x, y, z];
+            } else if is_lone {
                 let pushed = self.outliers.push(simd, (&solved.terms, lane), (vertex, cell), margin);
                 if let Some((names, points)) = pushed {
                     for ((vertex, cell), point) in names.into_iter().zip(points) {
@@ -473,19 +480,21 @@ impl<'a> Builder<'a> {
                     }
                 }
             } else {
-                let mut point = solved.points[lane];
-                if is_left {
+                let point = if is_left {
                     // The cell's next vertex must know where this one is.
-                    point = minimisers(simd, &solved.terms, outliers::cell(margin))[lane];
-                }
+                    minimisers(simd, &solved.terms, outliers::cell(margin))[lane]
+                } else {
+                    solved.points()[lane]
+                };
                 let (placed, own) = self.cells.positions.split_at_mut(vertex as usize);
                 own[0] = apart(&self.frame, cell, point, &placed[first as usize..]);
             }
-            if is_lone && solved.flat >> lane & 1 == 0 {
-                self.creased.push(cell);
-                if self.field.follows_creases() {
-                    self.sharp.extend(Crease::of(&solved, lane).map(|crease| (cell, crease)));
-                }
+            // Half of the cells are creased where surfaces are rough: which are is not foreseen, so it is no branch.
+            let is_creased = is_lone && solved.flat >> lane & 1 == 0;
+            creased[creases % GROUP] = cell.map(|c| c as u8);
+            creases += usize::from(is_creased);
+            if follows_creases && is_creased {
+                self.sharp.extend(Crease::of(&solved, lane).map(|crease| (cell, crease)));
             }
             if let Some(sums) = &mut self.sums {
                 if vertex == first {
@@ -495,6 +504,7 @@ impl<'a> Builder<'a> {
                 self.apart[cell[2] * BRICK_CELLS + cell[1]] |= ((solved.apart >> lane & 1) as u32) << cell[0];
             }
         }
+        self.creased.extend_from_slice(&creased[..creases.min(GROUP)]);
         self.sum = PlaneSums::of(sum);
         self.waiting.clear();
     }

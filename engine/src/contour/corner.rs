@@ -51,7 +51,7 @@ impl Builder<'_> {
     pub(super) fn complete_corners(&mut self) -> Result<()> {
         let candidates = match self.sums {
             Some(_) => std::mem::take(&mut self.candidates),
-            None => self.creased.iter().map(|&cell| place_of(cell)).collect(),
+            None => self.creased.iter().map(|cell| cell.map(i32::from)).collect(),
         };
         if candidates.is_empty() && self.sharp.is_empty() {
             return Ok(());
@@ -122,11 +122,12 @@ impl Builder<'_> {
             }
             self.decided += 1;
             let apart = near(apart, layer);
-            while let Some(&[i, j, k]) = creased.get(self.seen)
+            while let Some(&cell) = creased.get(self.seen)
+                && let [i, j, k] = cell.map(usize::from)
                 && k == layer
             {
                 self.seen += 1;
-                let cell = place_of([i, j, k]);
+                let cell = cell.map(i32::from);
                 if apart[j] >> i & 1 == 0 && may_meet_within(simd, cells, cell, sums) {
                     candidates.push(cell);
                 }
@@ -142,10 +143,6 @@ impl Builder<'_> {
         let (kind, first) = self.cells.plain(cell.map(|c| c as usize))?;
         (kind.loops().count == 1).then_some(first)
     }
-}
-
-fn place_of(cell: [usize; 3]) -> Place {
-    cell.map(|c| c as i32)
 }
 
 /// The cell that holds a point.

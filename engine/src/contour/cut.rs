@@ -4,7 +4,8 @@ use super::envelope::{MinimalEdge, Vec3, diagonals};
 use super::polygons::Facet;
 use crate::lattice::Axis;
 use crate::wide::{
-    Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, level, transposed, widened,
+    Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, in_fours, level, narrowed,
+    transposed, widened,
 };
 
 /// How much nearer to its crossing, in lengths of the edge, one diagonal's triangles must meet an edge than the other's for
@@ -231,7 +232,9 @@ impl Cutter {
 
     fn cut(&mut self) {
         // Lanes that are left have no area.
-        self.cuts.corners[self.cuts.count..].fill([[0.0; 4]; 4]);
+        if self.cuts.count < GROUP {
+            self.cuts.corners[self.cuts.count..].fill([[0.0; 4]; 4]);
+        }
         let (measured, lost) = dispatch!(level(), simd => cut(simd, self.centre, &mut self.cuts));
         self.measured.area += measured.area;
         self.measured.volume += measured.volume;
@@ -354,14 +357,11 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> (Measured, u64) {
         doubled += length * is_cut;
         sixfold += (n[0] * from[0] + n[1] * from[1] + n[2] * from[2]) * is_cut;
         let has_area = length.simd_gt(zero);
-        let normals = &mut cuts.normals[facet];
+        let mut unit = [f32x8::splat(simd, 0.0); 4];
         for a in 0..3 {
-            let unit = has_area.select(n[a] / length, zero);
-            let unit = unit.as_array();
-            for lane in 0..GROUP {
-                normals[lane][a] = unit[lane] as f32;
-            }
+            unit[a] = narrowed(simd, has_area.select(n[a] / length, zero));
         }
+        cuts.normals[facet] = in_fours(unit);
     }
     let (mut area, mut volume) = (0.0, 0.0);
     for lane in 0..GROUP {

@@ -17,6 +17,7 @@ use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Walk};
+use crate::wide::{Simd, SimdBase, f32x8, f64x8, in_fours, narrowed};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -429,5 +430,21 @@ impl Frame {
     #[inline]
     pub(super) fn world(&self, cell: [usize; 3], at: [f64; 3]) -> [f32; 3] {
         std::array::from_fn(|a| (self.origin[a] + (cell[a] as f64 + at[a]) * self.spacing) as f32)
+    }
+
+    /// The same of eight cells, by their lower corners; a fourth number fills the vectors.
+    #[inline(always)]
+    pub(super) fn world_wide<S: Simd>(
+        &self,
+        simd: S,
+        corners: [f64x8<S>; 3],
+        at: [f64x8<S>; 3],
+    ) -> [[f32; 4]; 8] {
+        let mut places = [f32x8::splat(simd, 0.0); 3];
+        for a in 0..3 {
+            places[a] = narrowed(simd, (corners[a] + at[a]) * self.spacing + self.origin[a]);
+        }
+        let [x, y, z] = places;
+        in_fours([x, y, z, x])
     }
 }

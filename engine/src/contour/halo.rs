@@ -113,11 +113,14 @@ impl<'a> Halo<'a> {
         let Some((changes, cell, kind)) = self.lone(cell)? else { return Ok(None) };
         Ok(dispatch!(level(), simd => {
             let streams = EdgeStreams::of(Some(changes), cell[1], cell[2]);
+            let mut count = 0;
             for place in kind.loops().edges_of(0).map(|edge| &EDGE_PLACES[edge]) {
                 let plane = &changes.planes[streams.slot(cell[0], place)];
                 let [x, y, z] = plane.normal;
-                group.add(0, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
+                group.put(0, count, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
+                count += 1;
             }
+            group.count(0, count);
             Crease::of(&group.solve(simd, 1, 0.0, MISS), 0)
         }))
     }

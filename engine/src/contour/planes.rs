@@ -1,8 +1,8 @@
 //! Hermite edges as contouring wants them: decoded.
 
 use super::symmetric::dot;
-use crate::brick::HermiteEdge;
-use crate::wide::{Select, Simd, SimdBase, SimdFloat, dispatch, f64x8, level};
+use crate::brick::{HermiteEdge, OctNormal};
+use crate::wide::{Select, Simd, SimdBase, SimdFloat, dispatch, f32x8, f64x8, in_fours, level, narrowed};
 
 /// Edges decoded at a time.
 const GROUP: usize = 8;
@@ -45,27 +45,43 @@ pub(super) fn decode(edges: &[HermiteEdge], planes: &mut Vec<EdgePlane>) {
 
 #[inline(always)]
 fn decode_groups<S: Simd>(simd: S, edges: &[HermiteEdge], planes: &mut Vec<EdgePlane>) {
-    let groups = edges.chunks(GROUP);
-    let (one, zero) = (f64x8::splat(simd, 1.0), f64x8::splat(simd, 0.0));
+    let (groups, rest) = edges.as_chunks::<GROUP>();
     for group in groups {
-        let (mut u, mut v) = ([0.0; GROUP], [0.0; GROUP]);
-        for (lane, edge) in group.iter().enumerate() {
-            u[lane] = f64::from(edge.normal.0 as u16 as i16);
-            v[lane] = f64::from((edge.normal.0 >> 16) as u16 as i16);
-        }
-        let u = f64x8::from_slice(simd, &u) / 32767.0;
-        let v = f64x8::from_slice(simd, &v) / 32767.0;
-        let z = one - u.abs() - v.abs();
-        let fold = (zero - z).max(zero);
-        let x = u.simd_lt(zero).select(u + fold, u - fold);
-        let y = v.simd_lt(zero).select(v + fold, v - fold);
-        let length = (x * x + y * y + z * z).sqrt();
-        let (x, y, z) = (x / length, y / length, z / length);
-        for (lane, edge) in group.iter().enumerate() {
-            let normal = [x[lane] as f32, y[lane] as f32, z[lane] as f32];
-            planes.push(EdgePlane { fraction: edge.fraction() as f32, normal });
-        }
+        planes.extend(decode_group(simd, group));
     }
+    if let Some(first) = rest.first() {
+        let mut group = [*first; GROUP];
+        group[..rest.len()].copy_from_slice(rest);
+        planes.extend_from_slice(&decode_group(simd, &group)[..rest.len()]);
+    }
+}
+
+#[inline(always)]
+fn decode_group<S: Simd>(simd: S, group: &[HermiteEdge; GROUP]) -> [EdgePlane; GROUP] {
+    let (one, zero) = (f64x8::splat(simd, 1.0), f64x8::splat(simd, 0.0));
+    let (mut offset, mut u, mut v) = ([0.0; GROUP], [0.0; GROUP], [0.0; GROUP]);
+    for lane in 0..GROUP {
+        let HermiteEdge { offset: at, normal: OctNormal(code) } = group[lane];
+        offset[lane] = f32::from(at);
+        u[lane] = f64::from(code as u16 as i16);
+        v[lane] = f64::from((code >> 16) as u16 as i16);
+    }
+    let fraction = f32x8::from_slice(simd, &offset) / 65536.0;
+    let u = f64x8::from_slice(simd, &u) / 32767.0;
+    let v = f64x8::from_slice(simd, &v) / 32767.0;
+    let z = one - u.abs() - v.abs();
+    let fold = (zero - z).max(zero);
+    let x = u.simd_lt(zero).select(u + fold, u - fold);
+    let y = v.simd_lt(zero).select(v + fold, v - fold);
+    let length = (x * x + y * y + z * z).sqrt();
+    let normal = [narrowed(simd, x / length), narrowed(simd, y / length), narrowed(simd, z / length)];
+    let decoded = in_fours([fraction, normal[0], normal[1], normal[2]]);
+    let mut planes = [EdgePlane::default(); GROUP];
+    for lane in 0..GROUP {
+        let [fraction, x, y, z] = decoded[lane];
+        planes[lane] = EdgePlane { fraction, normal: [x, y, z] };
+    }
+    planes
 }
 
 #[cfg(test)]

@@ -57,11 +57,28 @@ struct Sums {
     count: Lanes,
 }
 
+impl<S: Simd> Solved<S> {
+    /// The points, by loop.
+    #[inline(always)]
+    pub(super) fn points(&self) -> [Vector; GROUP] {
+        let mut points = [[0.0; 3]; GROUP];
+        for (a, at) in self.at.iter().enumerate() {
+            let at = at.as_array();
+            for (lane, point) in points.iter_mut().enumerate() {
+                point[a] = at[lane];
+            }
+        }
+        points
+    }
+}
+
 /// What comes out of a group.
 pub(super) struct Solved<S: Simd> {
-    /// By loop the point of the box `margin..1 − margin` of the cell with the least error, nearest to the mass
-    /// point where the error does not tell.
-    pub points: [Vector; GROUP],
+    /// The points of the box `margin..1 − margin` of the cells with the least error, nearest to the mass points where the
+    /// error does not tell.
+    pub at: Vec3<S>,
+    /// Lower corners of the cells.
+    pub corners: Vec3<S>,
     /// Bit per loop: its point is left to [`super::outliers`].
     pub left: u64,
     /// What those need, and what is known of sharp ones.
@@ -82,15 +99,19 @@ pub(super) struct Solved<S: Simd> {
 }
 
 impl Group {
-    /// Adds a plane to the loop in a lane: a point of it as the cell's centre sees it, and the normal. The last numbers
-    /// fill the vectors.
+    /// Makes a plane the loop's in a lane with this number: a point of it as the cell's centre sees it, and the normal.
+    /// The last numbers fill the vectors.
     #[inline(always)]
-    pub(super) fn add(&mut self, lane: usize, from_centre: [f32; 4], normal: [f32; 4]) {
-        let lane = lane % GROUP;
-        let terms = &mut self.planes[self.counts[lane]][lane];
+    pub(super) fn put(&mut self, lane: usize, number: usize, from_centre: [f32; 4], normal: [f32; 4]) {
+        let terms = &mut self.planes[number][lane % GROUP];
         terms[..4].copy_from_slice(&from_centre);
         terms[4..].copy_from_slice(&normal);
-        self.counts[lane] += 1;
+    }
+
+    /// Says how many planes the loop in a lane has: those that were put there.
+    #[inline(always)]
+    pub(super) fn count(&mut self, lane: usize, planes: usize) {
+        self.counts[lane % GROUP] = planes;
     }
 
     /// Puts the sums of a loop into a lane. At least one plane must have been added.
@@ -107,7 +128,7 @@ impl Group {
     /// Says which cell the loop in a lane is in.
     #[inline(always)]
     pub(super) fn place(&mut self, lane: usize, cell: [usize; 3]) {
-        put(&mut self.corners, lane % GROUP, &cell.map(|c| c as f64));
+        put(&mut self.corners, lane % GROUP, &cell.map(|c| f64::from(c as u32)));
     }
 
     /// Solves the first `used` lanes, and empties all.
@@ -127,12 +148,13 @@ impl Group {
     /// The points of the first `used` lanes.
     pub(super) fn points(&mut self, used: usize, margin: f64) -> [Vector; GROUP] {
         crate::wide::dispatch!(crate::wide::level(), simd => {
-            let mut solved = self.solve(simd, used, margin, 0.01);
+            let solved = self.solve(simd, used, margin, 0.01);
             let left = super::outliers::minimisers(simd, &solved.terms, super::outliers::cell(margin));
+            let mut points = solved.points();
             for lane in (0..used).filter(|lane| solved.left >> lane & 1 == 1) {
-                solved.points[lane] = left[lane];
+                points[lane] = left[lane];
             }
-            solved.points
+            points
         })
     }
 }
@@ -224,13 +246,6 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     let bounds = [[f64x8::splat(simd, margin); 3], [f64x8::splat(simd, 1.0 - margin); 3]];
     let done = on_faces(&matrix, rhs, mass, free.largest, bounds, &mut at);
     let left = lanes & !(done & free.is_sound.to_bitmask());
-    let mut points = [[0.0; 3]; GROUP];
-    for a in 0..3 {
-        let at = at[a].as_array();
-        for lane in 0..GROUP {
-            points[lane][a] = at[lane];
-        }
-    }
     let mut terms = [[0.0; GROUP]; 16];
     if left | sharp != 0 {
         let largest = free.is_sound.select(free.largest, f64x8::splat(simd, -1.0));
@@ -248,9 +263,10 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
         }
     }
     let lines = free.is_line.to_bitmask() & lanes;
-    let sums = about_origin(simd, &planes, group);
+    let corners = each_of(simd, &group.corners);
+    let sums = about_origin(simd, &planes, corners);
     let apart = apart(&planes, miss).to_bitmask() & lanes;
-    Solved { points, left, terms, flat, sharp, lines, along, apart, sums }
+    Solved { at, corners, left, terms, flat, sharp, lines, along, apart, sums }
 }
 
 /// Moves minimisers that are beyond one face of the box to those over the face, where these lie within the face and
@@ -312,8 +328,8 @@ fn apart<S: Simd>(planes: &Planes<S>, miss: f64) -> mask64x8<S> {
 
 /// The sums about the origin of the corners, for the search for corners.
 #[inline(always)]
-fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, group: &Group) -> [WideSums<S>; GROUP] {
-    let mut centre = each_of(simd, &group.corners);
+fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, corners: Vec3<S>) -> [WideSums<S>; GROUP] {
+    let mut centre = corners;
     for c in &mut centre {
         *c += 0.5;
     }

@@ -117,7 +117,7 @@ pub(super) fn best_points(
     }
     let points = dispatch!(level(), simd => {
         let solved = group.solve(simd, parts.len(), margin, tolerance);
-        let mut points = solved.points;
+        let mut points = solved.points();
         if solved.left != 0 {
             let others = minimisers(simd, &solved.terms, cell(margin));
             for lane in (0..parts.len()).filter(|lane| solved.left >> lane & 1 == 1) {
