@@ -106,7 +106,7 @@ pub(crate) fn inside_from(w: i32, from: usize) -> u64 {
 
 /// Bit `i` is set where the edge along x from sample `i` of a row changes sign.
 #[inline(always)]
-fn along_row(row: u64) -> u64 {
+pub(crate) fn along_row(row: u64) -> u64 {
     (row ^ row >> 1) & 0xffff_ffff
 }
 

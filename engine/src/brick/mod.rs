@@ -8,6 +8,7 @@ mod hermite_part;
 mod range;
 mod samples;
 
+pub(crate) use hermite::along_row;
 pub(crate) use hermite::inside_from;
 pub use hermite::{Hermite, HermiteEdge, OctNormal, Ranks, SignChanges};
 pub(crate) use samples::SamplesInOrder;

@@ -395,14 +395,14 @@ impl<'a> Builder<'a> {
 
     /// That of a plain cell.
     #[inline(always)]
-    fn kind(&self, cell: [usize; 3]) -> Result<Kind> {
+    fn kind(&self, cell: [usize; 3], streams: &EdgeStreams) -> Result<Kind> {
         let Some(changes) = self.changes else { return Ok(Kind::default()) };
-        joined::kind(self.field, self.key, changes, cell)
+        joined::kind_of(self.field, self.key, changes, cell, streams.mask(cell[0]))
     }
 
     #[inline(always)]
     fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) -> Result<()> {
-        let kind = self.kind(cell)?;
+        let kind = self.kind(cell, streams)?;
         let loops = kind.loops();
         let first = self.cells.positions.len();
         self.cells.kinds.push(kind);

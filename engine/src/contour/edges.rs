@@ -3,6 +3,7 @@
 use super::planes::EdgePlane;
 use super::surface::Changes;
 use super::topology::derive_edge;
+use crate::brick::along_row;
 use crate::lattice::Axis;
 
 /// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
@@ -12,6 +13,8 @@ pub(super) struct EdgeStreams {
     bits: [u64; 8],
     /// Place in the decoded planes of the first edge of the row.
     first: [u32; 8],
+    /// The inside bits of the rows of samples at the cells' lower corners.
+    corners: [u64; 4],
 }
 
 /// For each of a cell's 12 edges the stream it belongs to, whether it starts at the next index, and its
@@ -29,18 +32,26 @@ impl EdgeStreams {
     /// Those at the row (j, k) of cells; none in a leaf whose samples are all alike.
     #[inline(always)]
     pub(super) fn of(changes: Option<&Changes>, j: usize, k: usize) -> EdgeStreams {
-        let mut streams = EdgeStreams { bits: [0; 8], first: [0; 8] };
-        let Some(changes) = changes else { return streams };
-        for stream in 0..8 {
-            let (axis, j, k) = match stream {
-                0..4 => (Axis::X, j + stream % 2, k + stream / 2),
-                4..6 => (Axis::Y, j, k + stream - 4),
-                _ => (Axis::Z, j + stream - 6, k),
-            };
-            streams.bits[stream] = changes.signs.edges(axis, j, k);
-            streams.first[stream] = changes.slot(axis, [0, j, k]) as u32;
+        let none = EdgeStreams { bits: [0; 8], first: [0; 8], corners: [0; 4] };
+        let Some(changes) = changes else { return none };
+        // Spelled out: with an axis that is not known beforehand every stream would be branches.
+        let at = [(j, k), (j + 1, k), (j, k + 1), (j + 1, k + 1)];
+        let [a, b, c, d] = at.map(|(j, k)| changes.signs.row(j, k));
+        let [xa, xb, xc, xd] = at.map(|(j, k)| changes.before(Axis::X, j, k));
+        let [ya, yc] = [at[0], at[2]].map(|(j, k)| changes.before(Axis::Y, j, k));
+        let [za, zb] = [at[0], at[1]].map(|(j, k)| changes.before(Axis::Z, j, k));
+        EdgeStreams {
+            bits: [along_row(a), along_row(b), along_row(c), along_row(d), a ^ b, c ^ d, a ^ c, b ^ d],
+            first: [xa, xb, xc, xd, ya, yc, za, zb],
+            corners: [a, b, c, d],
         }
-        streams
+    }
+
+    /// Corner mask of cell `i`, as [`Changes::mask`].
+    #[inline(always)]
+    pub(super) fn mask(&self, i: usize) -> u8 {
+        let [a, b, c, d] = self.corners.map(|row| (row >> i) as u8 & 3);
+        a | b << 2 | c << 4 | d << 6
     }
 
     /// Whether an edge of cell `i` changes sign.

@@ -20,7 +20,19 @@ use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 /// How the boundary of a cell is cut that touches no finer leaf; `changes` are those of its leaf, which is `key`.
 #[inline(always)]
 pub(super) fn kind(field: &Field, key: NodeKey, changes: &Changes, cell: [usize; 3]) -> Result<Kind> {
-    let kind = Kind::of(changes.mask(cell));
+    kind_of(field, key, changes, cell, changes.mask(cell))
+}
+
+/// The same with the cell's corner mask.
+#[inline(always)]
+pub(super) fn kind_of(
+    field: &Field,
+    key: NodeKey,
+    changes: &Changes,
+    cell: [usize; 3],
+    mask: u8,
+) -> Result<Kind> {
+    let kind = Kind::of(mask);
     if kind.loops().ambiguous == 0 { Ok(kind) } else { ambiguous_kind(field, key, changes, cell) }
 }
 

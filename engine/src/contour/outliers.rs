@@ -191,7 +191,8 @@ impl<S: Simd> Bounded<S> {
     fn least(&self, simd: S, free: Vec3<S>) -> Vec3<S> {
         let [low, high] = self.bounds;
         let none = mask64x8::splat(simd, false);
-        let (mut beyond, mut is_within) = ([[none; 3]; 2], !none);
+        // The last is of the digit of free axes.
+        let (mut beyond, mut is_within) = ([[none; 3]; 3], !none);
         for a in 0..3 {
             beyond[0][a] = free[a].simd_lt(low[a]);
             beyond[1][a] = free[a].simd_gt(high[a]);
@@ -205,12 +206,7 @@ impl<S: Simd> Bounded<S> {
         // Per axis a digit to the base 3: at the lower bound, at the upper one, free.
         for code in 0..26 {
             let digits = [code % 3, code / 3 % 3, code / 9];
-            let mut is_tried = none;
-            for a in 0..3 {
-                if digits[a] < 2 {
-                    is_tried |= beyond[digits[a]][a];
-                }
-            }
+            let mut is_tried = beyond[digits[0]][0] | beyond[digits[1]][1] | beyond[digits[2]][2];
             if !is_tried.any_true() {
                 continue;
             }

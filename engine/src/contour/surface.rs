@@ -125,6 +125,12 @@ impl Changes {
         &self.planes[self.slot(axis, ijk)]
     }
 
+    /// How many planes come before those of the edges along `axis` in a row of lower samples.
+    #[inline(always)]
+    pub(super) fn before(&self, axis: Axis, j: usize, k: usize) -> u32 {
+        self.ranks[axis.index()][k * BRICK_POINTS + j]
+    }
+
     /// Place in `planes` of the edge along `axis` that starts at sample (i, j, k).
     #[inline(always)]
     pub(super) fn slot(&self, axis: Axis, ijk: [usize; 3]) -> usize {
