@@ -73,16 +73,6 @@ impl<V> Cache<V> {
         drop(value);
     }
 
-    /// Drops all values.
-    pub(super) fn clear(&self) {
-        let mut state = self.lock();
-        let entries = std::mem::take(&mut state.entries);
-        state.order.clear();
-        state.used_bytes = 0;
-        drop(state);
-        drop(entries);
-    }
-
     fn lock(&self) -> MutexGuard<'_, State<V>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }

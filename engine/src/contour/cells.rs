@@ -34,7 +34,7 @@ use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::wide::{Simd, dispatch, level};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
 use cones::Several;
 use special::apart;
@@ -78,7 +78,7 @@ pub(super) struct BrickCells {
     /// Cells that have annexed one, in order, and in which direction; see [`super::annex`].
     pub annexed: Vec<([u8; 3], Direction)>,
     /// See [`BrickCells::take_quads`].
-    pub quads: Mutex<Vec<Quad>>,
+    quads: RwLock<Vec<Quad>>,
     /// World positions of the vertices.
     pub positions: Vec<[f32; 3]>,
     /// Faces with extra vertices.
@@ -126,12 +126,12 @@ impl BrickCells {
     /// leaf with one loop, its vertex within, and without ambiguous faces. They are handed over once, because the cells
     /// stay for the leaves around.
     pub(super) fn take_quads(&self) -> Vec<Quad> {
-        std::mem::take(&mut *self.quads.lock().unwrap_or_else(PoisonError::into_inner))
+        std::mem::take(&mut *self.quads.write().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Hands them back.
-    pub(super) fn give_quads(&self, quads: Vec<Quad>) {
-        *self.quads.lock().unwrap_or_else(PoisonError::into_inner) = quads;
+    /// The same, which stay; none if they have been handed over.
+    pub(super) fn quads(&self) -> RwLockReadGuard<'_, Vec<Quad>> {
+        self.quads.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Number of vertices.
@@ -156,7 +156,7 @@ impl BrickCells {
             + self.extras.capacity() * size_of::<Extra>()
             + self.special.capacity() * size_of::<[u8; 3]>()
             + self.annexed.capacity() * size_of::<([u8; 3], Direction)>()
-            + self.quads.lock().unwrap_or_else(PoisonError::into_inner).capacity() * size_of::<Quad>()
+            + self.quads().capacity() * size_of::<Quad>()
             + self.positions.capacity() * size_of::<[f32; 3]>()
             + size_of::<BrickCells>()
     }
@@ -563,7 +563,7 @@ impl<'a> Builder<'a> {
                 self.cells.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
             }
         }
-        self.cells.quads = Mutex::new(self.quads);
+        self.cells.quads = RwLock::new(self.quads);
         self.cells.extras.sort_unstable_by_key(|e| (e.face, e.edge));
         self.cells
     }

@@ -1,7 +1,7 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
 use super::ContourOptions;
-use super::adaptive::{self, Across, Draft, Fresh, Made, MeetingSearch, Merged};
+use super::adaptive::{self, Across, Draft, MeetingSearch, Merged};
 use super::cache::Cache;
 use super::cells::BrickCells;
 use super::edges::Quad;
@@ -21,10 +21,10 @@ use crate::wide::{Simd, SimdBase, f32x8, f64x8, in_fours, narrowed};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// What is made of the leaves around one is kept in any case while they are compared with it: each takes those around
-/// itself to make, and is asked for by all of them.
+/// What is made of the leaves around one is kept in any case while their triangles are compared with it: what is merged of
+/// one takes those around itself to make, and all of them ask for it and for its cells.
 const LEAST_FOR_MERGED: usize = 2 << 20;
-const LEAST_FOR_MADE: usize = 8 << 20;
+const LEAST_FOR_CELLS: usize = 8 << 20;
 
 /// A level set of a tree, ready to be contoured leaf by leaf from any thread.
 pub(super) struct Field<'a> {
@@ -52,8 +52,6 @@ struct Merging {
     drafts: Cache<Draft>,
     across: Across,
     merged: Cache<Merged>,
-    /// Triangles, while it is found out which of them meet.
-    made: Cache<Made>,
     /// By leaf, for how many leaves vertices are still to be merged for the first time, which takes its draft.
     users: Vec<AtomicU32>,
 }
@@ -68,16 +66,16 @@ impl<'a> Field<'a> {
             tolerance: options.tolerance,
             drafts: Cache::new(cache_bytes / 4),
             across: Across::default(),
-            merged: Cache::new((cache_bytes / 8).max(LEAST_FOR_MERGED)),
-            made: Cache::new((cache_bytes / 8).max(LEAST_FOR_MADE)),
+            merged: Cache::new((cache_bytes / 4).max(LEAST_FOR_MERGED)),
             users: counts(&leaves, drafts_needed_by),
         });
-        let for_merging = if merging.is_some() { cache_bytes / 2 } else { 0 };
+        let (for_merging, least) =
+            if merging.is_some() { (cache_bytes / 2, LEAST_FOR_CELLS) } else { (0, 0) };
         // Few cells have vertices on their faces.
         let for_faces = cache_bytes / 32;
         let (surfaces, cells) = (
             Cache::new(cache_bytes / 4),
-            Cache::new(cache_bytes - cache_bytes / 4 - for_merging - for_faces),
+            Cache::new((cache_bytes - cache_bytes / 4 - for_merging - for_faces).max(least)),
         );
         let faces = Cache::new(for_faces);
         let users = counts(&leaves, needed_by);
@@ -112,18 +110,14 @@ impl<'a> Field<'a> {
             };
             if taken.is_empty() {
                 across.finish();
+                across.sharing().into_iter().for_each(|leaf| self.forget(leaf));
                 self.take(across);
-                break;
+                return Ok(());
             }
             let changed = across.give_up(self, &taken);
             self.take(across);
             search.ask_again(self, &taken, &changed)?;
         }
-        if let Some(merging) = &mut self.merging {
-            merging.merged.clear();
-            merging.made.clear();
-        }
-        Ok(())
     }
 
     /// What is merged across the borders of leaves; `None` without a tolerance.
@@ -137,25 +131,11 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// What was made of these leaves is made anew when it is asked for again.
-    pub(super) fn forget(&self, leaves: &[u32]) {
+    /// What is merged of a leaf is found anew when it is asked for again.
+    pub(super) fn forget(&self, leaf: u32) {
         if let Some(merging) = &self.merging {
-            for leaf in leaves {
-                merging.merged.remove(*leaf);
-                merging.made.remove(*leaf);
-            }
+            merging.merged.remove(leaf);
         }
-    }
-
-    /// The triangles of a leaf as they would be with what is merged so far, where `fresh` tells which of them are others
-    /// than they were; none without a tolerance.
-    pub(super) fn made(&self, leaf: u32, fresh: Fresh) -> Result<Arc<Made>> {
-        let Some(merging) = &self.merging else { return Ok(Arc::default()) };
-        merging.made.get_or_make(leaf, || {
-            let made = Made::of(self, leaf, &merging.across, fresh)?;
-            let bytes = made.heap_bytes();
-            Ok((made, bytes))
-        })
     }
 
     /// An edge of a plain cell that changes sign, along `axis` from a sample of a leaf on, as the leaf has it that makes its

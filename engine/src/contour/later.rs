@@ -109,7 +109,9 @@ pub(super) fn whole(bytes: &[u8]) -> Vec<Facet> {
         let corner = |n: usize| Some(corners.get(n)?.map(f32::from_le_bytes));
         Some(Facet { ids: ids.map(u32::from_le_bytes), corners: [corner(0)?, corner(1)?, corner(2)?] })
     };
-    bytes.as_chunks::<WHOLE_BYTES>().0.iter().filter_map(facet).collect()
+    let mut facets = Vec::with_capacity(bytes.len() / WHOLE_BYTES);
+    facets.extend(bytes.as_chunks::<WHOLE_BYTES>().0.iter().filter_map(facet));
+    facets
 }
 
 /// Where the triangles of all leaves wait.

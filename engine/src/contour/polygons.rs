@@ -17,7 +17,7 @@
 
 mod merged;
 
-use super::adaptive::{OWN, Shared};
+use super::adaptive::{OWN, Shared, Wanted};
 use super::cells::BrickCells;
 use super::cut::{BOTH, Cuts, Cutter, Measured, Shape, Vertex};
 use super::edges::{NO_VERTEX, Quad};
@@ -105,19 +105,21 @@ pub(super) fn leaf_facets(
     Ok(LeafFacets { count, bytes, names, measured, edge_vertices, fan_edges, normals: Vec::new() })
 }
 
-/// The triangles of a leaf as they would be with what is merged so far, and how they name vertices; the names of the corners
-/// of polygons with a merged vertex bear a [`Mark`].
-pub(super) fn named_facets(field: &Field, leaf: u32) -> Result<(Vec<Facet>, Names)> {
+/// The triangles of a leaf as they would be with what is merged so far, as far as they are wanted, and how they name
+/// vertices; the names of the corners of polygons with a merged vertex bear a [`Mark`].
+pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<(Vec<Facet>, Names)> {
     let vertices = field.vertices(leaf)?;
-    if vertices.cells.signs.is_none() {
+    let Some(signs) = &vertices.cells.signs else { return Ok(Default::default()) };
+    let edges = wanted.edges(signs);
+    if edges.is_empty() {
         return Ok(Default::default());
     }
-    let quads = vertices.cells.take_quads();
+    let quads = vertices.cells.quads();
     let cutter = Cutter::new([0.0; 3], Names::ON_EDGES, first_encoding(None), Vec::new());
-    let maker = Maker { mark: Mark::FIRST, ..Maker::new(field, leaf, vertices.clone(), cutter) };
-    let (cutter, names) = maker.make(&quads)?;
-    vertices.cells.give_quads(quads);
-    Ok((whole(&cutter.bytes), names))
+    let mut maker = Maker::new(field, leaf, vertices.clone(), cutter);
+    (maker.mark, maker.only_wide) = (Mark::FIRST, wanted.only_wide);
+    maker.merged_edges(signs, &quads, &edges)?;
+    Ok((whole(&maker.cutter.finish().bytes), maker.names))
 }
 
 /// What tells polygons with a merged vertex from others and from each other: their triangles follow each other but for those
@@ -208,6 +210,8 @@ struct Maker<'a> {
     names: Names,
     /// Set in the names of the corners of polygons with a merged vertex; zero unless they are asked for.
     mark: u32,
+    /// No other polygons are made than those with a vertex of several leaves.
+    only_wide: bool,
     /// Cells and vertices of the leaf itself and of its neighbours by direction, fetched when needed.
     neighbours: [Option<LeafVertices>; 27],
     /// By axis and where the edges along it lie: 0, 1 or 2 for the lower border, the inside, the upper border along
@@ -230,6 +234,7 @@ impl<'a> Maker<'a> {
             around: field.leaves.around(leaf),
             names,
             mark: 0,
+            only_wide: false,
             neighbours,
             borders: [Border::Unknown; 27],
             lattice: field.frame(key).lattice(),
@@ -244,7 +249,7 @@ impl<'a> Maker<'a> {
             && let Some(signs) = &cells.signs
         {
             if self.field.merges() {
-                self.merged_rows(signs, quads)?;
+                self.merged_edges(signs, quads, &Wanted::default().edges(signs))?;
             } else {
                 dispatch!(level(), _simd => self.rows(cells, signs, quads))?;
             }
@@ -371,7 +376,7 @@ impl<'a> Maker<'a> {
             let vertices = self.neighbours[quarter.direction].as_ref()?;
             let number = self.among_plain(vertices, axis, low, (n, quarter), quad)?;
             let position = vertices.cells.positions[number as usize];
-            corners[n] = Shared { leaf: quarter.leaf, number, position, is_merged: false };
+            corners[n] = Shared { leaf: quarter.leaf, number, position, ..Shared::default() };
         }
         Some(corners)
     }
@@ -417,6 +422,9 @@ impl<'a> Maker<'a> {
         let corners = &polygon.corners[..polygon.count];
         if corners.len() < 3 {
             // All around the edge is merged into one vertex, or into two.
+            return Ok(());
+        }
+        if self.only_wide && !corners.iter().any(|corner| corner.vertex.is_wide) {
             return Ok(());
         }
         if !corners.iter().any(|corner| corner.vertex.is_merged) {

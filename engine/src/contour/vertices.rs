@@ -69,11 +69,14 @@ impl LeafVertices {
             let at = number as usize;
             let on_face = || self.faces.positions[at - self.cells.len()];
             let position = self.cells.positions.get(at).copied().unwrap_or_else(on_face);
-            return Shared { leaf, number, position, is_merged: false };
+            return Shared { leaf, number, position, ..Shared::default() };
         };
         let number = merged.names[number as usize];
         match merged.positions.get(number as usize) {
-            Some(&position) => Shared { leaf, number, position, is_merged: merged.is_merged(number) },
+            Some(&position) => {
+                let (is_merged, is_wide) = (merged.is_merged(number), merged.is_wide(number));
+                Shared { leaf, number, position, is_merged, is_wide }
+            }
             None => merged.shared[number as usize - merged.positions.len()],
         }
     }

@@ -22,7 +22,7 @@ use super::fit;
 use super::folds::{self, Corner};
 use super::parts::{BorderCrossing, Part, Piece};
 use super::patches::{Join, Sets};
-use super::{Merged, NONE, Name, bits};
+use super::{NONE, Name, bits};
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
@@ -56,6 +56,8 @@ pub(in super::super) struct Shared {
     pub position: [f32; 3],
     /// It stands for others.
     pub is_merged: bool,
+    /// For some of several leaves.
+    pub is_wide: bool,
 }
 
 /// What is merged across the borders of leaves.
@@ -152,11 +154,11 @@ impl Across {
     /// What the mesh has for one of several leaves.
     pub(super) fn shared(&self, wide: u32) -> Shared {
         let [leaf, number] = self.places[wide as usize];
-        Shared { leaf, number, position: self.all[wide as usize].position, is_merged: true }
+        Shared { leaf, number, position: self.all[wide as usize].position, is_merged: true, is_wide: true }
     }
 
     /// Those that a leaf has, in the order of their numbers there.
-    fn numbered(&self, leaf: u32) -> &[u32] {
+    pub(super) fn numbered(&self, leaf: u32) -> &[u32] {
         self.numbered.get(&leaf).map_or(&[], |all| all)
     }
 
@@ -262,12 +264,10 @@ impl Across {
         barred
     }
 
-    /// As [`Draft::of_vertex`], without what was given up.
-    pub(super) fn of_vertex(&self, leaf: u32, draft: &Draft, vertices: usize) -> Vec<u32> {
-        match self.barred.contains_key(&leaf) {
-            true => draft.assigned(&self.barred(leaf, draft), vertices),
-            false => draft.of_vertex.clone(),
-        }
+    /// What [`Draft::of_vertex`] is without what was given up; `None` if nothing was.
+    pub(super) fn of_vertex(&self, leaf: u32, draft: &Draft, vertices: usize) -> Option<Vec<u32>> {
+        let is_less = self.barred.contains_key(&leaf);
+        is_less.then(|| draft.assigned(&self.barred(leaf, draft), vertices))
     }
 
     /// What each of the vertices of a leaf's cells becomes.
@@ -276,7 +276,8 @@ impl Across {
             true => Vec::new(),
             false => (0..draft.parts.len() as u32).map(|part| self.of(leaf, part)).collect(),
         };
-        let of_vertex = self.of_vertex(leaf, draft, vertices);
+        let less = self.of_vertex(leaf, draft, vertices);
+        let of_vertex = less.as_ref().unwrap_or(&draft.of_vertex);
         let name = |vertex: u32| match draft.part_of(vertex).and_then(|part| *wide.get(part)?) {
             Some(wide) => Name::Wide(wide),
             None if of_vertex[vertex as usize] == NONE => Name::Own,
@@ -285,15 +286,12 @@ impl Across {
         (0..vertices as u32).map(name).collect()
     }
 
-    /// What a merged vertex, by its number in a leaf, stands for, and the level of its node.
-    pub(super) fn taken(&self, leaf: u32, number: u32, merged: &Merged) -> Option<(Taken, u8)> {
-        match self.numbered(leaf).get(number as usize) {
-            Some(&wide) => Some((Taken::Wide(wide), self.all[wide as usize].bits)),
-            None => {
-                let (candidate, level) = *merged.candidates.get((number - merged.several) as usize)?;
-                Some((Taken::Candidate(leaf, candidate), level))
-            }
-        }
+    /// The vertex of several leaves that has a number in a leaf, and the level of its node. Where nothing is merged any more,
+    /// those that are given up have no numbers.
+    pub(super) fn taken(&self, numbered: &[u32], number: u32) -> Option<(Taken, u8)> {
+        let wide = *numbered.get(number as usize)?;
+        let Wide { bits, is_barred, .. } = self.all[wide as usize];
+        (!is_barred).then_some((Taken::Wide(wide), bits))
     }
 
     /// World coordinates of the node of one of several leaves, and the size of a cell there.

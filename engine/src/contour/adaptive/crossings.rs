@@ -9,7 +9,6 @@ use super::super::surface::Changes;
 use super::super::topology::{SQUARE, cell_around, edge_index};
 use super::LEVELS;
 use crate::lattice::{Axis, BRICK_CELLS};
-use std::sync::PoisonError;
 
 /// Stands for a cell beyond the leaf.
 pub(super) const BEYOND: u32 = u32::MAX;
@@ -82,7 +81,7 @@ impl Frozen {
 impl Crossings {
     pub(super) fn of(field: &Field, leaf: u32, changes: &Changes, cells: &BrickCells) -> Crossings {
         let frozen = Frozen::of(field, leaf);
-        let quads = cells.quads.lock().unwrap_or_else(PoisonError::into_inner);
+        let quads = cells.quads();
         let mut all = Vec::with_capacity(changes.planes.len());
         for axis in Axis::ALL {
             let (u, v) = axis.others();

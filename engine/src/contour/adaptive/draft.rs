@@ -22,7 +22,7 @@ pub(super) struct Candidate {
     /// The same in the world.
     pub position: [f32; 3],
     /// Which vertices, as a part of [`Draft::members`].
-    members: Range<usize>,
+    members: Range<u32>,
 }
 
 /// Which vertices of a leaf's cells may be merged.
@@ -64,9 +64,12 @@ impl Draft {
         };
         let edges = crossings.all.iter().filter(|crossing| crossing.vertices.iter().any(is_merged));
         draft.edges = edges.map(Edge::of).collect::<Vec<_>>();
+        draft.edges.shrink_to_fit();
         let mut barred = vec![false; draft.candidates.len()];
         draft.of_vertex = folds::without((&draft, &cells, &[]), &mut barred, largest, |_, _, _| None);
         draft.barred = barred;
+        draft.candidates.shrink_to_fit();
+        draft.members.shrink_to_fit();
         Ok(draft)
     }
 
@@ -105,10 +108,10 @@ impl Draft {
                     let node = node(&root);
                     let planes = || patches.members(root).flat_map(|vertex| crossings.at(vertex));
                     if fit::fits(node.point(at), patches.sums[root].normal_sum, planes, tolerance) {
-                        let start = self.members.len();
+                        let start = self.members.len() as u32;
                         self.members.extend(patches.members(root));
-                        let position = frame.world(node.corner, at.map(|c| c * node.size()));
-                        let members = start..self.members.len();
+                        let position = frame.world(node.corner(), at.map(|c| c * node.size()));
+                        let members = start..self.members.len() as u32;
                         self.candidates.push(Candidate { node, at, position, members });
                     }
                 }
@@ -121,7 +124,8 @@ impl Draft {
     pub(super) fn assigned(&self, barred: &[bool], vertices: usize) -> Vec<u32> {
         let mut of_vertex = vec![NONE; vertices];
         for (n, candidate) in self.candidates.iter().enumerate().filter(|(n, _)| !barred[*n]) {
-            for &vertex in &self.members[candidate.members.clone()] {
+            let Range { start, end } = candidate.members;
+            for &vertex in &self.members[start as usize..end as usize] {
                 of_vertex[vertex as usize] = n as u32;
             }
         }

@@ -28,7 +28,7 @@ const GOOD_COSINE: f64 = 0.5;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     /// Its first cell.
-    pub corner: [usize; 3],
+    corner: [u8; 3],
     /// 2 to this power cells an axis.
     pub level: u8,
 }
@@ -36,7 +36,12 @@ pub(super) struct Node {
 impl Node {
     /// The node of a level that holds a cell.
     pub(super) fn around(cell: [usize; 3], level: u8) -> Node {
-        Node { corner: cell.map(|c| c >> level << level), level }
+        Node { corner: cell.map(|c| (c >> level << level) as u8), level }
+    }
+
+    /// Its first cell.
+    pub(super) fn corner(&self) -> [usize; 3] {
+        self.corner.map(usize::from)
     }
 
     pub(super) fn size(&self) -> f64 {
@@ -45,7 +50,7 @@ impl Node {
 
     /// A point of the node's unit cube in cells of the leaf.
     pub(super) fn point(&self, at: Vector) -> Vector {
-        std::array::from_fn(|a| self.corner[a] as f64 + at[a] * self.size())
+        std::array::from_fn(|a| f64::from(self.corner[a]) + at[a] * self.size())
     }
 }
 

@@ -121,7 +121,8 @@ pub(super) const ACROSS: usize = 27;
 /// of several leaves.
 pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Taken>> {
     let seen = Neighbourhood::of(field, leaf, across)?;
-    let Seen { cells, draft, wide, of_vertex } = &seen.own;
+    let Seen { cells, draft, wide, .. } = &seen.own;
+    let of_vertex = seen.own.of_vertex();
     let own = (&**draft, &**cells, &wide[..]);
     let mut found = Vec::new();
     for edge in &draft.edges {
@@ -142,7 +143,7 @@ pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Tak
     }
     let before = across.barred(leaf, draft);
     let mut barred = before.clone();
-    without(own, &mut barred, of_vertex.clone(), |edge, quadrant, cell| seen.beyond(edge, quadrant, cell));
+    without(own, &mut barred, of_vertex.to_vec(), |edge, quadrant, cell| seen.beyond(edge, quadrant, cell));
     let is_new = |n: &usize| barred[*n] && !before[*n];
     found.extend((0..barred.len()).filter(is_new).map(|n| Taken::Candidate(leaf, n as u32)));
     found.sort_unstable();
@@ -156,8 +157,15 @@ pub(super) struct Seen {
     pub draft: Arc<Draft>,
     /// What stands for its parts.
     pub wide: Vec<Option<Corner>>,
+    /// As [`Across::of_vertex`].
+    less: Option<Vec<u32>>,
+}
+
+impl Seen {
     /// As [`Draft::of_vertex`], without what was given up.
-    pub of_vertex: Vec<u32>,
+    fn of_vertex(&self) -> &[u32] {
+        self.less.as_ref().unwrap_or(&self.draft.of_vertex)
+    }
 }
 
 /// A leaf and those of its level around it.
@@ -171,8 +179,8 @@ impl Neighbourhood {
         let see = |leaf| {
             let (cells, draft) = (field.cells(leaf)?, field.draft(leaf)?);
             let wide = across.corners(leaf, &draft);
-            let of_vertex = across.of_vertex(leaf, &draft, cells.len());
-            Ok(Seen { cells, draft, wide, of_vertex })
+            let less = across.of_vertex(leaf, &draft, cells.len());
+            Ok(Seen { cells, draft, wide, less })
         };
         let mut others = [const { None }; 27];
         for (direction, side) in field.leaves.around(leaf).iter().enumerate() {
@@ -189,11 +197,12 @@ impl Neighbourhood {
     /// to it.
     pub(super) fn beyond(&self, edge: &Edge, quadrant: usize, cell: [i32; 3]) -> Option<Corner> {
         let direction = direction_index(cell.map(|c| c.div_euclid(BRICK_CELLS as i32)));
-        let Seen { cells, draft, wide, of_vertex } = self.others[direction].as_ref()?;
+        let other = self.others[direction].as_ref()?;
+        let Seen { cells, draft, wide, .. } = other;
         let cell = cell.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
         let [qu, qv] = SQUARE[quadrant];
         let vertex = cells.plain_vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv))?;
-        Some(draft.corner((cells, wide), direction, vertex, of_vertex))
+        Some(draft.corner((cells, wide), direction, vertex, other.of_vertex()))
     }
 }
 

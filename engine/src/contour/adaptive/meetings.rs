@@ -12,22 +12,29 @@
 //! leaves that touch it. Only those at vertices of several leaves may lie elsewhere: they are kept in memory, and each
 //! leaf is told which of them pass through it.
 //!
+//! The triangles of a leaf beside it that reach into its cube are about edges on the cube's border, or a cell away where a
+//! vertex has strayed into the next cell, so no others are made for it.
+//!
 //! What changes when a vertex is given up are the polygons with a corner in its node. Their edges lie in the node or on its
-//! border, so they belong to leaves that meet it.
+//! border, so they belong to leaves that meet it. What may meet them is about edges no farther away than the nodes there are
+//! wide: two cells, or in a larger node.
 
 use super::super::field::Field;
 use super::super::order::in_order;
-use super::super::united;
-use super::NONE;
 use super::across::{Across, Taken};
 use super::bounds::{Bounds, Corners, bounds, meets, wide};
-use super::made::{Fresh, Kind, Made, Merge};
+use super::made::{Made, Merge};
 use super::room::Room;
+use super::wanted::{EdgeBox, Wanted, common, edges_near, gathered};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
 use crate::progress::Progress;
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::sync::Arc;
+
+/// Nodes of this level and above reach farther than a look for triangles near others does anyway.
+const LARGE: u8 = 2;
+/// What that is, in cells.
+const LOOK: i32 = 2;
 
 /// A triangle at a vertex of several leaves.
 struct WideTriangle {
@@ -50,33 +57,56 @@ pub(in super::super) struct MeetingSearch {
     passing: HashMap<u32, Vec<(u32, u32)>>,
     /// By leaf, boxes with all vertices that are others than when leaves were last asked; `None` for all.
     fresh: Option<HashMap<u32, Vec<Bounds>>>,
+    /// By leaf, the level of the largest node that a vertex of the leaf alone stands for, when it was first asked.
+    largest: Vec<u8>,
     /// Leaves in which a vertex has made room for another one, so that all may change when one is given up.
     moved: HashSet<u32>,
+}
+
+/// What was seen in a leaf.
+struct Seen {
+    leaf: u32,
+    /// What is to be given up.
+    taken: Vec<Taken>,
+    /// As [`super::Merged::has_moved`].
+    has_moved: bool,
+    /// As in [`MeetingSearch::largest`].
+    largest: u8,
 }
 
 impl MeetingSearch {
     /// All leaves are to be looked at.
     pub(in super::super) fn new(field: &Field, across: &Across) -> MeetingSearch {
-        let asked = (0..field.leaves.len() as u32).collect();
-        let unknown = with_those_around(field, &across.sharing());
-        let (wide, passing) = (BTreeMap::new(), HashMap::new());
-        MeetingSearch { asked, unknown, wide, passing, fresh: None, moved: HashSet::new() }
+        MeetingSearch {
+            asked: (0..field.leaves.len() as u32).collect(),
+            unknown: with_those_around(field, &across.sharing()),
+            wide: BTreeMap::new(),
+            passing: HashMap::new(),
+            fresh: None,
+            largest: vec![0; field.leaves.len()],
+            moved: HashSet::new(),
+        }
     }
 
     /// What is to be given up for the triangles that meet.
     pub(in super::super) fn next(&mut self, field: &Field, progress: &dyn Progress) -> Result<Vec<Taken>> {
-        self.find_wide(field, progress)?;
+        let Some(across) = field.across() else { return Ok(Vec::new()) };
+        self.find_wide(field, across, progress)?;
         let mut found: Vec<Taken> = Vec::new();
         progress.phase("meetings", Some(self.asked.len() as u64), "bricks");
         let this = &*self;
-        let make = |n: u32| this.of_leaf(field, this.asked[n as usize]);
-        let mut moved = Vec::new();
-        in_order(self.asked.len(), progress, make, |(taken, has_moved): (Vec<Taken>, Option<u32>)| {
-            found.extend(taken);
-            moved.extend(has_moved);
+        let make = |n: u32| this.of_leaf(field, across, this.asked[n as usize]);
+        let (mut moved, mut largest) = (Vec::new(), Vec::new());
+        in_order(self.asked.len(), progress, make, |seen: Seen| {
+            found.extend(seen.taken);
+            moved.extend(seen.has_moved.then_some(seen.leaf));
+            largest.push((seen.leaf, seen.largest));
             Ok(())
         })?;
         self.moved.extend(moved);
+        if self.fresh.is_none() {
+            largest.into_iter().for_each(|(leaf, level)| self.largest[leaf as usize] = level);
+        }
         found.sort_unstable();
         found.dedup();
         Ok(found)
@@ -90,42 +120,45 @@ impl MeetingSearch {
         taken: &[Taken],
         changed: &[u32],
     ) -> Result<()> {
-        field.forget(changed);
         let mut fresh: HashMap<u32, Vec<Bounds>> = HashMap::new();
-        let mut add = |own: Bounds| {
-            for leaf in leaves_met(field, |cube| meets(&own, cube)) {
-                fresh.entry(leaf).or_default().push(own);
-            }
-        };
         for taken in taken {
-            add(match *taken {
-                Taken::Candidate(leaf, candidate) => {
-                    let node = field.draft(leaf)?.candidates[candidate as usize].node;
-                    let (low, size) = (node.corner.map(|c| c as f64), node.size());
-                    let frame = field.frame(field.leaves.get(leaf).key);
-                    // A vertex may stray into the next cell.
-                    [-1.0, size + 1.0].map(|off| frame.world([0; 3], low.map(|c| c + off)))
-                }
-                Taken::Wide(wide) => {
-                    let Some(([low, high], cell)) = field.across().map(|across| across.node(field, wide))
-                    else {
-                        continue;
-                    };
-                    [low.map(|c| (f64::from(c) - cell) as f32), high.map(|c| (f64::from(c) + cell) as f32)]
-                }
-            });
+            add_fresh(
+                field,
+                &mut fresh,
+                match *taken {
+                    Taken::Candidate(leaf, candidate) => {
+                        let node = field.draft(leaf)?.candidates[candidate as usize].node;
+                        let (low, size) = (node.corner().map(|c| c as f64), node.size());
+                        let frame = field.frame(field.leaves.get(leaf).key);
+                        // A vertex may stray into the next cell.
+                        [-1.0, size + 1.0].map(|off| frame.world([0; 3], low.map(|c| c + off)))
+                    }
+                    Taken::Wide(wide) => {
+                        let Some(([low, high], cell)) = field.across().map(|across| across.node(field, wide))
+                        else {
+                            continue;
+                        };
+                        [
+                            low.map(|c| (f64::from(c) - cell) as f32),
+                            high.map(|c| (f64::from(c) + cell) as f32),
+                        ]
+                    }
+                },
+            );
         }
+        let mut forgotten: HashSet<u32> = fresh.keys().chain(changed).copied().collect();
+        forgotten.iter().for_each(|leaf| field.forget(*leaf));
         for &leaf in changed {
             if field.vertices(leaf)?.what_is_merged().is_some_and(|merged| merged.has_moved) {
                 self.moved.insert(leaf);
             }
             if self.moved.contains(&leaf) {
-                add(field.frame(field.leaves.get(leaf).key).bounds());
+                add_fresh(field, &mut fresh, field.frame(field.leaves.get(leaf).key).bounds());
             }
         }
         self.asked = fresh.keys().copied().collect();
         self.asked.sort_unstable();
-        field.forget(&self.asked);
+        self.asked.iter().filter(|leaf| forgotten.insert(**leaf)).for_each(|leaf| field.forget(*leaf));
         let sharing = field.across().map_or(Vec::new(), Across::sharing);
         let sharing = with_those_around(field, &sharing);
         self.unknown =
@@ -135,16 +168,14 @@ impl MeetingSearch {
         Ok(())
     }
 
-    /// What is fresh of a leaf.
-    fn fresh(&self, leaf: u32) -> Fresh<'_> {
-        match &self.fresh {
-            None => Fresh::All,
-            Some(fresh) => fresh.get(&leaf).map_or(Fresh::None, |boxes| Fresh::In(boxes)),
-        }
+    /// Edges of a leaf whose polygons are others than they were: all if nothing was asked before.
+    fn fresh_edges(&self, field: &Field, leaf: u32) -> Option<Vec<EdgeBox>> {
+        let boxes = self.fresh.as_ref()?.get(&leaf).into_iter().flatten();
+        Some(boxes.filter_map(|own| edges_near(field, leaf, own, 0)).collect())
     }
 
     /// Finds the triangles at vertices of several leaves that are not known, and asks the leaves they pass through.
-    fn find_wide(&mut self, field: &Field, progress: &dyn Progress) -> Result<()> {
+    fn find_wide(&mut self, field: &Field, across: &Across, progress: &dyn Progress) -> Result<()> {
         if self.unknown.is_empty() && self.passing.is_empty() {
             return Ok(());
         }
@@ -154,14 +185,23 @@ impl MeetingSearch {
         let this = &*self;
         let make = |n: u32| {
             let leaf = unknown[n as usize];
-            let made = field.made(leaf, this.fresh(leaf))?;
-            let triangle = |triangle: usize| {
-                let corners = made.corners(triangle);
-                let merges = made.triangles[triangle].map(|corner| made.merges[corner as usize]);
-                let is_fresh = made.is_fresh(triangle, this.fresh(leaf));
-                WideTriangle { corners, merges, is_fresh, leaves: leaves_passed(field, &corners) }
+            let mut found = Vec::new();
+            let mut find = |wanted: Wanted, is_fresh: bool| -> Result<()> {
+                let made = Made::of(field, leaf, across, &Wanted { only_wide: true, ..wanted })?;
+                found.extend(made.wide().map(|(corners, merges)| {
+                    let leaves = leaves_passed(field, &corners);
+                    WideTriangle { corners, merges, is_fresh, leaves }
+                }));
+                Ok(())
             };
-            Ok((leaf, made.of_kind(Kind::Wide).map(triangle).collect()))
+            match this.fresh_edges(field, leaf) {
+                None => find(Wanted::default(), true)?,
+                Some(fresh) => {
+                    find(Wanted { within: Some(&fresh), ..Wanted::default() }, true)?;
+                    find(Wanted { except: &fresh, ..Wanted::default() }, false)?;
+                }
+            }
+            Ok((leaf, found))
         };
         let (mut asked, mut found) = (Vec::new(), Vec::new());
         in_order(unknown.len(), progress, make, |(leaf, wide): (u32, Vec<WideTriangle>)| {
@@ -184,78 +224,138 @@ impl MeetingSearch {
     }
 
     /// What is to be given up for triangles that meet in the cube of a leaf, or for being where a vertex of the leaf is that
-    /// stays as it was; and the leaf if a vertex of it has made room for another one.
-    fn of_leaf(&self, field: &Field, leaf: u32) -> Result<(Vec<Taken>, Option<u32>)> {
+    /// stays as it was.
+    fn of_leaf(&self, field: &Field, across: &Across, leaf: u32) -> Result<Seen> {
+        let mut seen = Seen { leaf, taken: Vec::new(), has_moved: false, largest: 0 };
+        if let Some(merged) = field.vertices(leaf)?.what_is_merged() {
+            seen.has_moved = merged.has_moved;
+            seen.taken.extend(merged.crowding.iter().map(|wide| Taken::Wide(*wide)));
+            seen.largest = merged.candidates.iter().map(|(_, node)| node.level).max().unwrap_or(0);
+        }
         let near = with_those_around(field, &[leaf]);
-        let made: Vec<(u32, Arc<Made>)> = near
-            .iter()
-            .map(|other| Ok((*other, field.made(*other, self.fresh(*other))?)))
-            .collect::<Result<_>>()?;
-        let own = made.iter().find(|(other, _)| *other == leaf).map(|(_, made)| made);
-        let has_moved = own.filter(|own| own.has_moved).map(|_| leaf);
-        let mut taken: Vec<Taken> =
-            own.iter().flat_map(|own| &own.crowding).map(|wide| Taken::Wide(*wide)).collect();
+        let cube = cube(field, leaf);
         let passing = self.passing.get(&leaf).into_iter().flatten();
         let passing: Vec<&WideTriangle> = passing.map(|(leaf, n)| &self.wide[leaf][*n as usize]).collect();
-        let cube = cube(field, leaf);
-        let reach = match &self.fresh {
-            None => Some(cube),
-            Some(_) => self.reach(&made, &passing, &cube),
+        let room = match &self.fresh {
+            None => Some(whole_room(field, across, leaf, (&near, cube))?),
+            Some(_) => self.fresh_room(field, across, leaf, (&near, cube), &passing)?,
         };
-        let Some(reach) = reach else { return Ok((taken, has_moved)) };
-        let mut room = Room::new(cube, reach);
-        for triangle in passing {
-            if !room.wants(&bounds(&triangle.corners)) {
-                continue;
-            }
-            let number = |n: usize| room.number(triangle.corners[n], triangle.merges[n]);
-            let corners = [0, 1, 2].map(number);
-            room.add(corners, None, triangle.is_fresh);
-        }
-        for (other, made) in &made {
-            let (fresh, mut numbers) = (self.fresh(*other), vec![NONE; made.places.len()]);
-            for n in kinds(*other == leaf).iter().flat_map(|kind| made.of_kind(*kind)) {
-                if !room.wants(&bounds(&made.corners(n))) {
-                    continue;
+        if let Some(mut room) = room {
+            for triangle in passing {
+                let own = bounds(&triangle.corners);
+                if room.wants(&own) {
+                    let number = |n: usize| room.number(triangle.corners[n], triangle.merges[n]);
+                    let corners = [0, 1, 2].map(number);
+                    room.add(corners, &own, None, triangle.is_fresh);
                 }
-                let mut corners = made.triangles[n];
-                for corner in &mut corners {
-                    let number = &mut numbers[*corner as usize];
-                    if *number == NONE {
-                        *number = room.number(made.places[*corner as usize], made.merges[*corner as usize]);
-                    }
-                    *corner = *number;
-                }
-                room.add(corners, made.lone(n), made.is_fresh(n, fresh));
             }
+            seen.taken.extend(room.meetings());
         }
-        taken.extend(room.meetings());
-        Ok((taken, has_moved))
+        Ok(seen)
     }
 
-    /// A box around all fresh triangles that may meet a cube.
-    fn reach(&self, made: &[(u32, Arc<Made>)], passing: &[&WideTriangle], cube: &Bounds) -> Option<Bounds> {
-        let wide =
-            passing.iter().filter(|triangle| triangle.is_fresh).map(|triangle| bounds(&triangle.corners));
-        let of_leaf = |(other, made): &(u32, Arc<Made>)| {
-            let fresh = self.fresh(*other);
-            let all = match fresh {
-                Fresh::None => 0..0,
-                _ => 0..made.triangles.len(),
+    /// The fresh triangles in the cube of a leaf, `near` which these are, and what may meet them, but for the triangles at
+    /// vertices of several leaves. `None` if there are no fresh ones.
+    fn fresh_room(
+        &self,
+        field: &Field,
+        across: &Across,
+        leaf: u32,
+        (near, cube): (&[u32], Bounds),
+        passing: &[&WideTriangle],
+    ) -> Result<Option<Room>> {
+        let mut fresh: HashMap<u32, (Vec<EdgeBox>, Made)> = HashMap::new();
+        for &other in near {
+            let mut boxes = self.fresh_edges(field, other).unwrap_or_default();
+            if other != leaf {
+                let beside = edges_near(field, other, &cube, 1);
+                boxes = boxes.iter().filter_map(|own| common(own, beside.as_ref()?)).collect();
+            }
+            if !boxes.is_empty() {
+                let wanted = Wanted { within: Some(&boxes), ..Wanted::default() };
+                let made = Made::of(field, other, across, &wanted)?;
+                fresh.insert(other, (boxes, made));
+            }
+        }
+        let wide = passing.iter().filter(|triangle| triangle.is_fresh).map(|wide| bounds(&wide.corners));
+        let all = wide.chain(fresh.values().flat_map(|(_, made)| made.boxes()));
+        let reach = gathered(all.filter_map(|own| clipped(&own, &cube)));
+        if reach.is_empty() {
+            return Ok(None);
+        }
+        let mut room = Room::new(cube, reach.clone());
+        let large = self.large_nodes(field, near, &reach)?;
+        for &other in near {
+            let except = fresh.get(&other).map_or(&[][..], |(boxes, _)| boxes);
+            let within = edges_reaching(field, other, &reach, &large);
+            if !within.is_empty() {
+                let wanted = Wanted { within: Some(&within), except, ..Wanted::default() };
+                Made::of(field, other, across, &wanted)?.add_to(&mut room, false);
+            }
+        }
+        fresh.values().for_each(|(_, made)| made.add_to(&mut room, true));
+        Ok(Some(room))
+    }
+
+    /// Boxes around the large nodes of single leaves whose triangles may come as far as one of some boxes: no farther from
+    /// the node than it is wide.
+    fn large_nodes(&self, field: &Field, near: &[u32], reach: &[Bounds]) -> Result<Vec<Bounds>> {
+        let mut found = Vec::new();
+        for &leaf in near.iter().filter(|leaf| self.largest[**leaf as usize] >= LARGE) {
+            let frame = field.frame(field.leaves.get(leaf).key);
+            let reaches = |low: [f64; 3], size: f64, far: f64| {
+                let [around, own] = [far, 0.0]
+                    .map(|far| [-far, size + far].map(|off| frame.world([0; 3], low.map(|c| c + off))));
+                reach.iter().any(|one| meets(one, &around)).then_some(own)
             };
-            let own = all.filter(|n| made.is_fresh(*n, fresh)).map(|n| bounds(&made.corners(n)));
-            own.filter(|own| meets(own, cube)).reduce(united)
-        };
-        wide.chain(made.iter().filter_map(of_leaf)).reduce(united)
+            let far = f64::from(1u32 << self.largest[leaf as usize]) + 1.0;
+            if reaches([0.0; 3], BRICK_CELLS as f64, far).is_none() {
+                continue;
+            }
+            let vertices = field.vertices(leaf)?;
+            let nodes = vertices.what_is_merged().into_iter().flat_map(|merged| &merged.candidates);
+            let large = nodes.filter(|(_, node)| node.level >= LARGE);
+            found.extend(large.filter_map(|(_, node)| {
+                reaches(node.corner().map(|c| c as f64), node.size(), node.size() + 1.0)
+            }));
+        }
+        Ok(found)
     }
 }
 
-/// What is added to a cube of its own leaf's triangles, and of those around it.
-fn kinds(is_own: bool) -> &'static [Kind] {
-    match is_own {
-        true => &[Kind::MergedOuter, Kind::Merged, Kind::PlainOuter, Kind::Plain],
-        false => &[Kind::MergedOuter, Kind::PlainOuter],
+/// All triangles in the cube of a leaf, `near` which these are, but for those at vertices of several leaves.
+fn whole_room(field: &Field, across: &Across, leaf: u32, (near, cube): (&[u32], Bounds)) -> Result<Room> {
+    let mut room = Room::new(cube, vec![cube]);
+    for &other in near {
+        if other == leaf {
+            Made::of(field, leaf, across, &Wanted::default())?.add_to(&mut room, true);
+        } else if let Some(beside) = edges_near(field, other, &cube, 1) {
+            // What reaches into the cube is about an edge on its border, or next to one where a vertex has strayed.
+            let wanted = Wanted { within: Some(&[beside]), ..Wanted::default() };
+            Made::of(field, other, across, &wanted)?.add_to(&mut room, true);
+        }
     }
+    Ok(room)
+}
+
+/// Tells the leaves that a box meets of it.
+fn add_fresh(field: &Field, fresh: &mut HashMap<u32, Vec<Bounds>>, own: Bounds) {
+    for leaf in leaves_met(field, |cube| meets(&own, cube)) {
+        fresh.entry(leaf).or_default().push(own);
+    }
+}
+
+/// Edges of a leaf about which are all its triangles that may meet one of some boxes, but for those at vertices of several
+/// leaves; `large` as [`MeetingSearch::large_nodes`] finds them.
+fn edges_reaching(field: &Field, leaf: u32, reach: &[Bounds], large: &[Bounds]) -> Vec<EdgeBox> {
+    let beside = reach.iter().filter_map(|own| edges_near(field, leaf, own, LOOK));
+    beside.chain(large.iter().filter_map(|own| edges_near(field, leaf, own, 0))).collect()
+}
+
+/// What of a box is within another.
+fn clipped(own: &Bounds, cube: &Bounds) -> Option<Bounds> {
+    let inside = |n: usize| std::array::from_fn(|a| own[n][a].clamp(cube[0][a], cube[1][a]));
+    meets(own, cube).then(|| [inside(0), inside(1)])
 }
 
 /// The cube of a leaf, whose upper corner is the lower one of the leaf beyond it to the last bit.
@@ -311,4 +411,84 @@ fn leaves_met(field: &Field, is_met: impl Fn(&Bounds) -> bool) -> Vec<u32> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contour::surface::Level;
+    use crate::contour::tests::fields::{Implicit, Shape, random_divide, tree};
+    use crate::contour::tests::{noise, uniform};
+    use crate::contour::{ContourOptions, Field};
+    use crate::progress::Silent;
+    use crate::store::MemoryTree;
+
+    /// Boxes of the triangles that meet a box, but for those at vertices of several leaves, sorted by their bits.
+    fn boxes(field: &Field, leaf: u32, wanted: &Wanted, cube: &Bounds) -> Vec<[u32; 6]> {
+        let made = Made::of(field, leaf, field.across().unwrap(), wanted).unwrap();
+        let bits = |own: Bounds| {
+            let mut bits = [0; 6];
+            bits.iter_mut().zip(own.as_flattened()).for_each(|(bits, c)| *bits = c.to_bits());
+            bits
+        };
+        let mut found: Vec<[u32; 6]> = made.boxes().filter(|own| meets(own, cube)).map(bits).collect();
+        found.sort_unstable();
+        found
+    }
+
+    /// Compares what is found about the edges that are asked with what a leaf has; returns how many triangles reach into
+    /// the cubes of other leaves, and into small boxes from outside.
+    fn misses_nothing(tree: &MemoryTree, tolerance: f64) -> [usize; 2] {
+        let options = ContourOptions { tolerance, ..ContourOptions::default() };
+        let mut field = Field::new(tree, Level { threshold: 1, iso: 0.5 }, &options).unwrap();
+        field.merge_across(false, &Silent).unwrap();
+        let mut search = MeetingSearch::new(&field, field.across().unwrap());
+        assert_eq!(search.next(&field, &Silent).unwrap(), []);
+        let (mut beside, mut small) = (0, 0);
+        for leaf in 0..field.leaves.len() as u32 {
+            let (near, cube) = (with_those_around(&field, &[leaf]), cube(&field, leaf));
+            let [low, high] = cube;
+            // A cell or so wide.
+            let at =
+                |n: u32, a: usize| low[a] + (high[a] - low[a]) * ((leaf * 7 + n * 11) % 31) as f32 / 32.0;
+            let reach = [0, 1, 2].map(|n| -> Bounds {
+                let first = std::array::from_fn(|a| at(n + a as u32, a));
+                [first, std::array::from_fn(|a| first[a] + (high[a] - low[a]) / 32.0)]
+            });
+            let large = search.large_nodes(&field, &near, &reach).unwrap();
+            for &other in &near {
+                let all = Wanted::default();
+                if other != leaf {
+                    let within: Vec<EdgeBox> = edges_near(&field, other, &cube, 1).into_iter().collect();
+                    let found = boxes(&field, other, &Wanted { within: Some(&within), ..all }, &cube);
+                    assert_eq!(found, boxes(&field, other, &all, &cube));
+                    beside += found.len();
+                }
+                let within = edges_reaching(&field, other, &reach, &large);
+                for one in &reach {
+                    let found = boxes(&field, other, &Wanted { within: Some(&within), ..all }, one);
+                    assert_eq!(found, boxes(&field, other, &all, one));
+                    small += found.len();
+                }
+            }
+        }
+        [beside, small]
+    }
+
+    #[test]
+    fn triangles_are_found_by_their_edges() {
+        let ball =
+            |radius: f64| Implicit(move |p: [f64; 3]| p.iter().map(|c| c * c).sum::<f64>().sqrt() - radius);
+        let mut all = [0; 2];
+        let mut look = |shape: &dyn Shape, divide: &dyn Fn(NodeKey) -> bool, tolerance: f64| {
+            let tree = tree(shape, divide);
+            let found = misses_nothing(&tree, tolerance);
+            all.iter_mut().zip(found).for_each(|(all, found)| *all += found);
+        };
+        look(&ball(5.5), &uniform(1), 0.2);
+        for seed in 0..3 {
+            look(&noise(seed, 1, 4, 40 + 60 * seed, 4.0), &random_divide(seed, (1, 3), 90), 0.3);
+        }
+        assert!(all[0] > 10_000 && all[1] > 100, "{all:?}");
+    }
 }

@@ -47,24 +47,28 @@ mod meetings;
 mod parts;
 mod patches;
 mod room;
+mod wanted;
 
 pub(super) use across::{Across, Shared};
 pub(super) use draft::Draft;
 pub(super) use folds::{OWN, turns};
-pub(super) use made::{Fresh, Made};
 pub(super) use meetings::MeetingSearch;
+pub(super) use wanted::{NumberedEdge, Wanted};
 
 use super::cells::BrickCells;
-use super::extras::{edge_key, face_key};
+use super::extras::{Extra, edge_key, face_key};
 use super::faces::FaceVertices;
 use super::field::{Field, Frame};
+use crate::check::hash_bits;
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, NodeKey};
 use crossings::FROZEN;
 use draft::Candidate;
+use fit::Node;
 use folds::Edge;
+use hashbrown::HashTable;
+use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use std::collections::{HashMap, HashSet};
 
 /// Nodes of a leaf's cells are 2 to the power of 1 up to this many cells wide.
 const LEVELS: u8 = BRICK_BITS as u8;
@@ -82,8 +86,8 @@ pub(super) struct Merged {
     pub positions: Vec<[f32; 3]>,
     /// How many of them, the first ones, stand for vertices of several leaves.
     several: u32,
-    /// The candidates, with their levels, that the next ones are.
-    candidates: Vec<(u32, u8)>,
+    /// The candidates, with their nodes, that the next ones are.
+    candidates: Vec<(u32, Node)>,
     /// Vertices that other leaves have.
     pub shared: Vec<Shared>,
     /// Faces with extra vertices.
@@ -106,11 +110,22 @@ impl Merged {
         number < self.several + self.candidates.len() as u32
     }
 
+    /// Whether it does so for vertices of several leaves.
+    #[inline]
+    pub(super) fn is_wide(&self, number: u32) -> bool {
+        number < self.several
+    }
+
+    /// The candidate that a vertex is, by its new number, and the node of that.
+    fn candidate(&self, number: u32) -> Option<(u32, Node)> {
+        self.candidates.get(number.checked_sub(self.several)? as usize).copied()
+    }
+
     /// Heap bytes.
     pub(super) fn heap_bytes(&self) -> usize {
         4 * self.names.capacity()
             + self.positions.capacity() * size_of::<[f32; 3]>()
-            + self.candidates.capacity() * size_of::<(u32, u8)>()
+            + self.candidates.capacity() * size_of::<(u32, Node)>()
             + self.shared.capacity() * size_of::<Shared>()
             + 4 * self.crowding.capacity()
             + size_of::<Merged>()
@@ -127,10 +142,7 @@ pub(super) fn merged(field: &Field, leaf: u32, across: &Across) -> Result<Merged
         return Ok(Merged::default());
     }
     let key = field.leaves.get(leaf).key;
-    let dropped = match cells.extras.is_empty() {
-        true => HashSet::new(),
-        false => faces_within(&draft.edges, &names, key),
-    };
+    let dropped = extras_within(&draft.edges, &names, key, &cells.extras);
     let frame = field.frame(key);
     let owned = across.owned(leaf);
     let renaming = Renaming { leaf, cells: &cells, frame, draft: &draft, across, owned, hosted };
@@ -178,10 +190,10 @@ enum Name {
     Wide(u32),
 }
 
-/// Names of faces and edges, as extra vertices have them, where both cells at the face are merged with each other.
-fn faces_within(edges: &[Edge], names: &[Name], key: NodeKey) -> HashSet<(u32, u64)> {
-    let mut found = HashSet::new();
-    for edge in edges {
+/// For each extra vertex whether both cells at its face are merged with each other.
+fn extras_within(edges: &[Edge], names: &[Name], key: NodeKey, extras: &[Extra]) -> Vec<bool> {
+    let mut found = vec![false; extras.len()];
+    for edge in edges.iter().filter(|_| !extras.is_empty()) {
         let (u, v) = edge.axis.others();
         for n in 0..4 {
             let [a, b] = [edge.vertices[n], edge.vertices[(n + 1) % 4]];
@@ -198,7 +210,10 @@ fn faces_within(edges: &[Edge], names: &[Name], key: NodeKey) -> HashSet<(u32, u
                 corner[along.index()] -= 1;
                 relative[along.index()] = 1 << key.spacing_bits();
             }
-            found.insert((face_key(across, corner), edge_key(relative, edge.axis, key.level())));
+            let name = (face_key(across, corner), edge_key(relative, edge.axis, key.level()));
+            if let Ok(extra) = extras.binary_search_by_key(&name, |extra| (extra.face, extra.edge)) {
+                found[extra] = true;
+            }
         }
     }
     found
@@ -221,20 +236,25 @@ impl Renaming<'_> {
     fn merged(
         &self,
         names: &[Name],
-        dropped: &HashSet<(u32, u64)>,
+        dropped: &[bool],
         (faces, lost_faces): (&FaceVertices, &[bool]),
     ) -> Merged {
         let cells = self.cells;
         let mut numbers = vec![0; cells.len()];
-        let mut joined_faces: HashSet<u32> = HashSet::new();
-        for extra in cells.extras.iter().filter(|extra| dropped.contains(&(extra.face, extra.edge))) {
+        // Extras are sorted by face.
+        let mut joined_faces: Vec<u32> = Vec::new();
+        for (extra, _) in cells.extras.iter().zip(dropped).filter(|(_, is_dropped)| **is_dropped) {
             numbers[extra.vertex as usize] = NONE;
-            joined_faces.insert(extra.face);
+            joined_faces.push(extra.face);
         }
+        joined_faces.dedup();
         let kept = |vertex: &usize| names[*vertex] == Name::Own && numbers[*vertex] != NONE;
         let kept: Vec<usize> = (0..cells.len()).filter(kept).collect();
-        let mut taken: HashSet<[u32; 3]> =
-            kept.iter().map(|vertex| bits(&cells.positions[*vertex])).collect();
+        let mut taken = Places::default();
+        taken.0.reserve(cells.len(), hash);
+        for vertex in &kept {
+            taken.insert(bits(&cells.positions[*vertex]));
+        }
         let crowding = self.hosted.iter().filter(|(position, _)| !taken.insert(bits(position)));
         let crowding = crowding.map(|(_, wide)| *wide).collect();
         let mut has_moved = false;
@@ -253,8 +273,8 @@ impl Renaming<'_> {
                     is_taken
                 };
                 *place = positions.len() as u32;
-                positions.push(self.frame.free_place((node.corner, node.size()), at, is_taken));
-                candidates.push((candidate, node.level));
+                positions.push(self.frame.free_place((node.corner(), node.size()), at, is_taken));
+                candidates.push((candidate, node));
             }
             *number = *place;
         }
@@ -300,6 +320,27 @@ impl Renaming<'_> {
         }
         shared
     }
+}
+
+/// Places of the world.
+#[derive(Default)]
+struct Places(HashTable<[u32; 3]>);
+
+impl Places {
+    /// Adds one, by its [`bits`]. False if it has been there.
+    fn insert(&mut self, place: [u32; 3]) -> bool {
+        match self.0.entry(hash(&place), |other| *other == place, hash) {
+            hashbrown::hash_table::Entry::Occupied(_) => false,
+            hashbrown::hash_table::Entry::Vacant(entry) => {
+                entry.insert(place);
+                true
+            }
+        }
+    }
+}
+
+fn hash(place: &[u32; 3]) -> u64 {
+    hash_bits(place.map(u64::from))
 }
 
 fn bits(position: &[f32; 3]) -> [u32; 3] {

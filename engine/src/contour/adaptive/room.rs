@@ -1,9 +1,10 @@
 //! The triangles in one cube, and which of them meet.
 
 use super::across::Taken;
-use super::bounds::{Bounds, Corners, Sector, are_apart, bounds, is_fan, meets, normal, wide};
+use super::bounds::{Bounds, Corners, Sector, are_apart, is_fan, meets, normal, wide};
 use super::made::{Merge, is_wide};
 use crate::check::{has_area, hash_bits, meet_by_place};
+use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x8, level};
 use glam::DVec3;
 use hashbrown::HashTable;
 use hashbrown::hash_table::Entry;
@@ -15,8 +16,6 @@ const BLOCKS: usize = 8;
 struct Placed {
     corners: [u32; 3],
     bounds: Bounds,
-    /// As [`super::made::Made::lone`].
-    lone: Option<Merge>,
     /// It is others than when it was last looked at.
     is_fresh: bool,
     /// It may reach farther than the leaves around its own.
@@ -27,8 +26,8 @@ struct Placed {
 pub(super) struct Room {
     /// Lower and upper corner; the upper border is another cube's.
     cube: Bounds,
-    /// Only triangles that meet this may meet fresh ones.
-    reach: Bounds,
+    /// Only triangles that meet one of these may meet fresh ones.
+    reach: Vec<Bounds>,
     /// Blocks per world unit, by axis.
     blocks_per_unit: [f32; 3],
     places: Vec<[f32; 3]>,
@@ -36,13 +35,15 @@ pub(super) struct Room {
     numbers: HashTable<u32>,
     /// Those of polygons with a merged corner.
     merged: Vec<Placed>,
+    /// As [`super::made::Made::lone`].
+    lone: Vec<(u32, Merge)>,
     /// The others.
     plain: Vec<Placed>,
 }
 
 impl Room {
-    /// A cube in which all fresh triangles are within `reach`.
-    pub(super) fn new(cube: Bounds, reach: Bounds) -> Room {
+    /// A cube in which every fresh triangle is within one of the boxes `reach`.
+    pub(super) fn new(cube: Bounds, reach: Vec<Bounds>) -> Room {
         let blocks = |n: usize| BLOCKS as f32 / (cube[1][n] - cube[0][n]);
         Room {
             cube,
@@ -52,13 +53,14 @@ impl Room {
             merges: Vec::new(),
             numbers: HashTable::new(),
             merged: Vec::new(),
+            lone: Vec::new(),
             plain: Vec::new(),
         }
     }
 
     /// Whether a triangle with these bounds is to be added.
     pub(super) fn wants(&self, own: &Bounds) -> bool {
-        meets(own, &self.cube) && meets(own, &self.reach)
+        meets(own, &self.cube) && self.reach.iter().any(|reach| meets(own, reach))
     }
 
     /// The number of the vertex at a place.
@@ -77,12 +79,14 @@ impl Room {
         }
     }
 
-    /// Adds a triangle of numbered vertices; without a merged one, `lone` is what is merged at its polygon.
-    pub(super) fn add(&mut self, corners: [u32; 3], lone: Option<Merge>, is_fresh: bool) {
-        let bounds = bounds(&at(&self.places, &corners));
-        let is_wide = corners.iter().any(|corner| is_wide(self.merges[*corner as usize]));
-        let placed = Placed { corners, bounds, lone, is_fresh, is_wide };
-        match lone.is_some() || corners.iter().any(|corner| self.merges[*corner as usize].is_some()) {
+    /// Adds a triangle of numbered vertices, with these bounds; without a merged one, `lone` is what is merged at its
+    /// polygon.
+    pub(super) fn add(&mut self, corners: [u32; 3], bounds: &Bounds, lone: Option<Merge>, is_fresh: bool) {
+        let merges = corners.map(|corner| self.merges[corner as usize]);
+        let is_wide = merges.into_iter().any(is_wide);
+        let placed = Placed { corners, bounds: *bounds, is_fresh, is_wide };
+        self.lone.extend(lone.map(|merge| (self.merged.len() as u32, merge)));
+        match lone.is_some() || merges.iter().any(Option::is_some) {
             true => self.merged.push(placed),
             false => self.plain.push(placed),
         }
@@ -94,17 +98,37 @@ impl Room {
             return Vec::new();
         }
         let count = self.merged.len();
+        let is_near = self.blocks_of_merged();
+        let mut plain = std::mem::take(&mut self.plain);
+        plain.retain(|placed| {
+            let mut is_any = false;
+            self.for_blocks(&placed.bounds, |block| is_any |= is_near[block]);
+            is_any
+        });
         let mut all = std::mem::take(&mut self.merged);
-        all.append(&mut self.plain);
+        all.append(&mut plain);
         let normals: Vec<DVec3> = all.iter().map(|placed| normal(&self.corners(placed))).collect();
-        let mut search =
-            Search { room: &self, all: &all, merged: count, normals: &normals, found: Vec::new() };
+        let mut search = Search {
+            room: &self,
+            all: &all,
+            merged: count,
+            is_near: &is_near,
+            normals: &normals,
+            found: Vec::new(),
+        };
         search.slim();
         search.around_vertices();
         search.elsewhere();
         let mut found = search.found;
         found.sort_unstable();
         found.dedup();
+        found
+    }
+
+    /// For each block whether a triangle of a polygon with a merged corner may be there.
+    fn blocks_of_merged(&self) -> Vec<bool> {
+        let mut found = vec![false; BLOCKS.pow(3)];
+        self.merged.iter().for_each(|placed| self.for_blocks(&placed.bounds, |block| found[block] = true));
         found
     }
 
@@ -130,12 +154,17 @@ impl Room {
         (self.block(2, z) * BLOCKS + self.block(1, y)) * BLOCKS + self.block(0, x)
     }
 
-    /// The numbers of all blocks that a box meets.
-    fn blocks(&self, [low, high]: &Bounds) -> impl Iterator<Item = usize> {
+    /// Calls `each` with the numbers of all blocks that a box meets.
+    #[inline]
+    fn for_blocks(&self, [low, high]: &Bounds, mut each: impl FnMut(usize)) {
         let along = |axis: usize| self.block(axis, low[axis])..=self.block(axis, high[axis]);
-        let (i, j, k) = (along(0), along(1), along(2));
-        k.flat_map(move |k| j.clone().map(move |j| (k * BLOCKS + j) * BLOCKS))
-            .flat_map(move |row| i.clone().map(move |i| row + i))
+        let (across, up) = (along(0), along(1));
+        for k in along(2) {
+            for j in up.clone() {
+                let row = (k * BLOCKS + j) * BLOCKS;
+                across.clone().for_each(|i| each(row + i));
+            }
+        }
     }
 }
 
@@ -155,6 +184,8 @@ struct Search<'a> {
     /// All triangles, the first `merged` of which are of polygons with a merged corner.
     all: &'a [Placed],
     merged: usize,
+    /// By block, whether there is one of those.
+    is_near: &'a [bool],
     normals: &'a [DVec3],
     found: Vec<Taken>,
 }
@@ -171,8 +202,8 @@ impl Search<'_> {
 
     /// Triangles with a common vertex in the cube.
     fn around_vertices(&mut self) {
-        let (starts, numbers) = listed(self.room.places.len(), self.all, |placed| {
-            placed.corners.iter().map(|corner| *corner as usize)
+        let (starts, numbers) = listed(self.room.places.len(), self.all, |placed, each| {
+            placed.corners.iter().for_each(|corner| each(*corner as usize));
         });
         let mut sectors: Vec<Sector> = Vec::new();
         for vertex in 0..self.room.places.len() {
@@ -204,16 +235,28 @@ impl Search<'_> {
 
     /// Triangles without a common vertex.
     fn elsewhere(&mut self) {
-        let (starts, numbers) = listed(BLOCKS.pow(3), self.all, |placed| self.room.blocks(&placed.bounds));
-        let merged = self.merged as u32;
+        let room = self.room;
+        let (starts, numbers) = listed(BLOCKS.pow(3), self.all, |placed, each| {
+            room.for_blocks(&placed.bounds, |block| {
+                if self.is_near[block] {
+                    each(block);
+                }
+            });
+        });
+        let boxes = Boxes::of(numbers.iter().map(|n| &self.all[*n as usize].bounds));
+        let mut pairs = Vec::new();
         for block in 0..BLOCKS.pow(3) {
-            let here = &numbers[starts[block] as usize..starts[block + 1] as usize];
-            for (n, &first) in here.iter().enumerate().take_while(|(_, first)| **first < merged) {
-                for &second in &here[n + 1..] {
-                    let (a, b) = (&self.all[first as usize], &self.all[second as usize]);
-                    if meets(&a.bounds, &b.bounds) && self.is_asked(block, a, b) {
-                        self.compare_apart(first as usize, second as usize);
-                    }
+            let [start, end] = [starts[block], starts[block + 1]].map(|n| n as usize);
+            let merged = numbers[start..end].partition_point(|n| (*n as usize) < self.merged);
+            if merged == 0 {
+                continue;
+            }
+            pairs.clear();
+            dispatch!(level(), simd => boxes.that_meet(simd, start, start + merged, end, &mut pairs));
+            for &(first, second) in &pairs {
+                let [first, second] = [first, second].map(|n| numbers[n as usize] as usize);
+                if self.is_asked(block, &self.all[first], &self.all[second]) {
+                    self.compare_apart(first, second);
                 }
             }
         }
@@ -253,35 +296,128 @@ impl Search<'_> {
 
     /// Gives up what has the largest nodes at the corners of some triangles, or of their polygons.
     fn give_up(&mut self, triangles: &[usize]) {
-        let of = |placed: &Placed| placed.corners.map(|corner| self.room.merges[corner as usize]);
-        let all = triangles.iter().map(|n| &self.all[*n]);
-        let merges: Vec<Merge> =
-            all.flat_map(|placed| of(placed).into_iter().chain([placed.lone])).flatten().collect();
+        let of = |n: &usize| {
+            let lone = self.room.lone.binary_search_by_key(&(*n as u32), |(at, _)| *at);
+            let lone = lone.ok().map(|at| self.room.lone[at].1).filter(|_| *n < self.merged);
+            self.all[*n].corners.map(|corner| self.room.merges[corner as usize]).into_iter().chain([lone])
+        };
+        let merges: Vec<Merge> = triangles.iter().flat_map(of).flatten().collect();
         let most = merges.iter().map(|(_, level)| *level).max();
         self.found.extend(merges.iter().filter(|(_, level)| Some(*level) == most).map(|(taken, _)| *taken));
     }
 }
 
-/// For each of `count` places where in the second list the numbers of the triangles at it begin, ascending; `at` says at
-/// which places one is.
-fn listed<'a, I: Iterator<Item = usize>>(
-    count: usize,
-    all: &'a [Placed],
-    at: impl Fn(&'a Placed) -> I,
-) -> (Vec<u32>, Vec<u32>) {
+/// For each of `count` places where in the second list the numbers of the triangles at it begin, ascending; `at` calls what
+/// it is given with the places that one is at.
+fn listed(count: usize, all: &[Placed], at: impl Fn(&Placed, &mut dyn FnMut(usize))) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; count + 2];
     for one in all {
-        at(one).for_each(|place| starts[place + 2] += 1);
+        at(one, &mut |place| starts[place + 2] += 1);
     }
     for n in 2..starts.len() {
         starts[n] += starts[n - 1];
     }
     let mut numbers = vec![0; starts[count + 1] as usize];
     for (n, one) in (0..).zip(all) {
-        at(one).for_each(|place| {
+        at(one, &mut |place| {
             numbers[starts[place + 1] as usize] = n;
             starts[place + 1] += 1;
         });
     }
     (starts, numbers)
+}
+
+/// Boxes, to be compared eight at a time.
+struct Boxes {
+    /// By axis and end, one number a box, and [`LANES`] more.
+    ends: [Vec<f32>; 6],
+}
+
+/// Boxes in a vector.
+const LANES: usize = 8;
+
+impl Boxes {
+    fn of<'a>(boxes: impl ExactSizeIterator<Item = &'a Bounds>) -> Boxes {
+        let mut ends = [const { Vec::new() }; 6];
+        ends.iter_mut().for_each(|end| end.reserve_exact(boxes.len() + LANES));
+        for [low, high] in boxes {
+            for a in 0..3 {
+                ends[a].push(low[a]);
+                ends[3 + a].push(high[a]);
+            }
+        }
+        ends.iter_mut().for_each(|end| end.resize(end.len() + LANES, f32::NAN));
+        Boxes { ends }
+    }
+
+    /// Adds the pairs of which the first is from `start` on and before `middle` and the second after it and before `end`
+    /// and that have a point in common, as [`meets`] says.
+    #[inline(always)]
+    fn that_meet<S: Simd>(
+        &self,
+        simd: S,
+        start: usize,
+        middle: usize,
+        end: usize,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        let [x, y, z, far_x, far_y, far_z] = &self.ends;
+        for first in start..middle {
+            // Spelled out: a closure may stay a call, compiled for the narrowest vectors.
+            let low =
+                [f32x8::splat(simd, x[first]), f32x8::splat(simd, y[first]), f32x8::splat(simd, z[first])];
+            let high = [
+                f32x8::splat(simd, far_x[first]),
+                f32x8::splat(simd, far_y[first]),
+                f32x8::splat(simd, far_z[first]),
+            ];
+            let mut at = first + 1;
+            while at < end {
+                let along_x = low[0].simd_le(f32x8::from_slice(simd, &far_x[at..at + LANES]))
+                    & f32x8::from_slice(simd, &x[at..at + LANES]).simd_le(high[0]);
+                let along_y = low[1].simd_le(f32x8::from_slice(simd, &far_y[at..at + LANES]))
+                    & f32x8::from_slice(simd, &y[at..at + LANES]).simd_le(high[1]);
+                let along_z = low[2].simd_le(f32x8::from_slice(simd, &far_z[at..at + LANES]))
+                    & f32x8::from_slice(simd, &z[at..at + LANES]).simd_le(high[2]);
+                let mut bits = (along_x & along_y & along_z).to_bitmask();
+                if end - at < LANES {
+                    bits &= (1 << (end - at)) - 1;
+                }
+                while bits != 0 {
+                    pairs.push((first as u32, (at + bits.trailing_zeros() as usize) as u32));
+                    bits &= bits - 1;
+                }
+                at += LANES;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn boxes_meet_eight_at_a_time_as_one_by_one(
+            places in prop::collection::vec(prop::array::uniform6(0u8..9), 1..60),
+            [start, middle, end] in prop::array::uniform3(0usize..60),
+        ) {
+            let bounds = |place: &[u8; 6]| -> Bounds {
+                let [low, size] = [0, 3].map(|n| [0, 1, 2].map(|a| f32::from(place[n + a])));
+                [low, std::array::from_fn(|a| low[a] + size[a])]
+            };
+            let all: Vec<Bounds> = places.iter().map(bounds).collect();
+            let mut range = [start, middle, end].map(|n| n.min(all.len()));
+            range.sort_unstable();
+            let [start, middle, end] = range;
+            let mut found = Vec::new();
+            let boxes = Boxes::of(all.iter());
+            dispatch!(level(), simd => boxes.that_meet(simd, start, middle, end, &mut found));
+            let pairs = (start..middle).flat_map(|a| (a + 1..end).map(move |b| (a, b)));
+            let met = pairs.filter(|(a, b)| meets(&all[*a], &all[*b]));
+            prop_assert_eq!(found, met.map(|(a, b)| (a as u32, b as u32)).collect::<Vec<_>>());
+        }
+    }
 }

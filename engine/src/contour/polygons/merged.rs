@@ -3,21 +3,23 @@
 
 use super::{Border, Corner, Edge, Maker, Quarter, name};
 use crate::brick::SignChanges;
-use crate::contour::adaptive::{OWN, Shared, turns};
+use crate::contour::adaptive::{NumberedEdge, OWN, Shared, turns};
 use crate::contour::cut::{BOTH, Shape, Vertex};
 use crate::contour::edges::{NO_VERTEX, Quad};
 use crate::error::Result;
 use crate::lattice::Axis;
 
 impl Maker<'_> {
-    /// All edges of the leaf, in the order of [`crate::contour::cells::BrickCells::take_quads`].
-    pub(super) fn merged_rows(&mut self, signs: &SignChanges, quads: &[Quad]) -> Result<()> {
-        let mut edges = Vec::with_capacity(quads.len());
-        for axis in Axis::ALL {
-            signs.for_edges(axis, |low| edges.push((axis, low)));
-        }
-        for (n, &(axis, low)) in edges.iter().enumerate() {
-            let Quad { vertices, fraction } = quads.get(n).unwrap_or(&Quad::UNKNOWN);
+    /// Some edges of the leaf; `quads` as in [`crate::contour::cells::BrickCells::take_quads`].
+    pub(super) fn merged_edges(
+        &mut self,
+        signs: &SignChanges,
+        quads: &[Quad],
+        edges: &[NumberedEdge],
+    ) -> Result<()> {
+        for &(n, axis, low) in edges {
+            let Quad { vertices, fraction } = quads.get(n as usize).unwrap_or(&Quad::UNKNOWN);
+            let low = low.map(usize::from);
             let (edge, inside) = ((axis, low, *fraction), signs.is_inside(low));
             if vertices.contains(&NO_VERTEX) {
                 self.merged_border(edge, vertices, inside)?;
@@ -66,6 +68,9 @@ impl Maker<'_> {
     /// The polygon of four corners: as without a tolerance if none of them is merged, else of those that differ from the
     /// one before; equal ones follow each other.
     fn push_merged(&mut self, edge: Edge, corners: &[Shared; 4], inside: bool) {
+        if self.only_wide && !corners.iter().any(|corner| corner.is_wide) {
+            return;
+        }
         let named = corners.each_ref().map(|corner| name(&mut self.names, corner));
         if !corners.iter().any(|corner| corner.is_merged) {
             let shape = if inside { Shape::Quad } else { Shape::Turned };

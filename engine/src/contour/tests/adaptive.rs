@@ -2,6 +2,8 @@
 
 use super::meetings::pairs;
 use super::*;
+use crate::contour::adaptive::Wanted;
+use crate::contour::polygons::{Mark, named_facets};
 
 /// Edge of a cell of a level of the tests' root.
 fn cell(level: u8) -> f64 {
@@ -199,6 +201,25 @@ fn threads_and_cache_do_not_change_what_is_merged() {
             gives_the_same(&tree, &options, threads, (&expected, &summary));
         }
     }
+}
+
+/// What is given up for a triangle without a merged vertex is at its own polygon.
+#[test]
+fn polygons_with_merged_vertices_are_told_apart() {
+    let tree = tree(&sphere(5.5), &uniform(1));
+    let options = ContourOptions { tolerance: 0.2 * cell(1), ..Default::default() };
+    let mut field = Field::new(&tree, level(options.iso).unwrap(), &options).unwrap();
+    field.merge_across(false, &Silent).unwrap();
+    let mut count = 0;
+    for leaf in 0..field.leaves.len() as u32 {
+        let (facets, _) = named_facets(&field, leaf, &Wanted::default()).unwrap();
+        let mark = |facet: &Facet| Mark::split(facet.ids[0]).1;
+        for polygon in facets.chunk_by(|a, b| mark(a) == mark(b)).filter(|all| mark(&all[0]) != 0) {
+            assert!(polygon.len() <= 2, "{polygon:?}");
+            count += 1;
+        }
+    }
+    assert!(count > 300, "{count}");
 }
 
 #[test]

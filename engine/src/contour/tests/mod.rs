@@ -4,7 +4,7 @@ mod adaptive;
 mod annex;
 mod check;
 mod faces;
-mod fields;
+pub(super) mod fields;
 mod marching;
 mod meetings;
 mod normals;
@@ -68,7 +68,7 @@ fn rotated_box(half: [f64; 3]) -> impl Shape {
     })
 }
 
-fn uniform(level: u8) -> impl Fn(NodeKey) -> bool {
+pub(super) fn uniform(level: u8) -> impl Fn(NodeKey) -> bool {
     move |key| key.level() < level
 }
 
@@ -111,7 +111,7 @@ fn needles_that_only_fine_leaves_see_are_manifold() {
 }
 
 /// Noise in small boxes about the corners, edges and faces where bricks meet.
-fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64) -> Noise {
+pub(super) fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64) -> Noise {
     let spacing = 1 << crate::lattice::spacing_bits(level);
     let side = 1 << 24 >> 2;
     let boxes = (0..6)
