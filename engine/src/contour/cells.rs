@@ -28,13 +28,13 @@ use super::outliers::{self, Outliers, minimisers};
 use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
 use super::solve::{GROUP, Group};
-use super::surface::Changes;
+use super::surface::{Changes, EdgeRanks};
 use super::topology::{Kind, NO_LOOP};
-use crate::brick::SignChanges;
+use crate::brick::{Ranks, SignChanges};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::wide::{Simd, dispatch, level};
-use std::sync::{PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 use cones::Several;
 use special::apart;
@@ -59,6 +59,8 @@ pub(super) struct CellRow {
 pub(super) struct BrickCells {
     /// Signs of the leaf's own samples; `None` if they are all alike.
     pub signs: Option<SignChanges>,
+    /// Ranks of the edges, where vertices are merged.
+    pub ranks: Option<Arc<EdgeRanks>>,
     /// Row k·32 + j; empty if no cell is active.
     pub rows: Vec<CellRow>,
     /// How the boundary of each active cell is cut, that of mixed ones aside.
@@ -111,7 +113,7 @@ impl BrickCells {
             rank += row.active.count_ones();
         }
         if rank == 0 {
-            return Ok(BrickCells { signs: changes.map(|c| c.signs.clone()), ..BrickCells::default() });
+            return Ok(BrickCells::of_edges(field, changes));
         }
         let mut builder = Builder::new(field, leaf, &around, changes, rows, rank as usize);
         builder.fill(surroundings.as_mut())?;
@@ -119,6 +121,15 @@ impl BrickCells {
         builder.separate_loops();
         builder.separate_cones();
         Ok(builder.finish())
+    }
+
+    /// What is to be known of the leaf's edges.
+    fn of_edges(field: &Field, changes: Option<&Changes>) -> BrickCells {
+        BrickCells {
+            signs: changes.map(|c| c.signs.clone()),
+            ranks: changes.filter(|_| field.merges()).map(|c| Arc::clone(c.ranks())),
+            ..BrickCells::default()
+        }
     }
 
     /// For the leaf's own polygons, for each sign-changing edge of it, those along x first, the vertices of the four cells
@@ -147,7 +158,9 @@ impl BrickCells {
     /// Heap bytes.
     pub(super) fn heap_bytes(&self) -> usize {
         let signs = self.signs.as_ref().map_or(0, |_| 33 * 33 * 8);
+        let ranks = self.ranks.as_ref().map_or(0, |_| 3 * size_of::<Ranks>());
         signs
+            + ranks
             + self.rows.capacity() * size_of::<CellRow>()
             + self.kinds.capacity() * size_of::<Kind>()
             + 4 * (self.first.capacity() + self.mixed.capacity())
@@ -315,12 +328,11 @@ impl<'a> Builder<'a> {
     ) -> Builder<'a> {
         let planes = changes.map_or(&[][..], |c| &c.planes);
         let cells = BrickCells {
-            signs: changes.map(|c| c.signs.clone()),
             rows,
             kinds: Vec::with_capacity(active),
             first: Vec::with_capacity(active),
             positions: Vec::with_capacity(active + active / 16),
-            ..BrickCells::default()
+            ..BrickCells::of_edges(field, changes)
         };
         let key = field.leaves.get(leaf).key;
         let mut quads = field.spare_quads.take();

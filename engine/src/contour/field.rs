@@ -52,6 +52,8 @@ struct Merging {
     drafts: Cache<Draft>,
     across: Across,
     merged: Cache<Merged>,
+    /// By leaf, how many levels the coarsest one around it is above it.
+    levels_up: Vec<u8>,
     /// By leaf, for how many leaves vertices are still to be merged for the first time, which takes its draft.
     users: Vec<AtomicU32>,
 }
@@ -67,6 +69,7 @@ impl<'a> Field<'a> {
             drafts: Cache::new(cache_bytes / 4),
             across: Across::default(),
             merged: Cache::new((cache_bytes / 4).max(LEAST_FOR_MERGED)),
+            levels_up: (0..leaves.len() as u32).map(|leaf| leaves.levels_up(leaf)).collect(),
             users: counts(&leaves, drafts_needed_by),
         });
         let (for_merging, least) =
@@ -118,6 +121,11 @@ impl<'a> Field<'a> {
             self.take(across);
             search.ask_again(self, &taken, &changed)?;
         }
+    }
+
+    /// How many levels the coarsest leaf around one is above it; none without a tolerance.
+    pub(super) fn levels_up(&self, leaf: u32) -> u8 {
+        self.merging.as_ref().map_or(0, |merging| merging.levels_up[leaf as usize])
     }
 
     /// What is merged across the borders of leaves; `None` without a tolerance.

@@ -158,6 +158,16 @@ impl Leaves {
         sides
     }
 
+    /// How many levels the coarsest leaf around one is above it; of a leaf without sign changes, which has no polygons, none.
+    pub(super) fn levels_up(&self, leaf: u32) -> u8 {
+        let Leaf { key, changes, .. } = *self.get(leaf);
+        let up = |side: &Side| match side {
+            Side::Coarser(other) => key.level() - self.get(*other).key.level(),
+            _ => 0,
+        };
+        if changes { self.around(leaf).iter().map(up).max().unwrap_or(0) } else { 0 }
+    }
+
     /// Whether finer leaves lie around a leaf.
     pub(super) fn has_finer(&self, leaf: u32) -> bool {
         self.get(leaf).key.level() < self.deepest && self.around(leaf).contains(&Side::Finer)

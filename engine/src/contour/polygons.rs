@@ -109,8 +109,10 @@ pub(super) fn leaf_facets(
 /// vertices; the names of the corners of polygons with a merged vertex bear a [`Mark`].
 pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<(Vec<Facet>, Names)> {
     let vertices = field.vertices(leaf)?;
-    let Some(signs) = &vertices.cells.signs else { return Ok(Default::default()) };
-    let edges = wanted.edges(signs);
+    let BrickCells { signs: Some(signs), ranks: Some(ranks), .. } = &*vertices.cells else {
+        return Ok(Default::default());
+    };
+    let edges = wanted.edges(signs, ranks);
     if edges.is_empty() {
         return Ok(Default::default());
     }
@@ -248,8 +250,8 @@ impl<'a> Maker<'a> {
         if let Some(cells) = &own
             && let Some(signs) = &cells.signs
         {
-            if self.field.merges() {
-                self.merged_edges(signs, quads, &Wanted::default().edges(signs))?;
+            if let Some(ranks) = &cells.ranks {
+                self.merged_edges(signs, quads, &Wanted::default().edges(signs, ranks))?;
             } else {
                 dispatch!(level(), _simd => self.rows(cells, signs, quads))?;
             }

@@ -6,6 +6,7 @@ use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Ranks, Samples, SignC
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant};
 use crate::store::BrickTree;
+use std::sync::Arc;
 
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
@@ -18,13 +19,28 @@ pub(super) enum Surface {
     Changes(Box<Changes>),
 }
 
+/// By axis and row of lower samples, how many edges with a sign change come before.
+pub(super) type EdgeRanks = [Box<Ranks>; 3];
+
+/// Those of some signs.
+pub(super) fn edge_ranks(signs: &SignChanges) -> EdgeRanks {
+    let mut ranks = Axis::ALL.map(|axis| signs.ranks(axis));
+    let mut before = 0;
+    for ranks in &mut ranks {
+        for rank in ranks.iter_mut() {
+            *rank += before;
+        }
+        before = ranks[ROWS];
+    }
+    ranks
+}
+
 /// Signs and Hermite edges of a leaf with sign changes.
 pub(super) struct Changes {
     pub signs: SignChanges,
     /// Hermite edges, those along x first, in the order of the linear index of the edge's lower sample.
     pub planes: Vec<EdgePlane>,
-    /// By axis and row of lower samples, how many edges come before.
-    ranks: [Box<Ranks>; 3],
+    ranks: Arc<EdgeRanks>,
 }
 
 /// Which level set of the samples is contoured.
@@ -102,14 +118,7 @@ impl Surface {
 impl Changes {
     /// One plane for each edge that changes sign.
     fn new(signs: SignChanges, planes: Vec<EdgePlane>) -> Changes {
-        let mut ranks = Axis::ALL.map(|axis| signs.ranks(axis));
-        let mut before = 0;
-        for ranks in &mut ranks {
-            for rank in ranks.iter_mut() {
-                *rank += before;
-            }
-            before = ranks[ROWS];
-        }
+        let ranks = Arc::new(edge_ranks(&signs));
         Changes { signs, planes, ranks }
     }
 
@@ -118,6 +127,10 @@ impl Changes {
     pub(super) fn mask(&self, [i, j, k]: [usize; 3]) -> u8 {
         let pair = |j, k| (self.signs.row(j, k) >> i) as u8 & 3;
         pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6
+    }
+
+    pub(super) fn ranks(&self) -> &Arc<EdgeRanks> {
+        &self.ranks
     }
 
     /// The Hermite edge along `axis` that starts at sample (i, j, k), which changes sign.

@@ -1,7 +1,7 @@
 //! Which edges of a leaf polygons are made for while it is found out which triangles meet.
 
 use super::super::field::Field;
-use super::super::leaves::Side;
+use super::super::surface::EdgeRanks;
 use super::bounds::Bounds;
 use crate::brick::SignChanges;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
@@ -30,7 +30,7 @@ pub(in super::super) struct Wanted<'a> {
 
 impl Wanted<'_> {
     /// The sign-changing edges that are wanted, in order, before their polygons are looked at.
-    pub(in super::super) fn edges(&self, signs: &SignChanges) -> Vec<NumberedEdge> {
+    pub(in super::super) fn edges(&self, signs: &SignChanges, ranks: &EdgeRanks) -> Vec<NumberedEdge> {
         let mut rows = match self.within {
             None => vec![u64::MAX; ROWS],
             Some(boxes) => rows_of(boxes),
@@ -38,7 +38,7 @@ impl Wanted<'_> {
         if !self.except.is_empty() {
             rows.iter_mut().zip(rows_of(self.except)).for_each(|(row, except)| *row &= !except);
         }
-        dispatch!(level(), _simd => edges_in(signs, &rows))
+        dispatch!(level(), _simd => edges_in(signs, ranks, &rows))
     }
 }
 
@@ -57,23 +57,21 @@ fn rows_of(boxes: &[EdgeBox]) -> Vec<u64> {
     rows
 }
 
-/// The sign-changing edges with these lower samples. Compiled for this processor: bits are counted for every row.
+/// The sign-changing edges with these lower samples. Compiled for this processor: bits are counted for every edge.
 #[inline(always)]
-fn edges_in(signs: &SignChanges, rows: &[u64]) -> Vec<NumberedEdge> {
+fn edges_in(signs: &SignChanges, ranks: &EdgeRanks, rows: &[u64]) -> Vec<NumberedEdge> {
     let mut found = Vec::new();
-    let mut before = 0;
-    for axis in Axis::ALL {
-        for (row, wanted) in rows.iter().enumerate() {
+    for (axis, ranks) in Axis::ALL.into_iter().zip(ranks) {
+        for (row, wanted) in rows.iter().enumerate().filter(|(_, wanted)| **wanted != 0) {
             let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
             let all = signs.edges(axis, j, k);
             let mut bits = all & wanted;
             while bits != 0 {
                 let i = bits.trailing_zeros();
                 bits &= bits - 1;
-                let n = before + (all & ((1 << i) - 1)).count_ones();
+                let n = ranks[row] + (all & ((1 << i) - 1)).count_ones();
                 found.push((n, axis, [i as u8, j as u8, k as u8]));
             }
-            before += all.count_ones();
         }
     }
     found
@@ -83,12 +81,7 @@ fn edges_in(signs: &SignChanges, rows: &[u64]) -> Vec<NumberedEdge> {
 /// it in cells of the coarsest leaf around. `None` if the leaf has none.
 pub(super) fn edges_near(field: &Field, leaf: u32, bounds: &Bounds, cells: i32) -> Option<EdgeBox> {
     let key = field.leaves.get(leaf).key;
-    let coarser = |side: &Side| match side {
-        Side::Coarser(other) => key.level() - field.leaves.get(*other).key.level(),
-        _ => 0,
-    };
-    let bits = if cells > 0 { field.leaves.around(leaf).iter().map(coarser).max().unwrap_or(0) } else { 0 };
-    let reach = f64::from(cells) * f64::from(1u32 << bits);
+    let reach = f64::from(cells) * f64::from(1u32 << field.levels_up(leaf));
     let frame = field.frame(key);
     let [low, high] = bounds.map(|corner| frame.local(corner));
     let last = BRICK_CELLS as f64;
@@ -122,6 +115,7 @@ pub(super) fn gathered(all: impl Iterator<Item = Bounds>) -> Vec<Bounds> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::surface::edge_ranks;
     use super::*;
     use proptest::prelude::*;
 
@@ -152,7 +146,7 @@ mod tests {
                     n += 1;
                 });
             }
-            prop_assert_eq!(wanted.edges(&signs), expected);
+            prop_assert_eq!(wanted.edges(&signs, &edge_ranks(&signs)), expected);
         }
 
         #[test]

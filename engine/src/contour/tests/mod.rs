@@ -547,11 +547,11 @@ impl MeshSink for Count {
 
 /// Noise of other densities, sizes and depths.
 fn noise_of_many_kinds(seed: u64) -> MemoryTree {
-    let top = (seed % 3 == 0) as u8;
+    let top = u8::from(seed.is_multiple_of(3));
     let quiet_bits = [24, 24, 18, 17][(seed / 3 % 4) as usize];
     let radius = [0.0, 4.1, 3.99][(seed / 12 % 3) as usize];
     let shape = Noise { quiet_bits, ..noise(seed, 1, 1 + (seed % 3) as i32, 20 + hash(seed) % 200, radius) };
-    let bottom = top + 3 + (seed % 7 == 0) as u8;
+    let bottom = top + 3 + u8::from(seed.is_multiple_of(7));
     tree(&shape, &random_divide(seed, (top, bottom), 70 + hash(seed ^ 1) % 100))
 }
 
