@@ -43,7 +43,8 @@ pub(super) struct Cut {
     pub face: Option<u32>,
     /// The two edges that the cut joins, named relative to the face's lower corner.
     pub edges: [u64; 2],
-    /// The same relative to the cell's lower corner, as [`Crossing::key`].
+    /// The same relative to the cell's lower corner, as [`Crossing::key`]: that which enters the run that is cut off, and that
+    /// which leaves it.
     keys: [u64; 2],
     /// Where it has its vertex if it must have one: [`extras::Face::half_way`], or that of several.
     pub at: [f32; 3],
@@ -86,12 +87,11 @@ pub(super) struct Surroundings<'a> {
 }
 
 /// What is gathered while walking round one cell.
+#[derive(Default)]
 struct Walk {
     /// Lower corner of the cell.
     base: Units,
     cell: MixedCell,
-    /// Cuts of all faces: keys of the edges that enter and leave the run.
-    cuts: Vec<(u64, u64)>,
     /// Edges round the current face with the sign of the point where each starts.
     ring: Vec<(Option<Crossing>, bool)>,
     /// The places there of the edges that start at corners of the face.
@@ -209,14 +209,7 @@ impl<'a> Surroundings<'a> {
     pub(super) fn loops(&mut self, cell: [usize; 3]) -> Result<MixedCell> {
         let bits = self.own.key.spacing_bits();
         let base: Units = std::array::from_fn(|a| self.own.key.base()[a] + ((cell[a] as i32) << bits));
-        let mut walk = Walk {
-            base,
-            cell: MixedCell::default(),
-            cuts: Vec::new(),
-            ring: Vec::new(),
-            corners: [0; 4],
-            runs: Vec::new(),
-        };
+        let mut walk = Walk { base, ..Walk::default() };
         for axis in Axis::ALL {
             for side in 0..2 {
                 let mut corner = base;
@@ -363,7 +356,6 @@ impl<'a> Surroundings<'a> {
                 false => in_world.half_way(cut),
             };
             let keys = [enter.key, leave.key];
-            walk.cuts.push((keys[0], keys[1]));
             walk.cell.cuts.push(Cut { face: name, edges, keys, at, is_split });
         }
     }
@@ -373,13 +365,14 @@ impl<'a> Surroundings<'a> {
         let crossings = &mut walk.cell.crossings;
         crossings.sort_by_key(|c| c.key);
         crossings.dedup_by_key(|c| c.key);
-        walk.cuts.sort_unstable();
+        let mut cuts: Vec<[u64; 2]> = walk.cell.cuts.iter().map(|cut| cut.keys).collect();
+        cuts.sort_unstable();
         for start in 0..crossings.len() {
             let mut at = start;
             while crossings[at].in_loop == NOT_LOOPED {
                 crossings[at].in_loop = walk.cell.loops;
-                let cut = walk.cuts.binary_search_by_key(&crossings[at].key, |c| c.0);
-                let leave = cut.map(|n| walk.cuts[n].1).map_err(|_| broken(self.own.key))?;
+                let cut = cuts.binary_search_by_key(&crossings[at].key, |[enter, _]| *enter);
+                let leave = cut.map(|n| cuts[n][1]).map_err(|_| broken(self.own.key))?;
                 let next = crossings.binary_search_by_key(&leave, |c| c.key);
                 at = next.map_err(|_| broken(self.own.key))?;
             }

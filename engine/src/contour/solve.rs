@@ -57,21 +57,6 @@ struct Sums {
     count: Lanes,
 }
 
-impl<S: Simd> Solved<S> {
-    /// The points, by loop.
-    #[inline(always)]
-    pub(super) fn points(&self) -> [Vector; GROUP] {
-        let mut points = [[0.0; 3]; GROUP];
-        for (a, at) in self.at.iter().enumerate() {
-            let at = at.as_array();
-            for (lane, point) in points.iter_mut().enumerate() {
-                point[a] = at[lane];
-            }
-        }
-        points
-    }
-}
-
 /// What comes out of a group.
 pub(super) struct Solved<S: Simd> {
     /// The points of the box `margin..1 − margin` of the cells with the least error, nearest to the mass points where the
@@ -96,6 +81,21 @@ pub(super) struct Solved<S: Simd> {
     pub apart: u64,
     /// The sums about the origin that the corners are counted from.
     pub sums: [WideSums<S>; GROUP],
+}
+
+impl<S: Simd> Solved<S> {
+    /// The points, by loop.
+    #[inline(always)]
+    pub(super) fn points(&self) -> [Vector; GROUP] {
+        let mut points = [[0.0; 3]; GROUP];
+        for (a, at) in self.at.iter().enumerate() {
+            let at = at.as_array();
+            for (lane, point) in points.iter_mut().enumerate() {
+                point[a] = at[lane];
+            }
+        }
+        points
+    }
 }
 
 impl Group {

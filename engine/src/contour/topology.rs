@@ -78,7 +78,7 @@ pub(super) fn cut_runs<E>(ring: &[(E, bool)], mut segment: impl FnMut(usize, usi
 /// `corners` are the places of the edges that start there.
 pub(super) fn corners_in_run([enter, leave]: [usize; 2], corners: [usize; 4], edges: usize) -> usize {
     let from_enter = |place: usize| (place + edges - enter - 1) % edges;
-    corners.iter().filter(|&&corner| from_enter(corner) < from_enter(leave) + 1).count()
+    corners.iter().filter(|&&corner| from_enter(corner) <= from_enter(leave)).count()
 }
 
 /// The loops that the cuts of a cell's six faces link into.

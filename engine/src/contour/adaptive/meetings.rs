@@ -19,7 +19,7 @@
 //! border, so they belong to leaves that meet it. What may meet them is about edges no farther away than the nodes there are
 //! wide: two cells, or in a larger node.
 
-use super::super::field::Field;
+use super::super::field::{Field, Frame};
 use super::super::order::in_order;
 use super::across::{Across, Taken};
 use super::bounds::{Bounds, Corners, bounds, meets, wide};
@@ -122,29 +122,22 @@ impl MeetingSearch {
     ) -> Result<()> {
         let mut fresh: HashMap<u32, Vec<Bounds>> = HashMap::new();
         for taken in taken {
-            add_fresh(
-                field,
-                &mut fresh,
-                match *taken {
-                    Taken::Candidate(leaf, candidate) => {
-                        let node = field.draft(leaf)?.candidates[candidate as usize].node;
-                        let (low, size) = (node.corner().map(|c| c as f64), node.size());
-                        let frame = field.frame(field.leaves.get(leaf).key);
-                        // A vertex may stray into the next cell.
-                        [-1.0, size + 1.0].map(|off| frame.world([0; 3], low.map(|c| c + off)))
-                    }
-                    Taken::Wide(wide) => {
-                        let Some(([low, high], cell)) = field.across().map(|across| across.node(field, wide))
-                        else {
-                            continue;
-                        };
-                        [
-                            low.map(|c| (f64::from(c) - cell) as f32),
-                            high.map(|c| (f64::from(c) + cell) as f32),
-                        ]
-                    }
-                },
-            );
+            // A vertex may stray into the next cell.
+            let own = match *taken {
+                Taken::Candidate(leaf, candidate) => {
+                    let node = field.draft(leaf)?.candidates[candidate as usize].node;
+                    let frame = field.frame(field.leaves.get(leaf).key);
+                    around(&frame, node.corner().map(|c| c as f64), node.size(), 1.0)
+                }
+                Taken::Wide(wide) => {
+                    let Some(([low, high], cell)) = field.across().map(|across| across.node(field, wide))
+                    else {
+                        continue;
+                    };
+                    [low.map(|c| (f64::from(c) - cell) as f32), high.map(|c| (f64::from(c) + cell) as f32)]
+                }
+            };
+            add_fresh(field, &mut fresh, own);
         }
         let mut forgotten: HashSet<u32> = fresh.keys().chain(changed).copied().collect();
         forgotten.iter().for_each(|leaf| field.forget(*leaf));
@@ -153,7 +146,7 @@ impl MeetingSearch {
                 self.moved.insert(leaf);
             }
             if self.moved.contains(&leaf) {
-                add_fresh(field, &mut fresh, field.frame(field.leaves.get(leaf).key).bounds());
+                add_fresh(field, &mut fresh, cube(field, leaf));
             }
         }
         self.asked = fresh.keys().copied().collect();
@@ -304,9 +297,9 @@ impl MeetingSearch {
         for &leaf in near.iter().filter(|leaf| self.largest[**leaf as usize] >= LARGE) {
             let frame = field.frame(field.leaves.get(leaf).key);
             let reaches = |low: [f64; 3], size: f64, far: f64| {
-                let [around, own] = [far, 0.0]
-                    .map(|far| [-far, size + far].map(|off| frame.world([0; 3], low.map(|c| c + off))));
-                reach.iter().any(|one| meets(one, &around)).then_some(own)
+                let reached = around(&frame, low, size, far);
+                let is_met = reach.iter().any(|one| meets(one, &reached));
+                is_met.then(|| around(&frame, low, size, 0.0))
             };
             let far = f64::from(1u32 << self.largest[leaf as usize]) + 1.0;
             if reaches([0.0; 3], BRICK_CELLS as f64, far).is_none() {
@@ -358,15 +351,14 @@ fn clipped(own: &Bounds, cube: &Bounds) -> Option<Bounds> {
     meets(own, cube).then(|| [inside(0), inside(1)])
 }
 
+/// The box in the world of a node of a leaf with this frame, `far` cells larger on each side; `low` is its lower corner.
+fn around(frame: &Frame, low: [f64; 3], size: f64, far: f64) -> Bounds {
+    [-far, size + far].map(|off| frame.world([0; 3], low.map(|c| c + off)))
+}
+
 /// The cube of a leaf, whose upper corner is the lower one of the leaf beyond it to the last bit.
 fn cube(field: &Field, leaf: u32) -> Bounds {
-    let key = field.leaves.get(leaf).key;
-    let width = f64::from(BRICK_CELLS as u32) * f64::from(1u32 << key.spacing_bits());
-    // As [`super::super::field::Frame`] places a leaf.
-    [0.0, width].map(|off| {
-        let units = key.base().map(|c| f64::from(c) + off + 1.0);
-        field.root.to_world(units).map(|c| c as f32)
-    })
+    field.frame(field.leaves.get(leaf).key).bounds()
 }
 
 /// Leaves and all that touch them, if only in a point; sorted.

@@ -1,9 +1,10 @@
 //! The triangles in one cube, and which of them meet.
 
 use super::across::Taken;
+use super::bits;
 use super::bounds::{Bounds, Corners, Sector, are_apart, is_fan, meets, normal, wide};
 use super::made::{Merge, is_wide};
-use crate::check::{has_area, hash_bits, meet_by_place};
+use crate::check::{has_area, meet_by_place};
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x8, level};
 use glam::DVec3;
 use hashbrown::HashTable;
@@ -174,8 +175,7 @@ fn at(places: &[[f32; 3]], [a, b, c]: &[u32; 3]) -> Corners {
 }
 
 fn hash(place: &[f32; 3]) -> u64 {
-    // Zeros with a sign are the same place.
-    hash_bits(place.map(|c| u64::from((c + 0.0).to_bits())))
+    super::hash(&bits(place))
 }
 
 /// Looks for triangles of a room that meet.

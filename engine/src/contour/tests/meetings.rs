@@ -134,8 +134,7 @@ fn cones_are_separated_from_places_near_their_lines() {
 fn noise_meets_nowhere_in_truncated_trees() {
     let (mut mixed, mut split) = (0, 0);
     for seed in 0..8 {
-        let shape =
-            noise(seed, 1, 2 + (seed % 3) as i32, 40 + 20 * seed, if seed % 2 == 0 { 0.0 } else { 4.1 });
+        let shape = noise_of_several_sizes(seed, 40 + 20 * seed);
         let tree = tree(&shape, &random_divide(seed, (0, 4), 100));
         for level in 1..4 {
             let options = ContourOptions { level: Some(level), ..Default::default() };

@@ -141,11 +141,15 @@ fn noise_on_uniform_trees_is_manifold() {
     assert!(splits > 1000);
 }
 
-/// Noise where leaves of three or four levels are next to each other.
+/// Noise of several sizes, about a sphere or without.
+fn noise_of_several_sizes(seed: u64, density: u64) -> Noise {
+    noise(seed, 1, 2 + (seed % 3) as i32, density, if seed.is_multiple_of(2) { 0.0 } else { 4.1 })
+}
+
+/// The same where leaves of three or four levels are next to each other.
 fn noise_between_levels(seed: u64, density: u64) -> MemoryTree {
     let (top, bottom) = ((seed % 2) as u8, 3 + u8::from(seed.is_multiple_of(5)));
-    let radius = if seed.is_multiple_of(2) { 0.0 } else { 4.1 };
-    tree(&noise(seed, 1, 2 + (seed % 3) as i32, density, radius), &random_divide(seed, (top, bottom), 90))
+    tree(&noise_of_several_sizes(seed, density), &random_divide(seed, (top, bottom), 90))
 }
 
 #[test]
