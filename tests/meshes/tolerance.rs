@@ -56,11 +56,16 @@ fn mesh_of(tree: &MemoryTree) -> (Kept, u64) {
     (kept, made.mixed_cells)
 }
 
+/// Points on either surface of which distances are taken. The 99.9th percentile is the fifth greatest of them.
+const SAMPLES: u64 = 4000;
+/// As many as a case takes that seems to be beyond the promise: chance decides where few points are far off.
+const MORE_SAMPLES: u64 = 200_000;
+
 /// What becomes of a soup with each of some tolerances; nothing of one that encloses nothing. All meshes are closed and
 /// manifold.
-fn outcomes(name: &str, soup: &Soup, depth: u8, tolerances: &[f64]) -> Vec<Outcome> {
+fn outcomes(name: &str, soup: &Soup, depth: u8, tolerances: &[f64], samples: u64) -> Vec<Outcome> {
     let cell = root_of(soup).spacing(depth);
-    let judged = |mesh: Kept| in_cells(compared(soup, mesh, cell, 4000), cell);
+    let judged = |mesh: Kept| in_cells(compared(soup, mesh, cell, samples), cell);
     let tree = tree_of(soup, depth, 0.0);
     let (all, plain) = (leaves_of(&tree).len(), mesh_of(&tree).0);
     let in_plain = plain.triangles.len();
@@ -95,7 +100,7 @@ fn outcomes(name: &str, soup: &Soup, depth: u8, tolerances: &[f64]) -> Vec<Outco
 
 /// The promise.
 fn all_are_within(name: &str, soup: &Soup, depth: u8, tolerances: &[f64]) -> Vec<Outcome> {
-    let outcomes = outcomes(name, soup, depth, tolerances);
+    let outcomes = outcomes(name, soup, depth, tolerances, SAMPLES);
     for (outcome, &cells) in outcomes.iter().zip(tolerances) {
         let p999 = outcome.p999();
         assert!(outcome.is_within(cells), "{name} at depth {depth}, {cells} cells: {p999:?}");
@@ -268,7 +273,7 @@ proptest! {
 
 /// `cargo test --workspace --test meshes two_hundred_piles -- --ignored --nocapture`
 #[test]
-#[ignore = "half an hour"]
+#[ignore = "a quarter of an hour"]
 fn two_hundred_piles_stay_within_the_tolerance() {
     let mut beyond = Vec::new();
     for seed in 0..200 {
@@ -276,11 +281,13 @@ fn two_hundred_piles_stay_within_the_tolerance() {
         let soup: Soup = Mesh::merged(&random_pile(seed, pieces)).facets().collect();
         for depth in [2, 3, 4] {
             let tolerances = [0.05, 0.2, 1.0];
-            let outcomes = outcomes(&format!("{pieces} pieces, seed {seed}"), &soup, depth, &tolerances);
-            for (outcome, cells) in outcomes.iter().zip(tolerances) {
-                if !outcome.is_within(cells) {
-                    beyond.push((seed, depth, cells, outcome.p999()));
-                }
+            let name = format!("{pieces} pieces, seed {seed}");
+            let few = outcomes(&name, &soup, depth, &tolerances, SAMPLES);
+            let seeming = few.iter().zip(tolerances).filter(|(outcome, cells)| !outcome.is_within(*cells));
+            for cells in seeming.map(|(_, cells)| cells) {
+                let many = outcomes(&name, &soup, depth, &[cells], MORE_SAMPLES);
+                let missed = many.iter().filter(|outcome| !outcome.is_within(cells));
+                beyond.extend(missed.map(|outcome| (seed, depth, cells, outcome.p999())));
             }
         }
     }
