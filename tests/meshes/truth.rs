@@ -64,20 +64,35 @@ fn a_part_of_sharp_pieces_keeps_its_edges() {
     assert!(creases.mean <= 0.03 && creases.count > 5000, "{creases:?}");
 }
 
-/// Creases followed through cells without a vertex of their own: sharp edges nearer, and beads still without triangles that
-/// meet.
+/// Creases followed through cells without a vertex of their own: sharp edges nearer, with a tolerance too, and beads still
+/// without triangles that meet.
 #[test]
 fn followed_creases_keep_sharp_edges_closer() {
-    let options = ContourOptions { follow_creases: true, ..Default::default() };
     let soup: Soup = Mesh::merged(&sharp_part(1)).facets().collect();
-    let (kept, _) = contoured(&soup, at_depth(3), &options);
     let cell = root_of(&soup).spacing(3);
-    // Few points are far off and make up much of the mean, which fewer samples tell to a tenth only.
-    let creases = in_cells(compared(&soup, kept, cell, 50_000), cell).creases.expect("they were asked for");
-    println!("creases: {creases:?}");
-    assert!(creases.mean <= 0.01 && creases.count > 25_000, "{creases:?}");
-    contoured(&file("clover_beads.stl"), at_depth(2), &options);
-    contoured(&file("overlap_boxes.stl"), at_depth(2), &options);
+    let following = |cells: f64, cell: f64| ContourOptions {
+        follow_creases: true,
+        tolerance: cells * cell,
+        ..Default::default()
+    };
+    let [all, merged] = [(0.0, 0.01), (0.1, 0.012)].map(|(cells, most)| {
+        let (kept, _) = contoured(&soup, at_depth(3), &following(cells, cell));
+        let triangles = kept.triangles.len();
+        // Few points are far off and make up much of the mean, which fewer samples tell to a tenth only.
+        let creases =
+            in_cells(compared(&soup, kept, cell, 50_000), cell).creases.expect("they were asked for");
+        println!("{triangles} triangles, tolerance {cells} cells, creases: {creases:?}");
+        assert!(creases.mean <= most && creases.count > 25_000, "{creases:?}");
+        triangles
+    });
+    assert!(7 * merged < all, "{merged} of {all}");
+    for name in ["clover_beads.stl", "overlap_boxes.stl"] {
+        let soup = file(name);
+        let cell = root_of(&soup).spacing(2);
+        for cells in [0.0, 0.1] {
+            contoured(&soup, at_depth(2), &following(cells, cell));
+        }
+    }
 }
 
 /// Walls in three directions, turned so that none is parallel to an axis: every room between them is a cavity.

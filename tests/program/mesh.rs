@@ -227,12 +227,10 @@ fn formats_that_have_normals_get_the_same() {
         assert!(!dir.path(name).exists() && !dir.path(&format!("{name}.part")).exists());
     }
     assert!(run(&[&"mesh", &"--check", &dir.path("a.ply"), &"--normals"]).misused().contains("--output"));
-    let merged: [&dyn AsRef<OsStr>; 3] = [&"--follow-creases", &"--tolerance", &"0.1"];
-    let mut words: Vec<&dyn AsRef<OsStr>> = vec![&"mesh", &store, &"-o"];
-    let out = dir.path("merged.ply");
-    words.push(&out);
-    words.extend(merged);
-    assert!(run(&words).misused().contains("--tolerance") && !out.exists());
+    let out = dir.path("cubes.ply");
+    let words: [&dyn AsRef<OsStr>; 7] =
+        [&"mesh", &store, &"-o", &out, &"--follow-creases", &"--method", &"mc"];
+    assert!(run(&words).misused().contains("--method") && !out.exists());
 }
 
 /// Of bricks of several sizes, merged vertices, marching cubes, coarser levels and other surfaces.
@@ -253,7 +251,7 @@ fn normals_depend_on_neither_threads_nor_memory() {
         (&beads, &["--method", "mc", "--iso", "1.5"][..], "glb"),
         (&beads, &["--level", "2"][..], "ply"),
         (&beads, &["--follow-creases"][..], "ply"),
-        (&mixed, &["--follow-creases"][..], "obj"),
+        (&mixed, &["--follow-creases", "--tolerance", "0.1"][..], "obj"),
     ] {
         let written = |threads: &str, memory: &str| {
             let out = dir.path("a").with_extension(ending);

@@ -306,7 +306,7 @@ pub struct MeshArgs {
     pub method: MethodArg,
     /// Follow sharp edges through cells that have no vertex of their own: they come out twice to three times nearer to the
     /// part, for a tenth more time, of beads for a third to three quarters
-    #[arg(long, requires = "output", conflicts_with_all = ["method", "tolerance"])]
+    #[arg(long, requires = "output", conflicts_with = "method")]
     pub follow_creases: bool,
     /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around
     /// it, so at a sharp edge of the part one between both sides. Viewers shade smoothly by them, where they would show a

@@ -6,8 +6,7 @@
 //! cells around. So every cell that sees a crease looks at the crossings of the 27 cells about it: if all of
 //! their planes, however many there are, pass through one point, and no direction along which it could slide is
 //! left, that point is a corner, and a vertex goes there: the one of the cell that holds it or, if that cell is
-//! inactive, the nearest one of the cells around it (with nothing but inactive cells between, unless
-//! vertices are merged).
+//! inactive, the nearest one of the cells around it, with nothing but inactive cells between.
 //!
 //! Only positions change, never the triangles. They stay distinct: a vertex that moves does so within its own
 //! cell, or into an inactive one that gives room to no other. Across the border of two leaves that holds

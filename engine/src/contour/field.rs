@@ -91,7 +91,7 @@ impl<'a> Field<'a> {
             cells,
             faces,
             merging,
-            follows_creases: options.follow_creases && options.tolerance <= 0.0,
+            follows_creases: options.follow_creases,
             users,
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),

@@ -11,7 +11,11 @@ fn cell(level: u8) -> f64 {
 }
 
 fn merged(tree: &MemoryTree, tolerance: f64) -> (Mesh, MeshSummary) {
-    let (mesh, summary) = mesh(tree, &ContourOptions { tolerance, ..Default::default() });
+    merged_where(tree, tolerance, false)
+}
+
+fn merged_where(tree: &MemoryTree, tolerance: f64, follow_creases: bool) -> (Mesh, MeshSummary) {
+    let (mesh, summary) = mesh(tree, &ContourOptions { tolerance, follow_creases, ..Default::default() });
     mesh.check();
     (mesh, summary)
 }
@@ -112,10 +116,13 @@ fn noise_keeps_its_topology() {
 fn merged_surfaces_meet_nowhere() {
     let apart = |tree: &MemoryTree, tolerance: f64| {
         let plain = checked(tree).1.triangles;
-        let (mesh, summary) = merged(tree, tolerance);
-        check(&mesh.welded()).unwrap();
-        assert_eq!(pairs(&mesh), 0, "{} triangles at {tolerance}", summary.triangles);
-        [summary.triangles, plain]
+        let [triangles, _] = [false, true].map(|follow_creases| {
+            let (mesh, summary) = merged_where(tree, tolerance, follow_creases);
+            check(&mesh.welded()).unwrap();
+            assert_eq!(pairs(&mesh), 0, "{} triangles at {tolerance}", summary.triangles);
+            summary.triangles
+        });
+        [triangles, plain]
     };
     let mut all = [0; 2];
     for seed in 0..6 {
@@ -192,13 +199,16 @@ fn rules_of_topology_alone_keep_noise_manifold() {
 fn threads_and_cache_do_not_change_what_is_merged() {
     let noisy = tree(&noise(5, 2, 4, 90, 4.0), &random_divide(5, (1, 3), 128));
     let flat = tree(&rotated_box([4.03, 3.11, 2.07]), &uniform(2));
-    for (tree, cells) in [(noisy, 0.1), (flat, 0.02)] {
-        let options = ContourOptions { tolerance: cells * cell(2), ..Default::default() };
-        let (expected, summary) = mesh(&tree, &options);
-        assert!(summary.triangles < checked(&tree).1.triangles);
+    for (tree, cells, follow_creases) in
+        [(&noisy, 0.1, false), (&noisy, 0.1, true), (&flat, 0.02, false), (&flat, 0.02, true)]
+    {
+        let options = ContourOptions { tolerance: cells * cell(2), follow_creases, ..Default::default() };
+        let (expected, summary) = mesh(tree, &options);
+        let all = mesh(tree, &ContourOptions { tolerance: 0.0, ..options.clone() }).1.triangles;
+        assert!(summary.triangles < all, "{} of {all}", summary.triangles);
         for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (2, usize::MAX)] {
             let options = ContourOptions { cache_bytes, ..options.clone() };
-            gives_the_same(&tree, &options, threads, (&expected, &summary));
+            gives_the_same(tree, &options, threads, (&expected, &summary));
         }
     }
 }

@@ -181,7 +181,8 @@ fn regions_of_noise_are_disjoint_boxes_that_hold_their_vertices() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
-    /// Wedges of any angle anywhere: nothing meets, whatever is annexed, and on trees of several levels all is closed.
+    /// Wedges of any angle anywhere: nothing meets, whatever is annexed and merged, and on trees of several levels all is
+    /// closed.
     #[test]
     fn wedges_meet_nowhere(
         planes in prop::collection::vec(
@@ -195,6 +196,11 @@ proptest! {
         }
         Cells::of(&tree_of_one).hold();
         apart(&tree_of_one, &following());
-        mesh(&tree(&solid, &random_divide(seed, (0, 3), 128)), &following()).0.check();
+        let merging = ContourOptions { tolerance: 0.2 * root().spacing(1), ..following() };
+        apart(&tree_of_one, &merging);
+        let tree_of_several = tree(&solid, &random_divide(seed, (0, 3), 128));
+        for options in [following(), merging] {
+            mesh(&tree_of_several, &options).0.check();
+        }
     }
 }
