@@ -103,9 +103,13 @@ fn iso_and_level() {
         facets_of(&out).len()
     });
     assert!(fine > 10 * coarse, "{fine} {coarse}");
-    let empty = dir.path("empty.obj");
-    let text = run(&[&"mesh", &store, &"-o", &empty, &"--iso", &"2.5"]).ok();
-    assert!(text.contains("empty"), "{text}");
+    for name in ["empty.obj", "empty.stl", "empty.ply"] {
+        let empty = dir.path(name);
+        let text = run(&[&"mesh", &store, &"-o", &empty, &"--iso", &"2.5"]).ok();
+        assert!(text.contains("empty"), "{text}");
+        let text = run(&[&"mesh", &"--check", &empty, &"--quiet"]).failed();
+        assert!(text.contains(name) && text.contains("no triangles"), "{text}");
+    }
 }
 
 #[test]

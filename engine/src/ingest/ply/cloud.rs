@@ -7,13 +7,16 @@ use crate::ingest::cloud::PointCloud;
 use crate::progress::Progress;
 use std::path::Path;
 
-/// Whether the header names faces or triangle strips: otherwise the file is a point cloud.
+/// Whether the header names faces or triangle strips: otherwise the file is a point cloud. A mesh that is empty names none
+/// and has no points either.
 ///
 /// # Errors
 /// If the header does not follow the format.
 pub(in crate::ingest) fn has_faces(path: &Path, bytes: &[u8]) -> Result<bool> {
     let header = header::parse(path, bytes)?;
-    Ok(["face", "tristrips"].iter().any(|name| header.element(name).is_some_and(|e| e.count > 0)))
+    let has_points = header.element("vertex").is_none_or(|vertex| vertex.count > 0);
+    let is_named = |name| header.element(name).is_some_and(|e| e.count > 0 || !has_points);
+    Ok(["face", "tristrips"].into_iter().any(is_named))
 }
 
 /// Reads the points, and their normals if the file has them. What is allocated is a small multiple of the

@@ -34,8 +34,8 @@ struct Plan {
 /// small multiple of the size of `bytes`.
 ///
 /// # Errors
-/// If the file does not follow the format, ends early, goes on after its last element, has no faces, or has a
-/// face that names a vertex that is not there.
+/// If the file does not follow the format, ends early, goes on after its last element, has vertices but no faces, or has
+/// a face that names a vertex that is not there.
 pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<(Polygons, &'static str)> {
     let plan = plan(path, header::parse(path, bytes)?)?;
     let (mut polygons, name) = match plan.header.encoding {
@@ -64,7 +64,7 @@ fn plan(path: &Path, header: Header) -> Result<Plan> {
         let what = "the surface is stored as triangle strips, which this version does not read";
         return Err(error(what.into(), "export it with faces"));
     }
-    let Some(face) = header.element("face").filter(|face| face.count > 0) else {
+    let Some(face) = header.element("face").filter(|face| face.count > 0 || vertex.count == 0) else {
         let what = format!(
             "is a point cloud ({} vertices, no faces), which this command does not take",
             vertex.count

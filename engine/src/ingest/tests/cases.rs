@@ -70,6 +70,10 @@ fn stl_text_errors_name_the_line() {
 #[test]
 fn ply_headers() {
     let folder = Folder::new();
+    let empty = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\n\
+                 element face 0\nproperty list uchar uint vertex_indices\nend_header\n";
+    let mesh = folder.open("a.ply", empty.as_bytes()).unwrap();
+    assert!(mesh.bounds(&Silent).unwrap_err().to_string().contains("has no facets"));
     let good = "ply\nformat ascii 1.0\nelement face 1\nproperty list char uint vertex_index\n\
                 element vertex 3\nproperty double z\nproperty short y\nproperty int8 x\nend_header\n\
                 3 0 1 2\n0.1 0 0\n0 0 1\n\n 0 1 0 \n";
