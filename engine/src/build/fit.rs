@@ -27,6 +27,7 @@ use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, Triangle};
 use cell::{Crowd, FACES_MAX, touches};
 use polygon::{Face, Polygon, dot};
+use std::cell::OnceCell;
 
 /// A tolerance counts as no more cells than this: what is half a cell apart may hide between samples.
 const CELLS_MAX: f64 = 0.25;
@@ -94,7 +95,8 @@ impl Tolerance {
 
 impl Fit<'_> {
     fn holds<'t>(&self, key: NodeKey, triangles: impl Iterator<Item = &'t Triangle> + Clone) -> bool {
-        let faces: Vec<Face> = triangles.map(|t| Face::new(t, key)).collect();
+        let facets = Facets { all: triangles.map(|t| Face::new(t, key)).collect(), ranks: OnceCell::new() };
+        let faces = &facets.all;
         // What is left to tell, with its cell first. Some of it is told at once, as most nodes that do not fit show it soon:
         // what lies outside, or next to a sign change, is mostly a part of the boundary.
         let mut left: Vec<(usize, u32)> = Vec::new();
@@ -112,17 +114,17 @@ impl Fit<'_> {
                 }
                 told += 1;
                 let crowd = (0..faces.len() as u32).filter(|&n| touches(&faces[n as usize], cell));
-                self.is_hidden_inside(&faces, cell, &crowd.collect::<Vec<_>>(), std::iter::once(n as u32))
+                self.is_hidden_inside(&facets, cell, crowd.collect(), std::iter::once(n as u32))
             });
             if !may_fit {
                 return false;
             }
         }
         left.sort_unstable();
-        let lists = Lists::new(&faces, &left);
+        let lists = Lists::new(faces, &left);
         left.chunk_by(|a, b| a.0 == b.0).zip(0..).all(|(of_cell, number)| {
             let asked = of_cell.iter().map(|(_, n)| *n);
-            self.is_hidden_inside(&faces, cell_of(of_cell[0].0), lists.of(number), asked)
+            self.is_hidden_inside(&facets, cell_of(of_cell[0].0), lists.of(number).to_vec(), asked)
         })
     }
 
@@ -130,18 +132,18 @@ impl Fit<'_> {
     /// that touch the cell.
     fn is_hidden_inside(
         &self,
-        faces: &[Face],
+        facets: &Facets,
         cell: [usize; 3],
-        crowd: &[u32],
+        mut crowd: Vec<u32>,
         mut asked: impl Iterator<Item = u32>,
     ) -> bool {
         if crowd.len() > FACES_MAX {
             return false;
         }
         // Whatever the order of the triangles is.
-        let mut numbers = crowd.to_vec();
-        numbers.sort_by(|&a, &b| compare(&faces[a as usize], &faces[b as usize]));
-        let faces: Vec<Face> = numbers.iter().map(|&n| faces[n as usize]).collect();
+        let (ranks, numbers) = (facets.ranks(), &mut crowd);
+        numbers.sort_unstable_by_key(|&n| ranks[n as usize]);
+        let faces: Vec<Face> = numbers.iter().map(|&n| facets.all[n as usize]).collect();
         let crowd = Crowd { brick: self.brick, cell, faces: &faces };
         asked.all(|asked| {
             let Some(own) = numbers.iter().position(|&n| n == asked) else { return false };
@@ -203,6 +205,26 @@ impl Fit<'_> {
         let faces_up = face.normal[axis] > 0.0;
         self.cells.at(cell).is_none()
             && ((from_below && faces_up != is_inside) || (from_above && faces_up == is_inside))
+    }
+}
+
+/// The facets that touch a node.
+struct Facets {
+    all: Vec<Face>,
+    /// See [`Facets::ranks`].
+    ranks: OnceCell<Vec<u32>>,
+}
+
+impl Facets {
+    /// The place of each among all in an order that their corners alone decide; equal ones stay as they come.
+    fn ranks(&self) -> &[u32] {
+        self.ranks.get_or_init(|| {
+            let mut order: Vec<u32> = (0..self.all.len() as u32).collect();
+            order.sort_by(|&a, &b| compare(&self.all[a as usize], &self.all[b as usize]));
+            let mut ranks = vec![0; order.len()];
+            (0..).zip(order).for_each(|(rank, n)| ranks[n as usize] = rank);
+            ranks
+        })
     }
 }
 

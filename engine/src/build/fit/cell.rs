@@ -74,13 +74,7 @@ impl Crowd<'_> {
     /// The two halves of a piece of the facet `own`, if the facet `other` passes through it.
     fn divide(&self, own: usize, piece: &Polygon, other: usize) -> Option<[Polygon; 2]> {
         let (face, other) = (&self.faces[own], &self.faces[other]);
-        let range = |heights: &mut dyn Iterator<Item = f64>| {
-            heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)))
-        };
-        let passes = |(low, high): (f64, f64)| low < -THROUGH && high > THROUGH;
-        if !passes(range(&mut piece.corners().iter().map(|&p| other.height(p))))
-            || !passes(range(&mut other.corners.iter().map(|&p| face.height(p))))
-        {
+        if !is_passed(&other.corners, face) || !is_passed(piece.corners(), other) {
             return None;
         }
         let halves = [piece.below(|p| other.height(p)), piece.below(|p| -other.height(p))];
@@ -127,6 +121,15 @@ impl Crowd<'_> {
         let far = if height > 0.0 { near + step } else { near - step };
         Some((near >= 1) != (far >= 1))
     }
+}
+
+/// Whether some points lie on both sides of the plane of a facet.
+#[inline]
+fn is_passed(points: &[Point], face: &Face) -> bool {
+    let least = (f64::INFINITY, f64::NEG_INFINITY);
+    let heights = points.iter().map(|&p| face.height(p));
+    let (low, high) = heights.fold(least, |(low, high), h| (low.min(h), high.max(h)));
+    low < -THROUGH && high > THROUGH
 }
 
 /// How the segment from `from` to `p`, which lies on a facet with the normal `own`, passes another one.
@@ -188,12 +191,8 @@ fn clipped(points: &[Point], depth: impl Fn(Point) -> f64) -> Vec<Point> {
 /// Whether the plane of a facet passes a cell, and its bounds do.
 pub(super) fn touches(face: &Face, cell: [usize; 3]) -> bool {
     let within = (0..3).all(|a| {
-        let (low, high) = face
-            .corners
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[a]), high.max(p[a])));
         let from = cell[a] as f64;
-        low <= from + 1.0 + NEAR && high >= from - NEAR
+        face.low[a] <= from + 1.0 + NEAR && face.high[a] >= from - NEAR
     });
     let centre: Point = std::array::from_fn(|a| cell[a] as f64 + 0.5);
     let reach = 0.5 * (face.normal[0].abs() + face.normal[1].abs() + face.normal[2].abs());

@@ -25,6 +25,9 @@ pub(super) struct Face {
     pub corners: [Point; 3],
     pub normal: Point,
     pub offset: f64,
+    /// Its bounding box.
+    pub low: Point,
+    pub high: Point,
 }
 
 impl Face {
@@ -38,7 +41,10 @@ impl Face {
         let long = normal(&t).map(|c| c as f64);
         let length = dot(long, long).sqrt();
         let normal = long.map(|c| c / length);
-        Face { corners, normal, offset: dot(normal, corners[0]) }
+        let [a, b, c]: [Point; 3] = corners;
+        let low = std::array::from_fn(|axis| a[axis].min(b[axis]).min(c[axis]));
+        let high = std::array::from_fn(|axis| a[axis].max(b[axis]).max(c[axis]));
+        Face { corners, normal, offset: dot(normal, a), low, high }
     }
 
     /// How far a point is in front of its plane.
@@ -49,13 +55,11 @@ impl Face {
 
     /// Calls `cell` with the cells of a brick that its bounding box meets.
     pub fn for_bounds(&self, mut cell: impl FnMut([usize; 3])) {
-        let polygon = Polygon::triangle(self.corners);
         let [x, y, z] = [0, 1, 2].map(|axis| {
-            let (low, high) = polygon.range(axis);
             // Casts end at 0. One that touches a side belongs to the cells on both.
             let last = BRICK_CELLS - 1;
-            let from = ((low - NEAR).ceil() - 1.0).max(0.0) as usize;
-            let to = ((high + NEAR).floor().max(-1.0) + 1.0) as usize;
+            let from = ((self.low[axis] - NEAR).ceil() - 1.0).max(0.0) as usize;
+            let to = ((self.high[axis] + NEAR).floor().max(-1.0) + 1.0) as usize;
             from..to.min(last + 1)
         });
         for k in z {
@@ -89,8 +93,10 @@ pub(super) struct Polygon {
 }
 
 impl Polygon {
+    const EMPTY: Polygon = Polygon { corners: [[0.0; 3]; CORNERS], count: 0 };
+
     pub fn triangle(corners: [Point; 3]) -> Polygon {
-        let mut polygon = Polygon { corners: [[0.0; 3]; CORNERS], count: 3 };
+        let mut polygon = Polygon { count: 3, ..Polygon::EMPTY };
         polygon.corners[..3].copy_from_slice(&corners);
         polygon
     }
@@ -142,11 +148,16 @@ impl Polygon {
 
     /// What of it has no positive height.
     pub fn below(&self, height: impl Fn(Point) -> f64) -> Polygon {
-        let mut kept = Polygon { corners: [[0.0; 3]; CORNERS], count: 0 };
-        if self.count == 0 {
-            return kept;
-        }
-        let mut last = self.corners[self.count - 1];
+        let mut kept = Polygon::EMPTY;
+        self.put_below(height, &mut kept);
+        kept
+    }
+
+    /// Puts that into `kept`.
+    #[inline]
+    fn put_below(&self, height: impl Fn(Point) -> f64, kept: &mut Polygon) {
+        kept.count = 0;
+        let Some(&(mut last)) = self.corners().last() else { return };
         let mut last_height = height(last);
         for &corner in self.corners() {
             let own = height(corner);
@@ -159,9 +170,9 @@ impl Polygon {
             }
             (last, last_height) = (corner, own);
         }
-        kept
     }
 
+    #[inline]
     fn push(&mut self, corner: Point) {
         if self.count < CORNERS {
             self.corners[self.count] = corner;
@@ -169,24 +180,27 @@ impl Polygon {
         }
     }
 
-    /// What of it lies between two planes across an axis, on which new corners lie exactly; `None` if all of it does.
+    /// What of it lies between two planes across an axis, on which new corners lie exactly: itself if all of it does, else
+    /// what is put into one of `parts`.
     #[inline]
-    fn between(&self, axis: usize, low: f64, high: f64) -> Option<Polygon> {
+    fn between<'a>(&'a self, axis: usize, low: f64, high: f64, parts: &'a mut [Polygon; 2]) -> &'a Polygon {
+        let [above, below] = parts;
         let (least, most) = self.range(axis);
-        let mut part = None;
+        let mut part = self;
         if least < low {
-            let mut above = self.below(|p| low - p[axis]);
+            part.put_below(|p| low - p[axis], above);
             above.move_onto(axis, low, |c| c < low + NEAR);
-            part = Some(above);
+            part = above;
         }
         if most > high {
-            let mut below = part.as_ref().unwrap_or(self).below(|p| p[axis] - high);
+            part.put_below(|p| p[axis] - high, below);
             below.move_onto(axis, high, |c| c > high - NEAR);
-            part = Some(below);
+            part = below;
         }
         part
     }
 
+    #[inline]
     fn move_onto(&mut self, axis: usize, plane: f64, is_near: impl Fn(f64) -> bool) {
         for corner in &mut self.corners[..self.count] {
             if is_near(corner[axis]) {
@@ -198,9 +212,9 @@ impl Polygon {
     /// Calls `part` with each cell of a brick that it has an area in, and with what of it lies there, until that is false.
     /// Returns whether it never was.
     pub fn all_cells(&self, mut part: impl FnMut([usize; 3], &Polygon) -> bool) -> bool {
-        let mut whole = *self;
+        let (mut whole, mut parts) = (*self, [Polygon::EMPTY; 2]);
         for axis in 0..3 {
-            whole = whole.between(axis, 0.0, BRICK_CELLS as f64).unwrap_or(whole);
+            whole = *whole.between(axis, 0.0, BRICK_CELLS as f64, &mut parts);
             if whole.is_empty() {
                 return true;
             }
@@ -216,11 +230,10 @@ impl Polygon {
         part: &mut impl FnMut([usize; 3], &Polygon) -> bool,
     ) -> bool {
         let (low, high) = self.range(axis);
-        let last = BRICK_CELLS - 1;
+        let (last, mut parts) = (BRICK_CELLS - 1, [Polygon::EMPTY; 2]);
         for at in (low as usize).min(last)..=(high as usize).min(last) {
             cell[axis] = at;
-            let cut = self.between(axis, at as f64, at as f64 + 1.0);
-            let own = cut.as_ref().unwrap_or(self);
+            let own = self.between(axis, at as f64, at as f64 + 1.0, &mut parts);
             let goes_on = match axis {
                 _ if own.is_empty() => true,
                 0 => own.is_on_side(cell) || part(cell, own),
@@ -235,10 +248,10 @@ impl Polygon {
 
     /// What of it lies in a cell.
     pub fn within(&self, cell: [usize; 3]) -> Polygon {
-        let mut part = *self;
+        let (mut part, mut parts) = (*self, [Polygon::EMPTY; 2]);
         for (axis, from) in cell.into_iter().enumerate() {
             if !part.is_empty() {
-                part = part.between(axis, from as f64, from as f64 + 1.0).unwrap_or(part);
+                part = *part.between(axis, from as f64, from as f64 + 1.0, &mut parts);
             }
         }
         part
