@@ -72,13 +72,16 @@ impl<'a> Field<'a> {
             levels_up: (0..leaves.len() as u32).map(|leaf| leaves.levels_up(leaf)).collect(),
             users: counts(&leaves, drafts_needed_by),
         });
-        let (for_merging, least) =
-            if merging.is_some() { (cache_bytes / 2, LEAST_FOR_CELLS) } else { (0, 0) };
+        // Several passes ask for cells to merge them, and one makes them of surfaces.
+        let (for_surfaces, for_merging, least) = match merging {
+            Some(_) => (cache_bytes / 8, cache_bytes / 2, LEAST_FOR_CELLS),
+            None => (cache_bytes / 4, 0, 0),
+        };
         // Few cells have vertices on their faces.
         let for_faces = cache_bytes / 32;
         let (surfaces, cells) = (
-            Cache::new(cache_bytes / 4),
-            Cache::new((cache_bytes - cache_bytes / 4 - for_merging - for_faces).max(least)),
+            Cache::new(for_surfaces),
+            Cache::new((cache_bytes - for_surfaces - for_merging - for_faces).max(least)),
         );
         let faces = Cache::new(for_faces);
         let users = counts(&leaves, needed_by);
