@@ -19,7 +19,7 @@ pub(super) const FROZEN: u32 = u32::MAX - 1;
 pub(super) struct Crossing {
     pub axis: Axis,
     /// Its lower sample.
-    pub low: [usize; 3],
+    pub low: [u8; 3],
     /// Levels of the planes across the other two axes that the edge lies in; see [`plane_level`].
     pub levels: [u8; 2],
     /// Vertices of the four cells around it in the order of [`SQUARE`], [`BEYOND`] or [`FROZEN`].
@@ -42,6 +42,9 @@ pub(super) struct Ambiguous {
 pub(super) struct Crossings {
     pub all: Vec<Crossing>,
     pub ambiguous: Vec<Ambiguous>,
+    /// By level, those in a plane of it, and those in none of it or of a lower level.
+    within: [Vec<u32>; LEVELS as usize + 2],
+    beyond: [Vec<u32>; LEVELS as usize + 2],
     /// For each vertex, frozen ones and those on split faces too, where its edges begin in `edges`, and the end.
     starts: Vec<u32>,
     edges: Vec<u32>,
@@ -66,6 +69,11 @@ impl Frozen {
         Frozen { coarser: directions().filter(is_coarser).collect() }
     }
 
+    /// Whether there may be any.
+    fn is_any(&self, cells: &BrickCells) -> bool {
+        !self.coarser.is_empty() || cells.mixed_cells() > 0
+    }
+
     pub(super) fn holds(&self, cells: &BrickCells, cell: [usize; 3]) -> bool {
         let touches = |d: &[i32; 3]| {
             (0..3).all(|a| match d[a] {
@@ -81,23 +89,26 @@ impl Frozen {
 impl Crossings {
     pub(super) fn of(field: &Field, leaf: u32, changes: &Changes, cells: &BrickCells) -> Crossings {
         let frozen = Frozen::of(field, leaf);
+        let is_any_frozen = frozen.is_any(cells);
         let quads = cells.quads();
         let mut all = Vec::with_capacity(changes.planes.len());
+        let (mut within, mut beyond) = (<[Vec<u32>; _]>::default(), <[Vec<u32>; _]>::default());
         for axis in Axis::ALL {
             let (u, v) = axis.others();
             changes.signs.for_edges(axis, |low| {
-                let plane = &changes.planes[all.len()];
+                let number = all.len();
+                let plane = &changes.planes[number];
                 let mut point = low.map(|c| c as f64);
                 point[axis.index()] += f64::from(plane.fraction);
                 let mut vertices = [BEYOND; 4];
+                // None if the leaf's polygons have been made before.
+                let quad = quads.get(number).unwrap_or(&Quad::UNKNOWN).vertices;
                 for (n, quadrant) in SQUARE.into_iter().enumerate() {
                     let cell = cell_around(axis, low.map(|c| c as i32), quadrant).map(|c| c as usize);
                     if cell.iter().any(|&c| c >= BRICK_CELLS) {
                         continue;
                     }
-                    // None if the leaf's polygons have been made before.
-                    let quad = quads.get(all.len()).unwrap_or(&Quad::UNKNOWN).vertices;
-                    vertices[n] = if frozen.holds(cells, cell) {
+                    vertices[n] = if is_any_frozen && frozen.holds(cells, cell) {
                         FROZEN
                     } else if quad[n] != NO_VERTEX {
                         u32::from(quad[n])
@@ -107,9 +118,15 @@ impl Crossings {
                     };
                 }
                 let levels = [u, v].map(|a| plane_level(low[a.index()]));
+                let [a, b] = levels.map(usize::from);
+                within[a].push(number as u32);
+                if a != b {
+                    within[b].push(number as u32);
+                }
+                beyond[1..a.min(b)].iter_mut().for_each(|beyond| beyond.push(number as u32));
                 all.push(Crossing {
                     axis,
-                    low,
+                    low: low.map(|c| c as u8),
                     levels,
                     vertices,
                     point,
@@ -120,7 +137,17 @@ impl Crossings {
         drop(quads);
         let (starts, edges) = by_vertex(&all, cells.len());
         let ambiguous = ambiguous(cells, &frozen);
-        Crossings { all, ambiguous, starts, edges }
+        Crossings { all, ambiguous, within, beyond, starts, edges }
+    }
+
+    /// Those in a plane of `level`, in order; of the level above [`LEVELS`] those on the leaf's faces.
+    pub(super) fn within(&self, level: u8) -> impl Iterator<Item = &Crossing> {
+        self.within[usize::from(level)].iter().map(|&edge| &self.all[edge as usize])
+    }
+
+    /// Those whose planes are of higher levels than `level`, in order.
+    pub(super) fn beyond(&self, level: u8) -> impl Iterator<Item = &Crossing> {
+        self.beyond[usize::from(level)].iter().map(|&edge| &self.all[edge as usize])
     }
 
     /// The edges of a vertex' cell that its loop passes through.
@@ -133,7 +160,7 @@ impl Crossings {
     pub(super) fn cell_of(&self, vertex: u32) -> [usize; 3] {
         let Some(crossing) = self.at(vertex).next() else { return [0; 3] };
         let n = crossing.vertices.iter().position(|&v| v == vertex).unwrap_or(0);
-        cell_around(crossing.axis, crossing.low.map(|c| c as i32), SQUARE[n]).map(|c| c as usize)
+        cell_around(crossing.axis, crossing.low.map(i32::from), SQUARE[n]).map(|c| c as usize)
     }
 }
 

@@ -35,6 +35,8 @@ pub(in super::super) struct Draft {
     pub(super) of_vertex: Vec<u32>,
     /// Candidates that fold the surface within the leaf.
     pub(super) barred: Vec<bool>,
+    /// No edge within the leaf is left that would bar any.
+    pub(super) is_settled: bool,
     pub(super) edges: Vec<Edge>,
     /// What may be merged with parts of the leaves around.
     pub(super) parts: Vec<Part>,
@@ -66,7 +68,9 @@ impl Draft {
         draft.edges = edges.map(Edge::of).collect::<Vec<_>>();
         draft.edges.shrink_to_fit();
         let mut barred = vec![false; draft.candidates.len()];
-        draft.of_vertex = folds::without((&draft, &cells, &[]), &mut barred, largest, |_, _, _| None);
+        let view = (&draft, &*cells, &[][..]);
+        (draft.of_vertex, draft.is_settled) =
+            folds::without(view, &mut barred, largest, |edge| !edge.is_outer(), |_, _, _| None);
         draft.barred = barred;
         draft.candidates.shrink_to_fit();
         draft.members.shrink_to_fit();

@@ -40,12 +40,17 @@ pub(super) struct Corner {
 
 impl Edge {
     pub(super) fn of(crossing: &Crossing) -> Edge {
-        Edge { axis: crossing.axis, low: crossing.low.map(|c| c as u8), vertices: crossing.vertices }
+        Edge { axis: crossing.axis, low: crossing.low, vertices: crossing.vertices }
     }
 
     /// The cell in a quadrant, from -1 to 32 along each axis.
     fn cell(&self, quadrant: usize) -> [i32; 3] {
         cell_around(self.axis, self.low.map(i32::from), SQUARE[quadrant])
+    }
+
+    /// Whether a cell around it is frozen or beyond the leaf.
+    pub(super) fn is_outer(&self) -> bool {
+        self.vertices.iter().any(|vertex| *vertex >= FROZEN)
     }
 }
 
@@ -81,18 +86,31 @@ impl Draft {
 }
 
 /// Bars candidates until no edge is left that would fold and has a candidate of the leaf among the largest there, and
-/// returns what stands for each vertex; `of_vertex` is that at the beginning. `beyond` gives the corner in a cell
-/// beyond the leaf: the edge, its quadrant and the cell.
+/// returns what stands for each vertex, and whether none is left; `of_vertex` is that at the beginning. `beyond` gives the
+/// corner in a cell beyond the leaf: the edge, its quadrant and the cell. Edges that are not `asked` are known to bar nothing
+/// as long as what stands for their vertices does not change.
 pub(super) fn without(
     (draft, cells, wide): (&Draft, &BrickCells, &[Option<Corner>]),
     barred: &mut [bool],
     mut of_vertex: Vec<u32>,
+    asked: impl Fn(&Edge) -> bool,
     mut beyond: impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,
-) -> Vec<u32> {
+) -> (Vec<u32>, bool) {
+    let mut before: Option<Vec<u32>> = None;
     // What is given up is divided each time.
     for _ in 0..LEVELS {
         let mut is_done = true;
         for edge in &draft.edges {
+            let is_asked = match &before {
+                None => asked(edge),
+                Some(before) => {
+                    let own = edge.vertices.iter().filter(|vertex| **vertex < FROZEN).map(|n| *n as usize);
+                    own.into_iter().any(|vertex| before[vertex] != of_vertex[vertex])
+                }
+            };
+            if !is_asked {
+                continue;
+            }
             let Some(corners) = corners((draft, cells, wide), edge, &of_vertex, &mut beyond) else {
                 continue;
             };
@@ -105,11 +123,12 @@ pub(super) fn without(
             }
         }
         if is_done {
-            break;
+            return (of_vertex, true);
         }
-        of_vertex = draft.assigned(barred, of_vertex.len());
+        let after = draft.assigned(barred, of_vertex.len());
+        before = Some(std::mem::replace(&mut of_vertex, after));
     }
-    of_vertex
+    (of_vertex, false)
 }
 
 /// The direction of the leaf itself.
@@ -125,14 +144,14 @@ pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Tak
     let of_vertex = seen.own.of_vertex();
     let own = (&**draft, &**cells, &wide[..]);
     let mut found = Vec::new();
-    for edge in &draft.edges {
+    let has_wide = |edge: &Edge| {
         let is_wide = |vertex: &u32| {
             *vertex < FROZEN
                 && draft.part_of(*vertex).is_some_and(|part| wide.get(part).is_some_and(Option::is_some))
         };
-        if !edge.vertices.iter().any(is_wide) {
-            continue;
-        }
+        !wide.is_empty() && edge.vertices.iter().any(is_wide)
+    };
+    for edge in draft.edges.iter().filter(|edge| has_wide(edge)) {
         let beyond = &mut |edge: &Edge, quadrant, cell| seen.beyond(edge, quadrant, cell);
         let Some(corners) = corners(own, edge, of_vertex, beyond) else { continue };
         let most = corners.iter().map(|corner| corner.level).max().unwrap_or(0);
@@ -143,7 +162,11 @@ pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Tak
     }
     let before = across.barred(leaf, draft);
     let mut barred = before.clone();
-    without(own, &mut barred, of_vertex.to_vec(), |edge, quadrant, cell| seen.beyond(edge, quadrant, cell));
+    // The draft has seen to the others.
+    let is_known = draft.is_settled && seen.own.less.is_none();
+    let asked = |edge: &Edge| !is_known || edge.is_outer() || has_wide(edge);
+    let beyond = |edge: &Edge, quadrant, cell| seen.beyond(edge, quadrant, cell);
+    without(own, &mut barred, of_vertex.to_vec(), asked, beyond);
     let is_new = |n: &usize| barred[*n] && !before[*n];
     found.extend((0..barred.len()).filter(is_new).map(|n| Taken::Candidate(leaf, n as u32)));
     found.sort_unstable();

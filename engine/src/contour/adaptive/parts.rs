@@ -138,14 +138,14 @@ pub(super) fn of_leaf(patches: &mut Patches, crossings: &Crossings, key: NodeKey
     if parts.is_empty() {
         return (parts, part_of);
     }
-    for crossing in crossings.all.iter().filter(|crossing| crossing.levels.iter().any(|&l| l > LEVELS)) {
+    for crossing in crossings.within(LEVELS + 1) {
         for (quadrant, &vertex) in crossing.vertices.iter().enumerate() {
             let part = if vertex < FROZEN { part_of[vertex as usize] } else { NONE };
             if part != NONE {
                 parts[part as usize].crossings.push(BorderCrossing {
                     level: key.level(),
                     axis: crossing.axis.index() as u8,
-                    low: std::array::from_fn(|a| first[a] + crossing.low[a] as u32),
+                    low: std::array::from_fn(|a| first[a] + u32::from(crossing.low[a])),
                     quadrant: quadrant as u8,
                 });
             }

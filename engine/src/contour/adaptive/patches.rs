@@ -186,18 +186,17 @@ impl Patches {
     /// Joins what hangs together in nodes of `level`, whose parts have been joined, and returns those sets that came
     /// of it and may have one vertex.
     pub(super) fn join(&mut self, crossings: &Crossings, level: u8) -> Vec<usize> {
-        let mut changed = Vec::new();
-        for crossing in &crossings.all {
+        let mut joined = Vec::new();
+        for crossing in crossings.within(level) {
             let around = crossing.vertices.map(|vertex| (vertex < FROZEN).then_some(vertex));
             let levels = crossing.levels.map(u32::from);
-            self.join_around(around, levels, level.into(), |root| changed.push(root as u32));
+            self.join_around(around, levels, level.into(), |root| joined.push(root as u32));
         }
-        for vertex in &mut changed {
-            *vertex = self.sets.root(*vertex) as u32;
+        let mut is_changed = vec![false; self.size.len()];
+        for vertex in joined {
+            is_changed[self.sets.root(vertex)] = true;
         }
-        changed.sort_unstable();
-        changed.dedup();
-        let mut disks: Vec<usize> = changed.into_iter().map(|root| root as usize).collect();
+        let mut disks: Vec<usize> = (0..is_changed.len()).filter(|root| is_changed[*root]).collect();
         disks.retain(|&root| self.sets.is_disk(root));
         self.study_borders(crossings, level, &disks);
         disks.retain(|&root| !self.is_bad[root]);
@@ -211,8 +210,7 @@ impl Patches {
             self.border[root] = 0;
             self.is_bad[root] = false;
         }
-        let is_beyond = |crossing: &&super::crossings::Crossing| crossing.levels.iter().all(|&l| l > level);
-        for crossing in crossings.all.iter().filter(is_beyond) {
+        for crossing in crossings.beyond(level) {
             for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
                 if crossing.vertices[n] < FROZEN {
                     let root = self.sets.root(crossing.vertices[n]);
@@ -236,7 +234,7 @@ impl Patches {
     /// that is cut twice.
     pub(super) fn reaching_out(&mut self, crossings: &Crossings) -> Vec<usize> {
         let mut roots = Vec::new();
-        for crossing in crossings.all.iter().filter(|crossing| crossing.levels.iter().any(|&l| l > LEVELS)) {
+        for crossing in crossings.within(LEVELS + 1) {
             let own = crossing.vertices.into_iter().filter(|&vertex| vertex < FROZEN);
             roots.extend(own.map(|vertex| self.sets.root(vertex)));
         }
