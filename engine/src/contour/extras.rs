@@ -29,6 +29,9 @@ pub(super) fn plain_edge_key(edge: usize, axis: Axis, leaf: NodeKey) -> u64 {
     edge_key(offset.map(|o| (o as i32) << leaf.spacing_bits()), along, leaf.level())
 }
 
+/// There are fewer names of faces than this.
+pub(super) const FACES: usize = 3 * POINTS;
+
 /// Name within a leaf of the face across `axis` with this lower corner.
 #[inline]
 pub(super) fn face_key(axis: Axis, corner: [usize; 3]) -> u32 {

@@ -104,14 +104,17 @@ pub(super) fn first_encoding(encoding: Option<Encoding>) -> fn(&Cuts, &mut Vec<u
 
 /// Triangles as [`write_whole`] makes them.
 pub(super) fn whole(bytes: &[u8]) -> Vec<Facet> {
-    let facet = |bytes: &[u8; WHOLE_BYTES]| {
-        let [ids, corners @ ..] = bytes.as_chunks::<4>().0.as_chunks::<3>().0 else { return None };
-        let corner = |n: usize| Some(corners.get(n)?.map(f32::from_le_bytes));
-        Some(Facet { ids: ids.map(u32::from_le_bytes), corners: [corner(0)?, corner(1)?, corner(2)?] })
-    };
-    let mut facets = Vec::with_capacity(bytes.len() / WHOLE_BYTES);
-    facets.extend(bytes.as_chunks::<WHOLE_BYTES>().0.iter().filter_map(facet));
-    facets
+    each_whole(bytes).collect()
+}
+
+/// The same, one after the other.
+pub(super) fn each_whole(bytes: &[u8]) -> impl ExactSizeIterator<Item = Facet> {
+    bytes.as_chunks::<WHOLE_BYTES>().0.iter().map(|bytes| {
+        let (words, _) = bytes.as_chunks::<4>();
+        let triple = |n: usize| [words[n], words[n + 1], words[n + 2]];
+        let corner = |n: usize| triple(3 * n).map(f32::from_le_bytes);
+        Facet { ids: triple(0).map(u32::from_le_bytes), corners: [corner(1), corner(2), corner(3)] }
+    })
 }
 
 /// Where the triangles of all leaves wait.

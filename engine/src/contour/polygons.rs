@@ -24,7 +24,7 @@ use super::edges::{NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
 use super::extras::{edge_key, face_key};
 use super::field::Field;
-use super::later::{Names, first_encoding, whole};
+use super::later::{Names, first_encoding};
 use super::leaves::{Around, Side, broken, cell_in, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
@@ -105,9 +105,9 @@ pub(super) fn leaf_facets(
     Ok(LeafFacets { count, bytes, names, measured, edge_vertices, fan_edges, normals: Vec::new() })
 }
 
-/// The triangles of a leaf as they would be with what is merged so far, as far as they are wanted, and how they name
-/// vertices; the names of the corners of polygons with a merged vertex bear a [`Mark`].
-pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<(Vec<Facet>, Names)> {
+/// The triangles of a leaf as they would be with what is merged so far, as far as they are wanted, for
+/// [`super::later::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a [`Mark`].
+pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<(Vec<u8>, Names)> {
     let vertices = field.vertices(leaf)?;
     let BrickCells { signs: Some(signs), ranks: Some(ranks), .. } = &*vertices.cells else {
         return Ok(Default::default());
@@ -121,7 +121,7 @@ pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<
     let mut maker = Maker::new(field, leaf, vertices.clone(), cutter);
     (maker.mark, maker.only_wide) = (Mark::FIRST, wanted.only_wide);
     maker.merged_edges(signs, &quads, &edges)?;
-    Ok((whole(&maker.cutter.finish().bytes), maker.names))
+    Ok((maker.cutter.finish().bytes, maker.names))
 }
 
 /// What tells polygons with a merged vertex from others and from each other: their triangles follow each other but for those

@@ -13,7 +13,7 @@
 //! would merge, and it is given up for what it is made of, until nothing does or [`MOST_WALKS`] are done.
 
 use super::super::field::Field;
-use super::super::leaves::Side;
+use super::super::leaves::{Leaf, Side};
 use super::super::normals::direction;
 use super::super::order::in_order;
 use super::super::solve::Group;
@@ -22,6 +22,7 @@ use super::fit;
 use super::folds::{self, Corner};
 use super::parts::{BorderCrossing, Part, Piece};
 use super::patches::{Join, Sets};
+use super::strays::{Strays, straying};
 use super::{NONE, Name, bits};
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
@@ -74,6 +75,8 @@ pub(in super::super) struct Across {
     numbered: HashMap<u32, Vec<u32>>,
     /// By leaf, those that stay in it or on its border, and where.
     hosted: HashMap<u32, Vec<([f32; 3], u32)>>,
+    /// Vertices outside the cubes of their leaves.
+    strays: Strays,
     /// By leaf, candidates that are given up beside those that its draft bars.
     barred: HashMap<u32, BTreeSet<u32>>,
 }
@@ -99,14 +102,16 @@ impl Across {
         let found = Across { normals: normals.then(Vec::new), ..Across::default() };
         let mut finder = Finder { field, tolerance, found, group: Group::default(), open: Vec::new() };
         let make = |leaf| {
-            let parts = match field.leaves.get(leaf).changes {
-                true => field.draft(leaf)?.parts.clone(),
-                false => Vec::new(),
-            };
-            Ok((leaf, parts))
+            let Leaf { key, changes, .. } = *field.leaves.get(leaf);
+            if !changes {
+                return Ok((leaf, Vec::new(), Vec::new()));
+            }
+            let parts = field.draft(leaf)?.parts.clone();
+            Ok((leaf, parts, straying(&*field.cells(leaf)?, &field.frame(key).bounds())))
         };
-        field.in_order(progress, make, |(leaf, parts): (u32, Vec<Part>)| {
+        field.in_order(progress, make, |(leaf, parts, straying): (u32, Vec<Part>, Vec<[u8; 3]>)| {
             finder.add(leaf, parts);
+            finder.found.strays.add(field, leaf, &straying);
             Ok(())
         })?;
         let mut found = finder.found;
@@ -178,6 +183,11 @@ impl Across {
         self.hosted.get(&leaf).map_or(&[], |all| all)
     }
 
+    /// Vertices outside the cubes of their leaves.
+    pub(super) fn strays(&self) -> &Strays {
+        &self.strays
+    }
+
     /// Gives up what folds the surface. The first walk is over all leaves, the others are over those with parts of what
     /// several have.
     fn give_up_folds(&mut self, field: &Field, progress: &dyn Progress) -> Result<()> {
@@ -191,7 +201,8 @@ impl Across {
             let mut folded = Vec::new();
             progress.phase("folds", Some(asked.len() as u64), "bricks");
             let this = &*self;
-            let make = |n: u32| folds::found(field, asked[n as usize], this);
+            // From the last one on: what has been made of these is still there if not all of it finds room.
+            let make = |n: u32| folds::found(field, asked[asked.len() - 1 - n as usize], this);
             in_order(asked.len(), progress, make, |taken: Vec<Taken>| {
                 folded.extend(taken);
                 Ok(())

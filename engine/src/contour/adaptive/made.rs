@@ -1,7 +1,7 @@
 //! The triangles of a leaf while it is found out which of them meet.
 
 use super::super::field::Field;
-use super::super::later::Names;
+use super::super::later::{Names, each_whole};
 use super::super::polygons::{Mark, named_facets};
 use super::super::vertices::LeafVertices;
 use super::NONE;
@@ -34,16 +34,16 @@ impl Made {
         if !field.leaves.get(leaf).changes {
             return Ok(made);
         }
-        let (facets, names) = named_facets(field, leaf, wanted)?;
-        if facets.is_empty() {
+        let (bytes, names) = named_facets(field, leaf, wanted)?;
+        if bytes.is_empty() {
             return Ok(made);
         }
         let mut numbering = Numbering::new(field, across, &names)?;
+        let facets = each_whole(&bytes);
         made.triangles.reserve(facets.len());
-        // What has the largest node at each polygon that has a merged vertex, and triangles that have none.
-        let (mut largest, mut lone): (Vec<Option<Merge>>, Vec<(u32, usize)>) = (Vec::new(), Vec::new());
-        let mut last = 0;
-        for (triangle, facet) in (0..).zip(&facets) {
+        // The triangles so far of the last polygon that has a merged vertex, and whether all of them have.
+        let (mut polygon, mut is_whole, mut last): (Vec<u32>, bool, u32) = (Vec::new(), true, 0);
+        for (triangle, facet) in (0..).zip(facets) {
             let mut corners = [0; 3];
             for (n, corner) in corners.iter_mut().enumerate() {
                 *corner = numbering.number(&mut made, Mark::split(facet.ids[n]).0, facet.corners[n])?;
@@ -54,19 +54,29 @@ impl Made {
                 continue;
             }
             if mark != last {
-                largest.push(None);
-                last = mark;
+                made.add_lone(&polygon, is_whole);
+                polygon.clear();
+                (is_whole, last) = (true, mark);
             }
-            let merges = corners.iter().filter_map(|corner| made.merges[*corner as usize]);
-            match (merges.fold(None, |most, one| larger(most, Some(one))), largest.last_mut()) {
-                (None, _) => lone.push((triangle, largest.len() - 1)),
-                (most, Some(largest)) => *largest = larger(*largest, most),
-                (Some(_), None) => {}
-            }
+            polygon.push(triangle);
+            is_whole &= corners.iter().any(|corner| made.merges[*corner as usize].is_some());
         }
-        let lone = lone.into_iter().filter_map(|(triangle, polygon)| Some((triangle, largest[polygon]?)));
-        made.lone = lone.collect();
+        made.add_lone(&polygon, is_whole);
         Ok(made)
+    }
+
+    /// Notes what is merged at the triangles of a polygon for those that have no merged corner, unless it `is_whole`: none.
+    fn add_lone(&mut self, polygon: &[u32], is_whole: bool) {
+        if is_whole {
+            return;
+        }
+        let merges =
+            |triangle: u32| self.triangles[triangle as usize].map(|corner| self.merges[corner as usize]);
+        let largest = polygon.iter().flat_map(|triangle| merges(*triangle)).fold(None, larger);
+        let Some(largest) = largest else { return };
+        let is_lone = |triangle: &&u32| merges(**triangle).iter().all(Option::is_none);
+        let lone: Vec<(u32, Merge)> = polygon.iter().filter(is_lone).map(|n| (*n, largest)).collect();
+        self.lone.extend(lone);
     }
 
     /// Positions of the corners of the triangles at vertices of several leaves, and what is merged there.
@@ -83,6 +93,7 @@ impl Made {
 
     /// Adds the other triangles to a room, as far as it wants them.
     pub(super) fn add_to(&self, room: &mut Room, is_fresh: bool) {
+        room.reserve(self.places.len());
         let mut numbers = vec![NONE; self.places.len()];
         let mut lone = self.lone.iter().peekable();
         for (triangle, corners) in (0..).zip(&self.triangles) {

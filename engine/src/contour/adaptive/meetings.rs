@@ -13,7 +13,7 @@
 //! leaf is told which of them pass through it.
 //!
 //! The triangles of a leaf beside it that reach into its cube are about edges on the cube's border, or a cell away where a
-//! vertex has strayed into the next cell, so no others are made for it.
+//! vertex has strayed into the next cell ([`super::strays`]), so no others are made for it.
 //!
 //! What changes when a vertex is given up are the polygons with a corner in its node. Their edges lie in the node or on its
 //! border, so they belong to leaves that meet it. What may meet them is about edges no farther away than the nodes there are
@@ -25,6 +25,7 @@ use super::across::{Across, Taken};
 use super::bounds::{Bounds, Corners, bounds, meets, wide};
 use super::made::{Made, Merge};
 use super::room::Room;
+use super::strays::edges_beside;
 use super::wanted::{EdgeBox, Wanted, common, edges_near, gathered};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
@@ -320,11 +321,13 @@ impl MeetingSearch {
 fn whole_room(field: &Field, across: &Across, leaf: u32, (near, cube): (&[u32], Bounds)) -> Result<Room> {
     let mut room = Room::new(cube, vec![cube]);
     for &other in near {
-        if other == leaf {
-            Made::of(field, leaf, across, &Wanted::default())?.add_to(&mut room, true);
-        } else if let Some(beside) = edges_near(field, other, &cube, 1) {
-            // What reaches into the cube is about an edge on its border, or next to one where a vertex has strayed.
-            let wanted = Wanted { within: Some(&[beside]), ..Wanted::default() };
+        let wanted = match other == leaf {
+            true => Some((None, None)),
+            false => edges_beside(field, across, (leaf, &cube), other)
+                .map(|(near, touching)| (Some(near), touching)),
+        };
+        if let Some((within, touching)) = wanted {
+            let wanted = Wanted { within: within.as_deref(), touching, ..Wanted::default() };
             Made::of(field, other, across, &wanted)?.add_to(&mut room, true);
         }
     }
@@ -451,8 +454,10 @@ mod tests {
             for &other in &near {
                 let all = Wanted::default();
                 if other != leaf {
-                    let within: Vec<EdgeBox> = edges_near(&field, other, &cube, 1).into_iter().collect();
-                    let found = boxes(&field, other, &Wanted { within: Some(&within), ..all }, &cube);
+                    let across = field.across().unwrap();
+                    let (near, touching) =
+                        edges_beside(&field, across, (leaf, &cube), other).unwrap_or_default();
+                    let found = boxes(&field, other, &Wanted { within: Some(&near), touching, ..all }, &cube);
                     assert_eq!(found, boxes(&field, other, &all, &cube));
                     beside += found.len();
                 }

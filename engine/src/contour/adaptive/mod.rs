@@ -47,6 +47,7 @@ mod meetings;
 mod parts;
 mod patches;
 mod room;
+mod strays;
 mod wanted;
 
 pub(super) use across::{Across, Shared};
@@ -56,7 +57,7 @@ pub(super) use meetings::MeetingSearch;
 pub(super) use wanted::{NumberedEdge, Wanted};
 
 use super::cells::BrickCells;
-use super::extras::{Extra, edge_key, face_key};
+use super::extras::{Extra, FACES, edge_key, face_key};
 use super::faces::FaceVertices;
 use super::field::{Field, Frame};
 use crate::check::hash_bits;
@@ -193,7 +194,12 @@ enum Name {
 /// For each extra vertex whether both cells at its face are merged with each other.
 fn extras_within(edges: &[Edge], names: &[Name], key: NodeKey, extras: &[Extra]) -> Vec<bool> {
     let mut found = vec![false; extras.len()];
-    for edge in edges.iter().filter(|_| !extras.is_empty()) {
+    if extras.is_empty() {
+        return found;
+    }
+    let mut is_split = vec![false; FACES];
+    extras.iter().for_each(|extra| is_split[extra.face as usize] = true);
+    for edge in edges {
         let (u, v) = edge.axis.others();
         for n in 0..4 {
             let [a, b] = [edge.vertices[n], edge.vertices[(n + 1) % 4]];
@@ -210,7 +216,11 @@ fn extras_within(edges: &[Edge], names: &[Name], key: NodeKey, extras: &[Extra])
                 corner[along.index()] -= 1;
                 relative[along.index()] = 1 << key.spacing_bits();
             }
-            let name = (face_key(across, corner), edge_key(relative, edge.axis, key.level()));
+            let face = face_key(across, corner);
+            if !is_split[face as usize] {
+                continue;
+            }
+            let name = (face, edge_key(relative, edge.axis, key.level()));
             if let Ok(extra) = extras.binary_search_by_key(&name, |extra| (extra.face, extra.edge)) {
                 found[extra] = true;
             }

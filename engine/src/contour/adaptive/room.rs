@@ -5,7 +5,7 @@ use super::bits;
 use super::bounds::{Bounds, Corners, Sector, are_apart, is_fan, meets, normal, wide};
 use super::made::{Merge, is_wide};
 use crate::check::{has_area, meet_by_place};
-use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x8, level};
+use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x16, level};
 use glam::DVec3;
 use hashbrown::HashTable;
 use hashbrown::hash_table::Entry;
@@ -13,10 +13,15 @@ use hashbrown::hash_table::Entry;
 /// A cube is divided into this many blocks an axis.
 const BLOCKS: usize = 8;
 
+/// Where a block is, by axis.
+type Block = [u8; 3];
+
 /// A triangle in a room.
 struct Placed {
     corners: [u32; 3],
     bounds: Bounds,
+    /// The blocks that the least and the greatest coordinates are in or next to.
+    blocks: [Block; 2],
     /// It is others than when it was last looked at.
     is_fresh: bool,
     /// It may reach farther than the leaves around its own.
@@ -64,6 +69,14 @@ impl Room {
         meets(own, &self.cube) && self.reach.iter().any(|reach| meets(own, reach))
     }
 
+    /// Makes room for so many more vertices.
+    pub(super) fn reserve(&mut self, vertices: usize) {
+        let Room { places, merges, numbers, .. } = self;
+        places.reserve(vertices);
+        merges.reserve(vertices);
+        numbers.reserve(vertices, |&number| hash(&places[number as usize]));
+    }
+
     /// The number of the vertex at a place.
     pub(super) fn number(&mut self, place: [f32; 3], merge: Option<Merge>) -> u32 {
         let Room { places, merges, numbers, .. } = self;
@@ -85,7 +98,8 @@ impl Room {
     pub(super) fn add(&mut self, corners: [u32; 3], bounds: &Bounds, lone: Option<Merge>, is_fresh: bool) {
         let merges = corners.map(|corner| self.merges[corner as usize]);
         let is_wide = merges.into_iter().any(is_wide);
-        let placed = Placed { corners, bounds: *bounds, is_fresh, is_wide };
+        let blocks = bounds.map(|end| self.block(end));
+        let placed = Placed { corners, bounds: *bounds, blocks, is_fresh, is_wide };
         self.lone.extend(lone.map(|merge| (self.merged.len() as u32, merge)));
         match lone.is_some() || merges.iter().any(Option::is_some) {
             true => self.merged.push(placed),
@@ -103,7 +117,7 @@ impl Room {
         let mut plain = std::mem::take(&mut self.plain);
         plain.retain(|placed| {
             let mut is_any = false;
-            self.for_blocks(&placed.bounds, |block| is_any |= is_near[block]);
+            for_blocks(&placed.blocks, |block| is_any |= is_near[block]);
             is_any
         });
         let mut all = std::mem::take(&mut self.merged);
@@ -129,7 +143,7 @@ impl Room {
     /// For each block whether a triangle of a polygon with a merged corner may be there.
     fn blocks_of_merged(&self) -> Vec<bool> {
         let mut found = vec![false; BLOCKS.pow(3)];
-        self.merged.iter().for_each(|placed| self.for_blocks(&placed.bounds, |block| found[block] = true));
+        self.merged.iter().for_each(|placed| for_blocks(&placed.blocks, |block| found[block] = true));
         found
     }
 
@@ -142,29 +156,26 @@ impl Room {
         (0..3).all(|a| self.cube[0][a] <= place[a] && place[a] < self.cube[1][a])
     }
 
-    /// The block of the cube that a coordinate is in or next to.
+    /// The block that a place is in or next to.
     #[inline]
-    fn block(&self, axis: usize, at: f32) -> usize {
-        // A cast takes what is below for 0.
-        (((at - self.cube[0][axis]) * self.blocks_per_unit[axis]) as usize).min(BLOCKS - 1)
+    fn block(&self, place: [f32; 3]) -> Block {
+        let along = |a: usize| (place[a] - self.cube[0][a]) * self.blocks_per_unit[a];
+        [0, 1, 2].map(|a| along(a).clamp(0.0, (BLOCKS - 1) as f32) as u8)
     }
+}
 
-    /// The number of the block that a place is in or next to.
-    #[inline]
-    fn block_at(&self, [x, y, z]: [f32; 3]) -> usize {
-        (self.block(2, z) * BLOCKS + self.block(1, y)) * BLOCKS + self.block(0, x)
-    }
+#[inline]
+fn block_number([i, j, k]: Block) -> usize {
+    (usize::from(k) * BLOCKS + usize::from(j)) * BLOCKS + usize::from(i)
+}
 
-    /// Calls `each` with the numbers of all blocks that a box meets.
-    #[inline]
-    fn for_blocks(&self, [low, high]: &Bounds, mut each: impl FnMut(usize)) {
-        let along = |axis: usize| self.block(axis, low[axis])..=self.block(axis, high[axis]);
-        let (across, up) = (along(0), along(1));
-        for k in along(2) {
-            for j in up.clone() {
-                let row = (k * BLOCKS + j) * BLOCKS;
-                across.clone().for_each(|i| each(row + i));
-            }
+/// Calls `each` with the numbers of all blocks between two.
+#[inline]
+fn for_blocks([low, high]: &[Block; 2], mut each: impl FnMut(usize)) {
+    for k in low[2]..=high[2] {
+        for j in low[1]..=high[1] {
+            let row = block_number([0, j, k]);
+            (low[0]..=high[0]).for_each(|i| each(row + usize::from(i)));
         }
     }
 }
@@ -235,9 +246,8 @@ impl Search<'_> {
 
     /// Triangles without a common vertex.
     fn elsewhere(&mut self) {
-        let room = self.room;
         let (starts, numbers) = listed(BLOCKS.pow(3), self.all, |placed, each| {
-            room.for_blocks(&placed.bounds, |block| {
+            for_blocks(&placed.blocks, |block| {
                 if self.is_near[block] {
                     each(block);
                 }
@@ -264,16 +274,19 @@ impl Search<'_> {
 
     /// Whether two triangles whose boxes meet have no common vertex and are to be compared here, and not in a block or a cube
     /// before.
+    #[inline]
     fn is_asked(&self, block: usize, a: &Placed, b: &Placed) -> bool {
-        if a.corners.iter().any(|corner| b.corners.contains(corner)) {
+        // Of the least coordinates that they have in common, because these blocks are in order.
+        let first = [0, 1, 2].map(|n| a.blocks[0][n].max(b.blocks[0][n]));
+        if block_number(first) != block
+            || !(a.is_fresh || b.is_fresh)
+            || a.corners.iter().any(|corner| b.corners.contains(corner))
+        {
             return false;
         }
-        let low = |n: usize| a.bounds[0][n].max(b.bounds[0][n]);
-        let first = [low(0), low(1), low(2)];
         // Not every cube that the box of a wide triangle meets knows of it.
-        self.room.block_at(first) == block
-            && (a.is_fresh || b.is_fresh)
-            && (a.is_wide || b.is_wide || self.room.holds(&first))
+        let first = [0, 1, 2].map(|n| a.bounds[0][n].max(b.bounds[0][n]));
+        a.is_wide || b.is_wide || self.room.holds(&first)
     }
 
     fn compare_apart(&mut self, first: usize, second: usize) {
@@ -327,14 +340,14 @@ fn listed(count: usize, all: &[Placed], at: impl Fn(&Placed, &mut dyn FnMut(usiz
     (starts, numbers)
 }
 
-/// Boxes, to be compared eight at a time.
+/// Boxes, to be compared sixteen at a time.
 struct Boxes {
     /// By axis and end, one number a box, and [`LANES`] more.
     ends: [Vec<f32>; 6],
 }
 
 /// Boxes in a vector.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 impl Boxes {
     fn of<'a>(boxes: impl ExactSizeIterator<Item = &'a Bounds>) -> Boxes {
@@ -365,20 +378,20 @@ impl Boxes {
         for first in start..middle {
             // Spelled out: a closure may stay a call, compiled for the narrowest vectors.
             let low =
-                [f32x8::splat(simd, x[first]), f32x8::splat(simd, y[first]), f32x8::splat(simd, z[first])];
+                [f32x16::splat(simd, x[first]), f32x16::splat(simd, y[first]), f32x16::splat(simd, z[first])];
             let high = [
-                f32x8::splat(simd, far_x[first]),
-                f32x8::splat(simd, far_y[first]),
-                f32x8::splat(simd, far_z[first]),
+                f32x16::splat(simd, far_x[first]),
+                f32x16::splat(simd, far_y[first]),
+                f32x16::splat(simd, far_z[first]),
             ];
             let mut at = first + 1;
             while at < end {
-                let along_x = low[0].simd_le(f32x8::from_slice(simd, &far_x[at..at + LANES]))
-                    & f32x8::from_slice(simd, &x[at..at + LANES]).simd_le(high[0]);
-                let along_y = low[1].simd_le(f32x8::from_slice(simd, &far_y[at..at + LANES]))
-                    & f32x8::from_slice(simd, &y[at..at + LANES]).simd_le(high[1]);
-                let along_z = low[2].simd_le(f32x8::from_slice(simd, &far_z[at..at + LANES]))
-                    & f32x8::from_slice(simd, &z[at..at + LANES]).simd_le(high[2]);
+                let along_x = low[0].simd_le(f32x16::from_slice(simd, &far_x[at..at + LANES]))
+                    & f32x16::from_slice(simd, &x[at..at + LANES]).simd_le(high[0]);
+                let along_y = low[1].simd_le(f32x16::from_slice(simd, &far_y[at..at + LANES]))
+                    & f32x16::from_slice(simd, &y[at..at + LANES]).simd_le(high[1]);
+                let along_z = low[2].simd_le(f32x16::from_slice(simd, &far_z[at..at + LANES]))
+                    & f32x16::from_slice(simd, &z[at..at + LANES]).simd_le(high[2]);
                 let mut bits = (along_x & along_y & along_z).to_bitmask();
                 if end - at < LANES {
                     bits &= (1 << (end - at)) - 1;
@@ -400,7 +413,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn boxes_meet_eight_at_a_time_as_one_by_one(
+        fn boxes_meet_many_at_a_time_as_one_by_one(
             places in prop::collection::vec(prop::array::uniform6(0u8..9), 1..60),
             [start, middle, end] in prop::array::uniform3(0usize..60),
         ) {

@@ -3,7 +3,7 @@
 use super::super::field::Field;
 use super::super::surface::EdgeRanks;
 use super::bounds::Bounds;
-use crate::brick::SignChanges;
+use crate::brick::{Ranks, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use crate::wide::{dispatch, level};
 
@@ -20,8 +20,10 @@ const MOST_BOXES: usize = 16;
 /// All edges by default.
 #[derive(Clone, Copy, Default)]
 pub(in super::super) struct Wanted<'a> {
-    /// Only those in one of these boxes.
+    /// Only those in one of these boxes, or that touch `touching`.
     pub within: Option<&'a [EdgeBox]>,
+    /// Only those with an end in this box of samples, or that are `within`.
+    pub touching: Option<EdgeBox>,
     /// None in one of these.
     pub except: &'a [EdgeBox],
     /// Only those whose polygons have a vertex of several leaves.
@@ -31,50 +33,100 @@ pub(in super::super) struct Wanted<'a> {
 impl Wanted<'_> {
     /// The sign-changing edges that are wanted, in order, before their polygons are looked at.
     pub(in super::super) fn edges(&self, signs: &SignChanges, ranks: &EdgeRanks) -> Vec<NumberedEdge> {
-        let mut rows = match self.within {
-            None => vec![u64::MAX; ROWS],
-            Some(boxes) => rows_of(boxes),
+        let mut found = Vec::new();
+        let mut rows = self.rows(Axis::X);
+        for (axis, ranks) in Axis::ALL.into_iter().zip(ranks) {
+            if self.touching.is_some() && axis != Axis::X {
+                rows = self.rows(axis);
+            }
+            dispatch!(level(), _simd => edges_in(signs, axis, ranks, &rows, &mut found));
+        }
+        found
+    }
+
+    /// The lower samples of those along an axis.
+    fn rows(&self, axis: Axis) -> Rows {
+        let mut boxes: Vec<EdgeBox> = match (self.within, self.touching) {
+            (None, None) => vec![[[0; 3], [BRICK_POINTS as i32 - 1; 3]]],
+            (within, _) => within.unwrap_or_default().to_vec(),
         };
-        if !self.except.is_empty() {
-            rows.iter_mut().zip(rows_of(self.except)).for_each(|(row, except)| *row &= !except);
-        }
-        dispatch!(level(), _simd => edges_in(signs, ranks, &rows))
+        boxes.extend(self.touching.map(|[mut low, high]| {
+            // An edge ends a sample above its lower one.
+            low[axis.index()] = (low[axis.index()] - 1).max(0);
+            [low, high]
+        }));
+        let mut rows = Rows::around(&boxes);
+        boxes.iter().for_each(|own| rows.for_each(own, |row, along| *row |= along));
+        self.except.iter().for_each(|own| rows.for_each(own, |row, along| *row &= !along));
+        rows
     }
 }
 
-/// Rows of samples of a leaf.
-const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
+/// Lower samples of edges.
+struct Rows {
+    /// The least j and k of a row, and those after the last.
+    ends: [[usize; 2]; 2],
+    /// By row, j from fast to slow, a bit for each.
+    bits: Vec<u64>,
+}
 
-/// By row, k·33 + j, a bit for each lower sample in one of some boxes.
-fn rows_of(boxes: &[EdgeBox]) -> Vec<u64> {
-    let mut rows = vec![0; ROWS];
-    for [low, high] in boxes.iter().map(|ends| ends.map(|end| end.map(|c| c as usize))) {
+impl Rows {
+    /// None, in the rows that some boxes meet.
+    fn around(boxes: &[EdgeBox]) -> Rows {
+        let mut ends = [[BRICK_POINTS; 2], [0; 2]];
+        for [low, high] in boxes {
+            for n in 0..2 {
+                ends[0][n] = ends[0][n].min(low[n + 1] as usize);
+                ends[1][n] = ends[1][n].max(high[n + 1] as usize + 1);
+            }
+        }
+        let count = |n: usize| ends[1][n].saturating_sub(ends[0][n]);
+        Rows { ends, bits: vec![0; count(0) * count(1)] }
+    }
+
+    /// Calls `each` with the rows that a box meets, and its bits along them.
+    fn for_each(&mut self, own: &EdgeBox, mut each: impl FnMut(&mut u64, u64)) {
+        let [low, high] = own.map(|end| end.map(|c| c as usize));
         let along = u64::MAX << low[0] & u64::MAX >> (63 - high[0]);
-        for k in low[2]..=high[2] {
-            rows[k * BRICK_POINTS..][low[1]..=high[1]].iter_mut().for_each(|row| *row |= along);
+        let [first, end] = self.ends;
+        let range = |n: usize| low[n + 1].max(first[n])..(high[n + 1] + 1).min(end[n]);
+        for k in range(1) {
+            for j in range(0) {
+                each(&mut self.bits[(k - first[1]) * (end[0] - first[0]) + j - first[0]], along);
+            }
         }
     }
-    rows
 }
 
-/// The sign-changing edges with these lower samples. Compiled for this processor: bits are counted for every edge.
+/// Adds the sign-changing edges along an axis with these lower samples. Compiled for this processor: bits are counted for
+/// every edge.
 #[inline(always)]
-fn edges_in(signs: &SignChanges, ranks: &EdgeRanks, rows: &[u64]) -> Vec<NumberedEdge> {
-    let mut found = Vec::new();
-    for (axis, ranks) in Axis::ALL.into_iter().zip(ranks) {
-        for (row, wanted) in rows.iter().enumerate().filter(|(_, wanted)| **wanted != 0) {
-            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+fn edges_in(
+    signs: &SignChanges,
+    axis: Axis,
+    ranks: &Ranks,
+    Rows { ends: [first, end], bits }: &Rows,
+    found: &mut Vec<NumberedEdge>,
+) {
+    let mut wanted = bits.iter();
+    for k in first[1]..end[1] {
+        let layer = &ranks[k * BRICK_POINTS + first[0]..=k * BRICK_POINTS + end[0]];
+        let wanted = wanted.by_ref().take(end[0] - first[0]);
+        for ((j, ranks), wanted) in (first[0]..).zip(layer.windows(2)).zip(wanted) {
+            // Most rows have no edge, or none that is wanted.
+            if ranks[0] == ranks[1] || *wanted == 0 {
+                continue;
+            }
             let all = signs.edges(axis, j, k);
             let mut bits = all & wanted;
             while bits != 0 {
                 let i = bits.trailing_zeros();
                 bits &= bits - 1;
-                let n = ranks[row] + (all & ((1 << i) - 1)).count_ones();
+                let n = ranks[0] + (all & ((1 << i) - 1)).count_ones();
                 found.push((n, axis, [i as u8, j as u8, k as u8]));
             }
         }
     }
-    found
 }
 
 /// A box of the lower samples of the edges of a leaf that are in or next to a box of the world, or `cells` away from
@@ -129,18 +181,26 @@ mod tests {
         fn edges_in_boxes_keep_their_numbers(
             seed in any::<u64>(),
             within in prop::option::of(prop::collection::vec(edge_box(), 0..4)),
+            touching in prop::option::of(edge_box()),
             except in prop::collection::vec(edge_box(), 0..3),
         ) {
             let signs = SignChanges::from_fn(|n| (n as u64 ^ seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 61 == 0);
-            let wanted = Wanted { within: within.as_deref(), except: &except, only_wide: false };
+            let wanted = Wanted { within: within.as_deref(), touching, except: &except, only_wide: false };
             let is_in = |boxes: &[EdgeBox], at: [usize; 3]| {
                 let holds = |[low, high]: &EdgeBox| (0..3).all(|a| (low[a]..=high[a]).contains(&(at[a] as i32)));
                 boxes.iter().any(holds)
             };
+            let is_wanted = |axis: Axis, low: [usize; 3]| {
+                let mut end = low;
+                end[axis.index()] += 1;
+                let touches = touching.map(|own| is_in(&[own], low) || is_in(&[own], end));
+                let is_within = within.as_ref().map(|boxes| is_in(boxes, low));
+                (touches, is_within) == (None, None) || touches == Some(true) || is_within == Some(true)
+            };
             let (mut expected, mut n) = (Vec::new(), 0);
             for axis in Axis::ALL {
                 signs.for_edges(axis, |low| {
-                    if within.as_ref().is_none_or(|boxes| is_in(boxes, low)) && !is_in(&except, low) {
+                    if is_wanted(axis, low) && !is_in(&except, low) {
                         expected.push((n, axis, low.map(|c| c as u8)));
                     }
                     n += 1;

@@ -3,6 +3,7 @@
 use super::meetings::pairs;
 use super::*;
 use crate::contour::adaptive::Wanted;
+use crate::contour::later::each_whole;
 use crate::contour::polygons::{Mark, named_facets};
 
 /// Edge of a cell of a level of the tests' root.
@@ -222,7 +223,8 @@ fn polygons_with_merged_vertices_are_told_apart() {
     field.merge_across(false, &Silent).unwrap();
     let mut count = 0;
     for leaf in 0..field.leaves.len() as u32 {
-        let (facets, _) = named_facets(&field, leaf, &Wanted::default()).unwrap();
+        let (bytes, _) = named_facets(&field, leaf, &Wanted::default()).unwrap();
+        let facets: Vec<Facet> = each_whole(&bytes).collect();
         let mark = |facet: &Facet| Mark::split(facet.ids[0]).1;
         for polygon in facets.chunk_by(|a, b| mark(a) == mark(b)).filter(|all| mark(&all[0]) != 0) {
             assert!(polygon.len() <= 2, "{polygon:?}");
