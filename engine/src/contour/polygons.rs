@@ -106,7 +106,8 @@ pub(super) fn leaf_facets(
 }
 
 /// The triangles of a leaf as they would be with what is merged so far, as far as they are wanted, for
-/// [`super::later::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a [`Mark`].
+/// [`super::later::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a
+/// [`Mark`].
 pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<(Vec<u8>, Names)> {
     let vertices = field.vertices(leaf)?;
     let BrickCells { signs: Some(signs), ranks: Some(ranks), .. } = &*vertices.cells else {

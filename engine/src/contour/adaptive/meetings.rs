@@ -433,8 +433,8 @@ mod tests {
 
     /// Compares what is found about the edges that are asked with what a leaf has; returns how many triangles reach into
     /// the cubes of other leaves, and into small boxes from outside.
-    fn misses_nothing(tree: &MemoryTree, tolerance: f64) -> [usize; 2] {
-        let options = ContourOptions { tolerance, ..ContourOptions::default() };
+    fn misses_nothing(tree: &MemoryTree, tolerance: f64, follow_creases: bool) -> [usize; 2] {
+        let options = ContourOptions { tolerance, follow_creases, ..ContourOptions::default() };
         let mut field = Field::new(tree, Level { threshold: 1, iso: 0.5 }, &options).unwrap();
         field.merge_across(false, &Silent).unwrap();
         let mut search = MeetingSearch::new(&field, field.across().unwrap());
@@ -479,8 +479,10 @@ mod tests {
         let mut all = [0; 2];
         let mut look = |shape: &dyn Shape, divide: &dyn Fn(NodeKey) -> bool, tolerance: f64| {
             let tree = tree(shape, divide);
-            let found = misses_nothing(&tree, tolerance);
-            all.iter_mut().zip(found).for_each(|(all, found)| *all += found);
+            for follow_creases in [false, true] {
+                let found = misses_nothing(&tree, tolerance, follow_creases);
+                all.iter_mut().zip(found).for_each(|(all, found)| *all += found);
+            }
         };
         look(&ball(5.5), &uniform(1), 0.2);
         for seed in 0..3 {
