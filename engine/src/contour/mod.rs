@@ -112,7 +112,8 @@ pub struct ContourOptions {
     /// How cells become triangles.
     pub method: Method,
     /// Whether sharp edges are followed through cells that have no vertex of their own: they are nearer to the mesh by half
-    /// or more, for a tenth more time, of beads for a third to three quarters. Of meshes by dual contouring.
+    /// or more, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice the
+    /// time. Of meshes by dual contouring.
     pub follow_creases: bool,
     /// Folder in which triangles wait for the numbers of their vertices, if the sink writes a file; the file's own by default.
     pub temp_dir: Option<PathBuf>,
