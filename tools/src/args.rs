@@ -305,7 +305,7 @@ pub struct MeshArgs {
     #[arg(long, value_enum, default_value_t, requires = "output")]
     pub method: MethodArg,
     /// Follow sharp edges through cells that have no vertex of their own: they come out twice to three times nearer to the
-    /// part, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice the time
+    /// part, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice as long
     #[arg(long, requires = "output", conflicts_with = "method")]
     pub follow_creases: bool,
     /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around
