@@ -104,8 +104,8 @@ pub(super) fn without(
             let is_asked = match &before {
                 None => asked(edge),
                 Some(before) => {
-                    let own = edge.vertices.iter().filter(|vertex| **vertex < FROZEN).map(|n| *n as usize);
-                    own.into_iter().any(|vertex| before[vertex] != of_vertex[vertex])
+                    let is_changed = |n: u32| n < FROZEN && before[n as usize] != of_vertex[n as usize];
+                    edge.vertices.into_iter().any(is_changed)
                 }
             };
             if !is_asked {

@@ -91,8 +91,7 @@ fn noise_keeps_its_topology() {
     let mut merged = 0;
     for seed in 0..10 {
         let (top, bottom) = ((seed % 2) as u8, 3);
-        let shape =
-            noise(seed, 1, 2 + (seed % 3) as i32, 30 + 18 * seed, if seed % 2 == 0 { 0.0 } else { 4.1 });
+        let shape = noise_of_several_sizes(seed, 30 + 18 * seed);
         let tree = tree(&shape, &random_divide(seed, (top, bottom), 90));
         let before = checked(&tree).1.triangles;
         // Planes of noise say nothing of what it encloses.
@@ -163,8 +162,7 @@ fn rules_of_topology_alone_keep_noise_manifold() {
         }
     }
     for seed in 0..12 {
-        let noise =
-            noise(seed, 1, 2 + (seed % 3) as i32, 20 + 18 * seed, if seed % 2 == 0 { 0.0 } else { 4.1 });
+        let noise = noise_of_several_sizes(seed, 20 + 18 * seed);
         let tree = tree(&Alike(noise), &random_divide(seed, ((seed % 2) as u8, 3), 90));
         let expected = shells(&checked(&tree).0);
         let (mesh, summary) = merged(&tree, 1e6);
