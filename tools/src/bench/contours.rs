@@ -2,7 +2,7 @@
 //!
 //! Peers take signed distances to this program's own uniform mesh, in cells, at the samples of the store's deepest level: their
 //! signs are those of the store, and dual contouring of samples needs distances. Whoever meshes functions is asked for the
-//! sharp part.
+//! sharp part as one.
 
 use crate::bench::child;
 use crate::bench::peers::{LIMIT, PEERS, Question, Who, command, put_question};
@@ -49,6 +49,7 @@ pub fn ask(bench: &mut Bench<'_>, python: &OsStr, questions: &mut Vec<Question>)
     for depth in depths {
         let store = Contoured::prepare(bench, &inputs::PART, depth)?;
         store.ask_us(bench, questions);
+        store.ask_about_samples(bench, python, questions)?;
         let soup = bench.cache.path(&inputs::PART);
         let told = json!({"soup": soup, "cells": store.cells(), "threads": bench.threads});
         questions.push(store.ask("fidget, dual contouring of a function", "fidget-contour", bench, told)?);
