@@ -40,19 +40,19 @@ pub fn inputs(quick: bool) -> [&'static Spec; 2] {
 
 /// Adds all questions.
 pub fn ask(bench: &mut Bench<'_>, python: &OsStr, questions: &mut Vec<Question>) -> Result<(), Failure> {
-    let (pile, depths) = asked(bench.quick);
-    for depth in depths {
-        let store = Contoured::prepare(bench, pile, depth)?;
-        store.ask_us(bench, questions);
-        store.ask_about_samples(bench, python, questions)?;
-    }
-    for depth in depths {
-        let store = Contoured::prepare(bench, &inputs::PART, depth)?;
-        store.ask_us(bench, questions);
-        store.ask_about_samples(bench, python, questions)?;
-        let soup = bench.cache.path(&inputs::PART);
-        let told = json!({"soup": soup, "cells": store.cells(), "threads": bench.threads});
-        questions.push(store.ask("fidget, dual contouring of a function", "fidget-contour", bench, told)?);
+    let depths = asked(bench.quick).1;
+    for input in inputs(bench.quick) {
+        for depth in depths {
+            let store = Contoured::prepare(bench, input, depth)?;
+            store.ask_us(bench, questions);
+            store.ask_about_samples(bench, python, questions)?;
+            if input.name == inputs::PART.name {
+                let soup = bench.cache.path(input);
+                let told = json!({"soup": soup, "cells": store.cells(), "threads": bench.threads});
+                let name = "fidget, dual contouring of a function";
+                questions.push(store.ask(name, "fidget-contour", bench, told)?);
+            }
+        }
     }
     Ok(())
 }
