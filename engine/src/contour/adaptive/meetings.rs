@@ -26,7 +26,7 @@ use super::bounds::{Bounds, Corners, bounds, meets, wide};
 use super::made::{Made, Merge};
 use super::room::Room;
 use super::strays::edges_beside;
-use super::wanted::{EdgeBox, Wanted, common, edges_near, gathered};
+use super::wanted::{EdgeBox, EdgesNear, Wanted, common, gathered};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
 use crate::progress::Progress;
@@ -165,7 +165,8 @@ impl MeetingSearch {
     /// Edges of a leaf whose polygons are others than they were: all if nothing was asked before.
     fn fresh_edges(&self, field: &Field, leaf: u32) -> Option<Vec<EdgeBox>> {
         let boxes = self.fresh.as_ref()?.get(&leaf).into_iter().flatten();
-        Some(boxes.filter_map(|own| edges_near(field, leaf, own, 0)).collect())
+        let edges = EdgesNear::of(field, leaf);
+        Some(boxes.filter_map(|own| edges.within(own, 0)).collect())
     }
 
     /// Finds the triangles at vertices of several leaves that are not known, and asks the leaves they pass through.
@@ -262,7 +263,7 @@ impl MeetingSearch {
         for &other in near {
             let mut boxes = self.fresh_edges(field, other).unwrap_or_default();
             if other != leaf {
-                let beside = edges_near(field, other, &cube, 1);
+                let beside = EdgesNear::of(field, other).within(&cube, 1);
                 boxes = boxes.iter().filter_map(|own| common(own, beside.as_ref()?)).collect();
             }
             if !boxes.is_empty() {
@@ -344,8 +345,9 @@ fn add_fresh(field: &Field, fresh: &mut HashMap<u32, Vec<Bounds>>, own: Bounds) 
 /// Edges of a leaf about which are all its triangles that may meet one of some boxes, but for those at vertices of several
 /// leaves; `large` as [`MeetingSearch::large_nodes`] finds them.
 fn edges_reaching(field: &Field, leaf: u32, reach: &[Bounds], large: &[Bounds]) -> Vec<EdgeBox> {
-    let beside = reach.iter().filter_map(|own| edges_near(field, leaf, own, LOOK));
-    beside.chain(large.iter().filter_map(|own| edges_near(field, leaf, own, 0))).collect()
+    let edges = EdgesNear::of(field, leaf);
+    let beside = reach.iter().filter_map(|own| edges.within(own, LOOK));
+    beside.chain(large.iter().filter_map(|own| edges.within(own, 0))).collect()
 }
 
 /// What of a box is within another.

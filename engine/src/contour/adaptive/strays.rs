@@ -11,7 +11,7 @@ use super::super::field::Field;
 use super::super::leaves::directions;
 use super::across::Across;
 use super::bounds::Bounds;
-use super::wanted::{EdgeBox, common, edges_near};
+use super::wanted::{EdgeBox, EdgesNear, common};
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use std::collections::HashMap;
 
@@ -76,7 +76,7 @@ pub(super) fn edges_beside(
     other: u32,
 ) -> Option<(Vec<EdgeBox>, Option<EdgeBox>)> {
     // About an edge on its border, or next to one where a vertex has strayed.
-    let beside = edges_near(field, other, cube, 1)?;
+    let beside = EdgesNear::of(field, other).within(cube, 1)?;
     let [own, there] = [leaf, other].map(|leaf| field.leaves.get(leaf).key);
     if own.level() != there.level() || field.levels_up(other) > 0 {
         return Some((vec![beside], None));

@@ -1,6 +1,6 @@
 //! Which edges of a leaf polygons are made for while it is found out which triangles meet.
 
-use super::super::field::Field;
+use super::super::field::{Field, Frame};
 use super::super::surface::EdgeRanks;
 use super::bounds::Bounds;
 use crate::brick::{Ranks, SignChanges};
@@ -129,18 +129,30 @@ fn edges_in(
     }
 }
 
-/// A box of the lower samples of the edges of a leaf that are in or next to a box of the world, or `cells` away from
-/// it in cells of the coarsest leaf around. `None` if the leaf has none.
-pub(super) fn edges_near(field: &Field, leaf: u32, bounds: &Bounds, cells: i32) -> Option<EdgeBox> {
-    let key = field.leaves.get(leaf).key;
-    let reach = f64::from(cells) * f64::from(1u32 << field.levels_up(leaf));
-    let frame = field.frame(key);
-    let [low, high] = bounds.map(|corner| frame.local(corner));
-    let last = BRICK_CELLS as f64;
-    // An edge ends a sample above its lower one.
-    let low = low.map(|c| (c.floor() - 1.0 - reach).clamp(0.0, last + 1.0) as i32);
-    let high = high.map(|c| (c.ceil() + reach).clamp(-1.0, last) as i32);
-    (0..3).all(|a| low[a] <= high[a]).then_some([low, high])
+/// Tells what edges of a leaf are near boxes of the world.
+pub(super) struct EdgesNear {
+    frame: Frame,
+    /// How wide the cells of the coarsest leaf around are, in cells of the leaf.
+    coarsest: f64,
+}
+
+impl EdgesNear {
+    pub(super) fn of(field: &Field, leaf: u32) -> EdgesNear {
+        let frame = field.frame(field.leaves.get(leaf).key);
+        EdgesNear { frame, coarsest: f64::from(1u32 << field.levels_up(leaf)) }
+    }
+
+    /// A box of the lower samples of the edges that are in or next to a box of the world, or `cells` away from it in cells of
+    /// the coarsest leaf around. `None` if the leaf has none.
+    pub(super) fn within(&self, bounds: &Bounds, cells: i32) -> Option<EdgeBox> {
+        let reach = f64::from(cells) * self.coarsest;
+        let [low, high] = bounds.map(|corner| self.frame.local(corner));
+        let last = BRICK_CELLS as f64;
+        // An edge ends a sample above its lower one.
+        let low = low.map(|c| (c.floor() - 1.0 - reach).clamp(0.0, last + 1.0) as i32);
+        let high = high.map(|c| (c.ceil() + reach).clamp(-1.0, last) as i32);
+        (0..3).all(|a| low[a] <= high[a]).then_some([low, high])
+    }
 }
 
 /// What two boxes have in common.
