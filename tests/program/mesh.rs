@@ -237,6 +237,45 @@ fn formats_that_have_normals_get_the_same() {
     assert!(run(&words).misused().contains("--method") && !out.exists());
 }
 
+/// The faster way to a mesh of beads with a tolerance leaves pairs of triangles that meet, and nothing else is wrong with it.
+#[test]
+fn intersections_stay_only_if_that_is_asked_for() {
+    let dir = Scratch::new();
+    let store = dir.store("clover_beads", 2);
+    let checked = |answer: &str, status: i32| {
+        let out = dir.path(&format!("{answer}.stl"));
+        let words: [&dyn AsRef<OsStr>; 10] = [
+            &"mesh",
+            &store,
+            &"-o",
+            &out,
+            &"--tolerance",
+            &"0.05",
+            &"--intersection-free",
+            &answer,
+            &"--check",
+            &"--json",
+        ];
+        let told = run(&words);
+        assert_eq!(told.status, Some(status), "{}", told.stderr);
+        assert!(
+            check_file(&out).unwrap().is_edge_manifold() && check_file(&out).unwrap().is_vertex_manifold()
+        );
+        let json: serde_json::Value = serde_json::from_str(&told.stdout).unwrap();
+        (json["check"]["intersections"]["pairs"].as_u64().unwrap(), json["triangles"].as_u64().unwrap())
+    };
+    let (none, triangles) = checked("yes", 0);
+    let (left, fewer) = checked("no", 1);
+    assert!(none == 0 && left > 2 && fewer < triangles, "{none} {left} {fewer} {triangles}");
+    let plain = dir.path("plain.stl");
+    run(&[&"mesh", &store, &"-o", &plain, &"--intersection-free", &"no", &"--check"]).ok();
+    assert!(
+        run(&[&"mesh", &store, &"-o", &plain, &"--intersection-free", &"maybe"])
+            .misused()
+            .contains("yes, no")
+    );
+}
+
 /// Of bricks of several sizes, merged vertices, marching cubes, coarser levels and other surfaces.
 #[test]
 fn normals_depend_on_neither_threads_nor_memory() {

@@ -6,7 +6,8 @@ use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 /// Winding numbers of huge triangle soups: build a brick store once, answer from it
@@ -301,6 +302,13 @@ pub struct MeshArgs {
     /// How far the surface may move for the sake of fewer triangles, as in 0.05mm; 0 keeps them all
     #[arg(long, value_name = "LEN", default_value = "0", requires = "output")]
     pub tolerance: Tolerance,
+    /// Whether triangles of a mesh with a tolerance that meet elsewhere than where they are joined are looked for and done
+    /// away with, in one and a half to two and a half times the time; without that one in some thousands meets another.
+    /// Without a tolerance none meet in any case
+    #[arg(long, action = ArgAction::Set, value_name = "yes|no", default_value = "yes", requires = "output")]
+    #[arg(value_parser = PossibleValuesParser::new(["yes", "no"]).map(|answer| answer == "yes"))]
+    #[arg(hide_possible_values = true)]
+    pub intersection_free: bool,
     /// How cells become triangles
     #[arg(long, value_enum, default_value_t, requires = "output")]
     pub method: MethodArg,

@@ -49,6 +49,8 @@ pub(super) struct Field<'a> {
 struct Merging {
     /// As in [`super::ContourOptions::tolerance`].
     tolerance: f64,
+    /// As in [`super::ContourOptions::intersection_free`].
+    intersection_free: bool,
     drafts: Cache<Draft>,
     across: Across,
     merged: Cache<Merged>,
@@ -66,6 +68,7 @@ impl<'a> Field<'a> {
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
         let merging = (options.tolerance > 0.0).then(|| Merging {
             tolerance: options.tolerance,
+            intersection_free: options.intersection_free,
             drafts: Cache::new(cache_bytes / 4),
             across: Across::default(),
             merged: Cache::new((cache_bytes / 4).max(LEAST_FOR_MERGED)),
@@ -104,9 +107,11 @@ impl<'a> Field<'a> {
     /// With a tolerance, finds out what is merged across the borders of leaves, before anyone asks for vertices.
     /// Their normals are kept where they are wanted.
     pub(super) fn merge_across(&mut self, normals: bool, progress: &dyn Progress) -> Result<()> {
-        let Some(tolerance) = self.merging.as_ref().map(|merging| merging.tolerance) else { return Ok(()) };
+        let Some(&Merging { tolerance, intersection_free, .. }) = self.merging.as_ref() else {
+            return Ok(());
+        };
         let across = Across::find(self, tolerance, normals, progress)?;
-        let mut search = MeetingSearch::new(self, &across);
+        let mut search = MeetingSearch::new(self, &across, intersection_free);
         self.take(across);
         loop {
             let taken = search.next(self, progress)?;

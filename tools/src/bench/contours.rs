@@ -22,8 +22,9 @@ use std::path::Path;
 
 /// What tells these figures from others of peers.
 const CELLS: &str = "cells";
-/// Tolerances of meshes with fewer triangles, in cells, and OpenVDB's adaptivity, which bounds angles: 0 is uniform.
-const TOLERANCES: [f64; 3] = [0.0, 0.1, 0.3];
+/// Tolerances, in cells, of meshes that are free of intersections or, as the peers' are, not: 0 is uniform.
+const TOLERANCES: [(f64, bool); 5] = [(0.0, true), (0.1, true), (0.1, false), (0.3, true), (0.3, false)];
+/// Of OpenVDB, which bounds angles: 0 is uniform.
 const ADAPTIVITIES: [f64; 3] = [0.0, 0.1, 0.5];
 /// Bytes for decoded bricks.
 const BRICK_BYTES: u64 = 8 << 20;
@@ -93,18 +94,26 @@ impl Contoured {
 
     /// From the store to arrays, and to a durable file.
     fn ask_us(&self, bench: &Bench<'_>, questions: &mut Vec<Question>) {
-        for tolerance in TOLERANCES {
-            let how =
-                if tolerance > 0.0 { format!(", --tolerance {tolerance} cells") } else { String::new() };
+        for (tolerance, intersection_free) in TOLERANCES {
+            let mut how = String::new();
+            if tolerance > 0.0 {
+                how += &format!(", --tolerance {tolerance} cells");
+            }
+            if !intersection_free {
+                how += ", --intersection-free no";
+            }
             let length = tolerance * self.cell;
             let mesh = |ending: &str| {
                 let mut line = line!["mesh", self.file("brf"), "-o", out(&format!("mesh.{ending}"))];
                 line.extend(line!["--tolerance", length.to_string(), "--quiet", "--json"]);
+                line.extend(
+                    (!intersection_free).then_some(line!["--intersection-free", "no"]).into_iter().flatten(),
+                );
                 line.extend(bench.threads());
                 Who::Us(vec![line], None)
             };
             let store = bench.folder.join(self.file("brf"));
-            let arrays = Who::Here(Box::new(move || into_arrays(&store, length)));
+            let arrays = Who::Here(Box::new(move || into_arrays(&store, length, intersection_free)));
             let name = format!("this program, store to arrays{how}");
             questions.push(self.question(&name, arrays).checked_by(mesh("ply")));
             questions.push(self.question(&format!("this program, store to STL{how}"), mesh("stl")));
@@ -171,9 +180,9 @@ impl Contoured {
 }
 
 /// Contours a store into memory; tells the triangles.
-fn into_arrays(store: &Path, tolerance: f64) -> Result<Value, Failure> {
+fn into_arrays(store: &Path, tolerance: f64, intersection_free: bool) -> Result<Value, Failure> {
     let store = Store::open(store, BRICK_BYTES)?;
-    let options = ContourOptions { tolerance, ..ContourOptions::default() };
+    let options = ContourOptions { tolerance, intersection_free, ..ContourOptions::default() };
     let summary = contour(&store, &options, &mut MeshArrays::default(), &Silent)?;
     Ok(json!({"triangles": summary.triangles}))
 }

@@ -46,6 +46,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
         tolerance: tolerance_in(args.tolerance, &store)?,
+        intersection_free: args.intersection_free,
         method: args.method.into(),
         follow_creases: args.follow_creases,
         temp_dir: args.temp_dir,

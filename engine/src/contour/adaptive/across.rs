@@ -183,6 +183,13 @@ impl Across {
         self.hosted.get(&leaf).map_or(&[], |all| all)
     }
 
+    /// The leaves that hold any of those or have them on their border, sorted.
+    pub(super) fn hosting(&self) -> Vec<u32> {
+        let mut found: Vec<u32> = self.hosted.keys().copied().collect();
+        found.sort_unstable();
+        found
+    }
+
     /// Vertices outside the cubes of their leaves.
     pub(super) fn strays(&self) -> &Strays {
         &self.strays

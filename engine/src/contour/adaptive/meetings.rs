@@ -48,6 +48,9 @@ struct WideTriangle {
 
 /// Looks for triangles that meet until there are none.
 pub(in super::super) struct MeetingSearch {
+    /// As in [`super::super::ContourOptions::intersection_free`]. Without it vertices of several leaves are looked for that
+    /// are where another one is, for they would be one in a file that numbers none.
+    intersection_free: bool,
     /// Leaves to be looked at.
     asked: Vec<u32>,
     /// Leaves whose triangles at vertices of several leaves are not known.
@@ -76,11 +79,16 @@ struct Seen {
 }
 
 impl MeetingSearch {
-    /// All leaves are to be looked at.
-    pub(in super::super) fn new(field: &Field, across: &Across) -> MeetingSearch {
+    /// All leaves are to be looked at, or those that hold vertices of several.
+    pub(in super::super) fn new(field: &Field, across: &Across, intersection_free: bool) -> MeetingSearch {
+        let (asked, unknown) = match intersection_free {
+            true => ((0..field.leaves.len() as u32).collect(), with_those_around(field, &across.sharing())),
+            false => (across.hosting(), Vec::new()),
+        };
         MeetingSearch {
-            asked: (0..field.leaves.len() as u32).collect(),
-            unknown: with_those_around(field, &across.sharing()),
+            intersection_free,
+            asked,
+            unknown,
             wide: BTreeMap::new(),
             passing: HashMap::new(),
             fresh: None,
@@ -153,11 +161,13 @@ impl MeetingSearch {
         self.asked = fresh.keys().copied().collect();
         self.asked.sort_unstable();
         self.asked.iter().filter(|leaf| forgotten.insert(**leaf)).for_each(|leaf| field.forget(*leaf));
-        let sharing = field.across().map_or(Vec::new(), Across::sharing);
-        let sharing = with_those_around(field, &sharing);
-        self.unknown =
-            self.asked.iter().copied().filter(|leaf| sharing.binary_search(leaf).is_ok()).collect();
-        self.asked.iter().for_each(|leaf| drop(self.wide.remove(leaf)));
+        if self.intersection_free {
+            let sharing = field.across().map_or(Vec::new(), Across::sharing);
+            let sharing = with_those_around(field, &sharing);
+            self.unknown =
+                self.asked.iter().copied().filter(|leaf| sharing.binary_search(leaf).is_ok()).collect();
+            self.asked.iter().for_each(|leaf| drop(self.wide.remove(leaf)));
+        }
         self.fresh = Some(fresh);
         Ok(())
     }
@@ -226,6 +236,9 @@ impl MeetingSearch {
             seen.has_moved = merged.has_moved;
             seen.taken.extend(merged.crowding.iter().map(|wide| Taken::Wide(*wide)));
             seen.largest = merged.candidates.iter().map(|(_, node)| node.level).max().unwrap_or(0);
+        }
+        if !self.intersection_free {
+            return Ok(seen);
         }
         let near = with_those_around(field, &[leaf]);
         let cube = cube(field, leaf);
@@ -439,7 +452,7 @@ mod tests {
         let options = ContourOptions { tolerance, follow_creases, ..ContourOptions::default() };
         let mut field = Field::new(tree, Level { threshold: 1, iso: 0.5 }, &options).unwrap();
         field.merge_across(false, &Silent).unwrap();
-        let mut search = MeetingSearch::new(&field, field.across().unwrap());
+        let mut search = MeetingSearch::new(&field, field.across().unwrap(), true);
         assert_eq!(search.next(&field, &Silent).unwrap(), []);
         let (mut beside, mut small) = (0, 0);
         for leaf in 0..field.leaves.len() as u32 {

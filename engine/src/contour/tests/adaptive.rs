@@ -1,6 +1,6 @@
 //! Meshes with merged vertices against those without.
 
-use super::meetings::pairs;
+use super::meetings::{pairs, report};
 use super::*;
 use crate::contour::adaptive::Wanted;
 use crate::contour::later::each_whole;
@@ -210,6 +210,30 @@ fn threads_and_cache_do_not_change_what_is_merged() {
             gives_the_same(tree, &options, threads, (&expected, &summary));
         }
     }
+}
+
+/// The mesh is as manifold as ever, by place too, and has the triangles that would have been given up.
+#[test]
+fn what_meets_stays_where_it_is_not_looked_for() {
+    let mut left = 0;
+    let noisy =
+        (0..6).map(|seed| (tree(&noise(seed, 1, 5, 20 + 36 * seed, 3.9), &uniform(1)), 0.3 * cell(1)));
+    let flat = (tree(&rotated_box([4.03, 3.11, 2.07]), &uniform(2)), 0.02 * cell(2));
+    for (tree, tolerance) in noisy.chain([flat]) {
+        let options = ContourOptions { tolerance, ..Default::default() };
+        let (_, free) = mesh(&tree, &options);
+        let options = ContourOptions { intersection_free: false, ..options };
+        let (with_pairs, summary) = mesh(&tree, &options);
+        with_pairs.check();
+        check(&with_pairs.welded()).unwrap();
+        assert!(summary.vertices <= free.vertices, "{} {}", summary.vertices, free.vertices);
+        left += report(&with_pairs).intersections.pairs;
+        for (threads, cache_bytes) in [(1, 0), (2, 1 << 16)] {
+            let options = ContourOptions { cache_bytes, ..options.clone() };
+            gives_the_same(&tree, &options, threads, (&with_pairs, &summary));
+        }
+    }
+    assert!(left > 20, "{left}");
 }
 
 /// What is given up for a triangle without a merged vertex is at its own polygon.
