@@ -303,8 +303,8 @@ pub struct MeshArgs {
     #[arg(long, value_name = "LEN", default_value = "0", requires = "output")]
     pub tolerance: Tolerance,
     /// Whether triangles of a mesh with a tolerance that meet elsewhere than where they are joined are looked for and done
-    /// away with, in one and a half to two and a half times the time; without that one in some thousands meets another.
-    /// Without a tolerance none meet in any case
+    /// away with, in one and a half to two and a half times the time; without that one in some hundreds or thousands meets
+    /// another. Without a tolerance none meet in any case
     #[arg(long, action = ArgAction::Set, value_name = "yes|no", default_value = "yes", requires = "output")]
     #[arg(value_parser = PossibleValuesParser::new(["yes", "no"]).map(|answer| answer == "yes"))]
     #[arg(hide_possible_values = true)]
