@@ -450,14 +450,24 @@ fn a_corner_next_to_a_border_is_the_same_whatever_is_cached() {
     assert!(meshes.iter().all(|mesh| *mesh == meshes[0]));
 }
 
+/// Of an open soup: the mesh and that with a tolerance of a tenth of a cell, both closed, oriented, manifold, and meeting
+/// themselves nowhere, and what the judge tells of the first.
 fn meshed_open(soup: &Soup, depth: u8) -> Report {
-    let tree =
-        build_open_in_memory(&[soup], root_of(soup), at_depth(depth), 1e-3).unwrap_or_else(|e| panic!("{e}"));
-    let mut kept = Kept::default();
-    contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
-    let report = check(&kept.vertices, &kept.triangles);
-    assert!(report.is_closed_manifold() && report.is_oriented() && !kept.triangles.is_empty(), "{report}");
-    report
+    let root = root_of(soup);
+    let tree = build_open_in_memory(&[soup], root, at_depth(depth), 1e-3).unwrap_or_else(|e| panic!("{e}"));
+    let [plain, _] = [0.0, 0.1].map(|cells| {
+        let options = ContourOptions { tolerance: cells * root.spacing(depth), ..Default::default() };
+        let mut kept = Kept::default();
+        contour(&tree, &options, &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
+        let report = check(&kept.vertices, &kept.triangles);
+        assert!(
+            report.is_closed_manifold() && report.is_oriented() && !kept.triangles.is_empty(),
+            "{report}"
+        );
+        assert_eq!(meetings(&kept), [0; 2], "at {cells} cells");
+        report
+    });
+    plain
 }
 
 #[test]

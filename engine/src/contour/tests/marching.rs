@@ -30,7 +30,7 @@ fn marched_spheres_are_manifold_and_their_volumes_converge() {
     assert!(error < 5e-4);
 }
 
-/// Every pair of corner masks, and normals that decide ambiguous faces at random.
+/// Random signs, so that all corner masks come next to each other, and normals that decide ambiguous faces at random.
 #[test]
 fn marched_noise_is_manifold_for_all_threads_and_sinks() {
     let mut middles = 0;

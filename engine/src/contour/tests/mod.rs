@@ -6,6 +6,7 @@ mod check;
 mod faces;
 pub(super) mod fields;
 mod marching;
+mod masks;
 mod meetings;
 mod normals;
 pub(super) mod one_by_one;
@@ -176,118 +177,6 @@ fn noise_that_only_fine_leaves_see_is_manifold() {
         splits += summary.split_faces;
     }
     assert!(splits > 1000 && mixed > 1000, "{splits} {mixed}");
-}
-
-/// Signs given sample by sample near the centre of a tree.
-struct Listed {
-    corner: Units,
-    spacing: i32,
-    size: [i32; 3],
-    bits: u64,
-    /// Normals are turned at random by it.
-    seed: Option<u64>,
-}
-
-impl Shape for Listed {
-    fn winding(&self, at: Units) -> i16 {
-        let n: Units = std::array::from_fn(|a| at[a] - self.corner[a]);
-        if (0..3).any(|a| n[a] < 0 || n[a] % self.spacing != 0 || n[a] / self.spacing >= self.size[a]) {
-            return 0;
-        }
-        let [x, y, z] = n.map(|c| c / self.spacing);
-        (self.bits >> (x + self.size[0] * (y + self.size[1] * z)) & 1) as i16
-    }
-
-    fn crossing(&self, low: Units, high: Units) -> ([f64; 3], f64) {
-        let sign = if self.winding(low) == 1 { 1.0 } else { -1.0 };
-        let along = |a: usize| f64::from(high[a] - low[a]) / f64::from(self.spacing);
-        let turned = |a: usize| match self.seed {
-            Some(seed) => {
-                let seed = low.iter().chain(&high).fold(seed ^ self.bits << 8, |h, &c| hash(h ^ c as u64));
-                (hash(seed ^ a as u64) & 0xffff) as f64 / 32768.0 - 1.0
-            }
-            None => 0.0,
-        };
-        (std::array::from_fn(|a| sign * along(a) + turned(a)), 0.5)
-    }
-}
-
-/// Many sets of signs at once, far enough from each other, in one brick.
-struct Grid {
-    size: [i32; 3],
-    first: u64,
-    count: u64,
-    seed: Option<u64>,
-}
-
-impl Grid {
-    const PER_AXIS: i32 = 6;
-    fn listed(&self, at: Units) -> Option<Listed> {
-        // Five samples of each set and its moat.
-        let pitch = 5 << 19;
-        let tile = at.map(|c| (c - (1 << 19)).div_euclid(pitch));
-        if tile.iter().any(|&t| !(0..Grid::PER_AXIS).contains(&t)) {
-            return None;
-        }
-        let n = (tile[0] + Grid::PER_AXIS * (tile[1] + Grid::PER_AXIS * tile[2])) as u64;
-        (n < self.count).then(|| Listed {
-            corner: tile.map(|t| t * pitch + (2 << 19)),
-            spacing: 1 << 19,
-            size: self.size,
-            bits: self.first + n,
-            seed: self.seed,
-        })
-    }
-}
-
-impl Shape for Grid {
-    fn winding(&self, at: Units) -> i16 {
-        self.listed(at).map_or(0, |listed| listed.winding(at))
-    }
-
-    fn crossing(&self, low: Units, high: Units) -> ([f64; 3], f64) {
-        let inside = [low, high].into_iter().find(|&at| self.winding(at) == 1);
-        inside.and_then(|at| self.listed(at)).map_or(([1.0; 3], 0.5), |listed| listed.crossing(low, high))
-    }
-}
-
-/// With normals along the edges no ambiguous face is joined, with normals turned at random half of them are.
-fn check_all_masks(size: [i32; 3], masks: u64) {
-    let per_brick = Grid::PER_AXIS.pow(3) as u64;
-    for (first, seed) in (0..masks).step_by(per_brick as usize).flat_map(|n| [(n, None), (n, Some(n))]) {
-        let grid = Grid { size, first, count: per_brick.min(masks - first), seed };
-        meetings::apart(&tree(&grid, &uniform(0)), &ContourOptions::default());
-    }
-}
-
-#[test]
-fn every_corner_mask_alone_is_manifold() {
-    check_all_masks([2, 2, 2], 256);
-}
-
-#[test]
-fn every_pair_of_cells_is_manifold() {
-    check_all_masks([3, 2, 2], 4096);
-    check_all_masks([2, 3, 2], 4096);
-    check_all_masks([2, 2, 3], 4096);
-}
-
-#[test]
-fn every_pair_of_cells_across_bricks_is_manifold() {
-    // One set per tree, across the middle plane of the level 1 tree, the lower half finer or not.
-    for (n, mask) in (0..4096u64).step_by(37).enumerate() {
-        let axis = n % 3;
-        let mut size = [2; 3];
-        size[axis] = 3;
-        let mut corner = [5 << 18; 3];
-        corner[axis] = (1 << 23) - (1 << 18);
-        let seed = (n % 4 > 1).then_some(mask);
-        let listed = Listed { corner, spacing: 1 << 18, size, bits: mask, seed };
-        let finer = move |key: NodeKey| {
-            key.level() < 1 || (n % 2 == 1 && key.level() < 2 && key.position() == [0; 3])
-        };
-        checked(&tree(&listed, &finer));
-    }
 }
 
 #[test]
