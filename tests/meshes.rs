@@ -17,6 +17,8 @@ use std::path::Path;
 
 #[path = "meshes/normals.rs"]
 mod normals;
+#[path = "meshes/sweep.rs"]
+mod sweep;
 #[path = "meshes/tolerance.rs"]
 mod tolerance;
 #[path = "meshes/truth.rs"]
