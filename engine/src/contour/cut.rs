@@ -106,11 +106,19 @@ impl Cuts {
     }
 }
 
+/// What is wanted of facets.
+#[derive(Clone, Copy)]
+pub(super) struct FacetBytes {
+    /// Appends it.
+    pub append: fn(&Cuts, &mut Vec<u8>),
+    /// Whether it has their normals, which are zero otherwise.
+    pub normals: bool,
+}
+
 /// Takes the polygons of a leaf and makes its facets, in the same order but for fans, which come late.
 pub(super) struct Cutter {
     centre: [f64; 3],
-    /// Appends what is wanted of facets.
-    encode: fn(&Cuts, &mut Vec<u8>),
+    wanted: FacetBytes,
     cuts: Cuts,
     /// Number of the first vertex on an edge.
     first: u32,
@@ -127,12 +135,7 @@ pub(super) struct Cutter {
 
 impl Cutter {
     /// Vertices on edges are numbered from `first` on; what is wanted of facets is appended to `bytes`.
-    pub(super) fn new(
-        centre: [f64; 3],
-        first: u32,
-        encode: fn(&Cuts, &mut Vec<u8>),
-        bytes: Vec<u8>,
-    ) -> Cutter {
+    pub(super) fn new(centre: [f64; 3], first: u32, wanted: FacetBytes, bytes: Vec<u8>) -> Cutter {
         let cuts = Cuts {
             count: 0,
             ids: [[0; 4]; GROUP],
@@ -147,7 +150,7 @@ impl Cutter {
         };
         Cutter {
             centre,
-            encode,
+            wanted,
             cuts,
             first,
             edge_vertices: Vec::new(),
@@ -235,7 +238,8 @@ impl Cutter {
         if self.cuts.count < GROUP {
             self.cuts.corners[self.cuts.count..].fill([[0.0; 4]; 4]);
         }
-        let (measured, lost) = dispatch!(level(), simd => cut(simd, self.centre, &mut self.cuts));
+        let (measured, lost) =
+            dispatch!(level(), simd => cut(simd, self.centre, self.wanted.normals, &mut self.cuts));
         self.measured.area += measured.area;
         self.measured.volume += measured.volume;
         let fans = self.fans(lost);
@@ -270,7 +274,7 @@ impl Cutter {
     fn hand_over(&mut self) {
         let facets = |cuts: &Cuts, lane: usize| ORDERS[cuts.shapes[lane] as usize][0].len();
         self.count += (0..self.cuts.count).map(|lane| facets(&self.cuts, lane)).sum::<usize>();
-        (self.encode)(&self.cuts, &mut self.bytes);
+        (self.wanted.append)(&self.cuts, &mut self.bytes);
     }
 }
 
@@ -318,8 +322,8 @@ fn allowed<S: Simd>(simd: S, cuts: &Cuts, p: &[Vec3<S>; 4]) -> ([u64; 2], [u64; 
 
 /// Cuts polygons; returns also the bits of those that are not cut.
 #[inline(always)]
-fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> (Measured, u64) {
-    let zero = f64x8::splat(simd, 0.0);
+fn cut<S: Simd>(simd: S, centre: [f64; 3], normals: bool, cuts: &mut Cuts) -> (Measured, u64) {
+    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     let p = corners(simd, cuts);
     let ([first, second], better) = allowed(simd, cuts, &p);
     let lost = cuts.is_kept & !(first | second);
@@ -356,12 +360,14 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], cuts: &mut Cuts) -> (Measured, u64) {
         let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
         doubled += length * is_cut;
         sixfold += (n[0] * from[0] + n[1] * from[1] + n[2] * from[2]) * is_cut;
-        let has_area = length.simd_gt(zero);
-        let mut unit = [f32x8::splat(simd, 0.0); 4];
-        for a in 0..3 {
-            unit[a] = narrowed(simd, has_area.select(n[a] / length, zero));
+        if normals {
+            let (has_area, scale) = (length.simd_gt(zero), one / length);
+            let mut unit = [f32x8::splat(simd, 0.0); 4];
+            for a in 0..3 {
+                unit[a] = narrowed(simd, has_area.select(n[a] * scale, zero));
+            }
+            cuts.normals[facet] = in_fours(unit);
         }
-        cuts.normals[facet] = in_fours(unit);
     }
     let (mut area, mut volume) = (0.0, 0.0);
     for lane in 0..GROUP {
@@ -377,9 +383,9 @@ fn squared<S: Simd>(p: [f64x8<S>; 3], q: [f64x8<S>; 3]) -> f64x8<S> {
     d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
 }
 
-/// What `encode` makes of facets.
-pub(super) fn encoded(facets: &[Facet], encode: fn(&Cuts, &mut Vec<u8>)) -> Vec<u8> {
-    let mut cutter = Cutter::new([0.0; 3], 0, encode, Vec::new());
+/// What `append` makes of facets.
+pub(super) fn encoded(facets: &[Facet], append: fn(&Cuts, &mut Vec<u8>)) -> Vec<u8> {
+    let mut cutter = Cutter::new([0.0; 3], 0, FacetBytes { append, normals: true }, Vec::new());
     for facet in facets {
         cutter.push_triangle([0, 1, 2].map(|n| (facet.ids[n], facet.corners[n])), true);
     }
@@ -388,7 +394,7 @@ pub(super) fn encoded(facets: &[Facet], encode: fn(&Cuts, &mut Vec<u8>)) -> Vec<
 
 #[cfg(test)]
 mod tests {
-    use super::super::later::{first_encoding, whole};
+    use super::super::later::{first_bytes, whole};
     use super::*;
     use proptest::prelude::*;
 
@@ -402,7 +408,8 @@ mod tests {
             |n: u32| (n, [[5.0, 0.0, 0.0], [7.0, 0.0, 0.0], [5.0, 2.0, 0.0], [5.0, 0.0, 2.0]][n as usize]);
         let facets = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 1, 1]];
         let made = |times: usize| {
-            let mut cutter = Cutter::new([1.0, 2.0, 3.0], 0, as_numbers, Vec::new());
+            let wanted = FacetBytes { append: as_numbers, normals: true };
+            let mut cutter = Cutter::new([1.0, 2.0, 3.0], 0, wanted, Vec::new());
             for facet in facets.iter().cycle().take(5 * times) {
                 cutter.push_triangle(facet.map(at), true);
             }
@@ -433,7 +440,7 @@ mod tests {
             // Both are as far from the crossing, but for less than the margin.
             (0.255, BOTH, [[1, 2, 3], [1, 3, 0]]),
         ] {
-            let mut cutter = Cutter::new([0.0; 3], 0, first_encoding(None), Vec::new());
+            let mut cutter = Cutter::new([0.0; 3], 0, first_bytes(None), Vec::new());
             cutter.push_around(&edge, at(height), Shape::Quad, allowed);
             let facets = whole(&cutter.finish().bytes);
             assert_eq!(facets.iter().map(|facet| facet.ids).collect::<Vec<_>>(), expected, "{height}");
@@ -446,7 +453,7 @@ mod tests {
             polygons in prop::collection::vec((prop::array::uniform4(prop::array::uniform3(-4i8..4)), 0usize..3), 1..40),
         ) {
             let shapes = [Shape::Quad, Shape::Turned, Shape::TurnedBack];
-            let mut cutter = Cutter::new([0.0; 3], 0, first_encoding(None), Vec::new());
+            let mut cutter = Cutter::new([0.0; 3], 0, first_bytes(None), Vec::new());
             for (corners, shape) in &polygons {
                 let corner = |n: usize| (n as u32, corners[n].map(f32::from));
                 cutter.push([0, 1, 2, 3].map(corner), shapes[*shape], BOTH);

@@ -129,7 +129,7 @@ fn march(
     let key = field.leaves.get(leaf).key;
     let Crossings { corners, positions, names } = Crossings::of(field, (leaf, around), changes)?;
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.encode, making.spare.take());
+    let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.wanted, making.spare.take());
     let mut normals = making.normals.then(|| own_normals(changes));
     let mut rows = vec![CellRow::default(); CELL_ROWS];
     mark_active(&changes.signs, &mut rows);

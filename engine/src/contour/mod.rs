@@ -88,10 +88,11 @@ use crate::part::temporary::require_folder;
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use field::Field;
-use later::{Later, Numbered, Waiting};
+use later::{Later, Numbered, Numbering, Waiting};
 use normals::LeafNormals;
 use order::in_order;
 use polygons::{LeafFacets, Making};
+use spare::Spare;
 use std::path::PathBuf;
 use surface::Level;
 use vertices::LeafVertices;
@@ -201,8 +202,9 @@ pub fn contour(
     if sink.shares_vertices() {
         let folder = sink.folder().map(|own| options.temp_dir.as_deref().unwrap_or(own));
         let later = Later::new(folder, sink.encoding());
-        let made = vertices(&field, options.method, &later, sink, progress, &mut summary)?;
-        triangles(&later, &made, sink, progress)?;
+        let spare = Spare::default();
+        let made = vertices(&field, options.method, (&later, &spare), sink, progress, &mut summary)?;
+        triangles(&later, &made, &spare, sink, progress)?;
     } else {
         lone_triangles(&field, options.method, sink, progress, &mut summary)?;
     }
@@ -263,19 +265,17 @@ fn level(iso: f64) -> Result<Level> {
     Ok(Level { threshold: iso.ceil() as i32, iso })
 }
 
-/// Hands all vertices to the sink, and puts the triangles away. Returns the number of each leaf's first vertex, with the
-/// number of all at the end, and where the triangles of each leaf are.
+/// Hands all vertices to the sink, and the triangles that it takes between them, and puts the others away.
 fn vertices(
     field: &Field,
     method: Method,
-    later: &Later,
+    (later, spare): (&Later, &Spare<u8>),
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
     summary: &mut MeshSummary,
-) -> Result<(Vec<u32>, Vec<Waiting>)> {
-    let mut first_vertex = Vec::with_capacity(field.leaves.len() + 1);
-    let mut waiting = Vec::with_capacity(field.leaves.len());
-    first_vertex.push(0u32);
+) -> Result<Numbering> {
+    let mut numbering = Numbering::new(field.leaves.len());
+    let takes_triangles = sink.takes_triangles_between();
     progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
     let making = Making::new(encoding, sink.wants_normals());
@@ -286,7 +286,7 @@ fn vertices(
             on_edges: std::mem::take(&mut facets.edge_vertices),
             normals: std::mem::take(&mut facets.normals),
         };
-        let mut bytes = Vec::new();
+        let mut bytes = spare.take();
         if let Some(encoding) = encoding {
             for (positions, normals) in vertices.slices() {
                 encoding.vertices.append(positions, normals, &mut bytes);
@@ -302,7 +302,10 @@ fn vertices(
         make,
         |(vertices, part, bytes, kept): (Vertices, MeshSummary, Vec<u8>, Waiting)| {
             match encoding {
-                Some(_) => sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?,
+                Some(_) => {
+                    sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?;
+                    spare.keep(bytes);
+                }
                 None if making.normals => vertices
                     .slices()
                     .into_iter()
@@ -312,35 +315,58 @@ fn vertices(
                 }
             }
             summary.add(&part);
-            waiting.push(kept);
-            first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
+            numbering.waiting.push(kept);
+            numbering.first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
                 Error::setting(
                     "the mesh has more than 2^32 - 1 vertices",
                     "write .stl, which does not number them, or choose a coarser level with --level",
                 )
             })?);
+            while takes_triangles && let Some(next) = numbering.next() {
+                let numbered = later.numbered(next, &numbering.first_vertex, spare.take())?;
+                hand_over(sink, next.count as usize, numbered, spare)?;
+                making.spare.keep(numbering.waiting[numbering.given].room());
+                numbering.given += 1;
+            }
+            if numbering.given < numbering.waiting.len() {
+                numbering.waiting.last_mut().into_iter().for_each(Waiting::shrink);
+            }
             Ok(())
         },
     )?;
-    Ok((first_vertex, waiting))
+    Ok(numbering)
 }
 
-/// Hands all triangles to the sink.
+/// Hands the triangles to the sink that it does not have yet.
 fn triangles(
     later: &Later,
-    (first_vertex, waiting): &(Vec<u32>, Vec<Waiting>),
+    made: &Numbering,
+    spare: &Spare<u8>,
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
 ) -> Result<()> {
+    let waiting = &made.waiting[made.given..];
+    if waiting.is_empty() {
+        return Ok(());
+    }
     progress.phase("triangles", Some(waiting.len() as u64), "bricks");
     let make = |leaf: u32| {
         let waiting = &waiting[leaf as usize];
-        Ok((waiting.count as usize, later.numbered(waiting, first_vertex)?))
+        Ok((waiting.count as usize, later.numbered(waiting, &made.first_vertex, spare.take())?))
     };
-    in_order(waiting.len(), progress, make, |(count, numbered)| match numbered {
-        Numbered::Bytes(bytes) => sink.encoded(Encoded::Triangles(count, &bytes)),
+    in_order(waiting.len(), progress, make, |(count, numbered)| hand_over(sink, count, numbered, spare))
+}
+
+/// Hands so many triangles to the sink, and keeps their room.
+fn hand_over(sink: &mut dyn MeshSink, count: usize, numbered: Numbered, spare: &Spare<u8>) -> Result<()> {
+    match numbered {
+        Numbered::Bytes(bytes) => {
+            sink.encoded(Encoded::Triangles(count, &bytes))?;
+            spare.keep(bytes);
+            Ok(())
+        }
         Numbered::Facets(facets) => sink.triangles(&facets),
-    })
+    }
 }
 
 /// Hands all triangles to a sink that shares no vertices.

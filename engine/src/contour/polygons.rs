@@ -19,12 +19,12 @@ mod merged;
 
 use super::adaptive::{OWN, Shared, Wanted};
 use super::cells::BrickCells;
-use super::cut::{BOTH, Cuts, Cutter, Measured, Shape, Vertex};
+use super::cut::{BOTH, Cutter, FacetBytes, Measured, Shape, Vertex};
 use super::edges::{NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
 use super::extras::{edge_key, face_key};
 use super::field::Field;
-use super::later::{Names, first_encoding};
+use super::later::{Names, first_bytes};
 use super::leaves::{Around, Side, broken, cell_in, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
@@ -65,8 +65,8 @@ pub(super) struct LeafFacets {
 
 /// How the facets of a mesh are made, beside the field.
 pub(super) struct Making {
-    /// Appends what is wanted of them.
-    pub encode: fn(&Cuts, &mut Vec<u8>),
+    /// What is wanted of them.
+    pub wanted: FacetBytes,
     /// Room for the bytes of leaves.
     pub spare: Spare<u8>,
     /// Whether vertices are to have normals.
@@ -76,7 +76,7 @@ pub(super) struct Making {
 impl Making {
     /// For a sink with this encoding.
     pub(super) fn new(encoding: Option<Encoding>, normals: bool) -> Making {
-        Making { encode: first_encoding(encoding), spare: Spare::default(), normals }
+        Making { wanted: first_bytes(encoding), spare: Spare::default(), normals }
     }
 }
 
@@ -94,7 +94,7 @@ pub(super) fn leaf_facets(
         return Ok(LeafFacets::default());
     }
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.encode, making.spare.take());
+    let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.wanted, making.spare.take());
     cutter.fan_edges = making.normals.then(Vec::new);
     let quads = vertices.cells.take_quads();
     let (cutter, names) = Maker::new(field, leaf, vertices.clone(), cutter).make(&quads)?;
@@ -118,7 +118,7 @@ pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<
         return Ok(Default::default());
     }
     let quads = vertices.cells.quads();
-    let cutter = Cutter::new([0.0; 3], Names::ON_EDGES, first_encoding(None), Vec::new());
+    let cutter = Cutter::new([0.0; 3], Names::ON_EDGES, first_bytes(None), Vec::new());
     let mut maker = Maker::new(field, leaf, vertices.clone(), cutter);
     (maker.mark, maker.only_wide) = (Mark::FIRST, wanted.only_wide);
     maker.merged_edges(signs, &quads, &edges)?;
@@ -264,11 +264,24 @@ impl<'a> Maker<'a> {
     #[inline(always)]
     fn rows(&mut self, cells: &BrickCells, signs: &SignChanges, quads: &[Quad]) -> Result<()> {
         let mut quads = quads.iter();
-        for axis in Axis::ALL {
-            for k in 0..BRICK_POINTS {
-                for j in 0..BRICK_POINTS {
-                    self.row(axis, j, k, cells, (signs, &mut quads))?;
-                }
+        // Spelled out: with an axis that is not known beforehand every edge goes through memory.
+        self.rows_along(Axis::X, cells, signs, &mut quads)?;
+        self.rows_along(Axis::Y, cells, signs, &mut quads)?;
+        self.rows_along(Axis::Z, cells, signs, &mut quads)
+    }
+
+    /// Those along an axis.
+    #[inline(always)]
+    fn rows_along(
+        &mut self,
+        axis: Axis,
+        cells: &BrickCells,
+        signs: &SignChanges,
+        quads: &mut std::slice::Iter<'_, Quad>,
+    ) -> Result<()> {
+        for k in 0..BRICK_POINTS {
+            for j in 0..BRICK_POINTS {
+                self.row(axis, j, k, cells, (signs, quads))?;
             }
         }
         Ok(())

@@ -15,7 +15,11 @@ pub struct MeshArrays {
 
 /// Numbers of the corners, little-endian.
 pub(super) fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
-    bytes.extend(triangles.as_flattened().iter().flat_map(|number| number.to_le_bytes()));
+    let end = bytes.len();
+    bytes.resize(end + size_of_val(triangles), 0);
+    for (record, ids) in bytes[end..].as_chunks_mut::<12>().0.iter_mut().zip(triangles) {
+        record.copy_from_slice(ids.map(u32::to_le_bytes).as_flattened());
+    }
 }
 
 /// What little-endian numbers, three each, say.
@@ -33,6 +37,10 @@ impl MeshSink for MeshArrays {
     fn encoding(&self) -> Option<Encoding> {
         let vertices = vertex_bytes(false);
         Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
+    }
+
+    fn takes_triangles_between(&self) -> bool {
+        true
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

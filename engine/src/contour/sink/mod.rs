@@ -16,9 +16,9 @@ use std::path::Path;
 pub use arrays::MeshArrays;
 pub(super) use arrays::triples;
 
-/// Receives a mesh: all vertices, then all triangles, then [`MeshSink::finish`]. One that keeps a mesh has its own
-/// `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and `triangles`; one that writes a
-/// file its own `encoding` and `encoded`.
+/// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
+/// keeps a mesh has its own `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and
+/// `triangles`; one that writes a file its own `encoding` and `encoded`.
 pub trait MeshSink: Send {
     /// Whether triangles name vertices by number. If not, no vertices are handed over, and the numbers in
     /// [`Facet::ids`] mean nothing.
@@ -28,6 +28,10 @@ pub trait MeshSink: Send {
     /// Whether vertices come with their normals.
     fn wants_normals(&self) -> bool {
         matches!(self.encoding(), Some(Encoding { vertices: VertexBytes::WithNormals(_), .. }))
+    }
+    /// Whether triangles may come between vertices, as soon as all that they name have come; else all vertices come first.
+    fn takes_triangles_between(&self) -> bool {
+        false
     }
     /// Where triangles may wait for the numbers of their vertices, in a file without a name; `None` if they are to
     /// wait in memory.

@@ -307,18 +307,19 @@ fn threads_and_cache_do_not_change_the_mesh() {
         let (expected, summary) = mesh(tree, &options);
         for (threads, cache_bytes) in [(1, 0), (2, 1 << 16), (3, 1 << 20), (3, usize::MAX)] {
             let options = ContourOptions { cache_bytes, ..options.clone() };
-            gives_the_same(tree, &options, threads, (&expected, &summary));
+            assert!(gives_the_same(tree, &options, threads, (&expected, &summary)) > 1);
         }
     }
 }
 
-/// Contours with this number of threads, for sinks that share vertices and those that do not.
+/// Contours with this number of threads, for sinks that share vertices, of which one takes triangles between them, and
+/// those that do not. Returns for how many leaves that one got vertices after triangles.
 fn gives_the_same(
     tree: &MemoryTree,
     options: &ContourOptions,
     threads: usize,
     (expected, summary): (&Mesh, &MeshSummary),
-) {
+) -> usize {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let (other, again) = pool.install(|| mesh(tree, options));
     assert!(other == *expected && again == *summary, "{threads} threads");
@@ -326,6 +327,40 @@ fn gives_the_same(
     let again = pool.install(|| contour(tree, options, &mut lone, &Silent).unwrap());
     let is_same = lone.0.iter().copied().eq(expected.facets.iter().map(|f| f.corners));
     assert!(is_same && again == *summary, "{threads} threads, vertices not shared");
+    let mut by_turns = ByTurns::default();
+    let again = pool.install(|| contour(tree, options, &mut by_turns, &Silent).unwrap());
+    let ByTurns { arrays, turns } = by_turns;
+    let is_same = arrays.positions == expected.positions && arrays.triangles == expected.triangles();
+    assert!(is_same && again == *summary, "{threads} threads, vertices and triangles by turns");
+    turns
+}
+
+/// Arrays that get triangles between vertices, but none before all of its vertices.
+#[derive(Default)]
+struct ByTurns {
+    arrays: MeshArrays,
+    /// How many leaves' vertices came after triangles.
+    turns: usize,
+}
+impl MeshSink for ByTurns {
+    fn takes_triangles_between(&self) -> bool {
+        self.arrays.takes_triangles_between()
+    }
+    fn encoding(&self) -> Option<Encoding> {
+        self.arrays.encoding()
+    }
+    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+        let before = self.arrays.triangles.len();
+        let is_turn = matches!(part, Encoded::Vertices(1.., _)) && before > 0;
+        self.turns += usize::from(is_turn);
+        self.arrays.encoded(part)?;
+        let known = self.arrays.positions.len() as u32;
+        assert!(self.arrays.triangles[before..].as_flattened().iter().all(|&id| id < known));
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// Triangles of a sink that shares no vertices.
