@@ -132,7 +132,7 @@ pub(super) fn from_plain(part: &[u8], indexed: bool, counts: [usize; 3]) -> Opti
     if !indexed {
         let words = normals.as_chunks::<NORMAL_BYTES>().0;
         let fits = normals.len() == total * NORMAL_BYTES;
-        return fits.then(|| join(offsets, counts, |edge| u32::from_le_bytes(words[edge])));
+        return fits.then(|| join(offsets, counts, words, |word| u32::from_le_bytes(*word)));
     }
     let (indices, palette) = normals.split_at_checked(total)?;
     let (words, rest) = palette.as_chunks::<NORMAL_BYTES>();
@@ -144,22 +144,24 @@ pub(super) fn from_plain(part: &[u8], indexed: bool, counts: [usize; 3]) -> Opti
     for (normal, word) in table.iter_mut().zip(words) {
         *normal = u32::from_le_bytes(*word);
     }
-    Some(join(offsets, counts, |edge| table[usize::from(indices[edge])]))
+    Some(join(offsets, counts, indices, |index| table[usize::from(*index)]))
 }
 
-/// Edges from the two planes of their offsets, and the normal of each by its number.
+/// Edges from the two planes of their offsets, and what tells the normal of each.
 #[inline(always)]
-fn join(offsets: &[u8], counts: [usize; 3], normal: impl Fn(usize) -> u32) -> Hermite {
+fn join<T>(offsets: &[u8], counts: [usize; 3], told: &[T], normal: impl Fn(&T) -> u32) -> Hermite {
     let (low, high) = offsets.split_at(offsets.len() / 2);
-    let edge = |i: usize| HermiteEdge {
-        offset: u16::from_le_bytes([low[i], high[i]]),
-        normal: OctNormal(normal(i)),
-    };
     let mut from = 0;
     let edges = counts.map(|count| {
         let range = from..from + count;
         from = range.end;
-        range.map(edge).collect()
+        // Slices of one length, so that no edge is asked whether it is there.
+        let offsets = low[range.clone()].iter().zip(&high[range.clone()]);
+        let edge = |((low, high), told): ((&u8, &u8), &T)| HermiteEdge {
+            offset: u16::from_le_bytes([*low, *high]),
+            normal: OctNormal(normal(told)),
+        };
+        offsets.zip(&told[range]).map(edge).collect()
     });
     Hermite { edges }
 }

@@ -27,7 +27,7 @@ use super::mixed::Surroundings;
 use super::outliers::{self, Outliers, minimisers};
 use super::planes::EdgePlane;
 use super::qef::{PlaneSums, Qef};
-use super::solve::{GROUP, Group};
+use super::solve::{GROUP, Group, Solved};
 use super::surface::{Changes, EdgeRanks};
 use super::topology::{Kind, NO_LOOP};
 use crate::brick::{Ranks, SignChanges};
@@ -309,12 +309,12 @@ pub(super) struct Builder<'a> {
 /// A loop in a group.
 #[derive(Clone, Copy)]
 struct Waiting {
-    cell: [usize; 3],
+    cell: [u8; 3],
+    /// A plain cell with one loop.
+    is_lone: bool,
     /// First vertex of the cell, and the loop's own.
     first: u32,
     vertex: u32,
-    /// A plain cell with one loop.
-    is_lone: bool,
 }
 
 impl<'a> Builder<'a> {
@@ -354,7 +354,8 @@ impl<'a> Builder<'a> {
             decided: 0,
             sums: (!around.contains(&Side::Finer)).then(|| {
                 let mut sums = field.spare_sums.take();
-                sums.reserve(active + 1);
+                // A group is stored as a whole.
+                sums.reserve(active + GROUP);
                 sums
             }),
             sum: PlaneSums::default(),
@@ -392,7 +393,7 @@ impl<'a> Builder<'a> {
                     Some(surroundings) if row.mixed >> i & 1 == 1 => {
                         self.mixed_cell([i, j, k], surroundings)?
                     }
-                    _ => self.plain_cell([i, j, k], &streams)?,
+                    _ => self.plain_cell(simd, [i, j, k], &streams)?,
                 }
             }
         }
@@ -413,7 +414,7 @@ impl<'a> Builder<'a> {
     }
 
     #[inline(always)]
-    fn plain_cell(&mut self, cell: [usize; 3], streams: &EdgeStreams) -> Result<()> {
+    fn plain_cell<S: Simd>(&mut self, simd: S, cell: [usize; 3], streams: &EdgeStreams) -> Result<()> {
         let kind = self.kind(cell, streams)?;
         let loops = kind.loops();
         let first = self.cells.positions.len();
@@ -429,8 +430,7 @@ impl<'a> Builder<'a> {
                 let place = &EDGE_PLACES[edges.trailing_zeros() as usize];
                 let slot = streams.slot(cell[0], place);
                 let plane = &self.planes[slot];
-                let [x, y, z] = plane.normal;
-                self.group.put(lane, count, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
+                self.group.put(simd, lane, count, place, plane);
                 self.quads[slot].vertices[place.quadrant] = named;
                 edges &= edges - 1;
                 count += 1;
@@ -459,7 +459,7 @@ impl<'a> Builder<'a> {
     fn push_vertex(&mut self, cell: [usize; 3], first: usize, is_lone: bool) {
         self.group.place(self.waiting.len(), cell);
         let vertex = self.cells.positions.len() as u32;
-        self.waiting.push(Waiting { cell, first: first as u32, vertex, is_lone });
+        self.waiting.push(Waiting { cell: cell.map(|c| c as u8), is_lone, first: first as u32, vertex });
         self.cells.positions.push([0.0; 3]);
         if self.waiting.len() == GROUP {
             self.place();
@@ -476,15 +476,15 @@ impl<'a> Builder<'a> {
         let margin = self.frame.margin;
         let solved = self.group.solve(simd, self.waiting.len(), margin, MISS);
         let places = self.frame.world_wide(simd, solved.corners, solved.at);
-        let mut sum = self.sum.load(simd);
-        let (mut creased, mut creases) = ([[0; 3]; GROUP], 0);
-        let follows_creases = self.field.follows_creases();
         for (lane, [x, y, z, _]) in places.into_iter().enumerate().take(self.waiting.len()) {
             let Waiting { cell, first, vertex, is_lone } = self.waiting[lane];
             let is_left = solved.left >> lane & 1 == 1;
             if !is_left && is_lone {
                 self.cells.positions[vertex as usize] = [x, y, z];
-            } else if is_lone {
+                continue;
+            }
+            let cell = cell.map(usize::from);
+            if is_lone {
                 let pushed = self.outliers.push(simd, (&solved.terms, lane), (vertex, cell), margin);
                 if let Some((names, points)) = pushed {
                     for ((vertex, cell), point) in names.into_iter().zip(points) {
@@ -501,24 +501,48 @@ impl<'a> Builder<'a> {
                 let (placed, own) = self.cells.positions.split_at_mut(vertex as usize);
                 own[0] = apart(&self.frame, cell, point, &placed[first as usize..]);
             }
+        }
+        self.note_creases(&solved);
+        self.note_sums(simd, &solved);
+        self.waiting.clear();
+    }
+
+    /// Which cells of a group are creased.
+    #[inline(always)]
+    fn note_creases<S: Simd>(&mut self, solved: &Solved<S>) {
+        let (mut creased, mut creases) = ([[0; 3]; GROUP], 0);
+        let follows_creases = self.field.follows_creases();
+        for (lane, &Waiting { cell, is_lone, .. }) in self.waiting.iter().enumerate().take(GROUP) {
             // Half of the cells are creased where surfaces are rough: which are is not foreseen, so it is no branch.
             let is_creased = is_lone && solved.flat >> lane & 1 == 0;
-            creased[creases % GROUP] = cell.map(|c| c as u8);
+            creased[creases % GROUP] = cell;
             creases += usize::from(is_creased);
             if follows_creases && is_creased {
-                self.sharp.extend(Crease::of(&solved, lane).map(|crease| (cell, crease)));
-            }
-            if let Some(sums) = &mut self.sums {
-                if vertex == first {
-                    sums.push(PlaneSums::of(sum));
-                }
-                sum = (sum.0 + solved.sums[lane].0, sum.1 + solved.sums[lane].1);
-                self.apart[cell[2] * BRICK_CELLS + cell[1]] |= ((solved.apart >> lane & 1) as u32) << cell[0];
+                self.sharp.extend(Crease::of(solved, lane).map(|crease| (cell.map(usize::from), crease)));
             }
         }
         self.creased.extend_from_slice(&creased[..creases.min(GROUP)]);
+    }
+
+    /// Adds up the planes of a group, for the search for corners.
+    #[inline(always)]
+    fn note_sums<S: Simd>(&mut self, simd: S, solved: &Solved<S>) {
+        let Some(sums) = &mut self.sums else { return };
+        let mut sum = self.sum.load(simd);
+        let mut end = sums.len();
+        sums.resize(end + GROUP, PlaneSums::default());
+        for (lane, &Waiting { cell: [i, j, k], first, vertex, .. }) in
+            self.waiting.iter().enumerate().take(GROUP)
+        {
+            // Of several loops of a cell the first counts, and what others leave is written over.
+            sums[end].store(sum);
+            end += usize::from(vertex == first);
+            sum = (sum.0 + solved.sums[lane].0, sum.1 + solved.sums[lane].1);
+            let row = usize::from(k) * BRICK_CELLS + usize::from(j);
+            self.apart[row] |= ((solved.apart >> lane & 1) as u32) << (i % 32);
+        }
+        sums.truncate(end);
         self.sum = PlaneSums::of(sum);
-        self.waiting.clear();
     }
 
     /// Places the vertices that wait for others that need more.

@@ -5,6 +5,7 @@ use super::surface::Changes;
 use super::topology::derive_edge;
 use crate::brick::along_row;
 use crate::lattice::Axis;
+use crate::wide::{Simd, SimdBase, f32x4};
 
 /// The runs of parallel edges at a row of cells along x: four along x, then two rows of edges along y and two
 /// along z, of which a cell has the ones at its own index and at the next.
@@ -69,6 +70,14 @@ impl EdgeStreams {
 }
 
 impl EdgePlace {
+    /// As [`EdgePlace::seen_from_centre`]; the last number means nothing.
+    #[inline(always)]
+    pub(super) fn seen_wide<S: Simd>(&self, simd: S, plane: &EdgePlane) -> f32x4<S> {
+        let (lower, direction) =
+            (f32x4::from_slice(simd, &self.lower), f32x4::from_slice(simd, &self.direction));
+        lower + f32x4::splat(simd, plane.fraction) * direction
+    }
+
     /// The crossing on the edge, seen from the cell's centre: exact, as fractions have 16 bits.
     #[inline(always)]
     pub(super) fn seen_from_centre(&self, plane: &EdgePlane) -> [f32; 4] {

@@ -116,8 +116,7 @@ impl<'a> Halo<'a> {
             let mut count = 0;
             for place in kind.loops().edges_of(0).map(|edge| &EDGE_PLACES[edge]) {
                 let plane = &changes.planes[streams.slot(cell[0], place)];
-                let [x, y, z] = plane.normal;
-                group.put(0, count, place.seen_from_centre(plane), [x, y, z, plane.fraction]);
+                group.put(simd, 0, count, place, plane);
                 count += 1;
             }
             group.count(0, count);

@@ -2,7 +2,9 @@
 
 use super::symmetric::dot;
 use crate::brick::{HermiteEdge, OctNormal};
-use crate::wide::{Select, Simd, SimdBase, SimdFloat, dispatch, f32x8, f64x8, in_fours, level, narrowed};
+use crate::wide::{
+    Select, Simd, SimdBase, SimdFloat, dispatch, f32x4, f32x8, f64x8, in_fours, level, narrowed,
+};
 
 /// Edges decoded at a time.
 const GROUP: usize = 8;
@@ -26,6 +28,13 @@ pub(super) struct EdgePlane {
 }
 
 impl EdgePlane {
+    /// All of it as one vector: the fraction, then the normal.
+    #[inline(always)]
+    pub(super) fn terms<S: Simd>(&self, simd: S) -> f32x4<S> {
+        let [x, y, z] = self.normal;
+        f32x4::from_slice(simd, &[self.fraction, x, y, z])
+    }
+
     /// The fraction in 65536ths, rounded down, as polygons have it ([`super::edges::Quad`]).
     #[inline]
     pub(super) fn offset(&self) -> u16 {

@@ -87,11 +87,16 @@ impl PlaneSums {
     }
 
     #[inline(always)]
-    pub(super) fn of<S: Simd>((first, rest): WideSums<S>) -> PlaneSums {
+    pub(super) fn of<S: Simd>(wide: WideSums<S>) -> PlaneSums {
         let mut sums = PlaneSums::default();
-        first.store_slice(&mut sums.0[..8]);
-        rest.store_slice(&mut sums.0[8..]);
+        sums.store(wide);
         sums
+    }
+
+    #[inline(always)]
+    pub(super) fn store<S: Simd>(&mut self, (first, rest): WideSums<S>) {
+        first.store_slice(&mut self.0[..8]);
+        rest.store_slice(&mut self.0[8..]);
     }
 
     /// Adds the plane through the point `p` with the unit normal `n`.
