@@ -2,7 +2,7 @@
 //! random piles at three depths, volumes against the truth, sharp edges and corners of turned solids; and how far they
 //! are from the true union (`truth`).
 
-use brickfield_bench_data::judge::mesh::{Report, check};
+use brickfield_bench_data::judge::mesh::{Report, check, check_soup};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
@@ -29,6 +29,14 @@ mod truth;
 struct Kept {
     vertices: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
+}
+
+impl Kept {
+    /// The corners of each triangle.
+    fn facets(&self) -> Vec<[[f32; 3]; 3]> {
+        let corner = |v: u32| self.vertices[v as usize].map(|c| c as f32);
+        self.triangles.iter().map(|t| t.map(corner)).collect()
+    }
 }
 
 impl MeshSink for Kept {
@@ -61,9 +69,7 @@ fn root_of(soup: &Soup) -> RootCube {
 fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
     let (kept, report) = contoured(soup, options, &ContourOptions::default());
     if weld {
-        let facets: Vec<[[f32; 3]; 3]> =
-            kept.triangles.iter().map(|t| t.map(|v| kept.vertices[v as usize].map(|c| c as f32))).collect();
-        let welded = brickfield_bench_data::judge::mesh::check_soup(&facets);
+        let welded = check_soup(&kept.facets());
         assert!(welded.is_closed_manifold(), "{welded}");
     }
     (kept, report)

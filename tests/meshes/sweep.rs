@@ -110,11 +110,9 @@ fn judged(tree: &MemoryTree, options: &ContourOptions) -> (Report, Option<String
     if kept.triangles.is_empty() {
         return (report, Some("is empty".to_owned()));
     }
-    let facets: Vec<[[f32; 3]; 3]> =
-        kept.triangles.iter().map(|t| t.map(|v| kept.vertices[v as usize].map(|c| c as f32))).collect();
     let wrong = if !report.is_closed_manifold() || !report.is_oriented() {
         Some(format!("is not closed, oriented and manifold: {report}"))
-    } else if !check_soup(&facets).is_closed_manifold() {
+    } else if !check_soup(&kept.facets()).is_closed_manifold() {
         Some("is not closed and manifold when welded by place".to_owned())
     } else if meetings(&kept) != [0; 2] {
         Some(format!("has pairs that meet and triangles without area: {:?}", meetings(&kept)))
@@ -127,7 +125,7 @@ fn judged(tree: &MemoryTree, options: &ContourOptions) -> (Report, Option<String
 /// All are closed, oriented, edge- and vertex-manifold, by number and by place, no triangles meet, and a tolerance changes
 /// neither shells nor handles.
 #[test]
-#[ignore = "half an hour"]
+#[ignore = "twenty minutes"]
 fn many_inputs_at_four_depths_with_three_tolerances() {
     let (mut meshes, mut triangles, mut failures) = (0, 0, Vec::new());
     let parts = parts();
