@@ -1,9 +1,10 @@
 //! Many inputs at four depths with three tolerances and without.
 
+use super::truth::walls;
 use super::{Kept, Solid, Soup, at_depth, file, meetings, root_of};
 use brickfield_bench_data::judge::mesh::{Report, check, check_soup};
 use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile, sharp_part};
-use brickfield_bench_data::shapes::{cuboid, spiral_tube};
+use brickfield_bench_data::shapes::spiral_tube;
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::Silent;
 use brickfield_engine::build::{build_in_memory, build_open_in_memory};
@@ -73,7 +74,7 @@ fn parts() -> Vec<Part> {
     }
     parts.push(Part::sharp("part with sharp edges", merged(&sharp_part(1))));
     parts.push(Part::closed("spiral", spiral_tube(10, 64, 10.0, 1.2, 2.0).facets().collect()));
-    parts.push(Part::sharp("rooms", merged(&walls())));
+    parts.push(Part::sharp("rooms", walls(5).0));
     // A share of the facets is missing, at random.
     for (name, missing) in [
         ("overlap_boxes", 0.1),
@@ -88,18 +89,6 @@ fn parts() -> Vec<Part> {
     }
     parts.push(Part::open("open_box_no_lid", file("open_box_no_lid.stl")));
     parts
-}
-
-/// Turned walls in three directions with 125 rooms between them.
-fn walls() -> Vec<Mesh> {
-    let mut walls = Vec::new();
-    for (axis, n) in (0..3).flat_map(|axis| (0..6).map(move |n| (axis, n))) {
-        let (mut low, mut high) = ([0.0; 3], [5.45; 3]);
-        low[axis] = f64::from(n);
-        high[axis] = low[axis] + 0.45;
-        walls.push(cuboid(low, high).rotated([1.0, 2.0, 3.0], 0.5));
-    }
-    walls
 }
 
 /// A mesh, and what is wrong with it.

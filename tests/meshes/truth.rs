@@ -95,10 +95,10 @@ fn followed_creases_keep_sharp_edges_closer() {
     }
 }
 
-/// Walls in three directions, turned so that none is parallel to an axis: every room between them is a cavity.
-#[test]
-fn thousands_of_cavities_are_found() {
-    let (rooms, wall, room) = (13, 0.45, 0.55);
+/// Walls in three directions, turned so that none is parallel to an axis, with so many rooms between them along each, and
+/// the volume of their union. Every room is a cavity.
+pub fn walls(rooms: u32) -> (Soup, f64) {
+    let (wall, room) = (0.45, 0.55);
     let edge = f64::from(rooms) * (wall + room) + wall;
     let mut walls = Vec::new();
     for axis in 0..3 {
@@ -110,7 +110,12 @@ fn thousands_of_cavities_are_found() {
         }
     }
     let volume = edge.powi(3) - (f64::from(rooms) * room).powi(3);
-    let soup: Soup = Mesh::merged(&walls).facets().collect();
+    (Mesh::merged(&walls).facets().collect(), volume)
+}
+
+#[test]
+fn thousands_of_cavities_are_found() {
+    let (soup, volume) = walls(13);
     // 6 and 12 cells from room to room.
     for (depth, most) in [(2, 3e-3), (3, 1e-3)] {
         let (_, report) = meshed(&soup, at_depth(depth), false);
