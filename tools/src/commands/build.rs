@@ -412,24 +412,31 @@ impl Report {
 impl Report {
     /// Walls, or gaps, that no sample shows.
     fn thin_text(&self, sheets: &ThinSheetsSummary) -> String {
-        let ThinSheetsSummary { area, thickness, thinnest, depth, .. } = sheets;
-        let unit = &self.unit;
-        let remedy = match depth {
-            Some(depth) => format!("--max-depth {depth} divides bricks there alone"),
-            None => "no depth shows them all".to_owned(),
+        let ThinSheetsSummary { area, thickness, thinnest, .. } = sheets;
+        let (unit, cell) = (&self.unit, self.summary.cell);
+        // Faces that touch somewhere have no least distance that would mean anything.
+        let least = match *thinnest < cell / 1000.0 {
+            true => format!("less than {}", rounded(cell / 1000.0)),
+            false => rounded(*thinnest),
         };
+        let (area, thickness) = (rounded(*area), rounded(*thickness));
         format!(
-            "about {} {unit}² thinner than a cell hide between samples, {} {unit} in the mean, {} {unit} at least; {remedy}",
-            rounded(*area),
-            rounded(*thickness),
-            rounded(*thinnest)
+            "about {area} {unit}² thinner than a cell hide between samples, {thickness} {unit} in the mean, {least} {unit} at least"
         )
     }
 
-    /// The warning of walls that no sample shows. Gaps make none: beads that touch have them everywhere.
+    /// The warning of walls that no sample shows, if they are more than the slivers between faces that nearly touch. Gaps
+    /// make none: beads that touch have them everywhere.
     fn thin_warning(&self) -> Option<String> {
         let walls = self.summary.thin.as_ref()?.walls.as_ref()?;
-        Some(format!("walls: {}", self.thin_text(walls)))
+        let cell = self.summary.cell;
+        let cells = walls.area / (cell * cell);
+        let are_slivers = cells < 64.0 || (cells < 1000.0 && walls.thickness < cell / 20.0);
+        let remedy = match walls.depth {
+            Some(depth) => format!("--max-depth {depth} divides bricks there alone"),
+            None => "no depth shows them all".to_owned(),
+        };
+        (!are_slivers).then(|| format!("walls: {}; {remedy}", self.thin_text(walls)))
     }
 
     /// What evaluated the bricks, where it was a device or might have been.
