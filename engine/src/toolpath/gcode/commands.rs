@@ -121,19 +121,19 @@ fn general(
             return Ok(Effect::LineDone);
         }
         170 | 180 | 190 => machine.plane = (tenfold / 10 - 17) as usize,
-        200 => machine.unit = 25.4,
-        210 => machine.unit = 1.0,
+        200 => machine.position.unit = 25.4,
+        210 => machine.position.unit = 1.0,
         280 => {
             machine.home(words.rest())?;
             return Ok(Effect::LineDone);
         }
         530..=599 => machine.beads.report.note("work offsets (G53 to G59) are taken for zero", machine.line),
-        900 => machine.relative = false,
-        910 => machine.relative = true,
+        900 => machine.position.relative = false,
+        910 => machine.position.relative = true,
         901 => machine.absolute_centres = true,
         911 => machine.absolute_centres = false,
         920 => return Ok(Effect::SetPosition),
-        921 => machine.clear_offset(),
+        921 => machine.position.clear_offset(),
         _ => {
             if !NEUTRAL_G.contains(&tenfold) {
                 machine.beads.report.unknown(word.text, machine.line);
@@ -155,8 +155,8 @@ fn miscellaneous(
     match tenfold {
         30 | 40 => machine.depositing = true,
         50 => machine.depositing = false,
-        820 => machine.relative_e = Some(false),
-        830 => machine.relative_e = Some(true),
+        820 => machine.extruder.relative = Some(false),
+        830 => machine.extruder.relative = Some(true),
         2000 => volumetric(machine, words)?,
         2210 => machine.beads.report.note("a flow factor (M221) is left out", machine.line),
         _ if tenfold.is_multiple_of(10)
@@ -179,7 +179,7 @@ fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) -> Result<()
     while let Some(word) = words.next() {
         let word = word.map_err(|malformed| machine.malformed(&malformed))?;
         if word.letter == b'D' {
-            machine.volumetric = word.value.is_some_and(|value| value > 0.0);
+            machine.extruder.volumetric = word.value.is_some_and(|value| value > 0.0);
         }
     }
     Ok(())
