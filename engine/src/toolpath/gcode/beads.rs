@@ -23,6 +23,19 @@ pub(super) struct Pose {
     pub(super) point: [f64; 3],
     /// Words A, B, C.
     pub(super) degrees: [f64; 3],
+    /// The axis itself, a unit vector, where the file states it instead (`A3= B3= C3=`).
+    pub(super) vector: Option<[f64; 3]>,
+}
+
+impl Pose {
+    /// The tool's axis.
+    pub(super) fn axis(&self) -> [f64; 3] {
+        match self.vector {
+            Some(vector) => vector,
+            None if self.degrees == [0.0; 3] => UP,
+            None => tilt::axis(self.degrees),
+        }
+    }
 }
 
 /// What makes two steps parts of one bead.
@@ -45,7 +58,9 @@ pub(super) struct Beads<'s, 'k> {
     tools: BTreeSet<u16>,
     /// Whether E feeds.
     feeds: bool,
-    layering: Layering,
+    pub(super) layering: Layering,
+    /// Lowest and highest position of the table while material was laid.
+    pub(super) tables: Option<(f64, f64)>,
     pub(super) resolution: Resolution,
     kind: Kind,
     points: Vec<[f64; 3]>,
@@ -77,6 +92,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             tools: BTreeSet::new(),
             feeds,
             layering: Layering::new(options, settings, has_layer_marks),
+            tables: None,
             resolution: Resolution::default(),
             kind: Kind::default(),
             points: Vec::new(),
@@ -145,7 +161,7 @@ impl<'s, 'k> Beads<'s, 'k> {
 
     fn push(&mut self, pose: &Pose) {
         self.points.push(pose.point);
-        self.axes.push(if pose.degrees == [0.0; 3] { UP } else { tilt::axis(pose.degrees) });
+        self.axes.push(pose.axis());
     }
 
     /// Ends the bead: the tool travels, or the file ends.

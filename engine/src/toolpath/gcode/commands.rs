@@ -1,6 +1,8 @@
 //! Codes: G, M and T words.
 
 use super::machine::Machine;
+use super::offsets::OffsetCode;
+use super::signs::INCH;
 use super::words::{Malformed, Word, Words, token};
 use crate::error::Result;
 
@@ -14,6 +16,8 @@ pub(super) enum Effect {
     LineDone,
     /// The rest of the line says what the position is called (G92).
     SetPosition,
+    /// The rest of the line sets offsets.
+    SetOffsets(OffsetCode),
 }
 
 /// G codes, times ten, that change nothing that matters here: dwell, bed levelling, parking, feed modes.
@@ -84,6 +88,9 @@ pub(super) fn code(
 ) -> Result<Effect> {
     let tenfold = (value * 10.0).round();
     let is_code = (0.0..100_000.0).contains(&tenfold) && (tenfold / 10.0 - value).abs() < 1e-9;
+    if is_code && !machine.by_extruder && machine.switch.code(word, value, words) {
+        return Ok(if first && !goes_on(words) { Effect::LineDone } else { Effect::Modal });
+    }
     match word.letter {
         b'T' => tool(machine, word, value),
         _ if !is_code => {
@@ -111,35 +118,38 @@ fn general(
             let what = "is a spline, which is not read: export straight moves or arcs";
             return Err(machine.malformed(&Malformed { text: word.text, what }));
         }
-        100 | 110 => {
-            if tenfold == 100 && words.clone().next().is_some_and(|next| next.is_ok_and(|w| w.letter == b'L'))
-            {
-                machine.beads.report.note("offsets set by G10 are left out", machine.line);
-            } else if tenfold == 100 {
-                machine.retract_by_firmware();
-            }
-            return Ok(Effect::LineDone);
-        }
+        100 => return Ok(Effect::SetOffsets(OffsetCode::G10)),
+        110 => return Ok(Effect::LineDone),
         170 | 180 | 190 => machine.plane = (tenfold / 10 - 17) as usize,
-        200 => machine.position.unit = 25.4,
-        210 => machine.position.unit = 1.0,
+        200 | 7000 => machine.set_unit(INCH),
+        210 | 7100 => machine.set_unit(1.0),
+        // On lathes they are cycles, with words P and Q.
+        700 | 710 if !has_letter(words, b"PQ") => machine.set_unit(if tenfold == 700 { INCH } else { 1.0 }),
+        430..=440 => machine.use_tool_length(),
+        520 => return Ok(Effect::SetOffsets(OffsetCode::G52)),
+        530 => machine.in_machine = true,
+        541 => return Ok(Effect::SetOffsets(OffsetCode::G54Extended)),
+        540 | 550 | 560 | 570 | 580 | 590 => machine.position.select_system((tenfold / 10 - 53) as u16),
+        591..=593 => machine.position.select_system((tenfold - 584) as u16),
         280 => {
             machine.home(words.rest())?;
             return Ok(Effect::LineDone);
         }
-        530..=599 => machine.beads.report.note("work offsets (G53 to G59) are taken for zero", machine.line),
         900 => machine.position.relative = false,
         910 => machine.position.relative = true,
         901 => machine.absolute_centres = true,
         911 => machine.absolute_centres = false,
         920 => return Ok(Effect::SetPosition),
-        921 => machine.position.clear_offset(),
+        921 => machine.position.clear_offset(false),
+        922 => machine.position.clear_offset(true),
+        923 => machine.position.restore_offset(),
         _ => {
-            if !NEUTRAL_G.contains(&tenfold) {
+            if !NEUTRAL_G.contains(&tenfold) && !is_neutral_machine_code(tenfold) {
                 machine.beads.report.unknown(word.text, machine.line);
             }
-            // Their words have meanings of their own.
-            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+            // Their words have meanings of their own, unless other codes follow.
+            let ends = first && !has_letter(words, b"G");
+            return Ok(if ends { Effect::LineDone } else { Effect::Modal });
         }
     }
     Ok(Effect::Modal)
@@ -153,16 +163,21 @@ fn miscellaneous(
     words: &mut Words<'_>,
 ) -> Result<Effect> {
     match tenfold {
-        30 | 40 => machine.depositing = true,
-        50 => machine.depositing = false,
+        // Spindles, where something else deposits.
+        30 | 40 | 50 => return Ok(if first && !goes_on(words) { Effect::LineDone } else { Effect::Modal }),
         820 => machine.extruder.relative = Some(false),
         830 => machine.extruder.relative = Some(true),
         2000 => volumetric(machine, words)?,
-        2210 => machine.beads.report.note("a flow factor (M221) is left out", machine.line),
+        2210 => machine.set_flow(words),
         _ if tenfold.is_multiple_of(10)
             && NEUTRAL_M.iter().any(|(a, b)| (*a..=*b).contains(&(tenfold / 10))) =>
         {
             // What follows may be any text.
+            let ends = first && !(matches!(tenfold, 60..=90) && has_letter(words, b"GM"));
+            return Ok(if ends { Effect::LineDone } else { Effect::Modal });
+        }
+        // Codes of large machines: operators, servos, purging, relays, materials.
+        100..=160 | 520..=690 | 1000..=1030 | 2220 | 2370 | 2700 => {
             return Ok(if first { Effect::LineDone } else { Effect::Modal });
         }
         _ => {
@@ -170,8 +185,23 @@ fn miscellaneous(
             return Ok(if first { Effect::LineDone } else { Effect::Modal });
         }
     }
-    let is_switch = matches!(tenfold, 30 | 40 | 50);
-    Ok(if is_switch || !first { Effect::Modal } else { Effect::LineDone })
+    Ok(if first { Effect::LineDone } else { Effect::Modal })
+}
+
+/// Whether a code that changes modes of machines changes nothing that matters here: exact stop, smoothing, feeds.
+fn is_neutral_machine_code(tenfold: u32) -> bool {
+    matches!(tenfold, 90 | 531 | 611 | 960 | 970 | 5000 | 6010 | 6020 | 6030 | 6400..=6490)
+}
+
+/// Whether one of these letters follows in the line.
+fn has_letter(words: &Words<'_>, letters: &[u8]) -> bool {
+    let mut rest = words.clone();
+    std::iter::from_fn(|| rest.next()).map_while(|word| word.ok()).any(|word| letters.contains(&word.letter))
+}
+
+/// Whether the line goes on with a code or a coordinate.
+fn goes_on(words: &Words<'_>) -> bool {
+    has_letter(words, b"GMTXYZEABCUVW")
 }
 
 /// M200: with a diameter above 0, E counts mm³ from now on.

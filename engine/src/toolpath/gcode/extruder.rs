@@ -55,6 +55,11 @@ impl Extruder {
         self.e = e;
     }
 
+    /// Where E is, as the program counts it.
+    pub(super) fn position(&self) -> f64 {
+        self.e
+    }
+
     /// Takes back filament of the present tool.
     pub(super) fn retract(&mut self, length: f64) {
         *self.retracted.entry(self.tool).or_default() += length;

@@ -2,18 +2,38 @@
 
 use super::beads::Beads;
 use super::comments::{self, Comment, Settings};
+use super::deposition::{self, Switch};
+use super::expressions::Variables;
 use super::extruder::Extruder;
+use super::klipper::States;
+use super::layer_axis::LayerAxis;
 use super::parameters::{Sizes, letters};
 use super::position::Position;
-use super::words::{Malformed, Word, Words, quote, token};
-use super::{GcodeOptions, POSITION_MAX, commands};
+use super::regions::{self, Region};
+use super::report::UnitSource;
+use super::words::{self, Malformed, NAMED, Word, Words, quote, token};
+use super::{ExtruderAxis, GcodeOptions, POSITION_MAX, commands};
 use crate::error::{Error, Result};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Words that move the tool.
-const MOVING: u32 = letters(b"XYZEABC");
-/// Words that a command may carry.
-const CARRIED: u32 = letters(b"XYZEABCIJKRP");
+/// Words that a command may carry, beside those of the axes.
+const CARRIED: u32 = letters(b"EIJKRP");
+
+/// Most tools with a factor of their own.
+const FLOWS_MAX: usize = 1 << 10;
+
+/// What is known of a machine before its program begins.
+pub(super) struct Setup {
+    /// Whether E deposits; otherwise the switch does.
+    pub(super) by_extruder: bool,
+    pub(super) switch: Switch,
+    /// mm in a unit of length, until G20 or G21.
+    pub(super) unit: f64,
+    pub(super) layer_axis: LayerAxis,
+    /// Comments of moves tell regions.
+    pub(super) has_regions: bool,
+}
 
 /// The machine: modes, positions, what comments announced.
 pub(super) struct Machine<'s, 'k> {
@@ -23,14 +43,30 @@ pub(super) struct Machine<'s, 'k> {
     pub(super) extruder: Extruder,
     pub(super) arc_tolerance: Option<f64>,
     pub(super) line: u64,
-    /// Whether E deposits; otherwise M3, M4 and M5 switch deposition.
+    /// Whether E deposits; otherwise the switch does.
     pub(super) by_extruder: bool,
+    pub(super) switch: Switch,
+    /// Letter of the extruder's axis, E by default.
+    extruder_letter: u8,
+    /// Factors of what is fed (M221), by tool.
+    pub(super) flows: BTreeMap<u16, f64>,
+    pub(super) states: States,
+    variables: Variables,
+    /// Comments of moves tell regions.
+    has_regions: bool,
+    /// Whether axes that are left out are told.
+    tells_axes: bool,
+    /// G53 stands on this line.
+    pub(super) in_machine: bool,
+    /// The axis that this line states.
+    vector: [Option<f64>; 3],
     pub(super) absolute_centres: bool,
     pub(super) plane: usize,
     pub(super) motion: Option<u8>,
-    pub(super) depositing: bool,
     pub(super) feature: Option<u16>,
     pub(super) width: Option<f64>,
+    /// Of the region that a comment tells.
+    pub(super) region_width: Option<f64>,
     pub(super) height: Option<f64>,
     pub(super) layer: u32,
     /// A comment has begun a layer.
@@ -44,24 +80,34 @@ impl<'s, 'k> Machine<'s, 'k> {
         path: &Path,
         options: &GcodeOptions,
         settings: &Settings,
-        by_extruder: bool,
+        setup: Setup,
         diameters: Vec<f64>,
         beads: Beads<'s, 'k>,
     ) -> Machine<'s, 'k> {
+        let Setup { by_extruder, switch, unit, layer_axis, has_regions } = setup;
         Machine {
             path: path.to_owned(),
             beads,
-            position: Position::new(),
+            position: Position::new(unit, layer_axis),
             extruder: Extruder::new(settings, diameters),
             arc_tolerance: options.arc_tolerance,
             line: 0,
             by_extruder,
+            switch,
+            extruder_letter: options.extruder_axis.map_or(b'E', ExtruderAxis::letter),
+            flows: BTreeMap::new(),
+            states: States::default(),
+            variables: Variables::new(&options.variables),
+            has_regions,
+            tells_axes: options.layer_axis != Some(LayerAxis::NONE),
+            in_machine: false,
+            vector: [None; 3],
             absolute_centres: false,
             plane: 0,
             motion: None,
-            depositing: false,
             feature: None,
             width: None,
+            region_width: None,
             height: None,
             layer: 0,
             layer_is_marked: false,
@@ -75,42 +121,151 @@ impl<'s, 'k> Machine<'s, 'k> {
     /// If it is malformed, or the beads' taker fails.
     pub(super) fn execute(&mut self, line: &[u8]) -> Result<()> {
         let mut words = Words::new(line);
-        let start = words.rest();
+        let mut start = words.rest();
+        if let [b'N' | b'n', b'0'..=b'9', ..] = start {
+            start = behind_number(start);
+        }
         match start {
-            [] => Ok(()),
-            [b';', ..] => self.comment(start),
-            [b'%' | b'/' | b'$' | b'@' | b'#' | b'[' | b'{' | b':', ..] => {
+            [b';', ..] => return self.comment(start),
+            [b'%' | b'/' | b'$' | b'@' | b'[' | b'{' | b':', ..] => {
                 // Alone, a percent sign frames a program.
                 if start != b"%" {
                     self.beads.report.unknown(token(start), self.line);
                 }
-                Ok(())
+                return Ok(());
             }
+            [b'#', ..] => return self.assign(start),
             // A command of Klipper and its like is a word of several letters.
             [a, b, ..] if a.is_ascii_alphabetic() && (b.is_ascii_alphabetic() || *b == b'_') => {
-                self.extended(token(start));
-                Ok(())
+                return self.extended(start);
             }
-            _ => self.command(line, words),
+            [] if !line.contains(&b'(') => return Ok(()),
+            _ => {}
+        }
+        let travels = match self.has_regions || start.is_empty() {
+            true => self.comments_of(line, start.is_empty())?,
+            false => None,
+        };
+        if !start.is_empty() {
+            self.command(line, words)?;
+        }
+        // A travel's comment counts for its own line alone.
+        if let Some(before) = travels {
+            (self.feature, self.region_width) = before;
+        }
+        Ok(())
+    }
+
+    /// Takes in the comments in a line. Those of a move name its region; what they say of a travel is taken back
+    /// with the value returned.
+    fn comments_of(&mut self, line: &[u8], alone: bool) -> Result<Option<(Option<u16>, Option<f64>)>> {
+        let mut before = None;
+        let moves = alone || begins_move(line);
+        for (comment, in_parentheses) in regions::comments(line) {
+            match regions::meaning(comment, in_parentheses) {
+                Some(Region::Deposit(name, width)) if moves => self.enter_region(name, width)?,
+                Some(Region::Travel) if moves && !alone => {
+                    before = Some((self.feature, self.region_width));
+                    self.enter_region(regions::TRAVEL, None)?;
+                }
+                Some(Region::Layer) => self.begin_layer(),
+                None if alone && in_parentheses => {
+                    // Comments of slicers, put into parentheses.
+                    self.comment(&[b";", comment].concat())?;
+                }
+                _ => {}
+            }
+        }
+        Ok(before)
+    }
+
+    fn enter_region(&mut self, name: &str, width: Option<f64>) -> Result<()> {
+        self.feature = Some(self.beads.feature(name.as_bytes(), self.line)?);
+        self.region_width = match width {
+            None => None,
+            Some(stated) => {
+                let width = regions::width(stated, self.position.unit);
+                self.checked(width, "a comment's width is no size")
+            }
+        };
+        Ok(())
+    }
+
+    /// A line that begins with a name: a command of Klipper or of another machine, or a variable's.
+    fn extended(&mut self, start: &[u8]) -> Result<()> {
+        let name = words::identifier(start);
+        let behind = &start[name.len()..];
+        if name.eq_ignore_ascii_case(b"WHEN") {
+            // Siemens: an action in parallel to motion, as in `WHEN TRUE DO EXTR_END=2.0`.
+            let action = start.rsplit(u8::is_ascii_whitespace).find_map(words::named);
+            if action.is_some_and(|action| self.switch.named(action, None)) {
+                return Ok(());
+            }
+        }
+        let is_assigned = words::named(start).is_some();
+        let argument = match is_assigned {
+            true => self.value_behind(behind),
+            false => deposition::argument(behind),
+        };
+        if self.switch.named(name, argument) {
+            self.set_area(name, argument);
+        } else if is_assigned {
+            return self.assign(start);
+        } else if !self.klipper(name, behind)? && !commands::is_neutral_extended(token(start)) {
+            self.beads.report.unknown(token(start), self.line);
+        }
+        Ok(())
+    }
+
+    /// The value of `= expression`, up to a space.
+    fn value_behind(&self, behind: &[u8]) -> Option<f64> {
+        let text = behind.trim_ascii_start().strip_prefix(b"=")?.trim_ascii_start();
+        let end = text.iter().position(|b| matches!(b, b' ' | b'\t' | b';')).unwrap_or(text.len());
+        self.variables.evaluate(&text[..end]).ok()
+    }
+
+    /// A bead's area, in the file's unit squared, gives its width.
+    fn set_area(&mut self, name: &[u8], argument: Option<f64>) {
+        if name.eq_ignore_ascii_case(b"BEAD_AREA") {
+            let area = argument.map(|area| area * self.position.unit * self.position.unit);
+            self.switch.area = area.filter(|area| *area > 0.0 && area.is_finite());
         }
     }
 
-    fn extended(&mut self, name: &[u8]) {
-        if !commands::is_neutral_extended(name) {
-            self.beads.report.unknown(name, self.line);
+    /// A line that gives variables their values.
+    fn assign(&mut self, line: &[u8]) -> Result<()> {
+        let Some(split) = line.iter().position(|b| *b == b'=') else {
+            self.beads.report.unknown(token(line), self.line);
+            return Ok(());
+        };
+        let name = line[..split].trim_ascii();
+        if let [b'#', second, ..] = name
+            && !(second.is_ascii_digit() || *second == b'<')
+        {
+            self.beads.report.unknown(token(line), self.line);
+            return Ok(());
         }
+        let value = &line[split + 1..];
+        // A bracket may belong to the expression; a comment in parentheses follows a space.
+        let comment = value.windows(2).position(|pair| pair == b" (");
+        let end = value.iter().position(|b| *b == b';').or(comment).unwrap_or(value.len());
+        let value = self.variables.evaluate(value[..end].trim_ascii()).ok();
+        self.variables.set(name, value);
+        Ok(())
     }
 
     fn comment(&mut self, comment: &[u8]) -> Result<()> {
+        match regions::meaning(&comment[1..], false) {
+            None => {}
+            Some(Region::Layer) => self.begin_layer(),
+            Some(Region::Deposit(name, width)) => return self.enter_region(name, width),
+            Some(Region::Travel) => return Ok(()),
+        }
         match comments::meaning(comment) {
             Comment::Feature(name) => self.feature = Some(self.beads.feature(name, self.line)?),
             Comment::Width(width) => self.width = self.checked(width, "a comment's width is no size"),
             Comment::Height(height) => self.height = self.checked(height, "a comment's height is no size"),
-            Comment::Layer => {
-                // What is deposited before the first mark belongs to the first layer.
-                self.layer += u32::from(self.layer_is_marked && !self.layer_is_fresh);
-                (self.layer_is_marked, self.layer_is_fresh) = (true, true);
-            }
+            Comment::Layer => self.begin_layer(),
             Comment::Mesh(name) => {
                 let name = String::from_utf8_lossy(&name[..name.len().min(200)]);
                 let meshes = &mut self.beads.report.meshes;
@@ -121,6 +276,12 @@ impl<'s, 'k> Machine<'s, 'k> {
             Comment::Other => {}
         }
         Ok(())
+    }
+
+    fn begin_layer(&mut self) {
+        // What is deposited before the first mark belongs to the first layer.
+        self.layer += u32::from(self.layer_is_marked && !self.layer_is_fresh);
+        (self.layer_is_marked, self.layer_is_fresh) = (true, true);
     }
 
     fn checked(&mut self, size: Option<f64>, complaint: &str) -> Option<f64> {
@@ -136,6 +297,7 @@ impl<'s, 'k> Machine<'s, 'k> {
         let mut first = true;
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
+            let word = self.understood(word)?;
             match word.letter {
                 b'N' if first => continue,
                 b'G' | b'M' | b'T' => match self.code(&word, first, &mut words)? {
@@ -143,21 +305,104 @@ impl<'s, 'k> Machine<'s, 'k> {
                     commands::Effect::Motion => moves = true,
                     commands::Effect::LineDone => return Ok(()),
                     commands::Effect::SetPosition => return self.set_position(words),
+                    commands::Effect::SetOffsets(code) => return self.set_offsets(code, words),
                 },
-                b'F' | b'S' => {}
-                letter if CARRIED >> (letter - b'A') & 1 == 1 => self.size(&word, &mut sizes)?,
-                letter => self.beads.report.unknown(&[letter], self.line),
+                b'F' => {}
+                b'S' => self.switch.set_speed(word.value),
+                NAMED => self.named_word(&word, &mut sizes)?,
+                letter if (CARRIED | self.position.letters()) >> (letter - b'A') & 1 == 1 => {
+                    self.size(&word, &mut sizes)?;
+                }
+                letter => self.other_letter(letter),
             }
             first = false;
         }
         self.check_sum(line, words.rest());
-        if sizes.any(MOVING) || (moves && sizes.states(u32::MAX)) {
+        let states_vector = std::mem::take(&mut self.vector);
+        if let Some(vector) = self.unit_vector(states_vector)? {
+            self.position.set_vector(vector);
+            moves = true;
+        }
+        let in_machine = std::mem::take(&mut self.in_machine);
+        let moving = self.position.letters() | letters(b"E");
+        if sizes.any(moving) || (moves && sizes.states(u32::MAX)) || states_vector != [None; 3] {
+            if in_machine {
+                return self.go_in_machine(&sizes);
+            }
             let Some(motion) = self.motion else {
                 return Err(self.fault("coordinates stand before the first G0, G1, G2 or G3"));
             };
             return self.go(motion, &sizes);
         }
         Ok(())
+    }
+
+    /// The word with its expression's value, and with E as the letter of the extruder's axis.
+    pub(super) fn understood<'w>(&mut self, mut word: Word<'w>) -> Result<Word<'w>> {
+        if !word.expression.is_empty() {
+            match self.variables.evaluate(word.expression) {
+                Ok(value) => word.value = Some(value),
+                // A variable may stay without a value as long as nothing hangs on it.
+                Err(_) if word.letter == NAMED && !states_place(word.name) => {}
+                Err(what) => return Err(self.fault(&what)),
+            }
+        }
+        if self.extruder_letter != b'E' {
+            if word.letter == self.extruder_letter {
+                word.letter = b'E';
+            } else if word.letter == b'E' {
+                // Known by its sign that it moves nothing.
+                word.letter = b'F';
+                self.beads.report.note("E is left out: another axis feeds, by --extruder-axis", self.line);
+            }
+        }
+        Ok(word)
+    }
+
+    /// A word that has a name for a letter.
+    fn named_word(&mut self, word: &Word<'_>, sizes: &mut Sizes) -> Result<()> {
+        let name = word.name.to_ascii_uppercase();
+        match &name[..] {
+            b"A3" | b"B3" | b"C3" => self.vector[usize::from(name[0] - b'A')] = word.value,
+            // Siemens' radius of an arc.
+            b"CR" => self.size(&Word { letter: b'R', ..*word }, sizes)?,
+            _ if self.switch.named(&name, word.value) => self.set_area(&name, word.value),
+            [b'R', digits @ ..] if digits.iter().all(u8::is_ascii_digit) => self.variables.set(&name, word.value),
+            _ => self.beads.report.unknown(&name, self.line),
+        }
+        Ok(())
+    }
+
+    /// The tool's axis of the length 1, where the line states one; what it leaves out is 0.
+    fn unit_vector(&self, stated: [Option<f64>; 3]) -> Result<Option<[f64; 3]>> {
+        if stated == [None; 3] {
+            return Ok(None);
+        }
+        let vector = stated.map(Option::unwrap_or_default);
+        let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if !(1e-6..1e6).contains(&length) {
+            return Err(self.fault("A3, B3 and C3 are no direction"));
+        }
+        Ok(Some(vector.map(|x| x / length)))
+    }
+
+    /// A letter that moves nothing that is known.
+    fn other_letter(&mut self, letter: u8) {
+        match letter {
+            // Offsets of tools, and a program's number.
+            b'D' | b'H' | b'O' => {}
+            b'U' | b'V' | b'W' if self.tells_axes => {
+                let axis = char::from(letter);
+                let what = format!(
+                    "{axis} moves and is left out: if it carries layers, say --layer-axis {axis} (its position is \
+                     added to Z) or -{axis} (a table that goes down); if it feeds, --extruder-axis {axis}; if \
+                     neither, --layer-axis none"
+                );
+                self.beads.report.note(&what, self.line);
+            }
+            b'U' | b'V' | b'W' => {}
+            letter => self.beads.report.unknown(&[letter], self.line),
+        }
     }
 
     fn code(&mut self, word: &Word<'_>, first: bool, words: &mut Words<'_>) -> Result<commands::Effect> {
@@ -167,8 +412,12 @@ impl<'s, 'k> Machine<'s, 'k> {
         commands::code(self, word, value, first, words)
     }
 
-    fn size(&mut self, word: &Word<'_>, sizes: &mut Sizes) -> Result<()> {
+    pub(super) fn size(&mut self, word: &Word<'_>, sizes: &mut Sizes) -> Result<()> {
         let malformed = |what| Malformed { text: word.text, what };
+        if !word.letter.is_ascii_uppercase() {
+            self.beads.report.unknown(word.text, self.line);
+            return Ok(());
+        }
         if sizes.any(letters(&[word.letter])) {
             return Err(self.malformed(&malformed("repeats a letter of its line")));
         }
@@ -188,20 +437,28 @@ impl<'s, 'k> Machine<'s, 'k> {
 
     /// G92: the tool is where it is, and is called so from now on.
     fn set_position(&mut self, mut words: Words<'_>) -> Result<()> {
-        let mut sizes = Sizes::default();
-        while let Some(word) = words.next() {
-            let word = word.map_err(|malformed| self.malformed(&malformed))?;
-            self.size(&word, &mut sizes)?;
-        }
+        let sizes = self.all_sizes(&mut words)?;
         let all = !sizes.any(u32::MAX);
         self.position.rename(&sizes, all);
         if let Some(e) = sizes.get(b'E').or(all.then_some(0.0)) {
             self.extruder.rename(e * self.position.unit);
         }
-        if sizes.states(letters(b"ABC")) {
+        let table = self.position.layer_axis().letter().map_or(0, |letter| letters(&[letter]));
+        if sizes.states(letters(b"ABC") & !table) {
             self.beads.report.note("G92 of a turning axis is left out", self.line);
         }
         Ok(())
+    }
+
+    /// The words of the rest of the line.
+    pub(super) fn all_sizes(&mut self, words: &mut Words<'_>) -> Result<Sizes> {
+        let mut sizes = Sizes::default();
+        while let Some(word) = words.next() {
+            let word = word.map_err(|malformed| self.malformed(&malformed))?;
+            let word = self.understood(word)?;
+            self.size(&word, &mut sizes)?;
+        }
+        Ok(sizes)
     }
 
     /// G28: to the end stops of the axes named, or of all.
@@ -212,6 +469,39 @@ impl<'s, 'k> Machine<'s, 'k> {
 
     pub(super) fn select_tool(&mut self, tool: u16) {
         self.extruder.tool = tool;
+    }
+
+    /// G20, G21 and their like.
+    pub(super) fn set_unit(&mut self, unit: f64) {
+        self.position.unit = unit;
+        if self.beads.report.machine.unit_mm.is_none() {
+            self.beads.report.machine.unit_source = UnitSource::Code;
+        }
+    }
+
+    /// G43: the table of tools is the machine's.
+    pub(super) fn use_tool_length(&mut self) {
+        self.beads.report.machine.tool_lengths = true;
+        // Machines begin with G0.
+        self.motion.get_or_insert(0);
+    }
+
+    /// M221: scales what is fed, of one tool or the present one.
+    pub(super) fn set_flow(&mut self, words: &mut Words<'_>) {
+        let (mut percent, mut tool) = (None, None);
+        while let Some(Ok(word)) = words.next() {
+            match word.letter {
+                b'S' => percent = word.value.filter(|value| (0.0..=1e4).contains(value)),
+                b'T' | b'D' => tool = word.value.filter(|value| (0.0..65536.0).contains(value)),
+                _ => {}
+            }
+        }
+        if let Some(percent) = percent
+            && self.flows.len() < FLOWS_MAX
+        {
+            let tool = tool.map_or(self.extruder.tool, |tool| tool as u16);
+            self.flows.insert(tool, percent / 100.0);
+        }
     }
 
     /// Firmware retraction.
@@ -246,6 +536,25 @@ impl<'s, 'k> Machine<'s, 'k> {
     pub(super) fn malformed(&self, malformed: &Malformed<'_>) -> Error {
         self.fault(&format!("the word {} {}", quote(malformed.text), malformed.what))
     }
+}
+
+/// Whether a name stands for a place or a direction.
+fn states_place(name: &[u8]) -> bool {
+    [&b"A3"[..], b"B3", b"C3", b"CR"].iter().any(|known| name.eq_ignore_ascii_case(known))
+}
+
+/// What stands behind a line's number.
+fn behind_number(start: &[u8]) -> &[u8] {
+    let digits = start[1..].iter().take_while(|b| b.is_ascii_digit()).count();
+    start[1 + digits..].trim_ascii_start()
+}
+
+/// Whether a line begins like one that moves the tool: with a G code or a coordinate.
+fn begins_move(line: &[u8]) -> bool {
+    let mut words = Words::new(line);
+    let first = words.rest();
+    let first = if matches!(first, [b'N' | b'n', ..]) { behind_number(first) } else { first };
+    first.first().is_some_and(|letter| !matches!(letter | 0x20, b'm' | b't'))
 }
 
 /// 10 to the power of minus its index.

@@ -23,13 +23,21 @@ mod arc;
 mod beads;
 mod commands;
 mod comments;
+mod deposition;
+mod expressions;
 mod extruder;
+mod klipper;
+mod layer_axis;
 mod lines;
 mod machine;
 mod motion;
+mod offsets;
 mod parameters;
+mod plan;
 mod position;
+mod regions;
 mod report;
+mod signs;
 mod sizes;
 mod source;
 #[cfg(test)]
@@ -37,17 +45,23 @@ mod tests;
 mod tilt;
 mod words;
 
+pub use deposition::Mark;
+pub use layer_axis::LayerAxis;
+pub use plan::ExtruderAxis;
 pub use report::{
-    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, GcodeReport, SizeReport, SkipReport,
+    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, GcodeReport, MachineReport, SizeReport,
+    SkipReport, UnitSource,
 };
 
-use super::BeadSink;
+use super::{BeadSink, BeadView};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Silent};
 use beads::Beads;
 use comments::{Comment, Settings};
 use lines::{Lines, Stop};
 use machine::Machine;
+use plan::Plan;
+use signs::Signs;
 use source::{CountedFile, Source};
 use std::io::Read;
 use std::path::Path;
@@ -84,6 +98,18 @@ pub struct GcodeOptions {
     pub skip_features: Vec<String>,
     /// How far chords may deviate from arcs; by default a hundredth of the bead's width.
     pub arc_tolerance: Option<f64>,
+    /// mm in the file's unit of length, until G20 or G21 says otherwise; by default what the header tells, or 1.
+    pub unit: Option<f64>,
+    /// The axis that carries layers beside Z; by default what the file shows.
+    pub layer_axis: Option<LayerAxis>,
+    /// The axis that feeds, in the place of E.
+    pub extruder_axis: Option<ExtruderAxis>,
+    /// Codes that switch deposition on and off, in the place of E and of those that the reader knows.
+    pub deposit_on: Vec<Mark>,
+    /// See [`GcodeOptions::deposit_on`]. Commands that take an argument switch off by 0 without.
+    pub deposit_off: Vec<Mark>,
+    /// Variables of the machine that the file uses and does not set, by their names: `#200`, `R1`.
+    pub variables: Vec<(String, f64)>,
 }
 
 impl GcodeOptions {
@@ -99,13 +125,13 @@ impl GcodeOptions {
                 return Err(Error::setting(what, "give it in mm"));
             }
         }
-        Ok(())
+        plan::check(self)
     }
 }
 
 /// Reads the G-code file `path`, plain or compressed by gzip or xz, and hands its beads to `sink` in the order
-/// of the file. The file is read twice, since slicers write their settings at its end; memory does not grow with
-/// it.
+/// of the file. The file is read twice, since slicers write their settings at its end, and up to four times where a
+/// table moves; memory does not grow with it.
 ///
 /// # Errors
 /// If the file cannot be read or unpacked, is malformed (with line and word), deposits nothing, or does not say
@@ -117,15 +143,15 @@ pub fn read_gcode(
     sink: &mut BeadSink<'_>,
 ) -> Result<GcodeReport> {
     let bytes = source::open(path)?.metadata().map_err(Error::io(path, "read the size"))?.len();
-    let mut passes = ["finding the slicer's settings", "reading G-code"].into_iter();
+    let mut passes = ["finding the slicer's settings"].into_iter();
     let open = || {
-        progress.phase(passes.next().unwrap_or_default(), Some(bytes), "bytes");
+        progress.phase(passes.next().unwrap_or("reading G-code"), Some(bytes), "bytes");
         Ok(CountedFile { file: source::open(path)?, progress })
     };
     read(path, open, options, progress, sink)
 }
 
-/// Reads G-code like [`read_gcode`], from a source that can be opened twice. `name` stands for it in messages.
+/// Reads G-code like [`read_gcode`], from a source that can be opened several times. `name` stands for it in messages.
 ///
 /// # Errors
 /// As [`read_gcode`].
@@ -146,28 +172,56 @@ fn read<R: Read>(
     sink: &mut BeadSink<'_>,
 ) -> Result<GcodeReport> {
     options.check()?;
-    let mut survey = Survey::default();
+    let mut survey = Survey::new(options);
     each_line(path, open()?, progress, |_, line| {
         survey.read(line);
         Ok(())
     })?;
+    survey.signs.complete(&mut survey.settings);
+    let mut plan = Plan::new(options, &survey);
+    while let Some(trial) = plan.trial() {
+        let mut nothing = |_: BeadView<'_>| Ok(());
+        let beads = carry_out(path, open()?, (&trial, options, &survey), progress, &mut nothing)?.0;
+        plan.learn(&beads);
+    }
+    let (beads, lines) = carry_out(path, open()?, (&plan, options, &survey), progress, sink)?;
+    let mut report = beads.into_report();
+    report.lines = lines;
+    deposits_something(path, &report, &survey)?;
+    Ok(report)
+}
+
+/// Carries out a file's lines, and returns what was gathered, and how many lines there are.
+fn carry_out<'s, 'k, R: Read>(
+    path: &Path,
+    source: R,
+    (plan, options, survey): (&Plan, &GcodeOptions, &Survey),
+    progress: &dyn Progress,
+    sink: &'s mut BeadSink<'k>,
+) -> Result<(Beads<'s, 'k>, u64)> {
+    let options = &plan.options(options);
     let (diameters, filament_source) = survey.filament(options);
-    let mut beads = Beads::new(path, options, &survey.settings, survey.has_e, survey.has_layer_marks, sink);
+    let feeds = plan.by_extruder || plan.has_area;
+    let mut beads =
+        Beads::new(path, options, &survey.settings, feeds, survey.has_layer_marks || survey.signs.has_layers, sink);
     beads.report.filament_diameters = diameters.clone();
     beads.report.filament_source = filament_source;
     if filament_source == FilamentSource::Assumed {
         beads.report.note("the filament's diameter is assumed to be 1.75 mm: the file does not tell it", 0);
     }
-    let mut machine = Machine::new(path, options, &survey.settings, survey.has_e, diameters, beads);
-    let lines = each_line(path, open()?, progress, |number, line| {
+    plan.prepare(&mut beads);
+    let setup = plan.setup(options, survey);
+    beads.report.machine.deposition = match setup.by_extruder {
+        true => char::from(survey.extruder_letter).to_string(),
+        false => setup.switch.text(),
+    };
+    let mut machine = Machine::new(path, options, &survey.settings, setup, diameters, beads);
+    let lines = each_line(path, source, progress, |number, line| {
         machine.line = number;
         machine.execute(line)
     })?;
     machine.beads.finish()?;
-    let mut report = machine.beads.into_report();
-    report.lines = lines;
-    deposits_something(path, &report)?;
-    Ok(report)
+    Ok((machine.beads, lines))
 }
 
 /// Hands every line to `take`, with its number; returns how many there are.
@@ -209,17 +263,25 @@ struct Survey {
     settings: Settings,
     has_e: bool,
     has_layer_marks: bool,
+    signs: Signs,
+    extruder_letter: u8,
 }
 
 impl Survey {
+    fn new(options: &GcodeOptions) -> Survey {
+        let extruder_letter = options.extruder_axis.map_or(b'E', ExtruderAxis::letter);
+        Survey { extruder_letter, ..Survey::default() }
+    }
+
     fn read(&mut self, line: &[u8]) {
         let text = line.trim_ascii_start();
+        self.signs.read(text);
         match text.first() {
             Some(b';') => {
                 self.settings.read(text);
                 self.has_layer_marks |= !self.has_layer_marks && comments::meaning(text) == Comment::Layer;
             }
-            Some(_) if !self.has_e => self.has_e = moves_e(text),
+            Some(_) if !self.has_e => self.has_e = moves_e(text, self.extruder_letter),
             _ => {}
         }
     }
@@ -236,22 +298,22 @@ impl Survey {
     }
 }
 
-/// Whether a line is a move with an E word.
-fn moves_e(line: &[u8]) -> bool {
+/// Whether a line is a move with a word of the extruder's axis.
+fn moves_e(line: &[u8], extruder: u8) -> bool {
     let mut moves = true;
     let mut words = words::Words::new(line);
     while let Some(Ok(word)) = words.next() {
         match word.letter {
             b'G' => moves = word.value.is_some_and(|code| (0.0..=3.0).contains(&code)),
             b'M' | b'T' => return false,
-            b'E' if moves => return true,
+            letter if letter == extruder && moves => return true,
             _ => {}
         }
     }
     false
 }
 
-fn deposits_something(path: &Path, report: &GcodeReport) -> Result<()> {
+fn deposits_something(path: &Path, report: &GcodeReport, survey: &Survey) -> Result<()> {
     let place = format!("line {}", report.lines);
     if report.beads > 0 {
         return Ok(());
@@ -260,6 +322,6 @@ fn deposits_something(path: &Path, report: &GcodeReport) -> Result<()> {
         let what = "ends, and all that it deposits is to be skipped";
         return Err(Error::input(path, place, what, "skip fewer features"));
     }
-    let what = "ends, and no move deposited anything";
-    Err(Error::input(path, place, what, "give G-code whose moves have E words, or M3 and M5 around them"))
+    let what = format!("ends, and no move deposited anything (looked for {})", report.machine.deposition);
+    Err(Error::input(path, place, what, plan::remedy(&survey.signs)))
 }

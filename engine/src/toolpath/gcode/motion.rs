@@ -2,6 +2,7 @@
 
 use super::arc::{Arc, Centre, Chords};
 use super::beads::{Kind, Pose, distance};
+use super::layer_axis::LayerAxis;
 use super::machine::Machine;
 use super::parameters::{Sizes, letters};
 use super::position::AXES;
@@ -16,6 +17,9 @@ const ARC_TOLERANCE_MM: f64 = 0.005;
 /// An arc's ends may differ in their distance from the centre by this much, in mm, for rounding alone.
 const ARC_MISMATCH_MM: f64 = 0.005;
 
+/// A machine whose Z points down.
+const DOWN: LayerAxis = LayerAxis::new(b'Z', true);
+
 /// The two axes of the plane of arcs and the axis along its normal: G17, G18, G19.
 const PLANES: [[usize; 3]; 3] = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
 
@@ -26,7 +30,7 @@ impl Machine<'_, '_> {
         let fed = self.extruder.feed(sizes, self.position.unit, self.position.relative);
         self.advance_axes(sizes)?;
         let to = self.position.pose();
-        let turns = to.degrees != from.degrees;
+        let turns = (to.degrees, to.vector) != (from.degrees, from.vector);
         let is_arc = motion >= 2 && sizes.states(letters(b"IJKR"));
         if motion >= 2 && !is_arc {
             return Err(self.fault("the arc has neither I, J or K nor R"));
@@ -36,8 +40,8 @@ impl Machine<'_, '_> {
         }
         self.beads.report.moves += 1;
         let deposits = match self.by_extruder {
-            true => fed > 0.0,
-            false => self.depositing && motion != 0,
+            true => fed > 0.0 && self.flow() > 0.0,
+            false => self.switch.deposits() && motion != 0,
         };
         if fed < 0.0 {
             self.extruder.retract(-fed);
@@ -53,23 +57,69 @@ impl Machine<'_, '_> {
             return Err(self.fault(&format!("deposits, but a placeholder left {axis} unknown before")));
         }
         self.layer_is_fresh = false;
+        self.note_deposit();
         let feature = match self.feature {
             Some(feature) => feature,
             None => self.beads.feature(b"", self.line)?,
         };
         self.feature = Some(feature);
         let kind = Kind { layer: self.layer, tool: self.extruder.tool, feature };
-        let area = self.extruder.area();
+        let area = self.extruder.area() * self.flow();
         self.beads.resolution =
             Resolution { position: self.position.resolution, volume: self.extruder.resolution * area };
-        let piece = Piece { fed: fed * area, width: self.width, height: self.height };
+        let fed = match self.switch.area {
+            Some(area) if !self.by_extruder => area * distance(from.point, to.point),
+            _ => fed * area,
+        };
+        let piece = Piece { fed, width: self.region_width.or(self.width), height: self.height };
         match is_arc {
             true => self.deposit_arc(motion, sizes, kind, &from, &to, piece),
             false => self.beads.deposit(kind, &from, &to, piece, self.line),
         }
     }
 
+    /// G53: goes to places in the machine's coordinates, without a bead.
+    pub(super) fn go_in_machine(&mut self, sizes: &Sizes) -> Result<()> {
+        let unit = self.position.unit;
+        let fed = self.extruder.feed(sizes, unit, self.position.relative);
+        if fed < 0.0 {
+            self.extruder.retract(-fed);
+        }
+        let to = AXES.map(|letter| sizes.get(letter).map(|value| value * unit));
+        self.position.move_machine(to).map_err(|what| self.fault(what))?;
+        self.beads.report.moves += 1;
+        self.beads.finish()
+    }
+
+    /// Tells what must be known of the place of a deposit.
+    fn note_deposit(&mut self) {
+        if self.position.offsets.deposit() {
+            let what = "material is laid under several work offsets (G54 to G59) that the file does not tell: it lies \
+                        as if all were zero; set them by G10 L2 P1 X Y Z and so on at its beginning";
+            self.beads.report.note(what, self.line);
+        }
+        if let Some(axis) = self.position.unsure_axis() {
+            let what = format!(
+                "a bead begins where G53 left {axis}, in the machine's coordinates, but the work offset is not in the \
+                 file: it is taken for zero"
+            );
+            self.beads.report.note(&what, self.line);
+        }
+        let table = self.position.table();
+        let (low, high) = self.beads.tables.unwrap_or((table, table));
+        self.beads.tables = Some((low.min(table), high.max(table)));
+        self.beads.report.machine.unit_mm.get_or_insert(self.position.unit);
+    }
+
+    /// The factor of what the present tool is fed.
+    fn flow(&self) -> f64 {
+        self.flows.get(&self.extruder.tool).copied().unwrap_or(1.0)
+    }
+
     fn advance_axes(&mut self, sizes: &Sizes) -> Result<()> {
+        if self.plane != 0 && sizes.states(letters(b"IJKR")) && self.position.layer_axis() == DOWN {
+            return Err(self.fault("is an arc out of the plane of X and Y on a machine whose Z points down"));
+        }
         if sizes.leaves_open(!letters(&AXES)) {
             return Err(self.fault("a placeholder that the slicer left stands for a number that is needed"));
         }
@@ -82,7 +132,7 @@ impl Machine<'_, '_> {
     /// A command that leaves the tool tip where it is.
     fn stay(&mut self, fed: f64, turns: bool, motion: u8) -> Result<()> {
         if !self.by_extruder {
-            let deposits = self.depositing && motion != 0;
+            let deposits = self.switch.deposits() && motion != 0;
             self.beads.report.zero_length += u64::from(deposits && !turns);
             if deposits && turns {
                 self.beads.report.note("the tool turns in place while it deposits", self.line);
@@ -97,7 +147,7 @@ impl Machine<'_, '_> {
             if excess > 0.0 {
                 self.beads.report.zero_length += 1;
                 self.beads.report.blobs.count += 1;
-                self.beads.report.blobs.volume += excess * self.extruder.area();
+                self.beads.report.blobs.volume += excess * self.extruder.area() * self.flow();
             }
         }
         Ok(())
@@ -112,7 +162,7 @@ impl Machine<'_, '_> {
                 let letter = b"IJK"[axis];
                 match (sizes.get(letter), self.absolute_centres) {
                     (Some(value), true) => {
-                        value * self.position.unit + self.position.offset[axis] - from.point[axis]
+                        value * self.position.unit + self.position.pose_offset(axis) - from.point[axis]
                     }
                     (value, _) => value.unwrap_or(0.0) * self.position.unit,
                 }
@@ -144,7 +194,13 @@ impl Machine<'_, '_> {
         let chords = self.arc(motion, sizes, from, to)?;
         let [u, v, normal] = PLANES[self.plane];
         let parts = f64::from(chords.count);
-        let piece = Piece { fed: piece.fed / parts, ..piece };
+        let rise = to.point[normal] - from.point[normal];
+        let length = (chords.length * chords.length + rise * rise).sqrt();
+        let fed = match self.switch.area {
+            Some(area) if !self.by_extruder => area * length,
+            _ => piece.fed,
+        };
+        let piece = Piece { fed: fed / parts, ..piece };
         let between = |a: f64, b: f64, step: usize| a + (b - a) * (step as f64 / parts);
         let mut last = *from;
         let mut walked = 0.0;
@@ -153,13 +209,22 @@ impl Machine<'_, '_> {
             (next.point[u], next.point[v]) = (place[0], place[1]);
             next.point[normal] = between(from.point[normal], to.point[normal], step + 1);
             next.degrees = [0, 1, 2].map(|axis| between(from.degrees[axis], to.degrees[axis], step + 1));
+            if to.vector.is_some() {
+                let (a, b) = (from.axis(), to.axis());
+                next.vector = unit([0, 1, 2].map(|axis| between(a[axis], b[axis], step + 1)));
+            }
             walked += distance(last.point, next.point);
             self.beads.deposit(kind, &last, &next, piece, self.line)?;
             last = next;
         }
         walked += distance(last.point, to.point);
-        let rise = to.point[normal] - from.point[normal];
-        self.beads.report.arcs.length_lost += (chords.length * chords.length + rise * rise).sqrt() - walked;
+        self.beads.report.arcs.length_lost += length - walked;
         self.beads.deposit(kind, &last, to, piece, self.line)
     }
+}
+
+/// A vector of the length 1 in the direction of this one, if it has one.
+fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (length > 1e-9).then(|| vector.map(|x| x / length))
 }

@@ -51,10 +51,66 @@ pub struct GcodeReport {
     pub merged: u64,
     /// What was left out because its feature was to be.
     pub skipped: SkipReport,
+    /// What the file was taken for.
+    pub machine: MachineReport,
     /// Commands and words that the reader does not know, each once.
     pub unknown: Vec<Finding>,
     /// Assumptions, approximations and oddities, each kind once.
     pub notes: Vec<Finding>,
+}
+
+/// What a file was taken for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct MachineReport {
+    /// The machine or its control, as the header names it or codes tell.
+    pub dialect: Option<String>,
+    /// What deposits: an axis, as in "E", or codes, as in "M3, M4 to M5".
+    pub deposition: String,
+    /// How the height of the tool over the part comes about: "Z", "Z - W".
+    pub height: String,
+    /// mm in the unit of the first deposit.
+    pub unit_mm: Option<f64>,
+    /// Who told the unit.
+    pub unit_source: UnitSource,
+    /// Tool length offsets (G43) are selected; they are taken for zero.
+    pub tool_lengths: bool,
+}
+
+/// Who tells the unit of a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum UnitSource {
+    /// Nobody: mm.
+    #[default]
+    Assumed,
+    /// G20, G21 or their like.
+    Code,
+    /// The header's sizes, or its machine.
+    Header,
+    /// The caller.
+    Option,
+}
+
+impl MachineReport {
+    /// What was taken for granted, for people.
+    pub fn text(&self) -> String {
+        let unit = match self.unit_mm {
+            Some(mm) if mm == 1.0 => "mm".to_owned(),
+            Some(mm) if mm == super::signs::INCH => "inches".to_owned(),
+            Some(mm) => format!("units of {mm} mm"),
+            None => "no unit".to_owned(),
+        };
+        let source = match self.unit_source {
+            UnitSource::Assumed => " assumed",
+            UnitSource::Code => "",
+            UnitSource::Header => " by the header",
+            UnitSource::Option => " by --units",
+        };
+        let dialect = self.dialect.as_ref().map(|name| format!("{name}; ")).unwrap_or_default();
+        let lengths = if self.tool_lengths { "; tool length offsets taken for zero" } else { "" };
+        let MachineReport { deposition, height, .. } = self;
+        format!("{dialect}deposition by {deposition}, height {height}, {unit}{source}{lengths}")
+    }
 }
 
 /// One kind of deposition.
@@ -102,7 +158,8 @@ pub struct SizeReport {
     pub extrusion: u64,
     /// Heights: from the next lower beads, or the bed.
     pub step: u64,
-    /// Heights of beads that do not lie flat: the slicer's setting, or the height of the flat bead before.
+    /// Widths: from the file's header. Heights of beads that do not lie flat: the slicer's setting, or the height of
+    /// the flat bead before.
     pub setting: u64,
     /// Smallest and largest, in mm.
     pub range: Option<(f64, f64)>,

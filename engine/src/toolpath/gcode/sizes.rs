@@ -53,6 +53,42 @@ pub(super) struct Layering {
     layer: u32,
     /// Height of the flat bead before.
     last: Option<f64>,
+    /// Height of the bed.
+    pub(super) bed: f64,
+    /// The usual width by the file's header, mm.
+    pub(super) usual_width: Option<f64>,
+    pub(super) rise: Rise,
+}
+
+/// How planes follow each other.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rise {
+    first: Option<f64>,
+    /// The first plane above the first one.
+    second: Option<f64>,
+    /// Steps up and down.
+    pub(super) ups: u64,
+    pub(super) downs: u64,
+}
+
+impl Rise {
+    fn enter(&mut self, plane: f64, before: Option<f64>) {
+        let first = *self.first.get_or_insert(plane);
+        if plane > first + PLANE_MM {
+            self.second.get_or_insert(plane);
+        }
+        if let Some(before) = before {
+            self.ups += u64::from(plane > before);
+            self.downs += u64::from(plane < before);
+        }
+    }
+
+    /// Where the bed is, if the first layer is as high as given, or else as the second one.
+    pub(super) fn bed(&self, height: Option<f64>) -> Option<f64> {
+        let first = self.first?;
+        let height = height.or(self.second.map(|second| second - first))?;
+        Some(first - height)
+    }
 }
 
 impl Layering {
@@ -66,6 +102,9 @@ impl Layering {
             plane: None,
             layer: 0,
             last: None,
+            bed: 0.0,
+            usual_width: None,
+            rise: Rise::default(),
         }
     }
 
@@ -97,6 +136,7 @@ impl Layering {
     /// Puts a plane onto those below it; returns how far below the next one is, or the bed.
     fn enter_plane(&mut self, z: f64) -> Option<f64> {
         if self.plane.is_none_or(|plane| (plane - z).abs() > PLANE_MM) {
+            self.rise.enter(z, self.plane);
             self.layer += u32::from(self.plane.is_some());
             self.plane = Some(z);
             // Objects printed one after the other begin at the bed again.
@@ -108,7 +148,7 @@ impl Layering {
             }
             self.planes.push_back(z);
         }
-        let below = self.planes.len().checked_sub(2).map_or(0.0, |below| self.planes[below]);
+        let below = self.planes.len().checked_sub(2).map_or(self.bed, |below| self.planes[below]);
         // Differences of decimal numbers, without the binary dust: equal layers get equal heights.
         let step = ((z - below) * 1e6).round() / 1e6;
         (step > PLANE_MM && step <= SIZE_MAX).then_some(step)
@@ -151,8 +191,12 @@ impl Layering {
                 from + 1
             } else {
                 let (to, rate) = stretch(points, pieces, sections, resolution, from);
-                let width = width_of(rate, sections[from].height);
-                if rate <= 0.0 {
+                let width = match self.usual_width.filter(|_| rate <= 0.0) {
+                    Some(usual) => usual,
+                    None => width_of(rate, sections[from].height),
+                };
+                let is_usual = rate <= 0.0 && self.usual_width.is_some();
+                if rate <= 0.0 && !is_usual {
                     let what = "nothing says how wide the bead is: no comment, no E".to_owned();
                     return Err((what, "give its width in mm with --width"));
                 }
@@ -160,7 +204,10 @@ impl Layering {
                     let what = format!("E feeds {rate:.0} mm³ on each mm, a bead wider than {SIZE_MAX} mm");
                     return Err((what, "check the E words and the filament's diameter"));
                 }
-                report.widths.extrusion += (to - from) as u64;
+                match is_usual {
+                    true => report.widths.setting += (to - from) as u64,
+                    false => report.widths.extrusion += (to - from) as u64,
+                }
                 sections[from..to].iter_mut().for_each(|section| section.width = width);
                 to
             };

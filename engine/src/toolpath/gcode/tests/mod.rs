@@ -6,7 +6,10 @@ use std::path::PathBuf;
 
 mod dialect;
 mod files;
+mod large_format;
+mod large_laws;
 mod laws;
+mod offsets;
 mod refusals;
 
 /// A file of the repository's data.
