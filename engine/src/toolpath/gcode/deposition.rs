@@ -198,7 +198,10 @@ impl Switch {
         let rule = self.rules.iter().filter(|(mark, _)| fits(mark));
         let Some(on) = rule.max_by_key(|(mark, _)| mark.text.len()).map(|(_, on)| *on) else { return false };
         let speed = behind.iter().find(|(letter, _)| *letter == b'S').and_then(|(_, value)| *value);
-        self.set_speed(speed);
+        if on {
+            // What stands behind a code that switches off is no speed to go on with.
+            self.set_speed(speed);
+        }
         self.on = on && (self.has_speed || speed != Some(0.0));
         true
     }

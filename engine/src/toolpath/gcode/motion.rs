@@ -68,7 +68,11 @@ impl Machine<'_, '_> {
         self.beads.resolution =
             Resolution { position: self.position.resolution, volume: self.extruder.resolution * area };
         let fed = match self.switch.area {
-            Some(area) if !self.by_extruder => area * distance(from.point, to.point),
+            Some(area) if !self.by_extruder => {
+                // An area is what the file says, however its coordinates are rounded.
+                self.beads.resolution = Resolution::default();
+                area * distance(from.point, to.point)
+            }
             _ => fed * area,
         };
         let piece = Piece { fed, width: self.region_width.or(self.width), height: self.height };

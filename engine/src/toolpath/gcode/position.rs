@@ -30,6 +30,8 @@ pub(super) struct Position {
     table: (f64, f64),
     degrees: [f64; 3],
     vector: Option<[f64; 3]>,
+    /// The tool's axis at the end of the next move.
+    next_vector: Option<[f64; 3]>,
     /// Axes whose position in the program's coordinates hangs on a work offset that is not known.
     unsure: [bool; 3],
     /// Axes whose position hangs on a placeholder.
@@ -50,6 +52,7 @@ impl Position {
             table: (0.0, 0.0),
             degrees: [0.0; 3],
             vector: None,
+            next_vector: None,
             unsure: [false; 3],
             lost: [false; 3],
             resolution: 1.0,
@@ -119,9 +122,9 @@ impl Position {
         Ok(())
     }
 
-    /// States the tool's axis.
+    /// States the tool's axis at the end of the next move.
     pub(super) fn set_vector(&mut self, vector: [f64; 3]) {
-        self.vector = Some(vector);
+        self.next_vector = Some(vector);
     }
 
     /// The letter of an axis whose position is unknown.
@@ -159,6 +162,7 @@ impl Position {
                 self.degrees[axis] = if self.relative { self.degrees[axis] + value } else { value };
             }
         }
+        self.vector = self.next_vector.take().or(self.vector);
         Ok(left_open)
     }
 

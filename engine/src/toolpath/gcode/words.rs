@@ -80,6 +80,9 @@ impl<'a> Words<'a> {
         let assigned = rest.get(from) == Some(&b'=');
         if assigned {
             from += 1;
+            while matches!(rest.get(from), Some(b' ' | b'\t')) {
+                from += 1;
+            }
         }
         let found = match number(&rest[from..]) {
             Some(found) => found,
