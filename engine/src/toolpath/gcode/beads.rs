@@ -1,7 +1,7 @@
 //! Gathers deposited steps into beads and hands them over.
 
-use super::comments::Settings;
 use super::report::{FeatureReport, GcodeReport};
+use super::settings::Settings;
 use super::sizes::{Layering, Piece, Resolution};
 use super::{GcodeOptions, MERGE_MM, UNNAMED, tilt};
 use crate::error::{Error, Result};
@@ -23,6 +23,14 @@ pub(super) struct Pose {
     pub(super) point: [f64; 3],
     /// Words A, B, C.
     pub(super) degrees: [f64; 3],
+}
+
+impl Pose {
+    /// The pose after a part of a straight way to another one.
+    pub(super) fn towards(&self, to: &Pose, part: f64) -> Pose {
+        let between = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|axis| a[axis] + (b[axis] - a[axis]) * part);
+        Pose { point: between(self.point, to.point), degrees: between(self.degrees, to.degrees) }
+    }
 }
 
 /// What makes two steps parts of one bead.
@@ -222,6 +230,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             fed += piece.fed;
         }
         let report = &mut self.report;
+        report.include(&self.points);
         let feature = &mut report.features[usize::from(self.kind.feature)];
         let segments = self.pieces.len() as u64;
         feature.beads += 1;

@@ -1,12 +1,13 @@
 //! What the commands do: the state of the machine, line by line.
 
 use super::beads::Beads;
-use super::comments::{self, Comment, Settings};
+use super::comments::{self, Comment};
 use super::extruder::Extruder;
+use super::firmware::Firmware;
 use super::parameters::{Sizes, letters};
 use super::position::Position;
-use super::words::{Malformed, Word, Words, quote, token};
-use super::{GcodeOptions, POSITION_MAX, commands};
+use super::words::{Exponent, Malformed, Word, Words, quote, token};
+use super::{GcodeOptions, POSITION_MAX, commands, neutral};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -43,16 +44,15 @@ impl<'s, 'k> Machine<'s, 'k> {
     pub(super) fn new(
         path: &Path,
         options: &GcodeOptions,
-        settings: &Settings,
         by_extruder: bool,
-        diameters: Vec<f64>,
+        extruder: Extruder,
         beads: Beads<'s, 'k>,
     ) -> Machine<'s, 'k> {
         Machine {
             path: path.to_owned(),
             beads,
             position: Position::new(),
-            extruder: Extruder::new(settings, diameters),
+            extruder,
             arc_tolerance: options.arc_tolerance,
             line: 0,
             by_extruder,
@@ -86,19 +86,40 @@ impl<'s, 'k> Machine<'s, 'k> {
                 }
                 Ok(())
             }
+            // Prusa's MMU asks the user which filament to load.
+            [b'T', b'?', ..] => Ok(()),
             // A command of Klipper and its like is a word of several letters.
             [a, b, ..] if a.is_ascii_alphabetic() && (b.is_ascii_alphabetic() || *b == b'_') => {
-                self.extended(token(start));
-                Ok(())
+                self.extended(start)
             }
             _ => self.command(line, words),
         }
     }
 
-    fn extended(&mut self, name: &[u8]) {
-        if !commands::is_neutral_extended(name) {
+    fn extended(&mut self, start: &[u8]) -> Result<()> {
+        let name = token(start);
+        if name.eq_ignore_ascii_case(b"ACTIVATE_EXTRUDER") {
+            return self.activate_extruder(&start[name.len()..]);
+        }
+        if !neutral::is_extended(name) {
             self.beads.report.unknown(name, self.line);
         }
+        Ok(())
+    }
+
+    /// Klipper's tools are called extruder, extruder1, extruder2.
+    fn activate_extruder(&mut self, parameters: &[u8]) -> Result<()> {
+        let name = parameters.trim_ascii().split(|b| b.is_ascii_whitespace()).next().unwrap_or_default();
+        const KEY: &[u8] = b"EXTRUDER=EXTRUDER";
+        if name.len() >= KEY.len() && name[..KEY.len()].eq_ignore_ascii_case(KEY) {
+            let number = std::str::from_utf8(&name[KEY.len()..]).unwrap_or_default();
+            if let Some(tool) = if number.is_empty() { Some(0) } else { number.parse().ok() } {
+                self.select_tool(tool);
+                return Ok(());
+            }
+        }
+        self.beads.report.unknown(b"ACTIVATE_EXTRUDER", self.line);
+        Ok(())
     }
 
     fn comment(&mut self, comment: &[u8]) -> Result<()> {
@@ -136,6 +157,9 @@ impl<'s, 'k> Machine<'s, 'k> {
         let mut first = true;
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
+            if word.exponent != Exponent::None {
+                self.note_exponent(&word);
+            }
             match word.letter {
                 b'N' if first => continue,
                 b'G' | b'M' | b'T' => match self.code(&word, first, &mut words)? {
@@ -158,6 +182,23 @@ impl<'s, 'k> Machine<'s, 'k> {
             return self.go(motion, &sizes);
         }
         Ok(())
+    }
+
+    #[cold]
+    fn note_exponent(&mut self, word: &Word<'_>) {
+        let what = match word.exponent {
+            Exponent::Taken => {
+                let letter = char::from(word.letter);
+                let value = word.value.unwrap_or_default();
+                format!(
+                    "{} is read as {letter}{value}: a number with an exponent, as some programs write them",
+                    quote(word.text)
+                )
+            }
+            _ => "an E right behind a number is taken for the extruder's word; it could be an exponent"
+                .to_owned(),
+        };
+        self.beads.report.exponent(what, self.line);
     }
 
     fn code(&mut self, word: &Word<'_>, first: bool, words: &mut Words<'_>) -> Result<commands::Effect> {
@@ -211,7 +252,10 @@ impl<'s, 'k> Machine<'s, 'k> {
     }
 
     pub(super) fn select_tool(&mut self, tool: u16) {
-        self.extruder.tool = tool;
+        // Above 254 Bambu's numbers stand for no filament at all.
+        if self.extruder.firmware != Firmware::Bambu || tool < 255 {
+            self.extruder.select(tool);
+        }
     }
 
     /// Firmware retraction.

@@ -1,8 +1,8 @@
 //! Width and height of what is deposited.
 
 use super::beads::distance;
-use super::comments::Settings;
 use super::report::{GcodeReport, SizeReport};
+use super::settings::Settings;
 use super::{GcodeOptions, SIZE_MAX};
 use crate::toolpath::Section;
 use std::collections::VecDeque;
@@ -46,6 +46,8 @@ pub(super) struct Layering {
     width: Option<f64>,
     height: Option<f64>,
     setting: Option<f64>,
+    /// The usual width, for beads whose material nothing tells.
+    usual_width: Option<f64>,
     has_marks: bool,
     /// Heights of the planes below, ascending.
     planes: VecDeque<f64>,
@@ -61,6 +63,7 @@ impl Layering {
             width: options.width,
             height: options.height,
             setting: settings.layer_height,
+            usual_width: settings.line_width,
             has_marks,
             planes: VecDeque::new(),
             plane: None,
@@ -152,6 +155,13 @@ impl Layering {
             } else {
                 let (to, rate) = stretch(points, pieces, sections, resolution, from);
                 let width = width_of(rate, sections[from].height);
+                if let (Some(width), true) = (self.usual_width, rate <= 0.0) {
+                    report.widths.setting += (to - from) as u64;
+                    report.widths.include(width);
+                    sections[from..to].iter_mut().for_each(|section| section.width = width);
+                    from = to;
+                    continue;
+                }
                 if rate <= 0.0 {
                     let what = "nothing says how wide the bead is: no comment, no E".to_owned();
                     return Err((what, "give its width in mm with --width"));
