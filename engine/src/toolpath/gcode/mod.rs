@@ -280,7 +280,7 @@ fn report_filament(report: &mut GcodeReport, diameters: Vec<f64>, source: Filame
         let diameter = diameters.first().copied().unwrap_or_default();
         let what =
             format!("the filament's diameter is assumed to be {diameter} mm: the file does not tell it");
-        report.note(&what, 0);
+        report.notes.insert(0, Finding { what, line: 0, count: 1 });
     }
     (report.filament_diameters, report.filament_source) = (diameters, source);
 }
