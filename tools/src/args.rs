@@ -343,10 +343,12 @@ pub struct MeshArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Of a mesh: whether it is closed, and if not, how many open edges there are, into how many loops they fall, and \
-how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).")]
+how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).
+
+Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read.")]
 pub struct InfoArgs {
-    /// The store, or a mesh that ends in .stl, .obj or .ply
-    #[arg(value_name = "PART.brf|MESH", required_unless_present = "devices")]
+    /// The store, a mesh that ends in .stl, .obj or .ply, or a toolpath
+    #[arg(value_name = "PART.brf|MESH|TOOLPATH", required_unless_present = "devices")]
     pub file: Option<PathBuf>,
     /// List the Vulkan devices of this machine instead
     #[arg(long, conflicts_with_all = ["file", "volume"])]
@@ -360,6 +362,8 @@ pub struct InfoArgs {
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
 }
 
 /// Print w at points, from a store

@@ -1,7 +1,7 @@
 //! Gathers deposited steps into beads and hands them over.
 
-use super::comments::Settings;
 use super::report::{FeatureReport, GcodeReport};
+use super::settings::Settings;
 use super::sizes::{Layering, Piece, Resolution};
 use super::{GcodeOptions, MERGE_MM, UNNAMED, tilt};
 use crate::error::{Error, Result};
@@ -35,6 +35,15 @@ impl Pose {
             None if self.degrees == [0.0; 3] => UP,
             None => tilt::axis(self.degrees),
         }
+    }
+}
+
+impl Pose {
+    /// The pose after a part of a straight way to another one.
+    pub(super) fn towards(&self, to: &Pose, part: f64) -> Pose {
+        let between = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|axis| a[axis] + (b[axis] - a[axis]) * part);
+        let vector = to.vector.and_then(|vector| unit(between(self.axis(), vector)));
+        Pose { point: between(self.point, to.point), degrees: between(self.degrees, to.degrees), vector }
     }
 }
 
@@ -238,6 +247,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             fed += piece.fed;
         }
         let report = &mut self.report;
+        report.include(&self.points);
         let feature = &mut report.features[usize::from(self.kind.feature)];
         let segments = self.pieces.len() as u64;
         feature.beads += 1;
@@ -266,4 +276,10 @@ impl<'s, 'k> Beads<'s, 'k> {
 pub(super) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
     (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
+}
+
+/// A vector of the length 1 in the direction of this one, if it has one.
+fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+    let length = distance([0.0; 3], vector);
+    (length > 1e-9).then(|| vector.map(|x| x / length))
 }

@@ -1,7 +1,10 @@
 //! Codes: G, M and T words.
 
+use super::firmware::Firmware;
 use super::machine::Machine;
+use super::neutral;
 use super::offsets::OffsetCode;
+use super::settings::m200_diameters;
 use super::signs::INCH;
 use super::words::{Malformed, Word, Words, token};
 use crate::error::Result;
@@ -18,64 +21,6 @@ pub(super) enum Effect {
     SetPosition,
     /// The rest of the line sets offsets.
     SetOffsets(OffsetCode),
-}
-
-/// G codes, times ten, that change nothing that matters here: dwell, bed levelling, parking, feed modes.
-const NEUTRAL_G: [u32; 16] = [40, 120, 270, 290, 340, 400, 490, 600, 610, 640, 690, 800, 930, 940, 950, 990];
-
-/// M codes that change nothing that matters here: heat, fans, messages, speeds, acceleration, progress, the
-/// host's business.
-const NEUTRAL_M: [(u32, u32); 34] = [
-    (0, 2),
-    (6, 9),
-    (17, 18),
-    (20, 36),
-    (42, 42),
-    (73, 80),
-    (84, 86),
-    (92, 92),
-    (104, 117),
-    (118, 123),
-    (125, 128),
-    (140, 145),
-    (149, 150),
-    (155, 155),
-    (163, 165),
-    (190, 193),
-    (201, 205),
-    (207, 211),
-    (220, 220),
-    (226, 226),
-    (240, 240),
-    (250, 260),
-    (280, 282),
-    (300, 305),
-    (350, 355),
-    (400, 413),
-    (420, 425),
-    (486, 486),
-    (500, 504),
-    (569, 575),
-    (592, 593),
-    (600, 605),
-    (701, 702),
-    (862, 1002),
-];
-
-/// Klipper's commands that change nothing that matters here.
-const NEUTRAL_EXTENDED: [&str; 7] = [
-    "EXCLUDE_OBJECT_DEFINE",
-    "EXCLUDE_OBJECT_END",
-    "SET_FAN_SPEED",
-    "SET_HEATER_TEMPERATURE",
-    "SET_PRESSURE_ADVANCE",
-    "SET_PRINT_STATS_INFO",
-    "SET_VELOCITY_LIMIT",
-];
-
-/// Whether a command of several letters changes nothing that matters here.
-pub(super) fn is_neutral_extended(name: &[u8]) -> bool {
-    NEUTRAL_EXTENDED.iter().any(|known| name.eq_ignore_ascii_case(known.as_bytes()))
 }
 
 /// Carries out a G, M or T word; `first` if no other code stands before it.
@@ -135,8 +80,10 @@ fn general(
             machine.home(words.rest())?;
             return Ok(Effect::LineDone);
         }
-        900 => machine.position.relative = false,
-        910 => machine.position.relative = true,
+        900 | 910 => {
+            machine.position.relative = tenfold == 910;
+            machine.extruder.set_axes_relative(tenfold == 910);
+        }
         901 => machine.absolute_centres = true,
         911 => machine.absolute_centres = false,
         920 => return Ok(Effect::SetPosition),
@@ -144,7 +91,7 @@ fn general(
         922 => machine.position.clear_offset(true),
         923 => machine.position.restore_offset(),
         _ => {
-            if !NEUTRAL_G.contains(&tenfold) && !is_neutral_machine_code(tenfold) {
+            if !neutral::is_general(tenfold) && !is_neutral_machine_code(tenfold) {
                 machine.beads.report.unknown(word.text, machine.line);
             }
             // Their words have meanings of their own, unless other codes follow.
@@ -165,13 +112,16 @@ fn miscellaneous(
     match tenfold {
         // Spindles, where something else deposits.
         30 | 40 | 50 => return Ok(if first && !goes_on(words) { Effect::LineDone } else { Effect::Modal }),
-        820 => machine.extruder.relative = Some(false),
-        830 => machine.extruder.relative = Some(true),
-        2000 => volumetric(machine, words)?,
+        820 => machine.extruder.set_relative(false),
+        830 => machine.extruder.set_relative(true),
+        // The firmware changes, loads or unloads the filament.
+        6000 | 7010 | 7020 => {
+            machine.extruder.is_loaded();
+            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+        }
+        2000 => volumetric(machine, words),
         2210 => machine.set_flow(words),
-        _ if tenfold.is_multiple_of(10)
-            && NEUTRAL_M.iter().any(|(a, b)| (*a..=*b).contains(&(tenfold / 10))) =>
-        {
+        _ if neutral::is_miscellaneous(tenfold) => {
             // What follows may be any text.
             let ends = first && !(matches!(tenfold, 60..=90) && has_letter(words, b"GM"));
             return Ok(if ends { Effect::LineDone } else { Effect::Modal });
@@ -204,15 +154,28 @@ fn goes_on(words: &Words<'_>) -> bool {
     has_letter(words, b"GMTXYZEABCUVW")
 }
 
-/// M200: with a diameter above 0, E counts mm³ from now on.
-fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) -> Result<()> {
-    while let Some(word) = words.next() {
-        let word = word.map_err(|malformed| machine.malformed(&malformed))?;
-        if word.letter == b'D' {
-            machine.extruder.volumetric = word.value.is_some_and(|value| value > 0.0);
+/// M200: with a diameter above 0 or S1, E counts mm³ from now on; with a diameter of 0 or S0 it counts lengths.
+fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) {
+    let firmware = machine.extruder.firmware;
+    if !firmware.knows_m200() {
+        let note = format!("M200 (E counts volume) is left out: {} does not know it", firmware.name());
+        return machine.beads.report.note(&note, machine.line);
+    }
+    let rest = words.rest();
+    let (tool, diameters) = m200_diameters(rest);
+    let code = &rest[..rest.iter().position(|b| matches!(b, b';' | b'(')).unwrap_or(rest.len())];
+    let switch = code.iter().position(|b| b.to_ascii_uppercase() == b'S').map(|at| code[at + 1..].first());
+    let switch = switch.map(|digit| digit != Some(&b'0'));
+    let has_diameter = diameters.first().map(|diameter| *diameter > 0.0);
+    let Some(asked) = switch.or(has_diameter) else { return };
+    let on = asked && has_diameter != Some(false);
+    let tool = tool.and_then(|tool| u16::try_from(tool).ok()).unwrap_or(machine.extruder.tool);
+    machine.extruder.set_volumetric(on, firmware.m200_is_by_tool().then_some(tool));
+    if firmware == Firmware::RepRapFirmware && diameters.len() > 1 {
+        for (tool, diameter) in diameters.iter().enumerate() {
+            machine.extruder.set_volumetric(asked && *diameter > 0.0, u16::try_from(tool).ok());
         }
     }
-    Ok(())
 }
 
 fn tool(machine: &mut Machine<'_, '_>, word: &Word<'_>, value: f64) -> Result<Effect> {

@@ -1,6 +1,7 @@
 //! Klipper's commands that change what coordinates mean: SAVE_GCODE_STATE, RESTORE_GCODE_STATE and
 //! SET_GCODE_OFFSET.
 
+use super::extruder::Modes;
 use super::machine::Machine;
 use super::words::number;
 use crate::error::Result;
@@ -13,7 +14,7 @@ const STATES_MAX: usize = 1 << 10;
 #[derive(Clone)]
 struct State {
     relative: bool,
-    relative_e: Option<bool>,
+    modes: Modes,
     offset: [f64; 3],
     nudge: [f64; 3],
     machine: [f64; 3],
@@ -52,7 +53,7 @@ impl Machine<'_, '_> {
         }
         let state = State {
             relative: self.position.relative,
-            relative_e: self.extruder.relative,
+            modes: self.extruder.modes(),
             offset: self.position.offset,
             nudge: self.states.nudge,
             machine: self.position.machine(),
@@ -68,7 +69,7 @@ impl Machine<'_, '_> {
             return Ok(());
         };
         self.position.relative = state.relative;
-        self.extruder.relative = state.relative_e;
+        self.extruder.set_modes(state.modes);
         self.extruder.rename(state.e);
         self.flows = state.flows;
         self.states.nudge = state.nudge;

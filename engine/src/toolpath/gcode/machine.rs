@@ -1,18 +1,19 @@
 //! What the commands do: the state of the machine, line by line.
 
 use super::beads::Beads;
-use super::comments::{self, Comment, Settings};
+use super::comments::{self, Comment};
 use super::deposition::{self, Switch};
 use super::expressions::Variables;
 use super::extruder::Extruder;
+use super::firmware::Firmware;
 use super::klipper::States;
 use super::layer_axis::LayerAxis;
 use super::parameters::{Sizes, letters};
 use super::position::Position;
 use super::regions::{self, Region};
 use super::report::UnitSource;
-use super::words::{self, Malformed, NAMED, Word, Words, quote, token};
-use super::{ExtruderAxis, GcodeOptions, POSITION_MAX, commands};
+use super::words::{self, Exponent, Malformed, NAMED, Word, Words, quote, token};
+use super::{ExtruderAxis, GcodeOptions, POSITION_MAX, commands, neutral};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -79,9 +80,8 @@ impl<'s, 'k> Machine<'s, 'k> {
     pub(super) fn new(
         path: &Path,
         options: &GcodeOptions,
-        settings: &Settings,
         setup: Setup,
-        diameters: Vec<f64>,
+        extruder: Extruder,
         beads: Beads<'s, 'k>,
     ) -> Machine<'s, 'k> {
         let Setup { by_extruder, switch, unit, layer_axis, has_regions } = setup;
@@ -89,7 +89,7 @@ impl<'s, 'k> Machine<'s, 'k> {
             path: path.to_owned(),
             beads,
             position: Position::new(unit, layer_axis),
-            extruder: Extruder::new(settings, diameters),
+            extruder,
             arc_tolerance: options.arc_tolerance,
             line: 0,
             by_extruder,
@@ -134,6 +134,8 @@ impl<'s, 'k> Machine<'s, 'k> {
                 }
                 return Ok(());
             }
+            // Prusa's MMU asks the user which filament to load.
+            [b'T', b'?', ..] => return Ok(()),
             [b'#', ..] => return self.assign(start),
             // A command of Klipper and its like is a word of several letters.
             [a, b, ..] if a.is_ascii_alphabetic() && (b.is_ascii_alphabetic() || *b == b'_') => {
@@ -211,7 +213,9 @@ impl<'s, 'k> Machine<'s, 'k> {
             self.set_area(name, argument);
         } else if is_assigned {
             return self.assign(start);
-        } else if !self.klipper(name, behind)? && !commands::is_neutral_extended(token(start)) {
+        } else if name.eq_ignore_ascii_case(b"ACTIVATE_EXTRUDER") {
+            return self.activate_extruder(behind);
+        } else if !self.klipper(name, behind)? && !neutral::is_extended(token(start)) {
             self.beads.report.unknown(token(start), self.line);
         }
         Ok(())
@@ -251,6 +255,21 @@ impl<'s, 'k> Machine<'s, 'k> {
         let end = value.iter().position(|b| *b == b';').or(comment).unwrap_or(value.len());
         let value = self.variables.evaluate(value[..end].trim_ascii()).ok();
         self.variables.set(name, value);
+        Ok(())
+    }
+
+    /// Klipper's tools are called extruder, extruder1, extruder2.
+    fn activate_extruder(&mut self, parameters: &[u8]) -> Result<()> {
+        let name = parameters.trim_ascii().split(|b| b.is_ascii_whitespace()).next().unwrap_or_default();
+        const KEY: &[u8] = b"EXTRUDER=EXTRUDER";
+        if name.len() >= KEY.len() && name[..KEY.len()].eq_ignore_ascii_case(KEY) {
+            let number = std::str::from_utf8(&name[KEY.len()..]).unwrap_or_default();
+            if let Some(tool) = if number.is_empty() { Some(0) } else { number.parse().ok() } {
+                self.select_tool(tool);
+                return Ok(());
+            }
+        }
+        self.beads.report.unknown(b"ACTIVATE_EXTRUDER", self.line);
         Ok(())
     }
 
@@ -297,6 +316,9 @@ impl<'s, 'k> Machine<'s, 'k> {
         let mut first = true;
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
+            if word.exponent != Exponent::None {
+                self.note_exponent(&word);
+            }
             let word = self.understood(word)?;
             match word.letter {
                 b'N' if first => continue,
@@ -405,6 +427,23 @@ impl<'s, 'k> Machine<'s, 'k> {
         }
     }
 
+    #[cold]
+    fn note_exponent(&mut self, word: &Word<'_>) {
+        let what = match word.exponent {
+            Exponent::Taken => {
+                let letter = char::from(word.letter);
+                let value = word.value.unwrap_or_default();
+                format!(
+                    "{} is read as {letter}{value}: a number with an exponent, as some programs write them",
+                    quote(word.text)
+                )
+            }
+            _ => "an E right behind a number is taken for the extruder's word; it could be an exponent"
+                .to_owned(),
+        };
+        self.beads.report.exponent(what, self.line);
+    }
+
     fn code(&mut self, word: &Word<'_>, first: bool, words: &mut Words<'_>) -> Result<commands::Effect> {
         let Some(value) = word.value else {
             return Err(self.malformed(&Malformed { text: word.text, what: "has no number" }));
@@ -468,7 +507,10 @@ impl<'s, 'k> Machine<'s, 'k> {
     }
 
     pub(super) fn select_tool(&mut self, tool: u16) {
-        self.extruder.tool = tool;
+        // Above 254 Bambu's numbers stand for no filament at all.
+        if self.extruder.firmware != Firmware::Bambu || tool < 255 {
+            self.extruder.select(tool);
+        }
     }
 
     /// G20, G21 and their like.

@@ -3,13 +3,18 @@
 //! Dialects differ. This reader takes the side of the slicers' firmwares (Marlin and its kin), and of RS-274
 //! where they are silent:
 //!
-//! - Words need no spaces, letters have no case, numbers have no exponent (`X1e1` is X1 and E1). The same letter
+//! - Words need no spaces, letters have no case, numbers have no exponent (`X1e1` is X1 and E1)
+//!   unless no E word can be meant (`Y1.2e-05`), and then they are told. The same letter
 //!   twice in a command is an error. Lines that begin with coordinates repeat the last motion.
-//! - G90 and G91 switch E too until the first M82 or M83; from then on only these do. There is one E position,
-//!   not one a tool.
+//! - Firmwares read G90, G91, M82 and M83, the turns of arcs and M200 each in their way: [`Firmware`] has the rules.
+//!   The file's own word for its firmware counts, else E is relative while G91 holds, whatever M82 said, and after M83.
+//!   There is one E position, not one a tool.
+//! - What was retracted, standing or in a move, must be fed again before anything leaves the nozzle. A move that feeds
+//!   it again deposits from where it is made up, by the rest. Each tool has its own retraction, unless the slicer says
+//!   that all filaments share a nozzle. M600, M701 and M702 end it.
 //! - G92 renames the present position; points are given in the machine's coordinates. G28 goes to 0. G53 to G59
 //!   change nothing, and are reported.
-//! - A move deposits if E grows on it. In files where no move has an E, M3 or M4 switch deposition on and M5 off,
+//! - A move deposits if E grows on it beyond what was retracted. In files where no move has an E, M3 or M4 switch deposition on and M5 off,
 //!   and rapid moves (G0) never deposit.
 //! - A, B and C tilt the head, in degrees: the tool's axis is Rz(C)·Ry(B)·Rx(A)·z, and X Y Z are the tool tip in
 //!   the part's frame. Machines that turn the part instead (rotary tables) are out of scope: their programs must
@@ -26,17 +31,20 @@ mod comments;
 mod deposition;
 mod expressions;
 mod extruder;
+mod firmware;
 mod klipper;
 mod layer_axis;
 mod lines;
 mod machine;
 mod motion;
+mod neutral;
 mod offsets;
 mod parameters;
 mod plan;
 mod position;
 mod regions;
 mod report;
+mod settings;
 mod signs;
 mod sizes;
 mod source;
@@ -46,21 +54,24 @@ mod tilt;
 mod words;
 
 pub use deposition::Mark;
+pub use firmware::Firmware;
 pub use layer_axis::LayerAxis;
 pub use plan::ExtruderAxis;
 pub use report::{
-    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, GcodeReport, MachineReport, SizeReport,
-    SkipReport, UnitSource,
+    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, FirmwareSource, GcodeReport, MachineReport,
+    SettingsReport, SizeReport, SkipReport, UnitSource,
 };
 
 use super::{BeadSink, BeadView};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Silent};
 use beads::Beads;
-use comments::{Comment, Settings};
+use comments::Comment;
+use extruder::Extruder;
 use lines::{Lines, Stop};
 use machine::Machine;
 use plan::Plan;
+use settings::Settings;
 use signs::Signs;
 use source::{CountedFile, Source};
 use std::io::Read;
@@ -78,15 +89,14 @@ const SIZE_MAX: f64 = 1e4;
 /// Largest number of a coordinate.
 const POSITION_MAX: f64 = 1e6;
 
-/// Filament diameter where nothing tells it, in mm: what most printers take.
-const FILAMENT_MM: f64 = 1.75;
-
 /// Lines between two looks at whether the user wants to stop.
 const CHECK_LINES: u64 = 1 << 14;
 
 /// What the caller knows better than the file. Lengths in mm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GcodeOptions {
+    /// Firmware whose rules count; overrides what the file names.
+    pub firmware: Option<Firmware>,
     /// Filament diameter of all tools; overrides the file's settings.
     pub filament_diameter: Option<f64>,
     /// Width of all beads; overrides comments and E.
@@ -177,51 +187,54 @@ fn read<R: Read>(
         survey.read(line);
         Ok(())
     })?;
+    survey.settings.finish();
     survey.signs.complete(&mut survey.settings);
     let mut plan = Plan::new(options, &survey);
     while let Some(trial) = plan.trial() {
         let mut nothing = |_: BeadView<'_>| Ok(());
-        let beads = carry_out(path, open()?, (&trial, options, &survey), progress, &mut nothing)?.0;
-        plan.learn(&beads);
+        let machine = carry_out(path, open()?, (&trial, options, &survey), progress, &mut nothing)?.0;
+        plan.learn(&machine.beads);
     }
-    let (beads, lines) = carry_out(path, open()?, (&plan, options, &survey), progress, sink)?;
-    let mut report = beads.into_report();
+    let (machine, lines) = carry_out(path, open()?, (&plan, options, &survey), progress, sink)?;
+    let by_length = machine.extruder.fed_by_length;
+    let mut report = machine.beads.into_report();
     report.lines = lines;
+    let (diameters, filament_source) = survey.filament(options, report.firmware);
+    report_filament(&mut report, diameters, filament_source, by_length);
     deposits_something(path, &report, &survey)?;
     Ok(report)
 }
 
-/// Carries out a file's lines, and returns what was gathered, and how many lines there are.
+/// Carries out a file's lines. Returns the machine at its end, and how many lines there are.
 fn carry_out<'s, 'k, R: Read>(
     path: &Path,
     source: R,
     (plan, options, survey): (&Plan, &GcodeOptions, &Survey),
     progress: &dyn Progress,
     sink: &'s mut BeadSink<'k>,
-) -> Result<(Beads<'s, 'k>, u64)> {
+) -> Result<(Machine<'s, 'k>, u64)> {
     let options = &plan.options(options);
-    let (diameters, filament_source) = survey.filament(options);
+    let (firmware, firmware_source) = survey.firmware(options);
+    let (diameters, _) = survey.filament(options, firmware);
     let feeds = plan.by_extruder || plan.has_area;
-    let mut beads =
-        Beads::new(path, options, &survey.settings, feeds, survey.has_layer_marks || survey.signs.has_layers, sink);
-    beads.report.filament_diameters = diameters.clone();
-    beads.report.filament_source = filament_source;
-    if filament_source == FilamentSource::Assumed {
-        beads.report.note("the filament's diameter is assumed to be 1.75 mm: the file does not tell it", 0);
-    }
+    let has_layers = survey.has_layer_marks || survey.signs.has_layers;
+    let mut beads = Beads::new(path, options, &survey.settings, feeds, has_layers, sink);
+    survey.describe(firmware_source, &mut beads.report);
+    beads.report.firmware = firmware;
     plan.prepare(&mut beads);
     let setup = plan.setup(options, survey);
     beads.report.machine.deposition = match setup.by_extruder {
         true => char::from(survey.extruder_letter).to_string(),
         false => setup.switch.text(),
     };
-    let mut machine = Machine::new(path, options, &survey.settings, setup, diameters, beads);
+    let extruder = Extruder::new(firmware, &survey.settings, diameters);
+    let mut machine = Machine::new(path, options, setup, extruder, beads);
     let lines = each_line(path, source, progress, |number, line| {
         machine.line = number;
         machine.execute(line)
     })?;
     machine.beads.finish()?;
-    Ok((machine.beads, lines))
+    Ok((machine, lines))
 }
 
 /// Hands every line to `take`, with its number; returns how many there are.
@@ -281,21 +294,57 @@ impl Survey {
                 self.settings.read(text);
                 self.has_layer_marks |= !self.has_layer_marks && comments::meaning(text) == Comment::Layer;
             }
+            Some(b'M') => self.settings.read_command(text),
             Some(_) if !self.has_e => self.has_e = moves_e(text, self.extruder_letter),
             _ => {}
         }
     }
 
-    fn filament(&self, options: &GcodeOptions) -> (Vec<f64>, FilamentSource) {
-        let stated = &self.settings.filament_diameters;
+    fn firmware(&self, options: &GcodeOptions) -> (Firmware, FirmwareSource) {
+        let named = self.settings.firmware();
+        match (options.firmware, named) {
+            (Some(firmware), _) => (firmware, FirmwareSource::Option),
+            (None, Some((firmware, _))) => (firmware, FirmwareSource::File),
+            (None, None) => (Firmware::Unnamed, FirmwareSource::Assumed),
+        }
+    }
+
+    /// Writes down what the file says of itself.
+    fn describe(&self, source: FirmwareSource, report: &mut GcodeReport) {
+        let Settings { layer_height, first_layer_height, line_width, nozzle_diameter, .. } = self.settings;
+        report.firmware_source = source;
+        report.firmware_named_by = self.settings.firmware().map(|(_, by)| by.to_owned());
+        report.slicer = self.settings.slicer.clone();
+        report.settings = SettingsReport { layer_height, first_layer_height, line_width, nozzle_diameter };
+    }
+
+    /// Diameters by tool; they do not matter where E counts volume.
+    fn filament(&self, options: &GcodeOptions, firmware: Firmware) -> (Vec<f64>, FilamentSource) {
+        let Settings { filament_diameters: stated, told_by_m200, .. } = &self.settings;
         match options.filament_diameter {
             _ if !self.has_e => (Vec::new(), FilamentSource::None),
             Some(diameter) => (vec![diameter], FilamentSource::Option),
-            None if self.settings.volumetric => (Vec::new(), FilamentSource::Volumetric),
             None if !stated.is_empty() => (stated.clone(), FilamentSource::Comment),
-            None => (vec![FILAMENT_MM], FilamentSource::Assumed),
+            None if !told_by_m200.is_empty() => (told_by_m200.clone(), FilamentSource::Comment),
+            None => (vec![firmware.usual_filament()], FilamentSource::Assumed),
         }
     }
+}
+
+/// Says which diameters were used, if any were.
+fn report_filament(report: &mut GcodeReport, diameters: Vec<f64>, source: FilamentSource, by_length: bool) {
+    if source == FilamentSource::None || !by_length {
+        let is_none = source == FilamentSource::None;
+        report.filament_source = if is_none { source } else { FilamentSource::Volumetric };
+        return;
+    }
+    if source == FilamentSource::Assumed {
+        let diameter = diameters.first().copied().unwrap_or_default();
+        let what =
+            format!("the filament's diameter is assumed to be {diameter} mm: the file does not tell it");
+        report.notes.insert(0, Finding { what, line: 0, count: 1 });
+    }
+    (report.filament_diameters, report.filament_source) = (diameters, source);
 }
 
 /// Whether a line is a move with a word of the extruder's axis.

@@ -2,6 +2,8 @@
 
 use super::arc::{Arc, Centre, Chords};
 use super::beads::{Kind, Pose, distance};
+use super::extruder::Fed;
+use super::firmware::{Firmware, TurnsRule};
 use super::layer_axis::LayerAxis;
 use super::machine::Machine;
 use super::parameters::{Sizes, letters};
@@ -17,6 +19,9 @@ const ARC_TOLERANCE_MM: f64 = 0.005;
 /// An arc's ends may differ in their distance from the centre by this much, in mm, for rounding alone.
 const ARC_MISMATCH_MM: f64 = 0.005;
 
+/// Most turns of an arc: 10 m of 10 mm a turn.
+const TURNS_MAX: f64 = 1000.0;
+
 /// A machine whose Z points down.
 const DOWN: LayerAxis = LayerAxis::new(b'Z', true);
 
@@ -27,7 +32,10 @@ impl Machine<'_, '_> {
     /// G0, G1, G2, G3.
     pub(super) fn go(&mut self, motion: u8, sizes: &Sizes) -> Result<()> {
         let from = self.position.pose();
-        let fed = self.extruder.feed(sizes, self.position.unit, self.position.relative);
+        let fed = self.extruder.feed(sizes, self.position.unit);
+        if self.extruder.is_disputed() && sizes.states(letters(b"E")) {
+            self.note_dispute();
+        }
         self.advance_axes(sizes)?;
         let to = self.position.pose();
         let turns = (to.degrees, to.vector) != (from.degrees, from.vector);
@@ -39,13 +47,14 @@ impl Machine<'_, '_> {
             return self.stay(fed, turns, motion);
         }
         self.beads.report.moves += 1;
+        let (fed, flow) = (self.extruder.in_move(fed), self.flow());
+        if fed.begin > 0.0 {
+            self.make_up(&fed)?;
+        }
         let deposits = match self.by_extruder {
-            true => fed > 0.0 && self.flow() > 0.0,
+            true => fed.net > 0.0 && flow > 0.0,
             false => self.switch.deposits() && motion != 0,
         };
-        if fed < 0.0 {
-            self.extruder.retract(-fed);
-        }
         if !deposits {
             if is_arc {
                 // Refuses what is no arc; its chords do not matter.
@@ -64,31 +73,52 @@ impl Machine<'_, '_> {
         };
         self.feature = Some(feature);
         let kind = Kind { layer: self.layer, tool: self.extruder.tool, feature };
-        let area = self.extruder.area() * self.flow();
+        let area = self.extruder.area() * flow;
+        self.extruder.fed_by_length |= !self.extruder.is_volumetric();
         self.beads.resolution =
             Resolution { position: self.position.resolution, volume: self.extruder.resolution * area };
-        let fed = match self.switch.area {
+        let net = match self.switch.area {
             Some(area) if !self.by_extruder => {
                 // An area is what the file says, however its coordinates are rounded.
                 self.beads.resolution = Resolution::default();
                 area * distance(from.point, to.point)
             }
-            _ => fed * area,
+            _ => fed.net * flow,
         };
-        let piece = Piece { fed, width: self.region_width.or(self.width), height: self.height };
+        let piece = Piece { fed: net, width: self.region_width.or(self.width), height: self.height };
         match is_arc {
-            true => self.deposit_arc(motion, sizes, kind, &from, &to, piece),
+            true => self.deposit_arc(motion, sizes, kind, (&from, &to, fed.begin), piece),
+            false if fed.begin > 0.0 => {
+                let begin = from.towards(&to, fed.begin);
+                self.beads.deposit(kind, &begin, &to, piece, self.line)
+            }
             false => self.beads.deposit(kind, &from, &to, piece, self.line),
         }
+    }
+
+    /// The move begins without a deposit: what was retracted must be fed first.
+    #[cold]
+    fn make_up(&mut self, fed: &Fed) -> Result<()> {
+        self.beads.report.made_up.count += 1;
+        self.beads.report.made_up.volume += (fed.moved - fed.net) * self.flow();
+        self.beads.finish()
+    }
+
+    #[cold]
+    fn note_dispute(&mut self) {
+        let taken = match self.extruder.is_relative() {
+            true => "relatively, as Klipper and Marlin 1 do; Marlin 2 would count absolutely",
+            false => "absolutely, as Marlin 2 does; Klipper and Marlin 1 would count relatively",
+        };
+        let what = format!("E is counted {taken} after this G90, G91, M82 and M83: --firmware tells which");
+        self.beads.report.note(&what, self.line);
     }
 
     /// G53: goes to places in the machine's coordinates, without a bead.
     pub(super) fn go_in_machine(&mut self, sizes: &Sizes) -> Result<()> {
         let unit = self.position.unit;
-        let fed = self.extruder.feed(sizes, unit, self.position.relative);
-        if fed < 0.0 {
-            self.extruder.retract(-fed);
-        }
+        let fed = self.extruder.feed(sizes, unit);
+        self.extruder.in_move(fed);
         let to = AXES.map(|letter| sizes.get(letter).map(|value| value * unit));
         self.position.move_machine(to).map_err(|what| self.fault(what))?;
         self.beads.report.moves += 1;
@@ -143,16 +173,12 @@ impl Machine<'_, '_> {
             }
             return Ok(());
         }
-        if fed < 0.0 {
-            self.extruder.retract(-fed);
-            self.beads.report.retractions += 1;
-        } else if fed > 0.0 {
-            let excess = self.extruder.prime(fed);
-            if excess > 0.0 {
-                self.beads.report.zero_length += 1;
-                self.beads.report.blobs.count += 1;
-                self.beads.report.blobs.volume += excess * self.extruder.area() * self.flow();
-            }
+        let excess = self.extruder.in_place(fed);
+        self.beads.report.retractions += u64::from(fed < 0.0);
+        if excess > 0.0 {
+            self.beads.report.zero_length += 1;
+            self.beads.report.blobs.count += 1;
+            self.beads.report.blobs.volume += excess * self.flow();
         }
         Ok(())
     }
@@ -172,13 +198,15 @@ impl Machine<'_, '_> {
                 }
             })),
         };
-        let arc = Arc { start, end: [to.point[u], to.point[v]], centre, clockwise: motion == 2 };
+        let end = [to.point[u], to.point[v]];
+        let turns = self.turns(sizes, start == end)?;
+        let arc = Arc { start, end, centre, clockwise: motion == 2, turns };
         let by_width = self.width.map_or(ARC_TOLERANCE_MM, |width| width * ARC_TOLERANCE_OF_WIDTH);
         let tolerance = self.arc_tolerance.unwrap_or(by_width);
         let chords = arc.chords(tolerance).map_err(|what| self.fault(what))?;
         let report = &mut self.beads.report;
         report.arcs.count += 1;
-        report.arcs.chords += u64::from(chords.count);
+        report.arcs.chords += chords.count();
         report.arcs.tolerance = report.arcs.tolerance.max(tolerance);
         if chords.mismatch > ARC_MISMATCH_MM {
             report.note("the ends of an arc differ in their distance from its centre", self.line);
@@ -186,49 +214,94 @@ impl Machine<'_, '_> {
         Ok(chords)
     }
 
+    /// Full turns that stand before an arc, by its word P.
+    fn turns(&mut self, sizes: &Sizes, is_circle: bool) -> Result<u32> {
+        let Some(turns) = sizes.get(b'P') else { return Ok(0) };
+        let rule = self.extruder.firmware.turns_rule();
+        if rule == TurnsRule::Ignored {
+            // Slicers lift the nozzle in such circles without a deposit.
+            if sizes.states(letters(b"E")) {
+                let name = self.extruder.firmware.name();
+                let what = format!("P (turns) of an arc is left out: {name} does not know it");
+                self.beads.report.note(&what, self.line);
+            }
+            return Ok(0);
+        }
+        let unnamed = self.extruder.firmware == Firmware::Unnamed;
+        let least = if rule == TurnsRule::Total && !unnamed { 1.0 } else { 0.0 };
+        if turns.fract() != 0.0 || turns < least || turns > TURNS_MAX {
+            let what =
+                format!("P (turns) of the arc is {turns}, no whole number from {least} to {TURNS_MAX}");
+            return Err(self.fault(&what));
+        }
+        let turns = turns as u32;
+        if rule == TurnsRule::Additional {
+            return Ok(turns);
+        }
+        let before = turns.saturating_sub(1);
+        if unnamed && turns > 0 && sizes.states(letters(b"E")) {
+            let arc = if is_circle { "in the full circle of the" } else { "before the" };
+            let what = format!(
+                "P{turns} of an arc is {before} full turns {arc} arc, as in RS-274; Marlin adds {turns}: --firmware tells which"
+            );
+            self.beads.report.note(&what, self.line);
+        }
+        Ok(before)
+    }
+
     fn deposit_arc(
         &mut self,
         motion: u8,
         sizes: &Sizes,
         kind: Kind,
-        from: &Pose,
-        to: &Pose,
+        (from, to, begin): (&Pose, &Pose, f64),
         piece: Piece,
     ) -> Result<()> {
         let chords = self.arc(motion, sizes, from, to)?;
         let [u, v, normal] = PLANES[self.plane];
-        let parts = f64::from(chords.count);
         let rise = to.point[normal] - from.point[normal];
         let length = (chords.length * chords.length + rise * rise).sqrt();
         let fed = match self.switch.area {
             Some(area) if !self.by_extruder => area * length,
             _ => piece.fed,
         };
-        let piece = Piece { fed: fed / parts, ..piece };
-        let between = |a: f64, b: f64, step: usize| a + (b - a) * (step as f64 / parts);
-        let mut last = *from;
+        let piece = Piece { fed, ..piece };
+        let between = |a: f64, b: f64, part: f64| a + (b - a) * part;
+        let mut last = (*from, 0.0);
         let mut walked = 0.0;
-        for (step, place) in chords.inner_points().enumerate() {
+        for (place, part) in chords.inner_points() {
             let mut next = *to;
             (next.point[u], next.point[v]) = (place[0], place[1]);
-            next.point[normal] = between(from.point[normal], to.point[normal], step + 1);
-            next.degrees = [0, 1, 2].map(|axis| between(from.degrees[axis], to.degrees[axis], step + 1));
-            if to.vector.is_some() {
-                let (a, b) = (from.axis(), to.axis());
-                next.vector = unit([0, 1, 2].map(|axis| between(a[axis], b[axis], step + 1)));
-            }
-            walked += distance(last.point, next.point);
-            self.beads.deposit(kind, &last, &next, piece, self.line)?;
-            last = next;
+            next.point[normal] = between(from.point[normal], to.point[normal], part);
+            let turned = from.towards(to, part);
+            (next.degrees, next.vector) = (turned.degrees, turned.vector);
+            walked += distance(last.0.point, next.point);
+            self.deposit_chord(kind, last, (next, part), begin, piece)?;
+            last = (next, part);
         }
-        walked += distance(last.point, to.point);
+        walked += distance(last.0.point, to.point);
         self.beads.report.arcs.length_lost += length - walked;
-        self.beads.deposit(kind, &last, to, piece, self.line)
+        self.deposit_chord(kind, last, (*to, 1.0), begin, piece)
     }
-}
 
-/// A vector of the length 1 in the direction of this one, if it has one.
-fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
-    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-    (length > 1e-9).then(|| vector.map(|x| x / length))
+    /// A chord between two parts of an arc that deposits from the part `begin` on.
+    fn deposit_chord(
+        &mut self,
+        kind: Kind,
+        (from, from_part): (Pose, f64),
+        (to, to_part): (Pose, f64),
+        begin: f64,
+        piece: Piece,
+    ) -> Result<()> {
+        if to_part <= begin {
+            return Ok(());
+        }
+        let (mut start, mut part) = (from, to_part - from_part);
+        if from_part < begin {
+            start = from.towards(&to, (begin - from_part) / part);
+            part = to_part - begin;
+        }
+        let fed = if begin > 0.0 { piece.fed * (part / (1.0 - begin)) } else { piece.fed * part };
+        self.beads.deposit(kind, &start, &to, Piece { fed, ..piece }, self.line)
+    }
 }

@@ -90,7 +90,6 @@ pub(super) struct Plan {
     dialect: Option<String>,
     layer_axis: LayerAxis,
     bed: f64,
-    usual_width: Option<f64>,
     usual_height: Option<f64>,
     /// What must be tried before: whether the axis moves with the layers, and which way.
     open: Open,
@@ -138,7 +137,6 @@ impl Plan {
             dialect: signs.machine.clone().or(by_family.map(str::to_owned)),
             layer_axis,
             bed: signs.bed.unwrap_or(0.0),
-            usual_width: signs.width,
             usual_height: options.height.or(survey.settings.layer_height),
             open,
             is_trial: false,
@@ -186,7 +184,6 @@ impl Plan {
     /// Tells the beads' gatherer what it needs.
     pub(super) fn prepare(&self, beads: &mut Beads<'_, '_>) {
         beads.layering.bed = self.bed;
-        beads.layering.usual_width = self.usual_width;
         if let Some(rival) = self.rival {
             let list = |family: Family| family.codes().0.join(", ");
             let what = format!(

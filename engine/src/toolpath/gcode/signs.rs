@@ -1,9 +1,9 @@
 //! What tells the machine that a file is for: found before its first line is carried out.
 
-use super::comments::Settings;
 use super::deposition::{FAMILIES, Family};
 use super::layer_axis::LayerAxis;
 use super::regions::{self, Region};
+use super::settings::Settings;
 use super::words::{Words, identifier, number};
 
 /// mm in an inch.
@@ -205,6 +205,7 @@ impl Signs {
     /// Gives the settings what the header tells and nothing else does.
     pub(super) fn complete(&self, settings: &mut Settings) {
         settings.layer_height = settings.layer_height.or(self.height);
+        settings.line_width = settings.line_width.or(self.width);
         if settings.filament_diameters.is_empty() {
             settings.filament_diameters.extend(self.filament);
         }

@@ -1,8 +1,8 @@
 //! Width and height of what is deposited.
 
 use super::beads::distance;
-use super::comments::Settings;
 use super::report::{GcodeReport, SizeReport};
+use super::settings::Settings;
 use super::{GcodeOptions, SIZE_MAX};
 use crate::toolpath::Section;
 use std::collections::VecDeque;
@@ -46,6 +46,8 @@ pub(super) struct Layering {
     width: Option<f64>,
     height: Option<f64>,
     setting: Option<f64>,
+    /// The usual width, for beads whose material nothing tells.
+    usual_width: Option<f64>,
     has_marks: bool,
     /// Heights of the planes below, ascending.
     planes: VecDeque<f64>,
@@ -55,8 +57,6 @@ pub(super) struct Layering {
     last: Option<f64>,
     /// Height of the bed.
     pub(super) bed: f64,
-    /// The usual width by the file's header, mm.
-    pub(super) usual_width: Option<f64>,
     pub(super) rise: Rise,
 }
 
@@ -97,13 +97,13 @@ impl Layering {
             width: options.width,
             height: options.height,
             setting: settings.layer_height,
+            usual_width: settings.line_width,
             has_marks,
             planes: VecDeque::new(),
             plane: None,
             layer: 0,
             last: None,
             bed: 0.0,
-            usual_width: None,
             rise: Rise::default(),
         }
     }
@@ -191,12 +191,15 @@ impl Layering {
                 from + 1
             } else {
                 let (to, rate) = stretch(points, pieces, sections, resolution, from);
-                let width = match self.usual_width.filter(|_| rate <= 0.0) {
-                    Some(usual) => usual,
-                    None => width_of(rate, sections[from].height),
-                };
-                let is_usual = rate <= 0.0 && self.usual_width.is_some();
-                if rate <= 0.0 && !is_usual {
+                let width = width_of(rate, sections[from].height);
+                if let (Some(width), true) = (self.usual_width, rate <= 0.0) {
+                    report.widths.setting += (to - from) as u64;
+                    report.widths.include(width);
+                    sections[from..to].iter_mut().for_each(|section| section.width = width);
+                    from = to;
+                    continue;
+                }
+                if rate <= 0.0 {
                     let what = "nothing says how wide the bead is: no comment, no E".to_owned();
                     return Err((what, "give its width in mm with --width"));
                 }
@@ -204,10 +207,7 @@ impl Layering {
                     let what = format!("E feeds {rate:.0} mm³ on each mm, a bead wider than {SIZE_MAX} mm");
                     return Err((what, "check the E words and the filament's diameter"));
                 }
-                match is_usual {
-                    true => report.widths.setting += (to - from) as u64,
-                    false => report.widths.extrusion += (to - from) as u64,
-                }
+                report.widths.extrusion += (to - from) as u64;
                 sections[from..to].iter_mut().for_each(|section| section.width = width);
                 to
             };

@@ -1,8 +1,18 @@
 //! Words of a line: a letter and a number each, as RS-274 has it, with or without spaces between them.
 //!
-//! There are no exponents: in `X1e1` the `e1` is a word of its own. An equals sign may stand before the number
-//! (`X=1.5`), and behind it or without it an expression (`Z[#200 + 1]`, `X=R1`); names of several characters take
-//! their value by an equals sign alone (`A3=0.5`, `CR=10`).
+//! RS-274 has no exponents: in `X1e1` and `X10E-0.5` the E is a word of its own. Programs that print floating-point
+//! numbers without care write them all the same, as in `Y1.2e-05`. What follows a number is taken for its exponent
+//! only if no extruder word can be meant:
+//!
+//! - It is e or E, a sign, and whole digits; the number before has one digit, not 0, in front of its point. All
+//!   programs print exponents so, and small ones from -4 on.
+//! - And one of these: the sign is plus; the digits begin with 0; e and the word's letter differ in case; the words of
+//!   the line are parted by spaces; the letter is E itself, or another E word stands in the line.
+//!
+//! Otherwise it is a word. Either way a line that could be read both ways is told, see [`Exponent`].
+//!
+//! An equals sign may stand before a number (`X=1.5`), and behind it or without it an expression (`Z[#200 + 1]`,
+//! `X=R1`); names of several characters take their value by an equals sign alone (`A3=0.5`, `CR=10`).
 
 /// A letter and its number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +29,18 @@ pub(super) struct Word<'a> {
     pub(super) name: &'a [u8],
     /// What must be computed to get the value; else empty.
     pub(super) expression: &'a [u8],
+    pub(super) exponent: Exponent,
+}
+
+/// Whether a number has an exponent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Exponent {
+    #[default]
+    None,
+    /// It has one.
+    Taken,
+    /// What follows could be one, and is taken for the extruder's word.
+    Word,
 }
 
 /// Letter of words that have a name instead.
@@ -93,7 +115,25 @@ impl<'a> Words<'a> {
             None if named(rest).is_some() => return Some(self.assignment(rest)),
             None => return Some(Err(Malformed { text: without_number(rest, from), what: "has no number" })),
         };
-        let length = from + found.length;
+        let mut length = from + found.length;
+        let (mut value, mut decimals, mut exponent) = (found.value, found.decimals, Exponent::None);
+        if matches!(rest.get(length), Some(b'e' | b'E')) {
+            let digits;
+            (exponent, digits) = self.exponent(rest, from, length);
+            if exponent == Exponent::Taken {
+                value = match scientific(&rest[from..length + digits]) {
+                    Some(value) => value,
+                    None => {
+                        return Some(Err(Malformed {
+                            text: token(rest),
+                            what: "has an exponent out of range",
+                        }));
+                    }
+                };
+                // Says nothing about how finely the file is rounded.
+                (length, decimals) = (length + digits, 0);
+            }
+        }
         if !ends_at(rest, length) {
             if assigned {
                 return Some(self.expression(rest, 0, from));
@@ -105,15 +145,9 @@ impl<'a> Words<'a> {
             return Some(Err(Malformed { text, what: "is no letter with a number" }));
         }
         self.at += length;
-        let (value, decimals, text) = (Some(found.value), found.decimals, &rest[..length]);
-        Some(Ok(Word {
-            letter: letter.to_ascii_uppercase(),
-            value,
-            decimals,
-            text,
-            name: b"",
-            expression: b"",
-        }))
+        let (value, text) = (Some(value), &rest[..length]);
+        let letter = letter.to_ascii_uppercase();
+        Some(Ok(Word { letter, value, decimals, text, name: b"", expression: b"", exponent }))
     }
 
     /// A name of several characters, an equals sign, and a value.
@@ -132,7 +166,7 @@ impl<'a> Words<'a> {
                 let length = from + found.length;
                 self.at += length;
                 let (value, decimals, text) = (Some(found.value), found.decimals, &rest[..length]);
-                Ok(Word { letter: NAMED, value, decimals, text, name, expression: b"" })
+                Ok(Word { letter: NAMED, value, decimals, text, name, expression: b"", exponent: Exponent::None })
             }
             _ => self.expression(rest, name.len(), from),
         }
@@ -149,7 +183,49 @@ impl<'a> Words<'a> {
         self.at += length;
         let letter = if name > 0 { NAMED } else { rest[0].to_ascii_uppercase() };
         let expression = &rest[from..length];
-        Ok(Word { letter, value: None, decimals: 0, text, name: &rest[..name], expression })
+        let (name, exponent) = (&rest[..name], Exponent::None);
+        Ok(Word { letter, value: None, decimals: 0, text, name, expression, exponent })
+    }
+
+    /// Whether an exponent follows the number at `rest[from..length]`, and how many bytes it takes.
+    #[cold]
+    fn exponent(&self, rest: &[u8], from: usize, length: usize) -> (Exponent, usize) {
+        let none = (Exponent::None, 0);
+        let mantissa = &rest[from..length];
+        let unsigned = mantissa.strip_prefix(b"-").or(mantissa.strip_prefix(b"+")).unwrap_or(mantissa);
+        let is_normal = matches!(unsigned, [b'1'..=b'9'] | [b'1'..=b'9', b'.', ..]);
+        let [mark, sign @ (b'-' | b'+'), digits @ ..] = &rest[length..] else { return none };
+        let count = digits.iter().take_while(|b| b.is_ascii_digit()).count();
+        let is_whole = (1..=3).contains(&count) && digits.get(count) != Some(&b'.');
+        // Java's has a point in front, C#'s two digits, JavaScript's a small e.
+        let is_unusual =
+            count == 1 && (matches!(digits[0], b'0'..=b'3') || (*mark == b'E' && !mantissa.contains(&b'.')));
+        if !is_normal || !is_whole || (*sign == b'-' && is_unusual) {
+            return none;
+        }
+        let letter = rest[0];
+        let taken = *sign == b'+'
+            || (count > 1 && digits[0] == b'0')
+            || mark.is_ascii_lowercase() != letter.is_ascii_lowercase()
+            || letter.eq_ignore_ascii_case(&b'e')
+            || self.is_spaced()
+            || self.has_another_e(self.line.len() - rest.len() + length);
+        (if taken { Exponent::Taken } else { Exponent::Word }, 2 + count)
+    }
+
+    /// Whether a space stands before every word of the line up to here.
+    fn is_spaced(&self) -> bool {
+        let read = &self.line[..=self.at];
+        let inner = read.windows(2).filter(|pair| pair[1].is_ascii_alphabetic());
+        self.at > 0 && inner.into_iter().all(|pair| matches!(pair[0], b' ' | b'\t'))
+    }
+
+    /// Whether the line has an E with a number elsewhere than at `here`.
+    fn has_another_e(&self, here: usize) -> bool {
+        let code = self.line.iter().position(|b| matches!(b, b';' | b'(' | b'*')).unwrap_or(self.line.len());
+        (0..code).any(|at| {
+            at != here && matches!(self.line[at], b'e' | b'E') && number(&self.line[at + 1..]).is_some()
+        })
     }
 
     fn placeholder(&mut self, rest: &'a [u8], from: usize) -> Result<Word<'a>, Malformed<'a>> {
@@ -159,7 +235,7 @@ impl<'a> Words<'a> {
         let text = &rest[..=from + close];
         self.at += text.len();
         let letter = rest[0].to_ascii_uppercase();
-        Ok(Word { letter, value: None, decimals: 0, text, name: b"", expression: b"" })
+        Ok(Word { letter, value: None, decimals: 0, text, name: b"", expression: b"", exponent: Exponent::None })
     }
 }
 
@@ -276,10 +352,92 @@ pub(super) fn number(text: &[u8]) -> Option<Number> {
     Some(Number { value, length: at, decimals: decimals as u32 })
 }
 
+/// A number with an exponent; `None` if it is not finite.
+fn scientific(text: &[u8]) -> Option<f64> {
+    let text = text.strip_prefix(b"+").unwrap_or(text);
+    fast_float2::parse::<f64, _>(text).ok().filter(|value| value.is_finite())
+}
+
 /// A piece of a file as it may stand in a message: printable, on one line, and short.
 pub(super) fn quote(text: &[u8]) -> String {
     const SHOWN: usize = 40;
     let shown = String::from_utf8_lossy(&text[..text.len().min(SHOWN)]);
     let more = if text.len() > SHOWN { "..." } else { "" };
     format!("\"{}{more}\"", shown.escape_debug())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(line: &str) -> Vec<(char, f64, Exponent)> {
+        let mut words = Words::new(line.as_bytes());
+        let mut found = Vec::new();
+        while let Some(word) = words.next() {
+            let word = word.unwrap();
+            found.push((char::from(word.letter), word.value.unwrap(), word.exponent));
+        }
+        found
+    }
+
+    #[test]
+    fn exponents_are_no_extruder_words() {
+        for (line, value) in [
+            ("G1 X20 Y1.2e-05", 1.2e-5),
+            ("G1 X20 Y-1.2e-05 E0.8", -1.2e-5),
+            ("G1 X20 Y1.2E-5", 1.2e-5),
+            ("G1 X20 Y5e-7", 5e-7),
+            ("G1X20Y1.2e-05E0.8", 1.2e-5),
+            ("G1X20Y1.2e-5", 1.2e-5),
+            ("G1E0.8X20Y1.2E-5", 1.2e-5),
+            ("g1x20y1.2E-5", 1.2e-5),
+            ("G1X20Y1.2E+01", 12.0),
+            ("G1 X20 Y1.25e+2 E1", 125.0),
+            ("G1 X20 Y3.0e-310", 3.0e-310),
+        ] {
+            let found = words(line);
+            let y = found.iter().find(|word| word.0 == 'Y').unwrap();
+            assert_eq!((y.1, y.2), (value, Exponent::Taken), "{line}");
+        }
+        let e = words("G1 X2 E5.5e-05");
+        assert_eq!(e[2], ('E', 5.5e-5, Exponent::Taken));
+    }
+
+    #[test]
+    fn extruder_words_are_no_exponents() {
+        for (line, e) in [
+            ("G1X1E5", 5.0),
+            ("G1X1e5", 5.0),
+            ("g1x1e5", 5.0),
+            ("G1X10E-0.5", -0.5),
+            ("g1x10e-0.5", -0.5),
+            ("G1X10Y5E-2", -2.0),
+            ("G1X10Y20E-5", -5.0),
+            ("G1X10Y0.5E-5", -5.0),
+            ("G1 X10E-5.0", -5.0),
+            ("X20 E0.8", 0.8),
+            ("G1X5E-2", -2.0),
+            ("G1 X5E-6", -6.0),
+        ] {
+            let found = words(line);
+            assert_eq!(found.last(), Some(&('E', e, Exponent::None)), "{line}");
+            assert!(found.iter().all(|word| word.2 == Exponent::None), "{line}");
+        }
+    }
+
+    #[test]
+    fn what_can_be_both_is_a_word_and_told() {
+        for line in ["G1X10Y5.5E-6", "g1x10y5.5e-6", "G1X10Y5E-15"] {
+            let found = words(line);
+            assert_eq!(found[2].2, Exponent::Word, "{line}");
+            assert_eq!(found[3].0, 'E', "{line}");
+        }
+    }
+
+    #[test]
+    fn exponents_out_of_range_are_malformed() {
+        let mut words = Words::new(b"G1 X1.0e+999");
+        words.next();
+        assert!(words.next().unwrap().is_err());
+    }
 }
