@@ -126,9 +126,10 @@ pub struct BuildArgs {
     pub refine: RefineArg,
     #[command(flatten)]
     pub backend: BackendArgs,
-    /// The unit of the input's coordinates; toolpaths are in mm whatever they say
-    #[arg(long, value_enum, default_value_t = Unit::Mm)]
-    pub units: Unit,
+    /// The unit of the input's coordinates [default: mm]. Of toolpaths, for programs without G20 or G21, in the place of what
+    /// their header says; their store is in mm
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
     /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
     /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --tolerance, --stddev or another
@@ -192,6 +193,9 @@ pub struct BeadsArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -362,6 +366,9 @@ pub struct InfoArgs {
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -430,6 +437,9 @@ pub struct WindingArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }

@@ -8,7 +8,8 @@ use brickfield_engine::bead::{Joints, Shape, Sweep, SweepOptions, read_outline};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::solid::Outline;
 use brickfield_engine::toolpath::gcode::{
-    FilamentSource, Firmware, FirmwareSource, GcodeOptions, GcodeReport, SettingsReport, SizeReport,
+    ExtruderAxis, FilamentSource, Firmware, FirmwareSource, GcodeOptions, GcodeReport, LayerAxis, Mark,
+    SettingsReport, SizeReport,
 };
 use clap::Args;
 use serde::Serialize;
@@ -47,6 +48,23 @@ pub struct ToolpathArgs {
     /// M200
     #[arg(long, value_name = "NAME", value_parser = firmware)]
     pub firmware: Option<Firmware>,
+    /// Axis that carries layers beside Z: W, U, A ... if its position is added to Z, -W ... if it is taken off (a table
+    /// that goes down), -Z if Z itself points down, none if Z alone counts [default: as the file shows]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub layer_axis: Option<LayerAxis>,
+    /// Axis that feeds, in the place of E: A, B, C, U, V or W
+    #[arg(long, value_name = "AXIS")]
+    pub extruder_axis: Option<ExtruderAxis>,
+    /// Code that switches deposition on, as in M101, "M64 P8" or EXTRUDER, in the place of E, of M3 and of the codes of
+    /// known machines; may be repeated. A command with an argument, as in EXTRUDER(120), switches off by 0
+    #[arg(long, value_name = "CODE")]
+    pub deposit_on: Vec<Mark>,
+    /// Code that switches deposition off; may be repeated
+    #[arg(long, value_name = "CODE")]
+    pub deposit_off: Vec<Mark>,
+    /// Value of a variable that the program uses and the machine knows, as in '#200=0'; may be repeated
+    #[arg(long, value_name = "NAME=NUMBER", value_parser = variable)]
+    pub variable: Vec<(String, f64)>,
     /// Leave out the beads of a feature by its name in the file, as in "Skirt/Brim"; may be repeated
     #[arg(long, value_name = "FEATURE")]
     pub skip: Vec<String>,
@@ -54,6 +72,15 @@ pub struct ToolpathArgs {
 
 fn firmware(name: &str) -> Result<Firmware, String> {
     Firmware::by_name(name).ok_or_else(|| format!("it is none of {}", Firmware::names().join(", ")))
+}
+
+fn variable(text: &str) -> Result<(String, f64), String> {
+    let value = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    let parts = text.split_once('=').and_then(|(name, number)| Some((name.trim(), value(number)?)));
+    match parts {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value)),
+        _ => Err("give a name and a number, as in '#200=0'".to_owned()),
+    }
 }
 
 /// A cross-section by name, or the file of one.
@@ -77,11 +104,12 @@ impl FromStr for SectionArg {
 }
 
 impl ToolpathArgs {
-    /// What the engine takes. Bare numbers are millimetres, as toolpaths are.
+    /// What the engine takes. Bare numbers are millimetres, as toolpaths are. `units` are those of programs that do not
+    /// tell theirs, where the user does.
     ///
     /// # Errors
     /// If the cross-section's file cannot be read or is no simple polygon, or a number is out of range.
-    pub fn options(&self) -> Result<OpenOptions, Failure> {
+    pub fn options(&self, units: Option<Unit>) -> Result<OpenOptions, Failure> {
         let shape = match &self.section {
             SectionArg::Named(shape) => shape.clone(),
             SectionArg::File(path) => read_outline(path)?,
@@ -93,6 +121,12 @@ impl ToolpathArgs {
             width: mm(self.width),
             height: mm(self.height),
             skip_features: self.skip.clone(),
+            unit: units.map(Unit::millimetres),
+            layer_axis: self.layer_axis,
+            extruder_axis: self.extruder_axis,
+            deposit_on: self.deposit_on.clone(),
+            deposit_off: self.deposit_off.clone(),
+            variables: self.variable.clone(),
             ..GcodeOptions::default()
         };
         let sweep = SweepOptions { shape, sides: self.sides, bend: self.bend };
@@ -104,10 +138,13 @@ impl ToolpathArgs {
 impl ToolpathArgs {
     /// What decides the beads, by name: a build goes on only with what the same settings left.
     pub fn settings(&self, options: &OpenOptions) -> Vec<(String, String)> {
-        let ToolpathArgs { sides, bend, width, height, filament, firmware, skip, .. } = self;
+        let ToolpathArgs { sides, bend, width, height, filament, firmware, skip, variable, .. } = self;
+        let ToolpathArgs { layer_axis, extruder_axis, deposit_on, deposit_off, .. } = self;
         let mm = |length: &Option<Length>| {
             length.map_or("that of the file".to_owned(), |length| format!("{} mm", length.in_unit(Unit::Mm)))
         };
+        let of_file = || "that of the file".to_owned();
+        let list = |marks: &[Mark]| marks.iter().map(Mark::to_string).collect::<Vec<String>>().join(", ");
         let named = [
             ("cross-section", format!("{:?}", options.sweep.shape)),
             ("number of sides", sides.to_string()),
@@ -117,6 +154,12 @@ impl ToolpathArgs {
             ("diameter of the filament", mm(filament)),
             ("firmware", firmware.map_or("that of the file", Firmware::name).to_owned()),
             ("list of features left out", format!("{skip:?}")),
+            ("unit of the program", options.gcode.unit.map_or(of_file(), |unit| format!("{unit} mm"))),
+            ("axis of layers", layer_axis.map_or(of_file(), |axis| axis.to_string())),
+            ("axis that feeds", extruder_axis.map_or(of_file(), |axis| axis.to_string())),
+            ("codes that deposit", list(deposit_on)),
+            ("codes that end deposition", list(deposit_off)),
+            ("variables", format!("{variable:?}")),
         ];
         named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
@@ -213,7 +256,11 @@ impl ToolpathReport {
         let counts = format!("{beads} beads, {segments} segments, {layers} layers");
         let firmware = self.firmware_text();
         let fed = self.fed_text();
-        format!("{}: {counts}; {fed}, {:.3} mm³ of beads; firmware {firmware}", self.path, self.bead_volume)
+        let machine = one_line(&self.details.machine.text());
+        format!(
+            "{}: {counts}; {fed}, {:.3} mm³ of beads; firmware {firmware}; {machine}",
+            self.path, self.bead_volume
+        )
     }
 
     fn fed_text(&self) -> String {
@@ -243,6 +290,7 @@ impl ToolpathReport {
             line("slicer", one_line(slicer));
         }
         line("firmware", one_line(&self.firmware_text()));
+        line("machine", one_line(&details.machine.text()));
         let GcodeReport { beads, segments, layers, .. } = details;
         line("beads", format!("{beads}, of {segments} segments, in {layers} layers"));
         if let Some([low, high]) = details.bounds {

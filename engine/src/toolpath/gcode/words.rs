@@ -134,7 +134,8 @@ impl<'a> Words<'a> {
                 (length, decimals) = (length + digits, 0);
             }
         }
-        if !ends_at(rest, length) {
+        let is_name = matches!(rest.get(length), Some(b' ' | b'\t')) && equals_at(rest, length) && !assigned;
+        if !ends_at(rest, length) || is_name || (assigned && rest.get(length) == Some(&b'*')) {
             if assigned {
                 return Some(self.expression(rest, 0, from));
             }
@@ -162,7 +163,7 @@ impl<'a> Words<'a> {
             from += 1;
         }
         match number(&rest[from..]) {
-            Some(found) if ends_at(rest, from + found.length) => {
+            Some(found) if ends_at(rest, from + found.length) && rest.get(from + found.length) != Some(&b'*') => {
                 let length = from + found.length;
                 self.at += length;
                 let (value, decimals, text) = (Some(found.value), found.decimals, &rest[..length]);
@@ -246,6 +247,12 @@ fn ends_at(rest: &[u8], length: usize) -> bool {
         None => true,
         Some(b) => b.is_ascii_alphabetic() || matches!(b, b' ' | b'\t' | b';' | b'(' | b'*'),
     }
+}
+
+/// Whether an equals sign stands behind spaces at this place.
+#[inline]
+fn equals_at(rest: &[u8], length: usize) -> bool {
+    rest[length..].iter().find(|b| !matches!(b, b' ' | b'\t')) == Some(&b'=')
 }
 
 /// The name of two characters or more that `text` begins with, if an equals sign follows.

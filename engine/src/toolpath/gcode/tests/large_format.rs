@@ -4,6 +4,7 @@ use super::*;
 use crate::toolpath::{Section, UP};
 
 const SIZES: GcodeOptions = GcodeOptions {
+    firmware: None,
     filament_diameter: None,
     width: Some(4.0),
     height: Some(2.0),
@@ -336,7 +337,7 @@ fn assignments_and_variables() {
     for text in [
         "G0 X=1 Z = 2\nM3\nG1 X=10 Y=+5\nG2 X=20 Y=5 CR=5",
         "#200 = 1.5\nG0 X1 Z[#200 + 0.5]\nM3\nG1 X10 Y5\nG2 X20 Y5 R[10/2]",
-        "R1=10\nR2=R1/2 ; half\nG0 X1 Z2\nM3\nG1 X=R1 Y=R2\nG2 X=2*R1 Y=R2 CR=R2",
+        "R1 = 10\nR2=R1/2 ; half\nG0 X1 Z2\nM3\nG1 X=R1 Y=R2\nG2 X=2*R1 Y=R2 CR=R2",
         "#<high>=2 (mm)\n#5=1\nG0 X#5 Z#<High>\nM3\nG1 X[10*#5]Y5\nG2 X20 Y5 R5",
         "START=4\nG0 X=AC(1) Z=START-2\nM3\nG1 X=10 Y=5\nG2 X20 Y5 R5",
     ] {
