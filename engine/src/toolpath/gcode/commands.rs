@@ -72,7 +72,7 @@ fn general(
         700 | 710 if !has_letter(words, b"PQ") => machine.set_unit(if tenfold == 700 { INCH } else { 1.0 }),
         430..=440 => machine.use_tool_length(),
         520 => return Ok(Effect::SetOffsets(OffsetCode::G52)),
-        530 => machine.in_machine = true,
+        530 | 1530 => machine.in_machine = true,
         541 => return Ok(Effect::SetOffsets(OffsetCode::G54Extended)),
         540 | 550 | 560 | 570 | 580 | 590 => machine.position.select_system((tenfold / 10 - 53) as u16),
         591..=593 => machine.position.select_system((tenfold - 584) as u16),

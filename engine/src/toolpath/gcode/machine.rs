@@ -314,6 +314,7 @@ impl<'s, 'k> Machine<'s, 'k> {
         let mut sizes = Sizes::default();
         let mut moves = false;
         let mut first = true;
+        let carried = CARRIED | self.position.letters();
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
             if word.exponent != Exponent::None {
@@ -332,7 +333,7 @@ impl<'s, 'k> Machine<'s, 'k> {
                 b'F' => {}
                 b'S' => self.switch.set_speed(word.value),
                 NAMED => self.named_word(&word, &mut sizes)?,
-                letter if (CARRIED | self.position.letters()) >> (letter - b'A') & 1 == 1 => {
+                letter if carried >> (letter - b'A') & 1 == 1 => {
                     self.size(&word, &mut sizes)?;
                 }
                 letter => self.other_letter(letter),
@@ -360,7 +361,16 @@ impl<'s, 'k> Machine<'s, 'k> {
     }
 
     /// The word with its expression's value, and with E as the letter of the extruder's axis.
-    pub(super) fn understood<'w>(&mut self, mut word: Word<'w>) -> Result<Word<'w>> {
+    #[inline]
+    pub(super) fn understood<'w>(&mut self, word: Word<'w>) -> Result<Word<'w>> {
+        if word.expression.is_empty() && self.extruder_letter == b'E' {
+            return Ok(word);
+        }
+        self.compute(word)
+    }
+
+    #[cold]
+    fn compute<'w>(&mut self, mut word: Word<'w>) -> Result<Word<'w>> {
         if !word.expression.is_empty() {
             match self.variables.evaluate(word.expression) {
                 Ok(value) => word.value = Some(value),
@@ -386,6 +396,7 @@ impl<'s, 'k> Machine<'s, 'k> {
         let name = word.name.to_ascii_uppercase();
         match &name[..] {
             b"A3" | b"B3" | b"C3" => self.vector[usize::from(name[0] - b'A')] = word.value,
+            b"SUPA" => self.in_machine = true,
             // Siemens' radius of an arc.
             b"CR" => self.size(&Word { letter: b'R', ..*word }, sizes)?,
             _ if self.switch.named(&name, word.value) => self.set_area(&name, word.value),

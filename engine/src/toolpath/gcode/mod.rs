@@ -12,11 +12,14 @@
 //! - What was retracted, standing or in a move, must be fed again before anything leaves the nozzle. A move that feeds
 //!   it again deposits from where it is made up, by the rest. Each tool has its own retraction, unless the slicer says
 //!   that all filaments share a nozzle. M600, M701 and M702 end it.
-//! - G92 renames the present position; points are given in the machine's coordinates. G28 goes to 0. G53 to G59
-//!   change nothing, and are reported.
-//! - A move deposits if E grows on it beyond what was retracted. In files where no move has an E, M3 or M4 switch deposition on and M5 off,
-//!   and rapid moves (G0) never deposit.
-//! - A, B and C tilt the head, in degrees: the tool's axis is Rz(C)·Ry(B)·Rx(A)·z, and X Y Z are the tool tip in
+//! - G92 renames the present position, as do G10 L20, G52, and Klipper's SET_GCODE_OFFSET and states in their ways;
+//!   points are given in the machine's coordinates, with work offsets (G54 to G59.3) as the file sets them by G10 L2, or
+//!   else zero. G28 goes to 0. G53 is travel to a place in the machine's coordinates, on its line alone.
+//! - A move deposits if E grows on it beyond what was retracted. In files where no move has an E, codes switch deposition:
+//!   M3, M4 and M5 with S, or those of [`GcodeOptions::deposit_on`] and of known machines; rapid moves (G0) never deposit.
+//! - A table's axis (W) is taken off Z, another axis is added by [`GcodeOptions::layer_axis`].
+//! - Comments in parentheses are read like those behind a semicolon: layers, regions, widths.
+//! - A, B and C tilt the head, in degrees: the tool's axis is Rz(C)·Ry(B)·Rx(A)·z, or it is the vector `A3= B3= C3=`; X Y Z are the tool tip in
 //!   the part's frame. Machines that turn the part instead (rotary tables) are out of scope: their programs must
 //!   be converted to the part's frame first.
 //! - Arcs lie in the plane of G17, G18 or G19, by I J K or R, also as helices.
@@ -221,7 +224,7 @@ fn carry_out<'s, 'k, R: Read>(
     let mut beads = Beads::new(path, options, &survey.settings, feeds, has_layers, sink);
     survey.describe(firmware_source, &mut beads.report);
     beads.report.firmware = firmware;
-    plan.prepare(&mut beads);
+    plan.prepare(&mut beads, options, &survey.signs);
     let setup = plan.setup(options, survey);
     beads.report.machine.deposition = match setup.by_extruder {
         true => char::from(survey.extruder_letter).to_string(),

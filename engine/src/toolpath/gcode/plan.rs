@@ -182,7 +182,7 @@ impl Plan {
     }
 
     /// Tells the beads' gatherer what it needs.
-    pub(super) fn prepare(&self, beads: &mut Beads<'_, '_>) {
+    pub(super) fn prepare(&self, beads: &mut Beads<'_, '_>, options: &GcodeOptions, signs: &Signs) {
         beads.layering.bed = self.bed;
         if let Some(rival) = self.rival {
             let list = |family: Family| family.codes().0.join(", ");
@@ -191,6 +191,18 @@ impl Plan {
                  --deposit-off",
                 list(self.family),
                 list(rival)
+            );
+            beads.report.note(&what, 0);
+        }
+        let feeds = options.extruder_axis.map(ExtruderAxis::letter);
+        for (letter, farthest) in signs.wide_turns() {
+            if feeds == Some(letter) || options.layer_axis.is_some_and(|axis| axis.letter() == Some(letter)) {
+                continue;
+            }
+            let axis = char::from(letter);
+            let what = format!(
+                "{axis} goes to {farthest} and is read as degrees by which the head turns; if it feeds, say \
+                 --extruder-axis {axis}; if it carries layers, --layer-axis {axis} or -{axis}"
             );
             beads.report.note(&what, 0);
         }

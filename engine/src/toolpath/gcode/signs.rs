@@ -22,6 +22,8 @@ pub(super) struct Course {
     last: Option<f64>,
     pub(super) rises: u64,
     pub(super) falls: u64,
+    /// Farthest from 0.
+    farthest: f64,
 }
 
 /// What was found.
@@ -131,11 +133,15 @@ impl Signs {
                     // G90 and others may stand on a line that moves.
                     moves |= (0.0..=3.0).contains(&value);
                     moves &= !matches!(value as i64, 4 | 10 | 28 | 29 | 30 | 92);
-                    self.see(format!("G{value}").as_bytes());
+                    if matches!(value as i64, 441 | 442) {
+                        self.see(format!("G{value}").as_bytes());
+                    }
                 }
                 b'M' => {
                     switch = matches!(value, 64.0 | 65.0).then_some(value);
-                    self.see(format!("M{value}").as_bytes());
+                    if matches!(value as i64, 3..=5 | 24 | 25 | 34 | 35 | 52 | 53 | 100..=103) {
+                        self.see(format!("M{value}").as_bytes());
+                    }
                 }
                 b'P' => {
                     if let Some(code) = switch {
@@ -202,6 +208,14 @@ impl Signs {
             .collect()
     }
 
+    /// Turning axes that go farther than heads turn, with how far.
+    pub(super) fn wide_turns(&self) -> impl Iterator<Item = (u8, f64)> {
+        // A head may turn about the vertical again and again.
+        let limits = [720.0, 720.0, 3600.0];
+        let axes = OTHER_AXES.into_iter().zip(self.courses).zip(limits);
+        axes.filter(|((_, course), limit)| course.farthest > *limit).map(|((axis, course), _)| (axis, course.farthest))
+    }
+
     /// Gives the settings what the header tells and nothing else does.
     pub(super) fn complete(&self, settings: &mut Settings) {
         settings.layer_height = settings.layer_height.or(self.height);
@@ -218,6 +232,7 @@ impl Course {
         let last = self.last.replace(to).unwrap_or(0.0);
         self.rises += u64::from(to > last);
         self.falls += u64::from(to < last);
+        self.farthest = self.farthest.max(to.abs());
     }
 }
 

@@ -113,6 +113,7 @@ impl<'a> Words<'a> {
                 return Some(self.expression(rest, 0, from));
             }
             None if named(rest).is_some() => return Some(self.assignment(rest)),
+            None if is_keyword(identifier(rest)) => return Some(Ok(self.keyword(rest))),
             None => return Some(Err(Malformed { text: without_number(rest, from), what: "has no number" })),
         };
         let mut length = from + found.length;
@@ -149,6 +150,14 @@ impl<'a> Words<'a> {
         let (value, text) = (Some(value), &rest[..length]);
         let letter = letter.to_ascii_uppercase();
         Some(Ok(Word { letter, value, decimals, text, name: b"", expression: b"", exponent }))
+    }
+
+    /// A name that stands alone.
+    fn keyword(&mut self, rest: &'a [u8]) -> Word<'a> {
+        let name = identifier(rest);
+        self.at += name.len();
+        let exponent = Exponent::None;
+        Word { letter: NAMED, value: None, decimals: 0, text: name, name, expression: b"", exponent }
     }
 
     /// A name of several characters, an equals sign, and a value.
@@ -247,6 +256,11 @@ fn ends_at(rest: &[u8], length: usize) -> bool {
         None => true,
         Some(b) => b.is_ascii_alphabetic() || matches!(b, b' ' | b'\t' | b';' | b'(' | b'*'),
     }
+}
+
+/// Whether a name may stand alone among words: Siemens' travels in the machine's coordinates.
+fn is_keyword(name: &[u8]) -> bool {
+    name.eq_ignore_ascii_case(b"SUPA")
 }
 
 /// Whether an equals sign stands behind spaces at this place.

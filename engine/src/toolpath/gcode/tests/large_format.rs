@@ -383,6 +383,8 @@ fn another_axis_may_feed() {
     assert!(told.contains("--extruder-axis A"), "{told}");
     let told = parse(text.replace('A', "W"), &SIZES).unwrap_err().to_string();
     assert!(told.contains("--extruder-axis W"), "{told}");
+    let told = |axis: char| notes(&parse(format!("G0 Z2\nM3\nG1 X5 {axis}900"), &SIZES).unwrap().0);
+    assert!(told('A').contains("--layer-axis A or -A") && told('C').is_empty());
     let (report, _) = parse("G1 Z2\nM83\nG1 X5 A2 E1", &options("A")).unwrap();
     assert!(notes(&report).contains("E is left out"));
 }

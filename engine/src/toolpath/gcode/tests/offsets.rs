@@ -32,6 +32,7 @@ fn machine_coordinates_are_travel_on_one_line() {
         "G0 G90 G53 Z0.\nG0 X0 Y0 Z1\nM3 S5\nG1 X10\nG53 G1 X500 Y500\nG0 X5 Y5\nG1 X9\nM5\nG53 Y0.0\nG0 G90 G53 Z0.",
         "G90 G0 G54 X0 Y0\nG43 H60 Z1.0\nM3 S5\nG1 X10\nG53 Z100\nG0 X5 Y5 Z1\nG1 X9\nM5\nG0 G53 Z0",
         "G10 L2 P1 X100 Y100 Z100\nG54\nG0 X-100 Y-100 Z-99\nM3\nG1 X-90\nG53 G0 X5 Y5 Z1\nG1 X-91",
+        "G0 Z1\nM3\nG1 X10\nM5\nG0 SUPA Z=500 D0\nG153 X7\nG0 X5 Y5 Z1\nM3\nG1 X9\nG1 SUPA Z500",
         "M83\nG1 Z1\nG1 X10 E1\nG53 G1 X50 Y50 E1\nG1 X5 Y5\nG1 X9 E1",
     ] {
         assert_ends(text, &beads);
