@@ -6,8 +6,10 @@ use std::path::PathBuf;
 
 mod dialect;
 mod files;
+mod firmwares;
 mod laws;
 mod refusals;
+mod slicers;
 
 /// A file of the repository's data.
 fn data(name: &str) -> PathBuf {
