@@ -342,9 +342,12 @@ fn sizes_text(sizes: &SizeReport) -> String {
         (step, "by the layers' distance"),
         (setting, "by the slicer's settings"),
     ];
-    let sources = sources.iter().filter(|(count, _)| **count > 0);
-    let sources: Vec<String> = sources.map(|(count, source)| format!("{count} {source}")).collect();
-    format!("{range} ({} segments)", sources.join(", "))
+    let used: Vec<_> = sources.iter().filter(|(count, _)| **count > 0).collect();
+    let sources: Vec<String> = match &used[..] {
+        [(_, source)] => vec![source.to_string()],
+        many => many.iter().map(|(count, source)| format!("{count} {source}")).collect(),
+    };
+    format!("{range} ({})", sources.join(", "))
 }
 
 fn settings_text(settings: &SettingsReport) -> String {

@@ -173,7 +173,8 @@ fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) {
     machine.extruder.set_volumetric(on, firmware.m200_is_by_tool().then_some(tool));
     if firmware == Firmware::RepRapFirmware && diameters.len() > 1 {
         for (tool, diameter) in diameters.iter().enumerate() {
-            machine.extruder.set_volumetric(asked && *diameter > 0.0, u16::try_from(tool).ok());
+            let on = switch != Some(false) && *diameter > 0.0;
+            machine.extruder.set_volumetric(on, u16::try_from(tool).ok());
         }
     }
 }

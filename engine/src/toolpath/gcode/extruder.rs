@@ -17,7 +17,7 @@ const DUST: f64 = 1e-6;
 /// A retraction of so many of the file's steps is what rounding left...
 const ROUNDING_STEPS: f64 = 10.0;
 /// ... if it is not more than this, in units of E.
-const ROUNDING_MAX: f64 = 0.01;
+const ROUNDING_MAX: f64 = 0.02;
 
 /// Most tools whose retraction is kept apart. Printers have up to 36.
 const TOOLS_MAX: usize = 1 << 10;
@@ -72,6 +72,8 @@ pub(super) struct Fed {
     pub(super) net: f64,
     /// Part of the move after which material leaves.
     pub(super) begin: f64,
+    /// What was retracted is not made up for by a move of its own: a user may wonder where the bead begins.
+    pub(super) is_odd: bool,
 }
 
 impl Extruder {
@@ -176,10 +178,10 @@ impl Extruder {
         let moved = fed * self.area;
         if fed <= 0.0 {
             self.owed -= moved;
-            return Fed { moved, net: 0.0, begin: 0.0 };
+            return Fed { moved, ..Fed::default() };
         }
         if self.owed == 0.0 {
-            return Fed { moved, net: moved, begin: 0.0 };
+            return Fed { moved, net: moved, ..Fed::default() };
         }
         self.make_up(moved)
     }
@@ -189,16 +191,16 @@ impl Extruder {
         let rounding = (ROUNDING_STEPS * self.resolution).min(ROUNDING_MAX) * self.area;
         if self.owed <= rounding {
             self.owed = 0.0;
-            return Fed { moved, net: moved, begin: 0.0 };
+            return Fed { moved, net: moved, ..Fed::default() };
         }
         if moved <= self.owed + DUST * self.area {
             self.owed = (self.owed - moved).max(0.0);
-            return Fed { moved, net: 0.0, begin: 1.0 };
+            return Fed { moved, net: 0.0, begin: 1.0, is_odd: self.owed > rounding };
         }
         let begin = self.owed / moved;
         let net = moved - self.owed;
         self.owed = 0.0;
-        Fed { moved, net, begin }
+        Fed { moved, net, begin, is_odd: true }
     }
 
     /// What leaves the nozzle where filament is fed in one place, mm³; what is retracted there is owed.

@@ -74,6 +74,8 @@ pub(super) struct Machine<'s, 'k> {
     layer_is_marked: bool,
     /// Nothing was deposited since.
     pub(super) layer_is_fresh: bool,
+    /// The present tool has deposited nothing since it was taken.
+    pub(super) nozzle_is_fresh: bool,
 }
 
 impl<'s, 'k> Machine<'s, 'k> {
@@ -112,6 +114,7 @@ impl<'s, 'k> Machine<'s, 'k> {
             layer: 0,
             layer_is_marked: false,
             layer_is_fresh: true,
+            nozzle_is_fresh: true,
         }
     }
 
@@ -138,6 +141,7 @@ impl<'s, 'k> Machine<'s, 'k> {
             [b'T', b'?', ..] => return Ok(()),
             [b'#', ..] => return self.assign(start),
             // A command of Klipper and its like is a word of several letters.
+            [b'_', ..] => self.extended(start),
             [a, b, ..] if a.is_ascii_alphabetic() && (b.is_ascii_alphabetic() || *b == b'_') => {
                 return self.extended(start);
             }
@@ -520,6 +524,7 @@ impl<'s, 'k> Machine<'s, 'k> {
     pub(super) fn select_tool(&mut self, tool: u16) {
         // Above 254 Bambu's numbers stand for no filament at all.
         if self.extruder.firmware != Firmware::Bambu || tool < 255 {
+            self.nozzle_is_fresh |= tool != self.extruder.tool;
             self.extruder.select(tool);
         }
     }

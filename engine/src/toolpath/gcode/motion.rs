@@ -65,7 +65,7 @@ impl Machine<'_, '_> {
         if let Some(axis) = self.position.lost_axis() {
             return Err(self.fault(&format!("deposits, but a placeholder left {axis} unknown before")));
         }
-        self.layer_is_fresh = false;
+        (self.layer_is_fresh, self.nozzle_is_fresh) = (false, false);
         self.note_deposit();
         let feature = match self.feature {
             Some(feature) => feature,
@@ -99,8 +99,10 @@ impl Machine<'_, '_> {
     /// The move begins without a deposit: what was retracted must be fed first.
     #[cold]
     fn make_up(&mut self, fed: &Fed) -> Result<()> {
-        self.beads.report.made_up.count += 1;
-        self.beads.report.made_up.volume += (fed.moved - fed.net) * self.flow();
+        if fed.is_odd {
+            self.beads.report.made_up.count += 1;
+            self.beads.report.made_up.volume += (fed.moved - fed.net) * self.flow();
+        }
         self.beads.finish()
     }
 
@@ -178,7 +180,12 @@ impl Machine<'_, '_> {
         if excess > 0.0 {
             self.beads.report.zero_length += 1;
             self.beads.report.blobs.count += 1;
-            self.beads.report.blobs.volume += excess * self.flow();
+            let excess = excess * self.flow();
+            self.beads.report.blobs.volume += excess;
+            if self.nozzle_is_fresh {
+                self.beads.report.purges.count += 1;
+                self.beads.report.purges.volume += excess;
+            }
         }
         Ok(())
     }
@@ -240,9 +247,10 @@ impl Machine<'_, '_> {
         }
         let before = turns.saturating_sub(1);
         if unnamed && turns > 0 && sizes.states(letters(b"E")) {
-            let arc = if is_circle { "in the full circle of the" } else { "before the" };
+            let whole = before + u32::from(is_circle);
+            let arc = if is_circle { "full turns" } else { "full turns and the arc" };
             let what = format!(
-                "P{turns} of an arc is {before} full turns {arc} arc, as in RS-274; Marlin adds {turns}: --firmware tells which"
+                "P{turns} of an arc is read as {whole} {arc}, as RS-274 has it; Marlin adds one: --firmware tells which"
             );
             self.beads.report.note(&what, self.line);
         }

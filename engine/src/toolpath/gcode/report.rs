@@ -59,7 +59,9 @@ pub struct GcodeReport {
     pub arcs: ArcReport,
     /// E without motion beyond what was retracted before: material in one place, which makes no bead.
     pub blobs: BlobReport,
-    /// E in moves that only made up for what was retracted before: nothing left the nozzle.
+    /// Those of the blobs that come before the first bead or after a change of tool: slicers purge the nozzle so.
+    pub purges: BlobReport,
+    /// E that made up for what was retracted before, in moves that deposit too or that do not make up for all of it.
     pub made_up: BlobReport,
     /// Retractions, by E or by the firmware.
     pub retractions: u64,
@@ -274,20 +276,21 @@ impl GcodeReport {
             };
             lines.push(format!("left out, since not known: {}{more}", unknown.join(", ")));
         }
-        if self.arcs.count > 0 {
+        if self.arcs.length_lost > 0.0 {
             let ArcReport { count, chords, tolerance, length_lost } = &self.arcs;
             lines.push(format!(
                 "{count} arcs became {chords} chords within {tolerance:.4} mm; beads are {length_lost:.3} mm shorter"
             ));
         }
-        if self.blobs.count > 0 {
-            let BlobReport { count, volume } = &self.blobs;
+        let count = self.blobs.count - self.purges.count;
+        if count > 0 {
+            let volume = self.blobs.volume - self.purges.volume;
             lines.push(format!("{count} blobs (E without motion), {volume:.3} mm³, make no bead"));
         }
         if self.made_up.count > 0 {
             let BlobReport { count, volume } = &self.made_up;
             lines.push(format!(
-                "{volume:.3} mm³ fed in {count} moves make up for what was retracted before, and deposit nothing"
+                "{volume:.3} mm³ of what is fed in {count} moves make up for what was retracted before, and deposit nothing"
             ));
         }
         if self.skipped.segments > 0 {
