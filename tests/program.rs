@@ -14,6 +14,7 @@ mod program {
     mod determinism;
     mod export;
     mod kills;
+    mod large_format;
     mod mesh;
     mod open;
     mod pictures;

@@ -141,7 +141,7 @@ impl<'s, 'k> Machine<'s, 'k> {
             [b'T', b'?', ..] => return Ok(()),
             [b'#', ..] => return self.assign(start),
             // A command of Klipper and its like is a word of several letters.
-            [b'_', ..] => self.extended(start),
+            [b'_', ..] => return self.extended(start),
             [a, b, ..] if a.is_ascii_alphabetic() && (b.is_ascii_alphabetic() || *b == b'_') => {
                 return self.extended(start);
             }
