@@ -25,7 +25,7 @@ pub(super) struct Arc {
 }
 
 /// Most chords of all turns of one arc.
-const CHORDS_MAX: u64 = 1 << 22;
+const CHORDS_MAX: u64 = 1 << HALVINGS_MAX;
 
 /// Chords of equal angle: of the full turns before an arc, and of the arc proper.
 #[derive(Clone, Copy, Debug)]
@@ -107,7 +107,7 @@ impl Arc {
         };
         match chords.count() {
             ..=CHORDS_MAX => Ok(chords),
-            _ => Err("the arc has so many turns that they become more than 4 million chords"),
+            _ => Err("the arc has so many turns that they become more than a million chords"),
         }
     }
 

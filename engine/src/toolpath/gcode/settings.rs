@@ -57,7 +57,8 @@ impl Settings {
         let may_be_setting = matches!(
             text.first(),
             Some(
-                b'f' | b'u'
+                b'f' | b'i'
+                    | b'u'
                     | b'l'
                     | b'L'
                     | b'F'
