@@ -1,33 +1,10 @@
 //! Klipper's commands that change what coordinates mean: SAVE_GCODE_STATE, RESTORE_GCODE_STATE and
 //! SET_GCODE_OFFSET.
 
-use super::extruder::Modes;
 use super::machine::Machine;
+use super::states::{STATES_MAX, State};
 use super::words::number;
 use crate::error::Result;
-use std::collections::BTreeMap;
-
-/// Most states that are kept.
-const STATES_MAX: usize = 1 << 10;
-
-/// What a state holds.
-#[derive(Clone)]
-struct State {
-    relative: bool,
-    modes: Modes,
-    offset: [f64; 3],
-    nudge: [f64; 3],
-    machine: [f64; 3],
-    e: f64,
-    flows: BTreeMap<u16, f64>,
-}
-
-/// Saved states by their names, and the offset that SET_GCODE_OFFSET gave.
-#[derive(Default)]
-pub(super) struct States {
-    saved: BTreeMap<Vec<u8>, State>,
-    nudge: [f64; 3],
-}
 
 impl Machine<'_, '_> {
     /// Carries out a command of Klipper's. Returns whether it is one of those.

@@ -31,6 +31,7 @@ mod arc;
 mod beads;
 mod commands;
 mod comments;
+mod coordinates;
 mod deposition;
 mod expressions;
 mod extruder;
@@ -51,6 +52,7 @@ mod settings;
 mod signs;
 mod sizes;
 mod source;
+mod states;
 #[cfg(test)]
 mod tests;
 mod tilt;

@@ -74,7 +74,7 @@ impl Machine<'_, '_> {
         self.feature = Some(feature);
         let kind = Kind { layer: self.layer, tool: self.extruder.tool, feature };
         let area = self.extruder.area() * flow;
-        self.extruder.fed_by_length |= !self.extruder.is_volumetric();
+        self.extruder.fed_by_length |= self.by_extruder && !self.extruder.is_volumetric();
         self.beads.resolution =
             Resolution { position: self.position.resolution, volume: self.extruder.resolution * area };
         let net = match self.switch.area {
@@ -123,6 +123,7 @@ impl Machine<'_, '_> {
         self.extruder.in_move(fed);
         let to = AXES.map(|letter| sizes.get(letter).map(|value| value * unit));
         self.position.move_machine(to).map_err(|what| self.fault(what))?;
+        self.position.move_table(sizes);
         self.beads.report.moves += 1;
         self.beads.finish()
     }

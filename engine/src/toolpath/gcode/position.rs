@@ -122,6 +122,14 @@ impl Position {
         Ok(())
     }
 
+    /// G53: moves the table to a place in the machine's coordinates.
+    pub(super) fn move_table(&mut self, sizes: &Sizes) {
+        let letter = self.layer_axis.letter().filter(|letter| *letter != b'Z');
+        if let Some(value) = letter.and_then(|letter| sizes.get(letter)) {
+            self.table.0 = value * self.unit - self.table.1;
+        }
+    }
+
     /// States the tool's axis at the end of the next move.
     pub(super) fn set_vector(&mut self, vector: [f64; 3]) {
         self.next_vector = Some(vector);
