@@ -100,8 +100,9 @@ fn miscellaneous(
     words: &mut Words<'_>,
 ) -> Result<Effect> {
     match tenfold {
-        30 | 40 => machine.depositing = true,
-        50 => machine.depositing = false,
+        // Machines of the first years have M101 and M103 beside E, or for it.
+        30 | 40 | 1010 => machine.depositing = true,
+        50 | 1030 => machine.depositing = false,
         820 => machine.extruder.set_relative(false),
         830 => machine.extruder.set_relative(true),
         // The firmware changes, loads or unloads the filament.
@@ -120,7 +121,7 @@ fn miscellaneous(
             return Ok(if first { Effect::LineDone } else { Effect::Modal });
         }
     }
-    let is_switch = matches!(tenfold, 30 | 40 | 50);
+    let is_switch = matches!(tenfold, 30 | 40 | 50 | 1010 | 1030);
     Ok(if is_switch || !first { Effect::Modal } else { Effect::LineDone })
 }
 

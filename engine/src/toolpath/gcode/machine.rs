@@ -159,6 +159,7 @@ impl<'s, 'k> Machine<'s, 'k> {
         let mut sizes = Sizes::default();
         let mut moves = false;
         let mut first = true;
+        let mut takes_tool = false;
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
             if word.exponent != Exponent::None {
@@ -173,9 +174,13 @@ impl<'s, 'k> Machine<'s, 'k> {
                     commands::Effect::SetPosition => return self.set_position(words),
                 },
                 b'F' | b'S' => {}
+                // Prusa's XL parks a tool by "P0 S1 L2 D0", and says how to take one by "T0 S1 L0 D0".
+                b'P' if first => return Ok(()),
+                b'L' | b'D' if takes_tool => {}
                 letter if CARRIED >> (letter - b'A') & 1 == 1 => self.size(&word, &mut sizes)?,
                 letter => self.beads.report.unknown(&[letter], self.line),
             }
+            takes_tool |= first && word.letter == b'T';
             first = false;
         }
         self.check_sum(line, words.rest());

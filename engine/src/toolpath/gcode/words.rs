@@ -9,7 +9,7 @@
 //! - And one of these: the sign is plus; the digits begin with 0; e and the word's letter differ in case; the words of
 //!   the line are parted by spaces; the letter is E itself, or another E word stands in the line.
 //!
-//! Otherwise it is a word. Either way a line that could be read both ways is told, see [`Exponent`].
+//! Otherwise it is a word. What could be read both ways is told, see [`Exponent`]; `G1X10Y5E-2` could not.
 
 /// A letter and its number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -135,21 +135,30 @@ impl<'a> Words<'a> {
         let is_normal = matches!(unsigned, [b'1'..=b'9'] | [b'1'..=b'9', b'.', ..]);
         let [mark, sign @ (b'-' | b'+'), digits @ ..] = &rest[length..] else { return none };
         let count = digits.iter().take_while(|b| b.is_ascii_digit()).count();
-        let is_whole = (1..=3).contains(&count) && digits.get(count) != Some(&b'.');
-        // Java's has a point in front, C#'s two digits, JavaScript's a small e.
-        let is_unusual =
-            count == 1 && (matches!(digits[0], b'0'..=b'3') || (*mark == b'E' && !mantissa.contains(&b'.')));
-        if !is_normal || !is_whole || (*sign == b'-' && is_unusual) {
+        if !(1..=3).contains(&count) || digits.get(count) == Some(&b'.') {
             return none;
         }
         let letter = rest[0];
-        let taken = *sign == b'+'
+        let differs = mark.is_ascii_lowercase() != letter.is_ascii_lowercase();
+        // Java's have a point in front, C#'s two digits, JavaScript's a small e.
+        let is_unusual = *sign == b'-'
+            && count == 1
+            && (matches!(digits[0], b'0'..=b'3') || (*mark == b'E' && !mantissa.contains(&b'.')));
+        let exponent = if !is_normal || (is_unusual && !differs) {
+            // Retractions look like this where words need no spaces.
+            if differs || self.is_spaced() { Exponent::Word } else { Exponent::None }
+        } else if *sign == b'+'
             || (count > 1 && digits[0] == b'0')
-            || mark.is_ascii_lowercase() != letter.is_ascii_lowercase()
+            || differs
             || letter.eq_ignore_ascii_case(&b'e')
             || self.is_spaced()
-            || self.has_another_e(self.line.len() - rest.len() + length);
-        (if taken { Exponent::Taken } else { Exponent::Word }, 2 + count)
+            || self.has_another_e(self.line.len() - rest.len() + length)
+        {
+            Exponent::Taken
+        } else {
+            Exponent::Word
+        };
+        (exponent, 2 + count)
     }
 
     /// Whether a space stands before every word of the line up to here.
@@ -276,6 +285,8 @@ mod tests {
             ("G1 X20 Y-1.2e-05 E0.8", -1.2e-5),
             ("G1 X20 Y1.2E-5", 1.2e-5),
             ("G1 X20 Y5e-7", 5e-7),
+            ("G1 X20 Y1e-3", 1e-3),
+            ("G1X20Y5.5e-2", 5.5e-2),
             ("G1X20Y1.2e-05E0.8", 1.2e-5),
             ("G1X20Y1.2e-5", 1.2e-5),
             ("G1E0.8X20Y1.2E-5", 1.2e-5),
@@ -306,7 +317,6 @@ mod tests {
             ("G1 X10E-5.0", -5.0),
             ("X20 E0.8", 0.8),
             ("G1X5E-2", -2.0),
-            ("G1 X5E-6", -6.0),
         ] {
             let found = words(line);
             assert_eq!(found.last(), Some(&('E', e, Exponent::None)), "{line}");
@@ -316,7 +326,7 @@ mod tests {
 
     #[test]
     fn what_can_be_both_is_a_word_and_told() {
-        for line in ["G1X10Y5.5E-6", "g1x10y5.5e-6", "G1X10Y5E-15"] {
+        for line in ["G1X10Y5.5E-6", "g1x10y5.5e-6", "G1X10Y5E-15", "G1 X9 Y5E-6", "G1 X9 Y10E-5", "G1 X9 Y20.5e-3"] {
             let found = words(line);
             assert_eq!(found[2].2, Exponent::Word, "{line}");
             assert_eq!(found[3].0, 'E', "{line}");
