@@ -81,7 +81,10 @@ fn a_header_tells_inches_widths_and_regions() {
     let (json, warnings) = info(&data("large_format/cincinnati_inch.nc"), &[]);
     assert_eq!(warnings, "");
     assert_eq!([&json["layers"], &json["beads"], &json["segments"]], [2, 2, 3]);
-    assert_eq!((&json["machine"]["dialect"], &json["machine"]["unit_source"]), (&"Cincinnati".into(), &"header".into()));
+    assert_eq!(
+        (&json["machine"]["dialect"], &json["machine"]["unit_source"]),
+        (&"Cincinnati".into(), &"header".into())
+    );
     let inch = 25.4;
     // The wipe with S0 lays nothing.
     close(&feature(&json, "PERIMETER")["length"], 20.0 * inch);
@@ -99,7 +102,10 @@ fn ingersoll_switches_by_a_command_and_tilts_by_vectors() {
     // Surface normals of the path are not needed.
     assert!(warnings.lines().count() == 1 && warnings.contains("AN3"), "{warnings}");
     assert_eq!([&json["layers"], &json["beads"], &json["segments"]], [2, 2, 3]);
-    assert_eq!((&json["machine"]["dialect"], &json["machine"]["deposition"]), (&"Ingersoll".into(), &"EXTRUDER".into()));
+    assert_eq!(
+        (&json["machine"]["dialect"], &json["machine"]["deposition"]),
+        (&"Ingersoll".into(), &"EXTRUDER".into())
+    );
     close(&feature(&json, "PERIMETER")["volume"], 800.0 * stadium(20.0, 5.0));
     close(&feature(&json, "INFILL")["length"], 500.0);
 }
@@ -178,7 +184,17 @@ fn a_store_of_inches_is_in_mm_and_goes_on_with_the_same_settings_only() {
     let out = dir.path("o.brf");
     let file = dir.file("inch.nc", "G0 X0 Y0 Z0.2\nM3 S10\nG1 X4\nG1 Y4\nM5\n");
     let build: [&dyn AsRef<OsStr>; 12] = [
-        &"build", &file, &"-o", &out, &"--units", &"in", &"--width", &"12.7mm", &"--cell", &"0.05", &"--json",
+        &"build",
+        &file,
+        &"-o",
+        &out,
+        &"--units",
+        &"in",
+        &"--width",
+        &"12.7mm",
+        &"--cell",
+        &"0.05",
+        &"--json",
         &"--restart",
     ];
     let (json, _) = told(&build);

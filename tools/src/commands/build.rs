@@ -93,16 +93,7 @@ impl TryFrom<BuildArgs> for Plan {
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
         let BuildArgs {
-            inputs,
-            output,
-            backend,
-            memory,
-            mesh,
-            json,
-            beads,
-            estimate_normals,
-            gwn_error,
-            ..
+            inputs, output, backend, memory, mesh, json, beads, estimate_normals, gwn_error, ..
         } = args;
         Ok(Plan {
             inputs,
@@ -151,7 +142,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     if !toolpaths.is_empty() && plan.units != Unit::Mm {
         if toolpaths.len() < inputs.len() {
-            let what = "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
+            let what =
+                "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
             return Err(Failure::Usage(format!("--units {}: {what}", plan.units)));
         }
         count_in_mm(&mut plan);

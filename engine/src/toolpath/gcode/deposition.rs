@@ -181,7 +181,8 @@ impl Switch {
 
     /// Takes in a code with the words behind it. Returns whether it is one of the switch's.
     pub(super) fn code(&mut self, word: &Word<'_>, value: f64, words: &Words<'_>) -> bool {
-        let names = |mark: &Mark| mark.code.as_ref().is_some_and(|code| (code.0, code.1) == (word.letter, value));
+        let names =
+            |mark: &Mark| mark.code.as_ref().is_some_and(|code| (code.0, code.1) == (word.letter, value));
         if !self.rules.iter().any(|(mark, _)| names(mark)) {
             return false;
         }
@@ -208,9 +209,10 @@ impl Switch {
 
     /// Takes in a command's name with its argument, where it has one. Returns whether it is one of the switch's.
     pub(super) fn named(&mut self, name: &[u8], argument: Option<f64>) -> bool {
-        let rule = self.rules.iter().find(|(mark, _)| {
-            mark.takes_argument() && mark.text.as_bytes().eq_ignore_ascii_case(name)
-        });
+        let rule = self
+            .rules
+            .iter()
+            .find(|(mark, _)| mark.takes_argument() && mark.text.as_bytes().eq_ignore_ascii_case(name));
         let Some(on) = rule.map(|(_, on)| *on) else { return false };
         self.on = on && argument != Some(0.0);
         true
@@ -267,7 +269,9 @@ mod tests {
             assert!(switch.code(&word, word.value.unwrap(), &words));
             assert_eq!(switch.deposits(), deposits, "{line}");
         }
-        for (behind, deposits) in [("(120)", true), ("(0)", false), ("", true), (" = 0.0", false), (" 5", true)] {
+        for (behind, deposits) in
+            [("(120)", true), ("(0)", false), ("", true), (" = 0.0", false), (" 5", true)]
+        {
             assert!(switch.named(b"Extruder", argument(behind.as_bytes())));
             assert_eq!(switch.deposits(), deposits, "{behind}");
         }

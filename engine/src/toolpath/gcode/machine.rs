@@ -1,19 +1,17 @@
 //! What the commands do: the state of the machine, line by line.
 
 use super::beads::Beads;
-use super::comments::{self, Comment};
-use super::deposition::{self, Switch};
+use super::deposition::Switch;
 use super::expressions::Variables;
 use super::extruder::Extruder;
 use super::firmware::Firmware;
 use super::layer_axis::LayerAxis;
 use super::parameters::{Sizes, letters};
 use super::position::Position;
-use super::regions::{self, Region};
 use super::report::UnitSource;
 use super::states::States;
-use super::words::{self, Exponent, Malformed, NAMED, Word, Words, quote, token};
-use super::{ExtruderAxis, GcodeOptions, POSITION_MAX, commands, neutral};
+use super::words::{Exponent, Malformed, NAMED, Word, Words, behind_number, quote, token};
+use super::{ExtruderAxis, GcodeOptions, POSITION_MAX, commands};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -48,11 +46,11 @@ pub(super) struct Machine<'s, 'k> {
     pub(super) by_extruder: bool,
     pub(super) switch: Switch,
     /// Letter of the extruder's axis, E by default.
-    extruder_letter: u8,
+    pub(super) extruder_letter: u8,
     /// Factors of what is fed (M221), by tool.
     pub(super) flows: BTreeMap<u16, f64>,
     pub(super) states: States,
-    variables: Variables,
+    pub(super) variables: Variables,
     /// Comments of moves tell regions.
     has_regions: bool,
     /// Whether axes that are left out are told.
@@ -60,7 +58,7 @@ pub(super) struct Machine<'s, 'k> {
     /// G53 stands on this line.
     pub(super) in_machine: bool,
     /// The axis that this line states.
-    vector: [Option<f64>; 3],
+    pub(super) vector: [Option<f64>; 3],
     pub(super) absolute_centres: bool,
     pub(super) plane: usize,
     pub(super) motion: Option<u8>,
@@ -71,7 +69,7 @@ pub(super) struct Machine<'s, 'k> {
     pub(super) height: Option<f64>,
     pub(super) layer: u32,
     /// A comment has begun a layer.
-    layer_is_marked: bool,
+    pub(super) layer_is_marked: bool,
     /// Nothing was deposited since.
     pub(super) layer_is_fresh: bool,
     /// The present tool has deposited nothing since it was taken.
@@ -162,108 +160,8 @@ impl<'s, 'k> Machine<'s, 'k> {
         Ok(())
     }
 
-    /// Takes in the comments in a line. Those of a move name its region; what they say of a travel is taken back
-    /// with the value returned.
-    fn comments_of(&mut self, line: &[u8], alone: bool) -> Result<Option<(Option<u16>, Option<f64>)>> {
-        let mut before = None;
-        let moves = alone || begins_move(line);
-        for (comment, in_parentheses) in regions::comments(line) {
-            match regions::meaning(comment, in_parentheses) {
-                Some(Region::Deposit(name, width)) if moves => self.enter_region(name, width)?,
-                Some(Region::Travel) if moves && !alone => {
-                    before = Some((self.feature, self.region_width));
-                    self.enter_region(regions::TRAVEL, None)?;
-                }
-                Some(Region::Layer) => self.begin_layer(),
-                None if alone && in_parentheses => {
-                    // Comments of slicers, put into parentheses.
-                    self.comment(&[b";", comment].concat())?;
-                }
-                _ => {}
-            }
-        }
-        Ok(before)
-    }
-
-    fn enter_region(&mut self, name: &str, width: Option<f64>) -> Result<()> {
-        self.feature = Some(self.beads.feature(name.as_bytes(), self.line)?);
-        self.region_width = match width {
-            None => None,
-            Some(stated) => {
-                let width = regions::width(stated, self.position.unit);
-                self.checked(width, "a comment's width is no size")
-            }
-        };
-        Ok(())
-    }
-
-    /// A line that begins with a name: a command of Klipper or of another machine, or a variable's.
-    fn extended(&mut self, start: &[u8]) -> Result<()> {
-        let name = words::identifier(start);
-        let behind = &start[name.len()..];
-        if name.eq_ignore_ascii_case(b"WHEN") {
-            // Siemens: an action in parallel to motion, as in `WHEN TRUE DO EXTR_END=2.0`.
-            let action = start.rsplit(u8::is_ascii_whitespace).find_map(words::named);
-            if action.is_some_and(|action| self.switch.named(action, None)) {
-                return Ok(());
-            }
-        }
-        let is_assigned = words::named(start).is_some();
-        let argument = match is_assigned {
-            true => self.value_behind(behind),
-            false => deposition::argument(behind),
-        };
-        if self.switch.named(name, argument) {
-            self.set_area(name, argument);
-        } else if is_assigned {
-            return self.assign(start);
-        } else if name.eq_ignore_ascii_case(b"ACTIVATE_EXTRUDER") {
-            return self.activate_extruder(behind);
-        } else if !self.klipper(name, behind)? && !neutral::is_extended(token(start)) {
-            self.beads.report.unknown(token(start), self.line);
-        }
-        Ok(())
-    }
-
-    /// The value of `= expression`, up to a space.
-    fn value_behind(&self, behind: &[u8]) -> Option<f64> {
-        let text = behind.trim_ascii_start().strip_prefix(b"=")?.trim_ascii_start();
-        let end = text.iter().position(|b| matches!(b, b' ' | b'\t' | b';')).unwrap_or(text.len());
-        self.variables.evaluate(&text[..end]).ok()
-    }
-
-    /// A bead's area, in the file's unit squared, gives its width.
-    fn set_area(&mut self, name: &[u8], argument: Option<f64>) {
-        if name.eq_ignore_ascii_case(b"BEAD_AREA") {
-            let area = argument.map(|area| area * self.position.unit * self.position.unit);
-            self.switch.area = area.filter(|area| *area > 0.0 && area.is_finite());
-        }
-    }
-
-    /// A line that gives variables their values.
-    fn assign(&mut self, line: &[u8]) -> Result<()> {
-        let Some(split) = line.iter().position(|b| *b == b'=') else {
-            self.beads.report.unknown(token(line), self.line);
-            return Ok(());
-        };
-        let name = line[..split].trim_ascii();
-        if let [b'#', second, ..] = name
-            && !(second.is_ascii_digit() || *second == b'<')
-        {
-            self.beads.report.unknown(token(line), self.line);
-            return Ok(());
-        }
-        let value = &line[split + 1..];
-        // A bracket may belong to the expression; a comment in parentheses follows a space.
-        let comment = value.windows(2).position(|pair| pair == b" (");
-        let end = value.iter().position(|b| *b == b';').or(comment).unwrap_or(value.len());
-        let value = self.variables.evaluate(value[..end].trim_ascii()).ok();
-        self.variables.set(name, value);
-        Ok(())
-    }
-
     /// Klipper's tools are called extruder, extruder1, extruder2.
-    fn activate_extruder(&mut self, parameters: &[u8]) -> Result<()> {
+    pub(super) fn activate_extruder(&mut self, parameters: &[u8]) -> Result<()> {
         let name = parameters.trim_ascii().split(|b| b.is_ascii_whitespace()).next().unwrap_or_default();
         const KEY: &[u8] = b"EXTRUDER=EXTRUDER";
         if name.len() >= KEY.len() && name[..KEY.len()].eq_ignore_ascii_case(KEY) {
@@ -277,48 +175,12 @@ impl<'s, 'k> Machine<'s, 'k> {
         Ok(())
     }
 
-    fn comment(&mut self, comment: &[u8]) -> Result<()> {
-        match regions::meaning(&comment[1..], false) {
-            None => {}
-            Some(Region::Layer) => self.begin_layer(),
-            Some(Region::Deposit(name, width)) => return self.enter_region(name, width),
-            Some(Region::Travel) => return Ok(()),
-        }
-        match comments::meaning(comment) {
-            Comment::Feature(name) => self.feature = Some(self.beads.feature(name, self.line)?),
-            Comment::Width(width) => self.width = self.checked(width, "a comment's width is no size"),
-            Comment::Height(height) => self.height = self.checked(height, "a comment's height is no size"),
-            Comment::Layer => self.begin_layer(),
-            Comment::Mesh(name) => {
-                let name = String::from_utf8_lossy(&name[..name.len().min(200)]);
-                let meshes = &mut self.beads.report.meshes;
-                if meshes.len() < 1000 && name != "NONMESH" && meshes.iter().all(|known| *known != name) {
-                    meshes.push(name.into_owned());
-                }
-            }
-            Comment::Other => {}
-        }
-        Ok(())
-    }
-
-    fn begin_layer(&mut self) {
-        // What is deposited before the first mark belongs to the first layer.
-        self.layer += u32::from(self.layer_is_marked && !self.layer_is_fresh);
-        (self.layer_is_marked, self.layer_is_fresh) = (true, true);
-    }
-
-    fn checked(&mut self, size: Option<f64>, complaint: &str) -> Option<f64> {
-        if size.is_none() {
-            self.beads.report.note(complaint, self.line);
-        }
-        size
-    }
-
     fn command(&mut self, line: &[u8], mut words: Words<'_>) -> Result<()> {
         let mut sizes = Sizes::default();
         let mut moves = false;
         let mut first = true;
         let carried = CARRIED | self.position.letters();
+        let mut takes_tool = false;
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
             if word.exponent != Exponent::None {
@@ -336,12 +198,16 @@ impl<'s, 'k> Machine<'s, 'k> {
                 },
                 b'F' => {}
                 b'S' => self.switch.set_speed(word.value),
+                // Prusa's XL parks a tool by "P0 S1 L2 D0", and says how to take one by "T0 S1 L0 D0".
+                b'P' if first => return Ok(()),
+                b'L' if takes_tool => {}
                 NAMED => self.named_word(&word, &mut sizes)?,
                 letter if carried >> (letter - b'A') & 1 == 1 => {
                     self.size(&word, &mut sizes)?;
                 }
                 letter => self.other_letter(letter),
             }
+            takes_tool |= first && word.letter == b'T';
             first = false;
         }
         self.check_sum(line, words.rest());
@@ -362,65 +228,6 @@ impl<'s, 'k> Machine<'s, 'k> {
             return self.go(motion, &sizes);
         }
         Ok(())
-    }
-
-    /// The word with its expression's value, and with E as the letter of the extruder's axis.
-    #[inline]
-    pub(super) fn understood<'w>(&mut self, word: Word<'w>) -> Result<Word<'w>> {
-        if word.expression.is_empty() && self.extruder_letter == b'E' {
-            return Ok(word);
-        }
-        self.compute(word)
-    }
-
-    #[cold]
-    fn compute<'w>(&mut self, mut word: Word<'w>) -> Result<Word<'w>> {
-        if !word.expression.is_empty() {
-            match self.variables.evaluate(word.expression) {
-                Ok(value) => word.value = Some(value),
-                // A variable may stay without a value as long as nothing hangs on it.
-                Err(_) if word.letter == NAMED && !states_place(word.name) => {}
-                Err(what) => return Err(self.fault(&what)),
-            }
-        }
-        if self.extruder_letter != b'E' {
-            if word.letter == self.extruder_letter {
-                word.letter = b'E';
-            } else if word.letter == b'E' {
-                // Known by its sign that it moves nothing.
-                word.letter = b'F';
-                self.beads.report.note("E is left out: another axis feeds, by --extruder-axis", self.line);
-            }
-        }
-        Ok(word)
-    }
-
-    /// A word that has a name for a letter.
-    fn named_word(&mut self, word: &Word<'_>, sizes: &mut Sizes) -> Result<()> {
-        let name = word.name.to_ascii_uppercase();
-        match &name[..] {
-            b"A3" | b"B3" | b"C3" => self.vector[usize::from(name[0] - b'A')] = word.value,
-            b"SUPA" => self.in_machine = true,
-            // Siemens' radius of an arc.
-            b"CR" => self.size(&Word { letter: b'R', ..*word }, sizes)?,
-            _ if self.switch.named(&name, word.value) => self.set_area(&name, word.value),
-            [b'R', digits @ ..] if digits.iter().all(u8::is_ascii_digit) => self.variables.set(&name, word.value),
-            _ => self.beads.report.unknown(&name, self.line),
-        }
-        Ok(())
-    }
-
-    /// The tool's axis of the length 1, where the line states one; what it leaves out is 0.
-    fn unit_vector(&self, stated: [Option<f64>; 3]) -> Result<Option<[f64; 3]>> {
-        if stated == [None; 3] {
-            return Ok(None);
-        }
-        let vector = stated.map(Option::unwrap_or_default);
-        let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if !(1e-6..1e6).contains(&length) {
-            return Err(self.fault("A3, B3 and C3 are no direction"));
-        }
-        Ok(Some(vector.map(|x| x / length)))
     }
 
     /// A letter that moves nothing that is known.
@@ -594,25 +401,6 @@ impl<'s, 'k> Machine<'s, 'k> {
     pub(super) fn malformed(&self, malformed: &Malformed<'_>) -> Error {
         self.fault(&format!("the word {} {}", quote(malformed.text), malformed.what))
     }
-}
-
-/// Whether a name stands for a place or a direction.
-fn states_place(name: &[u8]) -> bool {
-    [&b"A3"[..], b"B3", b"C3", b"CR"].iter().any(|known| name.eq_ignore_ascii_case(known))
-}
-
-/// What stands behind a line's number.
-fn behind_number(start: &[u8]) -> &[u8] {
-    let digits = start[1..].iter().take_while(|b| b.is_ascii_digit()).count();
-    start[1 + digits..].trim_ascii_start()
-}
-
-/// Whether a line begins like one that moves the tool: with a G code or a coordinate.
-fn begins_move(line: &[u8]) -> bool {
-    let mut words = Words::new(line);
-    let first = words.rest();
-    let first = if matches!(first, [b'N' | b'n', ..]) { behind_number(first) } else { first };
-    first.first().is_some_and(|letter| !matches!(letter | 0x20, b'm' | b't'))
 }
 
 /// 10 to the power of minus its index.

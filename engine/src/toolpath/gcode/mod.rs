@@ -41,12 +41,14 @@ mod layer_axis;
 mod lines;
 mod machine;
 mod motion;
+mod names;
 mod neutral;
 mod offsets;
 mod parameters;
 mod plan;
 mod position;
 mod regions;
+mod remarks;
 mod report;
 mod settings;
 mod signs;
@@ -63,8 +65,8 @@ pub use firmware::Firmware;
 pub use layer_axis::LayerAxis;
 pub use plan::ExtruderAxis;
 pub use report::{
-    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, FirmwareSource, GcodeReport, MachineReport,
-    SettingsReport, SizeReport, SkipReport, UnitSource,
+    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, FirmwareSource, GcodeReport,
+    MachineReport, SettingsReport, SizeReport, SkipReport, UnitSource,
 };
 
 use super::{BeadSink, BeadView};

@@ -2,7 +2,7 @@
 //! the printer, the host's business.
 
 /// G codes, times ten: dwell, bed levelling, parking, feed modes.
-const GENERAL: [(u32, u32); 20] = [
+const GENERAL: [(u32, u32); 21] = [
     (40, 40),
     (120, 120),
     (260, 279),
@@ -21,8 +21,9 @@ const GENERAL: [(u32, u32); 20] = [
     (950, 950),
     (990, 990),
     (1300, 1319),
-    (1500, 1509),
+    (1500, 1519),
     (3800, 3939),
+    (28_140, 28_149),
 ];
 
 /// M codes that no firmware of printers gives a meaning for what is deposited.
@@ -63,14 +64,14 @@ const MISCELLANEOUS: [(u32, u32); 39] = [
     (851, 869),
     (900, 918),
     (928, 929),
-    (950, 1029),
-    (9833, 9833),
+    (950, 1199),
+    (9700, 9999),
     (99_123, 99_123),
 ];
 
 /// Commands of Klipper and of its users' macros, by how they begin. A macro may be called anything: these are the
 /// names that slicers and their profiles write.
-const EXTENDED: [&str; 41] = [
+const EXTENDED: [&str; 45] = [
     "ACTIVATE_EXTRUDER",
     "BED_MESH_",
     "BED_MESH",
@@ -102,11 +103,15 @@ const EXTENDED: [&str; 41] = [
     "SMART_PARK",
     "START_PRINT",
     "STATUS_",
+    "SYNC",
     "TEMPERATURE_WAIT",
     "TIMELAPSE_",
     "TUNING_TOWER",
     "TURN_OFF_HEATERS",
     "UPDATE_DELAYED_GCODE",
+    "VFLUSH",
+    "VG1",
+    "VM1",
     "VORON_PURGE",
     "Z_TILT_ADJUST",
     "_CLEAR_",

@@ -60,16 +60,19 @@ pub(super) fn check(options: &GcodeOptions) -> Result<()> {
         return Err(Error::setting("the unit is not between 1e-6 and 1e4 mm", "give mm or inches"));
     }
     match options.variables.iter().find(|(name, value)| name.is_empty() || !value.is_finite()) {
-        Some((name, _)) => Err(Error::setting(format!("the variable {name:?} has no value"), "give NAME=NUMBER")),
+        Some((name, _)) => {
+            Err(Error::setting(format!("the variable {name:?} has no value"), "give NAME=NUMBER"))
+        }
         None => Ok(()),
     }
 }
 
 /// What a user may do about a file in which nothing was deposited.
 pub(super) fn remedy(signs: &Signs) -> String {
-    let mut remedy = "give G-code whose moves have E words, or M3 and M5 around them; other codes by --deposit-on and \
+    let mut remedy =
+        "give G-code whose moves have E words, or M3 and M5 around them; other codes by --deposit-on and \
                       --deposit-off"
-        .to_owned();
+            .to_owned();
     if let Some(axis) = signs.rising_axes().first() {
         remedy += &format!("; if {axis}, which only rises, feeds, say --extruder-axis {axis}");
     }
@@ -132,7 +135,8 @@ impl Plan {
             has_area: family == Some(Family::Siemens) && !by_extruder && !by_codes,
             family: family.unwrap_or(Family::Spindle),
             // MELD's spindle stirs, and a gun's runs with it.
-            rival: rival.filter(|_| !by_extruder && !by_codes && !matches!(family, Some(Family::Meld | Family::Gun))),
+            rival: rival
+                .filter(|_| !by_extruder && !by_codes && !matches!(family, Some(Family::Meld | Family::Gun))),
             unit,
             dialect: signs.machine.clone().or(by_family.map(str::to_owned)),
             layer_axis,

@@ -53,8 +53,27 @@ pub(super) struct Signs {
 
 /// Codes that switch deposition, one a bit.
 const CODES: [&[u8]; 21] = [
-    b"EXTRUDER", b"BEAD_AREA", b"EXTR_END", b"G441", b"G442", b"M64 P8", b"M64 P9", b"M64 P0", b"M65 P0", b"M34",
-    b"M24", b"M35", b"M25", b"M100", b"M101", b"M103", b"M3", b"M4", b"M5", b"M52", b"M53",
+    b"EXTRUDER",
+    b"BEAD_AREA",
+    b"EXTR_END",
+    b"G441",
+    b"G442",
+    b"M64 P8",
+    b"M64 P9",
+    b"M64 P0",
+    b"M65 P0",
+    b"M34",
+    b"M24",
+    b"M35",
+    b"M25",
+    b"M100",
+    b"M101",
+    b"M103",
+    b"M3",
+    b"M4",
+    b"M5",
+    b"M52",
+    b"M53",
 ];
 
 impl Signs {
@@ -213,7 +232,8 @@ impl Signs {
         // A head may turn about the vertical again and again.
         let limits = [720.0, 720.0, 3600.0];
         let axes = OTHER_AXES.into_iter().zip(self.courses).zip(limits);
-        axes.filter(|((_, course), limit)| course.farthest > *limit).map(|((axis, course), _)| (axis, course.farthest))
+        axes.filter(|((_, course), limit)| course.farthest > *limit)
+            .map(|((axis, course), _)| (axis, course.farthest))
     }
 
     /// Gives the settings what the header tells and nothing else does.

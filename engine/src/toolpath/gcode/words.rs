@@ -9,7 +9,7 @@
 //! - And one of these: the sign is plus; the digits begin with 0; e and the word's letter differ in case; the words of
 //!   the line are parted by spaces; the letter is E itself, or another E word stands in the line.
 //!
-//! Otherwise it is a word. Either way a line that could be read both ways is told, see [`Exponent`].
+//! Otherwise it is a word. What could be read both ways is told, see [`Exponent`]; `G1X10Y5E-2` could not.
 //!
 //! An equals sign may stand before a number (`X=1.5`), and behind it or without it an expression (`Z[#200 + 1]`,
 //! `X=R1`); names of several characters take their value by an equals sign alone (`A3=0.5`, `CR=10`).
@@ -172,11 +172,21 @@ impl<'a> Words<'a> {
             from += 1;
         }
         match number(&rest[from..]) {
-            Some(found) if ends_at(rest, from + found.length) && rest.get(from + found.length) != Some(&b'*') => {
+            Some(found)
+                if ends_at(rest, from + found.length) && rest.get(from + found.length) != Some(&b'*') =>
+            {
                 let length = from + found.length;
                 self.at += length;
                 let (value, decimals, text) = (Some(found.value), found.decimals, &rest[..length]);
-                Ok(Word { letter: NAMED, value, decimals, text, name, expression: b"", exponent: Exponent::None })
+                Ok(Word {
+                    letter: NAMED,
+                    value,
+                    decimals,
+                    text,
+                    name,
+                    expression: b"",
+                    exponent: Exponent::None,
+                })
             }
             _ => self.expression(rest, name.len(), from),
         }
@@ -206,21 +216,30 @@ impl<'a> Words<'a> {
         let is_normal = matches!(unsigned, [b'1'..=b'9'] | [b'1'..=b'9', b'.', ..]);
         let [mark, sign @ (b'-' | b'+'), digits @ ..] = &rest[length..] else { return none };
         let count = digits.iter().take_while(|b| b.is_ascii_digit()).count();
-        let is_whole = (1..=3).contains(&count) && digits.get(count) != Some(&b'.');
-        // Java's has a point in front, C#'s two digits, JavaScript's a small e.
-        let is_unusual =
-            count == 1 && (matches!(digits[0], b'0'..=b'3') || (*mark == b'E' && !mantissa.contains(&b'.')));
-        if !is_normal || !is_whole || (*sign == b'-' && is_unusual) {
+        if !(1..=3).contains(&count) || digits.get(count) == Some(&b'.') {
             return none;
         }
         let letter = rest[0];
-        let taken = *sign == b'+'
+        let differs = mark.is_ascii_lowercase() != letter.is_ascii_lowercase();
+        // Java's have a point in front, C#'s two digits, JavaScript's a small e.
+        let is_unusual = *sign == b'-'
+            && count == 1
+            && (matches!(digits[0], b'0'..=b'3') || (*mark == b'E' && !mantissa.contains(&b'.')));
+        let exponent = if !is_normal || (is_unusual && !differs) {
+            // Retractions look like this where words need no spaces.
+            if differs || self.is_spaced() { Exponent::Word } else { Exponent::None }
+        } else if *sign == b'+'
             || (count > 1 && digits[0] == b'0')
-            || mark.is_ascii_lowercase() != letter.is_ascii_lowercase()
+            || differs
             || letter.eq_ignore_ascii_case(&b'e')
             || self.is_spaced()
-            || self.has_another_e(self.line.len() - rest.len() + length);
-        (if taken { Exponent::Taken } else { Exponent::Word }, 2 + count)
+            || self.has_another_e(self.line.len() - rest.len() + length)
+        {
+            Exponent::Taken
+        } else {
+            Exponent::Word
+        };
+        (exponent, 2 + count)
     }
 
     /// Whether a space stands before every word of the line up to here.
@@ -245,7 +264,15 @@ impl<'a> Words<'a> {
         let text = &rest[..=from + close];
         self.at += text.len();
         let letter = rest[0].to_ascii_uppercase();
-        Ok(Word { letter, value: None, decimals: 0, text, name: b"", expression: b"", exponent: Exponent::None })
+        Ok(Word {
+            letter,
+            value: None,
+            decimals: 0,
+            text,
+            name: b"",
+            expression: b"",
+            exponent: Exponent::None,
+        })
     }
 }
 
@@ -308,6 +335,12 @@ fn expression_length(text: &[u8], assigned: bool) -> usize {
         }
     }
     text.len()
+}
+
+/// What stands behind a line's number.
+pub(super) fn behind_number(start: &[u8]) -> &[u8] {
+    let digits = start[1..].iter().take_while(|b| b.is_ascii_digit()).count();
+    start[1 + digits..].trim_ascii_start()
 }
 
 /// Bytes up to the next space, semicolon or checksum; one at least.
@@ -408,6 +441,8 @@ mod tests {
             ("G1 X20 Y-1.2e-05 E0.8", -1.2e-5),
             ("G1 X20 Y1.2E-5", 1.2e-5),
             ("G1 X20 Y5e-7", 5e-7),
+            ("G1 X20 Y1e-3", 1e-3),
+            ("G1X20Y5.5e-2", 5.5e-2),
             ("G1X20Y1.2e-05E0.8", 1.2e-5),
             ("G1X20Y1.2e-5", 1.2e-5),
             ("G1E0.8X20Y1.2E-5", 1.2e-5),
@@ -438,7 +473,6 @@ mod tests {
             ("G1 X10E-5.0", -5.0),
             ("X20 E0.8", 0.8),
             ("G1X5E-2", -2.0),
-            ("G1 X5E-6", -6.0),
         ] {
             let found = words(line);
             assert_eq!(found.last(), Some(&('E', e, Exponent::None)), "{line}");
@@ -448,7 +482,9 @@ mod tests {
 
     #[test]
     fn what_can_be_both_is_a_word_and_told() {
-        for line in ["G1X10Y5.5E-6", "g1x10y5.5e-6", "G1X10Y5E-15"] {
+        for line in
+            ["G1X10Y5.5E-6", "g1x10y5.5e-6", "G1X10Y5E-15", "G1 X9 Y5E-6", "G1 X9 Y10E-5", "G1 X9 Y20.5e-3"]
+        {
             let found = words(line);
             assert_eq!(found[2].2, Exponent::Word, "{line}");
             assert_eq!(found[3].0, 'E', "{line}");

@@ -186,7 +186,8 @@ fn regions_layers_and_widths_stand_in_comments() {
         assert_eq!(path.section(1, 1).width, 12.7);
         assert_eq!((report.layers, report.widths.comment, report.widths.setting), (2, 3, 5));
         assert_eq!((report.unknown, report.notes), (vec![], vec![]), "{open}");
-        let skipped = parse(program(open, close), &GcodeOptions { skip_features: vec!["travel".into()], ..SIZES });
+        let skipped =
+            parse(program(open, close), &GcodeOptions { skip_features: vec!["travel".into()], ..SIZES });
         assert_eq!(skipped.unwrap().0.skipped.segments, 1);
     }
 }
@@ -326,7 +327,10 @@ fn vectors_tilt_the_head() {
     let last = path.points(0).len() - 1;
     assert!(near(path.axis(0, last), [1.0, 0.0, 0.0]));
     let middle = path.axis(0, (3 + last) / 2);
-    assert!((middle[0] - 0.5f64.sqrt()).abs() < 0.05 && close(middle.iter().map(|x| x * x).sum(), 1.0), "{middle:?}");
+    assert!(
+        (middle[0] - 0.5f64.sqrt()).abs() < 0.05 && close(middle.iter().map(|x| x * x).sum(), 1.0),
+        "{middle:?}"
+    );
     let text = parse("G0 Z2\nM3\nG1 X10 A3=0 B3=0 C3=0", &SIZES).unwrap_err().to_string();
     assert!(text.contains("line 3") && text.contains("no direction"), "{text}");
 }

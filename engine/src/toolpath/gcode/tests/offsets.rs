@@ -3,13 +3,20 @@
 use super::*;
 
 fn options() -> GcodeOptions {
-    GcodeOptions { width: Some(1.0), height: Some(0.5), filament_diameter: Some(2.0), ..GcodeOptions::default() }
+    GcodeOptions {
+        width: Some(1.0),
+        height: Some(0.5),
+        filament_diameter: Some(2.0),
+        ..GcodeOptions::default()
+    }
 }
 
 /// From and to of each bead.
 fn ends(text: &str) -> Vec<[[f64; 3]; 2]> {
     let path = parse(text, &options()).unwrap_or_else(|error| panic!("{text}: {error}")).1;
-    (0..path.len()).map(|bead| [path.points(bead)[0], path.points(bead)[path.points(bead).len() - 1]]).collect()
+    (0..path.len())
+        .map(|bead| [path.points(bead)[0], path.points(bead)[path.points(bead).len() - 1]])
+        .collect()
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -49,7 +56,10 @@ fn work_offsets_place_beads() {
     for (text, expected) in [
         (format!("G54\n{program}"), vec![at(0.0, 0.0, 0.0)]),
         (format!("G10 L2 P1 X100 Y20 Z3\n{program}"), vec![at(100.0, 20.0, 3.0)]),
-        (format!("G10 P2 L2 X100\nG55\n{program}G54\n{program}"), vec![at(100.0, 0.0, 0.0), at(0.0, 0.0, 0.0)]),
+        (
+            format!("G10 P2 L2 X100\nG55\n{program}G54\n{program}"),
+            vec![at(100.0, 0.0, 0.0), at(0.0, 0.0, 0.0)],
+        ),
         (format!("G10 L2 P9 Y7\nG59.3\n{program}"), vec![at(0.0, 7.0, 0.0)]),
         (format!("G10 L2 P7 Y7\nG59.1\n{program}"), vec![at(0.0, 7.0, 0.0)]),
         (format!("G59\nG10 L2 P0 Z4\n{program}"), vec![at(0.0, 0.0, 4.0)]),
@@ -72,13 +82,13 @@ fn work_offsets_place_beads() {
     let notes = |text: &str| parse(text, &options()).unwrap().0.notes;
     assert_eq!(notes(&format!("G54\n{program}")), []);
     assert_eq!(notes(&format!("G10 L2 P2 X9\nG55\n{program}")), []);
-    for text in [
-        format!("G54\n{program}G55\n{program}"),
-        format!("G10 L2 P1 X9\nG54\n{program}G55\n{program}"),
-    ] {
+    for text in
+        [format!("G54\n{program}G55\n{program}"), format!("G10 L2 P1 X9\nG54\n{program}G55\n{program}")]
+    {
         assert!(notes(&text)[0].what.contains("G10 L2 P1"), "{text}");
     }
-    for (text, what) in [("G10 L2 P10 X1", "no machine has"), ("G10 L2 P1 R5", "turns"), ("G10 L2 P1.5", "no machine")]
+    for (text, what) in
+        [("G10 L2 P10 X1", "no machine has"), ("G10 L2 P1 R5", "turns"), ("G10 L2 P1.5", "no machine")]
     {
         let found = parse(format!("{text}\n{program}"), &options()).unwrap_err().to_string();
         assert!(found.contains("line 1") && found.contains(what), "{found}");
@@ -122,26 +132,48 @@ fn klipper_saves_and_restores_states() {
     let line = |y: f64| [[0.0, y, 1.0], [10.0, y, 1.0]];
     for (text, expected) in [
         // Modes.
-        ("M82\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nG91\nM83\nG1 X5\nRESTORE_GCODE_STATE NAME=a\nG1 X0\nG1 X10 E1", vec![line(0.0)]),
+        (
+            "M82\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nG91\nM83\nG1 X5\nRESTORE_GCODE_STATE NAME=a\nG1 X0\nG1 X10 E1",
+            vec![line(0.0)],
+        ),
         // The tool goes back with MOVE=1 only.
-        ("M83\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nG1 X50 Y50\nRESTORE_GCODE_STATE NAME=a MOVE=1 MOVE_SPEED=50\nG1 X10 E1", vec![line(0.0)]),
-        ("M83\nG1 Z1\nSAVE_GCODE_STATE\nG1 X50 Y7\nRESTORE_GCODE_STATE MOVE=0\nG1 X0\nG1 X10 E1", vec![line(7.0)]),
+        (
+            "M83\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nG1 X50 Y50\nRESTORE_GCODE_STATE NAME=a MOVE=1 MOVE_SPEED=50\nG1 X10 E1",
+            vec![line(0.0)],
+        ),
+        (
+            "M83\nG1 Z1\nSAVE_GCODE_STATE\nG1 X50 Y7\nRESTORE_GCODE_STATE MOVE=0\nG1 X0\nG1 X10 E1",
+            vec![line(7.0)],
+        ),
         // Offsets by G92 are part of the state.
-        ("M83\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nG92 Y5\nRESTORE_GCODE_STATE NAME=a\nG1 Y5\nG1 X10 E1", vec![line(5.0)]),
+        (
+            "M83\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nG92 Y5\nRESTORE_GCODE_STATE NAME=a\nG1 Y5\nG1 X10 E1",
+            vec![line(5.0)],
+        ),
         // E goes on as it was counted when the state was saved.
-        ("M82\nG1 Z1\nG92 E7\nSAVE_GCODE_STATE NAME=a\nG92 E0\nG1 E-2\nG1 E0\nRESTORE_GCODE_STATE NAME=a\nG1 X10 E8", vec![line(0.0)]),
+        (
+            "M82\nG1 Z1\nG92 E7\nSAVE_GCODE_STATE NAME=a\nG92 E0\nG1 E-2\nG1 E0\nRESTORE_GCODE_STATE NAME=a\nG1 X10 E8",
+            vec![line(0.0)],
+        ),
         // Offsets of SET_GCODE_OFFSET move what comes, not the tool, unless it says so.
         ("M83\nG1 Z1\nSET_GCODE_OFFSET Y=3\nG1 X10 E1\nG1 X0 Y0\nG1 X10 E1", vec![line(0.0), line(3.0)]),
         ("M83\nG1 Z1\nSET_GCODE_OFFSET Y=3 MOVE=1\nG1 X10 E1", vec![line(3.0)]),
-        ("M83\nG1 Z1\nSET_GCODE_OFFSET Y=3\nSET_GCODE_OFFSET Y_ADJUST=-1 MOVE=1\nG1 Y0\nG1 X10 E1", vec![line(2.0)]),
-        ("M83\nG1 Z1\nset_gcode_offset y=3\nSAVE_GCODE_STATE NAME=a\nSET_GCODE_OFFSET Y=9\nRESTORE_GCODE_STATE NAME=a\nG1 Y0\nG1 X10 E1", vec![line(3.0)]),
+        (
+            "M83\nG1 Z1\nSET_GCODE_OFFSET Y=3\nSET_GCODE_OFFSET Y_ADJUST=-1 MOVE=1\nG1 Y0\nG1 X10 E1",
+            vec![line(2.0)],
+        ),
+        (
+            "M83\nG1 Z1\nset_gcode_offset y=3\nSAVE_GCODE_STATE NAME=a\nSET_GCODE_OFFSET Y=9\nRESTORE_GCODE_STATE NAME=a\nG1 Y0\nG1 X10 E1",
+            vec![line(3.0)],
+        ),
     ] {
         assert_ends(text, &expected);
         assert_eq!(parse(text, &options()).unwrap().0.unknown, [], "{text}");
     }
     let (report, _) = parse("M83\nG1 Z1\nRESTORE_GCODE_STATE NAME=b\nG1 X1 E1", &options()).unwrap();
     assert!(report.notes[0].what.contains("was not saved"));
-    let text = "M83\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nM221 S50\nG1 X10 E2\nRESTORE_GCODE_STATE NAME=a\nG1 X0 E2";
+    let text =
+        "M83\nG1 Z1\nSAVE_GCODE_STATE NAME=a\nM221 S50\nG1 X10 E2\nRESTORE_GCODE_STATE NAME=a\nG1 X0 E2";
     let fed = parse(text, &options()).unwrap().0.fed_volume.unwrap();
     assert!(close(fed, 3.0 * std::f64::consts::PI));
 }
