@@ -175,7 +175,7 @@ impl<'s, 'k> Machine<'s, 'k> {
         Ok(())
     }
 
-    fn command(&mut self, line: &[u8], mut words: Words<'_>) -> Result<()> {
+    pub(super) fn command(&mut self, line: &[u8], mut words: Words<'_>) -> Result<()> {
         let mut sizes = Sizes::default();
         let mut moves = false;
         let mut first = true;
@@ -338,6 +338,11 @@ impl<'s, 'k> Machine<'s, 'k> {
 
     /// G20, G21 and their like.
     pub(super) fn set_unit(&mut self, unit: f64) {
+        if self.beads.report.machine.unit_source == UnitSource::Option && self.position.unit != unit {
+            let what =
+                "the program says its unit by a code (G20, G21), which counts from there on: not --units";
+            self.beads.report.note(what, self.line);
+        }
         self.position.unit = unit;
         if self.beads.report.machine.unit_mm.is_none() {
             self.beads.report.machine.unit_source = UnitSource::Code;

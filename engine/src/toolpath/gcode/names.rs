@@ -4,7 +4,7 @@ use super::deposition;
 use super::machine::Machine;
 use super::neutral;
 use super::parameters::Sizes;
-use super::words::{self, NAMED, Word, token};
+use super::words::{self, NAMED, Word, Words, token};
 use crate::error::Result;
 
 impl Machine<'_, '_> {
@@ -26,6 +26,11 @@ impl Machine<'_, '_> {
         };
         if self.switch.named(name, argument) {
             self.set_area(name, argument);
+            // The line may go on with a move.
+            let rest = behind_argument(behind, is_assigned);
+            if rest.first().is_some_and(u8::is_ascii_alphabetic) {
+                return self.command(rest, Words::new(rest));
+            }
         } else if is_assigned {
             return self.assign(start);
         } else if name.eq_ignore_ascii_case(b"ACTIVATE_EXTRUDER") {
@@ -138,4 +143,20 @@ impl Machine<'_, '_> {
 /// Whether a name stands for a place or a direction.
 fn states_place(name: &[u8]) -> bool {
     [&b"A3"[..], b"B3", b"C3", b"CR"].iter().any(|known| name.eq_ignore_ascii_case(known))
+}
+
+/// What follows the argument of a command, `(5)` or `= 5`.
+fn behind_argument(behind: &[u8], is_assigned: bool) -> &[u8] {
+    let text = behind.trim_ascii_start();
+    let end = match text.first() {
+        Some(b'(') => text.iter().position(|b| *b == b')').map_or(text.len(), |close| close + 1),
+        _ if is_assigned => {
+            let value = text.get(1..).unwrap_or_default();
+            let spaces = value.len() - value.trim_ascii_start().len();
+            let length = value.trim_ascii_start().iter().position(|b| matches!(b, b' ' | b'\t' | b';'));
+            length.map_or(text.len(), |length| 1 + spaces + length)
+        }
+        _ => 0,
+    };
+    text[end..].trim_ascii_start()
 }

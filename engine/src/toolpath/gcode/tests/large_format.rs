@@ -149,6 +149,7 @@ fn inches_come_from_the_option_the_header_or_a_code() {
     // What the program says counts.
     let (report, path) = parse(format!("G21\n{mm}"), &GcodeOptions { unit: Some(25.4), ..SIZES }).unwrap();
     assert_eq!((points(&path), report.machine.unit_source), (expected, UnitSource::Code));
+    assert!(notes(&report).contains("not --units"));
     // A cycle of lathes.
     let lathe = parse(format!("G70 P1 Q2\n{mm}"), &SIZES).unwrap().0;
     assert_eq!(lathe.machine.unit_mm, Some(1.0));
@@ -242,6 +243,17 @@ fn every_dialect_switches_deposition() {
         let area = Section { width: 4.0, height: 2.0 }.stadium_area();
         assert!(close(report.bead_volume, 20.0 * area));
     }
+}
+
+#[test]
+fn commands_and_moves_share_lines() {
+    let text = "G0 Z2\nEXTRUDER(5) G1 X10 ;PERIMETER\nEXTRUDER(0) G1 X20\nEXTRUDER( 5 )\nG1 X30 EXTRUDER=0\nG1 X40\n";
+    let path = parse(text, &SIZES).unwrap().1;
+    assert_eq!(points(&path), [[[0.0, 0.0, 2.0], [10.0, 0.0, 2.0]]]);
+    let text = "G0 Z2\nBEAD_AREA = 8 G1 X10\nBEAD_AREA=0 G1 X20\nBEAD_AREA=8 ; G1 X9\nG1 X30\n";
+    let path = parse(text, &GcodeOptions { width: None, ..SIZES }).unwrap().1;
+    let expected = [[[0.0, 0.0, 2.0], [10.0, 0.0, 2.0]], [[20.0, 0.0, 2.0], [30.0, 0.0, 2.0]]];
+    assert_eq!(points(&path), expected);
 }
 
 #[test]
