@@ -164,7 +164,7 @@ fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) {
     let rest = words.rest();
     let (tool, diameters) = m200_diameters(rest);
     let code = &rest[..rest.iter().position(|b| matches!(b, b';' | b'(')).unwrap_or(rest.len())];
-    let switch = code.iter().position(|b| b.to_ascii_uppercase() == b'S').map(|at| code[at + 1..].first());
+    let switch = code.iter().position(|b| b.eq_ignore_ascii_case(&b'S')).map(|at| code[at + 1..].first());
     let switch = switch.map(|digit| digit != Some(&b'0'));
     let has_diameter = diameters.first().map(|diameter| *diameter > 0.0);
     let Some(asked) = switch.or(has_diameter) else { return };

@@ -254,7 +254,7 @@ fn flavor_of_slic3r(value: &[u8]) -> Option<Firmware> {
 pub(super) fn m200_diameters(words: &[u8]) -> (Option<usize>, Vec<f64>) {
     let code = &words[..words.iter().position(|b| matches!(b, b';' | b'(')).unwrap_or(words.len())];
     let after = |letter: u8| {
-        let at = code.iter().position(|b| b.to_ascii_uppercase() == letter)?;
+        let at = code.iter().position(|b| b.eq_ignore_ascii_case(&letter))?;
         Some(code[at + 1..].trim_ascii_start())
     };
     let tool = after(b'T').and_then(number).map(|found| found.value as usize);
