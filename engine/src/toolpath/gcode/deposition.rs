@@ -11,8 +11,17 @@ use std::str::FromStr;
 pub struct Mark {
     /// In upper case.
     text: String,
-    /// A code's letter, its number, and the words that must follow on its line; `None` for a command's name.
-    code: Option<(u8, f64, Vec<(u8, f64)>)>,
+    /// `None` for a command's name.
+    code: Option<Code>,
+}
+
+/// A code and its parameters.
+#[derive(Clone, Debug, PartialEq)]
+struct Code {
+    letter: u8,
+    number: f64,
+    /// Words that must follow on its line.
+    parameters: Vec<(u8, f64)>,
 }
 
 impl FromStr for Mark {
@@ -43,8 +52,8 @@ impl FromStr for Mark {
         if found.is_empty() || !words.rest().is_empty() {
             return Err(refused());
         }
-        let (letter, value) = found.remove(0);
-        Ok(Mark { text: upper, code: Some((letter, value, found)) })
+        let (letter, number) = found.remove(0);
+        Ok(Mark { text: upper, code: Some(Code { letter, number, parameters: found }) })
     }
 }
 
@@ -181,8 +190,9 @@ impl Switch {
 
     /// Takes in a code with the words behind it. Returns whether it is one of the switch's.
     pub(super) fn code(&mut self, word: &Word<'_>, value: f64, words: &Words<'_>) -> bool {
-        let names =
-            |mark: &Mark| mark.code.as_ref().is_some_and(|code| (code.0, code.1) == (word.letter, value));
+        let names = |mark: &Mark| {
+            mark.code.as_ref().is_some_and(|code| (code.letter, code.number) == (word.letter, value))
+        };
         if !self.rules.iter().any(|(mark, _)| names(mark)) {
             return false;
         }
@@ -192,7 +202,7 @@ impl Switch {
             behind.push((word.letter, word.value));
         }
         let fits = |mark: &Mark| {
-            let needed = mark.code.iter().flat_map(|code| &code.2);
+            let needed = mark.code.iter().flat_map(|code| &code.parameters);
             names(mark) && needed.into_iter().all(|(letter, value)| behind.contains(&(*letter, Some(*value))))
         };
         // The one with most parameters is the most specific.
@@ -241,6 +251,7 @@ mod tests {
             ("BEAD_AREA", None),
         ] {
             let mark: Mark = text.parse().unwrap();
+            let code = code.map(|(letter, number, parameters)| Code { letter, number, parameters });
             assert_eq!((mark.code, mark.text), (code, text.trim().to_uppercase()));
         }
         for text in ["", "M", "M64 Px", "64", "EXTRUDER(5)", "M64;", "(M5)", "M{a}", "M=R1"] {

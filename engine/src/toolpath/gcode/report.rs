@@ -115,8 +115,8 @@ impl MachineReport {
     /// What was taken for granted, for people.
     pub fn text(&self) -> String {
         let unit = match self.unit_mm {
-            Some(mm) if mm == 1.0 => "mm".to_owned(),
-            Some(mm) if mm == super::signs::INCH => "inches".to_owned(),
+            Some(1.0) => "mm".to_owned(),
+            Some(super::signs::INCH) => "inches".to_owned(),
             Some(mm) => format!("units of {mm} mm"),
             None => "no unit".to_owned(),
         };

@@ -123,7 +123,7 @@ fn flow_factors_scale_what_is_fed() {
         let (report, path) = parse(text, &GcodeOptions { width: None, ..options() }).unwrap();
         assert!(close(report.fed_volume.unwrap(), fed * unit), "{text}: {:?}", report.fed_volume);
         assert!(close(report.bead_volume, fed * unit) && report.notes.is_empty(), "{text}");
-        assert!(path.len() > 0 && report.blobs.count == 0, "{text}");
+        assert!(!path.is_empty() && report.blobs.count == 0, "{text}");
     }
 }
 
