@@ -326,7 +326,9 @@ mod tests {
 
     #[test]
     fn what_can_be_both_is_a_word_and_told() {
-        for line in ["G1X10Y5.5E-6", "g1x10y5.5e-6", "G1X10Y5E-15", "G1 X9 Y5E-6", "G1 X9 Y10E-5", "G1 X9 Y20.5e-3"] {
+        for line in
+            ["G1X10Y5.5E-6", "g1x10y5.5e-6", "G1X10Y5E-15", "G1 X9 Y5E-6", "G1 X9 Y10E-5", "G1 X9 Y20.5e-3"]
+        {
             let found = words(line);
             assert_eq!(found[2].2, Exponent::Word, "{line}");
             assert_eq!(found[3].0, 'E', "{line}");
