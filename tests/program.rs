@@ -23,6 +23,7 @@ mod program {
     mod shell;
     mod signals;
     mod store;
+    mod thin;
     mod toolpaths;
     mod usage;
     mod view;
