@@ -14,6 +14,7 @@ mod program {
     mod determinism;
     mod export;
     mod kills;
+    mod large_format;
     mod mesh;
     mod open;
     mod pictures;
@@ -24,6 +25,7 @@ mod program {
     mod signals;
     mod store;
     mod thin;
+    mod toolpaths;
     mod usage;
     mod view;
 }

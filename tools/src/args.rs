@@ -135,9 +135,10 @@ pub struct BuildArgs {
     pub refine: RefineArg,
     #[command(flatten)]
     pub backend: BackendArgs,
-    /// The unit of the input's coordinates; toolpaths are in mm whatever they say
-    #[arg(long, value_enum, default_value_t = Unit::Mm)]
-    pub units: Unit,
+    /// The unit of the input's coordinates [default: mm]. Of toolpaths, for programs without G20 or G21, in the place of what
+    /// their header says; their store is in mm
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
     /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
     /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --tolerance, --stddev or another
@@ -201,6 +202,9 @@ pub struct BeadsArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -352,10 +356,12 @@ pub struct MeshArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Of a mesh: whether it is closed, and if not, how many open edges there are, into how many loops they fall, and \
-how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).")]
+how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).
+
+Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read.")]
 pub struct InfoArgs {
-    /// The store, or a mesh that ends in .stl, .obj or .ply
-    #[arg(value_name = "PART.brf|MESH", required_unless_present = "devices")]
+    /// The store, a mesh that ends in .stl, .obj or .ply, or a toolpath
+    #[arg(value_name = "PART.brf|MESH|TOOLPATH", required_unless_present = "devices")]
     pub file: Option<PathBuf>,
     /// List the Vulkan devices of this machine instead
     #[arg(long, conflicts_with_all = ["file", "volume"])]
@@ -369,6 +375,11 @@ pub struct InfoArgs {
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
 }
 
 /// Print w at points, from a store
@@ -435,6 +446,9 @@ pub struct WindingArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }

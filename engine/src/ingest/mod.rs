@@ -26,7 +26,7 @@ use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
 use crate::x3d::Sweeps;
-pub use beads::{Beads, OpenOptions, read_beads};
+pub use beads::{Beads, OpenOptions, is_toolpath, read_beads};
 pub use cloud::{CloudInput, PointCloud};
 pub use facets::{Facets, runs};
 pub use survey::Survey;

@@ -27,7 +27,7 @@ pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
         let what = "beads are written as .stl or .x3d";
         return Err(Failure::Usage(format!("{}: {what}", args.output.display())));
     }
-    let options = args.toolpath.options()?;
+    let options = args.toolpath.options(args.units)?;
     let sweep = Sweep::new(&options.sweep)?;
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     require_distinct(&[&args.output], &inputs)?;

@@ -57,7 +57,8 @@ impl TryFrom<BuildArgs> for Plan {
             return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
         }
         let decides_otherwise = args.stddev > 0.0 || !matches!(args.refine, RefineArg::Hidden);
-        if args.tolerance.in_unit(args.units) > 0.0 && decides_otherwise {
+        let units = args.units.unwrap_or(Unit::Mm);
+        if args.tolerance.in_unit(units) > 0.0 && decides_otherwise {
             let what = "--tolerance: it decides which bricks are divided; leave --stddev and --refine out";
             return Err(Failure::Usage(what.to_owned()));
         }
@@ -65,13 +66,13 @@ impl TryFrom<BuildArgs> for Plan {
             let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
             return Err(Failure::Usage(what.to_owned()));
         }
-        let open = args.toolpath.options()?;
+        let open = args.toolpath.options(args.units)?;
         let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
             return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
         };
         let options = BuildOptions {
             resolution: match args.cell {
-                Some(cell) => Resolution::Cell(cell.in_unit(args.units)),
+                Some(cell) => Resolution::Cell(cell.in_unit(units)),
                 None => args.depth.map_or(Resolution::Auto, Resolution::Depth),
             },
             refine: match args.refine {
@@ -80,14 +81,14 @@ impl TryFrom<BuildArgs> for Plan {
                 RefineArg::Surface => Refine::Surface,
             },
             stddev: args.stddev,
-            tolerance: args.tolerance.in_unit(args.units),
+            tolerance: args.tolerance.in_unit(units),
             thin: match (args.max_depth, args.thin) {
                 (Some(level), _) => ThinDepth::Level(level),
                 (None, Some(levels)) => ThinDepth::Deeper(levels),
                 (None, None) => ThinDepth::None,
             },
             gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
-            unit: args.units.symbol().to_owned(),
+            unit: units.symbol().to_owned(),
             solids: None,
             share: args.shard.map(|shard| shard.0),
             compression: args.compression.into(),
@@ -98,17 +99,7 @@ impl TryFrom<BuildArgs> for Plan {
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
         let BuildArgs {
-            inputs,
-            output,
-            units,
-            backend,
-            memory,
-            mesh,
-            json,
-            beads,
-            estimate_normals,
-            gwn_error,
-            ..
+            inputs, output, backend, memory, mesh, json, beads, estimate_normals, gwn_error, ..
         } = args;
         Ok(Plan {
             inputs,
@@ -128,6 +119,17 @@ impl TryFrom<BuildArgs> for Plan {
     }
 }
 
+/// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells.
+fn count_in_mm(plan: &mut Plan) {
+    let factor = plan.units.millimetres();
+    if let Resolution::Cell(cell) = &mut plan.options.resolution {
+        *cell *= factor;
+    }
+    plan.options.tolerance *= factor;
+    plan.units = Unit::Mm;
+    plan.options.unit = Unit::Mm.symbol().to_owned();
+}
+
 /// Runs the command.
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
@@ -145,7 +147,12 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     };
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     if !toolpaths.is_empty() && plan.units != Unit::Mm {
-        return Err(Failure::Usage(format!("toolpaths are in mm: leave --units {} out", plan.units)));
+        if toolpaths.len() < inputs.len() {
+            let what =
+                "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
+            return Err(Failure::Usage(format!("--units {}: {what}", plan.units)));
+        }
+        count_in_mm(&mut plan);
     }
     choose_solids(&mut plan, &inputs, clouds.is_some())?;
     let chosen = choose(&plan.backend, plan.memory, not_for_devices(&plan.options, clouds.is_some()))?;

@@ -1,12 +1,14 @@
-//! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
+//! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`, for toolpaths
+//! `info_toolpath.rs`.
 
-use super::{info_devices, info_mesh, open_store, unit_of, volumes_text};
+use super::{info_devices, info_mesh, info_toolpath, open_store, unit_of, volumes_text};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
 use crate::output::{in_line, one_line, print, print_json};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
+use brickfield_engine::ingest::is_toolpath;
 use brickfield_engine::store::{Accept, BeadsMeta, Meta, Source, Store, Summary};
 use serde_json::{Value, json};
 
@@ -17,6 +19,9 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     };
     if info_mesh::is_mesh(file) {
         return info_mesh::run(file, args);
+    }
+    if is_toolpath(file) {
+        return info_toolpath::run(file, args);
     }
     // No brick is read twice, so none is kept.
     let store = open_store(file, 0, args.io, Accept::Unfinished)?;

@@ -7,6 +7,7 @@ pub mod export;
 pub mod info;
 mod info_devices;
 mod info_mesh;
+mod info_toolpath;
 pub mod mesh;
 mod mesh_check;
 pub mod render;
