@@ -150,11 +150,14 @@ pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress)
     let Some(first) = inputs.first().map(|input| input.path().to_owned()) else {
         return Err(Error::setting("there is no input", "give at least one point cloud"));
     };
+    let why = inputs.iter().find_map(|input| input.columns.no_normals.clone());
     let mut cloud = CloudInput::join(inputs)?;
     if estimate {
         estimate_normals(&mut cloud, progress)?;
     } else if cloud.normals.is_empty() {
-        let (what, remedy) = ("have no normals", "add --estimate-normals, or export them with normals");
+        let why = why.map_or_else(String::new, |why| format!(" ({why})"));
+        let (what, remedy) =
+            (format!("have no normals{why}"), "add --estimate-normals, or export them with normals");
         return Err(Error::input(&first, "points", what, remedy));
     }
     let surfels = Surfels::of(&cloud, progress)?;
