@@ -181,6 +181,15 @@ fn place_cloud(surfels: &Surfels, first: Option<&Path>, resolution: Resolution) 
     Ok((root, (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)))
 }
 
+/// The cells of a build without --depth and --cell: their size, and the level that has them.
+///
+/// # Errors
+/// If the points span no box that a lattice fits.
+pub fn cloud_cells(surfels: &Surfels) -> Result<(f64, u8)> {
+    let (root, depth) = place_cloud(surfels, None, Resolution::Auto)?;
+    Ok((root.spacing(depth), depth))
+}
+
 fn describe(input: &CloudInput, estimated: bool) -> Result<Source> {
     let normals = if estimated { ", estimated normals" } else { "" };
     Ok(Source {

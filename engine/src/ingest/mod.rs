@@ -178,6 +178,14 @@ impl Input {
         }
     }
 
+    /// The sweeps of an X3D file, if the input is one.
+    pub fn sweeps(&self) -> Option<&Sweeps> {
+        match &self.soup {
+            Soup::Sweeps(sweeps) => Some(sweeps),
+            _ => None,
+        }
+    }
+
     /// Memory that the parsed facets or beads take; none for a binary STL, which stays in the file.
     pub fn heap_bytes(&self) -> u64 {
         let bytes = match &self.soup {

@@ -7,6 +7,7 @@ use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
 use crate::failure::Failure;
+use crate::kinds::require_inputs;
 use crate::memory;
 use crate::output::{one_line, print, print_json, warn};
 use crate::toolpaths::{ToolpathReport, solids};
@@ -126,6 +127,7 @@ impl TryFrom<BuildArgs> for Plan {
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
+    require_inputs(&plan.inputs, "info PART.brf")?;
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();

@@ -10,7 +10,8 @@ fn obj_statements() {
                 o a\ng b c\ns 1\nusemtl d\nmtllib e f\nl 1 2\np 1\nf -4 -3 -2 -1\nf 1 2\nf\nf 1/1 4/1/1 3//1 # x\n";
     let input = folder.open("a.obj", text.as_bytes()).unwrap();
     let v = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let facets = [[0, 1, 2], [0, 1, 2], [0, 2, 3], [0, 3, 2]].map(|t| t.map(|i| v[i]));
+    // The quad is not planar, and seen from where it is largest not convex.
+    let facets = [[0, 1, 2], [1, 2, 3], [3, 0, 1], [0, 3, 2]].map(|t| t.map(|i| v[i]));
     assert_eq!((all(&input), input.skipped_faces()), (facets.to_vec(), 2));
 }
 
@@ -185,10 +186,12 @@ fn vertices_with_lists_and_unused_bad_vertices() {
 #[test]
 fn not_a_mesh() {
     let folder = Folder::new();
+    // A text whose end was overwritten.
+    let damaged = [&b"solid "[..], &[b'a'; 80], b"\nfacet normal 0 0 1\n\n", &[0; 300]].concat();
     for (name, bytes, expected) in [
         ("a.stl", &b""[..], "is empty"),
         ("a", b"hello\n", "is neither STL nor OBJ nor PLY nor X3D nor G-code"),
-        ("a.stl", b"solid a\nfacet no\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0", "line 2: expected"),
+        ("a.stl", &damaged, "line 3: expected \"outer\" of an ASCII STL, found the end of the file"),
         ("a.ply", b"\xff\xfep\0l\0y\0\n\0", "UTF-16"),
         ("a.stl", b"hello\n", "line 1: expected \"solid\""),
         ("a.obj", b"\x7fELF\0\0", "is not text"),
