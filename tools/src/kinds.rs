@@ -73,7 +73,10 @@ pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error 
             format!("make one first by {}, and give {store}{check}", build_command(path))
         }
         FileKind::Input(Kind::ThreeMf) => {
-            format!("`brickfield info {}` says what is in it; a store is made of STL, OBJ or PLY", typed(path))
+            format!(
+                "`brickfield info {}` says what is in it; a store is made of STL, OBJ or PLY",
+                typed(path)
+            )
         }
         _ => "give a store that `brickfield build` has finished".to_owned(),
     };
@@ -87,7 +90,10 @@ pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error 
 pub fn require_inputs(paths: &[PathBuf], wants: &str) -> Result<(), anyhow::Error> {
     let Some(path) = paths.iter().find(|path| is_store(path)) else { return Ok(()) };
     let command = wants.replace("PART.brf", &typed(path));
-    Err(anyhow!("{}: is a brick store, made already, not an input; use `brickfield {command}`", path.display()))
+    Err(anyhow!(
+        "{}: is a brick store, made already, not an input; use `brickfield {command}`",
+        path.display()
+    ))
 }
 
 /// Refuses what is no toolpath.
@@ -101,8 +107,12 @@ pub fn require_toolpaths(paths: &[PathBuf]) -> Result<(), anyhow::Error> {
         };
         let Some(name) = kind.name() else { continue };
         let remedy = match kind {
-            FileKind::Store => format!("give the G-code; of a store `brickfield mesh {} -o OUT.stl`", typed(path)),
-            _ if kind.is_input() => format!("give the G-code; a store is made of this by {}", build_command(path)),
+            FileKind::Store => {
+                format!("give the G-code; of a store `brickfield mesh {} -o OUT.stl`", typed(path))
+            }
+            _ if kind.is_input() => {
+                format!("give the G-code; a store is made of this by {}", build_command(path))
+            }
             _ => "give a G-code file".to_owned(),
         };
         return Err(anyhow!("{}: is {name}, not a toolpath; {remedy}", path.display()));
@@ -119,7 +129,8 @@ pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
             None => ("is of no kind that is known".to_owned(), GIVE_AN_INPUT),
         },
     };
-    let model = if name.contains("CAD model") { "export the part as a mesh: STL, OBJ or PLY" } else { remedy };
+    let model =
+        if name.contains("CAD model") { "export the part as a mesh: STL, OBJ or PLY" } else { remedy };
     anyhow!("{}: {name}; {model}", path.display())
 }
 

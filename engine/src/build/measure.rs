@@ -28,7 +28,12 @@ pub struct Measures {
 ///
 /// # Errors
 /// If the user interrupts.
-pub fn measure(input: &Input, range: Range<u64>, root: RootCube, progress: &dyn Progress) -> Result<Measures> {
+pub fn measure(
+    input: &Input,
+    range: Range<u64>,
+    root: RootCube,
+    progress: &dyn Progress,
+) -> Result<Measures> {
     let starts: Vec<u64> = range.clone().step_by(RUN_FACETS as usize).collect();
     let of_run = |facets: &mut Vec<Facet>, start: u64| {
         progress.check()?;
@@ -36,7 +41,8 @@ pub fn measure(input: &Input, range: Range<u64>, root: RootCube, progress: &dyn 
         progress.advance(facets.len() as u64);
         Ok(of_facets(facets, root))
     };
-    let runs: Vec<(Measures, EdgeBalance)> = starts.into_par_iter().map_init(Vec::new, of_run).collect::<Result<_>>()?;
+    let runs: Vec<(Measures, EdgeBalance)> =
+        starts.into_par_iter().map_init(Vec::new, of_run).collect::<Result<_>>()?;
     let mut balance = EdgeBalance::default();
     let mut all = NONE;
     for (run, edges) in runs {
@@ -52,12 +58,8 @@ pub fn measure(input: &Input, range: Range<u64>, root: RootCube, progress: &dyn 
 }
 
 /// Of no facets.
-const NONE: Measures = Measures {
-    area: 0.0,
-    volume: 0.0,
-    bounds: ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]),
-    closed: true,
-};
+const NONE: Measures =
+    Measures { area: 0.0, volume: 0.0, bounds: ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), closed: true };
 
 fn of_facets(facets: &[Facet], root: RootCube) -> (Measures, EdgeBalance) {
     let snapper = root.snapper();

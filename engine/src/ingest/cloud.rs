@@ -78,7 +78,10 @@ impl CloudInput {
     /// What the user should know, a sentence each.
     pub fn warnings(&self) -> Vec<String> {
         let mut all = self.columns.notes.clone();
-        if let Some(Lengths { zero: zero @ 1.., count, .. }) = self.normals() {
+        // Of what has none but zeros the build says more.
+        if let Some(Lengths { zero: zero @ 1.., count, .. }) = self.normals()
+            && zero < count
+        {
             all.push(format!("{zero} of {count} normals are 0: their points count for nothing"));
         }
         all

@@ -64,7 +64,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     if rows.separators.has_decimal_commas() {
         columns.notes.push("commas are read as decimal points".to_owned());
     } else if whole && columns.names.len() >= 6 && !columns.named {
-        columns.notes.push("all numbers are whole, between commas; decimal commas? then write points".to_owned());
+        columns
+            .notes
+            .push("all numbers are whole, between commas; decimal commas? then write points".to_owned());
     }
     check_normals(&mut cloud, &mut columns);
     Ok((cloud, columns))
@@ -244,7 +246,8 @@ impl<'a> Rows<'a> {
 
     fn error(&self, what: String) -> Error {
         let place = format!("line {}", self.lines.number());
-        let remedy = "write a point a line, as x y z or x y z nx ny nz, or name the columns in the first line";
+        let remedy =
+            "write a point a line, as x y z or x y z nx ny nz, or name the columns in the first line";
         Error::input(self.path, place, what, remedy)
     }
 }
@@ -271,7 +274,11 @@ mod tests {
             ("2\n1 2 3 -5 10 20 30\n4 5 6 7 40 50 60\n", "x y z intensity red green blue", 0),
             ("1;2;3;0;0;1\n4;5;6;0;1;0\n", "x y z nx ny nz", 2),
             ("X Y Z Nx Ny Nz\n1 2 3 0 0 2\n4 5 6 0 3 0\n", "x y z nx ny nz", 2),
-            ("//X Y Z R G B Scalar_field\n2\n1 2 3 9 9 9 0.5\n4 5 6 9 9 9 0.25\n", "x y z red green blue Scalar_field", 0),
+            (
+                "//X Y Z R G B Scalar_field\n2\n1 2 3 9 9 9 0.5\n4 5 6 9 9 9 0.25\n",
+                "x y z red green blue Scalar_field",
+                0,
+            ),
             ("# a scan of x y z and more\n1 2 3 .5 .5 .5\n4 5 6 1 .1 .2\n", "x y z red green blue", 0),
             ("1 2 3 200 180 90 0 0 1\n4 5 6 0 0 0 0 1 0\n", "x y z ? ? ? nx ny nz", 2),
             ("x,y,z,r,g,b\n1,2,3,0,0,1\n4,5,6,0,1,0\n", "x y z red green blue", 0),
@@ -294,7 +301,10 @@ mod tests {
         content += &"1 2 3 0.5 0.5 0.1\n".repeat(100);
         let (cloud, columns) = read_all(&content).unwrap();
         let why = columns.no_normals.unwrap();
-        assert!(cloud.normals.is_empty() && why.contains("columns 4 to 6 have lengths from 0.714 to 1"), "{why}");
+        assert!(
+            cloud.normals.is_empty() && why.contains("columns 4 to 6 have lengths from 0.714 to 1"),
+            "{why}"
+        );
     }
 
     #[test]

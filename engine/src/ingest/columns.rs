@@ -166,15 +166,8 @@ pub struct Lengths {
 
 impl Lengths {
     /// Of no vectors.
-    pub(super) const NONE: Lengths = Lengths {
-        count: 0,
-        zero: 0,
-        unit: 0,
-        bad: 0,
-        min: f64::INFINITY,
-        max: 0.0,
-        negative: false,
-    };
+    pub(super) const NONE: Lengths =
+        Lengths { count: 0, zero: 0, unit: 0, bad: 0, min: f64::INFINITY, max: 0.0, negative: false };
 
     pub(super) fn of(vectors: impl Iterator<Item = [f64; 3]>) -> Lengths {
         let mut lengths = Lengths::NONE;
@@ -238,7 +231,8 @@ mod tests {
     #[test]
     fn names_are_known() {
         let of = |names: &str| {
-            let columns: Vec<Column> = names.split(' ').map(|name| Column::of_name(name.as_bytes())).collect();
+            let columns: Vec<Column> =
+                names.split(' ').map(|name| Column::of_name(name.as_bytes())).collect();
             of_names(&columns).map(|layout| (layout.position, layout.normal))
         };
         assert_eq!(of("X Y Z Nx Ny Nz"), Some(([0, 1, 2], Some([3, 4, 5]))));

@@ -27,7 +27,8 @@ const PACKED: [(&str, &[u8]); 2] = [("gz", b"\x1f\x8b"), ("xz", b"\xfd7zXZ\0")];
 const GCODE_LINES: usize = 1000;
 
 /// What can be given instead of what cannot be read.
-const REMEDY: &str = "give a mesh as STL, OBJ or PLY, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
+const REMEDY: &str =
+    "give a mesh as STL, OBJ or PLY, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
 /// Of this many bytes one may be a control byte in a text that was damaged a little.
 const BYTES_A_CONTROL: usize = 16;
 
@@ -137,7 +138,12 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
         return Ok(Family::X3d);
     }
     if let Some(what) = foreign::by_content(path, bytes) {
-        return Err(Error::input(path, "byte 0", format!("is {what}, which cannot be read"), remedy_for(what)));
+        return Err(Error::input(
+            path,
+            "byte 0",
+            format!("is {what}, which cannot be read"),
+            remedy_for(what),
+        ));
     }
     // The reader says what is wrong with it. Where the count of a binary file would stand there is text.
     let begins_as_text = bytes.iter().take(84).all(|b| !text::is_control(*b));

@@ -45,7 +45,8 @@ impl Separators {
         // "1,5, 2,5, 3,5": a comma between digits, and commas with blanks beside them.
         let is_doubled = words(line).count() >= 3 && words(line).map(trimmed).any(|w| w.contains(&b','));
         if (is_mixed || is_doubled && self.decimal_comma != Some(false)) && memchr(b'.', line).is_none() {
-            let bare: Vec<&[u8]> = words(line).map(|word| if is_mixed { word } else { trimmed(word) }).collect();
+            let bare: Vec<&[u8]> =
+                words(line).map(|word| if is_mixed { word } else { trimmed(word) }).collect();
             if bare.iter().all(|word| is_number_with_comma(word)) {
                 *fields = bare;
                 return self.decide(true);
@@ -59,10 +60,10 @@ impl Separators {
 
     fn decide(&mut self, comma: bool) -> Result<(), String> {
         match self.decimal_comma.replace(comma) {
-            Some(before) if before != comma => {
-                Err("decimal commas? this line and those before it have commas and points in different places"
-                    .to_owned())
-            }
+            Some(before) if before != comma => Err(
+                "decimal commas? this line and those before it have commas and points in different places"
+                    .to_owned(),
+            ),
             _ => Ok(()),
         }
     }

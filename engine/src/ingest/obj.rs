@@ -108,11 +108,10 @@ impl Reader<'_> {
         for coordinate in &mut position {
             let word = text::token(&mut line)
                 .ok_or_else(|| self.error("vertex with fewer than three coordinates".into()))?;
-            *coordinate = text::number(word)
-                .ok_or_else(|| {
-                    let what = format!("coordinate {} is not a number", text::quote(word));
-                    self.error(what + text::hint(word))
-                })?;
+            *coordinate = text::number(word).ok_or_else(|| {
+                let what = format!("coordinate {} is not a number", text::quote(word));
+                self.error(what + text::hint(word))
+            })?;
         }
         if self.polygons.vertices.len() >= u32::MAX as usize {
             return Err(self.error("more than 4,294,967,295 vertices".into()));

@@ -1,6 +1,8 @@
 //! `brickfield info`: what is in a store; for each kind of input see the files `info_*.rs`.
 
-use super::{info_cloud, info_devices, info_mesh, info_three_mf, info_x3d, open_store, unit_of, volumes_text};
+use super::{
+    info_cloud, info_devices, info_mesh, info_three_mf, info_x3d, open_store, unit_of, volumes_text,
+};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
 use crate::kinds::{FileKind, not_read};

@@ -65,10 +65,13 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         format!("open: {open_edges} open edges in {loops} loops, {flipped_patches} flipped patches")
     };
     let path = one_line(&path);
-    let mut text = format!("{path}: {}, {} facets, {}\n", input.describe(), input.facets(), Size(input.bytes()));
+    let mut text =
+        format!("{path}: {}, {} facets, {}\n", input.describe(), input.facets(), Size(input.bytes()));
     text += &format!("  bounds   {} to {}\n  surface  {closed}\n", point(min), point(max));
     text += &match open_edges {
-        0 => format!("  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n"),
+        0 => format!(
+            "  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n"
+        ),
         _ => format!("  size     area {area:.6}; no volume, for it is open\n"),
     };
     if input.skipped_faces() > 0 {

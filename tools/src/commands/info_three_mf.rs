@@ -27,7 +27,8 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         return print_json(&said);
     }
     let ThreeMf { bytes, unit, application, objects, items, vertices, triangles, unlisted } = found;
-    let mut text = format!("{}: 3MF, {} objects, {} build items, ", in_line(file), objects.len(), items.len());
+    let mut text =
+        format!("{}: 3MF, {} objects, {} build items, ", in_line(file), objects.len(), items.len());
     text += &format!("{vertices} vertices, {triangles} triangles, {}\n", Size(bytes));
     text += &format!("  unit     {}\n", one_line(&unit));
     if let Some(application) = application {
@@ -36,7 +37,8 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     for ThreeMfObject { id, name, kind, vertices, triangles, components, .. } in objects.iter().take(LISTED) {
         let name = name.as_ref().map_or_else(String::new, |name| format!(" \"{name}\""));
         let group = if *components > 0 { format!(", {components} components") } else { String::new() };
-        text += &format!("  object   {id}{name}: {kind}, {vertices} vertices, {triangles} triangles{group}\n");
+        text +=
+            &format!("  object   {id}{name}: {kind}, {vertices} vertices, {triangles} triangles{group}\n");
     }
     for ThreeMfItem { object, transform } in items.iter().take(LISTED) {
         let placed = transform.as_ref().map_or_else(String::new, |matrix| format!(", placed by {matrix}"));

@@ -75,7 +75,9 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         0 => "  surface  closed\n".to_owned(),
         _ => format!("  surface  open: {open} of the Extrusions are\n"),
     };
-    text += &format!("  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n");
+    text += &format!(
+        "  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n"
+    );
     for (shape, measures) in shapes.iter().take(NAMED) {
         let name = shape.def.map_or_else(String::new, |def| format!(" {}", one_line(def)));
         let closed = if measures.closed { "closed" } else { "open" };

@@ -36,7 +36,9 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     let store = match is_store(&args.file) {
         true => open_store(&args.file, 0, args.io, Accept::Whole),
         // Meshes are checked by this command, too.
-        false => Store::open(&args.file, 0).map_err(|error| not_a_store(&args.file, error, Some("mesh --check"))),
+        false => {
+            Store::open(&args.file, 0).map_err(|error| not_a_store(&args.file, error, Some("mesh --check")))
+        }
     }?;
     // The contourer keeps what it makes of bricks and asks the store for each about once.
     let cache_bytes = memory::mesh_caches(args.memory, &store);

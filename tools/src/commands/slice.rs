@@ -46,7 +46,8 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
             let name = args.output.display();
             Failure::Usage(format!("{name}: the section's name must end in .png, .svg or .dxf"))
         })?;
-        if format != SliceFormat::Png && (args.pixel.is_some() || args.size.is_some() || args.samples || args.no_legend)
+        if format != SliceFormat::Png
+            && (args.pixel.is_some() || args.size.is_some() || args.samples || args.no_legend)
         {
             let what = "--pixel, --size, --samples and --no-legend belong to pictures; drawings have the finest lattice's corners";
             return Err(Failure::Usage(what.to_owned()));
