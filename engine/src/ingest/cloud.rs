@@ -89,10 +89,13 @@ impl CloudInput {
 
     /// What the columns hold, for people.
     pub fn columns_text(&self) -> String {
-        let CloudColumns { names, named, no_normals, .. } = &self.columns;
+        let CloudColumns { names, named, decimal_commas, no_normals, .. } = &self.columns;
         let mut text = names.join(" ");
         if !named && names.len() > 3 {
             text += " (by their numbers)";
+        }
+        if *decimal_commas {
+            text += ", with decimal commas";
         }
         match (self.normals(), no_normals) {
             (Some(Lengths { zero, unit, count, min, max, .. }), _) => {

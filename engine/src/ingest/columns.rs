@@ -27,6 +27,8 @@ pub struct CloudColumns {
     pub names: Vec<String>,
     /// Whether the file names them; otherwise they are understood by their numbers.
     pub named: bool,
+    /// Whether its numbers have commas for decimal points.
+    pub decimal_commas: bool,
     /// Why there are no normals.
     pub no_normals: Option<String>,
     /// What else the user should know, a sentence each.

@@ -146,7 +146,7 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
         ));
     }
     // The reader says what is wrong with it. Where the count of a binary file would stand there is text.
-    let begins_as_text = bytes.iter().take(84).all(|b| !text::is_control(*b));
+    let begins_as_text = bytes.iter().take(84).all(|b| b.is_ascii() && !text::is_control(*b));
     match ending.to_str() {
         Some("stl") if is_text || begins_as_text => Ok(Family::AsciiStl),
         Some("stl") => Ok(Family::BinaryStl),

@@ -41,11 +41,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     words.expect("solid")?;
     loop {
         words.rest = &[];
+        let before = facets.all.len();
         loop {
             match words.next()? {
                 Some(word) if is(word, "facet") => facets.all.push(facet(&mut words)?),
                 Some(word) if is(word, "endsolid") => break,
-                None if !facets.all.is_empty() => {
+                None if facets.all.len() > before => {
                     facets.open_end = Some(words.lines.number());
                     break;
                 }

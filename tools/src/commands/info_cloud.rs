@@ -61,6 +61,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
             "bounds": [min, max],
             "columns": columns.names,
             "columns_named": columns.named,
+            "decimal_commas": columns.decimal_commas,
             "neighbour_distance": distance,
             "normals": normals,
             "no_normals": columns.no_normals,

@@ -58,5 +58,5 @@ pub(in crate::ingest) fn read_cloud(
     let names = vertex.map_or(&[][..], |vertex| &vertex.properties);
     let names: Vec<String> = names.iter().map(|property| text::plain(&property.name)).collect();
     let no_normals = normals.is_none().then(|| "no properties nx, ny and nz".to_owned());
-    Ok((cloud, CloudColumns { names, named: true, no_normals, notes: Vec::new() }))
+    Ok((cloud, CloudColumns { names, named: true, no_normals, ..CloudColumns::default() }))
 }

@@ -191,7 +191,7 @@ fn not_a_mesh() {
     for (name, bytes, expected) in [
         ("a.stl", &b""[..], "is empty"),
         ("a", b"hello\n", "is neither STL nor OBJ nor PLY nor X3D nor G-code"),
-        ("a.stl", &damaged, "line 3: expected \"outer\" of an ASCII STL, found the end of the file"),
+        ("a.stl", &damaged, "line 4: expected \"outer\" of an ASCII STL, found the end of the file"),
         ("a.ply", b"\xff\xfep\0l\0y\0\n\0", "UTF-16"),
         ("a.stl", b"hello\n", "line 1: expected \"solid\""),
         ("a.obj", b"\x7fELF\0\0", "is not text"),
