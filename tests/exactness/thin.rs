@@ -145,7 +145,8 @@ fn nothing_more_is_divided_where_nothing_hides() {
             shapes::octahedron(8.0).rotated_by(rng.quaternion()).translated([30.0, 0.0, 0.0]),
         ];
         let scene = Scene::of(&pieces);
-        let thin = scene.build(TreeOptions { depth: 5, refine: Refine::Thin { base: 2 }, ..Default::default() });
+        let thin =
+            scene.build(TreeOptions { depth: 5, refine: Refine::Thin { base: 2 }, ..Default::default() });
         let plain = scene.at_depth(2);
         assert!(nodes(&thin) == nodes(&plain));
     }

@@ -59,9 +59,9 @@ fn colours_are_no_normals() {
             && refused.contains("add --estimate-normals"),
         "{refused}"
     );
-    assert!((volume(&dir, &given, &["--estimate-normals"]) / 4181.0 - 1.0).abs() < 0.01);
+    assert!((volume(&dir, &given, &["--estimate-normals"]) / 4181.0 - 1.0).abs() < 0.02);
     let said = info(&given);
-    assert_eq!((&said["points"], &said["normals"]), (&2000.into(), &Value::Null));
+    assert_eq!((&said["points"], &said["normals"]), (&400.into(), &Value::Null));
     assert_eq!(said["columns"], serde_json::json!(["x", "y", "z", "red", "green", "blue"]));
     // Others of the kind: intensity and colours after a count (PTS), colours from 0 to 1, colours under their names.
     let bytes = |n: usize| [n * 37 % 256, n * 91 % 256, n * 13 % 256];
@@ -70,8 +70,8 @@ fn colours_are_no_normals() {
         (
             "a.pts",
             format!(
-                "600\n{}",
-                text(600, |n, [x, y, z], _| {
+                "300\n{}",
+                text(300, |n, [x, y, z], _| {
                     let [r, g, b] = bytes(n);
                     format!("{x} {y} {z} {} {r} {g} {b}", n as i64 - 300)
                 })
@@ -79,7 +79,7 @@ fn colours_are_no_normals() {
         ),
         (
             "b.xyz",
-            text(600, |n, [x, y, z], _| {
+            text(300, |n, [x, y, z], _| {
                 let [r, g, b] = floats(n);
                 format!("{x}\t{y}\t{z}\t{r:.3}\t{g:.3}\t{b:.3}")
             }),
@@ -88,7 +88,7 @@ fn colours_are_no_normals() {
             "c.csv",
             format!(
                 "X;Y;Z;R;G;B\n{}",
-                text(600, |n, [x, y, z], _| {
+                text(300, |n, [x, y, z], _| {
                     let [r, g, b] = bytes(n);
                     format!("{x};{y};{z};{r};{g};{b}")
                 })
@@ -97,9 +97,9 @@ fn colours_are_no_normals() {
         (
             "d.ply",
             format!(
-                "ply\nformat ascii 1.0\nelement vertex 600\nproperty float x\nproperty float y\nproperty float z\nproperty \
+                "ply\nformat ascii 1.0\nelement vertex 300\nproperty float x\nproperty float y\nproperty float z\nproperty \
              uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n{}",
-                text(600, |n, [x, y, z], _| {
+                text(300, |n, [x, y, z], _| {
                     let [r, g, b] = bytes(n);
                     format!("{x} {y} {z} {r} {g} {b}")
                 })
@@ -110,7 +110,7 @@ fn colours_are_no_normals() {
         let refused = run(&[&"build", &input, &"-o", &out]).failed();
         assert!(refused.contains("have no normals (") && refused.contains("--estimate-normals"), "{refused}");
         let volume = volume(&dir, &input, &["--estimate-normals"]);
-        assert!((volume / SPHERE - 1.0).abs() < 0.03, "{name}: {volume}");
+        assert!((volume / SPHERE - 1.0).abs() < 0.06, "{name}: {volume}");
         let said = run(&[&"info", &input]).ok();
         assert!(
             said.contains("red green blue") && said.contains("refuses it without --estimate-normals"),
@@ -123,18 +123,18 @@ fn colours_are_no_normals() {
 fn normals_are_found_wherever_they_stand() {
     let dir = Scratch::new();
     for (name, content) in [
-        ("a.xyz", text(600, |_, [x, y, z], [nx, ny, nz]| format!("{x} {y} {z} {nx:.3} {ny:.3} {nz:.3}"))),
+        ("a.xyz", text(300, |_, [x, y, z], [nx, ny, nz]| format!("{x} {y} {z} {nx:.3} {ny:.3} {nz:.3}"))),
         (
             "b.asc",
-            text(600, |n, [x, y, z], [nx, ny, nz]| {
+            text(300, |n, [x, y, z], [nx, ny, nz]| {
                 format!("{x},{y},{z},{},7,200,{nx:.3},{ny:.3},{nz:.3}", n % 256)
             }),
         ),
         (
             "c.xyz",
             format!(
-                "//X Y Z Nx Ny Nz R G B\n600\n{}",
-                text(600, |n, [x, y, z], [nx, ny, nz]| {
+                "//X Y Z Nx Ny Nz R G B\n300\n{}",
+                text(300, |n, [x, y, z], [nx, ny, nz]| {
                     format!("{x} {y} {z} {} {} {} 1 2 {}", 3.0 * nx, 3.0 * ny, 3.0 * nz, n % 256)
                 })
             ),
@@ -143,32 +143,32 @@ fn normals_are_found_wherever_they_stand() {
             "d.txt",
             format!(
                 "nz ny nx z y x\n{}",
-                text(600, |_, [x, y, z], [nx, ny, nz]| { format!("{nz:.3} {ny:.3} {nx:.3} {z} {y} {x}") })
+                text(300, |_, [x, y, z], [nx, ny, nz]| { format!("{nz:.3} {ny:.3} {nx:.3} {z} {y} {x}") })
             ),
         ),
         (
             "e.xyz",
-            text(600, |_, p, n| {
+            text(300, |_, p, n| {
                 p.iter().chain(&n).map(|c| format!("{c:.4}")).collect::<Vec<_>>().join(" ").replace('.', ",")
             }),
         ),
     ] {
         let input = dir.file(name, content);
         let volume = volume(&dir, &input, &[]);
-        assert!((volume / SPHERE - 1.0).abs() < 0.03, "{name}: {volume}");
+        assert!((volume / SPHERE - 1.0).abs() < 0.06, "{name}: {volume}");
         let said = info(&input);
-        assert_eq!((&said["points"], &said["normals"]["count"]), (&600.into(), &600.into()), "{name}");
+        assert_eq!((&said["points"], &said["normals"]["count"]), (&300.into(), &300.into()), "{name}");
         assert!(number(&said["build"]["cell"]) > 0.1 && number(&said["neighbour_distance"]) > 0.1, "{said}");
     }
     // A normal that is missing is told, and one that is none stops nothing.
-    let zeros = text(600, |n, [x, y, z], [nx, ny, nz]| match n % 20 {
+    let zeros = text(300, |n, [x, y, z], [nx, ny, nz]| match n % 20 {
         0 => format!("{x} {y} {z} 0 0 0"),
         _ => format!("{x} {y} {z} {nx} {ny} {nz}"),
     });
     let input = dir.file("zeros.xyz", zeros);
     let ran = run(&[&"build", &input, &"-o", &dir.path("z.brf")]);
-    assert!(ran.status == Some(0) && ran.stderr.contains("30 of 600 normals are 0"), "{}", ran.stderr);
-    assert!(ran.stdout.contains("normals given, lengths 1 to 1, 30 are 0"), "{}", ran.stdout);
+    assert!(ran.status == Some(0) && ran.stderr.contains("15 of 300 normals are 0"), "{}", ran.stderr);
+    assert!(ran.stdout.contains("normals given, lengths 1 to 1, 15 are 0"), "{}", ran.stdout);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::brick::{Brick, Hermite, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_POINTS, NodeKey, Octant};
 use crate::progress::Progress;
-use crate::store::{Refine, BrickTree, NodeInfo, Store};
+use crate::store::{BrickTree, NodeInfo, Refine, Store};
 use rayon::prelude::*;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use super::columns::{CloudColumns, Lengths, short};
 use super::survey::identity_of;
-use super::{cloud_text, detect, ply};
+use super::{Kind, cloud_text, detect, ply};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
@@ -29,24 +29,17 @@ pub struct CloudInput {
     pub columns: CloudColumns,
 }
 
-/// Endings of text that can be nothing else.
-const ENDINGS: [&str; 5] = ["xyz", "xyzn", "xyzrgb", "pts", "asc"];
-
 impl CloudInput {
     /// Whether a file is a point cloud: a PLY without faces, or text that ends in .xyz, .pts or .asc, or holds nothing but
     /// lines of numbers.
     ///
     /// # Errors
-    /// If the file is missing, or a PLY with a damaged header.
+    /// If the file is missing.
     pub fn is_one(path: &Path) -> Result<bool> {
         let file = MappedFile::open(path)?;
-        let bytes = file.bytes();
-        let ending = |known: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(known));
-        let is_text = ENDINGS.into_iter().any(ending) && !detect::is_foreign(path, bytes)
-            || detect::is_cloud(path, bytes);
-        let has_faces = ply::is_ply(bytes).then(|| ply::has_faces(path, bytes)).transpose();
+        let kind = detect::what_is(path, file.bytes());
         file.check()?;
-        Ok(has_faces?.map_or(is_text, |has_faces| !has_faces))
+        Ok(matches!(kind, Kind::Cloud(_)))
     }
 
     /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, with the normals nx, ny, nz if it has those; or

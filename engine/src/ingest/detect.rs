@@ -23,6 +23,8 @@ pub(super) enum Family {
 const GCODE: [&str; 6] = ["gcode", "gco", "gc", "g", "nc", "ngc"];
 /// Endings of compressed files, and how those begin.
 const PACKED: [(&str, &[u8]); 2] = [("gz", b"\x1f\x8b"), ("xz", b"\xfd7zXZ\0")];
+/// Endings of points as text; the reader says what is wrong with it.
+const CLOUDS: [&str; 5] = ["xyz", "xyzn", "xyzrgb", "pts", "asc"];
 /// Lines of a text without a telling ending that must all look like G-code.
 const GCODE_LINES: usize = 1000;
 
@@ -81,7 +83,7 @@ pub(super) fn what_is(path: &Path, bytes: &[u8]) -> Kind {
         Err(_) => match foreign::by_content(path, bytes) {
             Some(three_mf::WHAT) => Kind::ThreeMf,
             Some(what) => Kind::Foreign(Some(what)),
-            None if is_cloud(path, bytes) => Kind::Cloud("XYZ"),
+            None if has_cloud_ending(path) || is_cloud(path, bytes) => Kind::Cloud("XYZ"),
             None => Kind::Foreign(foreign::by_ending(path)),
         },
     }
@@ -93,8 +95,12 @@ pub(super) fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
     is_mostly_text(start) && family(path, bytes).is_err() && cloud_text::is_plausible(start)
 }
 
+fn has_cloud_ending(path: &Path) -> bool {
+    CLOUDS.iter().any(|known| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(known)))
+}
+
 /// True of what is known and cannot be read.
-pub(super) fn is_foreign(path: &Path, bytes: &[u8]) -> bool {
+fn is_foreign(path: &Path, bytes: &[u8]) -> bool {
     !bytes.is_empty() && foreign::by_content(path, bytes).is_some()
 }
 

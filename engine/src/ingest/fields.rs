@@ -52,6 +52,16 @@ impl Separators {
                 return self.decide(true);
             }
         }
+        // "1 2 3, 0 0 1", and "1.5,2.5,3, 0 0 1", where a comma after a point can be neither.
+        let is_separator = |word: &[u8]| {
+            let comma = word.iter().rposition(|b| *b == b',');
+            comma.is_none_or(|comma| memchr(b'.', &word[..comma]).is_some())
+        };
+        if is_mixed && words(line).map(trimmed).all(|word| !word.is_empty() && is_separator(word)) {
+            fields.clear();
+            fields.extend(words(line).flat_map(|word| trimmed(word).split(|b| *b == b',')));
+            return self.decide(false);
+        }
         match is_mixed {
             true => Err("commas and blanks both separate numbers (decimal commas?)".to_owned()),
             false => self.decide(false),
@@ -144,6 +154,9 @@ mod tests {
             ("1,2,3", &[1.0, 2.0, 3.0]),
             ("1, 2, 3,", &[1.0, 2.0, 3.0]),
             ("1.5,2, 3", &[1.5, 2.0, 3.0]),
+            ("1.5,2.5,3, 0 0 1", &[1.5, 2.5, 3.0, 0.0, 0.0, 1.0]),
+            ("1 2, 3", &[1.0, 2.0, 3.0]),
+            ("1.5 2.5, 3", &[1.5, 2.5, 3.0]),
             ("1 ; 2;3;", &[1.0, 2.0, 3.0]),
             ("1.5;2.5;3", &[1.5, 2.5, 3.0]),
             ("1,5;-2,5e1;3", &[1.5, -25.0, 3.0]),

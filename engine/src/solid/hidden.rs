@@ -115,11 +115,16 @@ pub(super) fn add_thin(
     thin: &mut Thin,
 ) {
     let mut all = reaches(solids, lattice, list, axis.index());
-    all.retain(|reach| usize::from(reach.line) % P < BRICK_CELLS && usize::from(reach.line) / P < BRICK_CELLS);
-    all.sort_unstable_by(|p, q| p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)).then(p.segments.cmp(&q.segments)));
+    all.retain(|reach| {
+        usize::from(reach.line) % P < BRICK_CELLS && usize::from(reach.line) / P < BRICK_CELLS
+    });
+    all.sort_unstable_by(|p, q| {
+        p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)).then(p.segments.cmp(&q.segments))
+    });
     let spacing = f64::from(1u32 << lattice.shift);
     let mut add = |line: u16, faces: [(f64, u32); 2], is_wall| {
-        let normals = faces.map(|(at, position)| normal_at(solids, lattice, list.get(position), axis, line, at));
+        let normals =
+            faces.map(|(at, position)| normal_at(solids, lattice, list.get(position), axis, line, at));
         let chord = ((faces[1].0 - faces[0].0) / spacing * 65536.0).round() as u32;
         thin.add_pair(&ThinPair { axis, normals, chord, spacing_bits: lattice.shift, is_wall });
     };

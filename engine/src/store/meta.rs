@@ -5,8 +5,8 @@
 //! can take over.
 
 use super::identity::IdentityPlace;
-use super::order::subtree_level;
 use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX, Version};
+use super::order::subtree_level;
 use super::share::{Share, ShareNumbers};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use bincode::Options;

@@ -112,6 +112,7 @@ fn may_face(facet: &Facet, axis: Axis) -> bool {
 /// Whether the edge along `axis` that begins at a sample is the brick's, not its neighbour's.
 fn is_owned(axis: Axis, lower: u16) -> bool {
     let lower = usize::from(lower);
-    let ijk = [lower % BRICK_POINTS, lower / BRICK_POINTS % BRICK_POINTS, lower / BRICK_POINTS / BRICK_POINTS];
+    let ijk =
+        [lower % BRICK_POINTS, lower / BRICK_POINTS % BRICK_POINTS, lower / BRICK_POINTS / BRICK_POINTS];
     Axis::ALL.into_iter().all(|other| other == axis || ijk[other.index()] < BRICK_CELLS)
 }
