@@ -279,7 +279,7 @@ mod tests {
                 0,
             ),
             ("# a scan of x y z and more\n1 2 3 .5 .5 .5\n4 5 6 1 .1 .2\n", "x y z red green blue", 0),
-            ("1 2 3 200 180 90 0 0 1\n4 5 6 0 0 0 0 1 0\n", "x y z ? ? ? nx ny nz", 2),
+            ("1 2 3 200 180 90 0 0 1\n4 5 6 0 0 0 0 1 0\n", "x y z red green blue nx ny nz", 2),
             ("x,y,z,r,g,b\n1,2,3,0,0,1\n4,5,6,0,1,0\n", "x y z red green blue", 0),
             ("y\tx\tz\n1\t2\t3\n4\t5\t6\n", "y x z", 0),
         ] {

@@ -101,6 +101,10 @@ pub(super) fn of_numbers(rows: &[f64], width: usize, counted: bool) -> (Vec<Colu
     let vectors = |at: usize| rows.chunks_exact(width).map(move |row| [row[at], row[at + 1], row[at + 2]]);
     if let Some(at) = offsets().find(|&at| Lengths::of(vectors(at)).are_units()) {
         (0..3).for_each(|axis| columns[at + axis] = Column::Normal(axis));
+        let is_free = |other: &usize| (*other + 3 <= at) || *other >= at + 3;
+        if let Some(other) = offsets().filter(is_free).find(|&other| colours(vectors(other)).is_some()) {
+            (0..3).for_each(|part| columns[other + part] = Column::Colour(part));
+        }
         return (columns, Layout { position, normal: Some([at, at + 1, at + 2]) }, None);
     }
     let layout = Layout { position, normal: None };
@@ -218,8 +222,16 @@ mod tests {
             (&[&[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]], "x y z red green blue", None),
             (&[&[1.0, 2.0, 3.0, 0.8, 0.7, 0.9]], "x y z red green blue", None),
             (&[&[1.0, 2.0, 3.0, -40.0, 200.0, 180.0, 90.0]], "x y z intensity red green blue", None),
-            (&[&[1.0, 2.0, 3.0, 200.0, 180.0, 90.0, 0.0, 0.0, 1.0]], "x y z ? ? ? nx ny nz", Some(6)),
-            (&[&[1.0, 2.0, 3.0, 0.0, 0.0, 1.0, 200.0, 180.0, 90.0]], "x y z nx ny nz ? ? ?", Some(3)),
+            (
+                &[&[1.0, 2.0, 3.0, 200.0, 180.0, 90.0, 0.0, 0.0, 1.0]],
+                "x y z red green blue nx ny nz",
+                Some(6),
+            ),
+            (
+                &[&[1.0, 2.0, 3.0, 0.0, 0.0, 1.0, 200.0, 180.0, 90.0]],
+                "x y z nx ny nz red green blue",
+                Some(3),
+            ),
             (&[&[1.0, 2.0, 3.0, -5.0, 0.5, 3.0]], "x y z ? ? ?", None),
         ] {
             let (found, at, why) = understood(rows);

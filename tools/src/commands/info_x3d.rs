@@ -79,12 +79,12 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         "  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n"
     );
     for (shape, measures) in shapes.iter().take(NAMED) {
-        let name = shape.def.map_or_else(String::new, |def| format!(" {}", one_line(def)));
+        let name = shape.def.map_or_else(String::new, |def| format!(" {}:", one_line(def)));
         let closed = if measures.closed { "closed" } else { "open" };
         let facets = shape.facets.end - shape.facets.start;
         let (low, high) = measures.bounds;
         text += &format!(
-            "  line {}:{name}: {facets} facets, {closed}, volume {:.6}, {} to {}\n",
+            "  line {}:{name} {facets} facets, {closed}, volume {:.6}, {} to {}\n",
             shape.line,
             measures.volume,
             point(low),
