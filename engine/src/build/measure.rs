@@ -75,9 +75,9 @@ fn of_facets(facets: &[Facet], root: RootCube) -> (Measures, EdgeBalance) {
         measures.area += 0.5 * cross.iter().map(|c| c * c).sum::<f64>().sqrt();
         measures.volume += (0..3).map(|i| a[i] * cross[i]).sum::<f64>() / 6.0;
         for corner in facet {
-            for i in 0..3 {
-                measures.bounds.0[i] = measures.bounds.0[i].min(corner[i]);
-                measures.bounds.1[i] = measures.bounds.1[i].max(corner[i]);
+            for (i, &c) in corner.iter().enumerate() {
+                measures.bounds.0[i] = measures.bounds.0[i].min(c);
+                measures.bounds.1[i] = measures.bounds.1[i].max(c);
             }
         }
     }

@@ -91,7 +91,8 @@ mod tests {
             let mut before = Polygons::default();
             // A star, with every second corner near its middle; vertices come before the face, and after it.
             let corner = |i: u32| {
-                let (turn, far) = (f64::from(i) / f64::from(n) * 6.28, [3.0, 0.4][i as usize % 2]);
+                let (turn, far) =
+                    (f64::from(i) / f64::from(n) * std::f64::consts::TAU, [3.0, 0.4][i as usize % 2]);
                 [1.0, far * turn.cos(), far * turn.sin()]
             };
             let corners: Vec<u32> = (0..n).collect();
