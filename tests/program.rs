@@ -13,6 +13,7 @@ mod program {
     mod clouds;
     mod determinism;
     mod export;
+    mod inputs;
     mod kills;
     mod large_format;
     mod mesh;

@@ -69,7 +69,8 @@ pub enum ProgressArg {
 Without --depth and --cell the store gets depth 4: 512 cells along the longest side. Each level more has twice \
 the cells along a side and takes about four times the time and space.
 
-Of point clouds (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
+Of point clouds (PLY without faces; text with a point a line, as .xyz, .pts, .asc, whose columns have names or are \
+understood by their numbers; with normals, or with --estimate-normals) every point \
 counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball. Without --depth and \
 --cell the cells are about half as large as the points are apart.
 
@@ -307,7 +308,7 @@ pub struct MeshArgs {
     pub weld: bool,
     /// Winding number at the surface: 0.5 is the boundary, 1.5 that of where two bodies overlap. In stores of
     /// open input one of 0.5, 1.5, 2.5 and so on
-    #[arg(long, value_name = "W", default_value_t = 0.5, requires = "output")]
+    #[arg(long, value_name = "W", default_value_t = 0.5, requires = "output", allow_negative_numbers = true)]
     pub iso: f64,
     /// Deepest level to use; a coarser mesh
     #[arg(long, value_name = "L", requires = "output")]
@@ -352,16 +353,19 @@ pub struct MeshArgs {
     pub work: WorkArgs,
 }
 
-/// Say what is in a store, or whether a mesh is closed
+/// Say what is in a store, or in any input
 #[derive(Args)]
 #[command(after_help = "\
-Of a mesh: whether it is closed, and if not, how many open edges there are, into how many loops they fall, and \
-how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).
+Of a mesh: area, volume, whether it is closed, and if not, how many open edges there are, into how many loops they fall, \
+and how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).
 
-Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read.")]
+Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read. Of a point \
+cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it. Of X3D: \
+the Extrusions, each with its DEF name, facets, bounds, and whether it is closed. Of 3MF: the unit, the objects and what \
+is built of them. Of any other file: what it is.")]
 pub struct InfoArgs {
-    /// The store, a mesh that ends in .stl, .obj or .ply, or a toolpath
-    #[arg(value_name = "PART.brf|MESH|TOOLPATH", required_unless_present = "devices")]
+    /// The store, mesh, toolpath, point cloud, X3D or 3MF file
+    #[arg(value_name = "PART.brf|INPUT", required_unless_present = "devices")]
     pub file: Option<PathBuf>,
     /// List the Vulkan devices of this machine instead
     #[arg(long, conflicts_with_all = ["file", "volume"])]
@@ -416,7 +420,7 @@ For closed meshes crossings are counted, and w is an exact integer. Open ones ar
 angles are then taken off again, with an error of at most --gwn-error. Facets and points are snapped to the \
 lattice that `build` uses.
 
-Of a point cloud (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
+Of a point cloud (PLY without faces, or text with a point a line; with normals, or with --estimate-normals) every point \
 counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball.")]
 pub struct WindingArgs {
     /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz; point clouds: PLY, XYZ
@@ -472,9 +476,9 @@ pub struct ExportArgs {
     /// The array to write; its name ends in .npy
     #[arg(long, short, value_name = "W.npy")]
     pub output: PathBuf,
-    /// Type of the elements
-    #[arg(long, value_enum, default_value_t)]
-    pub dtype: DtypeArg,
+    /// Type of the elements [default: i2, or f4 where samples of the store are fractions, as of open input and point clouds]
+    #[arg(long, value_enum)]
+    pub dtype: Option<DtypeArg>,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,
@@ -486,10 +490,9 @@ pub struct ExportArgs {
 }
 
 /// NumPy's names of the element types.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum DtypeArg {
-    /// 16-bit integers
-    #[default]
+    /// 16-bit integers; fractions are rounded
     I2,
     /// 32-bit floats
     F4,

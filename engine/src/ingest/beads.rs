@@ -39,12 +39,6 @@ pub(super) fn read(path: &Path, options: &OpenOptions, progress: &dyn Progress) 
     Ok(Beads { swept: Swept::new(toolpath, sweep), report })
 }
 
-/// Whether a file is a toolpath, by its content or its name; false also where it cannot be read.
-pub fn is_toolpath(path: &Path) -> bool {
-    let Ok(file) = MappedFile::open(path) else { return false };
-    matches!(detect::family(path, file.bytes()), Ok(Family::Gcode))
-}
-
 /// Hands the beads of a toolpath's file to `sink` in order, keeping none.
 ///
 /// # Errors

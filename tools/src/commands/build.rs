@@ -7,6 +7,7 @@ use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
 use crate::failure::Failure;
+use crate::kinds::require_inputs;
 use crate::memory;
 use crate::output::{one_line, print, print_json, warn};
 use crate::toolpaths::{ToolpathReport, solids};
@@ -19,7 +20,7 @@ use brickfield_engine::build::{
     ThinSummary, build_clouds, build_opened,
 };
 use brickfield_engine::contour::ContourOptions;
-use brickfield_engine::ingest::{Input, OpenOptions};
+use brickfield_engine::ingest::{CloudInput, Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -134,6 +135,7 @@ fn count_in_mm(plan: &mut Plan) {
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
+    require_inputs(&plan.inputs, "info PART.brf")?;
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
@@ -141,6 +143,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     if clouds.is_some() && plan.gwn_error.is_none() {
         plan.options.gwn_error = CLOUD_ERROR;
     }
+    let columns = clouds.as_deref().unwrap_or_default().iter().map(CloudText::of).collect();
     let inputs = match &clouds {
         None => open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?,
         Some(_) => Vec::new(),
@@ -203,7 +206,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     };
     bars.clear();
     let cpu = why_cpu(&plan, &chosen, &summary);
-    let report = Report::new(&plan, cpu, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
+    let mut report = Report::new(&plan, cpu, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
+    report.clouds = columns;
     report.warn();
     if plan.json {
         print_json(&report)
@@ -270,10 +274,25 @@ struct Report {
     winding_min: Option<i16>,
     winding_max: Option<i16>,
     warnings: Vec<String>,
+    /// Of builds from point clouds.
+    clouds: Vec<CloudText>,
     /// Of builds from toolpaths.
     #[serde(flatten)]
     audit: Option<Audit>,
     mesh: Option<MeshReport>,
+}
+
+/// What was understood of a point cloud.
+#[derive(Serialize)]
+struct CloudText {
+    path: String,
+    columns: String,
+}
+
+impl CloudText {
+    fn of(cloud: &CloudInput) -> CloudText {
+        CloudText { path: cloud.path().display().to_string(), columns: cloud.columns_text() }
+    }
 }
 
 /// Material fed, volume of the beads, and what the field makes of them.
@@ -321,6 +340,7 @@ impl Report {
             winding_min: winding.map(|(min, _)| min),
             winding_max: winding.map(|(_, max)| max),
             warnings,
+            clouds: Vec::new(),
             audit,
             mesh,
         }
@@ -369,6 +389,9 @@ impl Report {
             _ => (format!("{segments} of beads as solids, w counts beads"), "segments"),
         };
         line(format!("  {pieces:<8} {counted}"));
+        for CloudText { path, columns } in &self.clouds {
+            line(format!("  columns  {}: {}", one_line(path), one_line(columns)));
+        }
         let Summary { open_edges, loops, flipped_patches, .. } = &self.summary;
         if *open_edges > 0 {
             let edges = format!("{open_edges} open edges in {loops} loops");

@@ -5,8 +5,10 @@ use super::{open_inputs, start};
 use crate::args::{InfoArgs, ProgressArg, WorkArgs};
 use crate::failure::Failure;
 use crate::output::{one_line, print, print_json};
+use crate::units::Size;
 use anyhow::anyhow;
-use brickfield_engine::build::is_closed;
+use brickfield_engine::Progress;
+use brickfield_engine::build::{Measures, is_closed, measure};
 use brickfield_engine::ingest::OpenOptions;
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::winding::{OpenPart, OpenSummary};
@@ -21,9 +23,6 @@ pub fn is_mesh(path: &Path) -> bool {
 
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
-    if args.volume {
-        return Err(Failure::Usage("--volume takes a store, not a mesh".to_owned()));
-    }
     let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
     let inputs = open_inputs(&[file.to_owned()], &[], &OpenOptions::default(), &bars)?;
     let input = &inputs[0];
@@ -39,6 +38,8 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     } else {
         OpenPart::of(&[input], root, &bars)?.summary
     };
+    bars.phase("measuring", Some(input.facets()), "facets");
+    let Measures { area, volume, .. } = measure(input, 0..input.facets(), root, &bars)?;
     input.check()?;
     bars.clear();
     let OpenSummary { open_edges, loops, flipped_patches, .. } = summary;
@@ -48,6 +49,9 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
             "format": input.describe(),
             "bytes": input.bytes(),
             "facets": input.facets(),
+            "skipped_faces": input.skipped_faces(),
+            "area": area,
+            "volume": (open_edges == 0).then_some(volume),
             "bounds": [min, max],
             "closed": open_edges == 0,
             "open_edges": open_edges,
@@ -61,11 +65,17 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         format!("open: {open_edges} open edges in {loops} loops, {flipped_patches} flipped patches")
     };
     let path = one_line(&path);
-    print(&format!(
-        "{path}: {}, {} facets\n  bounds   {} to {}\n  surface  {closed}\n",
-        input.describe(),
-        input.facets(),
-        point(min),
-        point(max)
-    ))
+    let mut text =
+        format!("{path}: {}, {} facets, {}\n", input.describe(), input.facets(), Size(input.bytes()));
+    text += &format!("  bounds   {} to {}\n  surface  {closed}\n", point(min), point(max));
+    text += &match open_edges {
+        0 => format!(
+            "  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n"
+        ),
+        _ => format!("  size     area {area:.6}; no volume, for it is open\n"),
+    };
+    if input.skipped_faces() > 0 {
+        text += &format!("  left out {} faces of fewer than three corners\n", input.skipped_faces());
+    }
+    print(&text)
 }

@@ -5,6 +5,7 @@ use crate::args::{BackendArg, WindingArgs};
 use crate::clouds::open_clouds;
 use crate::devices::choose;
 use crate::failure::Failure;
+use crate::kinds::require_inputs;
 use crate::output::warn;
 use crate::points::{PointReader, PointWriter};
 use crate::progress::Bars;
@@ -26,6 +27,7 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     if asks_for_device && !args.brute {
         return Err(Failure::Usage("--backend vulkan: only --brute runs on a device".to_owned()));
     }
+    require_inputs(&args.inputs, "sample PART.brf --points P.csv")?;
     let bars = start(args.work)?;
     if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
         return of_clouds(args, clouds, &bars);
