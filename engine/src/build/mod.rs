@@ -18,6 +18,7 @@ mod jobs;
 mod memory;
 mod merge;
 mod open;
+mod orient;
 mod packed;
 mod packing;
 mod pipeline;

@@ -5,6 +5,7 @@ use super::cut::cut;
 use super::field::Field;
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
+use super::orient;
 use super::records::EncodedBricks;
 use super::resources::{Resources, Room};
 use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
@@ -17,6 +18,7 @@ use crate::backend::{DeviceReport, Vulkan};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
+use crate::pieces::{Consistency, InsideOut, Report};
 use crate::progress::Progress;
 use crate::solid::Outline;
 use crate::store::{
@@ -60,6 +62,8 @@ pub struct BuildOptions {
     /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
     /// triangles, those swept along toolpaths included.
     pub solids: Option<Outline>,
+    /// Turn over pieces that are inside out, of inputs that are built from triangles.
+    pub orient: Option<Consistency>,
     /// Record in every leaf which beads it counts, where beads are solids.
     pub identity: bool,
     /// Build only this share of the tree, to be joined with the others by [`super::merge`].
@@ -87,6 +91,7 @@ impl Default for BuildOptions {
             tolerance: 0.0,
             gwn_error: 1e-3,
             solids: None,
+            orient: None,
             identity: false,
             share: None,
             compression: Compression::Lz4,
@@ -149,6 +154,12 @@ pub struct Summary {
     pub loops: u64,
     /// Borders of patches that face the wrong way.
     pub flipped_patches: u64,
+    /// The pieces of the input, if they were to be turned outward.
+    pub pieces: Option<Report>,
+    /// Those that are inside out, if the field of closed input is negative somewhere.
+    pub inside_out: Option<InsideOut>,
+    /// Extrusions whose sweeps were inside out, and were turned when they were read.
+    pub turned_sweeps: u64,
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
     /// What of the tree was built, if it was a share.
@@ -221,7 +232,14 @@ pub fn build_opened(
         opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
     let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
     clock.lap("measure");
-    let soups: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
+    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
+    let soups = match &oriented {
+        Some(oriented) => oriented.iter().map(|source| source as &dyn Facets).collect(),
+        None => given,
+    };
+    clock.lap_if(turned.is_some(), "orient");
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
@@ -249,8 +267,20 @@ pub fn build_opened(
         field.field.part().summary
     };
     clock.lap("build");
+    let is_whole = open.open_edges == 0 && task.meta.share.is_none();
+    let inside_out = match task.writer.lowest() {
+        Some(lowest) if lowest < 0 && is_whole => {
+            let found = orient::find_inside_out(&soups, root, options.resources.memory, progress);
+            task.keep(found)?
+        }
+        _ => None,
+    };
+    clock.lap_if(inside_out.is_some(), "pieces");
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
+        pieces: turned.map(|(report, _)| report),
+        inside_out,
+        turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
         device: options.resources.device.as_ref().map(Vulkan::take_report),
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
         open_edges: open.open_edges,
@@ -330,6 +360,7 @@ impl Task {
             ("made by", "build".to_owned()),
             ("error of samples", options.gwn_error.to_string()),
             ("compression", compression.to_string()),
+            ("way to turn pieces", format!("{:?}", options.orient)),
         ];
         let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
         let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
@@ -424,6 +455,9 @@ impl Task {
             open_edges: 0,
             loops: 0,
             flipped_patches: 0,
+            pieces: None,
+            inside_out: None,
+            turned_sweeps: 0,
             temporary_bytes: self.room.file().bytes(),
             share,
             device: None,

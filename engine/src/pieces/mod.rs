@@ -113,7 +113,9 @@ fn require_memory(facets: u64, vertices: u64, memory: u64) -> Result<()> {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let (need, memory) = (mib(need), mib(memory));
     Err(Error::setting(
-        format!("the pieces of {facets} facets need {need} MiB to be told apart, of the {memory} MiB that there are"),
+        format!(
+            "the pieces of {facets} facets need {need} MiB to be told apart, of the {memory} MiB that there are"
+        ),
         "allow more with --memory, or treat parts of the input separately",
     ))
 }
@@ -133,7 +135,9 @@ pub fn study(
 ) -> Result<(Report, Turned)> {
     let facets: u64 = sources.iter().map(|source| source.facets()).sum();
     if facets > TRIANGLES_MAX {
-        let what = format!("there are {facets} facets, more than the {TRIANGLES_MAX} whose pieces can be told apart");
+        let what = format!(
+            "there are {facets} facets, more than the {TRIANGLES_MAX} whose pieces can be told apart"
+        );
         return Err(Error::setting(what, "treat parts of the input separately"));
     }
     // A closed piece has half as many vertices as facets.

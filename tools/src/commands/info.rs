@@ -3,7 +3,8 @@
 use super::{info_devices, info_mesh, open_store, unit_of, volumes_text};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
-use crate::output::{in_line, one_line, print, print_json};
+use crate::output::{in_line, one_line, print, print_json, warn};
+use crate::pieces::{negative, negative_text};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
@@ -28,14 +29,19 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         let what = "--volume: this store is unfinished; give the command that builds it again, which goes on";
         return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
     }
-    let volumes = match args.volume {
-        true => {
-            let bars = Bars::new(false, ProgressArg::Auto);
-            Some(volume(&store, &bars)?)
-        }
-        false => None,
-    };
-    if args.json { print_json(&as_json(&store, volumes)) } else { print(&as_text(&store, volumes)) }
+    let bars = Bars::new(false, ProgressArg::Auto);
+    let volumes = args.volume.then(|| volume(&store, &bars)).transpose()?;
+    let negative = negative(&store, &bars)?;
+    bars.clear();
+    if let Some(volume) = negative {
+        warn(&format!("{}: {}", file.display(), negative_text(volume, unit_of(store.meta()))));
+    }
+    if args.json {
+        let mut json = as_json(&store, volumes);
+        json["negative_volume"] = negative.into();
+        return print_json(&json);
+    }
+    print(&as_text(&store, volumes))
 }
 
 fn hex(hash: &[u8]) -> String {
