@@ -16,6 +16,7 @@ mod program {
     mod kills;
     mod mesh;
     mod open;
+    mod orient;
     mod pictures;
     mod points;
     mod resources;

@@ -18,7 +18,7 @@ use crate::backend::{DeviceReport, Vulkan};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
-use crate::pieces::{Consistency, InsideOut, Report};
+use crate::pieces::{Consistency, InsideOut, Oriented, Report};
 use crate::progress::Progress;
 use crate::solid::Outline;
 use crate::store::{
@@ -156,7 +156,7 @@ pub struct Summary {
     pub flipped_patches: u64,
     /// The pieces of the input, if they were to be turned outward.
     pub pieces: Option<Report>,
-    /// Those that are inside out, if the field of closed input is negative somewhere.
+    /// Closed pieces that are inside out, if the field is negative somewhere.
     pub inside_out: Option<InsideOut>,
     /// Extrusions whose sweeps were inside out, and were turned when they were read.
     pub turned_sweeps: u64,
@@ -235,10 +235,7 @@ pub fn build_opened(
     let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
     let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
     let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
-    let soups = match &oriented {
-        Some(oriented) => oriented.iter().map(|source| source as &dyn Facets).collect(),
-        None => given,
-    };
+    let soups = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
     clock.lap_if(turned.is_some(), "orient");
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
@@ -267,14 +264,7 @@ pub fn build_opened(
         field.field.part().summary
     };
     clock.lap("build");
-    let is_whole = open.open_edges == 0 && task.meta.share.is_none();
-    let inside_out = match task.writer.lowest() {
-        Some(lowest) if lowest < 0 && is_whole => {
-            let found = orient::find_inside_out(&soups, root, options.resources.memory, progress);
-            task.keep(found)?
-        }
-        _ => None,
-    };
+    let inside_out = task.find_inside_out(&soups, progress)?;
     clock.lap_if(inside_out.is_some(), "pieces");
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
@@ -412,6 +402,20 @@ impl Task {
             share.found.empty = empty;
         }
         Ok(())
+    }
+
+    /// The pieces that are inside out, if a whole tree is negative somewhere.
+    fn find_inside_out(
+        &mut self,
+        soups: &[&dyn Facets],
+        progress: &dyn Progress,
+    ) -> Result<Option<InsideOut>> {
+        let is_negative = self.writer.lowest().is_some_and(|lowest| lowest < 0);
+        if !is_negative || self.meta.share.is_some() {
+            return Ok(None);
+        }
+        let found = orient::find_inside_out(soups, self.meta.root, self.room.memory(), progress);
+        self.keep(found)
     }
 
     /// Passes on a result. If the user or the system is why it is an error, what there is so far is kept.

@@ -56,6 +56,13 @@ pub struct Oriented<'a> {
     start: u64,
 }
 
+impl Oriented<'_> {
+    /// The sources as passes over them take them.
+    pub fn sources<'a>(oriented: &'a [Oriented<'a>]) -> Vec<&'a dyn Facets> {
+        oriented.iter().map(|source| source as &dyn Facets).collect()
+    }
+}
+
 impl Facets for Oriented<'_> {
     fn facets(&self) -> u64 {
         self.source.facets()
