@@ -34,5 +34,7 @@ mod resources;
 mod scene;
 #[path = "exactness/shares.rs"]
 mod shares;
+#[path = "exactness/thin.rs"]
+mod thin;
 #[path = "exactness/tree.rs"]
 mod tree;

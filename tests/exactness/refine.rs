@@ -24,7 +24,7 @@ fn deviation(brick: &Brick, value: impl Fn(i16) -> f64) -> f64 {
 }
 
 /// Every node is a leaf or has all eight children; no node is without its parent.
-fn assert_complete(tree: &MemoryTree, depth: u8) {
+pub fn assert_complete(tree: &MemoryTree, depth: u8) {
     let mut deepest = 0;
     assert!(tree.node(NodeKey::ROOT).is_some());
     for key in tree.keys() {
@@ -101,7 +101,7 @@ fn may_keep(oracle: &Oracle, key: NodeKey, brick: &Brick, options: TreeOptions) 
     let varies_little = |value: fn(i16) -> f64| deviation(brick, value) <= options.stddev + 1e-12;
     match options.refine {
         Refine::Stddev => varies_little(f64::from),
-        Refine::Hidden => {
+        Refine::Hidden | Refine::Thin { .. } => {
             let uniform = deviation(brick, f64::from) == 0.0;
             if uniform {
                 return !may_be_touched(oracle, key) || !any_edge(oracle, key, brick, |_, _| true);

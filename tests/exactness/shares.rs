@@ -2,7 +2,7 @@
 
 use crate::scene::pile_as_stl;
 use brickfield_engine::Silent;
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, build, merge};
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, ThinDepth, build, merge};
 use brickfield_engine::store::{Refine, ShareId, Store};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -22,16 +22,23 @@ proptest! {
         is_open in prop::bool::weighted(0.2),
         depth in 0u8..5,
         refine in prop_oneof![2 => Just(Refine::Hidden), 1 => Just(Refine::Surface), 1 => Just(Refine::Stddev)],
+        deeper in prop_oneof![2 => Just(0u8), 1 => 1u8..4],
         of in prop_oneof![4 => 1u32..9, 1 => 9u32..70],
         little in any::<bool>(),
     ) {
         let dir = tempfile::tempdir().unwrap();
         let (input, whole, joined) = (dir.path().join("in.stl"), dir.path().join("whole"), dir.path().join("joined"));
         std::fs::write(&input, pile_as_stl(seed, pieces, is_open)).unwrap();
+        // Thin walls need closed input, and no other criterion.
+        let thin = match refine {
+            Refine::Hidden if !is_open && deeper > 0 => ThinDepth::Deeper(deeper),
+            _ => ThinDepth::None,
+        };
         let options = BuildOptions {
             // Open bricks take ten times as long.
             resolution: Resolution::Depth(if is_open { depth.min(2) } else { depth }),
             refine,
+            thin,
             gwn_error: 1e-2,
             ..BuildOptions::default()
         };

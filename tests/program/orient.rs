@@ -20,23 +20,22 @@ fn stl_of(soups: &[Vec<Facet>]) -> Vec<u8> {
 /// What a build gave, and the volume of the union in its store.
 fn built(dir: &Scratch, input: &Path, more: &[&str]) -> (Run, f64) {
     let out = dir.path("o.brf");
-    let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"build", &input, &"-o", &out, &"--depth", &"3"];
+    let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"build", &input, &"-o", &out, &"--depth", &"2"];
     args.extend(more.iter().map(|arg| arg as &dyn AsRef<OsStr>));
     let ran = run(&args);
     assert_eq!(ran.status, Some(0), "{}", ran.stderr);
-    let info = program().arg("info").arg(&out).args(["--volume", "--json"]).output().unwrap();
-    let json: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
-    let volume = json["volumes"]["union"].as_f64().unwrap();
-    // The mesh says what is negative, too, as does `info`.
+    let info = run(&[&"info", &out, &"--volume", &"--json"]);
+    let json: serde_json::Value = serde_json::from_str(&info.stdout).unwrap();
+    // `info` says what is negative, too.
     let told = json["negative_volume"].as_f64().is_some();
-    let mesh = run(&[&"mesh", &out, &"-o", &dir.path("o.stl")]);
-    assert_eq!(mesh.stderr.contains("w is negative in"), told, "{}", mesh.stderr);
-    assert_eq!(String::from_utf8(info.stderr).unwrap().lines().count(), usize::from(told));
-    (ran, volume)
+    // Of open input w may be below zero for other reasons.
+    assert!(json["winding_min"].as_i64() < Some(0) || !told);
+    assert_eq!(info.stderr.contains("w is negative in"), told, "{}", info.stderr);
+    (ran, json["volumes"]["union"].as_f64().unwrap())
 }
 
 fn close(volume: f64, expected: f64) {
-    assert!((volume / expected - 1.0).abs() < 0.03, "{volume} for {expected}");
+    assert!((volume / expected - 1.0).abs() < 0.06, "{volume} for {expected}");
 }
 
 #[test]
@@ -53,6 +52,9 @@ fn one_of_two_boxes_is_told_and_turned() {
     );
     assert!(ran.stdout.contains("1 piece is inside out"), "{}", ran.stdout);
     close(volume, 500.0);
+    let mesh = run(&[&"mesh", &dir.path("o.brf"), &"-o", &dir.path("o.stl"), &"--level", &"1"]);
+    assert_eq!(mesh.status, Some(0));
+    assert!(mesh.stderr.contains("o.brf: w is negative in 499.9") && mesh.stderr.lines().count() == 1);
     for more in [&["--orient"][..], &["--orient", "pieces"], &["--orient=all"], &["--orient", "all"]] {
         let (ran, volume) = built(&dir, &file, more);
         assert_eq!(ran.stderr, "");
@@ -98,8 +100,7 @@ fn boxes_inside_out_as_a_whole_and_cavities() {
     let dir = Scratch::new();
     let (ran, volume) = built(&dir, &stl("inverted_box"), &["--orient"]);
     assert_eq!(ran.stderr, "");
-    let good = truth("inverted_box", "volume").abs();
-    close(volume, good);
+    close(volume, 1000.0);
     let (ran, hollow) = built(&dir, &stl("box_with_cavity"), &[]);
     assert_eq!(ran.stderr, "");
     for how in ["--orient", "--orient=all"] {

@@ -43,10 +43,11 @@ fn exact_ties_are_decided_alike() {
         queue.begin(device);
         undecided.find(device, &leaves);
         for leaf in &leaves {
-            let brick = queue.next(device, &mut there, &leaves).unwrap();
+            let (brick, thin) = queue.next(device, &mut there, &leaves).unwrap();
             let list = Triangles { array: &array, indices: &all };
             let evaluation = here.evaluate(leaf.key, leaf.corner, list).unwrap();
             let has_hidden_crossings = evaluation.has_hidden_crossings();
+            assert_eq!(thin, evaluation.thin(), "{seed}: {}", leaf.key);
             let expected = evaluation.into_leaf().unwrap();
             let found = undecided.take(device, leaf.key).unwrap();
             assert!(brick == expected && found.clone().into_leaf() == expected, "{seed}: {}", leaf.key);

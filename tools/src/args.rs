@@ -104,6 +104,15 @@ pub struct BuildArgs {
     /// Size of the finest cells instead, as in 0.05mm; a bare number is in the input's own unit
     #[arg(long, value_name = "LENGTH")]
     pub cell: Option<Length>,
+    /// Divide bricks further, down to this depth, where a wall or a gap thinner than a cell hides between samples, and nowhere
+    /// else: a thin plate in a large part comes out whole for little more than its own area. Of closed meshes and toolpaths
+    #[arg(long, value_name = "M", conflicts_with_all = ["thin", "tolerance", "stddev", "refine"],
+          value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
+    pub max_depth: Option<u8>,
+    /// The same by the number of levels below all other bricks, as in 3 or +3
+    #[arg(long, value_name = "K", conflicts_with_all = ["tolerance", "stddev", "refine"],
+          value_parser = clap::value_parser!(u8).range(1..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
+    pub thin: Option<u8>,
     /// Keep a brick undivided if its samples deviate no more than this from their mean
     #[arg(long, value_name = "T", default_value_t = 0.0)]
     pub stddev: f64,

@@ -5,9 +5,10 @@
 //! bits, which end in an error; and everything after the device was lost.
 
 use super::batch::{Leaf, unpack};
+use super::nodes::NodeBrick;
 use super::outlet::{Outlet, Sent};
 use super::vulkan::Vulkan;
-use crate::brick::Brick;
+use crate::brick::{Brick, Thin};
 use crate::error::Result;
 use crate::winding::Evaluator;
 use brickfield_shaders as shaders;
@@ -58,17 +59,29 @@ impl LeafQueue {
     ///
     /// # Errors
     /// As [`Evaluator::evaluate`].
-    pub fn next(&mut self, vulkan: &Vulkan, evaluator: &mut Evaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
+    pub fn next(
+        &mut self,
+        vulkan: &Vulkan,
+        evaluator: &mut Evaluator,
+        leaves: &[Leaf<'_>],
+    ) -> Result<(Brick, Thin)> {
         let mut here = |number: usize| {
             vulkan.report().cpu_bricks += 1;
-            leaves[number].evaluate(evaluator)?.into_leaf()
+            let evaluation = leaves[number].evaluate(evaluator)?;
+            let thin = evaluation.thin();
+            Ok((evaluation.into_leaf()?, thin))
         };
         loop {
             self.send(vulkan, leaves);
             if let Some(received) = self.received.take() {
                 let number = received.leaves.start;
                 return match self.take(vulkan, received) {
-                    Some(brick) => Ok(brick),
+                    // The processor looks where something may hide.
+                    Some(found) if found.has_hidden_crossings() => {
+                        let thin = leaves[number].evaluate(evaluator)?.thin();
+                        Ok((found.into_leaf(), thin))
+                    }
+                    Some(found) => Ok((found.into_leaf(), Thin::default())),
                     None => here(number),
                 };
             }
@@ -108,11 +121,12 @@ impl LeafQueue {
         }
     }
 
-    /// The next brick of the batch that was received; `None` if the device did not do it.
-    fn take(&mut self, vulkan: &Vulkan, received: Received) -> Option<Brick> {
+    /// What the device found of the next brick of the batch that was received; `None` if the device did not do it.
+    fn take(&mut self, vulkan: &Vulkan, received: Received) -> Option<NodeBrick> {
         let Received { leaves, number, mut is_full } = received;
         let output = self.outlet.output().expect("it is not released yet");
-        let brick = unpack(&output, number);
+        let crossings = output.bricks[number].crossings;
+        let brick = unpack(&output, number).map(|brick| NodeBrick::new(brick, crossings));
         is_full |= output.bricks[number].flags & shaders::FULL != 0;
         let leaves = leaves.start + 1..leaves.end;
         if leaves.is_empty() {

@@ -28,7 +28,7 @@ pub struct NodeBrick {
 }
 
 impl NodeBrick {
-    fn new(brick: Brick, crossings: u32) -> NodeBrick {
+    pub(super) fn new(brick: Brick, crossings: u32) -> NodeBrick {
         match brick {
             Brick::Uniform(w) => NodeBrick { samples: Samples::filled(w), hermite: None, crossings },
             Brick::Counts { samples, hermite } => NodeBrick { samples, hermite: Some(hermite), crossings },

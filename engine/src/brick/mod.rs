@@ -7,12 +7,15 @@ mod hermite;
 mod hermite_part;
 mod range;
 mod samples;
+mod thin;
 
 pub(crate) use hermite::along_row;
 pub(crate) use hermite::inside_from;
 pub use hermite::{Hermite, HermiteEdge, OctNormal, Ranks, SignChanges};
 pub(crate) use samples::SamplesInOrder;
 pub use samples::{POINTS, Samples, point_index};
+pub(crate) use thin::ThinPair;
+pub use thin::{THIN_LEVELS, Thin, ThinSheets};
 
 /// The content of one node of the tree.
 #[derive(Clone, Debug, PartialEq)]

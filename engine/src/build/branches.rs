@@ -216,7 +216,7 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
             held.resize(built.iter().map(|built| built.records.heap_bytes()).sum());
             Ok(Outcome::Done(Yield::Built(built), held))
         };
-    let local = || (SubtreeBuilder::<F, R>::new(field, rules, progress), Vec::new());
+    let local = || (SubtreeBuilder::<F, R>::new(field, plan, progress), Vec::new());
     run_tasks(
         jobs,
         bounds,

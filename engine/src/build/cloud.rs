@@ -115,6 +115,7 @@ pub fn build_clouds(
     progress: &dyn Progress,
 ) -> Result<Summary> {
     require_no_tolerance(options.tolerance, POINTS)?;
+    options.thin.require_none(POINTS)?;
     let mut clock = Clock::default();
     check_target(output)?;
     let first = inputs.first().map(|input| input.path().to_owned());

@@ -5,7 +5,7 @@ use super::field::{Evaluated, Field, Pieces};
 use super::rules::Rules;
 use super::subtree::corner_at;
 use crate::backend::Leaf;
-use crate::brick::{Brick, Samples};
+use crate::brick::{Brick, Samples, Thin};
 use crate::contour::has_one_sheet;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
@@ -27,7 +27,8 @@ pub(super) struct Undecided<P> {
 pub(super) enum Decided<P> {
     /// No surface touches it.
     Empty(i16),
-    Leaf(Brick),
+    /// With what hides in it.
+    Leaf(Brick, Thin),
     /// Its samples, or `None` if these are joined from its children's, and the children.
     Refined(Option<Samples>, Box<[Undecided<P>; 8]>),
 }
@@ -48,7 +49,7 @@ impl<P: Copy> Undecided<P> {
         if let Some(w) = field.settled(*key, *corner, list) {
             return Ok(Decided::Empty(w));
         }
-        let is_deepest = key.level() == rules.depth;
+        let is_deepest = key.level() >= rules.depth;
         if may_join
             && !is_deepest
             && let Some(corners) = Self::refined_unseen(field, rules, *key, *corner, list)
@@ -57,7 +58,10 @@ impl<P: Copy> Undecided<P> {
         }
         let mut evaluation = field.evaluate(evaluator, *key, *corner, list)?;
         if is_deepest || rules.keeps(&mut evaluation) {
-            return Ok(Decided::Leaf(evaluation.into_leaf()?));
+            let thin = rules.thin_of(field, key.level(), &mut evaluation)?;
+            if !is_deepest || !rules.divides_thin(key.level(), &thin) {
+                return Ok(Decided::Leaf(evaluation.into_leaf()?, thin));
+            }
         }
         let corners = evaluation.corners();
         // Where facets are many, most nodes show by their signs alone that they are too coarse.
@@ -66,7 +70,7 @@ impl<P: Copy> Undecided<P> {
                 let brick = evaluation.into_leaf()?;
                 let (brick, fits) = field.fits(evaluator, tolerance, self.as_leaf(&all), brick)?;
                 if fits {
-                    return Ok(Decided::Leaf(brick));
+                    return Ok(Decided::Leaf(brick, Thin::default()));
                 }
                 brick.into_samples()
             }

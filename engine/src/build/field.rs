@@ -2,7 +2,7 @@
 
 use super::fit::Tolerance;
 use crate::backend::Leaf;
-use crate::brick::{Brick, Samples};
+use crate::brick::{Brick, Samples, Thin};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
 use crate::store::Refine;
@@ -59,6 +59,11 @@ pub(super) trait Field: Sync {
     ) -> Option<[i16; 8]> {
         None
     }
+    /// Whether walls that matter may hide between the samples of a level, so that [`Evaluated::thin`] is worth asking
+    /// where it decides nothing.
+    fn may_hide_walls(&self, _level: u8) -> bool {
+        false
+    }
     /// Evaluates the 33³ samples of `key` from the pieces that touch it and its corner: the sample (0, 0, 0), or
     /// what [`Evaluated::corners`] of its parent gives in place of it.
     fn evaluate<'a>(
@@ -94,12 +99,12 @@ pub(super) trait Field: Sync {
         false
     }
 
-    /// The next one of some leaves; to be called once for each.
+    /// The next one of some leaves, and what hides in it; to be called once for each.
     fn next_leaf(
         &self,
         _evaluator: &mut Self::Evaluator,
         _leaves: &[Leaf<'_, Self::Piece>],
-    ) -> Result<Brick> {
+    ) -> Result<(Brick, Thin)> {
         unreachable!("no leaves were begun")
     }
 
@@ -139,6 +144,10 @@ pub(super) trait Evaluated {
     fn has_hidden_crossings(&mut self) -> bool;
     /// Whether the boundary w = 0.5 crosses a lattice edge more than once.
     fn has_hidden_boundary(&mut self) -> bool;
+    /// The walls and gaps of the boundary that lie between two samples; none of fields that cannot tell.
+    fn thin(&mut self) -> Result<Thin> {
+        Ok(Thin::default())
+    }
     /// The leaf's brick, with its Hermite edges.
     fn into_leaf(self) -> Result<Brick>;
     /// What else is known of samples with binary places; `None` if they are whole.

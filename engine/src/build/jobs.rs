@@ -8,7 +8,7 @@ use super::records::Recorder;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
 use super::subtree::{Half, Node, SubtreeBuilder, interior, joined};
-use crate::brick::Brick;
+use crate::brick::{Brick, Thin};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
@@ -45,9 +45,18 @@ pub(super) struct Plan<'a> {
     pub share: Option<&'a Share>,
     /// What an earlier run has left of it.
     pub kept: Option<&'a Kept>,
+    /// What hides between the samples of the leaves that are built.
+    pub thin: &'a Mutex<Thin>,
 }
 
 impl Plan<'_> {
+    /// Adds what hides in a leaf.
+    pub fn add_thin(&self, thin: &Thin) {
+        if !thin.is_empty() {
+            self.thin.lock().expect("no thread panicked").add(thin);
+        }
+    }
+
     /// The node of a subtree that an earlier run has built, if it has: its records are in the store.
     pub fn built(&self, key: NodeKey) -> Result<Option<Node>> {
         let brick = self.kept.map_or(Ok(None), |kept| kept.brick(key))?;
@@ -108,7 +117,12 @@ fn decide_from_the_top<F: Field, R: Recorder>(
         for (key, decided) in decided {
             let brick = match decided {
                 Decided::Empty(w) => Some((true, Brick::Uniform(w))),
-                Decided::Leaf(brick) => Some((true, brick)),
+                Decided::Leaf(brick, thin) => {
+                    if owns(key) {
+                        plan.add_thin(&thin);
+                    }
+                    Some((true, brick))
+                }
                 Decided::Refined(samples, children) => {
                     frontier.extend(children.into_iter().filter(|job| meets(job.key)));
                     samples.map(|samples| (false, interior(samples)))
@@ -161,7 +175,7 @@ fn join_unseen<F: Field>(
 fn jobs_together<F: Field>(field: &F, rules: &Rules, jobs: usize) -> usize {
     let batch = match field.foresees() {
         false => 1,
-        true if job_level(rules) == rules.depth => 64,
+        true if job_level(rules) >= rules.depth => 64,
         true => 8,
     };
     jobs.div_ceil(2 * rayon::current_num_threads()).clamp(1, batch)
@@ -176,7 +190,7 @@ fn run_jobs<F: Field, R: Recorder>(
     consume: &mut (impl FnMut(R) -> Result<u64> + Send),
 ) -> Result<Vec<Node>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
-    let local = || SubtreeBuilder::<F, R>::new(field, plan.rules, progress);
+    let local = || SubtreeBuilder::<F, R>::new(field, plan, progress);
     let groups: Vec<&[Undecided<F::Piece>]> =
         jobs.chunks(jobs_together(field, plan.rules, jobs.len())).collect();
     let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {

@@ -19,6 +19,7 @@ use crate::solid::{Outline, Solids};
 use crate::store::MemoryTree;
 use crate::toolpath::Toolpath;
 use crate::winding::{CloudBricks, OpenField, OpenPart, Surfels};
+use std::sync::Mutex;
 
 /// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
 ///
@@ -97,7 +98,7 @@ fn tree_of<F: Field>(
     build_tree(
         field,
         sorted,
-        Plan { rules, share: None, kept: None },
+        Plan { rules, share: None, kept: None, thin: &Mutex::default() },
         u64::MAX,
         &Silent,
         |records: KeptBricks| {

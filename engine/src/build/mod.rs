@@ -33,6 +33,7 @@ mod soup;
 mod subtree;
 #[cfg(test)]
 mod tests;
+mod thin;
 mod toolpaths;
 mod weigh;
 
@@ -43,4 +44,5 @@ pub use merge::{MergeSummary, merge};
 pub use pipeline::{BuildOptions, Keeping, Resolution, ShareSummary, Summary, build, build_opened};
 pub use resources::Resources;
 pub use rules::TreeOptions;
+pub use thin::{ThinDepth, ThinSheetsSummary, ThinSummary};
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

@@ -12,9 +12,11 @@ use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
 use super::soup::Soup;
+use super::thin::{ThinDepth, ThinSummary};
 use super::toolpaths::{bead_sources, build_beads};
 use super::weigh::{Work, weigh_soup};
 use crate::backend::{DeviceReport, Vulkan};
+use crate::brick::Thin;
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
@@ -28,6 +30,7 @@ use crate::store::{
 use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// How fine the deepest bricks are.
@@ -59,6 +62,9 @@ pub struct BuildOptions {
     pub tolerance: f64,
     /// Largest error of samples of open input; those of closed input are exact.
     pub gwn_error: f64,
+    /// Whether bricks in which walls or gaps hide between samples are divided further than [`BuildOptions::resolution`]
+    /// says. Of closed meshes and of beads as solids, with [`Refine::Hidden`] and neither a deviation nor a tolerance.
+    pub thin: ThinDepth,
     /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
     /// triangles, those swept along toolpaths included.
     pub solids: Option<Outline>,
@@ -90,6 +96,7 @@ impl Default for BuildOptions {
             stddev: 0.0,
             tolerance: 0.0,
             gwn_error: 1e-3,
+            thin: ThinDepth::None,
             solids: None,
             orient: None,
             identity: false,
@@ -160,6 +167,11 @@ pub struct Summary {
     pub inside_out: Option<InsideOut>,
     /// Extrusions whose sweeps were inside out, and were turned when they were read.
     pub turned_sweeps: u64,
+    /// The level to which all that pieces touch is divided; less than `depth` if thin walls alone are divided further.
+    pub base_depth: u8,
+    /// Walls and gaps thinner than a cell that no sample shows, in the leaves that this run built. `None` if there are none,
+    /// or nobody looked: in open input, point clouds, and beads that are all thicker than a cell.
+    pub thin: Option<ThinSummary>,
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
     /// What of the tree was built, if it was a share.
@@ -253,6 +265,7 @@ pub fn build_opened(
     } else {
         drop(soup);
         require_no_tolerance(options.tolerance, OPEN)?;
+        options.thin.require_none(OPEN)?;
         require_open_room(task.meta.numbers.facets, &options.resources)?;
         task.rules.evaluate_interior = true;
         let field = OpenField::new(OpenPart::of(&soups, root, progress)?, options.gwn_error)?;
@@ -298,6 +311,8 @@ pub(super) struct Task {
     pub writer: StoreWriter,
     /// Memory and temporary file.
     pub room: Room,
+    /// What hides between the samples of the leaves that were built.
+    thin: Mutex<Thin>,
     /// The part of all work that was foreseen for the share, if only one is asked for.
     work: f64,
 }
@@ -321,7 +336,8 @@ impl Task {
                 "leave it out, and repack the whole when the shares are joined",
             ));
         }
-        let BuildOptions { refine, stddev, tolerance, .. } = *options;
+        let BuildOptions { stddev, tolerance, .. } = *options;
+        let (depth, refine) = options.thin.of(depth, options.refine)?;
         let rules = Rules::new(TreeOptions { depth, refine, stddev, tolerance }, root)?;
         let rules = Rules { compression, ..rules };
         let meta = Meta {
@@ -354,7 +370,7 @@ impl Task {
         ];
         let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
         let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
-        Ok(Task { rules, meta, writer, room, work: 1.0 })
+        Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0 })
     }
 
     /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
@@ -388,7 +404,8 @@ impl Task {
         progress: &dyn Progress,
     ) -> Result<()> {
         let kept = self.writer.kept();
-        let plan = Plan { rules: &self.rules, share: self.meta.share.as_ref(), kept: kept.as_deref() };
+        let share = self.meta.share.as_ref();
+        let plan = Plan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
         let (writer, index) = (&mut self.writer, self.room.index());
         let record = |bricks: EncodedBricks| {
             let bytes = bricks.write(writer)?;
@@ -441,6 +458,8 @@ impl Task {
             cubes: share.cells().end - share.cells().start,
             work: self.work,
         });
+        let thin = self.thin.into_inner().expect("no thread panicked");
+        let thin = (!thin.is_empty()).then(|| ThinSummary::new(&thin, root, depth));
         let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
         clock.lap("finish");
         Ok(Summary {
@@ -463,6 +482,8 @@ impl Task {
             inside_out: None,
             turned_sweeps: 0,
             temporary_bytes: self.room.file().bytes(),
+            base_depth: self.rules.depth,
+            thin,
             share,
             device: None,
             phases: clock.laps,

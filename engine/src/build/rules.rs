@@ -1,8 +1,8 @@
 //! When a node of the tree is kept as a leaf.
 
-use super::field::{Evaluated, Fractions};
+use super::field::{Evaluated, Field, Fractions};
 use super::fit::Tolerance;
-use crate::brick::{Samples, SignChanges};
+use crate::brick::{Samples, SignChanges, Thin};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, RootCube};
 use crate::store::{Compression, Refine};
@@ -12,7 +12,7 @@ use crate::store::{Compression, Refine};
 pub struct TreeOptions {
     /// Level of the deepest bricks: 32·2^depth cells along the root's edge.
     pub depth: u8,
-    /// The criterion above the depth limit.
+    /// The criterion above the depth limit. One of thin walls has no deviation and no tolerance beside it.
     pub refine: Refine,
     /// A node whose samples deviate no more than this may be kept as a leaf; 0 keeps uniform ones only.
     pub stddev: f64,
@@ -24,7 +24,11 @@ pub struct TreeOptions {
 /// [`TreeOptions`], checked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rules {
+    /// Level to which nodes are divided by the criterion.
     pub depth: u8,
+    /// Level to which nodes are divided where walls or gaps hide; [`Rules::depth`] if that makes no difference.
+    pub deepest: u8,
+    /// The criterion down to [`Rules::depth`].
     pub refine: Refine,
     pub stddev: f64,
     /// How far the boundary may be from the mesh of a leaf above the depth limit.
@@ -74,6 +78,20 @@ impl Rules {
                 "choose a length, or 0",
             ));
         }
+        if let Refine::Thin { base } = refine {
+            if base > depth {
+                return Err(Error::setting(
+                    format!("a depth of {depth} for thin walls is less than that of all else, {base}"),
+                    "choose a larger one, or leave it out",
+                ));
+            }
+            if stddev != 0.0 || tolerance > 0.0 {
+                return Err(Error::setting(
+                    "a greater depth for thin walls goes together neither with a standard deviation nor with a tolerance",
+                    "leave one of them out",
+                ));
+            }
+        }
         if tolerance > 0.0 && (refine != Refine::Hidden || stddev != 0.0) {
             return Err(Error::setting(
                 "a tolerance holds only where nothing else keeps bricks undivided",
@@ -81,8 +99,13 @@ impl Rules {
             ));
         }
         let tolerance = (tolerance > 0.0).then(|| Tolerance::new(tolerance, root));
+        let (base, refine) = match refine {
+            Refine::Thin { base } => (base, Refine::Hidden),
+            refine => (depth, refine),
+        };
         Ok(Rules {
-            depth,
+            depth: base,
+            deepest: depth,
             refine,
             stddev,
             tolerance,
@@ -91,7 +114,7 @@ impl Rules {
         })
     }
 
-    /// True if every node that a piece touches is refined down to the depth limit, whatever its samples.
+    /// True if every node that a piece touches is refined down to [`Rules::depth`], whatever its samples.
     pub fn refines_all_touched(&self) -> bool {
         self.refine == Refine::Hidden
             && self.stddev == 0.0
@@ -99,10 +122,21 @@ impl Rules {
             && !self.evaluate_interior
     }
 
+    /// What hides in a leaf of a level, or in a node that is to be one, where that matters.
+    pub fn thin_of<F: Field>(&self, field: &F, level: u8, evaluation: &mut impl Evaluated) -> Result<Thin> {
+        let matters = level < self.deepest || self.deepest > self.depth || field.may_hide_walls(level);
+        if matters { evaluation.thin() } else { Ok(Thin::default()) }
+    }
+
+    /// Whether a node at [`Rules::depth`] or below is divided for what hides in it.
+    pub fn divides_thin(&self, level: u8, thin: &Thin) -> bool {
+        level < self.deepest && !thin.is_empty()
+    }
+
     /// The level of the lattice on which triangles must show, or may be left out; `None` where what they are measured
     /// against may be any of them.
     pub fn sieved(&self) -> Option<u8> {
-        self.tolerance.is_none().then_some(self.depth)
+        self.tolerance.is_none().then_some(self.deepest)
     }
 
     /// Whether a touched node above the depth limit is kept as a leaf.
@@ -112,7 +146,7 @@ impl Rules {
         }
         match self.refine {
             Refine::Stddev => self.varies_little(scaled_variance(evaluation.samples())),
-            Refine::Hidden => {
+            Refine::Hidden | Refine::Thin { .. } => {
                 let variance = scaled_variance(evaluation.samples());
                 // A variance of 0 says that what touches the node is hidden.
                 variance > 0 && self.varies_little(variance) && !evaluation.has_hidden_crossings()
@@ -131,7 +165,7 @@ impl Rules {
         let varies_little = quanta.varies_little(scaled_variance(evaluation.samples()));
         match self.refine {
             Refine::Stddev => varies_little,
-            Refine::Hidden => {
+            Refine::Hidden | Refine::Thin { .. } => {
                 !evaluation.has_hidden_crossings()
                     && (fractions.straight || (self.stddev > 0.0 && varies_little))
             }

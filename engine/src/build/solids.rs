@@ -3,9 +3,9 @@
 use super::bins::Binner;
 use super::field::{Evaluated, Field, Pieces};
 use super::sorted::SortedPieces;
-use crate::brick::{Brick, Samples};
+use crate::brick::{Brick, Samples, Thin};
 use crate::error::Result;
-use crate::lattice::{NodeKey, ROOT_BITS, Units};
+use crate::lattice::{NodeKey, ROOT_BITS, Units, spacing_bits};
 use crate::progress::Progress;
 use crate::solid::{Segment, SegmentList, SolidEvaluation, SolidEvaluator, Solids};
 use rayon::prelude::*;
@@ -65,6 +65,12 @@ impl Field for Solids {
         i16::try_from(beads.len()).ok()
     }
 
+    /// Only beads that are thinner than a cell can be walls that no sample shows.
+    fn may_hide_walls(&self, level: u8) -> bool {
+        let spacing = f64::from(1u32 << spacing_bits(level));
+        self.profiles().iter().any(|p| p.is_solid() && 2.0 * p.half_width.min(p.half_height) < spacing)
+    }
+
     fn evaluate<'a>(
         &'a self,
         evaluator: &'a mut SolidEvaluator,
@@ -91,6 +97,10 @@ impl Evaluated for SolidEvaluation<'_> {
 
     fn has_hidden_boundary(&mut self) -> bool {
         SolidEvaluation::has_hidden_boundary(self)
+    }
+
+    fn thin(&mut self) -> Result<Thin> {
+        Ok(SolidEvaluation::thin(self))
     }
 
     fn into_leaf(self) -> Result<Brick> {

@@ -3,7 +3,7 @@
 use super::field::{Evaluated, Field, Pieces};
 use super::fit::Tolerance;
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
-use crate::brick::{Brick, Samples};
+use crate::brick::{Brick, Samples, Thin};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
 use crate::winding::{CornerGrid, Evaluation, Evaluator};
@@ -134,7 +134,11 @@ impl Field for Soup {
         self.device.as_ref().inspect(|device| evaluator.leaves.begin(device)).is_some()
     }
 
-    fn next_leaf(&self, evaluator: &mut SoupEvaluator, leaves: &[Leaf<'_>]) -> Result<Brick> {
+    fn may_hide_walls(&self, _: u8) -> bool {
+        true
+    }
+
+    fn next_leaf(&self, evaluator: &mut SoupEvaluator, leaves: &[Leaf<'_>]) -> Result<(Brick, Thin)> {
         let device = self.device.as_ref().expect("leaves were begun");
         evaluator.leaves.next(device, &mut evaluator.cpu, leaves)
     }
@@ -156,6 +160,14 @@ impl DeviceEvaluation<'_> {
         }
         let here = self.node.evaluate(self.evaluator);
         here.expect("its samples fit 16 bits on the device").has_hidden_boundary()
+    }
+
+    /// As [`DeviceEvaluation::has_hidden_boundary`]: the processor looks where one may be.
+    fn thin(&mut self) -> Result<Thin> {
+        if !self.found.has_hidden_crossings() {
+            return Ok(Thin::default());
+        }
+        Ok(self.node.evaluate(self.evaluator)?.thin())
     }
 }
 
@@ -185,6 +197,13 @@ impl Evaluated for SoupEvaluation<'_> {
         match self {
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_boundary(),
             SoupEvaluation::There(evaluation) => evaluation.has_hidden_boundary(),
+        }
+    }
+
+    fn thin(&mut self) -> Result<Thin> {
+        match self {
+            SoupEvaluation::Here(evaluation) => Ok(evaluation.thin()),
+            SoupEvaluation::There(evaluation) => evaluation.thin(),
         }
     }
 

@@ -4,6 +4,7 @@
 use super::bins::{Binner, CellLists};
 use super::decide::{Decided, Undecided};
 use super::field::{Evaluated, Field, Pieces};
+use super::jobs::Plan;
 use super::records::Recorder;
 use super::rules::Rules;
 use crate::backend::Leaf;
@@ -105,6 +106,7 @@ enum Opened<P> {
 pub(super) struct SubtreeBuilder<'a, F: Field, R> {
     field: &'a F,
     rules: &'a Rules,
+    plan: Plan<'a>,
     progress: &'a dyn Progress,
     evaluator: F::Evaluator,
     /// What the subtrees so far consist of.
@@ -112,9 +114,10 @@ pub(super) struct SubtreeBuilder<'a, F: Field, R> {
 }
 
 impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
-    pub fn new(field: &'a F, rules: &'a Rules, progress: &'a dyn Progress) -> Self {
+    pub fn new(field: &'a F, plan: Plan<'a>, progress: &'a dyn Progress) -> Self {
+        let rules = plan.rules;
         let records = R::new(rules.compression);
-        SubtreeBuilder { field, rules, progress, evaluator: F::Evaluator::default(), records }
+        SubtreeBuilder { field, rules, plan, progress, evaluator: F::Evaluator::default(), records }
     }
 
     /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all pieces that touch it, of a tree that
@@ -132,18 +135,45 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         }
     }
 
+    /// Builds a node at the depth to which all is divided, or below it: a leaf unless something hides in it.
     fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
         self.progress.check()?;
-        let brick = self.field.evaluate(&mut self.evaluator, key, corner, list)?.into_leaf()?;
+        let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
+        let thin = self.rules.thin_of(self.field, key.level(), &mut evaluation)?;
+        let divided = self.rules.divides_thin(key.level(), &thin).then(|| evaluation.corners());
+        if let Some(corners) = divided {
+            drop(evaluation);
+            return self.divide(key, corners, list);
+        }
+        let brick = evaluation.into_leaf()?;
+        self.plan.add_thin(&thin);
         self.records.push(key, true, &brick);
         Ok(Node::Stored(Half::of(&brick)))
+    }
+
+    /// Builds the children of a node in which something hides, and joins them.
+    fn divide(&mut self, key: NodeKey, corners: [i16; 8], list: Pieces<'_, F::Piece>) -> Result<Node> {
+        let pieces: Vec<F::Piece> = list.indices.iter().map(|&i| list.array[i as usize]).collect();
+        let lists = Binner::new(key, 1).sort_indices(self.field, &pieces);
+        let mut children = [const { Node::Empty(0) }; 8];
+        for octant in Octant::all() {
+            let (key, corner) = (key.child(octant), corners[octant.index()]);
+            let list = Pieces { array: &pieces, indices: lists.of(octant.index()) };
+            children[octant.index()] = match self.field.settled(key, corner, list) {
+                Some(w) => Node::Empty(w),
+                None => self.leaf(key, corner, list)?,
+            };
+        }
+        Ok(join(key, children, self.field.binary_places(), &mut self.records))
     }
 
     /// Builds several subtrees of a tree that follows the pieces, those of each with its records apart.
     pub fn build_all(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
         let depth = self.rules.depth;
         let is_at_bottom = |top: &Top<'_, F::Piece>| depth - top.key.level() <= STRIDE;
-        if tops.iter().all(is_at_bottom) && self.field.begin_leaves(&mut self.evaluator) {
+        // What a node below the depth holds is known only when the node is.
+        let is_even = self.rules.deepest == depth;
+        if is_even && tops.iter().all(is_at_bottom) && self.field.begin_leaves(&mut self.evaluator) {
             return self.build_ahead(tops);
         }
         let build = |top: &Top<'_, F::Piece>| {
@@ -156,7 +186,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     /// Subtrees whose leaves are evaluated in batches, which do not end where a subtree does.
     fn build_ahead(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
         let cells: Vec<Cells> = tops.iter().map(|top| self.cells(top.key, top.corner, top.pieces)).collect();
-        let SubtreeBuilder { field, progress, evaluator, records, .. } = self;
+        let SubtreeBuilder { field, progress, evaluator, records, plan, .. } = self;
         let is_settled =
             |leaf: &Leaf<'_, F::Piece>| field.settled(leaf.key, leaf.corner, leaf.into()).is_some();
         let mut leaves = Vec::new();
@@ -174,7 +204,8 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
                         return Ok(Node::Empty(w));
                     }
                     progress.check()?;
-                    let brick = field.next_leaf(evaluator, &leaves)?;
+                    let (brick, thin) = field.next_leaf(evaluator, &leaves)?;
+                    plan.add_thin(&thin);
                     records.push(key, true, &brick);
                     Ok(Node::Stored(Half::of(&brick)))
                 }
@@ -242,7 +273,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         }
         let children = decided.iter().filter_map(|(_, decided)| match decided {
             Decided::Refined(_, children) => Some(children.iter()),
-            Decided::Empty(_) | Decided::Leaf(_) => None,
+            Decided::Empty(_) | Decided::Leaf(..) => None,
         });
         self.foresee(children.flatten());
         Ok(decided)
@@ -276,7 +307,10 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     fn open(&mut self, key: NodeKey, decided: Decided<F::Piece>) -> Result<Opened<F::Piece>> {
         Ok(match decided {
             Decided::Empty(w) => Opened::Empty(w),
-            Decided::Leaf(brick) => Opened::Leaf(key, brick),
+            Decided::Leaf(brick, thin) => {
+                self.plan.add_thin(&thin);
+                Opened::Leaf(key, brick)
+            }
             Decided::Refined(samples, children) => Opened::Refined(key, samples, self.decide(*children)?),
         })
     }
@@ -318,7 +352,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         let most = nodes.iter().map(|node| node.pieces.len()).max().unwrap_or(0);
         let all: Vec<u32> = (0..most as u32).collect();
         let is_evaluated = |leaf: &Leaf<'_, F::Piece>| {
-            let is_deepest = leaf.key.level() == self.rules.depth;
+            let is_deepest = leaf.key.level() >= self.rules.depth;
             let refined =
                 || Undecided::refined_unseen(self.field, self.rules, leaf.key, leaf.corner, leaf.into());
             self.field.settled(leaf.key, leaf.corner, leaf.into()).is_none()

@@ -6,7 +6,7 @@ use crate::brick::{Brick, Hermite, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_POINTS, NodeKey, Octant};
 use crate::progress::Progress;
-use crate::store::{BrickTree, NodeInfo, Store};
+use crate::store::{BrickTree, NodeInfo, Refine, Store};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -75,6 +75,9 @@ pub fn prune(
     let cut = options.cut(store, progress)?;
     let mut meta = store.meta().clone();
     meta.depth = meta.depth.min(options.level.unwrap_or(meta.depth));
+    if matches!(meta.refine, Refine::Thin { base } if base >= meta.depth) {
+        meta.refine = Refine::Hidden;
+    }
     let told: Vec<String> = [
         options.region.map(|Region { min, max, outside_level }| {
             format!("level {outside_level} outside of {min:?} to {max:?}")

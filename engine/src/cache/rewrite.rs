@@ -92,7 +92,7 @@ impl Rewrite<'_> {
         let store = self.store;
         let mut writer = StoreWriter::create(output, &self.meta)?.of_files(REMEDY);
         let kept = store.entries().iter().filter(|entry| !self.is_below_cut(entry.key));
-        let ordered = build_order(kept, self.meta.depth);
+        let ordered = build_order(kept, self.meta.subtree_level());
         progress.phase("rewriting", Some(ordered.len() as u64), "records");
         let chunks: Vec<&[&IndexEntry]> = ordered.chunks(RECORDS_AT_ONCE).collect();
         let walk = Walk::new(store, ordered.len(), |number| Some(ordered[number].key));

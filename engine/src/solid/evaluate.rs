@@ -7,7 +7,7 @@
 use super::hermite::{Boundary, Scene};
 use super::hidden;
 use super::segments::{Segment, Solids};
-use crate::brick::{Brick, Hermite, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, Samples, SignChanges, Thin};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Units};
 
@@ -272,6 +272,15 @@ impl SolidEvaluation<'_> {
     /// Whether the boundary of the union crosses a lattice edge more than once.
     pub fn has_hidden_boundary(&mut self) -> bool {
         Axis::ALL.iter().any(|axis| hidden::boundary(self.solids, self.lattice, self.list, axis.index()))
+    }
+
+    /// The walls and gaps of the union that lie between two samples, on the edges that the brick owns.
+    pub fn thin(&self) -> Thin {
+        let mut thin = Thin::default();
+        for axis in Axis::ALL {
+            hidden::add_thin(self.solids, self.lattice, self.list, axis, &mut thin);
+        }
+        thin
     }
 
     /// Turns the samples into a leaf's brick with its Hermite edges.

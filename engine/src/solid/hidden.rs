@@ -1,8 +1,9 @@
 //! Walls and gaps between samples, which the samples do not show.
 
 use super::evaluate::{Lattice, SegmentList};
-use super::segments::Solids;
-use crate::lattice::BRICK_POINTS;
+use super::segments::{Segment, Solids};
+use crate::brick::{Thin, ThinPair};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -19,6 +20,8 @@ struct Reach {
     /// Indices of the first samples that are not below the two ends, 33 for none.
     first: u8,
     end: u8,
+    /// Positions in the brick's list of the segments that have the two ends.
+    segments: [u32; 2],
 }
 
 /// The intervals of all segments on all lines along `axis`.
@@ -43,6 +46,7 @@ fn reaches(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize
                     to: to + shift,
                     first: lattice.first_from(segment, axis, from) as u8,
                     end: lattice.first_from(segment, axis, to) as u8,
+                    segments: [position; 2],
                 });
             }
         }
@@ -57,6 +61,7 @@ fn unite(sorted: &[Reach], mut each: impl FnMut(Reach)) {
         if next.from <= united.to {
             if next.to > united.to {
                 (united.to, united.end) = (next.to, next.end);
+                united.segments[1] = next.segments[1];
             }
         } else {
             each(united);
@@ -99,4 +104,61 @@ pub(super) fn boundary(solids: &Solids, lattice: Lattice, list: SegmentList<'_>,
         });
         entries & exits != 0
     })
+}
+
+/// Adds the walls and gaps of the union with both faces on one edge along `axis`, of those edges that the brick owns.
+pub(super) fn add_thin(
+    solids: &Solids,
+    lattice: Lattice,
+    list: SegmentList<'_>,
+    axis: Axis,
+    thin: &mut Thin,
+) {
+    let mut all = reaches(solids, lattice, list, axis.index());
+    all.retain(|reach| {
+        usize::from(reach.line) % P < BRICK_CELLS && usize::from(reach.line) / P < BRICK_CELLS
+    });
+    all.sort_unstable_by(|p, q| {
+        p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)).then(p.segments.cmp(&q.segments))
+    });
+    let spacing = f64::from(1u32 << lattice.shift);
+    let mut add = |line: u16, faces: [(f64, u32); 2], is_wall| {
+        let normals =
+            faces.map(|(at, position)| normal_at(solids, lattice, list.get(position), axis, line, at));
+        let chord = ((faces[1].0 - faces[0].0) / spacing * 65536.0).round() as u32;
+        thin.add_pair(&ThinPair { axis, normals, chord, spacing_bits: lattice.shift, is_wall });
+    };
+    for line in all.chunk_by(|p, q| p.line == q.line) {
+        let mut last: Option<Reach> = None;
+        unite(line, |united| {
+            if let Some(last) = last
+                && last.end == united.first
+                && edge_before(united.first) != 0
+            {
+                add(united.line, [(last.to, last.segments[1]), (united.from, united.segments[0])], false);
+            }
+            if united.first == united.end && edge_before(united.first) != 0 {
+                let [from, to] = united.segments;
+                add(united.line, [(united.from, from), (united.to, to)], true);
+            }
+            last = Some(united);
+        });
+    }
+}
+
+/// The outward normal of a segment where a line along `axis` meets its surface, `at` units from sample 0.
+fn normal_at(
+    solids: &Solids,
+    lattice: Lattice,
+    segment: &Segment,
+    axis: Axis,
+    line: u16,
+    at: f64,
+) -> [f64; 3] {
+    let a = axis.index();
+    let mut place = [0.0; 3];
+    place[(a + 1) % 3] = lattice.offset(segment.a, (a + 1) % 3, usize::from(line) % P);
+    place[(a + 2) % 3] = lattice.offset(segment.a, (a + 2) % 3, usize::from(line) / P);
+    place[a] = at - f64::from(segment.a[a] - lattice.origin[a]);
+    solids.body(segment).gradient(place)
 }

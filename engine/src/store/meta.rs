@@ -6,10 +6,12 @@
 
 use super::identity::IdentityPlace;
 use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX, Version};
+use super::order::subtree_level;
 use super::share::{Share, ShareNumbers};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use bincode::Options;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Where a store came from and how it was made. No times and no machine: equal input and settings give equal
 /// bytes.
@@ -89,6 +91,23 @@ pub enum Refine {
     /// Only where the boundary w = 0.5 passes, seen or hidden: the standard deviation is that of the inside
     /// indicator (0 or 1).
     Surface,
+    /// Everywhere down to the level `base`, and from there to the depth limit only where a wall or a gap of the boundary
+    /// w = 0.5 hides between two samples.
+    Thin {
+        /// The level to which all that a piece touches is divided.
+        base: u8,
+    },
+}
+
+impl fmt::Display for Refine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Refine::Hidden => f.write_str("hidden"),
+            Refine::Stddev => f.write_str("stddev"),
+            Refine::Surface => f.write_str("surface"),
+            Refine::Thin { base } => write!(f, "hidden to level {base}, thin walls and gaps below"),
+        }
+    }
 }
 
 /// What a build counted. Known at its end only, so not part of the store's identity.
@@ -106,6 +125,14 @@ impl Meta {
     /// Whether the input was a point cloud: then what counts as facets are points.
     pub fn holds_points(&self) -> bool {
         self.sources.iter().any(|source| source.format.contains(" points"))
+    }
+
+    /// The level whose subtrees a build appends one after the other: see [`super::build_order`].
+    pub fn subtree_level(&self) -> u8 {
+        match self.refine {
+            Refine::Thin { base } => subtree_level(base),
+            _ => subtree_level(self.depth),
+        }
     }
 
     /// What ties the parts of a file together: a hash of everything but [`Meta::numbers`].
@@ -149,7 +176,7 @@ impl Meta {
         let share = self.share.as_ref();
         fact("number of shares", share.map_or(1, |share| share.id.of).to_string());
         fact("depth", self.depth.to_string());
-        fact("criterion", format!("{:?}", self.refine).to_lowercase());
+        fact("criterion", self.refine.to_string());
         fact("standard deviation", self.stddev.to_string());
         fact("tolerance", self.tolerance.map_or("none".to_owned(), |tolerance| tolerance.to_string()));
         fact("error of samples", share.map_or("none".to_owned(), |share| share.gwn_error.to_string()));
@@ -214,6 +241,11 @@ impl Meta {
         }
         if self.depth > MAX_LEVEL {
             return Err(format!("a depth of {} levels, beyond {MAX_LEVEL}", self.depth));
+        }
+        if let Refine::Thin { base } = self.refine
+            && base > self.depth
+        {
+            return Err(format!("a base level of {base}, beyond the depth of {}", self.depth));
         }
         if self.stddev.is_nan() || self.tolerance.is_some_and(f64::is_nan) {
             return Err("a threshold is not a number".into());

@@ -2,7 +2,7 @@
 
 use super::layout::IndexEntry;
 
-/// The level whose subtrees stand one after the other in a store of this depth.
+/// The level whose subtrees stand one after the other in a store that is divided everywhere to this depth.
 pub fn subtree_level(depth: u8) -> u8 {
     match depth {
         0..=3 => depth,
@@ -11,10 +11,9 @@ pub fn subtree_level(depth: u8) -> u8 {
     }
 }
 
-/// The entries in the order in which a build of this depth appends them: subtrees along the Morton curve, each in
+/// The entries in the order in which a build appends them: subtrees of a level along the Morton curve, each in
 /// post-order, then the nodes above them in post-order.
-pub fn build_order<'a>(entries: impl Iterator<Item = &'a IndexEntry>, depth: u8) -> Vec<&'a IndexEntry> {
-    let level = subtree_level(depth);
+pub fn build_order<'a>(entries: impl Iterator<Item = &'a IndexEntry>, level: u8) -> Vec<&'a IndexEntry> {
     let mut ordered: Vec<&IndexEntry> = entries.collect();
     ordered.sort_unstable_by_key(|entry| (entry.key.level() < level, entry.key.post_order()));
     ordered

@@ -1,6 +1,7 @@
 //! Crossings with the lattice edges of a brick along one axis.
 
 use crate::brick::POINTS;
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS};
 
 /// One crossing of a lattice edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +12,8 @@ pub(super) struct Hit {
     pub offset: u16,
     /// The change of the winding number.
     pub jump: i32,
+    /// The number of the facet.
+    pub facet: u32,
 }
 
 /// The place of a crossing, as in [`Hit`].
@@ -18,6 +21,18 @@ pub(super) struct Hit {
 pub(super) struct Place {
     pub lower: u16,
     pub offset: u16,
+}
+
+impl Place {
+    /// Whether the edge, of those along y, lies in the brick: a crossing behind the last sample lies between no two.
+    pub fn is_between_samples(&self) -> bool {
+        usize::from(self.lower) / BRICK_POINTS % BRICK_POINTS < BRICK_CELLS
+    }
+
+    /// The crossing of a facet.
+    pub fn hit(&self, jump: i32, facet: u32) -> Hit {
+        Hit { lower: self.lower, offset: self.offset, jump, facet }
+    }
 }
 
 // A lower sample index fits 16 bits.

@@ -65,8 +65,8 @@ pub struct Evaluation<'a> {
     pub samples: Samples,
     /// Where they are inside.
     pub signs: SignChanges,
-    key: NodeKey,
-    evaluator: &'a mut Evaluator,
+    pub(super) key: NodeKey,
+    pub(super) evaluator: &'a mut Evaluator,
 }
 
 /// The triangles of a brick: some of an array, by index.
@@ -289,26 +289,63 @@ impl Evaluator {
 
     /// All crossings with edges along an axis, by edge and offset.
     fn all_hits(&self, axis: Axis, key: NodeKey) -> Vec<Hit> {
-        let mut hits = match axis {
-            Axis::X => dispatch!(level(), simd => self.hits_along::<_, 0>(simd, key)),
-            Axis::Y => dispatch!(level(), simd => self.hits_along::<_, 1>(simd, key)),
-            Axis::Z => dispatch!(level(), simd => self.hits_along::<_, 2>(simd, key)),
-        };
+        let mut hits = Vec::new();
+        self.add_hits(axis, key, |_| true, &mut hits);
         hits.sort_unstable_by_key(|hit| (hit.lower, hit.offset));
         hits
     }
 
+    /// Adds the crossings of some facets with edges along an axis. Those along y are known already.
+    pub(super) fn add_hits(
+        &self,
+        axis: Axis,
+        key: NodeKey,
+        wanted: impl Fn(&Facet) -> bool,
+        hits: &mut Vec<Hit>,
+    ) {
+        let chosen = |(number, facet): (usize, &Facet)| wanted(facet).then_some(number as u32);
+        match axis {
+            Axis::Y => {
+                for (number, own) in self.crossings.by_facet() {
+                    let facet = &self.facets[number];
+                    let own = own.iter().filter(|place| place.is_between_samples());
+                    if wanted(facet) {
+                        let (jump, number) = (facet.jump(1), number as u32);
+                        hits.extend(own.map(|place| place.hit(jump, number)));
+                    }
+                }
+            }
+            Axis::X | Axis::Z => {
+                let chosen: Vec<u32> = self.facets.iter().enumerate().filter_map(chosen).collect();
+                match axis {
+                    Axis::X => dispatch!(level(), simd => self.hits_along::<_, 0>(simd, key, &chosen, hits)),
+                    _ => dispatch!(level(), simd => self.hits_along::<_, 2>(simd, key, &chosen, hits)),
+                }
+            }
+        }
+    }
+
     #[inline(always)]
-    fn hits_along<S: Simd, const A: usize>(&self, simd: S, key: NodeKey) -> Vec<Hit> {
+    fn hits_along<S: Simd, const A: usize>(
+        &self,
+        simd: S,
+        key: NodeKey,
+        chosen: &[u32],
+        hits: &mut Vec<Hit>,
+    ) {
         let block = block(key);
-        let mut hits = Vec::new();
-        for facet in &self.facets {
+        for &number in chosen {
+            let facet = &self.facets[number as usize];
             let jump = facet.jump(A);
             facet.scan::<S, A>(simd, block, [block.last; 2], |c| {
-                hits.push(Hit { lower: lower_of::<A>(c) as u16, offset: c.offset, jump });
+                hits.push(Hit { lower: lower_of::<A>(c) as u16, offset: c.offset, jump, facet: number });
             });
         }
-        hits
+    }
+
+    /// A facet of the brick by its number.
+    pub(super) fn facet(&self, number: u32) -> &Facet {
+        &self.facets[number as usize]
     }
 }
 

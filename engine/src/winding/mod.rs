@@ -13,6 +13,7 @@ mod open;
 mod passages;
 mod points;
 mod scan;
+mod thin;
 
 pub use balance::EdgeBalance;
 pub use brute::solid_angle;

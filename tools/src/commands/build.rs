@@ -16,7 +16,8 @@ use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::POINTS;
 use brickfield_engine::build::{
-    BuildOptions, Keeping, Resolution, Resources, ShareSummary, Summary, build_clouds, build_opened,
+    BuildOptions, Keeping, Resolution, Resources, ShareSummary, Summary, ThinDepth, ThinSheetsSummary,
+    ThinSummary, build_clouds, build_opened,
 };
 use brickfield_engine::contour::ContourOptions;
 use brickfield_engine::ingest::{Input, OpenOptions};
@@ -82,6 +83,11 @@ impl TryFrom<BuildArgs> for Plan {
             },
             stddev: args.stddev,
             tolerance: args.tolerance.in_unit(args.units),
+            thin: match (args.max_depth, args.thin) {
+                (Some(level), _) => ThinDepth::Level(level),
+                (None, Some(levels)) => ThinDepth::Deeper(levels),
+                (None, None) => ThinDepth::None,
+            },
             gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
             unit: args.units.symbol().to_owned(),
             solids: None,
@@ -331,6 +337,7 @@ impl Report {
 
     fn warn(&self) {
         self.warnings.iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
+        self.thin_warning().iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
         self.device_warning.iter().for_each(|message| warn(message));
         let toolpaths = self.audit.iter().flat_map(|audit| &audit.toolpaths);
         toolpaths.flat_map(ToolpathReport::warnings).for_each(|message| warn(&message));
@@ -385,7 +392,17 @@ impl Report {
             1 => line("  sweeps   1 Extrusion was inside out, and is turned".to_owned()),
             n => line(format!("  sweeps   {n} Extrusions were inside out, and are turned")),
         }
-        line(format!("  depth    {depth}, cells of {cell:.6} {}", self.unit));
+        let base = match self.summary.base_depth {
+            base if base < *depth => format!("{base}, where walls or gaps are thin "),
+            _ => String::new(),
+        };
+        line(format!("  depth    {base}{depth}, cells of {cell:.6} {}", self.unit));
+        if let Some(ThinSummary { walls, gaps }) = &self.summary.thin {
+            for (name, sheets) in [("walls", walls), ("gaps", gaps)] {
+                let Some(sheets) = sheets else { continue };
+                line(format!("  {name:<8} {}", self.thin_text(sheets)));
+            }
+        }
         if let (Some(min), Some(max)) = (self.winding_min, self.winding_max) {
             line(format!("  winding  {min} to {max}"));
         }
@@ -418,6 +435,28 @@ impl Report {
 }
 
 impl Report {
+    /// Walls, or gaps, that no sample shows.
+    fn thin_text(&self, sheets: &ThinSheetsSummary) -> String {
+        let ThinSheetsSummary { area, thickness, thinnest, depth, .. } = sheets;
+        let unit = &self.unit;
+        let remedy = match depth {
+            Some(depth) => format!("--max-depth {depth} divides bricks there alone"),
+            None => "no depth shows them all".to_owned(),
+        };
+        format!(
+            "about {} {unit}² thinner than a cell hide between samples, {} {unit} in the mean, {} {unit} at least; {remedy}",
+            rounded(*area),
+            rounded(*thickness),
+            rounded(*thinnest)
+        )
+    }
+
+    /// The warning of walls that no sample shows. Gaps make none: beads that touch have them everywhere.
+    fn thin_warning(&self) -> Option<String> {
+        let walls = self.summary.thin.as_ref()?.walls.as_ref()?;
+        Some(format!("walls: {}", self.thin_text(walls)))
+    }
+
     /// What evaluated the bricks, where it was a device or might have been.
     fn backend_text(&self) -> Option<String> {
         let Some(report) = &self.summary.device else {
@@ -456,8 +495,22 @@ fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static 
         Some("the bricks of point clouds are the processor's")
     } else if options.solids.is_some() {
         Some("the bricks of beads as solids are the processor's (see --beads mesh)")
+    } else if options.thin != ThinDepth::None {
+        Some("with --max-depth or --thin all bricks are the processor's")
     } else {
         None
+    }
+}
+
+/// An estimate to three digits.
+fn rounded(value: f64) -> String {
+    let digits = 2 - value.abs().max(1e-300).log10().floor() as i32;
+    match digits {
+        0.. => format!("{value:.*}", digits.min(12) as usize),
+        _ => {
+            let unit = 10f64.powi(-digits);
+            format!("{:.0}", (value / unit).round() * unit)
+        }
     }
 }
 

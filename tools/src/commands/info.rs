@@ -33,15 +33,15 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let volumes = args.volume.then(|| volume(&store, &bars)).transpose()?;
     let negative = negative(&store, &bars)?;
     bars.clear();
-    if let Some(volume) = negative {
-        warn(&format!("{}: {}", file.display(), negative_text(volume, unit_of(store.meta()))));
-    }
+    let warning = negative.map(|volume| negative_text(volume, unit_of(store.meta())));
+    warning.iter().for_each(|warning| warn(&format!("{}: {warning}", file.display())));
     if args.json {
         let mut json = as_json(&store, volumes);
         json["negative_volume"] = negative.into();
         return print_json(&json);
     }
-    print(&as_text(&store, volumes))
+    let warning = warning.map_or(String::new(), |warning| format!("  warning  {warning}\n"));
+    print(&(as_text(&store, volumes) + &warning))
 }
 
 fn hex(hash: &[u8]) -> String {

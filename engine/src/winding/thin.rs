@@ -1,0 +1,118 @@
+//! Walls and gaps between the samples of a brick of a closed soup.
+//!
+//! A lattice edge can hide one only if facets of both directions cross it. So the facets that may face the axis are
+//! scanned first; all others only where that finds an edge of both.
+
+use super::crossings::Hit;
+use super::evaluate::{Evaluation, Evaluator};
+use super::scan::Facet;
+use crate::brick::{POINTS, Samples, Thin, ThinPair};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
+
+/// Words of a set of lattice edges along one axis, a bit for each sample that an edge may begin at.
+const WORDS: usize = POINTS.div_ceil(64);
+
+/// Edges along one axis that facets cross in both directions.
+struct Crossed {
+    rising: [u64; WORDS],
+    falling: [u64; WORDS],
+}
+
+impl Crossed {
+    fn by(hits: &[Hit]) -> Crossed {
+        let mut crossed = Crossed { rising: [0; WORDS], falling: [0; WORDS] };
+        for hit in hits {
+            let set = if hit.jump > 0 { &mut crossed.rising } else { &mut crossed.falling };
+            set[usize::from(hit.lower) / 64] |= 1 << (hit.lower % 64);
+        }
+        crossed
+    }
+
+    fn is_any(&self) -> bool {
+        self.rising.iter().zip(&self.falling).any(|(rising, falling)| rising & falling != 0)
+    }
+
+    fn holds(&self, lower: u16) -> bool {
+        let word = usize::from(lower) / 64;
+        (self.rising[word] & self.falling[word]) >> (lower % 64) & 1 != 0
+    }
+}
+
+impl Evaluation<'_> {
+    /// The walls and gaps of the boundary w = 0.5 that lie between two samples of the brick, on the edges that it owns.
+    pub fn thin(&self) -> Thin {
+        let mut thin = Thin::default();
+        for axis in Axis::ALL {
+            self.evaluator.add_thin(axis, self.key, &self.samples, &mut thin);
+        }
+        thin
+    }
+}
+
+impl Evaluator {
+    fn add_thin(&self, axis: Axis, key: NodeKey, samples: &Samples, thin: &mut Thin) {
+        let mut hits = Vec::new();
+        self.add_hits(axis, key, |facet| may_face(facet, axis), &mut hits);
+        let crossed = Crossed::by(&hits);
+        if !crossed.is_any() {
+            return;
+        }
+        hits.retain(|hit| crossed.holds(hit.lower));
+        let faced = hits.len();
+        self.add_hits(axis, key, |facet| !may_face(facet, axis), &mut hits);
+        let mut number = 0;
+        hits.retain(|hit| {
+            number += 1;
+            (number <= faced || crossed.holds(hit.lower)) && is_owned(axis, hit.lower)
+        });
+        hits.sort_unstable_by_key(|hit| (hit.lower, hit.offset));
+        for edge in hits.chunk_by(|p, q| p.lower == q.lower) {
+            self.add_thin_edge(axis, key, samples, edge, thin);
+        }
+    }
+
+    /// Adds what hides on one edge, whose crossings are in order.
+    fn add_thin_edge(&self, axis: Axis, key: NodeKey, samples: &Samples, edge: &[Hit], thin: &mut Thin) {
+        let mut w = i32::from(samples.0[usize::from(edge[0].lower)]);
+        // The last passage: its offset, its normal, and whether it led inside.
+        let mut last: Option<(u16, [f64; 3], bool)> = None;
+        for place in edge.chunk_by(|p, q| p.offset == q.offset) {
+            let before = w >= 1;
+            w += place.iter().map(|hit| hit.jump).sum::<i32>();
+            let inside = w >= 1;
+            if before == inside {
+                continue;
+            }
+            let normal = self.normal_of_passage(place, inside);
+            if let Some((offset, other, is_wall)) = last {
+                let chord = u32::from(place[0].offset - offset);
+                let spacing_bits = key.spacing_bits();
+                thin.add_pair(&ThinPair { axis, normals: [other, normal], chord, spacing_bits, is_wall });
+            }
+            last = Some((place[0].offset, normal, inside));
+        }
+    }
+
+    /// The normal of a passage: of several facets that pass at one place the smallest, so that their order does not
+    /// matter.
+    fn normal_of_passage(&self, place: &[Hit], inside: bool) -> [f64; 3] {
+        let passing = place.iter().filter(|hit| (hit.jump > 0) == inside);
+        let normal = passing.map(|hit| self.facet(hit.facet).normal).min();
+        normal.unwrap_or_default().map(|c| c as f64)
+    }
+}
+
+/// Whether a facet can be one of two that face each other along an axis. That axis has the largest component of their
+/// common normal, from which each of their own is 15° away at most: then its component is at least half of the largest.
+fn may_face(facet: &Facet, axis: Axis) -> bool {
+    let most = facet.normal.iter().map(|c| c.unsigned_abs()).max().unwrap_or(0);
+    2 * facet.normal[axis.index()].unsigned_abs() >= most
+}
+
+/// Whether the edge along `axis` that begins at a sample is the brick's, not its neighbour's.
+fn is_owned(axis: Axis, lower: u16) -> bool {
+    let lower = usize::from(lower);
+    let ijk =
+        [lower % BRICK_POINTS, lower / BRICK_POINTS % BRICK_POINTS, lower / BRICK_POINTS / BRICK_POINTS];
+    Axis::ALL.into_iter().all(|other| other == axis || ijk[other.index()] < BRICK_CELLS)
+}
