@@ -24,6 +24,7 @@ mod program {
     mod shell;
     mod signals;
     mod store;
+    mod thin;
     mod usage;
     mod view;
 }

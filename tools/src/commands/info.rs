@@ -148,7 +148,7 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let tolerance =
         meta.tolerance.map_or(String::new(), |tolerance| format!("tolerance {tolerance} {unit}, "));
     line(format!(
-        "  refined  {:?}, standard deviation {}, {tolerance}depth {}",
+        "  refined  {}, standard deviation {}, {tolerance}depth {}",
         meta.refine, meta.stddev, meta.depth
     ));
     if let Some((min, max)) = winding_range(store) {
