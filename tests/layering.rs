@@ -40,7 +40,7 @@ const ROOMS: [(&str, &[&str]); 21] = [
 ];
 
 /// Rooms whose tests ask a judge in another one.
-const JUDGED: [(&str, &[&str]); 1] = [("contour", &["ingest"])];
+const JUDGED: [(&str, &[&str]); 2] = [("contour", &["ingest"]), ("pieces", &["winding"])];
 
 /// Names that `lib.rs` re-exports from the bottom rooms.
 const RE_EXPORTED: [&str; 4] = ["Error", "Result", "Progress", "Silent"];
