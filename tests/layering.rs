@@ -9,13 +9,14 @@ const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 20] = [
+const ROOMS: [(&str, &[&str]); 21] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
     ("x3d", &["toolpath", "bead"]),
     ("ingest", &["toolpath", "bead", "x3d"]),
     ("check", &["ingest"]),
+    ("pieces", &["ingest", "check"]),
     ("brick", &[]),
     ("solid", &["toolpath", "brick"]),
     ("winding", &["bead", "ingest", "brick"]),
@@ -24,7 +25,10 @@ const ROOMS: [(&str, &[&str]); 20] = [
     ("contour", &["check", "brick", "store"]),
     (
         "build",
-        &["gpu", "toolpath", "bead", "ingest", "brick", "solid", "winding", "store", "backend", "contour"],
+        &[
+            "gpu", "toolpath", "bead", "ingest", "pieces", "brick", "solid", "winding", "store", "backend",
+            "contour",
+        ],
     ),
     ("cache", &["brick", "store"]),
     ("analysis", &["brick", "solid", "store"]),
@@ -36,7 +40,7 @@ const ROOMS: [(&str, &[&str]); 20] = [
 ];
 
 /// Rooms whose tests ask a judge in another one.
-const JUDGED: [(&str, &[&str]); 1] = [("contour", &["ingest"])];
+const JUDGED: [(&str, &[&str]); 2] = [("contour", &["ingest"]), ("pieces", &["winding"])];
 
 /// Names that `lib.rs` re-exports from the bottom rooms.
 const RE_EXPORTED: [&str; 4] = ["Error", "Result", "Progress", "Silent"];

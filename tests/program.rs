@@ -18,6 +18,7 @@ mod program {
     mod large_format;
     mod mesh;
     mod open;
+    mod orient;
     mod pictures;
     mod points;
     mod resources;

@@ -3,7 +3,7 @@
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
 //! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
-//! [`check`], [`store`] → [`backend`] → [`build`] → [`cache`], [`contour`], [`analysis`],
+//! [`check`], [`pieces`], [`store`] → [`backend`] → [`build`] → [`cache`], [`contour`], [`analysis`],
 //! [`section`], [`render`], which draw with [`picture`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
@@ -29,6 +29,7 @@ pub mod lattice;
 pub mod mmap;
 pub mod part;
 pub mod picture;
+pub mod pieces;
 mod progress;
 pub mod render;
 mod schedule;

@@ -3,6 +3,7 @@
 use crate::bench_args::BenchArgs;
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
+use crate::pieces::OrientArg;
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
@@ -131,6 +132,13 @@ pub struct BuildArgs {
     /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree
     #[arg(long)]
     pub estimate_normals: bool,
+    /// Turn pieces that are inside out, connected ones as a whole: outward by their own signed volume, but for cavities,
+    /// which lie inside others. With `all`, for soups without any consistency, facets are first turned so that those of a
+    /// piece face one side, from edge to edge. Open pieces have no volume and are left. It takes some 80 bytes of memory
+    /// a facet
+    #[arg(long, value_enum, value_name = "HOW", num_args = 0..=1, require_equals = true,
+          default_missing_value = "pieces")]
+    pub orient: Option<OrientArg>,
     /// Where to divide bricks
     #[arg(long, value_enum, default_value_t)]
     pub refine: RefineArg,
@@ -356,8 +364,9 @@ pub struct MeshArgs {
 /// Say what is in a store, or in any input
 #[derive(Args)]
 #[command(after_help = "\
-Of a mesh: area, volume, whether it is closed, and if not, how many open edges there are, into how many loops they fall, \
-and how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).
+Of a mesh: area, volume, how many connected pieces there are, and which are inside out; whether it is closed, and if not, \
+how many open edges there are, into how many loops they fall, and how many patches face the wrong way (borders along \
+which facets run the same way; those of doubled sheets count).
 
 Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read. Of a point \
 cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it. Of X3D: \
@@ -439,6 +448,13 @@ pub struct WindingArgs {
     /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree
     #[arg(long)]
     pub estimate_normals: bool,
+    /// Turn pieces that are inside out, connected ones as a whole: outward by their own signed volume, but for cavities,
+    /// which lie inside others. With `all`, for soups without any consistency, facets are first turned so that those of a
+    /// piece face one side, from edge to edge. Open pieces have no volume and are left. It takes some 80 bytes of memory
+    /// a facet
+    #[arg(long, value_enum, value_name = "HOW", num_args = 0..=1, require_equals = true,
+          default_missing_value = "pieces")]
+    pub orient: Option<OrientArg>,
     /// Sum the solid angles of all facets in double precision instead; slow. With --backend vulkan in single precision
     /// on the device. For beads as solids: evaluate their formulas at the points themselves, off the lattice
     #[arg(long)]

@@ -16,6 +16,7 @@ mod memory;
 mod npy;
 mod output;
 mod picture_args;
+mod pieces;
 mod points;
 mod progress;
 mod style_file;
@@ -35,7 +36,7 @@ fn main() -> ExitCode {
         eprintln!("brickfield: {lacking}");
         return ExitCode::FAILURE;
     }
-    match run(Cli::parse()) {
+    match run(Cli::parse_from(pieces::joined(std::env::args_os()))) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read the results has seen enough.
         Err(Failure::ClosedPipe) => ExitCode::SUCCESS,

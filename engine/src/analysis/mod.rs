@@ -11,4 +11,4 @@ mod volume;
 pub use beads::beads_at_points;
 pub use export::{Dense, Element};
 pub use sample::{sample_at, winding_range};
-pub use volume::{Volumes, volume};
+pub use volume::{Volumes, negative_volume, volume};

@@ -1,19 +1,18 @@
 //! Is the input closed?
 
 use crate::error::Result;
-use crate::ingest::{Facet, Facets, Input, runs};
+use crate::ingest::{Facet, Facets, runs};
 use crate::lattice::RootCube;
 use crate::progress::Progress;
 use crate::winding::EdgeBalance;
 use rayon::prelude::*;
 
-/// Whether the soup of all inputs is closed. One pass over the input, on all threads.
+/// Whether the soup of all sources is closed. One pass over them, on all threads.
 ///
 /// # Errors
-/// If an input has changed since it was opened, or the user interrupts.
-pub fn is_closed(inputs: &[Input], root: RootCube, progress: &dyn Progress) -> Result<bool> {
-    progress.phase("checking edges", Some(inputs.iter().map(Input::facets).sum()), "facets");
-    let sources = sources(inputs);
+/// If the user interrupts.
+pub fn is_closed(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> Result<bool> {
+    progress.phase("checking edges", Some(sources.iter().map(|source| source.facets()).sum()), "facets");
     let snapper = root.snapper();
     let sum_of_run = |world: &mut Vec<Facet>, (source, range): (usize, std::ops::Range<u64>)| {
         progress.check()?;
@@ -27,12 +26,7 @@ pub fn is_closed(inputs: &[Input], root: RootCube, progress: &dyn Progress) -> R
         a.merge(b);
         Ok(a)
     };
-    let sums = runs(&sources).into_par_iter().map_init(Vec::new, sum_of_run);
+    let sums = runs(sources).into_par_iter().map_init(Vec::new, sum_of_run);
     let sum = sums.try_reduce(EdgeBalance::default, add)?;
-    inputs.iter().try_for_each(Input::check)?;
     Ok(sum.is_closed())
-}
-
-fn sources(inputs: &[Input]) -> Vec<&dyn Facets> {
-    inputs.iter().map(|input| input as &dyn Facets).collect()
 }

@@ -19,6 +19,7 @@ mod measure;
 mod memory;
 mod merge;
 mod open;
+mod orient;
 mod packed;
 mod packing;
 mod pipeline;

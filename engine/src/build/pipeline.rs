@@ -5,6 +5,7 @@ use super::cut::cut;
 use super::field::Field;
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
+use super::orient;
 use super::records::EncodedBricks;
 use super::resources::{Resources, Room};
 use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
@@ -19,6 +20,7 @@ use crate::brick::Thin;
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
+use crate::pieces::{Consistency, InsideOut, Oriented, Report};
 use crate::progress::Progress;
 use crate::solid::Outline;
 use crate::store::{
@@ -66,6 +68,8 @@ pub struct BuildOptions {
     /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
     /// triangles, those swept along toolpaths included.
     pub solids: Option<Outline>,
+    /// Turn over pieces that are inside out, of inputs that are built from triangles.
+    pub orient: Option<Consistency>,
     /// Record in every leaf which beads it counts, where beads are solids.
     pub identity: bool,
     /// Build only this share of the tree, to be joined with the others by [`super::merge`].
@@ -94,6 +98,7 @@ impl Default for BuildOptions {
             gwn_error: 1e-3,
             thin: ThinDepth::None,
             solids: None,
+            orient: None,
             identity: false,
             share: None,
             compression: Compression::Lz4,
@@ -156,6 +161,12 @@ pub struct Summary {
     pub loops: u64,
     /// Borders of patches that face the wrong way.
     pub flipped_patches: u64,
+    /// The pieces of the input, if they were to be turned outward.
+    pub pieces: Option<Report>,
+    /// Closed pieces that are inside out, if the field is negative somewhere.
+    pub inside_out: Option<InsideOut>,
+    /// Extrusions whose sweeps were inside out, and were turned when they were read.
+    pub turned_sweeps: u64,
     /// The level to which all that pieces touch is divided; less than `depth` if thin walls alone are divided further.
     pub base_depth: u8,
     /// Walls and gaps thinner than a cell that no sample shows, in the leaves that this run built. `None` if there are none,
@@ -233,7 +244,11 @@ pub fn build_opened(
         opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
     let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
     clock.lap("measure");
-    let soups: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
+    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
+    let soups = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
+    clock.lap_if(turned.is_some(), "orient");
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
@@ -262,8 +277,13 @@ pub fn build_opened(
         field.field.part().summary
     };
     clock.lap("build");
+    let inside_out = task.find_inside_out(&soups, progress)?;
+    clock.lap_if(inside_out.is_some(), "pieces");
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
+        pieces: turned.map(|(report, _)| report),
+        inside_out,
+        turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
         device: options.resources.device.as_ref().map(Vulkan::take_report),
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
         open_edges: open.open_edges,
@@ -346,6 +366,7 @@ impl Task {
             ("made by", "build".to_owned()),
             ("error of samples", options.gwn_error.to_string()),
             ("compression", compression.to_string()),
+            ("way to turn pieces", format!("{:?}", options.orient)),
         ];
         let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
         let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
@@ -400,6 +421,20 @@ impl Task {
         Ok(())
     }
 
+    /// The pieces that are inside out, if a whole tree is negative somewhere.
+    fn find_inside_out(
+        &mut self,
+        soups: &[&dyn Facets],
+        progress: &dyn Progress,
+    ) -> Result<Option<InsideOut>> {
+        let is_negative = self.writer.lowest().is_some_and(|lowest| lowest < 0);
+        if !is_negative || self.meta.share.is_some() {
+            return Ok(None);
+        }
+        let found = orient::find_inside_out(soups, self.meta.root, self.room.memory(), progress);
+        self.keep(found)
+    }
+
     /// Passes on a result. If the user or the system is why it is an error, what there is so far is kept.
     pub fn keep<T>(&mut self, result: Result<T>) -> Result<T> {
         let Err(error @ (Error::Interrupted | Error::Io { .. })) = result else { return result };
@@ -443,6 +478,9 @@ impl Task {
             open_edges: 0,
             loops: 0,
             flipped_patches: 0,
+            pieces: None,
+            inside_out: None,
+            turned_sweeps: 0,
             temporary_bytes: self.room.file().bytes(),
             base_depth: self.rules.depth,
             thin,

@@ -33,12 +33,14 @@ use std::borrow::Cow;
 use tally::Tally;
 
 pub use pair::Meeting;
-pub(crate) use pair::{has_area, meet_by_place};
+pub(crate) use pair::{has_area, meet_by_place, meeting_by_place};
 pub use report::{Defect, Intersections, Pair, Report, Shell};
-pub(crate) use weld::hash_bits;
+pub(crate) use topology::Corners;
+pub(crate) use tree::{Block, Tree};
+pub(crate) use weld::{Welded, hash_bits, weld_by};
 
 /// Corners are numbered in 32 bits.
-const TRIANGLES_MAX: u64 = (u32::MAX / 3) as u64;
+pub(crate) const TRIANGLES_MAX: u64 = (u32::MAX / 3) as u64;
 
 /// Products of three differences of coordinates of this size, and the errors of their roundings, stay within what an f64
 /// holds exactly in several parts: 6·(2·10^100)³ < 2^1024, and a last place of 10^−90 to the third is above 2^−1074.
@@ -93,7 +95,8 @@ impl Mesh<'_> {
     }
 }
 
-fn is_whole([a, b, c]: &[u32; 3]) -> bool {
+/// Whether a triangle has three different vertices.
+pub(crate) fn is_whole([a, b, c]: &[u32; 3]) -> bool {
     a != b && b != c && c != a
 }
 

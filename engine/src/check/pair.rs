@@ -113,11 +113,16 @@ pub(crate) fn has_area(corners: &[[f32; 3]; 3]) -> bool {
 /// Whether two triangles meet elsewhere than they must; corners at the same place are one vertex, and what has no area
 /// meets nothing.
 pub(crate) fn meet_by_place(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> bool {
-    let (Some(a), Some(b)) = (Triangle::placed(a), Triangle::placed(b)) else { return false };
+    meeting_by_place(a, b).is_some()
+}
+
+/// How two triangles meet elsewhere than they must, as [`meet_by_place`] has it.
+pub(crate) fn meeting_by_place(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> Option<Meeting> {
+    let (a, b) = (Triangle::placed(a)?, Triangle::placed(b)?);
     let vertex =
         |n: usize| a.corners.iter().position(|corner| *corner == b.corners[n]).unwrap_or(3 + n) as u32;
     let vertices = [0, 1, 2].map(vertex);
-    meeting(&a, &Triangle { vertices, ..b }).is_some()
+    meeting(&a, &Triangle { vertices, ..b })
 }
 
 /// Of two triangles without a common vertex. `a` has an area along `axis`.

@@ -31,7 +31,8 @@ pub(super) fn search(mesh: &Mesh, progress: &dyn Progress) -> Result<Searched> {
     progress.phase("sorting", None, "triangles");
     let is_flat = |face: &u32| mesh.is_whole(*face as usize) && Triangle::new(mesh, *face).is_none();
     let flat: Vec<u32> = numbers().filter(is_flat).collect();
-    let tree = Tree::new(mesh, |face| flat.binary_search(&face).is_err());
+    let is_kept = |face: &u32| mesh.is_whole(*face as usize) && flat.binary_search(face).is_err();
+    let tree = Tree::new(numbers().filter(is_kept).collect(), &|face| mesh.corners(face as usize));
     progress.check()?;
     let leaves = tree.leaves();
     progress.phase("intersections", Some(mesh.triangles.len() as u64), "triangles");
@@ -70,7 +71,8 @@ fn of_leaf(mesh: &Mesh, tree: &Tree, leaf: usize, found: &mut Intersections) {
     let low = |a: usize| own.iter().fold(f64::INFINITY, |m, b| m.min(b.bounds[0][a]));
     let high = |a: usize| own.iter().fold(f64::NEG_INFINITY, |m, b| m.max(b.bounds[1][a]));
     let around = [std::array::from_fn(low), std::array::from_fn(high)];
-    tree.later_leaves(leaf, &tree.block(mesh, leaf), |other| {
+    let block = tree.block(&|face| mesh.corners(face as usize), leaf);
+    tree.later_leaves(leaf, &block, |other| {
         for &face in tree.faces(other) {
             if !meets(&bounds_of(&mesh.corners(face as usize)), &around) {
                 continue;

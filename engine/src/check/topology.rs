@@ -65,7 +65,7 @@ impl Patches {
 }
 
 /// Corner 3t + i is corner i of triangle t.
-struct Corners {
+pub(crate) struct Corners {
     /// Where the list of each vertex ends; it begins where that of the vertex before ends.
     ends: Vec<u32>,
     lists: Vec<u32>,
@@ -73,10 +73,9 @@ struct Corners {
 
 impl Corners {
     /// The corners of whole triangles by vertex, those of one vertex in any order.
-    fn of(mesh: &Mesh) -> Corners {
-        let vertices = mesh.positions.len();
+    pub(crate) fn of(vertices: usize, triangles: &[[u32; 3]]) -> Corners {
         let next: Vec<AtomicU32> = (0..vertices + 1).into_par_iter().map(|_| AtomicU32::new(0)).collect();
-        let whole = || mesh.triangles.par_iter().enumerate().with_min_len(CHUNK).filter(|(_, t)| is_whole(t));
+        let whole = || triangles.par_iter().enumerate().with_min_len(CHUNK).filter(|(_, t)| is_whole(t));
         whole().for_each(|(_, t)| {
             for &v in t {
                 next[v as usize + 1].fetch_add(1, Relaxed);
@@ -98,7 +97,8 @@ impl Corners {
         Corners { ends: plain(next), lists: plain(lists) }
     }
 
-    fn at(&self, vertex: usize) -> &[u32] {
+    /// The corners at a vertex.
+    pub(crate) fn at(&self, vertex: usize) -> &[u32] {
         let begin = if vertex == 0 { 0 } else { self.ends[vertex - 1] };
         &self.lists[begin as usize..self.ends[vertex] as usize]
     }
@@ -251,7 +251,7 @@ pub(super) fn study(mesh: &Mesh, progress: &dyn Progress) -> Result<Topology> {
     let of_triangle = |t: &[u32; 3]| AtomicI8::new(is_whole(t).into());
     let study = Study {
         mesh,
-        corners: Corners::of(mesh),
+        corners: Corners::of(mesh.positions.len(), &mesh.triangles),
         patches: Patches::new(mesh.triangles.len()),
         euler: mesh.triangles.par_iter().map(of_triangle).collect(),
     };

@@ -4,7 +4,7 @@
 //! So a far outlier costs nothing, and the tree's shape follows from their number alone: nothing but boxes is kept, in
 //! pre-order, 6 bytes a triangle.
 
-use super::{CHUNK, Mesh};
+use super::CHUNK;
 use rayon::prelude::*;
 
 /// Triangles in a leaf: with two boxes of 24 bytes for each leaf, boxes take 6 bytes a triangle.
@@ -15,7 +15,7 @@ const PARALLEL: usize = 1 << 13;
 
 /// A box with f32 corners around one with f64 corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Block {
+pub(crate) struct Block {
     min: [f32; 3],
     max: [f32; 3],
 }
@@ -24,7 +24,7 @@ impl Block {
     const EMPTY: Block = Block { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
     /// Around points; coordinates are rounded outward.
-    fn around(points: &[[f64; 3]]) -> Block {
+    pub(crate) fn around(points: &[[f64; 3]]) -> Block {
         let mut block = Block::EMPTY;
         for point in points {
             for (a, &c) in point.iter().enumerate() {
@@ -59,26 +59,25 @@ struct Item {
 }
 
 /// The tree.
-pub(super) struct Tree {
+pub(crate) struct Tree {
     blocks: Vec<Block>,
     /// Faces, leaf by leaf.
     faces: Vec<u32>,
 }
 
 impl Tree {
-    /// Of the whole triangles of a mesh that `keep` keeps.
-    pub(super) fn new(mesh: &Mesh, keep: impl Fn(u32) -> bool + Sync) -> Tree {
-        let faces = (0..mesh.triangles.len() as u32).into_par_iter().with_min_len(CHUNK);
-        let kept = faces.filter(|&face| mesh.is_whole(face as usize) && keep(face));
+    /// Of these faces, in any order. `corners` gives the three points of a face, or any three with the same box around
+    /// them.
+    pub(crate) fn new(faces: Vec<u32>, corners: &(impl Fn(u32) -> [[f64; 3]; 3] + Sync)) -> Tree {
         let item = |face: u32| {
-            let block = Block::around(&mesh.corners(face as usize));
+            let block = Block::around(&corners(face));
             Item { middle: std::array::from_fn(|a| block.min[a] + block.max[a]), face }
         };
-        let mut items: Vec<Item> = kept.map(item).collect();
+        let mut items: Vec<Item> = faces.into_par_iter().with_min_len(CHUNK).map(item).collect();
         let leaves = items.len().div_ceil(LEAF);
         let mut blocks = vec![Block::EMPTY; (2 * leaves).saturating_sub(1)];
         if leaves > 0 {
-            divide(mesh, &mut items, &mut blocks);
+            divide(corners, &mut items, &mut blocks);
         }
         Tree { blocks, faces: items.iter().map(|item| item.face).collect() }
     }
@@ -94,11 +93,20 @@ impl Tree {
     }
 
     /// Calls `visit` with every leaf after `leaf` whose box meets that of `block`.
-    pub(super) fn later_leaves(&self, leaf: usize, block: &Block, mut visit: impl FnMut(usize)) {
+    pub(super) fn later_leaves(&self, leaf: usize, block: &Block, visit: impl FnMut(usize)) {
+        self.leaves_from(leaf + 1, block, visit);
+    }
+
+    /// Calls `visit` with every face of every leaf whose box meets that of `block`.
+    pub(crate) fn for_near(&self, block: &Block, mut visit: impl FnMut(u32)) {
+        self.leaves_from(0, block, |leaf| self.faces(leaf).iter().for_each(|&face| visit(face)));
+    }
+
+    fn leaves_from(&self, begin: usize, block: &Block, mut visit: impl FnMut(usize)) {
         // (Node, first leaf, leaves) of what is to be looked at.
         let mut stack = vec![(0, 0, self.leaves())];
         while let Some((node, first, leaves)) = stack.pop() {
-            if first + leaves <= leaf + 1 || !self.blocks[node].meets(block) {
+            if first + leaves <= begin || !self.blocks[node].meets(block) {
                 continue;
             }
             if leaves == 1 {
@@ -112,22 +120,22 @@ impl Tree {
     }
 
     /// The box around a leaf.
-    pub(super) fn block(&self, mesh: &Mesh, leaf: usize) -> Block {
-        around(mesh, self.faces(leaf).iter().copied())
+    pub(super) fn block(&self, corners: &impl Fn(u32) -> [[f64; 3]; 3], leaf: usize) -> Block {
+        around(corners, self.faces(leaf).iter().copied())
     }
 }
 
-fn around(mesh: &Mesh, faces: impl Iterator<Item = u32>) -> Block {
-    faces.fold(Block::EMPTY, |block, face| block.union(Block::around(&mesh.corners(face as usize))))
+fn around(corners: &impl Fn(u32) -> [[f64; 3]; 3], faces: impl Iterator<Item = u32>) -> Block {
+    faces.fold(Block::EMPTY, |block, face| block.union(Block::around(&corners(face))))
 }
 
 /// Sorts `items` into leaves and fills in the boxes of the node over them and of all below. The left half gets half of the
 /// leaves, all full. Ties are broken by number, so which triangles are in a leaf is certain.
-fn divide(mesh: &Mesh, items: &mut [Item], blocks: &mut [Block]) {
+fn divide(corners: &(impl Fn(u32) -> [[f64; 3]; 3] + Sync), items: &mut [Item], blocks: &mut [Block]) {
     let leaves = items.len().div_ceil(LEAF);
     if leaves == 1 {
         items.sort_unstable_by_key(|item| item.face);
-        blocks[0] = around(mesh, items.iter().map(|item| item.face));
+        blocks[0] = around(corners, items.iter().map(|item| item.face));
         return;
     }
     let left = leaves / 2;
@@ -140,10 +148,10 @@ fn divide(mesh: &Mesh, items: &mut [Item], blocks: &mut [Block]) {
     let (own, below) = blocks.split_at_mut(1);
     let (low_blocks, high_blocks) = below.split_at_mut(2 * left - 1);
     if is_large {
-        rayon::join(|| divide(mesh, low, low_blocks), || divide(mesh, high, high_blocks));
+        rayon::join(|| divide(corners, low, low_blocks), || divide(corners, high, high_blocks));
     } else {
-        divide(mesh, low, low_blocks);
-        divide(mesh, high, high_blocks);
+        divide(corners, low, low_blocks);
+        divide(corners, high, high_blocks);
     }
     own[0] = low_blocks[0].union(high_blocks[0]);
 }

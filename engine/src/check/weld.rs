@@ -3,6 +3,7 @@
 use super::{Mesh, Tally};
 use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
+use crate::lattice::Units;
 use crate::progress::Progress;
 use hashbrown::HashTable;
 use hashbrown::hash_table::Entry;
@@ -13,19 +14,43 @@ use std::ops::Range;
 /// 84 MiB.
 const WAVE_RUNS: usize = 64;
 
+/// What a corner is told from others by.
+pub(crate) trait Position: Copy + Send + Sync {
+    /// The coordinates; equal positions have equal bits.
+    fn bits(&self) -> [u64; 3];
+}
+
+/// World positions without −0.
+impl Position for [f64; 3] {
+    fn bits(&self) -> [u64; 3] {
+        self.map(f64::to_bits)
+    }
+}
+
+impl Position for Units {
+    fn bits(&self) -> [u64; 3] {
+        self.map(|c| u64::from(c.cast_unsigned()))
+    }
+}
+
 /// Positions without repetition, numbered as they come.
-#[derive(Default)]
-struct Distinct {
-    positions: Vec<[f64; 3]>,
+struct Distinct<P> {
+    positions: Vec<P>,
     numbers: HashTable<u32>,
 }
 
-impl Distinct {
-    /// The number of `position`, in which no coordinate is −0.
-    fn number(&mut self, position: [f64; 3]) -> u32 {
+impl<P: Position> Distinct<P> {
+    fn new() -> Distinct<P> {
+        Distinct { positions: Vec::new(), numbers: HashTable::new() }
+    }
+
+    /// The number of `position`.
+    fn number(&mut self, position: P) -> u32 {
         let Distinct { positions, numbers } = self;
-        let is_same = |&number: &u32| bits(&positions[number as usize]) == bits(&position);
-        match numbers.entry(hash(&position), is_same, |&number| hash(&positions[number as usize])) {
+        let bits = position.bits();
+        let is_same = |&number: &u32| positions[number as usize].bits() == bits;
+        let hash = |&number: &u32| hash_bits(positions[number as usize].bits());
+        match numbers.entry(hash_bits(bits), is_same, hash) {
             Entry::Occupied(entry) => *entry.get(),
             Entry::Vacant(entry) => {
                 // Fits: there are less than 2^32 corners.
@@ -38,14 +63,6 @@ impl Distinct {
     }
 }
 
-fn bits(position: &[f64; 3]) -> [u64; 3] {
-    position.map(f64::to_bits)
-}
-
-fn hash(position: &[f64; 3]) -> u64 {
-    hash_bits(bits(position))
-}
-
 /// A hash of three coordinates by their bits. Each is multiplied into all bits before the next is added: the low half of
 /// an f64 that was an f32 is zero. Multiplier: 2^64 divided by the golden ratio.
 pub(crate) fn hash_bits(bits: [u64; 3]) -> u64 {
@@ -56,39 +73,61 @@ pub(crate) fn hash_bits(bits: [u64; 3]) -> u64 {
 }
 
 /// The triangles of a run by the numbers of its own distinct corners.
-struct Run {
-    positions: Vec<[f64; 3]>,
+struct Run<P> {
+    positions: Vec<P>,
     triangles: Vec<[u32; 3]>,
 }
 
-impl Run {
-    fn of(source: &dyn Facets, range: Range<u64>) -> Run {
+impl<P: Position> Run<P> {
+    fn of(source: &dyn Facets, range: Range<u64>, position: impl Fn([f64; 3]) -> P) -> Run<P> {
         let mut facets: Vec<Facet> = Vec::new();
         source.read(range, &mut facets);
-        let mut distinct = Distinct::default();
-        // Adding zero makes +0 of −0 and changes nothing else.
-        let number = |corner: [f64; 3]| distinct.number(corner.map(|c| c + 0.0));
-        let mut number = number;
+        let mut distinct = Distinct::new();
+        let mut number = |corner: [f64; 3]| distinct.number(position(corner));
         let triangles = facets.into_iter().map(|facet| facet.map(&mut number)).collect();
         Run { positions: distinct.positions, triangles }
     }
 }
 
+/// Positions, and triangles that name their corners by number.
+pub(crate) struct Welded<P> {
+    pub(crate) positions: Vec<P>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+}
+
 /// The triangles of `source` with vertices numbered as they first appear. Corners are the same if all three
 /// coordinates are the same numbers; −0 is 0, and a NaN the same as one with the same bits.
+pub(super) fn weld(source: &dyn Facets, progress: &dyn Progress) -> Result<Mesh<'static>> {
+    // Adding zero makes +0 of −0 and changes nothing else.
+    let position = |corner: [f64; 3]| corner.map(|c| c + 0.0);
+    let Welded { mut positions, triangles } = weld_by(&[source], position, |_, _| Ok(()), progress)?;
+    positions.shrink_to_fit();
+    Ok(Mesh { positions: positions.into(), triangles: triangles.into(), non_finite: Tally::NONE })
+}
+
+/// The triangles of all sources, in their order, with vertices numbered as they first appear: corners with the same
+/// `position` are one. There must be less than 2^32 corners. `fits` is told now and then how many vertices there are of
+/// how many triangles, and may refuse more.
 ///
 /// Corners are made distinct run by run on all threads first, which leaves a sixth of them where neighbours stand near
 /// each other in the file; what is left goes through one table, in order, while the next runs are under way.
-pub(super) fn weld(source: &dyn Facets, progress: &dyn Progress) -> Result<Mesh<'static>> {
-    let triangle_count = source.facets();
+pub(crate) fn weld_by<P: Position>(
+    sources: &[&dyn Facets],
+    position: impl Fn([f64; 3]) -> P + Sync,
+    fits: impl Fn(usize, usize) -> Result<()>,
+    progress: &dyn Progress,
+) -> Result<Welded<P>> {
+    let triangle_count: u64 = sources.iter().map(|source| source.facets()).sum();
     progress.phase("welding", Some(triangle_count), "triangles");
-    let ranges: Vec<Range<u64>> = runs(&[source]).into_iter().map(|(_, range)| range).collect();
-    let read = |ranges: &[Range<u64>]| -> Vec<Run> {
-        ranges.par_iter().map(|range| Run::of(source, range.clone())).collect()
+    let runs = runs(sources);
+    let read = |runs: &[(usize, Range<u64>)]| -> Vec<Run<P>> {
+        let of_run =
+            |(source, range): &(usize, Range<u64>)| Run::of(sources[*source], range.clone(), &position);
+        runs.par_iter().map(of_run).collect()
     };
-    let mut all = Distinct::default();
+    let mut all = Distinct::new();
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(triangle_count as usize);
-    let mut waves = ranges.chunks(WAVE_RUNS);
+    let mut waves = runs.chunks(WAVE_RUNS);
     let mut present = waves.next().map_or_else(Vec::new, read);
     while !present.is_empty() {
         progress.check()?;
@@ -101,8 +140,7 @@ pub(super) fn weld(source: &dyn Facets, progress: &dyn Progress) -> Result<Mesh<
             }
         };
         (_, present) = rayon::join(append, || read(next));
+        fits(all.positions.len(), triangles.len())?;
     }
-    let mut positions = all.positions;
-    positions.shrink_to_fit();
-    Ok(Mesh { positions: positions.into(), triangles: triangles.into(), non_finite: Tally::NONE })
+    Ok(Welded { positions: all.positions, triangles })
 }

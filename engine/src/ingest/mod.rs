@@ -217,6 +217,14 @@ impl Input {
         }
     }
 
+    /// Number of X3D Extrusions whose sweeps were inside out and are turned over.
+    pub fn turned_sweeps(&self) -> u64 {
+        match &self.soup {
+            Soup::Sweeps(sweeps) => sweeps.report().turned,
+            _ => 0,
+        }
+    }
+
     /// What of the file was left out, and what else the user should know: one line each, with the place.
     pub fn warnings(&self) -> Vec<String> {
         match &self.soup {

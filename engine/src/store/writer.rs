@@ -230,6 +230,11 @@ impl StoreWriter {
         nodes
     }
 
+    /// The smallest sample of all nodes so far, rounded.
+    pub fn lowest(&self) -> Option<i16> {
+        self.entries.iter().map(|entry| entry.head.min).min()
+    }
+
     /// Begins the identity of beads, for stores whose metadata announces it.
     pub fn begin_identity(&mut self, tables: BeadTables) {
         self.identity = Some(tables);

@@ -27,6 +27,10 @@ pub struct Report {
     pub empty: u64,
     /// Line of the first of those.
     pub empty_line: u64,
+    /// Extrusions whose sweep is closed and was inside out: they are turned over.
+    pub turned: u64,
+    /// Line of the first of those.
+    pub turned_line: u64,
     /// The first nodes that were left out because something is wrong with them.
     pub refused: Vec<Refused>,
     /// Number of all of them.
@@ -45,6 +49,13 @@ impl Report {
 
     pub(super) fn skip(&mut self, line: u64, name: &'static str) {
         self.skipped.entry(name).or_insert((0, line)).0 += 1;
+    }
+
+    pub(super) fn turn(&mut self, line: u64) {
+        if self.turned == 0 {
+            self.turned_line = line;
+        }
+        self.turned += 1;
     }
 
     pub(super) fn is_empty(&mut self, line: u64) {

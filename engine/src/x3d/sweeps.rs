@@ -10,6 +10,9 @@
 //!   a spine.
 //! - Caps close the outline also where the cross-section is open; the sweep between its ends stays open.
 //! - A transform that mirrors turns the triangles over, so that what is solid stays solid.
+//! - A sweep that is closed, by its caps or by the ends of its spine, is a solid. It is turned over if it is inside out,
+//!   by its own signed volume, whatever the order of its cross-section and `ccw` say: these decide which faces are
+//!   drawn, and with `solid="false"` not even that.
 
 use super::affine::rotation;
 use super::cap;
@@ -27,12 +30,24 @@ use std::path::Path;
 /// Most triangles of a file: a long outline along a long spine takes little text for very many.
 const FACETS_MAX: u64 = u32::MAX as u64;
 
+/// Triangles that are measured at a time.
+const MEASURED: usize = 1 << 12;
+/// Part of the sum of its tetrahedra that a volume must be, or else it is one by rounding only.
+const NO_VOLUME: f64 = 1e-12;
+
 /// The cross-section's place at one spine point.
 #[derive(Clone, Copy, Debug)]
 struct Ring {
     origin: DVec3,
     x: DVec3,
     z: DVec3,
+}
+
+impl Ring {
+    /// Where a point of the cross-section comes to lie.
+    fn at(&self, [x, z]: [f64; 2]) -> DVec3 {
+        self.origin + self.x * x + self.z * z
+    }
 }
 
 /// An outline and the triangles over it, as ranges of [`Sweeps::outlines`] and [`Sweeps::caps`].
@@ -112,6 +127,7 @@ impl Sweeps {
         })?;
         report.empty = sweeps.report.empty;
         report.empty_line = sweeps.report.empty_line;
+        (report.turned, report.turned_line) = (sweeps.report.turned, sweeps.report.turned_line);
         sweeps.report = report;
         if sweeps.facets == 0 {
             return Err(sweeps.nothing(path));
@@ -168,7 +184,46 @@ impl Sweeps {
         if self.facets_of(&tube) == 0 {
             self.report.is_empty(extrusion.line);
         }
-        self.tubes.push(tube);
+        let is_inside_out = self.is_inside_out(&tube);
+        if is_inside_out {
+            self.report.turn(extrusion.line);
+        }
+        self.tubes.push(Tube { flipped: tube.flipped != is_inside_out, ..tube });
+    }
+
+    /// Whether a sweep is a solid that faces inward.
+    fn is_inside_out(&self, tube: &Tube) -> bool {
+        if !self.is_closed(tube) {
+            return false;
+        }
+        let origin = self.rings[tube.rings.start].origin;
+        let (mut triangles, mut six_volumes, mut size) = (Vec::new(), 0.0, 0.0);
+        let facets = self.facets_of(tube);
+        for from in (0..facets).step_by(MEASURED) {
+            triangles.clear();
+            let range = from..facets.min(from + MEASURED as u64);
+            self.append_tube(tube, DAffine3::IDENTITY, range, &mut triangles);
+            for triangle in &triangles {
+                let [a, b, c] = triangle.map(|corner| DVec3::from(corner) - origin);
+                let term = a.dot(b.cross(c));
+                six_volumes += term;
+                size += f64::abs(term);
+            }
+        }
+        six_volumes < -size * NO_VOLUME
+    }
+
+    /// Whether nothing of a sweep's surface is missing.
+    fn is_closed(&self, tube: &Tube) -> bool {
+        let outline = &self.outlines[self.sections[tube.section as usize].points.clone()];
+        let rings = &self.rings[tube.rings.clone()];
+        let ([first, .., last], true) = (rings, outline.first() == outline.last()) else { return false };
+        let meet = || outline.iter().all(|&point| first.at(point) == last.at(point));
+        match (tube.begin_cap, tube.end_cap) {
+            (true, true) => true,
+            (false, false) => meet(),
+            _ => false,
+        }
     }
 
     /// Keeps an outline and its cap once.
@@ -269,16 +324,20 @@ impl Sweeps {
         }
     }
 
-    /// Triangles of one sweep, numbered within it: segment by segment, then the caps.
+    /// Triangles of one sweep in its place, numbered within it.
     fn append_placed(&self, placed: &Placed, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>) {
-        let tube = &self.tubes[placed.tube as usize];
+        let matrix = self.matrices[placed.matrix as usize];
+        self.append_tube(&self.tubes[placed.tube as usize], matrix, range, out);
+    }
+
+    /// Triangles of one sweep where `matrix` puts it, numbered within it: segment by segment, then the caps.
+    fn append_tube(&self, tube: &Tube, matrix: DAffine3, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>) {
         let section = &self.sections[tube.section as usize];
         let rings = &self.rings[tube.rings.clone()];
         let outline = &self.outlines[section.points.clone()];
-        let matrix = self.matrices[placed.matrix as usize];
         let moves = matrix != DAffine3::IDENTITY;
-        let corner = |ring: &Ring, [x, z]: [f64; 2]| -> [f64; 3] {
-            let local = ring.origin + ring.x * x + ring.z * z;
+        let corner = |ring: &Ring, point: [f64; 2]| -> [f64; 3] {
+            let local = ring.at(point);
             if moves { matrix.transform_point3(local).into() } else { local.into() }
         };
         let flipped = tube.flipped != (matrix.matrix3.determinant() < 0.0);

@@ -10,6 +10,7 @@ use crate::failure::Failure;
 use crate::kinds::require_inputs;
 use crate::memory;
 use crate::output::{one_line, print, print_json, warn};
+use crate::pieces::{OrientArg, inside_out_text, left_text, pieces_text};
 use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
@@ -40,6 +41,7 @@ struct Plan {
     open: OpenOptions,
     beads: Option<BeadsArg>,
     estimate_normals: bool,
+    orient: Option<OrientArg>,
     gwn_error: Option<GwnError>,
     units: Unit,
     options: BuildOptions,
@@ -91,6 +93,7 @@ impl TryFrom<BuildArgs> for Plan {
             gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
             unit: units.symbol().to_owned(),
             solids: None,
+            orient: args.orient.map(Into::into),
             share: args.shard.map(|shard| shard.0),
             compression: args.compression.into(),
             resources: Resources { temp_dir: args.temp_dir, ..Resources::default() },
@@ -100,7 +103,17 @@ impl TryFrom<BuildArgs> for Plan {
         };
         let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
         let BuildArgs {
-            inputs, output, backend, memory, mesh, json, beads, estimate_normals, gwn_error, ..
+            inputs,
+            output,
+            backend,
+            memory,
+            mesh,
+            json,
+            beads,
+            estimate_normals,
+            orient,
+            gwn_error,
+            ..
         } = args;
         Ok(Plan {
             inputs,
@@ -108,6 +121,7 @@ impl TryFrom<BuildArgs> for Plan {
             open,
             beads,
             estimate_normals,
+            orient,
             gwn_error,
             units,
             options,
@@ -240,6 +254,14 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
             return Err(Failure::Usage(format!("--tolerance: {why}")));
         }
     }
+    let why = match (are_clouds, solids) {
+        (true, _) => Some("points have no facets to turn"),
+        (_, Some(_)) => Some("beads as solids have no facets to turn"),
+        _ => None,
+    };
+    if let (Some(why), true) = (why, plan.orient.is_some()) {
+        return Err(Failure::Usage(format!("--orient: {why}; leave it out")));
+    }
     if plan.options.identity && solids.is_none() {
         let why = note.unwrap_or("it needs toolpaths as solids");
         return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
@@ -315,7 +337,10 @@ impl Report {
     ) -> Report {
         let winding = winding_range(store);
         // Whether something lies inside is for all shares to say.
-        let warnings = winding.filter(|_| summary.share.is_none()).map_or(Vec::new(), warnings);
+        let warnings = match winding.filter(|_| summary.share.is_none()) {
+            Some(range) => warnings(range, plan, &summary),
+            None => Vec::new(),
+        };
         let samples = samples_of_leaves(store);
         let pieces = summary.facets + summary.segments + summary.points;
         let explicit = plan.backend.backend == BackendArg::Vulkan || plan.backend.device.is_some();
@@ -396,6 +421,15 @@ impl Report {
         if *open_edges > 0 {
             let edges = format!("{open_edges} open edges in {loops} loops");
             line(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
+        }
+        if let Some(report) = &self.summary.pieces {
+            let turned = report.turned_facets;
+            line(format!("  pieces   {}; {turned} facets turned", pieces_text(report)));
+        }
+        match self.summary.turned_sweeps {
+            0 => {}
+            1 => line("  sweeps   1 Extrusion was inside out, and is turned".to_owned()),
+            n => line(format!("  sweeps   {n} Extrusions were inside out, and are turned")),
         }
         let base = match self.summary.base_depth {
             base if base < *depth => format!("{base}, where walls or gaps are thin "),
@@ -533,12 +567,32 @@ fn samples_of_leaves(store: &Store) -> u64 {
     evaluated as u64 * POINTS as u64
 }
 
-/// What the user should know of a field with this range.
-fn warnings((min, max): (i16, i16)) -> Vec<String> {
-    let message = match (min, max) {
-        (min, max) if min < 0 && max <= 0 => "nothing lies inside: facets, or normals, face inwards",
-        (0, 0) => "nothing lies inside: no body is large enough for a sample",
-        _ => return Vec::new(),
+/// What the user should know of a field with this range, and of the pieces behind it.
+fn warnings((min, max): (i16, i16), plan: &Plan, summary: &Summary) -> Vec<String> {
+    let empty = match (min, max) {
+        (min, max) if min < 0 && max <= 0 => Some("nothing lies inside: facets, or normals, face inwards"),
+        (0, 0) => Some("nothing lies inside: no body is large enough for a sample"),
+        _ => None,
     };
-    vec![message.to_owned()]
+    let is_closed_mesh = summary.open_edges == 0 && summary.points == 0;
+    let negative = match &summary.inside_out {
+        Some(found) => {
+            let input = plan.inputs[found.source].display().to_string();
+            Some(inside_out_text(found, &input, plan.units.symbol()))
+        }
+        None if min < 0 && is_closed_mesh => Some(match plan.orient {
+            None => format!(
+                "w falls to {min}: pieces are inside out, or cavities overlap; turn pieces with --orient"
+            ),
+            Some(_) => {
+                format!("w falls to {min}, where cavities overlap each other; unite them in the input")
+            }
+        }),
+        None => None,
+    };
+    let field: Vec<String> = empty.map(str::to_owned).into_iter().chain(negative).collect();
+    let left = plan.orient.zip(summary.pieces.as_ref());
+    let left = left.map_or(Vec::new(), |(asked, report)| left_text(report, asked));
+    let field = Some(field.join("; ")).filter(|line| !line.is_empty());
+    field.into_iter().chain(left).collect()
 }

@@ -7,7 +7,8 @@ use super::{
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
 use crate::kinds::{FileKind, not_read};
-use crate::output::{in_line, one_line, print, print_json};
+use crate::output::{in_line, one_line, print, print_json, warn};
+use crate::pieces::{negative, negative_text};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
@@ -34,14 +35,19 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         let what = "--volume: this store is unfinished; give the command that builds it again, which goes on";
         return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
     }
-    let volumes = match args.volume {
-        true => {
-            let bars = Bars::new(false, ProgressArg::Auto);
-            Some(volume(&store, &bars)?)
-        }
-        false => None,
-    };
-    if args.json { print_json(&as_json(&store, volumes)) } else { print(&as_text(&store, volumes)) }
+    let bars = Bars::new(false, ProgressArg::Auto);
+    let volumes = args.volume.then(|| volume(&store, &bars)).transpose()?;
+    let negative = negative(&store, &bars)?;
+    bars.clear();
+    let warning = negative.map(|volume| negative_text(volume, unit_of(store.meta())));
+    warning.iter().for_each(|warning| warn(&format!("{}: {warning}", file.display())));
+    if args.json {
+        let mut json = as_json(&store, volumes);
+        json["negative_volume"] = negative.into();
+        return print_json(&json);
+    }
+    let warning = warning.map_or(String::new(), |warning| format!("  warning  {warning}\n"));
+    print(&(as_text(&store, volumes) + &warning))
 }
 
 /// Says what is in a file that is no store.

@@ -4,14 +4,17 @@ use super::info::point;
 use super::{open_inputs, start};
 use crate::args::{InfoArgs, ProgressArg, WorkArgs};
 use crate::failure::Failure;
-use crate::output::{one_line, print, print_json};
+use crate::memory;
+use crate::output::{one_line, print, print_json, warn};
+use crate::pieces::{inside_out_text, pieces_text};
 use crate::units::Size;
 use anyhow::anyhow;
-use brickfield_engine::Progress;
 use brickfield_engine::build::{Measures, is_closed, measure};
-use brickfield_engine::ingest::OpenOptions;
+use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::lattice::RootCube;
+use brickfield_engine::pieces::{Consistency, study};
 use brickfield_engine::winding::{OpenPart, OpenSummary};
+use brickfield_engine::{Error, Progress};
 use serde_json::json;
 use std::path::Path;
 
@@ -33,7 +36,14 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
             "{path}: bounds: the input spans {min:?} to {max:?}, which fits no lattice; give it an extent"
         )
     })?;
-    let summary = if is_closed(&inputs, root, &bars)? {
+    let sources: [&dyn Facets; 1] = [input];
+    let memory = memory::budget(None).map_or(u64::MAX, |size| size.0);
+    let (pieces, not_told) = match study(&sources, root, Consistency::Given, memory, &bars) {
+        Ok((report, _)) => (Some(report), String::new()),
+        Err(Error::Setting { what, .. }) => (None, what),
+        Err(error) => return Err(error.into()),
+    };
+    let summary = if is_closed(&sources, root, &bars)? {
         OpenSummary::default()
     } else {
         OpenPart::of(&[input], root, &bars)?.summary
@@ -43,6 +53,10 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     input.check()?;
     bars.clear();
     let OpenSummary { open_edges, loops, flipped_patches, .. } = summary;
+    // Coordinates of a mesh have no unit of their own.
+    let inside_out =
+        pieces.and_then(|report| report.inside_out).map(|found| inside_out_text(&found, &path, "unit"));
+    inside_out.iter().for_each(|line| warn(line));
     if args.json {
         return print_json(&json!({
             "path": path,
@@ -57,6 +71,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
             "open_edges": open_edges,
             "loops": loops,
             "flipped_patches": flipped_patches,
+            "pieces": pieces,
         }));
     }
     let closed = if open_edges == 0 {
@@ -65,9 +80,12 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         format!("open: {open_edges} open edges in {loops} loops, {flipped_patches} flipped patches")
     };
     let path = one_line(&path);
+    let warning = inside_out.map_or(String::new(), |line| format!("  warning  {}\n", one_line(&line)));
+    let pieces = pieces.map_or(not_told, |report| pieces_text(&report));
     let mut text =
         format!("{path}: {}, {} facets, {}\n", input.describe(), input.facets(), Size(input.bytes()));
-    text += &format!("  bounds   {} to {}\n  surface  {closed}\n", point(min), point(max));
+    text +=
+        &format!("  bounds   {} to {}\n  surface  {closed}\n  pieces   {pieces}\n", point(min), point(max));
     text += &match open_edges {
         0 => format!(
             "  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n"
@@ -77,5 +95,5 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     if input.skipped_faces() > 0 {
         text += &format!("  left out {} faces of fewer than three corners\n", input.skipped_faces());
     }
-    print(&text)
+    print(&(text + &warning))
 }

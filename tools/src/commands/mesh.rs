@@ -8,6 +8,7 @@ use crate::failure::Failure;
 use crate::kinds::not_a_store;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
+use crate::pieces::{negative, negative_text};
 use crate::units::{Tolerance, Unit};
 use brickfield_engine::contour::{
     ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
@@ -60,11 +61,15 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         temp_dir: args.temp_dir,
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
+    report.negative_volume = negative(&store, &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
         report.check = Some(Checked::of(output, args.weld, &bars)?);
     }
     bars.clear();
+    if let Some(volume) = report.negative_volume {
+        warn(&format!("{}: {}", args.file.display(), negative_text(volume, &report.unit)));
+    }
     if args.json {
         print_json(&report)?;
     } else if !args.work.quiet {
@@ -116,6 +121,9 @@ pub struct MeshReport {
     bounds: Option<[[f32; 3]; 2]>,
     brick_cache: BrickCache,
     seconds: f64,
+    /// Where w is negative, though the meshes are closed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    negative_volume: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     check: Option<Checked>,
 }
@@ -178,6 +186,7 @@ pub fn write_mesh(
         bounds,
         brick_cache: BrickCache { hits, misses, ahead, ahead_used },
         seconds: started.elapsed().as_secs_f64(),
+        negative_volume: None,
         check: None,
     })
 }

@@ -6,7 +6,9 @@ use crate::clouds::open_clouds;
 use crate::devices::choose;
 use crate::failure::Failure;
 use crate::kinds::require_inputs;
+use crate::memory;
 use crate::output::warn;
+use crate::pieces::left_text;
 use crate::points::{PointReader, PointWriter};
 use crate::progress::Bars;
 use crate::toolpaths::solids;
@@ -16,6 +18,7 @@ use brickfield_engine::backend::{self, Vulkan};
 use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed, surfels};
 use brickfield_engine::ingest::{CloudInput, Facets, Input, bounds_of_all};
 use brickfield_engine::lattice::RootCube;
+use brickfield_engine::pieces::{Oriented, study};
 use brickfield_engine::solid::{Outline, Solids, beads_at, brute_beads_at};
 use brickfield_engine::winding::{CloudField, OpenPart, brute_at, open_winding_at, winding_at};
 use std::fmt::Display;
@@ -30,6 +33,7 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     require_inputs(&args.inputs, "sample PART.brf --points P.csv")?;
     let bars = start(args.work)?;
     if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
+        refuse_orient(args, "points have")?;
         return of_clouds(args, clouds, &bars);
     }
     let open = args.toolpath.options(args.units)?;
@@ -40,8 +44,19 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
         warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
     }
     match outline {
-        Some(outline) => of_solids(args, &inputs, outline, &points, &bars),
+        Some(outline) => {
+            refuse_orient(args, "beads as solids have")?;
+            of_solids(args, &inputs, outline, &points, &bars)
+        }
         None => of_triangles(args, &inputs, &points, &bars),
+    }
+}
+
+/// Refuses --orient where nothing can be turned.
+fn refuse_orient(args: &WindingArgs, what: &str) -> Result<(), Failure> {
+    match args.orient {
+        Some(_) => Err(Failure::Usage(format!("--orient: {what} no facets to turn; leave it out"))),
+        None => Ok(()),
     }
 }
 
@@ -71,7 +86,18 @@ fn of_triangles(
     bars: &Bars,
 ) -> Result<(), Failure> {
     let root = root_around(inputs[0].path(), bounds_of_all(inputs, bars)?)?;
-    let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
+    let given: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
+    let turned = match args.orient {
+        Some(orient) => {
+            let memory = memory::budget(None).map_or(u64::MAX, |size| size.0);
+            let (report, turned) = study(&given, root, orient.into(), memory, bars)?;
+            left_text(&report, orient).iter().for_each(|line| warn(line));
+            Some(turned)
+        }
+        None => None,
+    };
+    let oriented = turned.as_ref().map(|turned| turned.apply(&given));
+    let sources = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
     let total = Some(inputs.iter().map(Input::facets).sum());
     if args.brute {
         let device = device(args)?;
@@ -81,7 +107,7 @@ fn of_triangles(
             return write_of(args, bars, inputs, points, &values);
         }
         write_of(args, bars, inputs, points, &brute_at(&sources, root, points, bars)?)
-    } else if is_closed(inputs, root, bars)? {
+    } else if is_closed(&sources, root, bars)? {
         bars.phase("counting", total, "facets");
         write_of(args, bars, inputs, points, &winding_at(&sources, root, points, bars)?)
     } else {
