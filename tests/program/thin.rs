@@ -137,3 +137,26 @@ fn what_thin_walls_do_not_go_with_is_refused() {
     assert!(error.contains("closed meshes"), "{error}");
     assert!(dir.names().is_empty());
 }
+
+#[test]
+fn a_mesh_that_lacks_what_the_samples_have_is_told() {
+    let dir = Scratch::new();
+    let (store, mesh) = (dir.path("a.brf"), dir.path("a.stl"));
+    let told = |Run { status, stdout, stderr }: Run| {
+        assert_eq!(status, Some(0), "{stderr}");
+        let apart = stderr.lines().any(|line| line.contains("farther apart than their errors"));
+        (apart, serde_json::from_str::<serde_json::Value>(&stdout).unwrap())
+    };
+    let (apart, json) =
+        told(run(&[&"build", &plate(), &"-o", &store, &"--depth", &"3", &"--mesh", &mesh, &"--json"]));
+    let volume = |json: &serde_json::Value, name: &str| json[name].as_f64().unwrap();
+    assert!(apart && volume(&json["mesh"], "volume") < 1300.0, "{json}");
+    assert!((volume(&json["mesh"], "samples_volume") / 2000.0 - 1.0).abs() < 0.05, "{json}");
+    assert!(told(run(&[&"mesh", &store, &"-o", &mesh, &"--json"])).0);
+    // Whole, the two agree; of other levels and values nothing is compared.
+    run(&[&"build", &plate(), &"-o", &store, &"--depth", &"3", &"--max-depth", &"5", &"--restart"]).ok();
+    let (apart, json) = told(run(&[&"mesh", &store, &"-o", &mesh, &"--tolerance", &"0.01", &"--json"]));
+    assert!(!apart && (volume(&json, "volume") / 2000.0 - 1.0).abs() < 1e-3, "{json}");
+    let (_, json) = told(run(&[&"mesh", &store, &"-o", &mesh, &"--level", &"2", &"--json"]));
+    assert!(json["samples_volume"].is_null());
+}

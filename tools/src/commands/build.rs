@@ -196,14 +196,16 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     summary.phases.insert(0, ("open", open_seconds));
     let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4);
     let store = Store::open_any(&plan.output, cache_bytes)?;
+    let mut volumes = None;
     let mesh = match (&plan.mesh, &mut sink) {
         (Some(path), Some(sink)) => {
             let begun = Instant::now();
             let temp_dir = plan.options.resources.temp_dir.clone();
             let options =
                 ContourOptions { cache_bytes: cache_bytes as usize, temp_dir, ..ContourOptions::default() };
-            let report = write_mesh(&store, &options, path, sink.as_mut(), &bars)?;
+            let mut report = write_mesh(&store, &options, path, sink.as_mut(), &bars)?;
             summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
+            volumes = report.compare_with_samples(&store, &options, &bars)?;
             Some(report)
         }
         _ => None,
@@ -213,7 +215,9 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         false => {
             let begun = Instant::now();
             // Of a share they would say nothing about the part.
-            let volumes = summary.share.is_none().then(|| volume(&store, &bars)).transpose()?;
+            if volumes.is_none() && summary.share.is_none() {
+                volumes = Some(volume(&store, &bars)?);
+            }
             summary.phases.push(("audit", begun.elapsed().as_secs_f64()));
             Some(Audit { toolpaths, volumes })
         }

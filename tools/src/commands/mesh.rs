@@ -10,6 +10,7 @@ use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::pieces::{negative, negative_text};
 use crate::units::{Tolerance, Unit};
+use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
     ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
 };
@@ -61,6 +62,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         temp_dir: args.temp_dir,
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
+    report.compare_with_samples(&store, &options, &bars)?;
     report.negative_volume = negative(&store, &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
@@ -121,6 +123,8 @@ pub struct MeshReport {
     bounds: Option<[[f32; 3]; 2]>,
     brick_cache: BrickCache,
     seconds: f64,
+    /// The volume of the union by its samples, each of which stands for a cell, where that can be compared.
+    samples_volume: Option<f64>,
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
@@ -139,6 +143,34 @@ struct BrickCache {
 }
 
 impl MeshReport {
+    /// Compares the mesh's volume with that of the samples, and warns if they are farther apart than their errors. Returns
+    /// the volumes by samples, if they were counted: the mesh is the boundary of a whole store at its finest.
+    pub fn compare_with_samples(
+        &mut self,
+        store: &Store,
+        options: &ContourOptions,
+        progress: &dyn Progress,
+    ) -> Result<Option<Volumes>, Failure> {
+        if options.iso != 0.5 || options.level.is_some() || store.meta().share.is_some() {
+            return Ok(None);
+        }
+        let volumes = volume(store, progress)?;
+        self.samples_volume = Some(volumes.union);
+        // Cells that the boundary passes count wholly or not at all: half a cell all over the boundary at most.
+        let crossed = store.entries().iter().filter(|entry| entry.leaf && !entry.head.kind.is_uniform());
+        let cell = crossed.map(|entry| store.meta().root.spacing(entry.key.level())).fold(0.0, f64::max);
+        let error = (0.5 * cell + options.tolerance) * self.area;
+        if (self.volume - volumes.union).abs() > error {
+            let (mesh, unit) = (self.volume, &self.unit);
+            warn(&format!(
+                "{}: the mesh holds {mesh:.3} {unit}³ and the samples {:.3} {unit}³, farther apart than their errors: walls \
+                 or gaps are thinner than a cell; build with --max-depth or a greater --depth",
+                self.output, volumes.union
+            ));
+        }
+        Ok(Some(volumes))
+    }
+
     /// For people.
     pub fn text(&self) -> String {
         let MeshReport { unit, vertices, triangles, area, volume, seconds, .. } = self;
@@ -186,6 +218,7 @@ pub fn write_mesh(
         bounds,
         brick_cache: BrickCache { hits, misses, ahead, ahead_used },
         seconds: started.elapsed().as_secs_f64(),
+        samples_volume: None,
         negative_volume: None,
         check: None,
     })
