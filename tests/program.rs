@@ -15,6 +15,7 @@ mod program {
     mod export;
     mod inputs;
     mod kills;
+    mod large_format;
     mod mesh;
     mod open;
     mod pictures;
@@ -24,6 +25,8 @@ mod program {
     mod shell;
     mod signals;
     mod store;
+    mod thin;
+    mod toolpaths;
     mod usage;
     mod view;
 }

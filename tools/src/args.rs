@@ -136,9 +136,10 @@ pub struct BuildArgs {
     pub refine: RefineArg,
     #[command(flatten)]
     pub backend: BackendArgs,
-    /// The unit of the input's coordinates; toolpaths are in mm whatever they say
-    #[arg(long, value_enum, default_value_t = Unit::Mm)]
-    pub units: Unit,
+    /// The unit of the input's coordinates [default: mm]. Of toolpaths, for programs without G20 or G21, in the place of what
+    /// their header says; their store is in mm
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
     /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
     /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --tolerance, --stddev or another
@@ -202,6 +203,9 @@ pub struct BeadsArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -355,11 +359,12 @@ pub struct MeshArgs {
 Of a mesh: area, volume, whether it is closed, and if not, how many open edges there are, into how many loops they fall, \
 and how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).
 
-Of a point cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it. Of X3D: \
+Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read. Of a point \
+cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it. Of X3D: \
 the Extrusions, each with its DEF name, facets, bounds, and whether it is closed. Of 3MF: the unit, the objects and what \
 is built of them. Of any other file: what it is.")]
 pub struct InfoArgs {
-    /// The store, mesh, point cloud, X3D or 3MF file
+    /// The store, mesh, toolpath, point cloud, X3D or 3MF file
     #[arg(value_name = "PART.brf|INPUT", required_unless_present = "devices")]
     pub file: Option<PathBuf>,
     /// List the Vulkan devices of this machine instead
@@ -374,6 +379,11 @@ pub struct InfoArgs {
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
 }
 
 /// Print w at points, from a store
@@ -440,6 +450,9 @@ pub struct WindingArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }

@@ -124,10 +124,6 @@ pub fn require_toolpaths(paths: &[PathBuf]) -> Result<(), anyhow::Error> {
 pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
     let (name, remedy) = match kind {
         FileKind::Input(Kind::Empty) => ("is empty".to_owned(), "export or copy the file again"),
-        FileKind::Input(Kind::Toolpath) => (
-            "is a toolpath (G-code)".to_owned(),
-            "`brickfield build` makes a store of it, and says what is in it",
-        ),
         _ => match kind.name() {
             Some(name) => (format!("is {name}, which is not read"), GIVE_AN_INPUT),
             None => ("is of no kind that is known".to_owned(), GIVE_AN_INPUT),

@@ -29,7 +29,7 @@ pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("{}: {what}", args.output.display())));
     }
     require_toolpaths(&args.inputs)?;
-    let options = args.toolpath.options()?;
+    let options = args.toolpath.options(args.units)?;
     let sweep = Sweep::new(&options.sweep)?;
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     require_distinct(&[&args.output], &inputs)?;

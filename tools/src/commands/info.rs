@@ -1,7 +1,8 @@
 //! `brickfield info`: what is in a store; for each kind of input see the files `info_*.rs`.
 
 use super::{
-    info_cloud, info_devices, info_mesh, info_three_mf, info_x3d, open_store, unit_of, volumes_text,
+    info_cloud, info_devices, info_mesh, info_three_mf, info_toolpath, info_x3d, open_store, unit_of,
+    volumes_text,
 };
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
@@ -53,6 +54,7 @@ fn of_input(file: &Path, kind: FileKind, args: &InfoArgs) -> Result<(), Failure>
     match kind {
         FileKind::Input(Kind::Mesh(_)) => info_mesh::run(file, args),
         FileKind::Input(Kind::Cloud(_)) => info_cloud::run(file, args),
+        FileKind::Input(Kind::Toolpath) => info_toolpath::run(file, args),
         FileKind::Input(Kind::X3d) => info_x3d::run(file, args),
         FileKind::Input(Kind::ThreeMf) => info_three_mf::run(file, args),
         _ => Err(not_read(file, kind).into()),
@@ -163,7 +165,7 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let tolerance =
         meta.tolerance.map_or(String::new(), |tolerance| format!("tolerance {tolerance} {unit}, "));
     line(format!(
-        "  refined  {:?}, standard deviation {}, {tolerance}depth {}",
+        "  refined  {}, standard deviation {}, {tolerance}depth {}",
         meta.refine, meta.stddev, meta.depth
     ));
     if let Some((min, max)) = winding_range(store) {

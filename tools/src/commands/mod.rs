@@ -9,6 +9,7 @@ mod info_cloud;
 mod info_devices;
 mod info_mesh;
 mod info_three_mf;
+mod info_toolpath;
 mod info_x3d;
 pub mod mesh;
 mod mesh_check;

@@ -32,7 +32,7 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
         return of_clouds(args, clouds, &bars);
     }
-    let open = args.toolpath.options()?;
+    let open = args.toolpath.options(args.units)?;
     let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
     let points = PointReader::open(&args.points)?.all()?;
     let (outline, note) = solids(args.beads, &open.sweep.shape, &inputs)?;

@@ -1,0 +1,139 @@
+//! Walls and gaps thinner than a cell: told, and divided further on request.
+
+use crate::support::*;
+use brickfield_bench_data::judge::mesh::check_file;
+use brickfield_bench_data::{Mesh, shapes, write};
+use std::path::{Path, PathBuf};
+
+/// A turned plate of 100 × 100 × 0.1 and a block of 10 × 10 × 10.
+fn plate() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/reports/thin_plate.stl")
+}
+
+fn written(dir: &Scratch, name: &str, pieces: &[Mesh]) -> PathBuf {
+    let path = dir.path(name);
+    let mut bytes = Vec::new();
+    write::stl(&mut bytes, &Mesh::merged(pieces)).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// A build's only warning, and its summary as JSON.
+#[track_caller]
+fn warned(input: &Path, more: &[&str], out: &Path) -> (Option<String>, serde_json::Value) {
+    let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"build", &input, &"-o", &out, &"--json"];
+    args.extend(more.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
+    let Run { status, stdout, stderr } = run(&args);
+    assert_eq!(status, Some(0), "{stderr}");
+    assert!(stderr.lines().count() <= 1, "{stderr}");
+    let warning = stderr.lines().next().map(str::to_owned);
+    (warning, serde_json::from_str(&stdout).unwrap())
+}
+
+#[test]
+fn a_plate_thinner_than_a_cell_is_told_and_whole_on_request() {
+    let dir = Scratch::new();
+    let (coarse, fine, mesh) = (dir.path("a.brf"), dir.path("b.brf"), dir.path("b.stl"));
+    let (warning, json) = warned(&plate(), &["--depth", "3"], &coarse);
+    let warning = warning.expect("most of the plate hides");
+    assert!(warning.contains("walls: about") && warning.contains("--max-depth 5"), "{warning}");
+    let walls = &json["thin"]["walls"];
+    let number = |name: &str| walls[name].as_f64().unwrap();
+    // Of its 10,000 mm² those that have no sample between both faces: a chord of 0.109 in a cell of 0.403.
+    assert!((6900.0..7700.0).contains(&number("area")), "{walls}");
+    assert!((number("thickness") - 0.1).abs() < 0.003 && (number("thinnest") - 0.1).abs() < 0.003, "{walls}");
+    assert!(json["thin"]["gaps"].is_null());
+    // As the warning says.
+    let (warning, json) = warned(&plate(), &["--depth", "3", "--max-depth", "5"], &fine);
+    assert_eq!((warning, json["thin"].is_null()), (None, true));
+    assert_eq!((json["base_depth"].as_u64(), json["depth"].as_u64()), (Some(3), Some(5)));
+    let full = warned(&plate(), &["--depth", "5"], &dir.path("full.brf")).1;
+    let leaves = |json: &serde_json::Value| json["leaves"].as_u64().unwrap();
+    assert!(leaves(&json) < leaves(&full), "{} {}", leaves(&json), leaves(&full));
+    run(&[&"mesh", &fine, &"-o", &mesh, &"--tolerance", &"0.001mm"]).ok();
+    let report = check_file(&mesh).unwrap();
+    assert!(report.is_balanced() && report.is_edge_manifold() && report.is_vertex_manifold(), "{report:?}");
+    assert!((report.signed_volume / 2000.0 - 1.0).abs() < 1e-3, "{report:?}");
+    assert_eq!(report.components, 2, "{report:?}");
+    // A greater depth than is needed costs nothing, and the levels below may be given by their number.
+    let deep = dir.path("c.brf");
+    let json = warned(&plate(), &["--depth", "3", "--thin", "+4"], &deep).1;
+    assert_eq!(
+        (leaves(&json), json["depth"].as_u64()),
+        (leaves(&warned(&plate(), &["--depth", "3", "--max-depth", "6"], &dir.path("d.brf")).1), Some(7))
+    );
+    let text = run(&[&"info", &deep]).ok();
+    assert!(text.contains("refined  hidden to level 3, thin walls and gaps below"), "{text}");
+    run(&[&"verify", &deep]).ok();
+}
+
+#[test]
+fn stores_with_thin_walls_are_files_like_all_others() {
+    let dir = Scratch::new();
+    let build = |name: &str, threads: &str| {
+        let out = dir.path(name);
+        run(&[&"build", &plate(), &"-o", &out, &"--depth", &"2", &"--thin", &"2", &"--threads", &threads]);
+        std::fs::read(out).unwrap()
+    };
+    let one = build("one.brf", "1");
+    assert!(one == build("two.brf", "2") && one == build("three.brf", "3"));
+    // Written anew it has the same bytes; cut to the level of all else it is the store without the option.
+    let (packed, cut, plain) = (dir.path("packed.brf"), dir.path("cut.brf"), dir.path("plain.brf"));
+    run(&[&"cache", &"compact", &dir.path("one.brf"), &"-o", &packed]).ok();
+    assert!(std::fs::read(packed).unwrap() == one);
+    run(&[&"cache", &"prune", &dir.path("one.brf"), &"-o", &cut, &"--level", &"2"]).ok();
+    run(&[&"build", &plate(), &"-o", &plain, &"--depth", &"2"]);
+    let depth = |path: &Path| {
+        let text = run(&[&"info", &path]).ok();
+        text.lines().find(|line| line.contains("refined")).unwrap().to_owned()
+    };
+    assert_eq!(depth(&cut), depth(&plain));
+    run(&[&"verify", &cut]).ok();
+}
+
+#[test]
+fn ordinary_parts_have_no_thin_walls() {
+    let dir = Scratch::new();
+    for (name, depth) in
+        [("overlap_boxes", "3"), ("spot40_model", "3"), ("clover_model", "2"), ("box_with_cavity", "2")]
+    {
+        let (warning, _) = warned(&stl(name), &["--depth", depth], &dir.path("x.brf"));
+        assert_eq!(warning, None, "{name}");
+    }
+    // Two boxes with a slot between them: a gap is told in the summary, and is no reason to warn.
+    let slot = [
+        shapes::cuboid([0.0; 3], [10.0, 10.0, 4.987]).rotated([1.0, 0.2, 0.0], 0.3),
+        shapes::cuboid([0.0, 0.0, 5.013], [10.0, 10.0, 10.0]).rotated([1.0, 0.2, 0.0], 0.3),
+    ];
+    let input = written(&dir, "slot.stl", &slot);
+    let (warning, json) = warned(&input, &["--depth", "1"], &dir.path("slot.brf"));
+    let gaps = &json["thin"]["gaps"];
+    assert_eq!((warning, json["thin"]["walls"].is_null()), (None, true));
+    assert!((gaps["thickness"].as_f64().unwrap() - 0.026).abs() < 0.001, "{gaps}");
+    // A shell of 0.02 around a void.
+    let shell = [shapes::cuboid([0.0; 3], [5.0; 3]), shapes::cuboid([0.02; 3], [4.98; 3]).flipped()];
+    let shell = shell.map(|mesh| mesh.rotated([0.1, 1.0, 0.3], 0.4));
+    let (warning, json) =
+        warned(&written(&dir, "shell.stl", &shell), &["--depth", "1"], &dir.path("shell.brf"));
+    assert!(warning.is_some());
+    let area = json["thin"]["walls"]["area"].as_f64().unwrap();
+    assert!((105.0..155.0).contains(&area), "{area}");
+}
+
+#[test]
+fn what_thin_walls_do_not_go_with_is_refused() {
+    let dir = Scratch::new();
+    let out = dir.path("x.brf");
+    let deep: [&dyn AsRef<std::ffi::OsStr>; 6] = [&"build", &plate(), &"-o", &out, &"--max-depth", &"6"];
+    let with = |more: &[&dyn AsRef<std::ffi::OsStr>]| run(&[&deep[..], more].concat());
+    with(&[&"--thin", &"2"]).misused();
+    with(&[&"--tolerance", &"0.1mm"]).misused();
+    with(&[&"--stddev", &"0.1"]).misused();
+    with(&[&"--refine", &"surface"]).misused();
+    let error = with(&[&"--depth", &"7"]).failed();
+    assert!(error.contains("a depth of 6 for thin walls is less than that of all else, 7"), "{error}");
+    let open = stl("open_box_no_lid");
+    let error = run(&[&"build", &open, &"-o", &out, &"--depth", &"1", &"--max-depth", &"2"]).failed();
+    assert!(error.contains("closed meshes"), "{error}");
+    assert!(dir.names().is_empty());
+}
