@@ -394,6 +394,9 @@ fn info_says_what_is_in_every_input() {
     assert!(line.contains("is a 3MF file, which cannot be read; export the part as STL"), "{line}");
 }
 
+/// What is typed, and what the answer holds.
+type Case<'a> = (&'a [&'a dyn AsRef<OsStr>], &'a [&'a str]);
+
 #[test]
 fn the_wrong_kind_of_file_is_told_with_the_command_that_wants_it() {
     let dir = Scratch::new();
@@ -405,7 +408,7 @@ fn the_wrong_kind_of_file_is_told_with_the_command_that_wants_it() {
     let fusion = dir.file("x.f3d", b"PK\x03\x04\0\0");
     let points = dir.file("p.csv", "0,0,0\n");
     let out = dir.path("o.png");
-    let cases: [(&[&dyn AsRef<OsStr>], &[&str]); 16] = [
+    let cases: [Case<'_>; 16] = [
         (
             &[&"mesh", &mesh, &"-o", &"x.stl"],
             &[
