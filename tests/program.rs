@@ -13,7 +13,9 @@ mod program {
     mod clouds;
     mod determinism;
     mod export;
+    mod inputs;
     mod kills;
+    mod large_format;
     mod mesh;
     mod open;
     mod orient;
@@ -25,6 +27,7 @@ mod program {
     mod signals;
     mod store;
     mod thin;
+    mod toolpaths;
     mod usage;
     mod view;
 }

@@ -236,6 +236,6 @@ fn options_that_make_no_sense() {
         run(&[&"build", &gcode("clover"), &"-o", &dir.path("o.brf"), &more[0], &more[1]]).misused();
     }
     run(&[&"beads", &gcode("clover"), &"-o", &dir.path("out.obj")]).misused();
-    run(&[&"build", &gcode("clover"), &"-o", &dir.path("o.brf"), &"--units", &"in"]).misused();
+    run(&[&"build", &gcode("clover"), &"-o", &dir.path("o.brf"), &"--units", &"furlong"]).misused();
     assert!(dir.names().is_empty());
 }

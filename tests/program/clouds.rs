@@ -127,7 +127,18 @@ fn every_command_answers_and_bytes_do_not_depend_on_threads() {
     let dir = Scratch::new();
     let all = scattered(&torus(), 800, 2);
     let (a, b) = (dir.file("a.ply", ply(&all[..500].to_vec(), true)), dir.path("b.xyz"));
-    let line = |p: &[f32; 6]| p.map(|c| c.to_string()).join(" ") + "\n";
+    // Columns without names are normals only where their lengths are 1.
+    let line = |p: &[f32; 6]| {
+        let length = (p[3] * p[3] + p[4] * p[4] + p[5] * p[5]).sqrt();
+        let [x, y, z, n @ ..] = *p;
+        [[x, y, z], n.map(|c| c / length)]
+            .as_flattened()
+            .iter()
+            .map(f32::to_string)
+            .collect::<Vec<_>>()
+            .join(" ")
+            + "\n"
+    };
     std::fs::write(&b, all[500..].iter().map(line).collect::<String>()).unwrap();
     let (_, store, mesh) = build(&dir, &[&a, &b], &["--threads", "1"]);
     let first = (std::fs::read(&store).unwrap(), std::fs::read(&mesh).unwrap());
@@ -176,10 +187,10 @@ fn clouds_that_cannot_be_built_are_refused_in_one_line() {
     let model = stl("overlap_boxes");
     let one = dir.file("one.xyz", "1 2 3 0 0 1\n");
     let same = dir.file("same.xyz", "1 2 3 0 0 1\n1 2 3 0 0 1\n");
-    let zero = dir.file("zero.xyz", "1 2 3 0 0 0\n2 2 3 0 0 0\n2 5 3 0 0 0\n");
+    let zero = dir.file("zero.xyz", "x y z nx ny nz\n1 2 3 0 0 0\n2 2 3 0 0 0\n2 5 3 0 0 0\n");
     let nan = dir.file("nan.xyz", "1 2 3 0 0 1\n2 2 3 nan 0 1\n");
     let cases: [(&[&dyn AsRef<OsStr>], &str); 9] = [
-        (&[&bare], "b.ply: points: have no normals; add --estimate-normals"),
+        (&[&bare], "b.ply: points: have no normals (no properties nx, ny and nz); add --estimate-normals"),
         (&[&oriented, &bare], "b.ply: points: has normals or lacks them"),
         (&[&oriented, &model], "overlap_boxes.stl: points: is none, among point clouds"),
         (&[&model, &oriented], "overlap_boxes.stl: points: is none, among point clouds"),

@@ -32,7 +32,7 @@ fn pixels_are_the_exact_winding_numbers() {
     {
         let store = dir.store(name, 2);
         let out = dir.path("s.png");
-        let said = slice(&store, &out, &[axis, at, "--no-legend"]);
+        let said = slice(&store, &out, &[axis, at, "--no-legend", "--samples"]);
         let Pixels(width, height, pixels) = read(&out);
         assert_eq!(said["size"], serde_json::json!([width, height]));
         let number = |value: &Value| value.as_f64().expect("a number");
@@ -450,6 +450,8 @@ fn what_cannot_be_drawn_is_said_in_a_line_and_leaves_nothing() {
         &["slice", "-o", "o.png"],
         &["slice", "--z", "1", "-o", "o.pdf"],
         &["slice", "--z", "1", "--size", "100", "-o", "o.svg"],
+        &["slice", "--z", "1", "--samples", "-o", "o.svg"],
+        &["slice", "--z", "1", "--samples", "--size", "100", "-o", "o.png"],
         &["slice", "--all", "z", "-o", "all"],
         &["slice", "--z", "nan", "-o", "o.png"],
         &["render", "-o", "o.jpg"],

@@ -40,7 +40,7 @@ fn a_plate_thinner_than_a_cell_is_told_and_whole_on_request() {
     let walls = &json["thin"]["walls"];
     let number = |name: &str| walls[name].as_f64().unwrap();
     // Of its 10,000 mm² those that have no sample between both faces: a chord of 0.109 in a cell of 0.403.
-    assert!((7000.0..7600.0).contains(&number("area")), "{walls}");
+    assert!((6900.0..7700.0).contains(&number("area")), "{walls}");
     assert!((number("thickness") - 0.1).abs() < 0.003 && (number("thinnest") - 0.1).abs() < 0.003, "{walls}");
     assert!(json["thin"]["gaps"].is_null());
     // As the warning says.
@@ -117,7 +117,7 @@ fn ordinary_parts_have_no_thin_walls() {
         warned(&written(&dir, "shell.stl", &shell), &["--depth", "1"], &dir.path("shell.brf"));
     assert!(warning.is_some());
     let area = json["thin"]["walls"]["area"].as_f64().unwrap();
-    assert!((110.0..150.0).contains(&area), "{area}");
+    assert!((105.0..155.0).contains(&area), "{area}");
 }
 
 #[test]

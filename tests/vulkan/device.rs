@@ -9,7 +9,7 @@ use brickfield_engine::Silent;
 use brickfield_engine::backend::{
     DeviceReport, Leaf, LeafQueue, NodeQueue, Vulkan, brute_at as brute_on_device,
 };
-use brickfield_engine::brick::Brick;
+use brickfield_engine::brick::{Brick, ThinLines};
 use brickfield_engine::build::BuildOptions;
 use brickfield_engine::gpu::{DeviceKind, Failure, Fault, Stage};
 use brickfield_engine::ingest::{Facet, Input};
@@ -47,7 +47,7 @@ fn exact_ties_are_decided_alike() {
             let list = Triangles { array: &array, indices: &all };
             let evaluation = here.evaluate(leaf.key, leaf.corner, list).unwrap();
             let has_hidden_crossings = evaluation.has_hidden_crossings();
-            assert_eq!(thin, evaluation.thin(), "{seed}: {}", leaf.key);
+            assert_eq!(thin, evaluation.thin(ThinLines::Sixteenth), "{seed}: {}", leaf.key);
             let expected = evaluation.into_leaf().unwrap();
             let found = undecided.take(device, leaf.key).unwrap();
             assert!(brick == expected && found.clone().into_leaf() == expected, "{seed}: {}", leaf.key);

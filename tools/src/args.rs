@@ -70,7 +70,8 @@ pub enum ProgressArg {
 Without --depth and --cell the store gets depth 4: 512 cells along the longest side. Each level more has twice \
 the cells along a side and takes about four times the time and space.
 
-Of point clouds (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
+Of point clouds (PLY without faces; text with a point a line, as .xyz, .pts, .asc, whose columns have names or are \
+understood by their numbers; with normals, or with --estimate-normals) every point \
 counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball. Without --depth and \
 --cell the cells are about half as large as the points are apart.
 
@@ -143,9 +144,10 @@ pub struct BuildArgs {
     pub refine: RefineArg,
     #[command(flatten)]
     pub backend: BackendArgs,
-    /// The unit of the input's coordinates; toolpaths are in mm whatever they say
-    #[arg(long, value_enum, default_value_t = Unit::Mm)]
-    pub units: Unit,
+    /// The unit of the input's coordinates [default: mm]. Of toolpaths, for programs without G20 or G21, in the place of what
+    /// their header says; their store is in mm
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
     /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
     /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --tolerance, --stddev or another
@@ -209,6 +211,9 @@ pub struct BeadsArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -311,7 +316,7 @@ pub struct MeshArgs {
     pub weld: bool,
     /// Winding number at the surface: 0.5 is the boundary, 1.5 that of where two bodies overlap. In stores of
     /// open input one of 0.5, 1.5, 2.5 and so on
-    #[arg(long, value_name = "W", default_value_t = 0.5, requires = "output")]
+    #[arg(long, value_name = "W", default_value_t = 0.5, requires = "output", allow_negative_numbers = true)]
     pub iso: f64,
     /// Deepest level to use; a coarser mesh
     #[arg(long, value_name = "L", requires = "output")]
@@ -356,14 +361,19 @@ pub struct MeshArgs {
     pub work: WorkArgs,
 }
 
-/// Say what is in a store, or whether a mesh is closed
+/// Say what is in a store, or in any input
 #[derive(Args)]
 #[command(after_help = "\
-Of a mesh: how many connected pieces there are, and which are inside out; whether it is closed, and if not, how many open edges there are, into how many loops they fall, and \
-how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).")]
+Of a mesh: area, volume, how many connected pieces there are and which are inside out; whether it is closed, and if \
+not, how many open edges there are, into how many loops they fall, and how many patches face the wrong way (borders along which facets run the same way; those of doubled sheets count).
+
+Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read. Of a point \
+cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it. Of X3D: \
+the Extrusions, each with its DEF name, facets, bounds, and whether it is closed. Of 3MF: the unit, the objects and what \
+is built of them. Of any other file: what it is.")]
 pub struct InfoArgs {
-    /// The store, or a mesh that ends in .stl, .obj or .ply
-    #[arg(value_name = "PART.brf|MESH", required_unless_present = "devices")]
+    /// The store, mesh, toolpath, point cloud, X3D or 3MF file
+    #[arg(value_name = "PART.brf|INPUT", required_unless_present = "devices")]
     pub file: Option<PathBuf>,
     /// List the Vulkan devices of this machine instead
     #[arg(long, conflicts_with_all = ["file", "volume"])]
@@ -377,6 +387,11 @@ pub struct InfoArgs {
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
 }
 
 /// Print w at points, from a store
@@ -413,7 +428,7 @@ For closed meshes crossings are counted, and w is an exact integer. Open ones ar
 angles are then taken off again, with an error of at most --gwn-error. Facets and points are snapped to the \
 lattice that `build` uses.
 
-Of a point cloud (PLY with normals and without faces; text that ends in .xyz, x y z nx ny nz a line) every point \
+Of a point cloud (PLY without faces, or text with a point a line; with normals, or with --estimate-normals) every point \
 counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball.")]
 pub struct WindingArgs {
     /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz; point clouds: PLY, XYZ
@@ -450,6 +465,9 @@ pub struct WindingArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+    /// The unit of programs without G20 or G21 [default: as their header says, or mm]
+    #[arg(long, value_enum)]
+    pub units: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -473,9 +491,9 @@ pub struct ExportArgs {
     /// The array to write; its name ends in .npy
     #[arg(long, short, value_name = "W.npy")]
     pub output: PathBuf,
-    /// Type of the elements
-    #[arg(long, value_enum, default_value_t)]
-    pub dtype: DtypeArg,
+    /// Type of the elements [default: i2, or f4 where samples of the store are fractions, as of open input and point clouds]
+    #[arg(long, value_enum)]
+    pub dtype: Option<DtypeArg>,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,
@@ -487,10 +505,9 @@ pub struct ExportArgs {
 }
 
 /// NumPy's names of the element types.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum DtypeArg {
-    /// 16-bit integers
-    #[default]
+    /// 16-bit integers; fractions are rounded
     I2,
     /// 32-bit floats
     F4,

@@ -1,7 +1,7 @@
 //! Point clouds among what was typed.
 
 use crate::failure::Failure;
-use crate::output::require_distinct;
+use crate::output::{require_distinct, warn};
 use brickfield_engine::ingest::CloudInput;
 use brickfield_engine::{Error, Progress};
 use std::path::{Path, PathBuf};
@@ -30,5 +30,10 @@ pub fn open_clouds(
     }
     let names: Vec<&Path> = paths.iter().map(PathBuf::as_path).collect();
     require_distinct(outputs, &names)?;
-    Ok(Some(paths.iter().map(|path| CloudInput::open(path, progress)).collect::<Result<_, Error>>()?))
+    let opened: Vec<CloudInput> =
+        paths.iter().map(|path| CloudInput::open(path, progress)).collect::<Result<_, Error>>()?;
+    for input in &opened {
+        input.warnings().iter().for_each(|told| warn(&format!("{}: {told}", input.path().display())));
+    }
+    Ok(Some(opened))
 }

@@ -11,6 +11,7 @@ mod commands;
 mod devices;
 mod failure;
 mod interrupt;
+mod kinds;
 mod memory;
 mod npy;
 mod output;

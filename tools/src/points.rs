@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::output::Lines;
 use anyhow::{Context, anyhow};
+use brickfield_engine::ingest::Separators;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -19,6 +20,39 @@ pub struct PointReader {
     line: usize,
     /// Columns a line must have: those of the header, of which the first three count, or three.
     columns: Option<usize>,
+    /// What the first line has between its values.
+    between: Between,
+    separators: Separators,
+}
+
+/// What stands between the values of a table.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Between {
+    Commas,
+    Semicolons,
+    Blanks,
+}
+
+impl Between {
+    /// That of a line, and its name.
+    fn of(line: &[u8]) -> Between {
+        let is_blank = |piece: &[u8]| piece.trim_ascii().iter().any(u8::is_ascii_whitespace);
+        if line.contains(&b';') {
+            Between::Semicolons
+        } else if line.contains(&b',') && !line.split(|&byte| byte == b',').any(is_blank) {
+            Between::Commas
+        } else {
+            Between::Blanks
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Between::Commas => "commas",
+            Between::Semicolons => "semicolons",
+            Between::Blanks => "blanks",
+        }
+    }
 }
 
 impl PointReader {
@@ -35,7 +69,8 @@ impl PointReader {
             let file = File::open(path).with_context(cannot_open)?;
             (name, Box::new(BufReader::with_capacity(1 << 16, file)))
         };
-        Ok(PointReader { name, input, line: 0, columns: None })
+        let between = Between::Commas;
+        Ok(PointReader { name, input, line: 0, columns: None, between, separators: Separators::default() })
     }
 
     /// At most `count` more points; none at the end.
@@ -77,12 +112,28 @@ impl PointReader {
         if line.is_empty() || line[0] == b'#' {
             return Ok(None);
         }
-        let fields: Vec<&[u8]> = line.split(|&byte| byte == b',').map(<[u8]>::trim_ascii).collect();
-        let numbers: Vec<Option<f64>> = fields.iter().map(|field| fast_float2::parse(field).ok()).collect();
+        if self.columns.is_none() {
+            self.between = Between::of(line);
+        }
+        let before = self.separators;
+        let mut fields = Vec::new();
+        match self.between {
+            Between::Commas => fields.extend(line.split(|&byte| byte == b',').map(<[u8]>::trim_ascii)),
+            _ => self.separators.split(line, &mut fields).map_err(|what| self.malformed(&what))?,
+        }
+        let number = |field: &&[u8]| match self.between {
+            Between::Commas => fast_float2::parse(field).ok(),
+            _ => self.separators.number(field),
+        };
+        let numbers: Vec<Option<f64>> = fields.iter().map(number).collect();
         let Some(columns) = self.columns else {
             let is_header = fields.len() >= 3 && numbers.iter().all(Option::is_none);
             self.columns = Some(if is_header { fields.len() } else { 3 });
-            return if is_header { Ok(None) } else { self.point(&fields, &numbers, 3) };
+            if is_header {
+                self.separators = before;
+                return Ok(None);
+            }
+            return self.point(&fields, &numbers, 3);
         };
         self.point(&fields, &numbers, columns)
     }
@@ -94,7 +145,13 @@ impl PointReader {
         columns: usize,
     ) -> Result<Option<[f64; 3]>, Failure> {
         if fields.len() != columns {
-            return Err(self.malformed(&format!("{columns} values separated by commas were expected")));
+            let has_points = fields.iter().any(|field| field.contains(&b'.'));
+            let is_doubled = self.between == Between::Commas && fields.len() == 2 * columns && !has_points;
+            let hint = if is_doubled { " (decimal commas? separate values by semicolons then)" } else { "" };
+            let between = self.between.name();
+            return Err(
+                self.malformed(&format!("{columns} values separated by {between} were expected{hint}"))
+            );
         }
         let mut point = [0.0; 3];
         for (axis, value) in point.iter_mut().enumerate() {

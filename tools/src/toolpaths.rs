@@ -2,11 +2,15 @@
 
 use crate::args::BeadsArg;
 use crate::failure::Failure;
+use crate::output::one_line;
 use crate::units::{Length, Unit};
 use brickfield_engine::bead::{Joints, Shape, Sweep, SweepOptions, read_outline};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::solid::Outline;
-use brickfield_engine::toolpath::gcode::{GcodeOptions, GcodeReport};
+use brickfield_engine::toolpath::gcode::{
+    ExtruderAxis, FilamentSource, Firmware, FirmwareSource, GcodeOptions, GcodeReport, LayerAxis, Mark,
+    SettingsReport, SizeReport,
+};
 use clap::Args;
 use serde::Serialize;
 use std::convert::Infallible;
@@ -40,9 +44,43 @@ pub struct ToolpathArgs {
     /// Diameter of the filament, instead of what the file says
     #[arg(long, value_name = "LENGTH")]
     pub filament: Option<Length>,
+    /// Firmware whose rules count, as in klipper, instead of what the file names: for E after G91, turns of arcs, and
+    /// M200
+    #[arg(long, value_name = "NAME", value_parser = firmware)]
+    pub firmware: Option<Firmware>,
+    /// Axis that carries layers beside Z: W, U, A ... if its position is added to Z, -W ... if it is taken off (a table
+    /// that goes down), -Z if Z itself points down, none if Z alone counts [default: as the file shows]
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
+    pub layer_axis: Option<LayerAxis>,
+    /// Axis that feeds, in the place of E: A, B, C, U, V or W
+    #[arg(long, value_name = "AXIS")]
+    pub extruder_axis: Option<ExtruderAxis>,
+    /// Code that switches deposition on, as in M101, "M64 P8" or EXTRUDER, in the place of E, of M3 and of the codes of
+    /// known machines; may be repeated. A command with an argument, as in EXTRUDER(120), switches off by 0
+    #[arg(long, value_name = "CODE")]
+    pub deposit_on: Vec<Mark>,
+    /// Code that switches deposition off; may be repeated
+    #[arg(long, value_name = "CODE")]
+    pub deposit_off: Vec<Mark>,
+    /// Value of a variable that the program uses and the machine knows, as in '#200=0'; may be repeated
+    #[arg(long, value_name = "NAME=NUMBER", value_parser = variable)]
+    pub variable: Vec<(String, f64)>,
     /// Leave out the beads of a feature by its name in the file, as in "Skirt/Brim"; may be repeated
     #[arg(long, value_name = "FEATURE")]
     pub skip: Vec<String>,
+}
+
+fn firmware(name: &str) -> Result<Firmware, String> {
+    Firmware::by_name(name).ok_or_else(|| format!("it is none of {}", Firmware::names().join(", ")))
+}
+
+fn variable(text: &str) -> Result<(String, f64), String> {
+    let value = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    let parts = text.split_once('=').and_then(|(name, number)| Some((name.trim(), value(number)?)));
+    match parts {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value)),
+        _ => Err("give a name and a number, as in '#200=0'".to_owned()),
+    }
 }
 
 /// A cross-section by name, or the file of one.
@@ -66,21 +104,29 @@ impl FromStr for SectionArg {
 }
 
 impl ToolpathArgs {
-    /// What the engine takes. Bare numbers are millimetres, as toolpaths are.
+    /// What the engine takes. Bare numbers are millimetres, as toolpaths are. `units` are those of programs that do not
+    /// tell theirs, where the user does.
     ///
     /// # Errors
     /// If the cross-section's file cannot be read or is no simple polygon, or a number is out of range.
-    pub fn options(&self) -> Result<OpenOptions, Failure> {
+    pub fn options(&self, units: Option<Unit>) -> Result<OpenOptions, Failure> {
         let shape = match &self.section {
             SectionArg::Named(shape) => shape.clone(),
             SectionArg::File(path) => read_outline(path)?,
         };
         let mm = |length: Option<Length>| length.map(|length| length.in_unit(Unit::Mm));
         let gcode = GcodeOptions {
+            firmware: self.firmware,
             filament_diameter: mm(self.filament),
             width: mm(self.width),
             height: mm(self.height),
             skip_features: self.skip.clone(),
+            unit: units.map(Unit::millimetres),
+            layer_axis: self.layer_axis,
+            extruder_axis: self.extruder_axis,
+            deposit_on: self.deposit_on.clone(),
+            deposit_off: self.deposit_off.clone(),
+            variables: self.variable.clone(),
             ..GcodeOptions::default()
         };
         let sweep = SweepOptions { shape, sides: self.sides, bend: self.bend };
@@ -92,10 +138,13 @@ impl ToolpathArgs {
 impl ToolpathArgs {
     /// What decides the beads, by name: a build goes on only with what the same settings left.
     pub fn settings(&self, options: &OpenOptions) -> Vec<(String, String)> {
-        let ToolpathArgs { sides, bend, width, height, filament, skip, .. } = self;
+        let ToolpathArgs { sides, bend, width, height, filament, firmware, skip, variable, .. } = self;
+        let ToolpathArgs { layer_axis, extruder_axis, deposit_on, deposit_off, .. } = self;
         let mm = |length: &Option<Length>| {
             length.map_or("that of the file".to_owned(), |length| format!("{} mm", length.in_unit(Unit::Mm)))
         };
+        let of_file = || "that of the file".to_owned();
+        let list = |marks: &[Mark]| marks.iter().map(Mark::to_string).collect::<Vec<String>>().join(", ");
         let named = [
             ("cross-section", format!("{:?}", options.sweep.shape)),
             ("number of sides", sides.to_string()),
@@ -103,7 +152,14 @@ impl ToolpathArgs {
             ("width of beads", mm(width)),
             ("height of beads", mm(height)),
             ("diameter of the filament", mm(filament)),
+            ("firmware", firmware.map_or("that of the file", Firmware::name).to_owned()),
             ("list of features left out", format!("{skip:?}")),
+            ("unit of the program", options.gcode.unit.map_or(of_file(), |unit| format!("{unit} mm"))),
+            ("axis of layers", layer_axis.map_or(of_file(), |axis| axis.to_string())),
+            ("axis that feeds", extruder_axis.map_or(of_file(), |axis| axis.to_string())),
+            ("codes that deposit", list(deposit_on)),
+            ("codes that end deposition", list(deposit_off)),
+            ("variables", format!("{variable:?}")),
         ];
         named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
@@ -196,14 +252,118 @@ impl ToolpathReport {
 
     /// Volume fed and volume of beads, for people.
     pub fn text(&self) -> String {
-        let fed = match self.fed_volume {
-            Some(fed) => format!("{fed:.3} mm³ fed{}", self.filament(" by a filament of ", "")),
-            None => "no E".to_owned(),
-        };
         let GcodeReport { beads, layers, segments, .. } = &self.details;
         let counts = format!("{beads} beads, {segments} segments, {layers} layers");
-        format!("{}: {counts}; {fed}, {:.3} mm³ of beads", self.path, self.bead_volume)
+        let firmware = self.firmware_text();
+        let fed = self.fed_text();
+        let machine = one_line(&self.details.machine.text());
+        format!(
+            "{}: {counts}; {fed}, {:.3} mm³ of beads; firmware {firmware}; {machine}",
+            self.path, self.bead_volume
+        )
     }
+
+    fn fed_text(&self) -> String {
+        match self.fed_volume {
+            Some(fed) => format!("{fed:.3} mm³ fed{}", self.filament(" by a filament of ", "")),
+            None => "no E".to_owned(),
+        }
+    }
+
+    /// The firmware whose rules counted, and who says so.
+    fn firmware_text(&self) -> String {
+        let named_by = self.details.firmware_named_by.as_deref().unwrap_or_default();
+        let source = match self.details.firmware_source {
+            FirmwareSource::Option => "by --firmware".to_owned(),
+            FirmwareSource::File => format!("by \"{named_by}\""),
+            FirmwareSource::Assumed => "assumed".to_owned(),
+        };
+        format!("{} ({source})", self.details.firmware.name())
+    }
+
+    /// All that reading found, for people.
+    pub fn description(&self) -> String {
+        let details = &self.details;
+        let mut text = format!("{}: toolpath in G-code, {} lines\n", one_line(&self.path), details.lines);
+        let mut line = |name: &str, value: String| text += &format!("  {name:<8} {value}\n");
+        if let Some(slicer) = &details.slicer {
+            line("slicer", one_line(slicer));
+        }
+        line("firmware", one_line(&self.firmware_text()));
+        line("machine", one_line(&details.machine.text()));
+        let GcodeReport { beads, segments, layers, .. } = details;
+        line("beads", format!("{beads}, of {segments} segments, in {layers} layers"));
+        if let Some([low, high]) = details.bounds {
+            line("bounds", format!("{} to {}, of the nozzle's tip", point(low), point(high)));
+        }
+        line("length", format!("{:.3} mm", details.length));
+        let source = match details.filament_source {
+            FilamentSource::Option => " (by --filament)",
+            FilamentSource::Comment => " (by the file)",
+            FilamentSource::Assumed => " (assumed)",
+            FilamentSource::Volumetric => " (E counts volume)",
+            FilamentSource::None => "",
+        };
+        line("volume", format!("{}{source}, {:.3} mm³ of beads", self.fed_text(), self.bead_volume));
+        line("widths", sizes_text(&details.widths));
+        line("heights", sizes_text(&details.heights));
+        let tools: Vec<String> = details.tools.iter().map(u16::to_string).collect();
+        line("tools", tools.join(", "));
+        let settings = settings_text(&details.settings);
+        if !settings.is_empty() {
+            line("settings", settings);
+        }
+        if !details.meshes.is_empty() {
+            line("meshes", one_line(&details.meshes.join(", ")));
+        }
+        for feature in details.features.iter().filter(|feature| feature.beads > 0) {
+            let numbers = format!(
+                "{} beads, {} segments, {:.3} mm, {:.3} mm³ fed, {:.3} mm³ of beads",
+                feature.beads, feature.segments, feature.length, feature.fed, feature.volume
+            );
+            line("feature", format!("{}: {numbers}", one_line(&feature.name)));
+        }
+        text
+    }
+}
+
+/// Smallest and largest size, and where sizes come from.
+fn sizes_text(sizes: &SizeReport) -> String {
+    let range = match sizes.range {
+        Some((low, high)) if low == high => format!("{low:.4} mm"),
+        Some((low, high)) => format!("{low:.4} to {high:.4} mm"),
+        None => return "none".to_owned(),
+    };
+    let SizeReport { option, comment, extrusion, step, setting, .. } = sizes;
+    let sources = [
+        (option, "by option"),
+        (comment, "by comments"),
+        (extrusion, "by E"),
+        (step, "by the layers' distance"),
+        (setting, "by the slicer's settings"),
+    ];
+    let used: Vec<_> = sources.iter().filter(|(count, _)| **count > 0).collect();
+    let sources: Vec<String> = match &used[..] {
+        [(_, source)] => vec![source.to_string()],
+        many => many.iter().map(|(count, source)| format!("{count} {source}")).collect(),
+    };
+    format!("{range} ({})", sources.join(", "))
+}
+
+fn settings_text(settings: &SettingsReport) -> String {
+    let SettingsReport { layer_height, first_layer_height, line_width, nozzle_diameter } = settings;
+    let named = [
+        ("layer height", layer_height),
+        ("first layer", first_layer_height),
+        ("line width", line_width),
+        ("nozzle", nozzle_diameter),
+    ];
+    let told = named.iter().filter_map(|(name, value)| Some(format!("{name} {} mm", (*value).as_ref()?)));
+    told.collect::<Vec<String>>().join(", ")
+}
+
+fn point(p: [f64; 3]) -> String {
+    format!("({:.6}, {:.6}, {:.6})", p[0], p[1], p[2])
 }
 
 /// How segments were joined, for people.

@@ -45,6 +45,11 @@ impl Unit {
         self.nanometres() / 1e9
     }
 
+    /// The unit's length in millimetres.
+    pub fn millimetres(self) -> f64 {
+        self.nanometres() / 1e6
+    }
+
     /// The unit that has this symbol.
     pub fn of_symbol(symbol: &str) -> Option<Unit> {
         Unit::ALL.into_iter().find(|unit| unit.symbol() == symbol)

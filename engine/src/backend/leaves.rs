@@ -8,7 +8,7 @@ use super::batch::{Leaf, unpack};
 use super::nodes::NodeBrick;
 use super::outlet::{Outlet, Sent};
 use super::vulkan::Vulkan;
-use crate::brick::{Brick, Thin};
+use crate::brick::{Brick, Thin, ThinLines};
 use crate::error::Result;
 use crate::winding::Evaluator;
 use brickfield_shaders as shaders;
@@ -68,7 +68,7 @@ impl LeafQueue {
         let mut here = |number: usize| {
             vulkan.report().cpu_bricks += 1;
             let evaluation = leaves[number].evaluate(evaluator)?;
-            let thin = evaluation.thin();
+            let thin = evaluation.thin(ThinLines::Sixteenth);
             Ok((evaluation.into_leaf()?, thin))
         };
         loop {
@@ -78,7 +78,7 @@ impl LeafQueue {
                 return match self.take(vulkan, received) {
                     // The processor looks where something may hide.
                     Some(found) if found.has_hidden_crossings() => {
-                        let thin = leaves[number].evaluate(evaluator)?.thin();
+                        let thin = leaves[number].evaluate(evaluator)?.thin(ThinLines::Sixteenth);
                         Ok((found.into_leaf(), thin))
                     }
                     Some(found) => Ok((found.into_leaf(), Thin::default())),

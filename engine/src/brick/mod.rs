@@ -15,7 +15,7 @@ pub use hermite::{Hermite, HermiteEdge, OctNormal, Ranks, SignChanges};
 pub(crate) use samples::SamplesInOrder;
 pub use samples::{POINTS, Samples, point_index};
 pub(crate) use thin::ThinPair;
-pub use thin::{THIN_LEVELS, Thin, ThinSheets};
+pub use thin::{THIN_LEVELS, Thin, ThinLines, ThinSheets};
 
 /// The content of one node of the tree.
 #[derive(Clone, Debug, PartialEq)]

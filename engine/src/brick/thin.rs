@@ -16,6 +16,34 @@ const FACING_COSINE: f64 = 0.866_025_403_784_438_6;
 /// Fractions of a lattice edge, as crossings are stored.
 const EDGE: f64 = 65536.0;
 
+/// Which lattice lines along an axis are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ThinLines {
+    /// All of them: what is divided must not depend on chance.
+    All,
+    /// One in each block of 4 × 4, which stands for sixteen: enough to tell how much there is, at a fraction of the work.
+    Sixteenth,
+}
+
+impl ThinLines {
+    /// Whether the line with these indices along the two other axes is one of them.
+    #[inline]
+    pub fn holds(self, u: usize, v: usize) -> bool {
+        match self {
+            ThinLines::All => true,
+            ThinLines::Sixteenth => (u + 4 * v).is_multiple_of(16),
+        }
+    }
+
+    /// How many lines one of them stands for.
+    fn each(self) -> u64 {
+        match self {
+            ThinLines::All => 1,
+            ThinLines::Sixteenth => 16,
+        }
+    }
+}
+
 /// Two crossings of the boundary with one lattice edge, which enclose a wall or a gap.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ThinPair {
@@ -65,6 +93,13 @@ impl Thin {
     pub fn add(&mut self, other: &Thin) {
         self.walls.add(&other.walls);
         self.gaps.add(&other.gaps);
+    }
+
+    /// What was found on some lines, for all of them.
+    pub(crate) fn of_all(mut self, lines: ThinLines) -> Thin {
+        self.walls.scale(lines.each());
+        self.gaps.scale(lines.each());
+        self
     }
 
     /// Adds a pair of crossings, if the sheets face each other and their common normal is nearest to the edge's axis: so
@@ -118,6 +153,13 @@ impl ThinSheets {
             (mine, theirs) => mine.min(theirs),
         };
         self.area_by_levels.iter_mut().zip(&other.area_by_levels).for_each(|(mine, theirs)| *mine += theirs);
+    }
+
+    fn scale(&mut self, by: u64) {
+        self.edges *= by;
+        self.area *= u128::from(by);
+        self.volume *= u128::from(by);
+        self.area_by_levels.iter_mut().for_each(|area| *area *= u128::from(by));
     }
 
     /// The area of their mid-surfaces, given the length of a lattice unit.

@@ -151,11 +151,14 @@ pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress)
     let Some(first) = inputs.first().map(|input| input.path().to_owned()) else {
         return Err(Error::setting("there is no input", "give at least one point cloud"));
     };
+    let why = inputs.iter().find_map(|input| input.columns.no_normals.clone());
     let mut cloud = CloudInput::join(inputs)?;
     if estimate {
         estimate_normals(&mut cloud, progress)?;
     } else if cloud.normals.is_empty() {
-        let (what, remedy) = ("have no normals", "add --estimate-normals, or export them with normals");
+        let why = why.map_or_else(String::new, |why| format!(" ({why})"));
+        let (what, remedy) =
+            (format!("have no normals{why}"), "add --estimate-normals, or export them with normals");
         return Err(Error::input(&first, "points", what, remedy));
     }
     let surfels = Surfels::of(&cloud, progress)?;
@@ -177,6 +180,15 @@ fn place_cloud(surfels: &Surfels, first: Option<&Path>, resolution: Resolution) 
     // Nearest as a ratio: a cell of twice the next level's is as far off as one of that.
     let is_fine = |level: &u8| 2.0 * root.spacing(*level) <= std::f64::consts::SQRT_2 * surfels.spacing;
     Ok((root, (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)))
+}
+
+/// The cells of a build without --depth and --cell: their size, and the level that has them.
+///
+/// # Errors
+/// If the points span no box that a lattice fits.
+pub fn cloud_cells(surfels: &Surfels) -> Result<(f64, u8)> {
+    let (root, depth) = place_cloud(surfels, None, Resolution::Auto)?;
+    Ok((root.spacing(depth), depth))
 }
 
 fn describe(input: &CloudInput, estimated: bool) -> Result<Source> {

@@ -2,7 +2,7 @@
 
 use super::fit::Tolerance;
 use crate::backend::Leaf;
-use crate::brick::{Brick, Samples, Thin};
+use crate::brick::{Brick, Samples, Thin, ThinLines};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
 use crate::store::Refine;
@@ -144,8 +144,9 @@ pub(super) trait Evaluated {
     fn has_hidden_crossings(&mut self) -> bool;
     /// Whether the boundary w = 0.5 crosses a lattice edge more than once.
     fn has_hidden_boundary(&mut self) -> bool;
-    /// The walls and gaps of the boundary that lie between two samples; none of fields that cannot tell.
-    fn thin(&mut self) -> Result<Thin> {
+    /// The walls and gaps of the boundary that lie between two samples, by what some lines tell; none of fields that cannot
+    /// tell.
+    fn thin(&mut self, _lines: ThinLines) -> Result<Thin> {
         Ok(Thin::default())
     }
     /// The leaf's brick, with its Hermite edges.

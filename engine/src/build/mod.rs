@@ -15,6 +15,7 @@ mod field;
 mod fit;
 mod identity;
 mod jobs;
+mod measure;
 mod memory;
 mod merge;
 mod open;
@@ -38,7 +39,8 @@ mod toolpaths;
 mod weigh;
 
 pub use closed::is_closed;
-pub use cloud::{build_clouds, surfels};
+pub use cloud::{build_clouds, cloud_cells, surfels};
+pub use measure::{Measures, measure};
 pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use merge::{MergeSummary, merge};
 pub use pipeline::{BuildOptions, Keeping, Resolution, ShareSummary, Summary, build, build_opened};

@@ -2,7 +2,7 @@
 
 use super::field::{Evaluated, Field, Fractions};
 use super::fit::Tolerance;
-use crate::brick::{Samples, SignChanges, Thin};
+use crate::brick::{Samples, SignChanges, Thin, ThinLines};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, RootCube};
 use crate::store::{Compression, Refine};
@@ -124,8 +124,13 @@ impl Rules {
 
     /// What hides in a leaf of a level, or in a node that is to be one, where that matters.
     pub fn thin_of<F: Field>(&self, field: &F, level: u8, evaluation: &mut impl Evaluated) -> Result<Thin> {
-        let matters = level < self.deepest || self.deepest > self.depth || field.may_hide_walls(level);
-        if matters { evaluation.thin() } else { Ok(Thin::default()) }
+        if (self.depth..self.deepest).contains(&level) {
+            evaluation.thin(ThinLines::All)
+        } else if self.deepest > self.depth || field.may_hide_walls(level) {
+            evaluation.thin(ThinLines::Sixteenth)
+        } else {
+            Ok(Thin::default())
+        }
     }
 
     /// Whether a node at [`Rules::depth`] or below is divided for what hides in it.

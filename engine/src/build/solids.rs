@@ -3,7 +3,7 @@
 use super::bins::Binner;
 use super::field::{Evaluated, Field, Pieces};
 use super::sorted::SortedPieces;
-use crate::brick::{Brick, Samples, Thin};
+use crate::brick::{Brick, Samples, Thin, ThinLines};
 use crate::error::Result;
 use crate::lattice::{NodeKey, ROOT_BITS, Units, spacing_bits};
 use crate::progress::Progress;
@@ -99,8 +99,8 @@ impl Evaluated for SolidEvaluation<'_> {
         SolidEvaluation::has_hidden_boundary(self)
     }
 
-    fn thin(&mut self) -> Result<Thin> {
-        Ok(SolidEvaluation::thin(self))
+    fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
+        Ok(SolidEvaluation::thin(self, lines))
     }
 
     fn into_leaf(self) -> Result<Brick> {

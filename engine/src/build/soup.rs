@@ -3,7 +3,7 @@
 use super::field::{Evaluated, Field, Pieces};
 use super::fit::Tolerance;
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
-use crate::brick::{Brick, Samples, Thin};
+use crate::brick::{Brick, Samples, Thin, ThinLines};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
 use crate::winding::{CornerGrid, Evaluation, Evaluator};
@@ -163,11 +163,11 @@ impl DeviceEvaluation<'_> {
     }
 
     /// As [`DeviceEvaluation::has_hidden_boundary`]: the processor looks where one may be.
-    fn thin(&mut self) -> Result<Thin> {
+    fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
         if !self.found.has_hidden_crossings() {
             return Ok(Thin::default());
         }
-        Ok(self.node.evaluate(self.evaluator)?.thin())
+        Ok(self.node.evaluate(self.evaluator)?.thin(lines))
     }
 }
 
@@ -200,10 +200,10 @@ impl Evaluated for SoupEvaluation<'_> {
         }
     }
 
-    fn thin(&mut self) -> Result<Thin> {
+    fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
         match self {
-            SoupEvaluation::Here(evaluation) => Ok(evaluation.thin()),
-            SoupEvaluation::There(evaluation) => evaluation.thin(),
+            SoupEvaluation::Here(evaluation) => Ok(evaluation.thin(lines)),
+            SoupEvaluation::There(evaluation) => evaluation.thin(lines),
         }
     }
 

@@ -11,11 +11,12 @@ mod tests;
 pub type Target = fn(&[u8]);
 
 /// All readers. The small files to begin with are in `fuzz/seeds/NAME`.
-pub const TARGETS: [(&str, Target); 9] = [
+pub const TARGETS: [(&str, Target); 10] = [
     ("stl", crate::ingest::fuzz::stl),
     ("obj", crate::ingest::fuzz::obj),
     ("ply", crate::ingest::fuzz::ply),
     ("xyz", crate::ingest::fuzz::xyz),
+    ("three_mf", crate::ingest::fuzz::three_mf),
     ("gcode", toolpaths::gcode),
     ("x3d", toolpaths::x3d),
     ("store", crate::store::fuzz::store),

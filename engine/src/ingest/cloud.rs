@@ -1,8 +1,8 @@
 //! Point clouds: PLY without faces, and text with a point a line.
 
-use super::ply;
+use super::columns::{CloudColumns, Lengths, short};
 use super::survey::identity_of;
-use super::text::{self, Lines};
+use super::{Kind, cloud_text, detect, ply};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct PointCloud {
     /// Where they are.
     pub points: Vec<[f64; 3]>,
-    /// Outward normals of any length, one for each point; empty if the file has none.
+    /// Outward normals of any length, one for each point; empty if the file has none, or none that are sure to be normals.
     pub normals: Vec<[f64; 3]>,
 }
 
@@ -25,24 +25,25 @@ pub struct CloudInput {
     format: &'static str,
     /// Its points.
     pub cloud: PointCloud,
+    /// What its columns hold.
+    pub columns: CloudColumns,
 }
 
 impl CloudInput {
-    /// Whether a file is a point cloud: a PLY without faces, or text that ends in .xyz.
+    /// Whether a file is a point cloud: a PLY without faces, or text that ends in .xyz, .pts or .asc, or holds nothing but
+    /// lines of numbers.
     ///
     /// # Errors
-    /// If the file is missing, or a PLY with a damaged header.
+    /// If the file is missing.
     pub fn is_one(path: &Path) -> Result<bool> {
         let file = MappedFile::open(path)?;
-        let bytes = file.bytes();
-        let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xyz"));
-        let has_faces = ply::is_ply(bytes).then(|| ply::has_faces(path, bytes)).transpose();
+        let kind = detect::what_is(path, file.bytes());
         file.check()?;
-        Ok(has_faces?.map_or(is_text, |has_faces| !has_faces))
+        Ok(matches!(kind, Kind::Cloud(_)))
     }
 
     /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, with the normals nx, ny, nz if it has those; or
-    /// text with x y z or x y z nx ny nz a line, separated by white space or commas.
+    /// text, whose columns have names or are understood by their numbers.
     ///
     /// # Errors
     /// If the file is missing or damaged, has no points, has a coordinate that is not finite, or is changed meanwhile: the
@@ -54,12 +55,52 @@ impl CloudInput {
         progress.phase("reading", Some(file.len()), "bytes");
         let (read, format) = match ply::is_ply(bytes) {
             true => (ply::read_cloud(path, bytes, progress), "PLY points"),
-            false => (read_text(path, bytes, progress), "XYZ points"),
+            false => (cloud_text::read(path, bytes, progress), "XYZ points"),
         };
         file.check()?;
-        let cloud = read?;
+        let (cloud, columns) = read?;
         cloud.check(path)?;
-        Ok(CloudInput { path: path.to_owned(), file, format, cloud })
+        Ok(CloudInput { path: path.to_owned(), file, format, cloud, columns })
+    }
+
+    /// How long the normals are, if there are any.
+    pub fn normals(&self) -> Option<Lengths> {
+        (!self.cloud.normals.is_empty()).then(|| Lengths::of(self.cloud.normals.iter().copied()))
+    }
+
+    /// What the user should know, a sentence each.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = self.columns.notes.clone();
+        // Of what has none but zeros the build says more.
+        if let Some(Lengths { zero: zero @ 1.., count, .. }) = self.normals()
+            && zero < count
+        {
+            all.push(format!("{zero} of {count} normals are 0: their points count for nothing"));
+        }
+        all
+    }
+
+    /// What the columns hold, for people.
+    pub fn columns_text(&self) -> String {
+        let CloudColumns { names, named, decimal_commas, no_normals, .. } = &self.columns;
+        let mut text = names.join(" ");
+        if !named && names.len() > 3 {
+            text += " (by their numbers)";
+        }
+        if *decimal_commas {
+            text += ", with decimal commas";
+        }
+        match (self.normals(), no_normals) {
+            (Some(Lengths { zero, unit, count, min, max, .. }), _) => {
+                let lengths = match unit == count {
+                    true => "all of length 1".to_owned(),
+                    false => format!("lengths {} to {}, {zero} are 0", short(min), short(max)),
+                };
+                text + &format!("; normals given, {lengths}")
+            }
+            (None, Some(why)) => text + &format!("; no normals: {why}"),
+            (None, None) => text + "; no normals",
+        }
     }
 
     /// Where it was opened.
@@ -91,9 +132,10 @@ impl CloudInput {
     /// If some have normals and others do not.
     pub fn join(inputs: Vec<CloudInput>) -> Result<PointCloud> {
         let mut all = PointCloud::default();
-        for CloudInput { path, cloud, .. } in inputs {
+        for CloudInput { path, cloud, columns, .. } in inputs {
             if !all.points.is_empty() && cloud.normals.is_empty() != all.normals.is_empty() {
-                let what = "has normals or lacks them, unlike the clouds before it";
+                let why = columns.no_normals.map_or_else(String::new, |why| format!(" ({why})"));
+                let what = format!("has normals or lacks them, unlike the clouds before it{why}");
                 return Err(Error::input(&path, "points", what, "give the clouds alike"));
             }
             if all.points.is_empty() {
@@ -108,14 +150,6 @@ impl CloudInput {
 }
 
 impl PointCloud {
-    /// Adds a point from three coordinates, or six with its normal.
-    pub(super) fn push(&mut self, values: &[f64]) {
-        if let Some((point, rest)) = values.split_first_chunk::<3>() {
-            self.points.push(*point);
-            self.normals.extend(rest.first_chunk::<3>());
-        }
-    }
-
     pub(super) fn check(&self, path: &Path) -> Result<()> {
         if self.points.is_empty() {
             return Err(Error::input(path, "points", "there are none", "give at least one point"));
@@ -139,38 +173,6 @@ impl PointCloud {
         let max = std::array::from_fn(|a| self.points.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[a])));
         (min, max)
     }
-}
-
-/// A point a line; every line has as many numbers as the first. Lines that begin with # are skipped.
-pub(super) fn read_text(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<PointCloud> {
-    let mut lines = Lines::new(text::without_mark(bytes), 0, progress);
-    let mut cloud = PointCloud::default();
-    let mut columns = None;
-    while let Some(line) = lines.next()? {
-        let line = line.trim_ascii();
-        if line.is_empty() || line.starts_with(b"#") {
-            continue;
-        }
-        let error = |what: String| {
-            let place = format!("line {}", lines.number());
-            Error::input(path, place, what, "write a point as x y z or x y z nx ny nz")
-        };
-        let mut values = [0.0; 6];
-        let mut count = 0;
-        let fields = line.split(|b| text::is_space(*b) || *b == b',').filter(|f| !f.is_empty());
-        for field in fields {
-            let value = text::number(field)
-                .ok_or_else(|| error(format!("{} is not a number", text::quote(field))))?;
-            *values.get_mut(count).ok_or_else(|| error("more than 6 numbers".into()))? = value;
-            count += 1;
-        }
-        let expected = *columns.get_or_insert(count);
-        if !matches!(count, 3 | 6) || count != expected {
-            return Err(error(format!("{count} numbers where 3 or 6, on every line alike, were expected")));
-        }
-        cloud.push(&values[..count]);
-    }
-    Ok(cloud)
 }
 
 #[cfg(test)]
@@ -227,8 +229,7 @@ mod tests {
         assert_eq!(open("a.ply", mesh).unwrap(), None);
         for (content, what) in [
             (&b"1 2 3\n1 2\n"[..], "line 2: 2 numbers"),
-            (b"1 2 3 4\n", "line 1: 4 numbers"),
-            (b"1 2 3 4 5 6 7\n", "line 1: more than 6"),
+            (b"1 2 3 4\n1 2 3\n", "line 2: 3 numbers"),
             (b"1 2 x\n", "\"x\" is not a number"),
             (b"1 2 3\n1 nan 3\n", "point 2: has a coordinate that is not finite"),
             (b"# nothing\n", "there are none"),

@@ -1,7 +1,8 @@
 //! Which format a file is in: by its content if that is conclusive, else by its ending.
 
-use super::{obj, ply, stl, text};
+use super::{cloud_text, foreign, obj, ply, stl, text, three_mf};
 use crate::error::{Error, Result};
+use crate::mmap::MappedFile;
 use std::path::Path;
 
 /// Bytes at the front that are looked at to tell text from binary.
@@ -22,23 +23,90 @@ pub(super) enum Family {
 const GCODE: [&str; 6] = ["gcode", "gco", "gc", "g", "nc", "ngc"];
 /// Endings of compressed files, and how those begin.
 const PACKED: [(&str, &[u8]); 2] = [("gz", b"\x1f\x8b"), ("xz", b"\xfd7zXZ\0")];
+/// Endings of points as text; the reader says what is wrong with it.
+const CLOUDS: [&str; 5] = ["xyz", "xyzn", "xyzrgb", "pts", "asc"];
 /// Lines of a text without a telling ending that must all look like G-code.
 const GCODE_LINES: usize = 1000;
 
-/// Beginnings of other files that a user may well try, and what they are.
-const FOREIGN: [(&[u8], &str); 11] = [
-    (b"PK\x03\x04", "a ZIP archive (3MF is one)"),
-    (b"glTF", "a binary glTF file"),
-    (b"\x1f\x8b", "compressed with gzip"),
-    (b"\xfd7zXZ\0", "compressed with xz"),
-    (b"\x28\xb5\x2f\xfd", "compressed with zstd"),
-    (b"OFF", "an OFF file"),
-    (b"ISO-10303-21", "a STEP file"),
-    (b"<?xml", "an XML file"),
-    (b"#X3D", "an X3D file in the ClassicVRML encoding (save it in the XML encoding, .x3d)"),
-    (b"#VRML", "a VRML file (save it as X3D in the XML encoding, .x3d)"),
-    (b"\xe0\0\0\x01", "an X3D file in the binary encoding (save it in the XML encoding, .x3d)"),
-];
+/// What can be given instead of what cannot be read.
+const REMEDY: &str =
+    "give a mesh as STL, OBJ or PLY, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
+/// Of this many bytes one may be a control byte in a text that was damaged a little.
+const BYTES_A_CONTROL: usize = 16;
+
+/// What a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A mesh: its format, as in "STL".
+    Mesh(&'static str),
+    /// Points without faces: "PLY" or "XYZ".
+    Cloud(&'static str),
+    /// G-code.
+    Toolpath,
+    /// X3D, in its XML encoding.
+    X3d,
+    /// A 3MF file.
+    ThreeMf,
+    /// Nothing that can be read: what it is, as in "a PNG picture", if that is known.
+    Foreign(Option<&'static str>),
+    /// Nothing.
+    Empty,
+}
+
+impl Kind {
+    /// What the file `path` is, by its content and then by its name; whether it is sound is for its reader to say.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn of(path: &Path) -> Result<Kind> {
+        let file = MappedFile::open(path)?;
+        let kind = what_is(path, file.bytes());
+        file.check()?;
+        Ok(kind)
+    }
+}
+
+/// See [`Kind::of`].
+pub(super) fn what_is(path: &Path, bytes: &[u8]) -> Kind {
+    if bytes.is_empty() {
+        return Kind::Empty;
+    }
+    if ply::is_ply(bytes) && ply::has_faces(path, bytes).is_ok_and(|has_faces| !has_faces) {
+        return Kind::Cloud("PLY");
+    }
+    match family(path, bytes) {
+        Ok(Family::BinaryStl | Family::AsciiStl) => Kind::Mesh("STL"),
+        Ok(Family::Obj) => Kind::Mesh("OBJ"),
+        Ok(Family::Ply) => Kind::Mesh("PLY"),
+        Ok(Family::Gcode) => Kind::Toolpath,
+        Ok(Family::X3d) => Kind::X3d,
+        Err(_) => match foreign::by_content(path, bytes) {
+            Some(three_mf::WHAT) => Kind::ThreeMf,
+            Some(what) => Kind::Foreign(Some(what)),
+            None if has_cloud_ending(path) || is_cloud(path, bytes) => Kind::Cloud("XYZ"),
+            None => Kind::Foreign(foreign::by_ending(path)),
+        },
+    }
+}
+
+/// True of a text of points that is nothing else.
+pub(super) fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
+    let start = &bytes[..bytes.len().min(START_BYTES)];
+    is_mostly_text(start) && family(path, bytes).is_err() && cloud_text::is_plausible(start)
+}
+
+fn has_cloud_ending(path: &Path) -> bool {
+    CLOUDS.iter().any(|known| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(known)))
+}
+
+/// True of what is known and cannot be read.
+fn is_foreign(path: &Path, bytes: &[u8]) -> bool {
+    !bytes.is_empty() && foreign::by_content(path, bytes).is_some()
+}
+
+fn is_mostly_text(start: &[u8]) -> bool {
+    start.iter().filter(|b| text::is_control(**b)).count() * BYTES_A_CONTROL <= start.len()
+}
 
 /// Decides by `bytes`, the content of the file `path`.
 ///
@@ -50,42 +118,68 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
     }
     let start = &bytes[..bytes.len().min(START_BYTES)];
     let start_text = text::without_mark(start);
-    let is_text = !start.iter().any(|b| *b < b' ' && !text::is_space(*b));
+    let is_text = !start.iter().any(|b| text::is_control(*b));
+    // A few zeros at the end, or one damaged byte, make no other format of a text.
+    let is_mostly_text = is_mostly_text(start);
     if ply::is_ply(bytes) {
         return Ok(Family::Ply);
     }
     if stl::has_exact_size(bytes) {
         return Ok(Family::BinaryStl);
     }
-    if is_text && begins_as_stl(start_text) {
+    if is_mostly_text && begins_as_stl(start_text) {
         return Ok(Family::AsciiStl);
     }
     if is_x3d(start_text) {
         return Ok(Family::X3d);
     }
-    if is_text && obj::is_plausible(start_text) {
+    if is_mostly_text && obj::is_plausible(start_text) {
         return Ok(Family::Obj);
     }
     if is_gcode(path, start_text, is_text) {
         return Ok(Family::Gcode);
     }
-    let remedy = "give a mesh as STL, OBJ or PLY, a toolpath as G-code, or beads as X3D";
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     if ending == "x3d" && start_text.trim_ascii_start().starts_with(b"<") {
         return Ok(Family::X3d);
     }
-    if let Some((_, what)) = FOREIGN.iter().find(|(magic, _)| start_text.starts_with(magic)) {
-        return Err(Error::input(path, "byte 0", format!("is {what}, which cannot be read"), remedy));
+    if let Some(what) = foreign::by_content(path, bytes) {
+        return Err(Error::input(
+            path,
+            "byte 0",
+            format!("is {what}, which cannot be read"),
+            remedy_for(what),
+        ));
     }
+    // The reader says what is wrong with it. Where the count of a binary file would stand there is text.
+    let begins_as_text = bytes.iter().take(84).all(|b| b.is_ascii() && !text::is_control(*b));
     match ending.to_str() {
-        // The reader says what is wrong with it.
-        Some("stl") if is_text => Ok(Family::AsciiStl),
+        Some("stl") if is_text || begins_as_text => Ok(Family::AsciiStl),
         Some("stl") => Ok(Family::BinaryStl),
-        Some("obj") if is_text => Ok(Family::Obj),
-        Some("obj") => Err(Error::input(path, "byte 0", "is not text, as an OBJ mesh is", remedy)),
+        Some("obj") if is_mostly_text => Ok(Family::Obj),
+        Some("obj") => Err(Error::input(path, "byte 0", "is not text, as an OBJ mesh is", REMEDY)),
         Some("x3d") => Ok(Family::X3d),
-        Some("ply") => Err(Error::input(path, "byte 0", "does not begin with the line \"ply\"", remedy)),
-        _ => Err(Error::input(path, "byte 0", "is neither STL nor OBJ nor PLY nor X3D nor G-code", remedy)),
+        Some("ply") => Err(Error::input(path, "byte 0", "does not begin with the line \"ply\"", REMEDY)),
+        _ => Err(match foreign::by_ending(path) {
+            Some(what) => Error::input(path, "byte 0", format!("is {what}"), remedy_for(what)),
+            None => {
+                let what = "is neither STL nor OBJ nor PLY nor X3D nor G-code";
+                Error::input(path, "byte 0", what, REMEDY)
+            }
+        }),
+    }
+}
+
+/// What the user can do with a file that cannot be read.
+fn remedy_for(what: &str) -> &'static str {
+    if what == three_mf::WHAT {
+        "export the part as STL, OBJ or PLY; `brickfield info` says what is in the file"
+    } else if what.contains("CAD model") {
+        "export the part as a mesh: STL, OBJ or PLY"
+    } else if what.starts_with("compressed") {
+        "unpack it first (G-code is read as .gz and .xz, named .gcode.gz or .gcode.xz)"
+    } else {
+        REMEDY
     }
 }
 
@@ -97,7 +191,7 @@ fn is_gcode(path: &Path, start: &[u8], is_text: bool) -> bool {
         return ending(path) == *packing
             && path.file_stem().is_some_and(|inner| GCODE.iter().any(|e| ending(Path::new(inner)) == *e));
     }
-    let is_foreign = FOREIGN.iter().any(|(magic, _)| start.starts_with(magic));
+    let is_foreign = is_foreign(path, start);
     // The reader says what is wrong with it.
     !is_foreign && (GCODE.iter().any(|e| ending(path) == *e) || is_text && begins_as_gcode(start))
 }

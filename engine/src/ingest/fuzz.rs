@@ -2,7 +2,8 @@
 
 use super::detect::{self, Family};
 use super::polygons::Polygons;
-use super::{cloud, obj, ply, stl, stl_text};
+use super::three_mf::ThreeMf;
+use super::{cloud, cloud_text, obj, ply, stl, stl_text};
 use crate::error::{Error, Result};
 use crate::progress::Silent;
 use std::path::Path;
@@ -35,7 +36,7 @@ pub(crate) fn stl(bytes: &[u8]) {
             Err(error) => refused(&error),
         },
         Ok(Family::AsciiStl) => match stl_text::read(path, bytes, &Silent) {
-            Ok(facets) => assert!(facets.len() <= bytes.len()),
+            Ok(facets) => assert!(facets.all.len() <= bytes.len()),
             Err(error) => refused(&error),
         },
         Ok(_) => {}
@@ -53,7 +54,7 @@ pub(crate) fn ply(bytes: &[u8]) {
     let path = Path::new("a.ply");
     match ply::has_faces(path, bytes) {
         Ok(true) => check(ply::read(path, bytes, &Silent).map(|(polygons, _)| polygons)),
-        Ok(false) => points(ply::read_cloud(path, bytes, &Silent), path),
+        Ok(false) => points(ply::read_cloud(path, bytes, &Silent).map(|(cloud, _)| cloud), path),
         Err(error) => refused(&error),
     }
 }
@@ -61,7 +62,17 @@ pub(crate) fn ply(bytes: &[u8]) {
 /// Points as text.
 pub(crate) fn xyz(bytes: &[u8]) {
     let path = Path::new("a.xyz");
-    points(cloud::read_text(path, bytes, &Silent), path);
+    points(cloud_text::read(path, bytes, &Silent).map(|(cloud, _)| cloud), path);
+    detect::is_cloud(Path::new("a"), bytes);
+    detect::what_is(path, bytes);
+}
+
+/// Any bytes as the archive of a 3MF file.
+pub(crate) fn three_mf(bytes: &[u8]) {
+    match ThreeMf::of_bytes(Path::new("a.3mf"), bytes, &Silent) {
+        Ok(found) => assert!(found.objects.len() as u64 <= found.bytes * 1024),
+        Err(error) => refused(&error),
+    }
 }
 
 fn points(cloud: Result<cloud::PointCloud>, path: &Path) {

@@ -1,5 +1,5 @@
 //! Inputs as they come: binary and ASCII STL, OBJ, PLY, G-code and the sweeps of X3D, each as a numbered list
-//! of triangles.
+//! of triangles; point clouds; and what any other file is.
 //!
 //! A binary STL, the form that huge soups come in, stays mapped and is decoded a range at a time; the other
 //! formats are parsed into memory once, and the beads of a toolpath are swept a range at a time.
@@ -8,8 +8,12 @@
 mod beads;
 mod bounds;
 mod cloud;
+mod cloud_text;
+mod columns;
 mod detect;
 mod facets;
+mod fields;
+mod foreign;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(crate) mod fuzz;
 mod obj;
@@ -21,6 +25,8 @@ mod survey;
 #[cfg(test)]
 mod tests;
 mod text;
+mod three_mf;
+mod triangulate;
 
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
@@ -28,8 +34,12 @@ use crate::progress::Progress;
 use crate::x3d::Sweeps;
 pub use beads::{Beads, OpenOptions, read_beads};
 pub use cloud::{CloudInput, PointCloud};
+pub use columns::{CloudColumns, Lengths};
+pub use detect::Kind;
 pub use facets::{Facets, runs};
+pub use fields::Separators;
 pub use survey::Survey;
+pub use three_mf::{ThreeMf, ThreeMfItem, ThreeMfObject};
 
 use bounds::Extent;
 use detect::Family;
@@ -59,7 +69,7 @@ pub struct Input {
 enum Soup {
     /// In the mapped file, as a binary STL.
     Mapped,
-    Facets(Vec<stl_text::Facet>),
+    Facets(stl_text::Facets),
     Polygons(Polygons),
     Beads(Box<Beads>),
     Sweeps(Box<Sweeps>),
@@ -109,7 +119,7 @@ impl Input {
             Family::BinaryStl => ("STL binary", stl::facets(path, bytes)?, Soup::Mapped),
             Family::AsciiStl => {
                 let facets = stl_text::read(path, bytes, progress)?;
-                ("STL ASCII", facets.len() as u64, Soup::Facets(facets))
+                ("STL ASCII", facets.all.len() as u64, Soup::Facets(facets))
             }
             Family::Obj => {
                 let polygons = obj::read(path, bytes, progress)?;
@@ -168,12 +178,20 @@ impl Input {
         }
     }
 
+    /// The sweeps of an X3D file, if the input is one.
+    pub fn sweeps(&self) -> Option<&Sweeps> {
+        match &self.soup {
+            Soup::Sweeps(sweeps) => Some(sweeps),
+            _ => None,
+        }
+    }
+
     /// Memory that the parsed facets or beads take; none for a binary STL, which stays in the file.
     pub fn heap_bytes(&self) -> u64 {
         let bytes = match &self.soup {
             Soup::Mapped => 0,
             Soup::Beads(beads) => return beads.swept.heap_bytes(),
-            Soup::Facets(facets) => size_of_val(facets.as_slice()),
+            Soup::Facets(facets) => size_of_val(facets.all.as_slice()),
             Soup::Polygons(polygons) => {
                 size_of_val(polygons.triangles.as_slice()) + size_of_val(polygons.vertices.as_slice())
             }
@@ -211,6 +229,11 @@ impl Input {
     pub fn warnings(&self) -> Vec<String> {
         match &self.soup {
             Soup::Sweeps(sweeps) => sweeps.report().warnings(),
+            Soup::Facets(stl_text::Facets { open_end: Some(line), .. }) => {
+                vec![format!(
+                    "line {line}: the text ends without \"endsolid\": if it was cut off, copy or export it again"
+                )]
+            }
             _ => Vec::new(),
         }
     }
@@ -228,7 +251,7 @@ impl Input {
                 out.extend(stl::records(self.file.bytes(), from, to).iter().map(stl::corners));
             }
             Soup::Facets(facets) => {
-                out.extend_from_slice(&facets[from..to]);
+                out.extend_from_slice(&facets.all[from..to]);
             }
             Soup::Polygons(polygons) => {
                 let corners = |triangle: &[u32; 3]| triangle.map(|v| polygons.vertices[v as usize]);
@@ -259,7 +282,7 @@ impl Input {
         let (from, to) = (range.start as usize, range.end as usize);
         match &self.soup {
             Soup::Mapped => stl::extent(stl::records(self.file.bytes(), from, to)),
-            Soup::Facets(facets) => Extent::of(facets[from..to].iter().copied()),
+            Soup::Facets(facets) => Extent::of(facets.all[from..to].iter().copied()),
             Soup::Polygons(polygons) => Extent::of(
                 polygons.triangles[from..to].iter().map(|t| t.map(|v| polygons.vertices[v as usize])),
             ),

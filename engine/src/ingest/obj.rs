@@ -108,8 +108,10 @@ impl Reader<'_> {
         for coordinate in &mut position {
             let word = text::token(&mut line)
                 .ok_or_else(|| self.error("vertex with fewer than three coordinates".into()))?;
-            *coordinate = text::number(word)
-                .ok_or_else(|| self.error(format!("coordinate {} is not a number", text::quote(word))))?;
+            *coordinate = text::number(word).ok_or_else(|| {
+                let what = format!("coordinate {} is not a number", text::quote(word));
+                self.error(what + text::hint(word))
+            })?;
         }
         if self.polygons.vertices.len() >= u32::MAX as usize {
             return Err(self.error("more than 4,294,967,295 vertices".into()));
@@ -155,7 +157,7 @@ impl Reader<'_> {
             self.line = line;
             return Err(self.missing(i64::from(number), present as i64));
         }
-        self.polygons.shrink();
+        self.polygons.finish();
         Ok(self.polygons)
     }
 

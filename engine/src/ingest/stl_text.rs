@@ -10,8 +10,9 @@
 //! endsolid NAME TO THE END OF THE LINE
 //! ```
 //! Keywords in any case, any white space between words, any number of solids one after the other. Normals are
-//! skipped without a look: the order of the corners says which side is outside, and exporters write all sorts
-//! of "-nan(ind)" for the normal of a sliver.
+//! skipped without a look, or may be missing: the order of the corners says which side is outside, and exporters write
+//! all sorts of "-nan(ind)" for the normal of a sliver. Also let pass: lines that begin with `#`, `;` or `//`, control
+//! bytes between words, and a last solid without its "endsolid", of which the user is told.
 
 use super::text::{self, Lines};
 use crate::error::{Error, Result};
@@ -21,18 +22,36 @@ use std::path::Path;
 /// The corners of one facet: a text may hold more digits than 32 bits do.
 pub(super) type Facet = [[f64; 3]; 3];
 
+/// What was read of a file.
+#[derive(Debug, Default)]
+pub(super) struct Facets {
+    pub(super) all: Vec<Facet>,
+    /// The line after which the file ends within a solid, between two facets.
+    pub(super) open_end: Option<u64>,
+}
+
 /// Reads all facets. What is allocated is less than twice the size of `bytes`.
 ///
 /// # Errors
 /// If the text does not follow the grammar above, naming the line.
-pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Vec<Facet>> {
-    let mut words = Words { path, lines: Lines::new(text::without_mark(bytes), 0, progress), rest: &[] };
-    let mut facets = Vec::new();
+pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Facets> {
+    let lines = Lines::new(text::without_mark(bytes), 0, progress);
+    let mut words = Words { path, lines, rest: &[] };
+    let mut facets = Facets::default();
     words.expect("solid")?;
     loop {
         words.rest = &[];
-        while words.expect_either("facet", "endsolid")? {
-            facets.push(facet(&mut words)?);
+        let before = facets.all.len();
+        loop {
+            match words.next()? {
+                Some(word) if is(word, "facet") => facets.all.push(facet(&mut words)?),
+                Some(word) if is(word, "endsolid") => break,
+                None if facets.all.len() > before => {
+                    facets.open_end = Some(words.lines.number());
+                    break;
+                }
+                word => return Err(words.unexpected("\"facet\" or \"endsolid\"", word)),
+            }
         }
         words.rest = &[];
         match words.next()? {
@@ -41,17 +60,28 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
             Some(word) => return Err(words.unexpected("\"solid\" or the end of the file", Some(word))),
         }
     }
-    facets.shrink_to_fit();
+    facets.all.shrink_to_fit();
     Ok(facets)
 }
 
 /// What follows the word "facet".
 fn facet(words: &mut Words) -> Result<Facet> {
-    words.expect("normal")?;
-    for _ in 0..3 {
-        words.next()?;
+    let mut word = words.next()?;
+    if word.is_some_and(|word| is(word, "normal")) {
+        // Three numbers, or fewer.
+        word = words.next()?;
+        for _ in 0..3 {
+            match word {
+                Some(component) if !is(component, "outer") => word = words.next()?,
+                _ => break,
+            }
+        }
+    } else if !word.is_some_and(|word| is(word, "outer")) {
+        return Err(words.unexpected("\"normal\"", word));
     }
-    words.expect("outer")?;
+    if !word.is_some_and(|word| is(word, "outer")) {
+        return Err(words.unexpected("\"outer\"", word));
+    }
     words.expect("loop")?;
     let mut corners = Facet::default();
     for corner in &mut corners {
@@ -63,6 +93,13 @@ fn facet(words: &mut Words) -> Result<Facet> {
     words.expect("endloop")?;
     words.expect("endfacet")?;
     Ok(corners)
+}
+
+/// True if the line says nothing about the surface.
+#[inline]
+fn is_comment(line: &[u8]) -> bool {
+    let start = line.iter().position(|b| !text::is_space(*b)).unwrap_or(line.len());
+    matches!(line[start..], [b'#' | b';', ..] | [b'/', b'/', ..])
 }
 
 /// True if `word` is the keyword, in any case.
@@ -87,6 +124,7 @@ impl<'a> Words<'a> {
                 return Ok(Some(word));
             }
             match self.lines.next()? {
+                Some(line) if is_comment(line) => {}
                 Some(line) => self.rest = line,
                 None => return Ok(None),
             }
@@ -100,22 +138,14 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// True if the next word is `this`, false if it is `that`.
-    fn expect_either(&mut self, this: &'static str, that: &'static str) -> Result<bool> {
-        match self.next()? {
-            Some(word) if is(word, this) => Ok(true),
-            Some(word) if is(word, that) => Ok(false),
-            word => Err(self.unexpected(&format!("\"{this}\" or \"{that}\""), word)),
-        }
-    }
-
     fn number(&mut self) -> Result<f64> {
         let word = self.next()?;
         word.and_then(text::number).ok_or_else(|| self.unexpected("a number", word))
     }
 
     fn unexpected(&self, expected: &str, found: Option<&[u8]>) -> Error {
-        let found = found.map_or("the end of the file".into(), text::quote);
+        let quoted = |word: &[u8]| text::quote(word) + text::hint(word);
+        let found = found.map_or("the end of the file".into(), quoted);
         Error::input(
             self.path,
             format!("line {}", self.lines.number()),

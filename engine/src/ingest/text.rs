@@ -55,14 +55,40 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Splits the first token off `text`; tokens are separated by ASCII white space.
+/// Splits the first token off `text`; tokens are separated by ASCII white space. Control bytes around a token, as the
+/// zeros and ^Z that some programs end a text with, are no part of it; within one they stay, so that no number falls in
+/// two.
 #[inline]
 pub(super) fn token<'a>(text: &mut &'a [u8]) -> Option<&'a [u8]> {
-    let start = text.iter().position(|b| !is_space(*b))?;
-    let rest = &text[start..];
-    let end = rest.iter().position(|b| is_space(*b)).unwrap_or(rest.len());
-    *text = &rest[end..];
-    Some(&rest[..end])
+    loop {
+        let start = text.iter().position(|b| !is_space(*b))?;
+        let rest = &text[start..];
+        let end = rest.iter().position(|b| is_space(*b)).unwrap_or(rest.len());
+        *text = &rest[end..];
+        let word = &rest[..end];
+        if !(is_control(word[0]) || is_control(word[end - 1])) {
+            return Some(word);
+        }
+        let word = without_controls(word);
+        if !word.is_empty() {
+            return Some(word);
+        }
+    }
+}
+
+/// `word` without the control bytes at its ends.
+#[cold]
+fn without_controls(word: &[u8]) -> &[u8] {
+    let is_printable = |b: &u8| !is_control(*b);
+    let start = word.iter().position(is_printable).unwrap_or(word.len());
+    let end = word.iter().rposition(is_printable).map_or(start, |last| last + 1);
+    &word[start..end]
+}
+
+/// A byte that no text needs.
+#[inline]
+pub(super) fn is_control(byte: u8) -> bool {
+    byte < b' ' && !is_space(byte) || byte == 0x7f
 }
 
 /// Space, tab, vertical tab, form feed, CR or LF.
@@ -92,6 +118,26 @@ pub(super) fn integer(token: &[u8]) -> Option<i64> {
     }
     let value = digits.iter().fold(0i64, |value, d| value * 10 + i64::from(d - b'0'));
     Some(if negative { -value } else { value })
+}
+
+/// What a message adds about a token that should be a number: why it is none, where that can be guessed.
+pub(super) fn hint(token: &[u8]) -> &'static str {
+    let is_digit = |at: usize| token.get(at).is_some_and(u8::is_ascii_digit);
+    let commas: Vec<usize> = (0..token.len()).filter(|&at| token[at] == b',').collect();
+    match commas[..] {
+        [at] if is_digit(at + 1) && (at == 0 || is_digit(at - 1) || b"+-".contains(&token[at - 1])) => {
+            " (decimal commas? write numbers with a point, as 1.5)"
+        }
+        [_, ..] => " (separate numbers by blanks, not by commas)",
+        [] if token.iter().any(|b| is_control(*b)) => " (there is a control byte in it)",
+        [] => "",
+    }
+}
+
+/// A name as it may stand in a line: printable and short.
+pub(super) fn plain(name: &[u8]) -> String {
+    const SHOWN: usize = 64;
+    String::from_utf8_lossy(&name[..name.len().min(SHOWN)]).escape_debug().to_string()
 }
 
 /// A token as it may stand in a message: printable, on one line, and short.
@@ -134,6 +180,13 @@ mod tests {
         for wrong in [&b""[..], b"-", b"1.0", b"9999999999999999999", b"+-1"] {
             assert_eq!(integer(wrong), None, "{wrong:?}");
         }
+        let mut text: &[u8] = b"\0\0 \x1av\x01 1\x002\x7f \0";
+        assert_eq!(token(&mut text), Some(&b"v"[..]));
+        assert_eq!(token(&mut text), Some(&b"1\x002"[..]));
+        assert_eq!(token(&mut text), None);
+        assert!(hint(b"1,5").contains("decimal commas?") && hint(b"-,5e3").contains("decimal commas?"));
+        assert!(hint(b"1,2,3").contains("by blanks") && hint(b"1\x002").contains("control byte"));
+        assert_eq!(hint(b"one"), "");
         assert_eq!(quote(b"a\nb\"\xff"), "\"a\\nb\\\"\u{fffd}\"");
     }
 }

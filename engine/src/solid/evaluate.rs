@@ -7,7 +7,7 @@
 use super::hermite::{Boundary, Scene};
 use super::hidden;
 use super::segments::{Segment, Solids};
-use crate::brick::{Brick, Hermite, Samples, SignChanges, Thin};
+use crate::brick::{Brick, Hermite, Samples, SignChanges, Thin, ThinLines};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Units};
 
@@ -275,12 +275,12 @@ impl SolidEvaluation<'_> {
     }
 
     /// The walls and gaps of the union that lie between two samples, on the edges that the brick owns.
-    pub fn thin(&self) -> Thin {
+    pub fn thin(&self, lines: ThinLines) -> Thin {
         let mut thin = Thin::default();
         for axis in Axis::ALL {
-            hidden::add_thin(self.solids, self.lattice, self.list, axis, &mut thin);
+            hidden::add_thin(self.solids, self.lattice, self.list, axis, lines, &mut thin);
         }
-        thin
+        thin.of_all(lines)
     }
 
     /// Turns the samples into a leaf's brick with its Hermite edges.

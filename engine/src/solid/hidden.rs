@@ -2,7 +2,7 @@
 
 use super::evaluate::{Lattice, SegmentList};
 use super::segments::{Segment, Solids};
-use crate::brick::{Thin, ThinPair};
+use crate::brick::{Thin, ThinLines, ThinPair};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 
 /// Samples along a row.
@@ -24,8 +24,14 @@ struct Reach {
     segments: [u32; 2],
 }
 
-/// The intervals of all segments on all lines along `axis`.
-fn reaches(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> Vec<Reach> {
+/// The intervals of all segments on some lines along `axis`.
+fn reaches(
+    solids: &Solids,
+    lattice: Lattice,
+    list: SegmentList<'_>,
+    axis: usize,
+    lines: ThinLines,
+) -> Vec<Reach> {
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut out = Vec::new();
     for position in 0..list.indices.len() as u32 {
@@ -33,7 +39,7 @@ fn reaches(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize
         let body = solids.body(segment);
         let bounds = solids.bounds(segment);
         for in_v in lattice.within(v, bounds) {
-            for in_u in lattice.within(u, bounds) {
+            for in_u in lattice.within(u, bounds).filter(|&in_u| lines.holds(in_u, in_v)) {
                 let mut at = [0.0; 3];
                 at[u] = lattice.offset(segment.a, u, in_u);
                 at[v] = lattice.offset(segment.a, v, in_v);
@@ -78,7 +84,7 @@ fn edge_before(sample: u8) -> u64 {
 
 /// Whether a lattice edge along `axis` holds both an entry into a bead and an exit from one.
 pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
-    let mut all = reaches(solids, lattice, list, axis);
+    let mut all = reaches(solids, lattice, list, axis, ThinLines::All);
     all.sort_unstable_by(|p, q| (p.line, p.bead).cmp(&(q.line, q.bead)).then(p.from.total_cmp(&q.from)));
     all.chunk_by(|p, q| p.line == q.line).any(|line| {
         let (mut entries, mut exits) = (0, 0);
@@ -94,7 +100,7 @@ pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>
 
 /// Whether an edge along `axis` holds a wall of the union with both faces, or a gap.
 pub(super) fn boundary(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
-    let mut all = reaches(solids, lattice, list, axis);
+    let mut all = reaches(solids, lattice, list, axis, ThinLines::All);
     all.sort_unstable_by(|p, q| p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)));
     all.chunk_by(|p, q| p.line == q.line).any(|line| {
         let (mut entries, mut exits) = (0, 0);
@@ -112,9 +118,10 @@ pub(super) fn add_thin(
     lattice: Lattice,
     list: SegmentList<'_>,
     axis: Axis,
+    lines: ThinLines,
     thin: &mut Thin,
 ) {
-    let mut all = reaches(solids, lattice, list, axis.index());
+    let mut all = reaches(solids, lattice, list, axis.index(), lines);
     all.retain(|reach| {
         usize::from(reach.line) % P < BRICK_CELLS && usize::from(reach.line) / P < BRICK_CELLS
     });

@@ -34,7 +34,7 @@ pub use kept::Kept;
 pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, Meta, Numbers, Refine, Source};
 pub use order::{build_order, subtree_level};
-pub use reader::{Accept, Store, StoreOptions};
+pub use reader::{Accept, Store, StoreOptions, is_store};
 pub use share::{Share, ShareId, ShareNumbers, cell_key, cells_of};
 pub use source::Io;
 pub use summary::{LevelSummary, NodeNumbers, Summary};

@@ -8,7 +8,7 @@ use super::identity::{BeadSegment, BeadTables, IdentityEntry, IdentityPlace, dec
 use super::index::Index;
 use super::journal::{Journal, journal_of_part};
 use super::layout::{
-    HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_BYTES, SLOT_OFFSETS, Slot, Version, record_crc,
+    HEADER_BYTES, IndexEntry, MAGIC, PAGE_BYTES, SLOT_BYTES, SLOT_OFFSETS, Slot, Version, record_crc,
 };
 use super::meta::Meta;
 use super::source::{Io, Source};
@@ -19,6 +19,7 @@ use crate::disk::planted::{Bug, planted};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube};
 use std::cell::RefCell;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -64,6 +65,15 @@ pub struct StoreOptions {
     pub io: Io,
     /// What to open.
     pub accept: Accept,
+}
+
+/// Whether a file begins as a store does, finished or not.
+pub fn is_store(path: &Path) -> bool {
+    let mut start = [0; MAGIC.len()];
+    let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
+    is_file
+        && std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok()
+        && start == MAGIC
 }
 
 impl Store {

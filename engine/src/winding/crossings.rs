@@ -1,7 +1,6 @@
 //! Crossings with the lattice edges of a brick along one axis.
 
 use crate::brick::POINTS;
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS};
 
 /// One crossing of a lattice edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,18 +20,6 @@ pub(super) struct Hit {
 pub(super) struct Place {
     pub lower: u16,
     pub offset: u16,
-}
-
-impl Place {
-    /// Whether the edge, of those along y, lies in the brick: a crossing behind the last sample lies between no two.
-    pub fn is_between_samples(&self) -> bool {
-        usize::from(self.lower) / BRICK_POINTS % BRICK_POINTS < BRICK_CELLS
-    }
-
-    /// The crossing of a facet.
-    pub fn hit(&self, jump: i32, facet: u32) -> Hit {
-        Hit { lower: self.lower, offset: self.offset, jump, facet }
-    }
 }
 
 // A lower sample index fits 16 bits.

@@ -9,7 +9,7 @@ use super::edges::EdgeMasks;
 use super::hermite::Normals;
 use super::passages::{Decided, Passages, Passing};
 use super::scan::{Block, Crossing, Facet};
-use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, point_index};
+use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, ThinLines, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
 use crate::wide::{Simd, dispatch, level};
@@ -290,38 +290,25 @@ impl Evaluator {
     /// All crossings with edges along an axis, by edge and offset.
     fn all_hits(&self, axis: Axis, key: NodeKey) -> Vec<Hit> {
         let mut hits = Vec::new();
-        self.add_hits(axis, key, |_| true, &mut hits);
+        self.add_hits(axis, key, ThinLines::All, |_, _| true, &mut hits);
         hits.sort_unstable_by_key(|hit| (hit.lower, hit.offset));
         hits
     }
 
-    /// Adds the crossings of some facets with edges along an axis. Those along y are known already.
+    /// Adds the crossings of some facets with edges along an axis, on some of its lines.
     pub(super) fn add_hits(
         &self,
         axis: Axis,
         key: NodeKey,
-        wanted: impl Fn(&Facet) -> bool,
+        lines: ThinLines,
+        wanted: fn(&Facet, Axis) -> bool,
         hits: &mut Vec<Hit>,
     ) {
-        let chosen = |(number, facet): (usize, &Facet)| wanted(facet).then_some(number as u32);
+        let choice = (key, lines, wanted);
         match axis {
-            Axis::Y => {
-                for (number, own) in self.crossings.by_facet() {
-                    let facet = &self.facets[number];
-                    let own = own.iter().filter(|place| place.is_between_samples());
-                    if wanted(facet) {
-                        let (jump, number) = (facet.jump(1), number as u32);
-                        hits.extend(own.map(|place| place.hit(jump, number)));
-                    }
-                }
-            }
-            Axis::X | Axis::Z => {
-                let chosen: Vec<u32> = self.facets.iter().enumerate().filter_map(chosen).collect();
-                match axis {
-                    Axis::X => dispatch!(level(), simd => self.hits_along::<_, 0>(simd, key, &chosen, hits)),
-                    _ => dispatch!(level(), simd => self.hits_along::<_, 2>(simd, key, &chosen, hits)),
-                }
-            }
+            Axis::X => dispatch!(level(), simd => self.hits_along::<_, 0>(simd, choice, hits)),
+            Axis::Y => dispatch!(level(), simd => self.hits_along::<_, 1>(simd, choice, hits)),
+            Axis::Z => dispatch!(level(), simd => self.hits_along::<_, 2>(simd, choice, hits)),
         }
     }
 
@@ -329,16 +316,20 @@ impl Evaluator {
     fn hits_along<S: Simd, const A: usize>(
         &self,
         simd: S,
-        key: NodeKey,
-        chosen: &[u32],
+        (key, lines, wanted): (NodeKey, ThinLines, fn(&Facet, Axis) -> bool),
         hits: &mut Vec<Hit>,
     ) {
         let block = block(key);
-        for &number in chosen {
-            let facet = &self.facets[number as usize];
+        for (number, facet) in self.facets.iter().enumerate() {
+            if !wanted(facet, Axis::ALL[A]) {
+                continue;
+            }
             let jump = facet.jump(A);
-            facet.scan::<S, A>(simd, block, [block.last; 2], |c| {
-                hits.push(Hit { lower: lower_of::<A>(c) as u16, offset: c.offset, jump, facet: number });
+            facet.scan_some::<S, A>(simd, block, lines, |c| {
+                if c.lower < block.last {
+                    let lower = lower_of::<A>(c) as u16;
+                    hits.push(Hit { lower, offset: c.offset, jump, facet: number as u32 });
+                }
             });
         }
     }

@@ -19,6 +19,7 @@ pub use balance::EdgeBalance;
 pub use brute::solid_angle;
 pub use cloud::{
     CloudBrick, CloudBricks, CloudEvaluator, CloudField, CloudPiece, Surfel, Surfels, estimate_normals,
+    median_distance,
 };
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};

@@ -6,6 +6,7 @@
 //! decide: by three edge functions in 64 bits the first, by a quotient in 128 bits the second.
 
 use super::edges::{EdgeMasks, Lowers};
+use crate::brick::ThinLines;
 use crate::lattice::{Triangle, normal};
 use crate::wide::{
     Bytes, Select, Simd, SimdBase, SimdFloat, SimdFrom, SimdMask, f64x4, i32x4, mask64x4, u64x4,
@@ -131,6 +132,18 @@ impl Facet {
         hit: impl FnMut(Crossing),
     ) {
         self.scan_chosen::<S, A>(simd, block, limit, &All, hit);
+    }
+
+    /// Calls `hit` for every crossing along axis `A` on some of the lines, between samples or not.
+    #[inline(always)]
+    pub fn scan_some<S: Simd, const A: usize>(
+        &self,
+        simd: S,
+        block: Block,
+        lines: ThinLines,
+        hit: impl FnMut(Crossing),
+    ) {
+        self.scan_chosen::<S, A>(simd, block, [block.last; 2], &lines, hit);
     }
 
     /// Calls `hit` for every crossing along axis `A` of one of the edges, and for some others: those close to such
@@ -264,6 +277,41 @@ impl Choice for All {
     #[inline(always)]
     fn lines<S: Simd>(&self, simd: S, _: bool, _: usize) -> u64x4<S> {
         u64x4::splat(simd, u64::MAX)
+    }
+}
+
+/// Rows of equal v, a bit for every u of [`ThinLines::Sixteenth`].
+const SOME_OF_V: [u64; PADDED] = some_lines(false);
+/// Rows of equal u, a bit for every v.
+const SOME_OF_U: [u64; PADDED] = some_lines(true);
+/// All rows of a block, and more for those who look at [`ROWS`] at once.
+const PADDED: usize = LINES_MAX as usize + ROWS;
+
+const fn some_lines(swap: bool) -> [u64; PADDED] {
+    let mut rows = [0; PADDED];
+    let mut row = 0;
+    while row < PADDED {
+        let mut line = 0;
+        while line < 64 {
+            let (u, v) = if swap { (row, line) } else { (line, row) };
+            if (u + 4 * v) % 16 == 0 {
+                rows[row] |= 1 << line;
+            }
+            line += 1;
+        }
+        row += 1;
+    }
+    rows
+}
+
+impl Choice for ThinLines {
+    #[inline(always)]
+    fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S> {
+        let rows = if swap { &SOME_OF_U } else { &SOME_OF_V };
+        match self {
+            ThinLines::All => u64x4::splat(simd, u64::MAX),
+            ThinLines::Sixteenth => u64x4::from_slice(simd, &rows[row..row + ROWS]),
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 use super::crossings::Hit;
 use super::evaluate::{Evaluation, Evaluator};
 use super::scan::Facet;
-use crate::brick::{POINTS, Samples, Thin, ThinPair};
+use crate::brick::{POINTS, Samples, Thin, ThinLines, ThinPair};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 
 /// Words of a set of lattice edges along one axis, a bit for each sample that an edge may begin at.
@@ -40,26 +40,26 @@ impl Crossed {
 
 impl Evaluation<'_> {
     /// The walls and gaps of the boundary w = 0.5 that lie between two samples of the brick, on the edges that it owns.
-    pub fn thin(&self) -> Thin {
+    pub fn thin(&self, lines: ThinLines) -> Thin {
         let mut thin = Thin::default();
         for axis in Axis::ALL {
-            self.evaluator.add_thin(axis, self.key, &self.samples, &mut thin);
+            self.evaluator.add_thin(axis, self.key, lines, &self.samples, &mut thin);
         }
-        thin
+        thin.of_all(lines)
     }
 }
 
 impl Evaluator {
-    fn add_thin(&self, axis: Axis, key: NodeKey, samples: &Samples, thin: &mut Thin) {
+    fn add_thin(&self, axis: Axis, key: NodeKey, lines: ThinLines, samples: &Samples, thin: &mut Thin) {
         let mut hits = Vec::new();
-        self.add_hits(axis, key, |facet| may_face(facet, axis), &mut hits);
+        self.add_hits(axis, key, lines, may_face, &mut hits);
         let crossed = Crossed::by(&hits);
         if !crossed.is_any() {
             return;
         }
         hits.retain(|hit| crossed.holds(hit.lower));
         let faced = hits.len();
-        self.add_hits(axis, key, |facet| !may_face(facet, axis), &mut hits);
+        self.add_hits(axis, key, lines, |facet, axis| !may_face(facet, axis), &mut hits);
         let mut number = 0;
         hits.retain(|hit| {
             number += 1;
@@ -115,4 +115,69 @@ fn is_owned(axis: Axis, lower: u16) -> bool {
     let ijk =
         [lower % BRICK_POINTS, lower / BRICK_POINTS % BRICK_POINTS, lower / BRICK_POINTS / BRICK_POINTS];
     Axis::ALL.into_iter().all(|other| other == axis || ijk[other.index()] < BRICK_CELLS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lattice::{RootCube, Triangle};
+    use crate::winding::Triangles;
+    use brickfield_bench_data::pile::random_pile;
+    use brickfield_bench_data::{Mesh, Rng, shapes};
+
+    /// Every edge looked at with all its crossings, and nothing left out beforehand.
+    fn thin_of_all(evaluation: &Evaluation<'_>) -> Thin {
+        let mut thin = Thin::default();
+        for axis in Axis::ALL {
+            let mut hits = Vec::new();
+            evaluation.evaluator.add_hits(axis, evaluation.key, ThinLines::All, |_, _| true, &mut hits);
+            hits.retain(|hit| is_owned(axis, hit.lower));
+            hits.sort_by_key(|hit| (hit.lower, hit.offset));
+            for edge in hits.chunk_by(|p, q| p.lower == q.lower) {
+                evaluation.evaluator.add_thin_edge(
+                    axis,
+                    evaluation.key,
+                    &evaluation.samples,
+                    edge,
+                    &mut thin,
+                );
+            }
+        }
+        thin
+    }
+
+    #[test]
+    fn nothing_is_left_out_by_looking_at_few_facets() {
+        let (mut found, mut all) = ([0; 2], [0.0; 2]);
+        for seed in 0..12 {
+            let mut rng = Rng::new(seed);
+            let mut pieces = random_pile(seed, 4);
+            let (low, high) = Mesh::merged(&pieces).bounds();
+            let size = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+            for _ in 0..12 {
+                let half = [0.2 * size, 0.3 * size, size * 10f64.powf(rng.range(-4.0, -2.0))];
+                let plate = shapes::cuboid(half.map(|c| -c), half).rotated_by(rng.quaternion());
+                pieces.push(if rng.below(3) == 0 { plate.flipped() } else { plate });
+            }
+            let soup: Vec<_> = Mesh::merged(&pieces).facets().collect();
+            let ends = |pick: fn(f64, f64) -> f64, from: f64| {
+                let along = |a: usize| soup.iter().flatten().fold(from, |m, v| pick(m, v[a]));
+                [along(0), along(1), along(2)]
+            };
+            let root = RootCube::around(ends(f64::min, f64::MAX), ends(f64::max, f64::MIN)).unwrap();
+            let array: Vec<Triangle> = soup.iter().map(|t| t.map(root.snapper())).collect();
+            let indices: Vec<u32> = (0..array.len() as u32).collect();
+            let mut evaluator = Evaluator::default();
+            let list = Triangles { array: &array, indices: &indices };
+            let evaluation = evaluator.evaluate(NodeKey::ROOT, 0, list).unwrap();
+            let thin = evaluation.thin(ThinLines::All);
+            assert_eq!(thin, thin_of_all(&evaluation), "{seed}");
+            // One line in sixteen tells about as much.
+            let some = evaluation.thin(ThinLines::Sixteenth);
+            all = [all[0] + thin.walls.area(1.0), all[1] + some.walls.area(1.0)];
+            found = [found[0] + thin.walls.edges, found[1] + thin.gaps.edges];
+        }
+        assert!((all[1] / all[0] - 1.0).abs() < 0.1, "{all:?}");
+        assert!(found.iter().all(|edges| *edges > 100), "{found:?}");
+    }
 }

@@ -23,5 +23,5 @@ mod writer;
 pub use fields::Extrusion;
 pub use reader::{Piece, Sink, read};
 pub use report::{Refused, Report};
-pub use sweeps::Sweeps;
+pub use sweeps::{Shape, Sweeps};
 pub use writer::{Style, Writer};

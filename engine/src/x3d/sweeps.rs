@@ -65,6 +65,19 @@ struct Tube {
     begin_cap: bool,
     end_cap: bool,
     flipped: bool,
+    def: Option<Box<str>>,
+    line: u64,
+}
+
+/// One Extrusion where it shows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shape<'a> {
+    /// Its DEF name.
+    pub def: Option<&'a str>,
+    /// Line of the file, from 1.
+    pub line: u64,
+    /// Its triangles, numbered within the file.
+    pub facets: Range<u64>,
 }
 
 /// One Extrusion's place in the scene.
@@ -165,6 +178,8 @@ impl Sweeps {
             begin_cap: extrusion.begin_cap,
             end_cap: extrusion.end_cap,
             flipped: !extrusion.ccw,
+            def: extrusion.def.as_deref().map(Box::from),
+            line: extrusion.line,
         };
         if self.facets_of(&tube) == 0 {
             self.report.is_empty(extrusion.line);
@@ -267,6 +282,15 @@ impl Sweeps {
         self.facets
     }
 
+    /// The Extrusions that show, in the order of the file; one that shows several times is there as often.
+    pub fn shapes(&self) -> impl Iterator<Item = Shape<'_>> {
+        self.placed.iter().enumerate().map(|(number, placed)| {
+            let end = self.placed.get(number + 1).map_or(self.facets, |next| next.first);
+            let Tube { def, line, .. } = &self.tubes[placed.tube as usize];
+            Shape { def: def.as_deref(), line: *line, facets: placed.first..end }
+        })
+    }
+
     /// What was read and what was left out.
     pub fn report(&self) -> &Report {
         &self.report
@@ -279,6 +303,7 @@ impl Sweeps {
             + self.sections.capacity() * size_of::<Section>()
             + self.rings.capacity() * size_of::<Ring>()
             + self.tubes.capacity() * size_of::<Tube>()
+            + self.tubes.iter().filter_map(|tube| tube.def.as_ref()).map(|def| def.len()).sum::<usize>()
             + self.matrices.capacity() * size_of::<DAffine3>()
             + self.placed.capacity() * size_of::<Placed>();
         bytes as u64

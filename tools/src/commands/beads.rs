@@ -3,6 +3,7 @@
 use super::start;
 use crate::args::BeadsArgs;
 use crate::failure::Failure;
+use crate::kinds::require_toolpaths;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::toolpaths::{ToolpathReport, joints_text};
@@ -27,7 +28,8 @@ pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
         let what = "beads are written as .stl or .x3d";
         return Err(Failure::Usage(format!("{}: {what}", args.output.display())));
     }
-    let options = args.toolpath.options()?;
+    require_toolpaths(&args.inputs)?;
+    let options = args.toolpath.options(args.units)?;
     let sweep = Sweep::new(&options.sweep)?;
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     require_distinct(&[&args.output], &inputs)?;

@@ -7,6 +7,7 @@ use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
 use crate::failure::Failure;
+use crate::kinds::require_inputs;
 use crate::memory;
 use crate::output::{one_line, print, print_json, warn};
 use crate::pieces::{OrientArg, inside_out_text, left_text, pieces_text};
@@ -20,7 +21,7 @@ use brickfield_engine::build::{
     ThinSummary, build_clouds, build_opened,
 };
 use brickfield_engine::contour::ContourOptions;
-use brickfield_engine::ingest::{Input, OpenOptions};
+use brickfield_engine::ingest::{CloudInput, Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -59,7 +60,8 @@ impl TryFrom<BuildArgs> for Plan {
             return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
         }
         let decides_otherwise = args.stddev > 0.0 || !matches!(args.refine, RefineArg::Hidden);
-        if args.tolerance.in_unit(args.units) > 0.0 && decides_otherwise {
+        let units = args.units.unwrap_or(Unit::Mm);
+        if args.tolerance.in_unit(units) > 0.0 && decides_otherwise {
             let what = "--tolerance: it decides which bricks are divided; leave --stddev and --refine out";
             return Err(Failure::Usage(what.to_owned()));
         }
@@ -67,13 +69,13 @@ impl TryFrom<BuildArgs> for Plan {
             let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
             return Err(Failure::Usage(what.to_owned()));
         }
-        let open = args.toolpath.options()?;
+        let open = args.toolpath.options(args.units)?;
         let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
             return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
         };
         let options = BuildOptions {
             resolution: match args.cell {
-                Some(cell) => Resolution::Cell(cell.in_unit(args.units)),
+                Some(cell) => Resolution::Cell(cell.in_unit(units)),
                 None => args.depth.map_or(Resolution::Auto, Resolution::Depth),
             },
             refine: match args.refine {
@@ -82,14 +84,14 @@ impl TryFrom<BuildArgs> for Plan {
                 RefineArg::Surface => Refine::Surface,
             },
             stddev: args.stddev,
-            tolerance: args.tolerance.in_unit(args.units),
+            tolerance: args.tolerance.in_unit(units),
             thin: match (args.max_depth, args.thin) {
                 (Some(level), _) => ThinDepth::Level(level),
                 (None, Some(levels)) => ThinDepth::Deeper(levels),
                 (None, None) => ThinDepth::None,
             },
             gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
-            unit: args.units.symbol().to_owned(),
+            unit: units.symbol().to_owned(),
             solids: None,
             orient: args.orient.map(Into::into),
             share: args.shard.map(|shard| shard.0),
@@ -103,7 +105,6 @@ impl TryFrom<BuildArgs> for Plan {
         let BuildArgs {
             inputs,
             output,
-            units,
             backend,
             memory,
             mesh,
@@ -133,10 +134,22 @@ impl TryFrom<BuildArgs> for Plan {
     }
 }
 
+/// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells.
+fn count_in_mm(plan: &mut Plan) {
+    let factor = plan.units.millimetres();
+    if let Resolution::Cell(cell) = &mut plan.options.resolution {
+        *cell *= factor;
+    }
+    plan.options.tolerance *= factor;
+    plan.units = Unit::Mm;
+    plan.options.unit = Unit::Mm.symbol().to_owned();
+}
+
 /// Runs the command.
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
+    require_inputs(&plan.inputs, "info PART.brf")?;
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
         [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
@@ -144,13 +157,19 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     if clouds.is_some() && plan.gwn_error.is_none() {
         plan.options.gwn_error = CLOUD_ERROR;
     }
+    let columns = clouds.as_deref().unwrap_or_default().iter().map(CloudText::of).collect();
     let inputs = match &clouds {
         None => open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?,
         Some(_) => Vec::new(),
     };
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     if !toolpaths.is_empty() && plan.units != Unit::Mm {
-        return Err(Failure::Usage(format!("toolpaths are in mm: leave --units {} out", plan.units)));
+        if toolpaths.len() < inputs.len() {
+            let what =
+                "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
+            return Err(Failure::Usage(format!("--units {}: {what}", plan.units)));
+        }
+        count_in_mm(&mut plan);
     }
     choose_solids(&mut plan, &inputs, clouds.is_some())?;
     let chosen = choose(&plan.backend, plan.memory, not_for_devices(&plan.options, clouds.is_some()))?;
@@ -201,7 +220,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     };
     bars.clear();
     let cpu = why_cpu(&plan, &chosen, &summary);
-    let report = Report::new(&plan, cpu, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
+    let mut report = Report::new(&plan, cpu, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
+    report.clouds = columns;
     report.warn();
     if plan.json {
         print_json(&report)
@@ -276,10 +296,25 @@ struct Report {
     winding_min: Option<i16>,
     winding_max: Option<i16>,
     warnings: Vec<String>,
+    /// Of builds from point clouds.
+    clouds: Vec<CloudText>,
     /// Of builds from toolpaths.
     #[serde(flatten)]
     audit: Option<Audit>,
     mesh: Option<MeshReport>,
+}
+
+/// What was understood of a point cloud.
+#[derive(Serialize)]
+struct CloudText {
+    path: String,
+    columns: String,
+}
+
+impl CloudText {
+    fn of(cloud: &CloudInput) -> CloudText {
+        CloudText { path: cloud.path().display().to_string(), columns: cloud.columns_text() }
+    }
 }
 
 /// Material fed, volume of the beads, and what the field makes of them.
@@ -330,6 +365,7 @@ impl Report {
             winding_min: winding.map(|(min, _)| min),
             winding_max: winding.map(|(_, max)| max),
             warnings,
+            clouds: Vec::new(),
             audit,
             mesh,
         }
@@ -378,6 +414,9 @@ impl Report {
             _ => (format!("{segments} of beads as solids, w counts beads"), "segments"),
         };
         line(format!("  {pieces:<8} {counted}"));
+        for CloudText { path, columns } in &self.clouds {
+            line(format!("  columns  {}: {}", one_line(path), one_line(columns)));
+        }
         let Summary { open_edges, loops, flipped_patches, .. } = &self.summary;
         if *open_edges > 0 {
             let edges = format!("{open_edges} open edges in {loops} loops");
@@ -437,24 +476,31 @@ impl Report {
 impl Report {
     /// Walls, or gaps, that no sample shows.
     fn thin_text(&self, sheets: &ThinSheetsSummary) -> String {
-        let ThinSheetsSummary { area, thickness, thinnest, depth, .. } = sheets;
-        let unit = &self.unit;
-        let remedy = match depth {
-            Some(depth) => format!("--max-depth {depth} divides bricks there alone"),
-            None => "no depth shows them all".to_owned(),
+        let ThinSheetsSummary { area, thickness, thinnest, .. } = sheets;
+        let (unit, cell) = (&self.unit, self.summary.cell);
+        // Faces that touch somewhere have no least distance that would mean anything.
+        let least = match *thinnest < cell / 1000.0 {
+            true => format!("less than {}", rounded(cell / 1000.0)),
+            false => rounded(*thinnest),
         };
+        let (area, thickness) = (rounded(*area), rounded(*thickness));
         format!(
-            "about {} {unit}² thinner than a cell hide between samples, {} {unit} in the mean, {} {unit} at least; {remedy}",
-            rounded(*area),
-            rounded(*thickness),
-            rounded(*thinnest)
+            "about {area} {unit}² thinner than a cell hide between samples, {thickness} {unit} in the mean, {least} {unit} at least"
         )
     }
 
-    /// The warning of walls that no sample shows. Gaps make none: beads that touch have them everywhere.
+    /// The warning of walls that no sample shows, if they are more than the slivers between faces that nearly touch. Gaps
+    /// make none: beads that touch have them everywhere.
     fn thin_warning(&self) -> Option<String> {
         let walls = self.summary.thin.as_ref()?.walls.as_ref()?;
-        Some(format!("walls: {}", self.thin_text(walls)))
+        let cell = self.summary.cell;
+        let cells = walls.area / (cell * cell);
+        let are_slivers = cells < 64.0 || (cells < 1000.0 && walls.thickness < cell / 20.0);
+        let remedy = match walls.depth {
+            Some(depth) => format!("--max-depth {depth} divides bricks there alone"),
+            None => "no depth shows them all".to_owned(),
+        };
+        (!are_slivers).then(|| format!("walls: {}; {remedy}", self.thin_text(walls)))
     }
 
     /// What evaluated the bricks, where it was a device or might have been.

@@ -10,15 +10,13 @@ use anyhow::Context;
 use brickfield_engine::Progress;
 use brickfield_engine::analysis::{Dense, Element};
 use brickfield_engine::part::{PartFile, PartPair};
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::store::{Accept, BrickTree, Store};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// A checked command line.
 struct Plan<'a> {
     args: &'a ExportArgs,
-    element: Element,
-    dtype: &'static str,
     description: PathBuf,
 }
 
@@ -30,11 +28,20 @@ impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
             let name = args.output.display();
             return Err(Failure::Usage(format!("{name}: the array's name must end in .npy")));
         }
-        let (element, dtype) = match args.dtype {
-            DtypeArg::I2 => (Element::I16, "<i2"),
-            DtypeArg::F4 => (Element::F32, "<f4"),
-        };
-        Ok(Plan { args, element, dtype, description: args.output.with_extension("json") })
+        Ok(Plan { args, description: args.output.with_extension("json") })
+    }
+}
+
+/// The elements that were asked for, or else those that hold the store's samples as they are.
+fn elements(asked: Option<DtypeArg>, store: &Store) -> (Element, &'static str) {
+    let has_fractions = || {
+        let mut nodes = store.keys().into_iter().filter_map(|key| store.node(key));
+        nodes.any(|node| node.fractions)
+    };
+    match asked {
+        Some(DtypeArg::F4) => (Element::F32, "<f4"),
+        None if has_fractions() => (Element::F32, "<f4"),
+        Some(DtypeArg::I2) | None => (Element::I16, "<i2"),
     }
 }
 
@@ -45,11 +52,11 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
     require_level(&store, args.level)?;
     require_distinct(&[&args.output, &plan.description], &[&args.store])?;
-    let grid =
-        Dense::new(&store, args.level, plan.element).map_err(|error| of_store(&store, "levels", error))?;
-    let description = describe(&plan, &store, &grid);
+    let (element, dtype) = elements(args.dtype, &store);
+    let grid = Dense::new(&store, args.level, element).map_err(|error| of_store(&store, "levels", error))?;
+    let description = describe(&plan, &store, &grid, dtype);
     let mut pair = PartPair::create(&args.output, &plan.description)?;
-    write_array(&plan, &grid, &pair.file, &bars)?;
+    write_array(dtype, &grid, &pair.file, &bars)?;
     let json = serde_json::to_string_pretty(&description).context("cannot write JSON")?;
     pair.description.append(format!("{json}\n").as_bytes())?;
     pair.finish()?;
@@ -61,18 +68,18 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     } else {
         let (name, axis) = (in_line(&args.output), grid.axis());
         let size = Size(grid.bytes().try_into().unwrap_or(u64::MAX));
-        print(&format!("{name}: {axis} × {axis} × {axis} {}, {size}", plan.dtype))
+        print(&format!("{name}: {axis} × {axis} × {axis} {dtype}, {size}"))
     }
 }
 
-fn describe(plan: &Plan<'_>, store: &Store, grid: &Dense<'_>) -> Value {
+fn describe(plan: &Plan<'_>, store: &Store, grid: &Dense<'_>, dtype: &str) -> Value {
     json!({
         "array": plan.args.output.file_name().map(|name| name.to_string_lossy().into_owned()),
         "store": plan.args.store.display().to_string(),
         "level": plan.args.level,
         "order": "zyx",
         "shape": [grid.axis(), grid.axis(), grid.axis()],
-        "dtype": plan.dtype,
+        "dtype": dtype,
         "origin": grid.origin(),
         "spacing": grid.spacing(),
         "units": store.meta().unit,
@@ -80,12 +87,12 @@ fn describe(plan: &Plan<'_>, store: &Store, grid: &Dense<'_>) -> Value {
 }
 
 fn write_array(
-    plan: &Plan<'_>,
+    dtype: &str,
     grid: &Dense<'_>,
     array: &PartFile,
     progress: &dyn Progress,
 ) -> Result<(), Failure> {
-    let header = npy::header(plan.dtype, grid.axis());
+    let header = npy::header(dtype, grid.axis());
     array.write_at(&header, 0)?;
     Ok(grid.write(progress, &|offset, bytes| array.write_at(bytes, header.len() as u64 + offset))?)
 }

@@ -1,23 +1,29 @@
-//! `brickfield info`: what is in a store; for meshes see `info_mesh.rs`.
+//! `brickfield info`: what is in a store; for each kind of input see the files `info_*.rs`.
 
-use super::{info_devices, info_mesh, open_store, unit_of, volumes_text};
+use super::{
+    info_cloud, info_devices, info_mesh, info_three_mf, info_toolpath, info_x3d, open_store, unit_of,
+    volumes_text,
+};
 use crate::args::{InfoArgs, ProgressArg};
 use crate::failure::Failure;
+use crate::kinds::{FileKind, not_read};
 use crate::output::{in_line, one_line, print, print_json, warn};
 use crate::pieces::{negative, negative_text};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
+use brickfield_engine::ingest::Kind;
 use brickfield_engine::store::{Accept, BeadsMeta, Meta, Source, Store, Summary};
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// Runs the command.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let Some(file) = args.file.as_deref().filter(|_| !args.devices) else {
         return info_devices::run(args.json);
     };
-    if info_mesh::is_mesh(file) {
-        return info_mesh::run(file, args);
+    if let Some(kind) = FileKind::of(file).filter(|kind| *kind != FileKind::Store) {
+        return of_input(file, kind, args);
     }
     // No brick is read twice, so none is kept.
     let store = open_store(file, 0, args.io, Accept::Unfinished)?;
@@ -42,6 +48,23 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     }
     let warning = warning.map_or(String::new(), |warning| format!("  warning  {warning}\n"));
     print(&(as_text(&store, volumes) + &warning))
+}
+
+/// Says what is in a file that is no store.
+fn of_input(file: &Path, kind: FileKind, args: &InfoArgs) -> Result<(), Failure> {
+    if args.volume {
+        let name = kind.name().unwrap_or_else(|| "no store".to_owned());
+        let what = format!("--volume takes a store; {} is {name}", file.display());
+        return Err(Failure::Usage(what));
+    }
+    match kind {
+        FileKind::Input(Kind::Mesh(_)) => info_mesh::run(file, args),
+        FileKind::Input(Kind::Cloud(_)) => info_cloud::run(file, args),
+        FileKind::Input(Kind::Toolpath) => info_toolpath::run(file, args),
+        FileKind::Input(Kind::X3d) => info_x3d::run(file, args),
+        FileKind::Input(Kind::ThreeMf) => info_three_mf::run(file, args),
+        _ => Err(not_read(file, kind).into()),
+    }
 }
 
 fn hex(hash: &[u8]) -> String {

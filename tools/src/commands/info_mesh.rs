@@ -7,13 +7,14 @@ use crate::failure::Failure;
 use crate::memory;
 use crate::output::{one_line, print, print_json, warn};
 use crate::pieces::{inside_out_text, pieces_text};
+use crate::units::Size;
 use anyhow::anyhow;
-use brickfield_engine::Error;
-use brickfield_engine::build::is_closed;
+use brickfield_engine::build::{Measures, is_closed, measure};
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::pieces::{Consistency, study};
 use brickfield_engine::winding::{OpenPart, OpenSummary};
+use brickfield_engine::{Error, Progress};
 use serde_json::json;
 use std::path::Path;
 
@@ -25,9 +26,6 @@ pub fn is_mesh(path: &Path) -> bool {
 
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
-    if args.volume {
-        return Err(Failure::Usage("--volume takes a store, not a mesh".to_owned()));
-    }
     let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
     let inputs = open_inputs(&[file.to_owned()], &[], &OpenOptions::default(), &bars)?;
     let input = &inputs[0];
@@ -50,6 +48,8 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     } else {
         OpenPart::of(&[input], root, &bars)?.summary
     };
+    bars.phase("measuring", Some(input.facets()), "facets");
+    let Measures { area, volume, .. } = measure(input, 0..input.facets(), root, &bars)?;
     input.check()?;
     bars.clear();
     let OpenSummary { open_edges, loops, flipped_patches, .. } = summary;
@@ -63,6 +63,9 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
             "format": input.describe(),
             "bytes": input.bytes(),
             "facets": input.facets(),
+            "skipped_faces": input.skipped_faces(),
+            "area": area,
+            "volume": (open_edges == 0).then_some(volume),
             "bounds": [min, max],
             "closed": open_edges == 0,
             "open_edges": open_edges,
@@ -77,13 +80,19 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         format!("open: {open_edges} open edges in {loops} loops, {flipped_patches} flipped patches")
     };
     let path = one_line(&path);
-    let warning = inside_out.map_or(String::new(), |line| format!("\n  warning  {}", one_line(&line)));
-    let pieces = pieces.map_or(not_told, |report| pieces_text(&report));
-    print(&format!(
-        "{path}: {}, {} facets\n  bounds   {} to {}\n  surface  {closed}\n  pieces   {pieces}{warning}\n",
-        input.describe(),
-        input.facets(),
-        point(min),
-        point(max)
-    ))
+    let mut text =
+        format!("{path}: {}, {} facets, {}\n", input.describe(), input.facets(), Size(input.bytes()));
+    text += &format!("  bounds   {} to {}\n  surface  {closed}\n", point(min), point(max));
+    text += &match open_edges {
+        0 => format!(
+            "  size     area {area:.6}, volume {volume:.6}, overlaps counted as often as they are covered\n"
+        ),
+        _ => format!("  size     area {area:.6}; no volume, for it is open\n"),
+    };
+    if input.skipped_faces() > 0 {
+        text += &format!("  left out {} faces of fewer than three corners\n", input.skipped_faces());
+    }
+    text += &format!("  pieces   {}\n", pieces.map_or(not_told, |report| pieces_text(&report)));
+    inside_out.iter().for_each(|line| text += &format!("  warning  {}\n", one_line(line)));
+    print(&text)
 }

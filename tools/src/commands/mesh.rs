@@ -5,6 +5,7 @@ use super::mesh_check::{Checked, require_sound};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
+use crate::kinds::not_a_store;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::pieces::{negative, negative_text};
@@ -12,7 +13,7 @@ use crate::units::{Tolerance, Unit};
 use brickfield_engine::contour::{
     ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
 };
-use brickfield_engine::store::{Accept, CacheStats, Store};
+use brickfield_engine::store::{Accept, CacheStats, Store, is_store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -24,7 +25,8 @@ const BRICK_CACHE_BYTES: u64 = 8 << 20;
 /// Runs the command.
 pub fn run(args: MeshArgs) -> Result<(), Failure> {
     if !(args.iso > 0.0 && args.iso <= f64::from(i16::MAX)) {
-        return Err(Failure::Usage("--iso takes a winding number above 0, such as 0.5".to_owned()));
+        let what = "surfaces are where w rises above a number greater than 0, such as 0.5 or 1.5";
+        return Err(Failure::Usage(format!("--iso {}: {what}", args.iso)));
     }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
@@ -32,7 +34,13 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         let what = "--check reads .stl, .obj and .ply only; choose such a name or leave --check out";
         return Err(Failure::Usage(format!("{}: {what}", output.display())));
     }
-    let store = open_store(&args.file, 0, args.io, Accept::Whole)?;
+    let store = match is_store(&args.file) {
+        true => open_store(&args.file, 0, args.io, Accept::Whole),
+        // Meshes are checked by this command, too.
+        false => {
+            Store::open(&args.file, 0).map_err(|error| not_a_store(&args.file, error, Some("mesh --check")))
+        }
+    }?;
     // The contourer keeps what it makes of bricks and asks the store for each about once.
     let cache_bytes = memory::mesh_caches(args.memory, &store);
     let brick_bytes = (cache_bytes / 8).min(BRICK_CACHE_BYTES);

@@ -4,6 +4,7 @@ use super::info::point;
 use super::info_mesh::is_mesh;
 use crate::args::MeshArgs;
 use crate::failure::Failure;
+use crate::kinds::FileKind;
 use crate::output::{one_line, print, print_json};
 use brickfield_engine::Progress;
 use brickfield_engine::check::{Defect, Report, check};
@@ -14,9 +15,11 @@ use std::time::Instant;
 
 /// Checks the mesh that was given in place of a store.
 pub fn run(args: &MeshArgs, progress: &crate::progress::Bars) -> Result<(), Failure> {
-    if !is_mesh(&args.file) {
-        let what = "--check takes a mesh that ends in .stl, .obj or .ply, or a store and -o";
-        return Err(Failure::Usage(format!("{}: {what}", args.file.display())));
+    let kind = FileKind::of(&args.file);
+    if !is_mesh(&args.file) && !kind.is_some_and(FileKind::is_mesh) {
+        let what = "--check takes a mesh, STL, OBJ or PLY, or a store and -o";
+        let is = kind.and_then(FileKind::name).map_or_else(String::new, |name| format!("is {name}; "));
+        return Err(Failure::Usage(format!("{}: {is}{what}", args.file.display())));
     }
     let checked = Checked::of(&args.file, args.weld, progress)?;
     progress.clear();

@@ -5,8 +5,12 @@ pub mod build;
 pub mod cache;
 pub mod export;
 pub mod info;
+mod info_cloud;
 mod info_devices;
 mod info_mesh;
+mod info_three_mf;
+mod info_toolpath;
+mod info_x3d;
 pub mod mesh;
 mod mesh_check;
 pub mod render;
@@ -19,6 +23,7 @@ pub mod winding;
 
 use crate::args::{IoArg, WorkArgs};
 use crate::failure::Failure;
+use crate::kinds::not_a_store;
 use crate::output::{require_distinct, warn};
 use crate::progress::Bars;
 use anyhow::Context;
@@ -56,13 +61,14 @@ fn open_inputs(
     Ok(opened)
 }
 
-/// Opens a store.
+/// Opens a store; of any other file says what it is and which command wants it.
 fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: Accept) -> Result<Store, Error> {
     let io = match io {
         IoArg::Pread => Io::Pread,
         IoArg::Mmap => Io::Mmap,
     };
     Store::open_with(path, StoreOptions { cache_bytes, io, accept })
+        .map_err(|error| not_a_store(path, error, None))
 }
 
 /// Makes the folder, unless it is there.

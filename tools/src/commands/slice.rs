@@ -24,6 +24,9 @@ const BYTES_A_NODE: u64 = 24;
 /// What is seen beyond the part, as a share of its longer side.
 const MARGIN: f64 = 0.02;
 
+/// Pixels that the longer side of a picture has at least, unless the user says otherwise.
+const PIXELS_LEAST: f64 = 1000.0;
+
 /// A checked command line, but for what depends on the store.
 struct Plan<'a> {
     args: &'a SliceArgs,
@@ -43,8 +46,10 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
             let name = args.output.display();
             Failure::Usage(format!("{name}: the section's name must end in .png, .svg or .dxf"))
         })?;
-        if format != SliceFormat::Png && (args.pixel.is_some() || args.size.is_some() || args.no_legend) {
-            let what = "--pixel, --size and --no-legend belong to pictures; drawings have the finest lattice's corners";
+        if format != SliceFormat::Png
+            && (args.pixel.is_some() || args.size.is_some() || args.samples || args.no_legend)
+        {
+            let what = "--pixel, --size, --samples and --no-legend belong to pictures; drawings have the finest lattice's corners";
             return Err(Failure::Usage(what.to_owned()));
         }
         Ok(Plan { args, format })
@@ -145,13 +150,17 @@ impl Plan<'_> {
 
     fn picture(&self, store: &Store, plane: Plane, window: [[f64; 2]; 2]) -> Result<SectionPicture, Failure> {
         let args = self.args;
+        let longer = (window[1][0] - window[0][0]).max(window[1][1] - window[0][1]);
         let pixel = match (args.pixel, args.size) {
             (Some(pixel), _) => Some(pixel.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?),
-            (None, Some(size)) => {
-                let longer = (window[1][0] - window[0][0]).max(window[1][1] - window[0][1]);
-                Some(longer / f64::from(size))
+            (None, Some(size)) => Some(longer / f64::from(size)),
+            (None, None) if args.samples => None,
+            (None, None) => {
+                let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+                let cell = store.root().spacing(args.level.unwrap_or(deepest).min(deepest));
+                let parts = (PIXELS_LEAST * cell / longer).ceil();
+                (parts > 1.0 && parts.is_finite()).then(|| cell / parts)
             }
-            (None, None) => None,
         };
         let legend = (!args.no_legend).then(|| unit_of(store.meta()).to_owned());
         Ok(SectionPicture { plane, window, pixel, level: args.level, legend })

@@ -5,6 +5,7 @@ use crate::args::{BackendArg, WindingArgs};
 use crate::clouds::open_clouds;
 use crate::devices::choose;
 use crate::failure::Failure;
+use crate::kinds::require_inputs;
 use crate::memory;
 use crate::output::warn;
 use crate::pieces::left_text;
@@ -29,12 +30,13 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     if asks_for_device && !args.brute {
         return Err(Failure::Usage("--backend vulkan: only --brute runs on a device".to_owned()));
     }
+    require_inputs(&args.inputs, "sample PART.brf --points P.csv")?;
     let bars = start(args.work)?;
     if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
         refuse_orient(args, "points have")?;
         return of_clouds(args, clouds, &bars);
     }
-    let open = args.toolpath.options()?;
+    let open = args.toolpath.options(args.units)?;
     let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
     let points = PointReader::open(&args.points)?.all()?;
     let (outline, note) = solids(args.beads, &open.sweep.shape, &inputs)?;

@@ -119,7 +119,8 @@ impl<'a> Rows<'a> {
     /// The next line that is not blank.
     fn next_filled(&mut self) -> Result<Option<&'a [u8]>> {
         while let Some(line) = self.lines.next()? {
-            if !line.iter().all(|b| text::is_space(*b)) {
+            let mut rest = line;
+            if text::token(&mut rest).is_some() {
                 return Ok(Some(line));
             }
         }
@@ -150,7 +151,10 @@ impl<'a> Rows<'a> {
             Scalar::F32 => text::number::<f32>(word).map(f64::from),
             _ => text::number::<f64>(word),
         };
-        value.ok_or_else(|| self.error(format!("coordinate {} is not a number", text::quote(word))))
+        value.ok_or_else(|| {
+            let what = format!("coordinate {} is not a number", text::quote(word));
+            self.error(what + text::hint(word))
+        })
     }
 
     fn integer(&self, line: &mut &'a [u8]) -> Result<i64> {

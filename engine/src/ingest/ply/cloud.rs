@@ -4,6 +4,8 @@ use super::header::{self, Encoding};
 use super::{ascii, binary};
 use crate::error::{Error, Result};
 use crate::ingest::cloud::PointCloud;
+use crate::ingest::columns::CloudColumns;
+use crate::ingest::text;
 use crate::progress::Progress;
 use std::path::Path;
 
@@ -28,7 +30,7 @@ pub(in crate::ingest) fn read_cloud(
     path: &Path,
     bytes: &[u8],
     progress: &dyn Progress,
-) -> Result<PointCloud> {
+) -> Result<(PointCloud, CloudColumns)> {
     let header = header::parse(path, bytes)?;
     let vertex = header.element("vertex");
     let positions = vertex.and_then(header::coordinates).ok_or_else(|| {
@@ -38,7 +40,12 @@ pub(in crate::ingest) fn read_cloud(
     let normals = vertex.and_then(header::normals);
     let wanted: Vec<_> = positions.into_iter().chain(normals.into_iter().flatten()).collect();
     let mut cloud = PointCloud::default();
-    let row = |values: &[f64]| cloud.push(values);
+    let row = |values: &[f64]| {
+        if let Some((point, rest)) = values.split_first_chunk::<3>() {
+            cloud.points.push(*point);
+            cloud.normals.extend(rest.first_chunk::<3>());
+        }
+    };
     match header.encoding {
         Encoding::Ascii => ascii::vertex_columns(path, bytes, &header, &wanted, progress, row)?,
         Encoding::LittleEndian => {
@@ -48,5 +55,8 @@ pub(in crate::ingest) fn read_cloud(
             binary::vertex_columns::<true>(path, bytes, &header, &wanted, progress, row)?;
         }
     }
-    Ok(cloud)
+    let names = vertex.map_or(&[][..], |vertex| &vertex.properties);
+    let names: Vec<String> = names.iter().map(|property| text::plain(&property.name)).collect();
+    let no_normals = normals.is_none().then(|| "no properties nx, ny and nz".to_owned());
+    Ok((cloud, CloudColumns { names, named: true, no_normals, ..CloudColumns::default() }))
 }

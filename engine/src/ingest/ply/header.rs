@@ -27,7 +27,7 @@ pub(super) enum Scalar {
 
 impl Scalar {
     fn parse(word: &[u8]) -> Option<Scalar> {
-        Some(match word {
+        Some(match &word.to_ascii_lowercase()[..] {
             b"char" | b"int8" => Scalar::I8,
             b"uchar" | b"uint8" => Scalar::U8,
             b"short" | b"int16" => Scalar::I16,
@@ -81,9 +81,9 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Position of the property `name`.
+    /// Position of the property `name`, written in any case.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
-        self.properties.iter().position(|p| p.name == name.as_bytes())
+        self.properties.iter().position(|p| p.name.eq_ignore_ascii_case(name.as_bytes()))
     }
 
     /// Size of a row of a binary body if every list is empty.
@@ -116,23 +116,30 @@ impl Header {
     }
 }
 
-/// The bytes that every PLY begins with, before the end of the line.
+/// The word that every PLY begins with.
 const MAGIC: &[u8] = b"ply";
 
-/// The line end of the header, which the first line shows; `None` if this is no PLY. It has to be known, since
-/// the first byte of a binary body may look like a part of it.
-fn line_end(bytes: &[u8]) -> Option<&'static [u8]> {
-    match bytes.strip_prefix(MAGIC)? {
-        [b'\r', b'\n', ..] => Some(b"\r\n"),
-        [b'\n', ..] => Some(b"\n"),
-        [b'\r', ..] => Some(b"\r"),
-        _ => None,
-    }
+/// Where the line after the first begins, and the byte that ends the header's lines, which the first line shows; `None` if
+/// this is no PLY. The end has to be known, since the first byte of a binary body may look like a part of it. A byte
+/// order mark and blank lines may come before the word, blanks after it.
+fn first_line(bytes: &[u8]) -> Option<(usize, u8)> {
+    let start = bytes.len() - text::without_mark(bytes).trim_ascii_start().len();
+    let word = bytes[start..].first_chunk::<3>()?;
+    let after = start + word.len();
+    let blanks = |bytes: &[u8], blank: &[u8]| bytes.iter().take_while(|b| blank.contains(b)).count();
+    let end = after + blanks(&bytes[after..], b" \t");
+    let returns = blanks(&bytes[end..], b"\r");
+    let next = match bytes.get(end + returns) {
+        Some(b'\n') => (end + returns + 1, b'\n'),
+        _ if returns > 0 => (end + 1, b'\r'),
+        _ => return None,
+    };
+    word.eq_ignore_ascii_case(MAGIC).then_some(next)
 }
 
 /// True if `bytes` begin as a PLY does.
 pub(in crate::ingest) fn is_ply(bytes: &[u8]) -> bool {
-    line_end(bytes).is_some()
+    first_line(bytes).is_some()
 }
 
 /// Reads the header. What is allocated is a small multiple of the header's own size.
@@ -143,31 +150,26 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Header> {
     let error = |line: u64, what: String| {
         Error::input(path, format!("line {line}"), what, "repair the header or export the file again")
     };
-    let end = line_end(bytes).ok_or_else(|| error(1, "does not begin with the line \"ply\"".into()))?;
+    let (mut at, end) =
+        first_line(bytes).ok_or_else(|| error(1, "does not begin with the line \"ply\"".into()))?;
     let mut encoding = None;
     let mut elements = Vec::new();
-    let mut at = MAGIC.len() + end.len();
-    let mut lines = 1;
+    let mut lines = bytes[..at].iter().filter(|b| **b == end).count() as u64;
     loop {
         let rest = &bytes[at..];
-        let length = find(rest, end).ok_or_else(|| {
+        let length = memchr::memchr(end, rest).ok_or_else(|| {
             error(lines + 1, "the file ends inside the header (there is no line \"end_header\")".into())
         })?;
-        at += length + end.len();
+        at += length + 1;
         lines += 1;
         let line = &rest[..length];
-        if line.trim_ascii() == b"end_header" {
+        if line.trim_ascii().eq_ignore_ascii_case(b"end_header") {
             let encoding =
                 encoding.ok_or_else(|| error(lines, "the header has no line \"format\"".into()))?;
             return Ok(Header { encoding, elements, body_byte: at, lines });
         }
         statement(line, &mut encoding, &mut elements).map_err(|what| error(lines, what))?;
     }
-}
-
-/// Where `end`, a line end, begins in `text`.
-fn find(text: &[u8], end: &[u8]) -> Option<usize> {
-    text.windows(end.len()).position(|window| window == end)
 }
 
 /// Takes in one line of the header, or says what is wrong with it.
@@ -177,10 +179,11 @@ fn statement(
     elements: &mut Vec<Element>,
 ) -> std::result::Result<(), String> {
     let whole = line.trim_ascii();
-    match text::token(&mut line) {
+    let keyword = text::token(&mut line).map(<[u8]>::to_ascii_lowercase);
+    match keyword.as_deref() {
         None | Some(b"comment" | b"obj_info") => {}
         Some(b"format") => {
-            *encoding = Some(match text::token(&mut line) {
+            *encoding = Some(match text::token(&mut line).map(<[u8]>::to_ascii_lowercase).as_deref() {
                 Some(b"ascii") => Encoding::Ascii,
                 Some(b"binary_little_endian") => Encoding::LittleEndian,
                 Some(b"binary_big_endian") => Encoding::BigEndian,
@@ -188,16 +191,16 @@ fn statement(
             });
         }
         Some(b"element") => {
-            let name = text::token(&mut line);
+            let name = text::token(&mut line).map(<[u8]>::to_ascii_lowercase);
             let count = text::token(&mut line).and_then(text::integer).filter(|count| *count >= 0);
             let (Some(name), Some(count)) = (name, count) else {
                 return Err(format!("{} does not name an element and its count", text::quote(whole)));
             };
             // Only the tables that are read have to be unambiguous.
-            if matches!(name, b"vertex" | b"face") && elements.iter().any(|e| e.name == name) {
-                return Err(format!("element {} is declared twice", text::quote(name)));
+            if matches!(&name[..], b"vertex" | b"face") && elements.iter().any(|e| e.name == name) {
+                return Err(format!("element {} is declared twice", text::quote(&name)));
             }
-            elements.push(Element { name: name.into(), count: count as u64, properties: Vec::new() });
+            elements.push(Element { name, count: count as u64, properties: Vec::new() });
         }
         Some(b"property") => {
             let element = elements.last_mut().ok_or("property before the first element")?;
@@ -214,7 +217,7 @@ fn statement(
 /// What follows the word "property".
 fn property(mut line: &[u8]) -> Option<Property> {
     let shape = match text::token(&mut line)? {
-        b"list" => {
+        word if word.eq_ignore_ascii_case(b"list") => {
             let mut next = || Scalar::parse(text::token(&mut line)?);
             let (count, item) = (next()?, next()?);
             count.is_integer().then_some(Shape::List { count, item })?
@@ -239,10 +242,18 @@ pub(super) fn coordinates(vertex: &Element) -> Option<[(usize, Scalar); 3]> {
     columns(vertex, ["x", "y", "z"])
 }
 
-/// The properties of `vertex` that hold its normal.
+/// The properties of `vertex` that hold its normal, under any of the names in use.
 pub(super) fn normals(vertex: &Element) -> Option<[(usize, Scalar); 3]> {
-    columns(vertex, ["nx", "ny", "nz"])
+    NORMALS.into_iter().find_map(|names| columns(vertex, names))
 }
+
+/// Names of the components of a normal.
+const NORMALS: [[&str; 3]; 4] = [
+    ["nx", "ny", "nz"],
+    ["normal_x", "normal_y", "normal_z"],
+    ["normalx", "normaly", "normalz"],
+    ["n_x", "n_y", "n_z"],
+];
 
 fn columns(vertex: &Element, names: [&str; 3]) -> Option<[(usize, Scalar); 3]> {
     let find = |name| {

@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         }
         Encoding::BigEndian => (binary::read::<true>(path, bytes, &plan, progress)?, "PLY binary big-endian"),
     };
-    polygons.shrink();
+    polygons.finish();
     Ok((polygons, name))
 }
 

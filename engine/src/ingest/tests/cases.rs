@@ -10,7 +10,8 @@ fn obj_statements() {
                 o a\ng b c\ns 1\nusemtl d\nmtllib e f\nl 1 2\np 1\nf -4 -3 -2 -1\nf 1 2\nf\nf 1/1 4/1/1 3//1 # x\n";
     let input = folder.open("a.obj", text.as_bytes()).unwrap();
     let v = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let facets = [[0, 1, 2], [0, 1, 2], [0, 2, 3], [0, 3, 2]].map(|t| t.map(|i| v[i]));
+    // The quad is not planar, and seen from where it is largest not convex.
+    let facets = [[0, 1, 2], [1, 2, 3], [3, 0, 1], [0, 3, 2]].map(|t| t.map(|i| v[i]));
     assert_eq!((all(&input), input.skipped_faces()), (facets.to_vec(), 2));
 }
 
@@ -27,7 +28,7 @@ fn obj_errors_name_the_line() {
         ("v 0 0 0\nf 1 /1 1", "line 2: corner \"/1\" is not a vertex number"),
         ("v 0 0", "line 1: vertex with fewer than three coordinates"),
         ("v 0 \\\n0\nv a 0 0", "line 1: vertex with fewer than three coordinates"),
-        ("v 0 \\\n0 0\nv 0,5 0 0", "line 3: coordinate \"0,5\" is not a number"),
+        ("v 0 \\\n0 0\nv 0,5 0 0", "line 3: coordinate \"0,5\" is not a number (decimal commas? "),
         ("v 0 0 0\n<html>", "line 2: \"<html>\" is not a statement"),
     ] {
         let said = folder.refusal("a.obj", text.as_bytes());
@@ -43,11 +44,6 @@ fn stl_text_errors_name_the_line() {
     assert_eq!(folder.open("a.stl", good.as_bytes()).unwrap().facets(), 1);
     assert_eq!(folder.open("a", good.replace('\n', "\r").as_bytes()).unwrap().facets(), 1);
     for (from, to, expected) in [
-        (
-            "endsolid a\n",
-            "",
-            "line 8: expected \"facet\" or \"endsolid\" of an ASCII STL, found the end of the file",
-        ),
         ("endsolid a\n", "endsolid a\nfacet", "line 10: expected \"solid\" or the end"),
         ("endfacet\n", "", "line 8: expected \"endfacet\" of an ASCII STL, found \"endsolid\""),
         (
@@ -58,10 +54,29 @@ fn stl_text_errors_name_the_line() {
         ("vertex 1 0 0\n", "", "line 6: expected \"vertex\""),
         ("1 0 0", "1 0", "line 6: expected a number of an ASCII STL, found \"vertex\""),
         ("1 0 0", "1 0 0x", "line 5: expected a number of an ASCII STL, found \"0x\""),
-        ("normal 0 0 1", "normal 0 0", "line 3: expected \"outer\" of an ASCII STL, found \"loop\""),
+        ("normal 0 0 1", "normal 0 0 1 1", "line 2: expected \"outer\" of an ASCII STL, found \"1\""),
+        ("normal 0 0 1", "norm", "line 2: expected \"normal\" of an ASCII STL, found \"norm\""),
+        ("vertex 1 0 0", "vertex 1,5 0 0", "found \"1,5\" (decimal commas? write numbers with a point"),
+        ("vertex 1 0 0", "vertex 1\x005 0 0", "found \"1\\05\" (there is a control byte in it)"),
     ] {
         let said = folder.refusal("a.stl", good.replacen(from, to, 1).as_bytes());
         assert!(said.contains(expected), "{said}");
+    }
+    // Read all the same.
+    for (from, to) in [
+        ("vertex 1 0 0", "vertex\0 1\x01 \x02 0 0\x7f"),
+        ("facet normal 0 0 1\nouter", "facet outer"),
+        ("normal 0 0 1", "normal 0 0"),
+        ("normal 0 0 1", "normal nan nan nan\n# a comment\n// another\n; and one more\n"),
+        ("endsolid a\n", "endsolid a\n\0\0\x1a"),
+        ("endsolid a\n", ""),
+        ("solid a\n", "\u{feff}SOLID \x01\u{e9}\t\n\x0c"),
+        ("vertex 1 0 0", "VERTEX +1.0E+00 0e-3 -.0"),
+    ] {
+        let input = folder.open("a.stl", good.replacen(from, to, 1).as_bytes());
+        let input = input.unwrap_or_else(|error| panic!("{to:?}: {error}"));
+        assert_eq!(all(&input), [[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], "{to:?}");
+        assert_eq!(input.warnings().len(), usize::from(to.is_empty()), "{to:?}");
     }
     let empty = folder.open("a.stl", b"solid\nendsolid\n").unwrap();
     assert!(empty.bounds(&Silent).unwrap_err().to_string().contains("has no facets"));
@@ -81,7 +96,22 @@ fn ply_headers() {
         let input = folder.open("a.ply", text.as_bytes()).unwrap();
         assert_eq!(all(&input), [[[0.0, 0.0, 0.1], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
     }
+    for (from, to) in [
+        ("ply", "\u{feff}ply \t"),
+        ("ply", "\r\n \nPLY\r"),
+        ("format ascii 1.0", "FORMAT\tAscii   1.0  \nobj_info a b\n\ncomment c"),
+        ("property double z", "Property Float64 Z "),
+        ("vertex_index\n", "Vertex_Indices\nelement edge 0\nproperty list uint ushort e\n"),
+        ("char uint", "ushort short"),
+        ("end_header", "  end_header\t"),
+        (" 0 1 0 \n", " 0 1 0 \n\0\x1a"),
+    ] {
+        let input = folder.open("a.ply", good.replacen(from, to, 1).as_bytes());
+        let input = input.unwrap_or_else(|error| panic!("{to:?}: {error}"));
+        assert_eq!(all(&input), [[[0.0, 0.0, 0.1], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], "{to:?}");
+    }
     for (from, to, expected) in [
+        ("0.1 0 0", "0,1 0 0", "line 11: coordinate \"0,1\" is not a number (decimal commas? "),
         (
             "element face 1\nproperty list char uint vertex_index\n",
             "",
@@ -156,14 +186,22 @@ fn vertices_with_lists_and_unused_bad_vertices() {
 #[test]
 fn not_a_mesh() {
     let folder = Folder::new();
+    // A text whose end was overwritten.
+    let damaged = [&b"solid "[..], &[b'a'; 80], b"\nfacet normal 0 0 1\n\n", &[0; 300]].concat();
     for (name, bytes, expected) in [
         ("a.stl", &b""[..], "is empty"),
         ("a", b"hello\n", "is neither STL nor OBJ nor PLY nor X3D nor G-code"),
+        ("a.stl", &damaged, "line 4: expected \"outer\" of an ASCII STL, found the end of the file"),
+        ("a.ply", b"\xff\xfep\0l\0y\0\n\0", "UTF-16"),
         ("a.stl", b"hello\n", "line 1: expected \"solid\""),
-        ("a.obj", b"\x7fELF\0\0", "is not text"),
+        ("a.obj", b"\x7fELF\0\0", "is a program"),
+        ("a.obj", b"\0\x01\0\x02\0", "is not text"),
         ("a.ply", b"plywood\n", "does not begin with the line \"ply\""),
-        ("a.3mf", b"PK\x03\x04\0\0", "is a ZIP archive"),
+        ("a.3mf", b"PK\x03\x04\0\0", "is a 3MF file"),
+        ("a.zip", b"PK\x03\x04\0\0", "is a ZIP archive"),
         ("a", &[0; 4096], "is neither"),
+        ("a.png", b"\x89PNG\r\n\x1a\n", "is a PNG picture, which cannot be read"),
+        ("a.stp", b"nothing known", "is a STEP file, a CAD model, by its name; export the part as a mesh"),
         ("a.stl", &[0; 83], "ends inside the header"),
     ] {
         let said = folder.refusal(name, bytes);

@@ -9,7 +9,7 @@ fn exercise(folder: &Folder, name: &str, bytes: &[u8]) {
     let Ok(input) = folder.open(name, bytes) else { return };
     let held = match &input.soup {
         Soup::Mapped => 0,
-        Soup::Facets(facets) => facets.capacity() * 36,
+        Soup::Facets(facets) => facets.all.capacity() * 36,
         Soup::Polygons(p) => p.vertices.capacity() * 24 + p.triangles.capacity() * 12,
         Soup::Beads(beads) => beads.swept.heap_bytes() as usize,
         Soup::Sweeps(sweeps) => sweeps.heap_bytes() as usize,
@@ -26,9 +26,10 @@ fn every_truncation() {
         let name = format!("mesh.{ending}");
         for length in 0..bytes.len() {
             exercise(&folder, &name, &bytes[..length]);
-            // OBJ has no end mark. An STL text may end after any of its solids, and what follows the last
-            // word of a text says nothing.
-            let whole_solid = bytes[..length].trim_ascii().ends_with(b"endsolid");
+            // OBJ has no end mark. An STL text may end after any of its solids or, with a warning, its facets, and what
+            // follows the last word of a text says nothing.
+            let text = bytes[..length].trim_ascii();
+            let whole_solid = text.ends_with(b"endsolid") || text.ends_with(b"endfacet");
             let may_do = format == "OBJ" || format.ends_with("ASCII") && length + 13 > bytes.len();
             if !(whole_solid || may_do) {
                 folder.refusal(&name, &bytes[..length]);

@@ -20,23 +20,38 @@ pub(super) struct Arc {
     pub(super) end: [f64; 2],
     pub(super) centre: Centre,
     pub(super) clockwise: bool,
+    /// Full turns before the arc proper.
+    pub(super) turns: u32,
 }
 
-/// Chords of equal angle.
+/// Most chords of all turns of one arc.
+const CHORDS_MAX: u64 = 1 << HALVINGS_MAX;
+
+/// Chords of equal angle: of the full turns before an arc, and of the arc proper.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chords {
     centre: [f64; 2],
     /// From the centre to the start.
     first: [f64; 2],
-    /// Cosine and sine of the angle of a chord, counterclockwise.
-    turn: [f64; 2],
+    circle: Leg,
+    turns: u32,
+    arc: Leg,
+    /// Part of the whole angle that lies within the arc proper.
+    arc_part: f64,
     /// Length of the end's radius, as a part of the start's.
     growth: f64,
-    pub(super) count: u32,
     /// Length of the arc within the plane.
     pub(super) length: f64,
     /// By how much the ends' distances from the centre differ; the radius changes evenly between them.
     pub(super) mismatch: f64,
+}
+
+/// Chords of equal angle.
+#[derive(Clone, Copy, Debug)]
+struct Leg {
+    /// Cosine and sine of the angle of a chord, counterclockwise.
+    turn: [f64; 2],
+    count: u32,
 }
 
 impl Arc {
@@ -61,21 +76,39 @@ impl Arc {
         let cross = (first[0] * last[1] - first[1] * last[0]) * scale;
         let sine = if self.clockwise { -cross } else { cross };
         let reach = radius.max(end_radius);
-        let (turn, halvings) = match self.start == self.end {
-            true => halve([-1.0, 0.0], 1, reach, tolerance),
-            false => halve([cosine, sine], 0, reach, tolerance),
+        let leg = |(turn, halvings): ([f64; 2], u32)| {
+            (
+                angle_of(turn) * f64::from(1u32 << halvings),
+                Leg {
+                    turn: [turn[0], if self.clockwise { -turn[1] } else { turn[1] }],
+                    count: 1 << halvings,
+                },
+            )
         };
-        let count = 1 << halvings;
-        let angle = angle_of(turn) * f64::from(count);
-        Ok(Chords {
+        let (full_angle, circle) = leg(halve([-1.0, 0.0], 1, reach, tolerance));
+        let (arc_angle, arc) = match self.start == self.end {
+            true => (full_angle, circle),
+            false => leg(halve([cosine, sine], 0, reach, tolerance)),
+        };
+        let angle = match self.turns {
+            0 => arc_angle,
+            turns => f64::from(turns) * full_angle + arc_angle,
+        };
+        let chords = Chords {
             centre,
             first,
-            turn: [turn[0], if self.clockwise { -turn[1] } else { turn[1] }],
+            circle,
+            turns: self.turns,
+            arc,
+            arc_part: if self.turns == 0 { 1.0 } else { arc_angle / angle },
             growth: end_radius / radius,
-            count,
             length: angle * (radius + end_radius) / 2.0,
             mismatch: (end_radius - radius).abs(),
-        })
+        };
+        match chords.count() {
+            ..=CHORDS_MAX => Ok(chords),
+            _ => Err("the arc has so many turns that they become more than a million chords"),
+        }
     }
 
     fn offset_by_radius(&self, radius: f64) -> Result<[f64; 2], &'static str> {
@@ -97,14 +130,28 @@ impl Arc {
 }
 
 impl Chords {
-    /// The end points of all chords but the last, which ends where the arc does.
-    pub(super) fn inner_points(&self) -> impl Iterator<Item = [f64; 2]> + use<> {
-        let Chords { centre, turn, growth, count, .. } = *self;
-        let mut spoke = self.first;
-        (1..count).map(move |step| {
-            spoke = [spoke[0] * turn[0] - spoke[1] * turn[1], spoke[0] * turn[1] + spoke[1] * turn[0]];
-            let scale = 1.0 + (growth - 1.0) * f64::from(step) / f64::from(count);
-            [centre[0] + spoke[0] * scale, centre[1] + spoke[1] * scale]
+    /// Number of chords.
+    pub(super) fn count(&self) -> u64 {
+        u64::from(self.turns) * u64::from(self.circle.count) + u64::from(self.arc.count)
+    }
+
+    /// The end points of all chords but the last, which ends where the arc does; each with the part of the whole angle
+    /// that it ends.
+    pub(super) fn inner_points(&self) -> impl Iterator<Item = ([f64; 2], f64)> + use<> {
+        let Chords { centre, first, circle, turns, arc, arc_part, growth, .. } = *self;
+        let turn_part = (1.0 - arc_part) / f64::from(turns.max(1));
+        let legs = (0..turns).map(move |turn| (circle, f64::from(turn) * turn_part, turn_part));
+        let steps = legs.chain([(arc, 1.0 - arc_part, arc_part)]).flat_map(move |(leg, begin, part)| {
+            let mut spoke = first;
+            (1..=leg.count).map(move |step| {
+                let [cosine, sine] = leg.turn;
+                spoke = [spoke[0] * cosine - spoke[1] * sine, spoke[0] * sine + spoke[1] * cosine];
+                (spoke, begin + part * (f64::from(step) / f64::from(leg.count)))
+            })
+        });
+        steps.take(self.count() as usize - 1).map(move |(spoke, part)| {
+            let scale = 1.0 + (growth - 1.0) * part;
+            ([centre[0] + spoke[0] * scale, centre[1] + spoke[1] * scale], part)
         })
     }
 }
@@ -158,7 +205,7 @@ mod tests {
 
     fn walk(arc: Arc, tolerance: f64) -> (Chords, Vec<[f64; 2]>) {
         let chords = arc.chords(tolerance).unwrap();
-        (chords, chords.inner_points().chain([arc.end]).collect())
+        (chords, chords.inner_points().map(|(point, _)| point).chain([arc.end]).collect())
     }
 
     #[test]
@@ -168,6 +215,7 @@ mod tests {
             end: [20.0, 20.0],
             centre: Centre::Radius(radius),
             clockwise,
+            turns: 0,
         };
         for (radius, clockwise, centre, length) in [
             (5.0, false, [15.0, 20.0], 2.5 * PI),
@@ -184,6 +232,35 @@ mod tests {
         assert!(arc(3.0, true).chords(1e-3).is_err());
     }
 
+    #[test]
+    fn turns_stand_before_the_arc() {
+        let arc = |turns, end| Arc {
+            start: [0.0, 10.0],
+            end,
+            centre: Centre::Offset([0.0, -10.0]),
+            clockwise: true,
+            turns,
+        };
+        for (turns, end, length) in [
+            (0, [10.0, 0.0], 5.0 * PI),
+            (1, [10.0, 0.0], 25.0 * PI),
+            (2, [0.0, 10.0], 60.0 * PI),
+            (7, [-10.0, 0.0], 155.0 * PI),
+        ] {
+            let arc = arc(turns, end);
+            let (chords, points) = walk(arc, 1e-3);
+            assert!((chords.length - length).abs() < 1e-9, "{turns}: {}", chords.length);
+            assert_eq!(points.len() as u64, chords.count());
+            assert!(points.iter().all(|p| (norm(*p) - 10.0).abs() < 1e-9));
+            let steps = [arc.start].into_iter().chain(points.iter().copied());
+            let walked: f64 = steps.zip(&points).map(|(a, b)| norm([b[0] - a[0], b[1] - a[1]])).sum();
+            assert!((walked / length - 1.0).abs() < 1e-3, "{turns}: {walked}");
+            let parts: Vec<f64> = chords.inner_points().map(|(_, part)| part).collect();
+            assert!(parts.windows(2).all(|pair| pair[0] < pair[1]) && parts[parts.len() - 1] < 1.0);
+        }
+        assert!(arc(u32::MAX, [10.0, 0.0]).chords(1e-6).is_err());
+    }
+
     proptest! {
         #[test]
         fn chords_keep_the_tolerance(
@@ -193,7 +270,7 @@ mod tests {
             let at = |degrees: f64| [radius * degrees.to_radians().cos(), radius * degrees.to_radians().sin()];
             let start = at(from);
             let end = at(if clockwise { from - sweep } else { from + sweep });
-            let arc = Arc { start, end, centre: Centre::Offset([-start[0], -start[1]]), clockwise };
+            let arc = Arc { start, end, centre: Centre::Offset([-start[0], -start[1]]), clockwise, turns: 0 };
             let (chords, points) = walk(arc, tolerance);
             prop_assert!((chords.length - radius * sweep.to_radians()).abs() < 1e-9 * radius.max(1.0));
             let mut last = start;

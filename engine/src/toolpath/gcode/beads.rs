@@ -1,7 +1,7 @@
 //! Gathers deposited steps into beads and hands them over.
 
-use super::comments::Settings;
 use super::report::{FeatureReport, GcodeReport};
+use super::settings::Settings;
 use super::sizes::{Layering, Piece, Resolution};
 use super::{GcodeOptions, MERGE_MM, UNNAMED, tilt};
 use crate::error::{Error, Result};
@@ -23,6 +23,28 @@ pub(super) struct Pose {
     pub(super) point: [f64; 3],
     /// Words A, B, C.
     pub(super) degrees: [f64; 3],
+    /// The axis itself, a unit vector, where the file states it instead (`A3= B3= C3=`).
+    pub(super) vector: Option<[f64; 3]>,
+}
+
+impl Pose {
+    /// The tool's axis.
+    pub(super) fn axis(&self) -> [f64; 3] {
+        match self.vector {
+            Some(vector) => vector,
+            None if self.degrees == [0.0; 3] => UP,
+            None => tilt::axis(self.degrees),
+        }
+    }
+}
+
+impl Pose {
+    /// The pose after a part of a straight way to another one.
+    pub(super) fn towards(&self, to: &Pose, part: f64) -> Pose {
+        let between = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|axis| a[axis] + (b[axis] - a[axis]) * part);
+        let vector = to.vector.and_then(|vector| unit(between(self.axis(), vector)));
+        Pose { point: between(self.point, to.point), degrees: between(self.degrees, to.degrees), vector }
+    }
 }
 
 /// What makes two steps parts of one bead.
@@ -45,7 +67,9 @@ pub(super) struct Beads<'s, 'k> {
     tools: BTreeSet<u16>,
     /// Whether E feeds.
     feeds: bool,
-    layering: Layering,
+    pub(super) layering: Layering,
+    /// Lowest and highest position of the table while material was laid.
+    pub(super) tables: Option<(f64, f64)>,
     pub(super) resolution: Resolution,
     kind: Kind,
     points: Vec<[f64; 3]>,
@@ -77,6 +101,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             tools: BTreeSet::new(),
             feeds,
             layering: Layering::new(options, settings, has_layer_marks),
+            tables: None,
             resolution: Resolution::default(),
             kind: Kind::default(),
             points: Vec::new(),
@@ -145,7 +170,7 @@ impl<'s, 'k> Beads<'s, 'k> {
 
     fn push(&mut self, pose: &Pose) {
         self.points.push(pose.point);
-        self.axes.push(if pose.degrees == [0.0; 3] { UP } else { tilt::axis(pose.degrees) });
+        self.axes.push(pose.axis());
     }
 
     /// Ends the bead: the tool travels, or the file ends.
@@ -222,6 +247,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             fed += piece.fed;
         }
         let report = &mut self.report;
+        report.include(&self.points);
         let feature = &mut report.features[usize::from(self.kind.feature)];
         let segments = self.pieces.len() as u64;
         feature.beads += 1;
@@ -250,4 +276,10 @@ impl<'s, 'k> Beads<'s, 'k> {
 pub(super) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
     (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
+}
+
+/// A vector of the length 1 in the direction of this one, if it has one.
+fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+    let length = distance([0.0; 3], vector);
+    (length > 1e-9).then(|| vector.map(|x| x / length))
 }

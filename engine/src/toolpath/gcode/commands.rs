@@ -1,6 +1,11 @@
 //! Codes: G, M and T words.
 
+use super::firmware::Firmware;
 use super::machine::Machine;
+use super::neutral;
+use super::offsets::OffsetCode;
+use super::settings::m200_diameters;
+use super::signs::INCH;
 use super::words::{Malformed, Word, Words, token};
 use crate::error::Result;
 
@@ -14,64 +19,8 @@ pub(super) enum Effect {
     LineDone,
     /// The rest of the line says what the position is called (G92).
     SetPosition,
-}
-
-/// G codes, times ten, that change nothing that matters here: dwell, bed levelling, parking, feed modes.
-const NEUTRAL_G: [u32; 16] = [40, 120, 270, 290, 340, 400, 490, 600, 610, 640, 690, 800, 930, 940, 950, 990];
-
-/// M codes that change nothing that matters here: heat, fans, messages, speeds, acceleration, progress, the
-/// host's business.
-const NEUTRAL_M: [(u32, u32); 34] = [
-    (0, 2),
-    (6, 9),
-    (17, 18),
-    (20, 36),
-    (42, 42),
-    (73, 80),
-    (84, 86),
-    (92, 92),
-    (104, 117),
-    (118, 123),
-    (125, 128),
-    (140, 145),
-    (149, 150),
-    (155, 155),
-    (163, 165),
-    (190, 193),
-    (201, 205),
-    (207, 211),
-    (220, 220),
-    (226, 226),
-    (240, 240),
-    (250, 260),
-    (280, 282),
-    (300, 305),
-    (350, 355),
-    (400, 413),
-    (420, 425),
-    (486, 486),
-    (500, 504),
-    (569, 575),
-    (592, 593),
-    (600, 605),
-    (701, 702),
-    (862, 1002),
-];
-
-/// Klipper's commands that change nothing that matters here.
-const NEUTRAL_EXTENDED: [&str; 7] = [
-    "EXCLUDE_OBJECT_DEFINE",
-    "EXCLUDE_OBJECT_END",
-    "SET_FAN_SPEED",
-    "SET_HEATER_TEMPERATURE",
-    "SET_PRESSURE_ADVANCE",
-    "SET_PRINT_STATS_INFO",
-    "SET_VELOCITY_LIMIT",
-];
-
-/// Whether a command of several letters changes nothing that matters here.
-pub(super) fn is_neutral_extended(name: &[u8]) -> bool {
-    NEUTRAL_EXTENDED.iter().any(|known| name.eq_ignore_ascii_case(known.as_bytes()))
+    /// The rest of the line sets offsets.
+    SetOffsets(OffsetCode),
 }
 
 /// Carries out a G, M or T word; `first` if no other code stands before it.
@@ -84,6 +33,9 @@ pub(super) fn code(
 ) -> Result<Effect> {
     let tenfold = (value * 10.0).round();
     let is_code = (0.0..100_000.0).contains(&tenfold) && (tenfold / 10.0 - value).abs() < 1e-9;
+    if is_code && !machine.by_extruder && machine.switch.code(word, value, words) {
+        return Ok(if first && !goes_on(words) { Effect::LineDone } else { Effect::Modal });
+    }
     match word.letter {
         b'T' => tool(machine, word, value),
         _ if !is_code => {
@@ -111,35 +63,40 @@ fn general(
             let what = "is a spline, which is not read: export straight moves or arcs";
             return Err(machine.malformed(&Malformed { text: word.text, what }));
         }
-        100 | 110 => {
-            if tenfold == 100 && words.clone().next().is_some_and(|next| next.is_ok_and(|w| w.letter == b'L'))
-            {
-                machine.beads.report.note("offsets set by G10 are left out", machine.line);
-            } else if tenfold == 100 {
-                machine.retract_by_firmware();
-            }
-            return Ok(Effect::LineDone);
-        }
+        100 => return Ok(Effect::SetOffsets(OffsetCode::G10)),
+        110 => return Ok(Effect::LineDone),
         170 | 180 | 190 => machine.plane = (tenfold / 10 - 17) as usize,
-        200 => machine.unit = 25.4,
-        210 => machine.unit = 1.0,
+        200 | 7000 => machine.set_unit(INCH),
+        210 | 7100 => machine.set_unit(1.0),
+        // On lathes they are cycles, with words P and Q.
+        700 | 710 if !has_letter(words, b"PQ") => machine.set_unit(if tenfold == 700 { INCH } else { 1.0 }),
+        430..=440 => machine.use_tool_length(),
+        520 => return Ok(Effect::SetOffsets(OffsetCode::G52)),
+        530 | 1530 => machine.in_machine = true,
+        541 => return Ok(Effect::SetOffsets(OffsetCode::G54Extended)),
+        540 | 550 | 560 | 570 | 580 | 590 => machine.position.select_system((tenfold / 10 - 53) as u16),
+        591..=593 => machine.position.select_system((tenfold - 584) as u16),
         280 => {
             machine.home(words.rest())?;
             return Ok(Effect::LineDone);
         }
-        530..=599 => machine.beads.report.note("work offsets (G53 to G59) are taken for zero", machine.line),
-        900 => machine.relative = false,
-        910 => machine.relative = true,
+        900 | 910 => {
+            machine.position.relative = tenfold == 910;
+            machine.extruder.set_axes_relative(tenfold == 910);
+        }
         901 => machine.absolute_centres = true,
         911 => machine.absolute_centres = false,
         920 => return Ok(Effect::SetPosition),
-        921 => machine.clear_offset(),
+        921 => machine.position.clear_offset(false),
+        922 => machine.position.clear_offset(true),
+        923 => machine.position.restore_offset(),
         _ => {
-            if !NEUTRAL_G.contains(&tenfold) {
+            if !neutral::is_general(tenfold) && !is_neutral_machine_code(tenfold) {
                 machine.beads.report.unknown(word.text, machine.line);
             }
-            // Their words have meanings of their own.
-            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+            // Their words have meanings of their own, unless other codes follow.
+            let ends = first && !has_letter(words, b"G");
+            return Ok(if ends { Effect::LineDone } else { Effect::Modal });
         }
     }
     Ok(Effect::Modal)
@@ -153,16 +110,24 @@ fn miscellaneous(
     words: &mut Words<'_>,
 ) -> Result<Effect> {
     match tenfold {
-        30 | 40 => machine.depositing = true,
-        50 => machine.depositing = false,
-        820 => machine.relative_e = Some(false),
-        830 => machine.relative_e = Some(true),
-        2000 => volumetric(machine, words)?,
-        2210 => machine.beads.report.note("a flow factor (M221) is left out", machine.line),
-        _ if tenfold.is_multiple_of(10)
-            && NEUTRAL_M.iter().any(|(a, b)| (*a..=*b).contains(&(tenfold / 10))) =>
-        {
+        // Spindles, where something else deposits.
+        30 | 40 | 50 => return Ok(if first && !goes_on(words) { Effect::LineDone } else { Effect::Modal }),
+        820 => machine.extruder.set_relative(false),
+        830 => machine.extruder.set_relative(true),
+        // The firmware changes, loads or unloads the filament.
+        6000 | 7010 | 7020 => {
+            machine.extruder.is_loaded();
+            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+        }
+        2000 => volumetric(machine, words),
+        2210 => machine.set_flow(words),
+        _ if neutral::is_miscellaneous(tenfold) => {
             // What follows may be any text.
+            let ends = first && !(matches!(tenfold, 60..=90) && has_letter(words, b"GM"));
+            return Ok(if ends { Effect::LineDone } else { Effect::Modal });
+        }
+        // Codes of large machines: operators, servos, purging, relays, materials.
+        100..=160 | 520..=690 | 1000..=1030 | 2220 | 2370 | 2700 => {
             return Ok(if first { Effect::LineDone } else { Effect::Modal });
         }
         _ => {
@@ -170,19 +135,48 @@ fn miscellaneous(
             return Ok(if first { Effect::LineDone } else { Effect::Modal });
         }
     }
-    let is_switch = matches!(tenfold, 30 | 40 | 50);
-    Ok(if is_switch || !first { Effect::Modal } else { Effect::LineDone })
+    Ok(if first { Effect::LineDone } else { Effect::Modal })
 }
 
-/// M200: with a diameter above 0, E counts mm³ from now on.
-fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) -> Result<()> {
-    while let Some(word) = words.next() {
-        let word = word.map_err(|malformed| machine.malformed(&malformed))?;
-        if word.letter == b'D' {
-            machine.volumetric = word.value.is_some_and(|value| value > 0.0);
+/// Whether a code that changes modes of machines changes nothing that matters here: exact stop, smoothing, feeds.
+fn is_neutral_machine_code(tenfold: u32) -> bool {
+    matches!(tenfold, 90 | 531 | 611 | 960 | 970 | 5000 | 6010 | 6020 | 6030 | 6400..=6490)
+}
+
+/// Whether one of these letters follows in the line.
+fn has_letter(words: &Words<'_>, letters: &[u8]) -> bool {
+    let mut rest = words.clone();
+    std::iter::from_fn(|| rest.next()).map_while(|word| word.ok()).any(|word| letters.contains(&word.letter))
+}
+
+/// Whether the line goes on with a code or a coordinate.
+fn goes_on(words: &Words<'_>) -> bool {
+    has_letter(words, b"GMTXYZEABCUVW")
+}
+
+/// M200: with a diameter above 0 or S1, E counts mm³ from now on; with a diameter of 0 or S0 it counts lengths.
+fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) {
+    let firmware = machine.extruder.firmware;
+    if !firmware.knows_m200() {
+        let note = format!("M200 (E counts volume) is left out: {} does not know it", firmware.name());
+        return machine.beads.report.note(&note, machine.line);
+    }
+    let rest = words.rest();
+    let (tool, diameters) = m200_diameters(rest);
+    let code = &rest[..rest.iter().position(|b| matches!(b, b';' | b'(')).unwrap_or(rest.len())];
+    let switch = code.iter().position(|b| b.eq_ignore_ascii_case(&b'S')).map(|at| code[at + 1..].first());
+    let switch = switch.map(|digit| digit != Some(&b'0'));
+    let has_diameter = diameters.first().map(|diameter| *diameter > 0.0);
+    let Some(asked) = switch.or(has_diameter) else { return };
+    let on = asked && has_diameter != Some(false);
+    let tool = tool.and_then(|tool| u16::try_from(tool).ok()).unwrap_or(machine.extruder.tool);
+    machine.extruder.set_volumetric(on, firmware.m200_is_by_tool().then_some(tool));
+    if firmware == Firmware::RepRapFirmware && diameters.len() > 1 {
+        for (tool, diameter) in diameters.iter().enumerate() {
+            let on = switch != Some(false) && *diameter > 0.0;
+            machine.extruder.set_volumetric(on, u16::try_from(tool).ok());
         }
     }
-    Ok(())
 }
 
 fn tool(machine: &mut Machine<'_, '_>, word: &Word<'_>, value: f64) -> Result<Effect> {

@@ -1,4 +1,7 @@
-//! What slicers say in comments: PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura, Slic3r.
+//! What slicers say in comments: PrusaSlicer, SuperSlicer, OrcaSlicer, Bambu Studio, Cura, Slic3r, Simplify3D,
+//! KISSlicer, ideaMaker.
+
+use super::settings::size;
 
 /// The meaning of a comment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,9 +31,33 @@ pub(super) fn meaning(comment: &[u8]) -> Comment<'_> {
         Some(b'H') => after(b"HEIGHT:").map_or(Comment::Other, |value| Comment::Height(size(value))),
         Some(b'M') => after(b"MESH:").map_or(Comment::Other, Comment::Mesh),
         Some(b'C') if text == b"CHANGE_LAYER" => Comment::Layer,
+        // KISSlicer: "BEGIN_LAYER_OBJECT z=0.25 z_thickness=0.25" and "'Perimeter Path', 0.6 [feed mm/s], ...".
+        Some(b'B') if text.starts_with(b"BEGIN_LAYER_") => Comment::Layer,
+        Some(b'\'') => quoted(text).map_or(Comment::Other, Comment::Feature),
+        // Simplify3D: "layer 1, Z = 0.200", "feature outer perimeter" and "tool H0.200 W0.480".
+        Some(b'l')
+            if after(b"layer ").and_then(super::words::number).is_some()
+                && memchr::memmem::find(text, b", Z = ").is_some() =>
+        {
+            Comment::Layer
+        }
+        Some(b'f') => after(b"feature ").map_or(Comment::Other, Comment::Feature),
+        Some(b't') => after(b"tool H").map_or(Comment::Other, tool_size),
         Some(b'L') => layer_or_line(text),
         _ => Comment::Other,
     }
+}
+
+/// What stands between single quotes at the front, if a comma follows.
+fn quoted(text: &[u8]) -> Option<&[u8]> {
+    let end = text[1..].iter().position(|b| *b == b'\'')?;
+    text[end + 2..].starts_with(b",").then(|| &text[1..=end])
+}
+
+/// The height. The width behind it is that of a rectangle of the volume fed, not of the bead.
+fn tool_size(text: &[u8]) -> Comment<'_> {
+    let height = text.split(|b| *b == b' ').next().unwrap_or(text);
+    Comment::Height(size(height))
 }
 
 fn layer_or_line(text: &[u8]) -> Comment<'_> {
@@ -50,46 +77,6 @@ fn layer_or_line(text: &[u8]) -> Comment<'_> {
     Comment::Other
 }
 
-/// A length in mm that a bead can have.
-fn size(text: &[u8]) -> Option<f64> {
-    let found = super::words::number(text)?;
-    (found.length == text.len() && found.value > 0.0 && found.value <= super::SIZE_MAX).then_some(found.value)
-}
-
-/// What the slicer's settings say, wherever in the file they stand.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Settings {
-    /// Filament diameter of each tool, in mm.
-    pub(super) filament_diameters: Vec<f64>,
-    /// E counts mm³ instead of mm of filament.
-    pub(super) volumetric: bool,
-    /// The usual layer height, in mm.
-    pub(super) layer_height: Option<f64>,
-}
-
-impl Settings {
-    /// Takes in a comment, from its semicolon. A setting reads `; key = value` or `; key: value`.
-    pub(super) fn read(&mut self, comment: &[u8]) {
-        let text = comment[1..].trim_ascii_start();
-        // Nearly every comment ends here: the keys begin with these letters.
-        if !matches!(text.first(), Some(b'f' | b'u' | b'l' | b'L')) {
-            return;
-        }
-        let Some(split) = text.iter().position(|b| matches!(b, b'=' | b':')) else { return };
-        let (key, value) = (text[..split].trim_ascii(), text[split + 1..].trim_ascii());
-        match key {
-            b"filament_diameter" => {
-                let sizes: Option<Vec<f64>> =
-                    value.split(|b| matches!(b, b',' | b';')).map(|v| size(v.trim_ascii())).collect();
-                self.filament_diameters = sizes.unwrap_or_default();
-            }
-            b"use_volumetric_e" => self.volumetric = value == b"1",
-            b"layer_height" | b"Layer height" => self.layer_height = size(value),
-            _ => {}
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,7 +89,8 @@ mod tests {
             (b";WIDTH:0.45", Comment::Width(Some(0.45))),
             (b"; LINE_WIDTH: 0.42", Comment::Width(Some(0.42))),
             (b";WIDTH:-1", Comment::Width(None)),
-            (b";WIDTH:1mm", Comment::Width(None)),
+            (b";WIDTH:1mm", Comment::Width(Some(1.0))),
+            (b";WIDTH:1in", Comment::Width(None)),
             (b";HEIGHT:1.5", Comment::Height(Some(1.5))),
             (b"; LAYER_HEIGHT: 0.2", Comment::Height(Some(0.2))),
             (b";LAYER_CHANGE", Comment::Layer),
@@ -111,23 +99,19 @@ mod tests {
             (b";LAYER_COUNT:252", Comment::Other),
             (b";Layer height: 0.1", Comment::Other),
             (b";MESH:clover.stl", Comment::Mesh(b"clover.stl")),
+            (b"; layer 1, Z = 0.200", Comment::Layer),
+            (b"; layer end", Comment::Other),
+            (b"; layer_height = 0.2", Comment::Other),
+            (b"; feature outer perimeter", Comment::Feature(b"outer perimeter")),
+            (b"; tool H0.200 W0.480", Comment::Height(Some(0.2))),
+            (b"; BEGIN_LAYER_OBJECT z=0.263 z_thickness=0.263", Comment::Layer),
+            (b"; END_LAYER_OBJECT z=0.263", Comment::Other),
+            (b"; 'Perimeter Path', 0.6 [feed mm/s], 9.5 [head mm/s]", Comment::Feature(b"Perimeter Path")),
+            (b"; 'quoted' words", Comment::Other),
+            (b"; '", Comment::Other),
             (b";", Comment::Other),
         ] {
             assert_eq!(meaning(comment), expected, "{}", String::from_utf8_lossy(comment));
         }
-    }
-
-    #[test]
-    fn settings_stand_in_lists() {
-        let mut settings = Settings::default();
-        for line in
-            [&b"; filament_diameter = 1.75,2.85"[..], b"; use_volumetric_e = 1", b";Layer height: 0.1", b";"]
-        {
-            settings.read(line);
-        }
-        let filament_diameters = vec![1.75, 2.85];
-        assert_eq!(settings, Settings { filament_diameters, volumetric: true, layer_height: Some(0.1) });
-        settings.read(b"; filament_diameter = 1.75,x");
-        assert!(settings.filament_diameters.is_empty());
     }
 }

@@ -3,15 +3,23 @@
 //! Dialects differ. This reader takes the side of the slicers' firmwares (Marlin and its kin), and of RS-274
 //! where they are silent:
 //!
-//! - Words need no spaces, letters have no case, numbers have no exponent (`X1e1` is X1 and E1). The same letter
+//! - Words need no spaces, letters have no case, numbers have no exponent (`X1e1` is X1 and E1)
+//!   unless no E word can be meant (`Y1.2e-05`), and then they are told. The same letter
 //!   twice in a command is an error. Lines that begin with coordinates repeat the last motion.
-//! - G90 and G91 switch E too until the first M82 or M83; from then on only these do. There is one E position,
-//!   not one a tool.
-//! - G92 renames the present position; points are given in the machine's coordinates. G28 goes to 0. G53 to G59
-//!   change nothing, and are reported.
-//! - A move deposits if E grows on it. In files where no move has an E, M3 or M4 switch deposition on and M5 off,
-//!   and rapid moves (G0) never deposit.
-//! - A, B and C tilt the head, in degrees: the tool's axis is Rz(C)·Ry(B)·Rx(A)·z, and X Y Z are the tool tip in
+//! - Firmwares read G90, G91, M82 and M83, the turns of arcs and M200 each in their way: [`Firmware`] has the rules.
+//!   The file's own word for its firmware counts, else E is relative while G91 holds, whatever M82 said, and after M83.
+//!   There is one E position, not one a tool.
+//! - What was retracted, standing or in a move, must be fed again before anything leaves the nozzle. A move that feeds
+//!   it again deposits from where it is made up, by the rest. Each tool has its own retraction, unless the slicer says
+//!   that all filaments share a nozzle. M600, M701 and M702 end it.
+//! - G92 renames the present position, as do G10 L20, G52, and Klipper's SET_GCODE_OFFSET and states in their ways;
+//!   points are given in the machine's coordinates, with work offsets (G54 to G59.3) as the file sets them by G10 L2, or
+//!   else zero. G28 goes to 0. G53 is travel to a place in the machine's coordinates, on its line alone.
+//! - A move deposits if E grows on it beyond what was retracted. In files where no move has an E, codes switch deposition:
+//!   M3, M4 and M5 with S, or those of [`GcodeOptions::deposit_on`] and of known machines; rapid moves (G0) never deposit.
+//! - A table's axis (W) is taken off Z, another axis is added by [`GcodeOptions::layer_axis`].
+//! - Comments in parentheses are read like those behind a semicolon: layers, regions, widths.
+//! - A, B and C tilt the head, in degrees: the tool's axis is Rz(C)·Ry(B)·Rx(A)·z, or it is the vector `A3= B3= C3=`; X Y Z are the tool tip in
 //!   the part's frame. Machines that turn the part instead (rotary tables) are out of scope: their programs must
 //!   be converted to the part's frame first.
 //! - Arcs lie in the plane of G17, G18 or G19, by I J K or R, also as helices.
@@ -23,27 +31,55 @@ mod arc;
 mod beads;
 mod commands;
 mod comments;
+mod coordinates;
+mod deposition;
+mod expressions;
+mod extruder;
+mod firmware;
+mod klipper;
+mod layer_axis;
 mod lines;
 mod machine;
+mod motion;
+mod names;
+mod neutral;
+mod offsets;
+mod parameters;
+mod plan;
+mod position;
+mod regions;
+mod remarks;
 mod report;
+mod settings;
+mod signs;
 mod sizes;
 mod source;
+mod states;
 #[cfg(test)]
 mod tests;
 mod tilt;
 mod words;
 
+pub use deposition::Mark;
+pub use firmware::Firmware;
+pub use layer_axis::LayerAxis;
+pub use plan::ExtruderAxis;
 pub use report::{
-    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, GcodeReport, SizeReport, SkipReport,
+    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, FirmwareSource, GcodeReport,
+    MachineReport, SettingsReport, SizeReport, SkipReport, UnitSource,
 };
 
-use super::BeadSink;
+use super::{BeadSink, BeadView};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Silent};
 use beads::Beads;
-use comments::{Comment, Settings};
+use comments::Comment;
+use extruder::Extruder;
 use lines::{Lines, Stop};
 use machine::Machine;
+use plan::Plan;
+use settings::Settings;
+use signs::Signs;
 use source::{CountedFile, Source};
 use std::io::Read;
 use std::path::Path;
@@ -60,15 +96,14 @@ const SIZE_MAX: f64 = 1e4;
 /// Largest number of a coordinate.
 const POSITION_MAX: f64 = 1e6;
 
-/// Filament diameter where nothing tells it, in mm: what most printers take.
-const FILAMENT_MM: f64 = 1.75;
-
 /// Lines between two looks at whether the user wants to stop.
 const CHECK_LINES: u64 = 1 << 14;
 
 /// What the caller knows better than the file. Lengths in mm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GcodeOptions {
+    /// Firmware whose rules count; overrides what the file names.
+    pub firmware: Option<Firmware>,
     /// Filament diameter of all tools; overrides the file's settings.
     pub filament_diameter: Option<f64>,
     /// Width of all beads; overrides comments and E.
@@ -80,6 +115,18 @@ pub struct GcodeOptions {
     pub skip_features: Vec<String>,
     /// How far chords may deviate from arcs; by default a hundredth of the bead's width.
     pub arc_tolerance: Option<f64>,
+    /// mm in the file's unit of length, until G20 or G21 says otherwise; by default what the header tells, or 1.
+    pub unit: Option<f64>,
+    /// The axis that carries layers beside Z; by default what the file shows.
+    pub layer_axis: Option<LayerAxis>,
+    /// The axis that feeds, in the place of E.
+    pub extruder_axis: Option<ExtruderAxis>,
+    /// Codes that switch deposition on and off, in the place of E and of those that the reader knows.
+    pub deposit_on: Vec<Mark>,
+    /// See [`GcodeOptions::deposit_on`]. Commands that take an argument switch off by 0 without.
+    pub deposit_off: Vec<Mark>,
+    /// Variables of the machine that the file uses and does not set, by their names: `#200`, `R1`.
+    pub variables: Vec<(String, f64)>,
 }
 
 impl GcodeOptions {
@@ -95,13 +142,13 @@ impl GcodeOptions {
                 return Err(Error::setting(what, "give it in mm"));
             }
         }
-        Ok(())
+        plan::check(self)
     }
 }
 
 /// Reads the G-code file `path`, plain or compressed by gzip or xz, and hands its beads to `sink` in the order
-/// of the file. The file is read twice, since slicers write their settings at its end; memory does not grow with
-/// it.
+/// of the file. The file is read twice, since slicers write their settings at its end, and up to four times where a
+/// table moves; memory does not grow with it.
 ///
 /// # Errors
 /// If the file cannot be read or unpacked, is malformed (with line and word), deposits nothing, or does not say
@@ -113,15 +160,15 @@ pub fn read_gcode(
     sink: &mut BeadSink<'_>,
 ) -> Result<GcodeReport> {
     let bytes = source::open(path)?.metadata().map_err(Error::io(path, "read the size"))?.len();
-    let mut passes = ["finding the slicer's settings", "reading G-code"].into_iter();
+    let mut passes = ["finding the slicer's settings"].into_iter();
     let open = || {
-        progress.phase(passes.next().unwrap_or_default(), Some(bytes), "bytes");
+        progress.phase(passes.next().unwrap_or("reading G-code"), Some(bytes), "bytes");
         Ok(CountedFile { file: source::open(path)?, progress })
     };
     read(path, open, options, progress, sink)
 }
 
-/// Reads G-code like [`read_gcode`], from a source that can be opened twice. `name` stands for it in messages.
+/// Reads G-code like [`read_gcode`], from a source that can be opened several times. `name` stands for it in messages.
 ///
 /// # Errors
 /// As [`read_gcode`].
@@ -142,28 +189,59 @@ fn read<R: Read>(
     sink: &mut BeadSink<'_>,
 ) -> Result<GcodeReport> {
     options.check()?;
-    let mut survey = Survey::default();
+    let mut survey = Survey::new(options);
     each_line(path, open()?, progress, |_, line| {
         survey.read(line);
         Ok(())
     })?;
-    let (diameters, filament_source) = survey.filament(options);
-    let mut beads = Beads::new(path, options, &survey.settings, survey.has_e, survey.has_layer_marks, sink);
-    beads.report.filament_diameters = diameters.clone();
-    beads.report.filament_source = filament_source;
-    if filament_source == FilamentSource::Assumed {
-        beads.report.note("the filament's diameter is assumed to be 1.75 mm: the file does not tell it", 0);
+    survey.settings.finish();
+    survey.signs.complete(&mut survey.settings);
+    let mut plan = Plan::new(options, &survey);
+    while let Some(trial) = plan.trial() {
+        let mut nothing = |_: BeadView<'_>| Ok(());
+        let machine = carry_out(path, open()?, (&trial, options, &survey), progress, &mut nothing)?.0;
+        plan.learn(&machine.beads);
     }
-    let mut machine = Machine::new(path, options, &survey.settings, survey.has_e, diameters, beads);
-    let lines = each_line(path, open()?, progress, |number, line| {
+    let (machine, lines) = carry_out(path, open()?, (&plan, options, &survey), progress, sink)?;
+    let by_length = machine.extruder.fed_by_length;
+    let mut report = machine.beads.into_report();
+    report.lines = lines;
+    let (diameters, filament_source) = survey.filament(options, report.firmware);
+    report_filament(&mut report, diameters, filament_source, by_length);
+    deposits_something(path, &report, &survey)?;
+    Ok(report)
+}
+
+/// Carries out a file's lines. Returns the machine at its end, and how many lines there are.
+fn carry_out<'s, 'k, R: Read>(
+    path: &Path,
+    source: R,
+    (plan, options, survey): (&Plan, &GcodeOptions, &Survey),
+    progress: &dyn Progress,
+    sink: &'s mut BeadSink<'k>,
+) -> Result<(Machine<'s, 'k>, u64)> {
+    let options = &plan.options(options);
+    let (firmware, firmware_source) = survey.firmware(options);
+    let (diameters, _) = survey.filament(options, firmware);
+    let feeds = plan.by_extruder || plan.has_area;
+    let has_layers = survey.has_layer_marks || survey.signs.has_layers;
+    let mut beads = Beads::new(path, options, &survey.settings, feeds, has_layers, sink);
+    survey.describe(firmware_source, &mut beads.report);
+    beads.report.firmware = firmware;
+    plan.prepare(&mut beads, options, &survey.signs);
+    let setup = plan.setup(options, survey);
+    beads.report.machine.deposition = match setup.by_extruder {
+        true => char::from(survey.extruder_letter).to_string(),
+        false => setup.switch.text(),
+    };
+    let extruder = Extruder::new(firmware, &survey.settings, diameters);
+    let mut machine = Machine::new(path, options, setup, extruder, beads);
+    let lines = each_line(path, source, progress, |number, line| {
         machine.line = number;
         machine.execute(line)
     })?;
     machine.beads.finish()?;
-    let mut report = machine.beads.into_report();
-    report.lines = lines;
-    deposits_something(path, &report)?;
-    Ok(report)
+    Ok((machine, lines))
 }
 
 /// Hands every line to `take`, with its number; returns how many there are.
@@ -205,49 +283,93 @@ struct Survey {
     settings: Settings,
     has_e: bool,
     has_layer_marks: bool,
+    signs: Signs,
+    extruder_letter: u8,
 }
 
 impl Survey {
+    fn new(options: &GcodeOptions) -> Survey {
+        let extruder_letter = options.extruder_axis.map_or(b'E', ExtruderAxis::letter);
+        Survey { extruder_letter, ..Survey::default() }
+    }
+
     fn read(&mut self, line: &[u8]) {
         let text = line.trim_ascii_start();
+        self.signs.read(text);
         match text.first() {
             Some(b';') => {
                 self.settings.read(text);
                 self.has_layer_marks |= !self.has_layer_marks && comments::meaning(text) == Comment::Layer;
             }
-            Some(_) if !self.has_e => self.has_e = moves_e(text),
+            Some(b'M') => self.settings.read_command(text),
+            Some(_) if !self.has_e => self.has_e = moves_e(text, self.extruder_letter),
             _ => {}
         }
     }
 
-    fn filament(&self, options: &GcodeOptions) -> (Vec<f64>, FilamentSource) {
-        let stated = &self.settings.filament_diameters;
+    fn firmware(&self, options: &GcodeOptions) -> (Firmware, FirmwareSource) {
+        let named = self.settings.firmware();
+        match (options.firmware, named) {
+            (Some(firmware), _) => (firmware, FirmwareSource::Option),
+            (None, Some((firmware, _))) => (firmware, FirmwareSource::File),
+            (None, None) => (Firmware::Unnamed, FirmwareSource::Assumed),
+        }
+    }
+
+    /// Writes down what the file says of itself.
+    fn describe(&self, source: FirmwareSource, report: &mut GcodeReport) {
+        let Settings { layer_height, first_layer_height, line_width, nozzle_diameter, .. } = self.settings;
+        report.firmware_source = source;
+        report.firmware_named_by = self.settings.firmware().map(|(_, by)| by.to_owned());
+        report.slicer = self.settings.slicer.clone();
+        report.settings = SettingsReport { layer_height, first_layer_height, line_width, nozzle_diameter };
+    }
+
+    /// Diameters by tool; they do not matter where E counts volume.
+    fn filament(&self, options: &GcodeOptions, firmware: Firmware) -> (Vec<f64>, FilamentSource) {
+        let Settings { filament_diameters: stated, told_by_m200, .. } = &self.settings;
         match options.filament_diameter {
             _ if !self.has_e => (Vec::new(), FilamentSource::None),
             Some(diameter) => (vec![diameter], FilamentSource::Option),
-            None if self.settings.volumetric => (Vec::new(), FilamentSource::Volumetric),
             None if !stated.is_empty() => (stated.clone(), FilamentSource::Comment),
-            None => (vec![FILAMENT_MM], FilamentSource::Assumed),
+            None if !told_by_m200.is_empty() => (told_by_m200.clone(), FilamentSource::Comment),
+            None => (vec![firmware.usual_filament()], FilamentSource::Assumed),
         }
     }
 }
 
-/// Whether a line is a move with an E word.
-fn moves_e(line: &[u8]) -> bool {
+/// Says which diameters were used, if any were.
+fn report_filament(report: &mut GcodeReport, diameters: Vec<f64>, source: FilamentSource, by_length: bool) {
+    if source == FilamentSource::None || !by_length {
+        let is_none = source == FilamentSource::None;
+        report.filament_source = if is_none { source } else { FilamentSource::Volumetric };
+        return;
+    }
+    if source == FilamentSource::Assumed {
+        let diameter = diameters.first().copied().unwrap_or_default();
+        let what =
+            format!("the filament's diameter is assumed to be {diameter} mm: the file does not tell it");
+        report.notes.insert(0, Finding { what, line: 0, count: 1 });
+    }
+    (report.filament_diameters, report.filament_source) = (diameters, source);
+}
+
+/// Whether a line is a move with a word of the extruder's axis.
+fn moves_e(line: &[u8], extruder: u8) -> bool {
     let mut moves = true;
     let mut words = words::Words::new(line);
     while let Some(Ok(word)) = words.next() {
         match word.letter {
             b'G' => moves = word.value.is_some_and(|code| (0.0..=3.0).contains(&code)),
             b'M' | b'T' => return false,
-            b'E' if moves => return true,
+            letter if letter == extruder && moves => return true,
             _ => {}
         }
     }
     false
 }
 
-fn deposits_something(path: &Path, report: &GcodeReport) -> Result<()> {
+fn deposits_something(path: &Path, report: &GcodeReport, survey: &Survey) -> Result<()> {
     let place = format!("line {}", report.lines);
     if report.beads > 0 {
         return Ok(());
@@ -256,6 +378,6 @@ fn deposits_something(path: &Path, report: &GcodeReport) -> Result<()> {
         let what = "ends, and all that it deposits is to be skipped";
         return Err(Error::input(path, place, what, "skip fewer features"));
     }
-    let what = "ends, and no move deposited anything";
-    Err(Error::input(path, place, what, "give G-code whose moves have E words, or M3 and M5 around them"))
+    let what = format!("ends, and no move deposited anything (looked for {})", report.machine.deposition);
+    Err(Error::input(path, place, what, plan::remedy(&survey.signs)))
 }

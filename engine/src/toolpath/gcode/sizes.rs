@@ -1,8 +1,8 @@
 //! Width and height of what is deposited.
 
 use super::beads::distance;
-use super::comments::Settings;
 use super::report::{GcodeReport, SizeReport};
+use super::settings::Settings;
 use super::{GcodeOptions, SIZE_MAX};
 use crate::toolpath::Section;
 use std::collections::VecDeque;
@@ -46,6 +46,8 @@ pub(super) struct Layering {
     width: Option<f64>,
     height: Option<f64>,
     setting: Option<f64>,
+    /// The usual width, for beads whose material nothing tells.
+    usual_width: Option<f64>,
     has_marks: bool,
     /// Heights of the planes below, ascending.
     planes: VecDeque<f64>,
@@ -53,6 +55,40 @@ pub(super) struct Layering {
     layer: u32,
     /// Height of the flat bead before.
     last: Option<f64>,
+    /// Height of the bed.
+    pub(super) bed: f64,
+    pub(super) rise: Rise,
+}
+
+/// How planes follow each other.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rise {
+    first: Option<f64>,
+    /// The first plane above the first one.
+    second: Option<f64>,
+    /// Steps up and down.
+    pub(super) ups: u64,
+    pub(super) downs: u64,
+}
+
+impl Rise {
+    fn enter(&mut self, plane: f64, before: Option<f64>) {
+        let first = *self.first.get_or_insert(plane);
+        if plane > first + PLANE_MM {
+            self.second.get_or_insert(plane);
+        }
+        if let Some(before) = before {
+            self.ups += u64::from(plane > before);
+            self.downs += u64::from(plane < before);
+        }
+    }
+
+    /// Where the bed is, if the first layer is as high as given, or else as the second one.
+    pub(super) fn bed(&self, height: Option<f64>) -> Option<f64> {
+        let first = self.first?;
+        let height = height.or(self.second.map(|second| second - first))?;
+        Some(first - height)
+    }
 }
 
 impl Layering {
@@ -61,11 +97,14 @@ impl Layering {
             width: options.width,
             height: options.height,
             setting: settings.layer_height,
+            usual_width: settings.line_width,
             has_marks,
             planes: VecDeque::new(),
             plane: None,
             layer: 0,
             last: None,
+            bed: 0.0,
+            rise: Rise::default(),
         }
     }
 
@@ -97,6 +136,7 @@ impl Layering {
     /// Puts a plane onto those below it; returns how far below the next one is, or the bed.
     fn enter_plane(&mut self, z: f64) -> Option<f64> {
         if self.plane.is_none_or(|plane| (plane - z).abs() > PLANE_MM) {
+            self.rise.enter(z, self.plane);
             self.layer += u32::from(self.plane.is_some());
             self.plane = Some(z);
             // Objects printed one after the other begin at the bed again.
@@ -108,7 +148,7 @@ impl Layering {
             }
             self.planes.push_back(z);
         }
-        let below = self.planes.len().checked_sub(2).map_or(0.0, |below| self.planes[below]);
+        let below = self.planes.len().checked_sub(2).map_or(self.bed, |below| self.planes[below]);
         // Differences of decimal numbers, without the binary dust: equal layers get equal heights.
         let step = ((z - below) * 1e6).round() / 1e6;
         (step > PLANE_MM && step <= SIZE_MAX).then_some(step)
@@ -152,6 +192,13 @@ impl Layering {
             } else {
                 let (to, rate) = stretch(points, pieces, sections, resolution, from);
                 let width = width_of(rate, sections[from].height);
+                if let (Some(width), true) = (self.usual_width, rate <= 0.0) {
+                    report.widths.setting += (to - from) as u64;
+                    report.widths.include(width);
+                    sections[from..to].iter_mut().for_each(|section| section.width = width);
+                    from = to;
+                    continue;
+                }
                 if rate <= 0.0 {
                     let what = "nothing says how wide the bead is: no comment, no E".to_owned();
                     return Err((what, "give its width in mm with --width"));

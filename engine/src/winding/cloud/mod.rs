@@ -17,6 +17,7 @@ use dipole::Dipole;
 use rayon::prelude::*;
 
 pub use brick::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece};
+pub use nearest::median_distance;
 pub use normals::estimate_normals;
 pub use surfels::{Surfel, Surfels};
 

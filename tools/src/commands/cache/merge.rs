@@ -4,9 +4,11 @@ use crate::args::WorkArgs;
 use crate::cache_args::MergeArgs;
 use crate::commands::start;
 use crate::failure::Failure;
+use crate::kinds::not_a_store;
 use crate::output::{one_line, print, print_json, require_distinct};
 use crate::units::Size;
 use brickfield_engine::build::{MergeSummary, merge};
+use brickfield_engine::store::{Store, is_store};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -26,6 +28,9 @@ pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     let bars = start(WorkArgs { threads: Some(1), quiet: args.quiet, progress: args.progress })?;
     let shares: Vec<&Path> = args.shares.iter().map(PathBuf::as_path).collect();
     require_distinct(&[&args.output], &shares)?;
+    for share in shares.iter().filter(|share| !is_store(share)) {
+        Store::open_any(share, 0).map_err(|error| not_a_store(share, error, None))?;
+    }
     let summary = merge(&args.shares, &args.output, &bars)?;
     bars.clear();
     let seconds = started.elapsed().as_secs_f64();

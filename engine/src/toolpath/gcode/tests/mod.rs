@@ -6,8 +6,13 @@ use std::path::PathBuf;
 
 mod dialect;
 mod files;
+mod firmwares;
+mod large_format;
+mod large_laws;
 mod laws;
+mod offsets;
 mod refusals;
+mod slicers;
 
 /// A file of the repository's data.
 fn data(name: &str) -> PathBuf {

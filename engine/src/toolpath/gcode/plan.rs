@@ -1,0 +1,233 @@
+//! How a file is to be carried out: what deposits, in which unit, and which axis carries layers.
+
+use super::beads::Beads;
+use super::deposition::{Family, Mark, Switch};
+use super::layer_axis::LayerAxis;
+use super::machine::Setup;
+use super::report::UnitSource;
+use super::signs::Signs;
+use super::sizes::Rise;
+use super::{GcodeOptions, Survey};
+use crate::error::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// The letter of an axis that feeds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExtruderAxis(u8);
+
+impl ExtruderAxis {
+    pub(super) fn letter(self) -> u8 {
+        self.0
+    }
+}
+
+impl FromStr for ExtruderAxis {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<ExtruderAxis> {
+        match text.trim().to_ascii_uppercase().as_bytes() {
+            [letter @ (b'A'..=b'C' | b'E' | b'U'..=b'W')] => Ok(ExtruderAxis(*letter)),
+            _ => {
+                let what = format!("\"{}\" is no axis that can feed", text.escape_debug());
+                Err(Error::setting(what, "give A, B, C, E, U, V or W"))
+            }
+        }
+    }
+}
+
+impl fmt::Display for ExtruderAxis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", char::from(self.0))
+    }
+}
+
+/// Refuses options that contradict each other.
+pub(super) fn check(options: &GcodeOptions) -> Result<()> {
+    let feeds = options.extruder_axis.map(ExtruderAxis::letter);
+    let lifts = options.layer_axis.and_then(LayerAxis::letter);
+    if feeds.is_some() && feeds == lifts {
+        return Err(Error::setting("one axis cannot feed and carry layers", "give two axes, or one of them"));
+    }
+    let (on, off) = (&options.deposit_on, &options.deposit_off);
+    if on.is_empty() && !off.is_empty() {
+        return Err(Error::setting("codes switch off, and none switches on", "give --deposit-on, too"));
+    }
+    if off.is_empty() && !on.iter().all(Mark::takes_argument) {
+        return Err(Error::setting("codes switch on, and none switches off", "give --deposit-off, too"));
+    }
+    if options.unit.is_some_and(|unit| !(1e-6..=1e4).contains(&unit)) {
+        return Err(Error::setting("the unit is not between 1e-6 and 1e4 mm", "give mm or inches"));
+    }
+    match options.variables.iter().find(|(name, value)| name.is_empty() || !value.is_finite()) {
+        Some((name, _)) => {
+            Err(Error::setting(format!("the variable {name:?} has no value"), "give NAME=NUMBER"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// What a user may do about a file in which nothing was deposited.
+pub(super) fn remedy(signs: &Signs) -> String {
+    let mut remedy =
+        "give G-code whose moves have E words, or M3 and M5 around them; other codes by --deposit-on and \
+                      --deposit-off"
+            .to_owned();
+    if let Some(axis) = signs.rising_axes().first() {
+        remedy += &format!("; if {axis}, which only rises, feeds, say --extruder-axis {axis}");
+    }
+    remedy
+}
+
+/// How a file is carried out.
+#[derive(Clone)]
+pub(super) struct Plan {
+    /// Whether the extruder's axis deposits; otherwise codes do.
+    pub(super) by_extruder: bool,
+    /// Whether the file gives the area of its beads.
+    pub(super) has_area: bool,
+    family: Family,
+    /// Codes of another machine that stand in the file, too.
+    rival: Option<Family>,
+    unit: (f64, UnitSource),
+    dialect: Option<String>,
+    layer_axis: LayerAxis,
+    bed: f64,
+    usual_height: Option<f64>,
+    /// What must be tried before: whether the axis moves with the layers, and which way.
+    open: Open,
+    is_trial: bool,
+}
+
+/// What a trial has to show.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Open {
+    Nothing,
+    /// Whether and how the axis carries layers.
+    Axis,
+    /// Where the bed is.
+    Bed,
+}
+
+impl Plan {
+    pub(super) fn new(options: &GcodeOptions, survey: &Survey) -> Plan {
+        let signs = &survey.signs;
+        let (family, rival) = signs.family();
+        let by_codes = !options.deposit_on.is_empty();
+        let by_extruder = survey.has_e && !by_codes;
+        let unit = match (options.unit, signs.unit()) {
+            (Some(unit), _) => (unit, UnitSource::Option),
+            (None, Some(unit)) => (unit, UnitSource::Header),
+            (None, None) => (1.0, UnitSource::Assumed),
+        };
+        let feeds = options.extruder_axis.map(ExtruderAxis::letter);
+        let shown = signs.layer_axis().filter(|axis| axis.letter() != feeds);
+        let layer_axis = options.layer_axis.or(shown).unwrap_or(LayerAxis::NONE);
+        let open = match layer_axis.letter() {
+            None => Open::Nothing,
+            Some(b'Z') => Open::Bed,
+            Some(_) if options.layer_axis.is_some() => Open::Bed,
+            Some(_) => Open::Axis,
+        };
+        let by_family = family.filter(|_| !by_extruder && !by_codes).and_then(Family::machine);
+        Plan {
+            by_extruder,
+            has_area: family == Some(Family::Siemens) && !by_extruder && !by_codes,
+            family: family.unwrap_or(Family::Spindle),
+            // MELD's spindle stirs, and a gun's runs with it.
+            rival: rival
+                .filter(|_| !by_extruder && !by_codes && !matches!(family, Some(Family::Meld | Family::Gun))),
+            unit,
+            dialect: signs.machine.clone().or(by_family.map(str::to_owned)),
+            layer_axis,
+            bed: signs.bed.unwrap_or(0.0),
+            usual_height: options.height.or(survey.settings.layer_height),
+            open,
+            is_trial: false,
+        }
+    }
+
+    /// The plan of the next trial, if one is needed.
+    pub(super) fn trial(&self) -> Option<Plan> {
+        (self.open != Open::Nothing).then(|| Plan { is_trial: true, ..self.clone() })
+    }
+
+    /// Takes in what a trial showed.
+    pub(super) fn learn(&mut self, beads: &Beads<'_, '_>) {
+        let rise: &Rise = &beads.layering.rise;
+        let moved = beads.tables.is_some_and(|(low, high)| high > low);
+        match self.open {
+            Open::Axis if !moved => {
+                // Where it stands still, Z alone tells heights, as they stand in the file.
+                self.layer_axis = LayerAxis::NONE;
+                self.open = Open::Nothing;
+            }
+            Open::Axis if rise.downs > rise.ups => {
+                // The part would grow downwards: the axis lifts the tool.
+                let letter = self.layer_axis.letter().unwrap_or(b'W');
+                self.layer_axis = LayerAxis::new(letter, false);
+                self.open = Open::Bed;
+            }
+            _ => {
+                self.bed = rise.bed(self.usual_height).unwrap_or(self.bed);
+                self.open = Open::Nothing;
+            }
+        }
+    }
+
+    /// The caller's options; in a trial any size does.
+    pub(super) fn options(&self, options: &GcodeOptions) -> GcodeOptions {
+        let mut options = options.clone();
+        if self.is_trial {
+            options.width.get_or_insert(1.0);
+            options.height.get_or_insert(1.0);
+        }
+        options
+    }
+
+    /// Tells the beads' gatherer what it needs.
+    pub(super) fn prepare(&self, beads: &mut Beads<'_, '_>, options: &GcodeOptions, signs: &Signs) {
+        beads.layering.bed = self.bed;
+        if let Some(rival) = self.rival {
+            let list = |family: Family| family.codes().0.join(", ");
+            let what = format!(
+                "{} and {} both stand in the file: the first is taken for what deposits; if not, give --deposit-on and \
+                 --deposit-off",
+                list(self.family),
+                list(rival)
+            );
+            beads.report.note(&what, 0);
+        }
+        let feeds = options.extruder_axis.map(ExtruderAxis::letter);
+        for (letter, farthest) in signs.wide_turns() {
+            if feeds == Some(letter) || options.layer_axis.is_some_and(|axis| axis.letter() == Some(letter)) {
+                continue;
+            }
+            let axis = char::from(letter);
+            let what = format!(
+                "{axis} goes to {farthest} and is read as degrees by which the head turns; if it feeds, say \
+                 --extruder-axis {axis}; if it carries layers, --layer-axis {axis} or -{axis}"
+            );
+            beads.report.note(&what, 0);
+        }
+        let machine = &mut beads.report.machine;
+        machine.dialect = self.dialect.clone();
+        machine.height = self.layer_axis.formula();
+        machine.unit_source = self.unit.1;
+    }
+
+    /// The machine's state before its program begins.
+    pub(super) fn setup(&self, options: &GcodeOptions, survey: &Survey) -> Setup {
+        let switch = match options.deposit_on.is_empty() {
+            true => Switch::of(self.family),
+            false => Switch::new(&options.deposit_on, &options.deposit_off),
+        };
+        Setup {
+            by_extruder: self.by_extruder,
+            switch,
+            unit: self.unit.0,
+            layer_axis: self.layer_axis,
+            has_regions: survey.signs.has_regions,
+        }
+    }
+}

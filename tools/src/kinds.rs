@@ -1,0 +1,156 @@
+//! What a file is that was given to a command, and which command wants it if this one does not.
+
+use anyhow::anyhow;
+use brickfield_engine::Error;
+use brickfield_engine::ingest::Kind;
+use brickfield_engine::store::is_store;
+use std::path::{Path, PathBuf};
+
+/// What a file is, by its content and then by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// A brick store, finished or not.
+    Store,
+    /// Anything else.
+    Input(Kind),
+}
+
+impl FileKind {
+    /// What the file is; what is wrong with one that cannot be read is for its reader to say.
+    pub fn of(path: &Path) -> Option<FileKind> {
+        if is_store(path) {
+            return Some(FileKind::Store);
+        }
+        Kind::of(path).ok().map(FileKind::Input)
+    }
+
+    /// With its article, as in "a mesh (STL)"; nothing if it is unknown.
+    pub fn name(self) -> Option<String> {
+        Some(match self {
+            FileKind::Store => "a brick store".to_owned(),
+            FileKind::Input(Kind::Mesh(format)) => format!("a mesh ({format})"),
+            FileKind::Input(Kind::Cloud(format)) => format!("a point cloud ({format})"),
+            FileKind::Input(Kind::Toolpath) => "a toolpath (G-code)".to_owned(),
+            FileKind::Input(Kind::X3d) => "an X3D file".to_owned(),
+            FileKind::Input(Kind::ThreeMf) => "a 3MF file".to_owned(),
+            FileKind::Input(Kind::Foreign(what)) => what?.to_owned(),
+            FileKind::Input(Kind::Empty) => "empty".to_owned(),
+        })
+    }
+
+    /// Whether `build` takes it.
+    pub fn is_input(self) -> bool {
+        use Kind::{Cloud, Mesh, Toolpath, X3d};
+        matches!(self, FileKind::Input(Mesh(_) | Cloud(_) | Toolpath | X3d))
+    }
+
+    /// Whether it holds triangles of its own.
+    pub fn is_mesh(self) -> bool {
+        matches!(self, FileKind::Input(Kind::Mesh(_)))
+    }
+}
+
+/// What to do with a file of which there is nothing more to say.
+const GIVE_AN_INPUT: &str =
+    "give a mesh as STL, OBJ or PLY, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
+
+/// The command that makes a store of an input.
+fn build_command(path: &Path) -> String {
+    format!("`brickfield build {} -o {}`", typed(path), typed(&path.with_extension("brf")))
+}
+
+/// The error of a file that was given in place of a store. `error` is what its reader says, which stands if the file may be
+/// a store after all. `otherwise` is what the same command does with such a mesh, if anything.
+pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error {
+    let Some(kind) = FileKind::of(path).filter(|kind| *kind != FileKind::Store) else { return error };
+    let Some(name) = kind.name() else { return error };
+    let remedy = match kind {
+        _ if kind.is_input() => {
+            let check = otherwise.filter(|_| kind.is_mesh()).map_or_else(String::new, |otherwise| {
+                format!(", or use `brickfield {otherwise} {}`", typed(path))
+            });
+            let store = typed(&path.with_extension("brf"));
+            format!("make one first by {}, and give {store}{check}", build_command(path))
+        }
+        FileKind::Input(Kind::ThreeMf) => {
+            format!(
+                "`brickfield info {}` says what is in it; a store is made of STL, OBJ or PLY",
+                typed(path)
+            )
+        }
+        _ => "give a store that `brickfield build` has finished".to_owned(),
+    };
+    Error::store(path, "header", format!("is {name}, not a brick store"), remedy)
+}
+
+/// Refuses stores among inputs; `wants` is the command that answers from a store what this one answers from inputs.
+///
+/// # Errors
+/// The first store, with the command.
+pub fn require_inputs(paths: &[PathBuf], wants: &str) -> Result<(), anyhow::Error> {
+    let Some(path) = paths.iter().find(|path| is_store(path)) else { return Ok(()) };
+    let command = wants.replace("PART.brf", &typed(path));
+    Err(anyhow!(
+        "{}: is a brick store, made already, not an input; use `brickfield {command}`",
+        path.display()
+    ))
+}
+
+/// Refuses what is no toolpath.
+///
+/// # Errors
+/// The first one, with the command that wants it.
+pub fn require_toolpaths(paths: &[PathBuf]) -> Result<(), anyhow::Error> {
+    for path in paths {
+        let Some(kind) = FileKind::of(path).filter(|kind| *kind != FileKind::Input(Kind::Toolpath)) else {
+            continue;
+        };
+        let Some(name) = kind.name() else { continue };
+        let remedy = match kind {
+            FileKind::Store => {
+                format!("give the G-code; of a store `brickfield mesh {} -o OUT.stl`", typed(path))
+            }
+            _ if kind.is_input() => {
+                format!("give the G-code; a store is made of this by {}", build_command(path))
+            }
+            _ => "give a G-code file".to_owned(),
+        };
+        return Err(anyhow!("{}: is {name}, not a toolpath; {remedy}", path.display()));
+    }
+    Ok(())
+}
+
+/// The error of a file that no command takes.
+pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
+    let (name, remedy) = match kind {
+        FileKind::Input(Kind::Empty) => ("is empty".to_owned(), "export or copy the file again"),
+        _ => match kind.name() {
+            Some(name) => (format!("is {name}, which is not read"), GIVE_AN_INPUT),
+            None => ("is of no kind that is known".to_owned(), GIVE_AN_INPUT),
+        },
+    };
+    let model =
+        if name.contains("CAD model") { "export the part as a mesh: STL, OBJ or PLY" } else { remedy };
+    anyhow!("{}: {name}; {model}", path.display())
+}
+
+/// A path as it is typed into a shell.
+fn typed(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,@%:=".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        return text;
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_quoted_for_a_shell() {
+        assert_eq!(typed(Path::new("a/b-1.stl")), "a/b-1.stl");
+        assert_eq!(typed(Path::new("my part's.stl")), "'my part'\\''s.stl'");
+    }
+}
