@@ -27,8 +27,8 @@ pub(super) struct Undecided<P> {
 pub(super) enum Decided<P> {
     /// No surface touches it.
     Empty(i16),
-    /// With what hides in it.
-    Leaf(Brick, Thin),
+    /// With what hides in it, if anything.
+    Leaf(Brick, Option<Box<Thin>>),
     /// Its samples, or `None` if these are joined from its children's, and the children.
     Refined(Option<Samples>, Box<[Undecided<P>; 8]>),
 }
@@ -60,6 +60,7 @@ impl<P: Copy> Undecided<P> {
         if is_deepest || rules.keeps(&mut evaluation) {
             let thin = rules.thin_of(field, key.level(), &mut evaluation)?;
             if !is_deepest || !rules.divides_thin(key.level(), &thin) {
+                let thin = (!thin.is_empty()).then(|| Box::new(thin));
                 return Ok(Decided::Leaf(evaluation.into_leaf()?, thin));
             }
         }
@@ -70,7 +71,7 @@ impl<P: Copy> Undecided<P> {
                 let brick = evaluation.into_leaf()?;
                 let (brick, fits) = field.fits(evaluator, tolerance, self.as_leaf(&all), brick)?;
                 if fits {
-                    return Ok(Decided::Leaf(brick, Thin::default()));
+                    return Ok(Decided::Leaf(brick, None));
                 }
                 brick.into_samples()
             }

@@ -118,7 +118,7 @@ fn decide_from_the_top<F: Field, R: Recorder>(
             let brick = match decided {
                 Decided::Empty(w) => Some((true, Brick::Uniform(w))),
                 Decided::Leaf(brick, thin) => {
-                    if owns(key) {
+                    if let Some(thin) = thin.filter(|_| owns(key)) {
                         plan.add_thin(&thin);
                     }
                     Some((true, brick))

@@ -308,7 +308,9 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         Ok(match decided {
             Decided::Empty(w) => Opened::Empty(w),
             Decided::Leaf(brick, thin) => {
-                self.plan.add_thin(&thin);
+                if let Some(thin) = thin {
+                    self.plan.add_thin(&thin);
+                }
                 Opened::Leaf(key, brick)
             }
             Decided::Refined(samples, children) => Opened::Refined(key, samples, self.decide(*children)?),
