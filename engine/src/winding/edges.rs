@@ -1,6 +1,6 @@
 //! Sets of lattice edges as bits over the lines of a row, so that a scan can leave out what nobody asks for.
 
-use super::scan::{LINES_MAX, ROWS};
+use super::lines::{LINES_MAX, ROWS};
 use crate::brick::SignChanges;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use crate::wide::{Simd, SimdBase, dispatch, level, u64x4};

@@ -9,6 +9,7 @@ mod crossings;
 mod edges;
 mod evaluate;
 mod hermite;
+mod lines;
 mod open;
 mod passages;
 mod points;

@@ -6,6 +6,7 @@
 //! decide: by three edge functions in 64 bits the first, by a quotient in 128 bits the second.
 
 use super::edges::{EdgeMasks, Lowers};
+use super::lines::{All, Choice, LINES_MAX, ROWS};
 use crate::brick::ThinLines;
 use crate::lattice::{Triangle, normal};
 use crate::wide::{
@@ -237,9 +238,6 @@ impl Facet {
     }
 }
 
-/// Rows that are looked at together: as many words as are a vector of most processors.
-pub(super) const ROWS: usize = 4;
-
 /// All lines of as many rows as there are words before the middle, none of the others.
 const FIRST_ROWS: [u64; 2 * ROWS] = [u64::MAX, u64::MAX, u64::MAX, u64::MAX, 0, 0, 0, 0];
 
@@ -264,57 +262,6 @@ fn any_bit<S: Simd>(simd: S, bits: u64x4<S>) -> bool {
     bits.simd_ne(u64x4::splat(simd, 0)).any_true()
 }
 
-/// Which edges a scan asks for. A row's lines have equal v, or equal u if `swap`.
-trait Choice {
-    /// The lines of a row and of those after it that matter, as bits.
-    fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S>;
-}
-
-/// Every edge.
-struct All;
-
-impl Choice for All {
-    #[inline(always)]
-    fn lines<S: Simd>(&self, simd: S, _: bool, _: usize) -> u64x4<S> {
-        u64x4::splat(simd, u64::MAX)
-    }
-}
-
-/// Rows of equal v, a bit for every u of [`ThinLines::Sixteenth`].
-const SOME_OF_V: [u64; PADDED] = some_lines(false);
-/// Rows of equal u, a bit for every v.
-const SOME_OF_U: [u64; PADDED] = some_lines(true);
-/// All rows of a block, and more for those who look at [`ROWS`] at once.
-const PADDED: usize = LINES_MAX as usize + ROWS;
-
-const fn some_lines(swap: bool) -> [u64; PADDED] {
-    let mut rows = [0; PADDED];
-    let mut row = 0;
-    while row < PADDED {
-        let mut line = 0;
-        while line < 64 {
-            let (u, v) = if swap { (row, line) } else { (line, row) };
-            if (u + 4 * v) % 16 == 0 {
-                rows[row] |= 1 << line;
-            }
-            line += 1;
-        }
-        row += 1;
-    }
-    rows
-}
-
-impl Choice for ThinLines {
-    #[inline(always)]
-    fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S> {
-        let rows = if swap { &SOME_OF_U } else { &SOME_OF_V };
-        match self {
-            ThinLines::All => u64x4::splat(simd, u64::MAX),
-            ThinLines::Sixteenth => u64x4::from_slice(simd, &rows[row..row + ROWS]),
-        }
-    }
-}
-
 /// Those of a set that begin at some samples of their lines.
 struct Near<'a> {
     edges: &'a EdgeMasks,
@@ -327,9 +274,6 @@ impl Choice for Near<'_> {
         self.edges.lines(simd, swap, row, self.lowers)
     }
 }
-
-/// Lines in a row, at most: a row's lines are the bits of a word, of which [`Edges::spans`] keeps one free.
-pub(super) const LINES_MAX: i32 = 63;
 
 /// The axes along which lines step and rows follow each other.
 const fn sweep_axes<const A: usize, const SWAP: bool>() -> (usize, usize) {
