@@ -1,29 +1,26 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
-use super::mesh::{MeshReport, mesh_sink, write_mesh};
-use super::{open_inputs, start, unit_of, volumes_text};
-use crate::args::{BackendArg, BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
+use super::build_report::{Audit, CloudText, Report};
+use super::mesh::{mesh_sink, write_mesh};
+use super::{open_inputs, start};
+use crate::args::{BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
 use crate::failure::Failure;
 use crate::kinds::require_inputs;
 use crate::memory;
-use crate::output::{one_line, print, print_json, warn};
-use crate::pieces::{OrientArg, inside_out_text, left_text, pieces_text};
+use crate::output::{print, print_json, warn};
+use crate::pieces::OrientArg;
 use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
-use brickfield_engine::analysis::{Volumes, volume, winding_range};
-use brickfield_engine::backend::DeviceReport;
-use brickfield_engine::brick::POINTS;
+use brickfield_engine::analysis::volume;
 use brickfield_engine::build::{
-    BuildOptions, Keeping, Resolution, Resources, ShareSummary, Summary, ThinDepth, ThinSheetsSummary,
-    ThinSummary, build_clouds, build_opened,
+    BuildOptions, Keeping, Resolution, Resources, Summary, ThinDepth, build_clouds, build_opened,
 };
 use brickfield_engine::contour::ContourOptions;
-use brickfield_engine::ingest::{CloudInput, Input, OpenOptions};
+use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
-use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -35,17 +32,17 @@ const CLOUD_ERROR: f64 = 1e-2;
 const MESH_CACHE_BYTES: u64 = 512 << 20;
 
 /// A checked command line.
-struct Plan {
-    inputs: Vec<PathBuf>,
-    output: PathBuf,
+pub(super) struct Plan {
+    pub(super) inputs: Vec<PathBuf>,
+    pub(super) output: PathBuf,
     open: OpenOptions,
     beads: Option<BeadsArg>,
     estimate_normals: bool,
-    orient: Option<OrientArg>,
+    pub(super) orient: Option<OrientArg>,
     gwn_error: Option<GwnError>,
-    units: Unit,
+    pub(super) units: Unit,
     options: BuildOptions,
-    backend: BackendArgs,
+    pub(super) backend: BackendArgs,
     memory: Option<Size>,
     mesh: Option<PathBuf>,
     json: bool,
@@ -276,258 +273,6 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
     Ok(())
 }
 
-/// What is printed in the end.
-#[derive(Serialize)]
-struct Report {
-    output: String,
-    unit: String,
-    #[serde(flatten)]
-    summary: Summary,
-    /// Why the processor evaluated the bricks, if a device might have.
-    processor: Option<String>,
-    /// What the user should know of the device.
-    #[serde(skip)]
-    device_warning: Option<String>,
-    seconds: f64,
-    /// Of beads as solids, their segments; of point clouds, their points.
-    facets_per_second: f64,
-    /// Samples of leaves that were evaluated, aprons included; uniform leaves need none.
-    samples: u64,
-    samples_per_second: f64,
-    /// Maps of files included.
-    peak_memory_bytes: Option<u64>,
-    /// Null for a share without nodes.
-    winding_min: Option<i16>,
-    winding_max: Option<i16>,
-    warnings: Vec<String>,
-    /// Of builds from point clouds.
-    clouds: Vec<CloudText>,
-    /// Of builds from toolpaths.
-    #[serde(flatten)]
-    audit: Option<Audit>,
-    mesh: Option<MeshReport>,
-}
-
-/// What was understood of a point cloud.
-#[derive(Serialize)]
-struct CloudText {
-    path: String,
-    columns: String,
-}
-
-impl CloudText {
-    fn of(cloud: &CloudInput) -> CloudText {
-        CloudText { path: cloud.path().display().to_string(), columns: cloud.columns_text() }
-    }
-}
-
-/// Material fed, volume of the beads, and what the field makes of them.
-#[derive(Serialize)]
-struct Audit {
-    toolpaths: Vec<ToolpathReport>,
-    /// Of a whole store only.
-    volumes: Option<Volumes>,
-}
-
-impl Report {
-    fn new(
-        plan: &Plan,
-        cpu: Option<String>,
-        summary: Summary,
-        store: &Store,
-        audit: Option<Audit>,
-        mesh: Option<MeshReport>,
-        seconds: f64,
-    ) -> Report {
-        let winding = winding_range(store);
-        // Whether something lies inside is for all shares to say.
-        let warnings = match winding.filter(|_| summary.share.is_none()) {
-            Some(range) => warnings(range, plan, &summary),
-            None => Vec::new(),
-        };
-        let samples = samples_of_leaves(store);
-        let pieces = summary.facets + summary.segments + summary.points;
-        let explicit = plan.backend.backend == BackendArg::Vulkan || plan.backend.device.is_some();
-        let device_warning = match (&cpu, &summary.device) {
-            (Some(why), _) if explicit => Some(format!("--backend vulkan: {why}")),
-            (_, Some(DeviceReport { name, cpu_bricks, failure: Some(failure), .. })) => Some(format!(
-                "{name}: {failure}; the processor evaluated {cpu_bricks} bricks in its place, with the same result"
-            )),
-            _ => None,
-        };
-        Report {
-            processor: cpu,
-            device_warning,
-            output: plan.output.display().to_string(),
-            unit: unit_of(store.meta()).to_owned(),
-            summary,
-            seconds,
-            facets_per_second: pieces as f64 / seconds,
-            samples,
-            samples_per_second: samples as f64 / seconds,
-            peak_memory_bytes: memory::peak().map(|size| size.0),
-            winding_min: winding.map(|(min, _)| min),
-            winding_max: winding.map(|(_, max)| max),
-            warnings,
-            clouds: Vec::new(),
-            audit,
-            mesh,
-        }
-    }
-
-    fn warn(&self) {
-        self.warnings.iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
-        self.thin_warning().iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
-        self.device_warning.iter().for_each(|message| warn(message));
-        let toolpaths = self.audit.iter().flat_map(|audit| &audit.toolpaths);
-        toolpaths.flat_map(ToolpathReport::warnings).for_each(|message| warn(&message));
-    }
-
-    fn text(&self) -> String {
-        let Summary {
-            facets,
-            segments,
-            degenerate_facets,
-            skipped_faces,
-            points,
-            void_points,
-            spacing,
-            depth,
-            cell,
-            nodes,
-            leaves,
-            file_bytes,
-            ..
-        } = &self.summary;
-        let mut text = String::new();
-        let mut line = |line: String| text += &format!("{line}\n");
-        let kept = format!("{} nodes, {} leaves, {}", nodes, leaves, Size(*file_bytes));
-        line(format!("{}: {kept}", one_line(&self.output)));
-        if let Some(ShareSummary { id, level, cubes, work }) = &self.summary.share {
-            let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
-            line(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
-        }
-        let (counted, pieces) = match segments {
-            0 if *points > 0 => {
-                (format!("{points} ({void_points} without area), {spacing:.6} {} apart", self.unit), "points")
-            }
-            0 => (
-                format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
-                "facets",
-            ),
-            _ => (format!("{segments} of beads as solids, w counts beads"), "segments"),
-        };
-        line(format!("  {pieces:<8} {counted}"));
-        for CloudText { path, columns } in &self.clouds {
-            line(format!("  columns  {}: {}", one_line(path), one_line(columns)));
-        }
-        let Summary { open_edges, loops, flipped_patches, .. } = &self.summary;
-        if *open_edges > 0 {
-            let edges = format!("{open_edges} open edges in {loops} loops");
-            line(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
-        }
-        if let Some(report) = &self.summary.pieces {
-            let turned = report.turned_facets;
-            line(format!("  pieces   {}; {turned} facets turned", pieces_text(report)));
-        }
-        match self.summary.turned_sweeps {
-            0 => {}
-            1 => line("  sweeps   1 Extrusion was inside out, and is turned".to_owned()),
-            n => line(format!("  sweeps   {n} Extrusions were inside out, and are turned")),
-        }
-        let base = match self.summary.base_depth {
-            base if base < *depth => format!("{base}, where walls or gaps are thin "),
-            _ => String::new(),
-        };
-        line(format!("  depth    {base}{depth}, cells of {cell:.6} {}", self.unit));
-        if let Some(ThinSummary { walls, gaps }) = &self.summary.thin {
-            for (name, sheets) in [("walls", walls), ("gaps", gaps)] {
-                let Some(sheets) = sheets else { continue };
-                line(format!("  {name:<8} {}", self.thin_text(sheets)));
-            }
-        }
-        if let (Some(min), Some(max)) = (self.winding_min, self.winding_max) {
-            line(format!("  winding  {min} to {max}"));
-        }
-        if let Some(Audit { toolpaths, volumes }) = &self.audit {
-            toolpaths.iter().for_each(|toolpath| line(format!("  source   {}", toolpath.text())));
-            let volumes = volumes.as_ref();
-            volumes.inspect(|volumes| line(format!("  volume   {}", volumes_text(volumes, &self.unit))));
-            let all = toolpaths.iter().flat_map(ToolpathReport::warnings);
-            all.for_each(|message| line(format!("  warning  {message}")));
-        }
-        self.warnings.iter().for_each(|message| line(format!("  warning  {message}")));
-        self.backend_text().map(&mut line);
-        let phases: Vec<String> =
-            self.summary.phases.iter().map(|(name, seconds)| format!("{name} {seconds:.2} s")).collect();
-        line(format!("  time     {:.2} s: {}", self.seconds, phases.join(", ")));
-        let rates = (self.facets_per_second, self.samples_per_second / 1e6);
-        line(format!("  rate     {:.0} {pieces}/s, {:.1} million samples/s", rates.0, rates.1));
-        if let Some(peak) = self.peak_memory_bytes {
-            let disk = match self.summary.temporary_bytes {
-                0 => String::new(),
-                bytes => format!("; {} in a temporary file", Size(bytes)),
-            };
-            line(format!("  memory   {} at most, maps of files included{disk}", Size(peak)));
-        }
-        if let Some(mesh) = &self.mesh {
-            line(mesh.text());
-        }
-        text
-    }
-}
-
-impl Report {
-    /// Walls, or gaps, that no sample shows.
-    fn thin_text(&self, sheets: &ThinSheetsSummary) -> String {
-        let ThinSheetsSummary { area, thickness, thinnest, .. } = sheets;
-        let (unit, cell) = (&self.unit, self.summary.cell);
-        // Faces that touch somewhere have no least distance that would mean anything.
-        let least = match *thinnest < cell / 1000.0 {
-            true => format!("less than {}", rounded(cell / 1000.0)),
-            false => rounded(*thinnest),
-        };
-        let (area, thickness) = (rounded(*area), rounded(*thickness));
-        format!(
-            "about {area} {unit}² thinner than a cell hide between samples, {thickness} {unit} in the mean, {least} {unit} at least"
-        )
-    }
-
-    /// The warning of walls that no sample shows, if they are more than the slivers between faces that nearly touch. Gaps
-    /// make none: beads that touch have them everywhere.
-    fn thin_warning(&self) -> Option<String> {
-        let walls = self.summary.thin.as_ref()?.walls.as_ref()?;
-        let cell = self.summary.cell;
-        let cells = walls.area / (cell * cell);
-        let are_slivers = cells < 64.0 || (cells < 1000.0 && walls.thickness < cell / 20.0);
-        let remedy = match walls.depth {
-            Some(depth) => format!("--max-depth {depth} divides bricks there alone"),
-            None => "no depth shows them all".to_owned(),
-        };
-        (!are_slivers).then(|| format!("walls: {}; {remedy}", self.thin_text(walls)))
-    }
-
-    /// What evaluated the bricks, where it was a device or might have been.
-    fn backend_text(&self) -> Option<String> {
-        let Some(report) = &self.summary.device else {
-            return self.processor.as_ref().map(|why| format!("  backend  processor: {why}"));
-        };
-        let DeviceReport { name, bricks, cpu_bricks, batches, samples, settled, .. } = report;
-        let DeviceReport { upload_seconds, kernel_seconds, read_seconds, sum_seconds, .. } = report;
-        let kernels: f64 = kernel_seconds.iter().sum::<f64>() + sum_seconds;
-        let times = format!("{upload_seconds:.2} s up, {kernels:.2} s computing, {read_seconds:.2} s back");
-        let others = match cpu_bricks {
-            0 => String::new(),
-            n => format!(", {n} by the processor"),
-        };
-        let close = match samples {
-            0 => String::new(),
-            _ => format!("; {:.1}% of samples settled here", 100.0 * *settled as f64 / *samples as f64),
-        };
-        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}{close}"))
-    }
-}
-
 /// Why the processor evaluated the bricks, if a device might have.
 fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &Summary) -> Option<String> {
     if let Chosen::Cpu { why } = chosen {
@@ -550,53 +295,4 @@ fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static 
     } else {
         None
     }
-}
-
-/// An estimate to three digits.
-fn rounded(value: f64) -> String {
-    let digits = 2 - value.abs().max(1e-300).log10().floor() as i32;
-    match digits {
-        0.. => format!("{value:.*}", digits.min(12) as usize),
-        _ => {
-            let unit = 10f64.powi(-digits);
-            format!("{:.0}", (value / unit).round() * unit)
-        }
-    }
-}
-
-/// How many samples the leaves that are not uniform have.
-fn samples_of_leaves(store: &Store) -> u64 {
-    let evaluated =
-        store.entries().iter().filter(|entry| entry.leaf && !entry.head.kind.is_uniform()).count();
-    evaluated as u64 * POINTS as u64
-}
-
-/// What the user should know of a field with this range, and of the pieces behind it.
-fn warnings((min, max): (i16, i16), plan: &Plan, summary: &Summary) -> Vec<String> {
-    let empty = match (min, max) {
-        (min, max) if min < 0 && max <= 0 => Some("nothing lies inside: facets, or normals, face inwards"),
-        (0, 0) => Some("nothing lies inside: no body is large enough for a sample"),
-        _ => None,
-    };
-    let is_closed_mesh = summary.open_edges == 0 && summary.points == 0;
-    let negative = match &summary.inside_out {
-        Some(found) => {
-            let input = plan.inputs[found.source].display().to_string();
-            Some(inside_out_text(found, &input, plan.units.symbol()))
-        }
-        None if min < 0 && is_closed_mesh => Some(match plan.orient {
-            None => format!(
-                "w falls to {min}: pieces are inside out, or cavities overlap; turn pieces with --orient"
-            ),
-            Some(_) => {
-                format!("w falls to {min}, where cavities overlap each other; unite them in the input")
-            }
-        }),
-        None => None,
-    };
-    let field: Vec<String> = empty.map(str::to_owned).into_iter().chain(negative).collect();
-    let left = plan.orient.zip(summary.pieces.as_ref());
-    let left = left.map_or(Vec::new(), |(asked, report)| left_text(report, asked));
-    let field = Some(field.join("; ")).filter(|line| !line.is_empty());
-    field.into_iter().chain(left).collect()
 }

@@ -2,6 +2,7 @@
 
 pub mod beads;
 pub mod build;
+mod build_report;
 pub mod cache;
 pub mod export;
 pub mod info;
