@@ -1,7 +1,7 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
 use super::build_report::{Audit, CloudText, Report};
-use super::mesh::{mesh_sink, write_mesh};
+use super::mesh::{MeshReport, mesh_sink, write_mesh};
 use super::{open_inputs, start};
 use crate::args::{BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
@@ -12,13 +12,14 @@ use crate::kinds::require_inputs;
 use crate::memory;
 use crate::output::{print, print_json, warn};
 use crate::pieces::OrientArg;
+use crate::progress::Bars;
 use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::analysis::volume;
 use brickfield_engine::build::{
     BuildOptions, Keeping, Resolution, Resources, Summary, ThinDepth, build_clouds, build_opened,
 };
-use brickfield_engine::contour::ContourOptions;
+use brickfield_engine::contour::{ContourOptions, MeshSink};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Refine, Store};
 use std::path::{Path, PathBuf};
@@ -131,6 +132,13 @@ impl TryFrom<BuildArgs> for Plan {
     }
 }
 
+impl Plan {
+    /// Memory for each of the two caches of --mesh.
+    fn cache_bytes(&self) -> u64 {
+        self.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4)
+    }
+}
+
 /// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells.
 fn count_in_mm(plan: &mut Plan) {
     let factor = plan.units.millimetres();
@@ -184,41 +192,15 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     }
     plan.options.resources.index = memory::index_share(plan.options.resources.memory);
     // Made before the long work, so that a name that cannot be written costs no time.
-    let mut sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
+    let sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
     let mut summary = match clouds {
         None => build_opened(&inputs, &plan.output, &plan.options, &bars)?,
         Some(clouds) => build_clouds(clouds, plan.estimate_normals, &plan.output, &plan.options, &bars)?,
     };
     drop::<Vec<Input>>(inputs);
     summary.phases.insert(0, ("open", open_seconds));
-    let cache_bytes = plan.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4);
-    let store = Store::open_any(&plan.output, cache_bytes)?;
-    let mut volumes = None;
-    let mesh = match (&plan.mesh, &mut sink) {
-        (Some(path), Some(sink)) => {
-            let begun = Instant::now();
-            let temp_dir = plan.options.resources.temp_dir.clone();
-            let options =
-                ContourOptions { cache_bytes: cache_bytes as usize, temp_dir, ..ContourOptions::default() };
-            let mut report = write_mesh(&store, &options, path, sink.as_mut(), &bars)?;
-            summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
-            volumes = report.compare_with_samples(&store, &options, &bars)?;
-            Some(report)
-        }
-        _ => None,
-    };
-    let audit = match toolpaths.is_empty() {
-        true => None,
-        false => {
-            let begun = Instant::now();
-            // Of a share they would say nothing about the part.
-            if volumes.is_none() && summary.share.is_none() {
-                volumes = Some(volume(&store, &bars)?);
-            }
-            summary.phases.push(("audit", begun.elapsed().as_secs_f64()));
-            Some(Audit { toolpaths, volumes })
-        }
-    };
+    let store = Store::open_any(&plan.output, plan.cache_bytes())?;
+    let (mesh, audit) = answers(&plan, &store, sink, toolpaths, &mut summary, &bars)?;
     bars.clear();
     let cpu = why_cpu(&plan, &chosen, &summary);
     let mut report = Report::new(&plan, cpu, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
@@ -231,6 +213,40 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     } else {
         Ok(())
     }
+}
+
+/// The mesh that was asked for, and of toolpaths what the field makes of their beads.
+fn answers(
+    plan: &Plan,
+    store: &Store,
+    sink: Option<Box<dyn MeshSink>>,
+    toolpaths: Vec<ToolpathReport>,
+    summary: &mut Summary,
+    bars: &Bars,
+) -> Result<(Option<MeshReport>, Option<Audit>), Failure> {
+    let (mut mesh, mut volumes) = (None, None);
+    if let (Some(path), Some(mut sink)) = (&plan.mesh, sink) {
+        let begun = Instant::now();
+        let options = ContourOptions {
+            cache_bytes: plan.cache_bytes() as usize,
+            temp_dir: plan.options.resources.temp_dir.clone(),
+            ..ContourOptions::default()
+        };
+        let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
+        summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
+        volumes = report.compare_with_samples(store, &options, bars)?;
+        mesh = Some(report);
+    }
+    if toolpaths.is_empty() {
+        return Ok((mesh, None));
+    }
+    let begun = Instant::now();
+    // Of a share they would say nothing about the part.
+    if volumes.is_none() && summary.share.is_none() {
+        volumes = Some(volume(store, bars)?);
+    }
+    summary.phases.push(("audit", begun.elapsed().as_secs_f64()));
+    Ok((mesh, Some(Audit { toolpaths, volumes })))
 }
 
 /// Decides whether beads become solids.
