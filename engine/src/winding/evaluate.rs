@@ -321,7 +321,7 @@ impl Evaluator {
     ) {
         let block = block(key);
         for (number, facet) in self.facets.iter().enumerate() {
-            if !wanted(facet, Axis::ALL[A]) {
+            if !facet.may_meet(A, lines) || !wanted(facet, Axis::ALL[A]) {
                 continue;
             }
             let jump = facet.jump(A);

@@ -135,6 +135,18 @@ impl Facet {
         self.scan_chosen::<S, A>(simd, block, limit, &All, hit);
     }
 
+    /// Whether one of some lines along `axis` may meet the triangle, by its bounding box; many small ones lie between them.
+    #[inline(always)]
+    pub fn may_meet(&self, axis: usize, lines: ThinLines) -> bool {
+        let ((u, last_u), (v, last_v)) = (self.lines((axis + 1) % 3), self.lines((axis + 2) % 3));
+        let (across, along) = (last_u - u + 1, last_v - v + 1);
+        if across <= 0 || along <= 0 {
+            return false;
+        }
+        let mut near = (v..=last_v).take(2).flat_map(|v| (u..=last_u).take(2).map(move |u| (u, v)));
+        across > 2 || along > 2 || near.any(|(u, v)| lines.holds(u as usize, v as usize))
+    }
+
     /// Calls `hit` for every crossing along axis `A` on some of the lines, between samples or not.
     #[inline(always)]
     pub fn scan_some<S: Simd, const A: usize>(

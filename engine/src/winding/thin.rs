@@ -1,12 +1,12 @@
 //! Walls and gaps between the samples of a brick of a closed soup.
 //!
 //! A lattice edge can hide one only if facets of both directions cross it. So the facets that may face the axis are
-//! scanned first; all others only where that finds an edge of both.
+//! scanned first; all others only where that finds an edge of both, and all is to be known.
 
 use super::crossings::Hit;
 use super::evaluate::{Evaluation, Evaluator};
 use super::scan::Facet;
-use crate::brick::{POINTS, Samples, Thin, ThinLines, ThinPair};
+use crate::brick::{POINTS, Samples, Thin, ThinLines, ThinPair, point_index};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 
 /// Words of a set of lattice edges along one axis, a bit for each sample that an edge may begin at.
@@ -57,23 +57,28 @@ impl Evaluator {
         if !crossed.is_any() {
             return;
         }
-        hits.retain(|hit| crossed.holds(hit.lower));
-        let faced = hits.len();
-        self.add_hits(axis, key, lines, |facet, axis| !may_face(facet, axis), &mut hits);
-        let mut number = 0;
-        hits.retain(|hit| {
-            number += 1;
-            (number <= faced || crossed.holds(hit.lower)) && is_owned(axis, hit.lower)
-        });
+        let is_wanted = |hit: &Hit| crossed.holds(hit.lower) && is_owned(axis, hit.lower);
+        hits.retain(is_wanted);
+        // Few other facets cross such edges. Where it is enough to tell how much hides, edges of theirs are passed over.
+        if lines == ThinLines::All {
+            let mut others = Vec::new();
+            self.add_hits(axis, key, lines, |facet, axis| !may_face(facet, axis), &mut others);
+            hits.extend(others.into_iter().filter(is_wanted));
+        }
         hits.sort_unstable_by_key(|hit| (hit.lower, hit.offset));
         for edge in hits.chunk_by(|p, q| p.lower == q.lower) {
             self.add_thin_edge(axis, key, samples, edge, thin);
         }
     }
 
-    /// Adds what hides on one edge, whose crossings are in order.
+    /// Adds what hides on one edge, whose crossings are in order; nothing if some are missing.
     fn add_thin_edge(&self, axis: Axis, key: NodeKey, samples: &Samples, edge: &[Hit], thin: &mut Thin) {
-        let mut w = i32::from(samples.0[usize::from(edge[0].lower)]);
+        let lower = usize::from(edge[0].lower);
+        let next = lower + point_index(Axis::ALL.map(|other| usize::from(other == axis)));
+        let mut w = i32::from(samples.0[lower]);
+        if w + edge.iter().map(|hit| hit.jump).sum::<i32>() != i32::from(samples.0[next]) {
+            return;
+        }
         // The last passage: its offset, its normal, and whether it led inside.
         let mut last: Option<(u16, [f64; 3], bool)> = None;
         for place in edge.chunk_by(|p, q| p.offset == q.offset) {
