@@ -8,7 +8,7 @@ use crate::scene::{Scene, assert_positions_agree, leaf_at, nodes, position};
 use brickfield_bench_data::{Rng, shapes};
 use brickfield_engine::brick::Brick;
 use brickfield_engine::build::{TreeOptions, build_beads_in_memory};
-use brickfield_engine::lattice::{BRICK_CELLS, NodeKey, RootCube};
+use brickfield_engine::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
 use brickfield_engine::solid::{Outline, bounds_of_beads};
 use brickfield_engine::store::{BrickTree, MemoryTree, Refine};
 use brickfield_engine::toolpath::{Attributes, BeadView, Section, Toolpath};
@@ -80,8 +80,9 @@ fn hides(plate: &Plate, root: &RootCube, key: NodeKey) -> bool {
     };
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut at = [0; 3];
-    (0..BRICK_CELLS.pow(3)).any(|n| {
-        (at[axis], at[u], at[v]) = (n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS.pow(2));
+    (0..BRICK_CELLS * BRICK_POINTS.pow(2)).any(|n| {
+        (at[axis], at[u], at[v]) =
+            (n % BRICK_CELLS, n / BRICK_CELLS % BRICK_POINTS, n / BRICK_CELLS / BRICK_POINTS);
         let mut next = at;
         next[axis] += 1;
         plate.is_passed([world(at), world(next)])
@@ -91,6 +92,25 @@ fn hides(plate: &Plate, root: &RootCube, key: NodeKey) -> bool {
 /// The level of the deepest nodes.
 fn deepest_of(tree: &MemoryTree) -> u8 {
     tree.keys().into_iter().map(|key| key.level()).max().unwrap()
+}
+
+/// Whether two samples across a diagonal of a lattice face are inside, and the other two are not.
+fn is_ambiguous(brick: &Brick) -> bool {
+    let inside = |ijk: [usize; 3]| brick.sample(ijk) >= 1;
+    (0..3 * BRICK_POINTS.pow(3)).any(|n| {
+        let (axis, n) = (n % 3, n / 3);
+        let p = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS.pow(2)];
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        if p[u] == BRICK_CELLS || p[v] == BRICK_CELLS {
+            return false;
+        }
+        let at = |du: usize, dv: usize| {
+            let mut q = p;
+            (q[u], q[v]) = (q[u] + du, q[v] + dv);
+            inside(q)
+        };
+        at(0, 0) == at(1, 1) && at(1, 0) == at(0, 1) && at(0, 0) != at(1, 0)
+    })
 }
 
 fn same(a: &MemoryTree, b: &MemoryTree, key: NodeKey) -> bool {
@@ -123,7 +143,8 @@ fn plates_are_divided_until_samples_show_them() {
                 assert!(same(&tree, &full[usize::from(deepest)], key), "{key}");
             }
             if level >= base && level < deepest {
-                let hidden = hides(&plate, &scene.root, key);
+                let hidden = hides(&plate, &scene.root, key)
+                    || is_ambiguous(&full[usize::from(level)].brick(key).unwrap());
                 // Gaps there are none, and no sheet of another body is near.
                 assert!(!(leaf && hidden), "{key} hides the plate and is not divided");
                 assert!(leaf || hidden, "{key} is divided for nothing");

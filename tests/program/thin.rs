@@ -36,7 +36,7 @@ fn a_plate_thinner_than_a_cell_is_told_and_whole_on_request() {
     let (coarse, fine, mesh) = (dir.path("a.brf"), dir.path("b.brf"), dir.path("b.stl"));
     let (warning, json) = warned(&plate(), &["--depth", "3"], &coarse);
     let warning = warning.expect("most of the plate hides");
-    assert!(warning.contains("walls: about") && warning.contains("--max-depth 5"), "{warning}");
+    assert!(warning.contains("walls: about") && warning.contains("--max-depth 6"), "{warning}");
     let walls = &json["thin"]["walls"];
     let number = |name: &str| walls[name].as_f64().unwrap();
     // Of its 10,000 mm² those that have no sample between both faces: a chord of 0.109 in a cell of 0.403.
@@ -65,6 +65,25 @@ fn a_plate_thinner_than_a_cell_is_told_and_whole_on_request() {
     let text = run(&[&"info", &deep]).ok();
     assert!(text.contains("refined  hidden to level 3, thin walls and gaps below"), "{text}");
     run(&[&"verify", &deep]).ok();
+}
+
+/// A block of 90 × 80 × 70 with a fin of 20 × 20 × 0.1: the fin has no holes, and little but the fin is divided.
+#[test]
+fn a_fin_on_a_large_part_comes_out_whole() {
+    let dir = Scratch::new();
+    let fin = plate().with_file_name("fin.stl");
+    let (store, mesh) = (dir.path("a.brf"), dir.path("a.stl"));
+    let warning = warned(&fin, &["--depth", "4"], &dir.path("b.brf")).0.expect("half of the fin hides");
+    assert!(warning.contains("--max-depth 6"), "{warning}");
+    let json =
+        warned(&fin, &["--depth", "4", "--max-depth", "6", "--mesh", mesh.to_str().unwrap()], &store).1;
+    let full = warned(&fin, &["--depth", "6"], &dir.path("c.brf")).1;
+    let leaves = |json: &serde_json::Value| json["leaves"].as_u64().unwrap();
+    assert!(8 * leaves(&json) < leaves(&full), "{} {}", leaves(&json), leaves(&full));
+    let report = check_file(&mesh).unwrap();
+    assert!(report.is_balanced() && report.is_edge_manifold() && report.is_vertex_manifold(), "{report:?}");
+    assert_eq!((report.components, report.euler_characteristic), (1, 2), "{report:?}");
+    assert!((report.signed_volume / 504_040.0 - 1.0).abs() < 1e-5, "{report:?}");
 }
 
 #[test]

@@ -181,6 +181,22 @@ impl SignChanges {
         }
     }
 
+    /// Whether two samples across the diagonal of a lattice face are inside, and the other two are not: two sheets pass
+    /// the face, and a wall or a gap between them is thinner than its diagonal.
+    pub fn has_ambiguous_face(&self) -> bool {
+        let layer = |k: usize| &self.inside[k * BRICK_POINTS..][..BRICK_POINTS];
+        // Two rows of samples beside each other: faces along x, whose other direction is from one row to the other.
+        let between = |a: u64, b: u64| along_row(a) & along_row(b) & (a ^ b) != 0;
+        let rows = |a: &[u64], b: &[u64]| a.iter().zip(b).any(|(a, b)| between(*a, *b));
+        // Four rows around a line along x: faces across it.
+        let across = |near: &[u64], far: &[u64]| {
+            let mut pairs = near.windows(2).zip(far.windows(2));
+            pairs.any(|(a, b)| (a[0] ^ a[1]) & (b[0] ^ b[1]) & (a[0] ^ b[0]) != 0)
+        };
+        (0..BRICK_POINTS).any(|k| rows(layer(k), &layer(k)[1..]))
+            || (1..BRICK_POINTS).any(|k| rows(layer(k - 1), layer(k)) || across(layer(k - 1), layer(k)))
+    }
+
     /// Calls `each` with the lower samples (i, j, k) of the sign-changing edges along `axis`, in the order of the linear
     /// index.
     #[inline(always)]

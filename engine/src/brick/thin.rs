@@ -70,7 +70,7 @@ pub struct ThinSheets {
     volume: u128,
     /// The thinnest, in 1/65536 of a lattice unit; 0 where there is none.
     thinnest: u64,
-    /// The area by the levels below the leaf on which the lattice would show them.
+    /// The area by the levels below the leaf on which the lattice would show them without holes.
     area_by_levels: [u128; THIN_LEVELS],
 }
 
@@ -105,13 +105,14 @@ impl Thin {
     /// Adds a pair of crossings, if the sheets face each other and their common normal is nearest to the edge's axis: so
     /// each sheet is counted along one axis.
     pub(crate) fn add_pair(&mut self, pair: &ThinPair) {
-        let Some(cosine) = pair.cosine() else { return };
+        let Some((cosine, sum)) = pair.cosine() else { return };
         let sheets = if pair.is_wall { &mut self.walls } else { &mut self.gaps };
         let spacing = f64::from(1u32 << pair.spacing_bits);
         let thickness = f64::from(pair.chord) * cosine;
         let area = (16.0 * spacing * spacing / cosine).round() as u128;
-        // A chord that is as long as a lattice edge has a sample on it.
-        let levels = (0..THIN_LEVELS - 1).find(|&k| EDGE <= f64::from(pair.chord) * (1u64 << k) as f64);
+        // As thick as that, samples between the faces are neighbours along lattice edges, with no holes between them
+        // (standard digital planes; Reveillès 1991).
+        let levels = (0..THIN_LEVELS - 1).find(|&k| sum * EDGE <= thickness * (1u64 << k) as f64);
         sheets.edges += 1;
         sheets.area += area;
         sheets.volume += u128::from(pair.chord) << (3 * pair.spacing_bits);
@@ -122,9 +123,9 @@ impl Thin {
 }
 
 impl ThinPair {
-    /// The cosine between the edge and the sheets' common normal, if the sheets face each other and no axis is nearer to
-    /// it; of several that are equally near the first counts.
-    fn cosine(&self) -> Option<f64> {
+    /// The cosine between the edge and the sheets' common normal, and the sum of its cosines with all axes, if the sheets
+    /// face each other and no axis is nearer to it; of several that are equally near the first counts.
+    fn cosine(&self) -> Option<(f64, f64)> {
         let [p, q] = self.normals.map(unit);
         let (p, q) = (p?, q?);
         let facing = -(p[0] * q[0] + p[1] * q[1] + p[2] * q[2]);
@@ -134,7 +135,7 @@ impl ThinPair {
         for axis in 1..3 {
             nearest = if cosines[axis] > cosines[nearest] { axis } else { nearest };
         }
-        (nearest == self.axis.index()).then_some(cosines[nearest])
+        (nearest == self.axis.index()).then_some((cosines[nearest], cosines.iter().sum()))
     }
 }
 
@@ -177,7 +178,7 @@ impl ThinSheets {
         self.thinnest as f64 / EDGE * unit
     }
 
-    /// Levels below the leaves on which the lattice would show 99% of their area.
+    /// Levels below the leaves on which the lattice would show 99% of their area without holes.
     pub fn levels_needed(&self) -> u8 {
         let mut left = self.area;
         for (levels, area) in self.area_by_levels.iter().enumerate() {
@@ -212,8 +213,8 @@ mod tests {
         assert!((walls.area(1.0) / (1000.0 * spacing * spacing / c) - 1.0).abs() < 1e-6);
         assert!((walls.thinnest(1.0) / (0.25 * spacing * c) - 1.0).abs() < 1e-3);
         assert!((walls.volume(1.0) / (walls.area(1.0) * walls.thinnest(1.0)) - 1.0).abs() < 1e-3);
-        // A quarter of a cell along the edge.
-        assert_eq!(walls.levels_needed(), 2);
+        // A fifth of a cell, and 1.37 of one are needed.
+        assert_eq!(walls.levels_needed(), 3);
     }
 
     #[test]

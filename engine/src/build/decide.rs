@@ -59,7 +59,7 @@ impl<P: Copy> Undecided<P> {
         let mut evaluation = field.evaluate(evaluator, *key, *corner, list)?;
         if is_deepest || rules.keeps(&mut evaluation) {
             let thin = rules.thin_of(field, key.level(), &mut evaluation)?;
-            if !is_deepest || !rules.divides_thin(key.level(), &thin) {
+            if !is_deepest || !rules.divides_thin(key.level(), &thin, &evaluation) {
                 let thin = (!thin.is_empty()).then(|| Box::new(thin));
                 return Ok(Decided::Leaf(evaluation.into_leaf()?, thin));
             }

@@ -2,7 +2,7 @@
 
 use super::fit::Tolerance;
 use crate::backend::Leaf;
-use crate::brick::{Brick, Samples, Thin, ThinLines};
+use crate::brick::{Brick, Samples, SignChanges, Thin, ThinLines};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
 use crate::store::Refine;
@@ -144,6 +144,10 @@ pub(super) trait Evaluated {
     fn has_hidden_crossings(&mut self) -> bool;
     /// Whether the boundary w = 0.5 crosses a lattice edge more than once.
     fn has_hidden_boundary(&mut self) -> bool;
+    /// Whether two sheets of the boundary pass a face of the lattice, so that one of them may have holes in a mesh.
+    fn has_ambiguous_face(&self) -> bool {
+        SignChanges::of(self.samples()).has_ambiguous_face()
+    }
     /// The walls and gaps of the boundary that lie between two samples, by what some lines tell; none of fields that cannot
     /// tell.
     fn thin(&mut self, _lines: ThinLines) -> Result<Thin> {

@@ -133,9 +133,10 @@ impl Rules {
         }
     }
 
-    /// Whether a node at [`Rules::depth`] or below is divided for what hides in it.
-    pub fn divides_thin(&self, level: u8, thin: &Thin) -> bool {
-        level < self.deepest && !thin.is_empty()
+    /// Whether a node at [`Rules::depth`] or below is divided for what is thin in it: what hides, and what has samples that
+    /// meet at corners only.
+    pub fn divides_thin(&self, level: u8, thin: &Thin, evaluation: &impl Evaluated) -> bool {
+        level < self.deepest && (!thin.is_empty() || evaluation.has_ambiguous_face())
     }
 
     /// The level of the lattice on which triangles must show, or may be left out; `None` where what they are measured

@@ -140,7 +140,8 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
         self.progress.check()?;
         let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
         let thin = self.rules.thin_of(self.field, key.level(), &mut evaluation)?;
-        let divided = self.rules.divides_thin(key.level(), &thin).then(|| evaluation.corners());
+        let is_divided = self.rules.divides_thin(key.level(), &thin, &evaluation);
+        let divided = is_divided.then(|| evaluation.corners());
         if let Some(corners) = divided {
             drop(evaluation);
             return self.divide(key, corners, list);

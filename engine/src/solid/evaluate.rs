@@ -274,7 +274,8 @@ impl SolidEvaluation<'_> {
         Axis::ALL.iter().any(|axis| hidden::boundary(self.solids, self.lattice, self.list, axis.index()))
     }
 
-    /// The walls and gaps of the union that lie between two samples, on the edges that the brick owns.
+    /// The walls and gaps of the union that lie between two samples: on all lines those of the apron too, else on the edges
+    /// that the brick owns.
     pub fn thin(&self, lines: ThinLines) -> Thin {
         let mut thin = Thin::default();
         for axis in Axis::ALL {

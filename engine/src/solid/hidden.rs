@@ -112,7 +112,8 @@ pub(super) fn boundary(solids: &Solids, lattice: Lattice, list: SegmentList<'_>,
     })
 }
 
-/// Adds the walls and gaps of the union with both faces on one edge along `axis`, of those edges that the brick owns.
+/// Adds the walls and gaps of the union with both faces on one edge along `axis`: on all lines those of the apron too, else
+/// of the edges that the brick owns.
 pub(super) fn add_thin(
     solids: &Solids,
     lattice: Lattice,
@@ -122,9 +123,11 @@ pub(super) fn add_thin(
     thin: &mut Thin,
 ) {
     let mut all = reaches(solids, lattice, list, axis.index(), lines);
-    all.retain(|reach| {
-        usize::from(reach.line) % P < BRICK_CELLS && usize::from(reach.line) / P < BRICK_CELLS
-    });
+    if lines != ThinLines::All {
+        all.retain(|reach| {
+            usize::from(reach.line) % P < BRICK_CELLS && usize::from(reach.line) / P < BRICK_CELLS
+        });
+    }
     all.sort_unstable_by(|p, q| {
         p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)).then(p.segments.cmp(&q.segments))
     });

@@ -39,7 +39,8 @@ impl Crossed {
 }
 
 impl Evaluation<'_> {
-    /// The walls and gaps of the boundary w = 0.5 that lie between two samples of the brick, on the edges that it owns.
+    /// The walls and gaps of the boundary w = 0.5 that lie between two samples of the brick: on all lines those of the apron
+    /// too, which cells of the brick touch; else on the edges that it owns.
     pub fn thin(&self, lines: ThinLines) -> Thin {
         let mut thin = Thin::default();
         for axis in Axis::ALL {
@@ -57,10 +58,11 @@ impl Evaluator {
         if !crossed.is_any() {
             return;
         }
-        let is_wanted = |hit: &Hit| crossed.holds(hit.lower) && is_owned(axis, hit.lower);
+        let all = lines == ThinLines::All;
+        let is_wanted = |hit: &Hit| crossed.holds(hit.lower) && (all || is_owned(axis, hit.lower));
         hits.retain(is_wanted);
         // Few other facets cross such edges. Where it is enough to tell how much hides, edges of theirs are passed over.
-        if lines == ThinLines::All {
+        if all {
             let mut others = Vec::new();
             self.add_hits(axis, key, lines, |facet, axis| !may_face(facet, axis), &mut others);
             hits.extend(others.into_iter().filter(is_wanted));
@@ -136,7 +138,6 @@ mod tests {
         for axis in Axis::ALL {
             let mut hits = Vec::new();
             evaluation.evaluator.add_hits(axis, evaluation.key, ThinLines::All, |_, _| true, &mut hits);
-            hits.retain(|hit| is_owned(axis, hit.lower));
             hits.sort_by_key(|hit| (hit.lower, hit.offset));
             for edge in hits.chunk_by(|p, q| p.lower == q.lower) {
                 evaluation.evaluator.add_thin_edge(

@@ -246,8 +246,10 @@ impl Report {
     fn thin_warning(&self) -> Option<String> {
         let walls = self.summary.thin.as_ref()?.walls.as_ref()?;
         let cell = self.summary.cell;
-        let cells = walls.area / (cell * cell);
-        let are_slivers = cells < 64.0 || (cells < 1000.0 && walls.thickness < cell / 20.0);
+        let gaps =
+            self.summary.thin.as_ref().and_then(|thin| thin.gaps.as_ref()).map_or(0.0, |gaps| gaps.area);
+        let is_between_gaps = walls.thickness < cell / 20.0 && walls.area < gaps / 10.0;
+        let are_slivers = walls.area < 64.0 * cell * cell || is_between_gaps;
         let remedy = match walls.depth {
             Some(depth) => format!("--max-depth {depth} divides bricks there alone"),
             None => "no depth shows them all".to_owned(),
