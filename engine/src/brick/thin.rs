@@ -6,7 +6,7 @@
 
 use crate::lattice::Axis;
 
-/// Levels below a leaf for which [`ThinSheets::area_by_levels`] counts.
+/// Levels below a leaf by which the area of thin sheets is counted.
 pub const THIN_LEVELS: usize = 16;
 
 /// The cosine of 30°: two sheets face each other if the angle between one normal and the reverse of the other is no
