@@ -27,6 +27,7 @@ use crate::store::{
     BeadsMeta, Compression, Meta, Numbers, Refine, Settings, Share, ShareId, ShareNumbers, Source, Stats,
     StoreWriter, check_target,
 };
+use crate::volumes::{SourceVolumes, SweptVolumes, facet_volumes};
 use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
@@ -172,6 +173,11 @@ pub struct Summary {
     /// Walls and gaps thinner than a cell that no sample shows, in the leaves that this run built. `None` if there are none,
     /// or nobody looked: in open input, point clouds, and beads that are all thicker than a cell.
     pub thin: Option<ThinSummary>,
+    /// Volumes of closed input, by integrals over the source.
+    #[serde(rename = "source_volumes")]
+    pub volumes: Option<SourceVolumes>,
+    /// Of beads as solids, what their sections and round ends amount to.
+    pub swept: Option<SweptVolumes>,
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
     /// What of the tree was built, if it was a share.
@@ -258,9 +264,13 @@ pub fn build_opened(
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
+    let mut volumes = None;
     let open = if soup.balance.is_closed() {
         let device = options.resources.device.clone();
         task.build(&Soup { device }, soup.sorted, progress)?;
+        clock.lap("build");
+        volumes = Some(facet_volumes(&soups, root, task.room.memory() / 8, progress)?);
+        clock.lap("volumes");
         OpenSummary::default()
     } else {
         drop(soup);
@@ -274,15 +284,16 @@ pub fn build_opened(
         let pieces = open::gather(&field, &soups, root, progress)?;
         opened.iter().try_for_each(Input::check)?;
         task.build(&field, pieces, progress)?;
+        clock.lap("build");
         field.field.part().summary
     };
-    clock.lap("build");
     let inside_out = task.find_inside_out(&soups, progress)?;
     clock.lap_if(inside_out.is_some(), "pieces");
     let summary = task.finish(clock, progress)?;
     Ok(Summary {
         pieces: turned.map(|(report, _)| report),
         inside_out,
+        volumes,
         turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
         device: options.resources.device.as_ref().map(Vulkan::take_report),
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
@@ -481,6 +492,8 @@ impl Task {
             pieces: None,
             inside_out: None,
             turned_sweeps: 0,
+            volumes: None,
+            swept: None,
             temporary_bytes: self.room.file().bytes(),
             base_depth: self.rules.depth,
             thin,

@@ -11,6 +11,7 @@ use crate::progress::Progress;
 use crate::solid::{Outline, Profile, Solids, bounds_of_beads};
 use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source, check_target};
 use crate::toolpath::{Attributes, Toolpath};
+use crate::volumes::{BeadVolumes, bead_volumes};
 use std::path::Path;
 
 /// A toolpath and the file that it was read from.
@@ -52,6 +53,8 @@ pub fn build_beads(
     let beads = BeadsMeta { section: outline.name().to_owned(), beads: 0, segments: 0, identity };
     let mut task = Task::begin(described, (min, max), root, depth, output, options, Some(beads.clone()))?;
     let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
+    let beads_volumes = bead_volumes(&paths, outline, (min, max), options.resources.memory / 8, progress)?;
+    clock.lap("volumes");
     let (solids, segments) = Solids::new(&paths, root, outline)?;
     task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
@@ -72,7 +75,8 @@ pub fn build_beads(
         clock.lap("identity");
     }
     let summary = task.finish(clock, progress)?;
-    Ok(Summary { segments: count, ..summary })
+    let BeadVolumes { volumes, swept } = beads_volumes;
+    Ok(Summary { segments: count, volumes: Some(volumes), swept: Some(swept), ..summary })
 }
 
 /// What the store says of beads. The names of features are those of all sources, one after the other.

@@ -58,6 +58,18 @@ impl Body {
         }
     }
 
+    /// What of an interval of the line through `at` along `axis` lies between the planes in which the segment ends; empty
+    /// ones end before they begin.
+    pub fn between_ends(&self, axis: usize, mut at: [f64; 3], (from, to): (f64, f64)) -> (f64, f64) {
+        at[axis] = 0.0;
+        let (slope, along) = (self.frame[0][axis], dot(self.frame[0], at));
+        if slope == 0.0 {
+            return if self.beyond(along) == 0.0 { (from, to) } else { (to, from) };
+        }
+        let (first, last) = (-along / slope, (self.length - along) / slope);
+        (from.max(first.min(last)), to.min(first.max(last)))
+    }
+
     /// Half the width of a flat body at this height above its centre line. The height of its lower face
     /// belongs to it and that of its upper face does not.
     #[inline]

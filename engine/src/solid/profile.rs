@@ -1,5 +1,7 @@
 //! The cross-section of a bead, in lattice units.
 
+use std::f64::consts::{FRAC_PI_4, PI};
+
 /// The shape between a bead's width and its height.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Outline {
@@ -66,6 +68,25 @@ impl Profile {
     /// Whether the section has an area.
     pub fn is_solid(&self) -> bool {
         self.half_width > 0.0 && self.half_height > 0.0
+    }
+
+    /// Area of the section, in square units.
+    pub fn area(&self) -> f64 {
+        let Profile { flat_side, flat_top, aspect, radius, .. } = *self;
+        let round = 1.0 / aspect.sqrt();
+        let within = flat_top * (flat_side + radius * round);
+        4.0 * (within + flat_side * radius + FRAC_PI_4 * radius * radius * round)
+    }
+
+    /// Volume of both round ends of a segment, in cubic units: of the section's half, turned about n.
+    pub fn end_volume(&self) -> f64 {
+        let Profile { flat_side, flat_top, aspect, radius, .. } = *self;
+        let round = 1.0 / aspect.sqrt();
+        let half_width = flat_side + radius * round;
+        let curved = flat_side * flat_side * radius
+            + 2.0 * FRAC_PI_4 * flat_side * radius * radius * round
+            + 2.0 / 3.0 * radius * radius * radius * round * round;
+        2.0 * PI * (flat_top * half_width * half_width + curved)
     }
 
     /// How far the section reaches from the centre line along a direction whose cosine with n is `cosine`,

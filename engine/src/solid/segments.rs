@@ -20,6 +20,14 @@ pub struct Segment {
     pub bead: u32,
 }
 
+impl Segment {
+    /// Length of the centre line, in units.
+    pub fn length(&self) -> f64 {
+        let along = [0, 1, 2].map(|i| f64::from(self.b[i] - self.a[i]));
+        (along[0] * along[0] + along[1] * along[1] + along[2] * along[2]).sqrt()
+    }
+}
+
 /// What segments share: their cross-sections.
 #[derive(Clone, Debug, Default)]
 pub struct Solids {

@@ -1,0 +1,125 @@
+//! Where the lines stand.
+
+use crate::lattice::Units;
+use std::ops::Range;
+
+/// Lines in each stratum.
+pub(super) const LINES: usize = 2;
+
+/// A grid over a box of the lattice, with two stretches of lines along z in each cell.
+pub(super) struct Strata {
+    /// Lower corner, in units.
+    low: [f64; 3],
+    /// Cells along each axis.
+    counts: [u32; 3],
+    /// Extent of a cell, in units.
+    cell: [f64; 3],
+}
+
+impl Strata {
+    /// About `lines` lines in cells that are about cubes.
+    pub fn cubes(low: Units, high: Units, lines: usize) -> Strata {
+        let extent = extent(low, high);
+        let mut counts = [1.0; 3];
+        // Thin boxes have one cell across; the others' extents share what is left.
+        let mut left: Vec<usize> = vec![0, 1, 2];
+        let strata = (lines / LINES).max(1) as f64;
+        while !left.is_empty() {
+            let side = (left.iter().map(|&a| extent[a]).product::<f64>() / strata).powf(1.0 / left.len() as f64);
+            let Some(at) = left.iter().position(|&a| extent[a] < side) else {
+                left.iter().for_each(|&a| counts[a] = (extent[a] / side).round().max(1.0));
+                break;
+            };
+            left.swap_remove(at);
+        }
+        Strata::new(low, extent, counts)
+    }
+
+    /// About `lines` lines from one end of the box to the other.
+    pub fn columns(low: Units, high: Units, lines: usize) -> Strata {
+        let extent = extent(low, high);
+        let strata = (lines / LINES).max(1) as f64;
+        let along = (strata * extent[0] / extent[1]).sqrt().clamp(1.0, strata).round();
+        Strata::new(low, extent, [along, (strata / along).round().max(1.0), 1.0])
+    }
+
+    fn new(low: Units, extent: [f64; 3], counts: [f64; 3]) -> Strata {
+        let cell = [0, 1, 2].map(|a| extent[a] / counts[a]);
+        Strata { low: low.map(f64::from), counts: counts.map(|count| count as u32), cell }
+    }
+
+    /// How many lines there are.
+    pub fn len(&self) -> usize {
+        self.counts.iter().map(|&count| count as usize).product::<usize>() * LINES
+    }
+
+    /// Position of a line.
+    #[inline]
+    fn position(&self, line: u32) -> [i32; 2] {
+        let stratum = line / LINES as u32;
+        let at = [stratum % self.counts[0], stratum / self.counts[0] % self.counts[1]];
+        // Odd, as samples are: no line passes through a vertex.
+        [0, 1].map(|a| {
+            let within = unit_random(u64::from(line) * 2 + a as u64);
+            (self.low[a] + (f64::from(at[a]) + within) * self.cell[a]) as i32 | 1
+        })
+    }
+
+    /// Extent of a stratum, in units.
+    pub fn cell(&self) -> [f64; 3] {
+        self.cell
+    }
+
+    /// The rectangle that each line stands for, in square units.
+    pub fn area_of_line(&self) -> f64 {
+        self.cell[0] * self.cell[1] / LINES as f64
+    }
+
+    /// The lower and upper end of a line.
+    pub fn ends(&self, line: u32) -> (f64, f64) {
+        let slab = line / LINES as u32 / (self.counts[0] * self.counts[1]);
+        let end = |slab: u32| self.low[2] + f64::from(slab) * self.cell[2];
+        (end(slab), end(slab + 1))
+    }
+
+    /// Calls `each` with the number and the position of every line of `numbers` in the box.
+    #[inline]
+    pub fn within(
+        &self,
+        (min, max): (Units, Units),
+        numbers: &Range<u32>,
+        mut each: impl FnMut(u32, [i32; 2]),
+    ) {
+        let cells = [0, 1, 2].map(|a| {
+            // A position may be rounded up by one unit.
+            let of = |at: i32| ((f64::from(at) - self.low[a]) / self.cell[a]) as i64;
+            let last = i64::from(self.counts[a]) - 1;
+            of(min[a] - 1).clamp(0, last) as u32..of(max[a] + 1).clamp(0, last) as u32 + 1
+        });
+        for slab in cells[2].clone() {
+            for row in cells[1].clone() {
+                let first = (slab * self.counts[1] + row) * self.counts[0];
+                let [start, end] = [cells[0].start, cells[0].end].map(|c| (first + c) * LINES as u32);
+                for number in start.max(numbers.start)..end.min(numbers.end) {
+                    let at = self.position(number);
+                    if (0..2).all(|a| min[a] <= at[a] && at[a] <= max[a]) {
+                        each(number, at);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Extents of a box, none of which is 0.
+fn extent(low: Units, high: Units) -> [f64; 3] {
+    [0, 1, 2].map(|a| f64::from((high[a] - low[a]).max(2)))
+}
+
+/// A number in 0..1 that follows from `seed` (SplitMix64: Steele, Lea & Flood 2014).
+fn unit_random(seed: u64) -> f64 {
+    let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
+}
