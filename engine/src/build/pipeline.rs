@@ -16,7 +16,7 @@ use super::thin::{ThinDepth, ThinSummary};
 use super::toolpaths::{bead_sources, build_beads};
 use super::weigh::{Work, weigh_soup};
 use crate::backend::{DeviceReport, Vulkan};
-use crate::brick::Thin;
+use crate::brick::{Count, Thin};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
@@ -68,6 +68,8 @@ pub struct BuildOptions {
     /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
     /// triangles, those swept along toolpaths included.
     pub solids: Option<Outline>,
+    /// What the samples of beads as solids count.
+    pub count: Count,
     /// Turn over pieces that are inside out, of inputs that are built from triangles.
     pub orient: Option<Consistency>,
     /// Record in every leaf which beads it counts, where beads are solids.
@@ -98,6 +100,7 @@ impl Default for BuildOptions {
             gwn_error: 1e-3,
             thin: ThinDepth::None,
             solids: None,
+            count: Count::default(),
             orient: None,
             identity: false,
             share: None,
@@ -233,7 +236,7 @@ pub fn build_opened(
     progress: &dyn Progress,
 ) -> Result<Summary> {
     if let Some(outline) = options.solids {
-        return build_beads(&bead_sources(opened)?, outline, output, options, progress);
+        return build_beads(&bead_sources(opened)?, (outline, options.count), output, options, progress);
     }
     let mut clock = Clock::default();
     check_target(output)?;

@@ -3,7 +3,7 @@
 use super::build_report::{Audit, CloudText, Report};
 use super::mesh::{MeshReport, mesh_sink, write_mesh};
 use super::{open_inputs, start};
-use crate::args::{BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
+use crate::args::{BackendArgs, BeadsArg, BuildArgs, CountArg, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
@@ -38,6 +38,7 @@ pub(super) struct Plan {
     pub(super) output: PathBuf,
     open: OpenOptions,
     beads: Option<BeadsArg>,
+    count: Option<CountArg>,
     estimate_normals: bool,
     pub(super) orient: Option<OrientArg>,
     gwn_error: Option<GwnError>,
@@ -91,6 +92,7 @@ impl TryFrom<BuildArgs> for Plan {
             gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
             unit: units.symbol().to_owned(),
             solids: None,
+            count: args.count.map(Into::into).unwrap_or_default(),
             orient: args.orient.map(Into::into),
             share: args.shard.map(|shard| shard.0),
             compression: args.compression.into(),
@@ -108,6 +110,7 @@ impl TryFrom<BuildArgs> for Plan {
             mesh,
             json,
             beads,
+            count,
             estimate_normals,
             orient,
             gwn_error,
@@ -118,6 +121,7 @@ impl TryFrom<BuildArgs> for Plan {
             output,
             open,
             beads,
+            count,
             estimate_normals,
             orient,
             gwn_error,
@@ -282,6 +286,10 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
     if plan.options.identity && solids.is_none() {
         let why = note.unwrap_or("it needs toolpaths as solids");
         return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
+    }
+    if plan.count.is_some() && solids.is_none() {
+        let why = note.unwrap_or("it needs toolpaths as solids");
+        return Err(Failure::Usage(format!("--count: {why}; leave it out")));
     }
     if let Some(why) = note {
         warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));

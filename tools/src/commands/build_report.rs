@@ -11,10 +11,10 @@ use crate::toolpaths::ToolpathReport;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, winding_range};
 use brickfield_engine::backend::DeviceReport;
-use brickfield_engine::brick::POINTS;
+use brickfield_engine::brick::{Count, POINTS};
 use brickfield_engine::build::{ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
 use brickfield_engine::ingest::CloudInput;
-use brickfield_engine::store::Store;
+use brickfield_engine::store::{BeadsMeta, Store};
 use serde::Serialize;
 
 /// What is printed in the end.
@@ -32,6 +32,8 @@ pub(super) struct Report {
     seconds: f64,
     /// Of beads as solids, their segments; of point clouds, their points.
     facets_per_second: f64,
+    #[serde(skip)]
+    count: Count,
     /// Samples of leaves that were evaluated, aprons included; uniform leaves need none.
     samples: u64,
     samples_per_second: f64,
@@ -105,6 +107,7 @@ impl Report {
             summary,
             seconds,
             facets_per_second: pieces as f64 / seconds,
+            count: store.meta().beads.as_ref().map(BeadsMeta::count).unwrap_or_default(),
             samples,
             samples_per_second: samples as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
@@ -155,7 +158,7 @@ impl Report {
                 "facets",
                 format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
             ),
-            _ => ("segments", format!("{segments} of beads as solids, w counts beads")),
+            _ => ("segments", format!("{segments} of beads as solids, w counts {}", self.count)),
         }
     }
 

@@ -121,6 +121,8 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
             "section": beads.section,
             "beads": beads.beads,
             "segments": beads.segments,
+            "counts": beads.count(),
+            "passes": beads.passes,
             "identity_bytes": beads.identity.map(|_| identity_bytes(store)),
         })),
         "winding_min": winding.map(|(min, _)| min),
@@ -157,12 +159,16 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
         // Counted in the end.
         _ if store.is_unfinished() => {}
         None => line(format!("  {kind}   {} ({degenerate} without area)", meta.numbers.facets)),
-        Some(BeadsMeta { section, beads, segments, identity }) => {
+        Some(BeadsMeta { section, beads, segments, identity, passes }) => {
             let identity = match identity {
                 Some(_) => format!("told apart, {}", Size(identity_bytes(store))),
                 None => "not told apart".to_owned(),
             };
-            line(format!("  beads    {beads} as solids, {section} section, {segments} segments, {identity}"));
+            let passes = passes.map_or(String::new(), |passes| format!(" in {passes} passes"));
+            let counted = meta.beads.as_ref().map_or(String::new(), |beads| beads.count().to_string());
+            line(format!(
+                "  beads    {beads}{passes} as solids, {section} section, {segments} segments, {identity}; w counts {counted}"
+            ));
         }
     }
     line(format!("  units    {unit}"));
