@@ -9,6 +9,7 @@ use brickfield_bench_data::judge::mesh::check;
 use brickfield_engine::Silent;
 use brickfield_engine::analysis::{beads_at_points, sample_at, volume};
 use brickfield_engine::bead::{Sweep, SweepOptions, Swept};
+use brickfield_engine::brick::{Brick, Count};
 use brickfield_engine::build::{
     BuildOptions, Resolution, TreeOptions, bead_sources, bounds_of_sources, build_beads_in_memory,
     build_in_memory, build_opened,
@@ -162,7 +163,7 @@ fn samples_are_the_beads_around_them() {
         let input = open(name);
         let path = toolpath(&input);
         let options = TreeOptions { depth, ..Default::default() };
-        let tree = build_beads_in_memory(&[path], Outline::Stadium, root_of(path), options)
+        let tree = build_beads_in_memory(&[path], (Outline::Stadium, Count::Beads), root_of(path), options)
             .unwrap_or_else(|e| panic!("{name}: {e}"));
         let undecided = compare(path, &tree, samples, 1);
         assert!(undecided <= samples / 50, "{name}: {undecided} undecided of {samples}");
@@ -182,7 +183,7 @@ fn every_sample_of_coarse_trees_is_the_beads_around_it() {
         let root = root_of(path);
         let lattice_unit = root.edge / f64::from(1u32 << 24);
         let options = TreeOptions { depth, ..Default::default() };
-        let tree = build_beads_in_memory(&[path], Outline::Stadium, root, options)
+        let tree = build_beads_in_memory(&[path], (Outline::Stadium, Count::Beads), root, options)
             .unwrap_or_else(|e| panic!("{name}: {e}"));
         let (mut all, mut undecided) = (0, 0);
         for key in nodes(&tree) {
@@ -206,7 +207,7 @@ fn points_count_as_samples_do_and_as_formulas_say() {
     let path = toolpath(&input);
     let root = root_of(path);
     let options = TreeOptions { depth: 2, ..Default::default() };
-    let tree = build_beads_in_memory(&[path], Outline::Stadium, root, options).unwrap();
+    let tree = build_beads_in_memory(&[path], (Outline::Stadium, Count::Beads), root, options).unwrap();
     let mut rng = Rng::new(5);
     let keys = nodes(&tree);
     let points: Vec<V> = (0..3000)
@@ -218,7 +219,7 @@ fn points_count_as_samples_do_and_as_formulas_say() {
             )
         })
         .collect();
-    let (solids, segments) = Solids::new(&[path], root, Outline::Stadium).unwrap();
+    let (solids, segments) = Solids::new(&[path], root, Outline::Stadium, Count::Beads).unwrap();
     let counts = beads_at(&solids, &segments, root, &points, &Silent).unwrap();
     let sampled = sample_at(&tree, &points).unwrap();
     for ((point, count), sample) in points.iter().zip(&counts).zip(sampled) {
@@ -273,13 +274,63 @@ fn stores_are_sound_tell_beads_apart_and_do_not_depend_on_threads() {
         .collect();
     let beads = beads_at_points(&store, &tables, &points).unwrap();
     let samples = sample_at(&store, &points).unwrap();
-    let mut covered = 0;
+    let (mut covered, mut told_lines) = (0, 0);
     for ((point, beads), w) in points.iter().zip(&beads).zip(samples) {
         assert_eq!(beads.len() as f64, w, "{point:?}");
-        assert!(beads.is_sorted_by(|a, b| a < b));
+        assert!(beads.is_sorted_by(|a, b| a.number < b.number));
+        for found in beads {
+            let (bead, pass) = tables.bead_of(found.number);
+            let (from, to) = tables.beads[bead as usize].lines;
+            assert!(pass.is_some() && from <= found.lines.0 && found.lines.1 <= to, "{found:?}");
+            told_lines += usize::from(found.lines != (from, to));
+        }
         covered += beads.len();
     }
-    assert!(covered > 100, "{covered}");
+    assert!(covered > 100 && told_lines > covered / 2, "{covered} {told_lines}");
+}
+
+/// Signs, Hermite edges and the mesh are those of the union, which does not know what is counted.
+#[test]
+fn the_union_does_not_depend_on_what_is_counted() {
+    let mut overlaps = 0;
+    for (name, depth) in
+        [("clover.gcode", 3), ("dialect_torture.gcode", 3), ("nonplanar.gcode", 3), ("large_format.gcode", 3)]
+    {
+        let input = open(name);
+        let path = toolpath(&input);
+        let root = root_of(path);
+        for refine in [Refine::Hidden, Refine::Surface] {
+            let options = TreeOptions { depth, refine, ..Default::default() };
+            let tree =
+                |count| build_beads_in_memory(&[path], (Outline::Stadium, count), root, options).unwrap();
+            let (passes, beads) = (tree(Count::Passes), tree(Count::Beads));
+            for key in nodes(&passes) {
+                let (Brick::Counts { samples, hermite }, Ok(other)) =
+                    (&*passes.brick(key).unwrap(), beads.brick(key))
+                else {
+                    continue;
+                };
+                for (number, w) in samples.0.iter().enumerate() {
+                    let ijk = [number % 33, number / 33 % 33, number / (33 * 33)];
+                    let of_beads = other.sample(ijk);
+                    assert!(*w >= of_beads && (*w > 0) == (of_beads > 0), "{name} {key} {ijk:?}");
+                    overlaps += usize::from(*w > of_beads);
+                }
+                match &*other {
+                    Brick::Counts { hermite: other, .. } => assert_eq!(hermite, other, "{name} {key}"),
+                    Brick::Uniform(_) => assert!(hermite.edges.iter().all(Vec::is_empty), "{name} {key}"),
+                }
+            }
+            let mesh = |tree: &MemoryTree| {
+                let mut kept = MeshArrays::default();
+                contour(tree, &ContourOptions::default(), &mut kept, &Silent).unwrap();
+                let bits = |p: &[f32; 3]| p.map(f32::to_bits);
+                (kept.positions.iter().map(bits).collect::<Vec<_>>(), kept.triangles)
+            };
+            assert!(mesh(&passes) == mesh(&beads), "{name}");
+        }
+    }
+    assert!(overlaps > 1000, "{overlaps}");
 }
 
 #[test]
@@ -312,7 +363,7 @@ fn spokes() -> Toolpath {
         let z = 1.0 + 1.3 * number as f64;
         let points = [[0.3, 0.1, z], [direction[0], direction[1], z]];
         let attributes = Attributes { layer: number as u32, tool: 0, feature: 0, lines: (1, 2), fed: None };
-        path.push(BeadView { points: &points, axes: &[], sections: &[section], attributes });
+        path.push(BeadView { points: &points, axes: &[], sections: &[section], lines: &[], attributes });
     }
     path
 }
@@ -322,7 +373,7 @@ fn swept_meshes_approach_the_solids_as_their_sides_grow() {
     let path = spokes();
     let root = root_of(&path);
     let options = TreeOptions { depth: 2, ..Default::default() };
-    let solid = build_beads_in_memory(&[&path], Outline::Stadium, root, options).unwrap();
+    let solid = build_beads_in_memory(&[&path], (Outline::Stadium, Count::Beads), root, options).unwrap();
     // The caps at the ends have rings of their own, whose number does not grow with the sides.
     let is_between_ends = |p: V| {
         (0..path.len())
@@ -361,7 +412,8 @@ fn meshes_of_beads_are_closed_and_have_the_volume_of_the_union() {
         let root = RootCube::around(min, max).unwrap();
         for (refine, depth) in [(Refine::Hidden, 3), (Refine::Surface, 3)] {
             let options = TreeOptions { depth, refine, ..Default::default() };
-            let tree = build_beads_in_memory(&[path], Outline::Stadium, root, options).unwrap();
+            let tree =
+                build_beads_in_memory(&[path], (Outline::Stadium, Count::Beads), root, options).unwrap();
             let mut kept = MeshArrays::default();
             contour(&tree, &ContourOptions::default(), &mut kept, &Silent).unwrap();
             let positions: Vec<V> = kept.positions.iter().map(|p| p.map(f64::from)).collect();

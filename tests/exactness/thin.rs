@@ -6,7 +6,7 @@
 use crate::refine::assert_complete;
 use crate::scene::{Scene, assert_positions_agree, leaf_at, nodes, position};
 use brickfield_bench_data::{Rng, shapes};
-use brickfield_engine::brick::Brick;
+use brickfield_engine::brick::{Brick, Count};
 use brickfield_engine::build::{TreeOptions, build_beads_in_memory};
 use brickfield_engine::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
 use brickfield_engine::solid::{Outline, bounds_of_beads};
@@ -191,11 +191,12 @@ fn flat_beads_are_divided_like_plates() {
     for (z, width, height) in [(10.0, 20.0, 0.15), (17.3, 3.0, 3.0)] {
         let sections = [Section { width, height }];
         let points = [[0.0, 0.0, z], [40.0, 9.0, z]];
-        path.push(BeadView { points: &points, axes: &[], sections: &sections, attributes });
+        path.push(BeadView { points: &points, axes: &[], sections: &sections, lines: &[], attributes });
     }
     let (min, max) = bounds_of_beads(&path, Outline::Stadium).unwrap();
     let root = RootCube::around(min, max).unwrap();
-    let build = |options| build_beads_in_memory(&[&path], Outline::Stadium, root, options).unwrap();
+    let build =
+        |options| build_beads_in_memory(&[&path], (Outline::Stadium, Count::Beads), root, options).unwrap();
     let (base, deepest) = (1, 5);
     let tree = build(TreeOptions { depth: deepest, refine: Refine::Thin { base }, ..Default::default() });
     assert_complete(&tree, deepest_of(&tree));

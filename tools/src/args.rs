@@ -7,6 +7,7 @@ use crate::pieces::OrientArg;
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
+use brickfield_engine::brick::Count;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -91,11 +92,14 @@ pub struct BuildArgs {
     /// The store to write
     #[arg(long, short, value_name = "PART.brf")]
     pub output: PathBuf,
-    /// What beads become: analytic solids, whose samples count beads, or swept triangles. By default solids,
+    /// What beads become: analytic solids, whose samples count passes or beads, or swept triangles. By default solids,
     /// where all inputs are toolpaths and --section is stadium or ellipse
     #[arg(long, value_enum)]
     pub beads: Option<BeadsArg>,
-    /// Record in every leaf which beads touch it, so that `sample --beads` can name those at a point
+    /// What w counts of beads as solids. The union of all does not depend on it [default: passes]
+    #[arg(long, value_enum)]
+    pub count: Option<CountArg>,
+    /// Record in every leaf which beads and passes touch it, so that `sample --beads` can name those at a point
     #[arg(long)]
     pub identity: bool,
     /// Levels below the root: 32·2^L cells along the longest side [default: 4; of point clouds by their spacing]
@@ -253,10 +257,29 @@ pub enum RefineArg {
 /// What beads become.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum BeadsArg {
-    /// Solids with exact formulas and round joints; w counts beads
+    /// Solids with exact formulas and round joints; w counts passes or beads, see --count
     Analytic,
     /// Triangles swept along the path; w counts tubes, of which a bead with sharp bends has several
     Mesh,
+}
+
+/// What samples of beads as solids count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum CountArg {
+    /// Stretches of a bead that do not come back onto themselves: lines of infill, turns of a spiral, a line that is
+    /// retraced. So w ≥ 2 wherever material overlaps, but for corners
+    Passes,
+    /// Runs of deposition without travel, whatever their path: w ≥ 2 where different ones overlap
+    Beads,
+}
+
+impl From<CountArg> for Count {
+    fn from(count: CountArg) -> Count {
+        match count {
+            CountArg::Passes => Count::Passes,
+            CountArg::Beads => Count::Beads,
+        }
+    }
 }
 
 /// What computes.
@@ -442,6 +465,9 @@ pub struct WindingArgs {
     /// What beads become, as in `build`
     #[arg(long, value_enum)]
     pub beads: Option<BeadsArg>,
+    /// What w counts of beads as solids, as in `build` [default: passes]
+    #[arg(long, value_enum)]
+    pub count: Option<CountArg>,
     /// Largest error of w where the input is open or a point cloud; 1e-6 to 0.5
     #[arg(long, value_name = "E", default_value_t = GwnError(1e-3))]
     pub gwn_error: GwnError,

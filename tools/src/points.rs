@@ -168,10 +168,13 @@ impl PointReader {
     }
 }
 
-/// A bead that covers a point.
+/// A pass of a bead that covers a point, or a bead as a whole.
 #[derive(Serialize)]
 pub struct PointBead<'a> {
     pub bead: u32,
+    /// From 0, within the bead; absent where the store counts beads.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pass: Option<u32>,
     pub source: u32,
     pub layer: u32,
     pub tool: u16,
@@ -182,8 +185,9 @@ pub struct PointBead<'a> {
 
 impl PointBead<'_> {
     fn text(&self) -> String {
-        let PointBead { bead, source, layer, tool, feature, first_line, last_line } = self;
-        format!("{bead}:{source}:{layer}:{tool}:{first_line}-{last_line}:{feature}")
+        let PointBead { bead, pass, source, layer, tool, feature, first_line, last_line } = self;
+        let pass = pass.map_or(String::new(), |pass| format!(".{pass}"));
+        format!("{bead}{pass}:{source}:{layer}:{tool}:{first_line}-{last_line}:{feature}")
     }
 }
 
@@ -212,8 +216,9 @@ impl PointWriter {
         Ok(PointWriter { lines, json })
     }
 
-    /// One line with the beads that cover the point. In CSV they are one column, `number:source:layer:tool:first
-    /// line-last line:feature` each, separated by semicolons.
+    /// One line with the beads or passes that cover the point. In CSV they are one column,
+    /// `number:source:layer:tool:first line-last line:feature` each, separated by semicolons. A pass has the number of its
+    /// bead and, behind a full stop, its own there.
     pub fn write_beads(
         &mut self,
         [x, y, z]: [f64; 3],

@@ -8,7 +8,7 @@ mod sample;
 mod tests;
 mod volume;
 
-pub use beads::beads_at_points;
+pub use beads::{Covering, beads_at_points};
 pub use export::{Dense, Element};
 pub use sample::{sample_at, winding_range};
 pub use volume::{Volumes, negative_volume, volume};

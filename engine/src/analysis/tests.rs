@@ -1,7 +1,7 @@
 //! Small trees with a known field.
 
 use super::*;
-use crate::brick::{Brick, Hermite, POINTS, Samples};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, point_index};
 use crate::lattice::{BRICK_POINTS, NodeKey, Octant, RootCube};
 use crate::part::PartFile;
 use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
@@ -119,10 +119,11 @@ fn between_samples_it_is_linear_and_outside_nothing() {
 }
 
 #[test]
-fn volumes_count_cells_by_their_level() {
+fn volumes_are_chords_by_level() {
     for depth in 0..2 {
         let volumes = volume(&tree(depth), &Silent).unwrap();
-        assert_eq!(volumes, Volumes { union: 8.0, overlap: 0.0, negative: 0.0 });
+        assert!((volumes.union - 8.0).abs() <= 8e-5 && volumes.union_error <= 8e-5, "{volumes:?}");
+        assert_eq!((volumes.overlap, volumes.negative), (0.0, 0.0));
     }
     // One child is covered three times, one is inside out, and the leaves are of different levels.
     let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 4.0 });
@@ -138,14 +139,23 @@ fn volumes_count_cells_by_their_level() {
         }
     }
     let volumes = volume(&tree, &Silent).unwrap();
-    assert_eq!(volumes, Volumes { union: 6.0 * 8.0, overlap: 2.0 * 8.0, negative: 2.0 * 8.0 });
+    assert_eq!(
+        volumes,
+        Volumes { union: 6.0 * 8.0, overlap: 2.0 * 8.0, negative: 2.0 * 8.0, ..Volumes::default() }
+    );
+    // One sample of 3 amid none: chords of a quarter and a half of an edge at its sides. Overlap may begin anywhere on the
+    // two edges along each axis.
     let mut mixed = Samples::filled(0);
-    (mixed.0[0], mixed.0[1], mixed.0[2]) = (5, -7, 1);
-    mixed.0[BRICK_POINTS - 1] = 100;
+    mixed.0[point_index([5, 6, 7])] = 3;
+    mixed.0[point_index([9, 9, 9])] = -2;
+    let edge = |fraction: f64| HermiteEdge { offset: (fraction * 65536.0) as u16, normal: OctNormal(0) };
+    let edges = [[0.75, 0.5], [0.5, 0.5], [0.5, 0.5]].map(|at: [f64; 2]| at.map(edge).to_vec());
     let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 32.0 });
-    tree.insert(NodeKey::ROOT, true, Brick::Counts { samples: mixed, hermite: Hermite::default() });
+    tree.insert(NodeKey::ROOT, true, Brick::Counts { samples: mixed, hermite: Hermite { edges } });
     let volumes = volume(&tree, &Silent).unwrap();
-    assert_eq!(volumes, Volumes { union: 2.0, overlap: 4.0, negative: 7.0 });
+    assert!((volumes.union - (0.75 + 1.0 + 1.0) / 3.0).abs() < 1e-9);
+    assert_eq!((volumes.union_error, volumes.overlap, volumes.overlap_error), (0.25, 2.0, 2.0));
+    assert_eq!((volumes.negative, volumes.negative_error), (2.0, 2.0));
 }
 
 #[test]

@@ -18,7 +18,7 @@ const FLAT: Section = Section { width: 0.6, height: 0.2 };
 
 fn one_bead(points: &[[f64; 3]], axes: &[[f64; 3]], sections: &[Section]) -> Toolpath {
     let mut toolpath = Toolpath::default();
-    toolpath.push(BeadView { points, axes, sections, attributes: NO_ATTRIBUTES });
+    toolpath.push(BeadView { points, axes, sections, lines: &[], attributes: NO_ATTRIBUTES });
     toolpath
 }
 
@@ -199,7 +199,8 @@ fn a_written_file_holds_what_a_range_reads() {
     let swept = sweep(&wave, FLAT, SweepOptions { sides: 6, ..SweepOptions::default() });
     let mut writer = StlBeads::create(&path, swept.sweep().clone()).unwrap();
     let sections = vec![FLAT; wave.len() - 1];
-    let view = BeadView { points: &wave, axes: &[], sections: &sections, attributes: NO_ATTRIBUTES };
+    let view =
+        BeadView { points: &wave, axes: &[], sections: &sections, lines: &[], attributes: NO_ATTRIBUTES };
     writer.push(view, &Silent).unwrap();
     let written = writer.finish(&Silent).unwrap();
     assert_eq!((written.facets, written.tubes), (swept.facets(), swept.tubes()));
@@ -211,7 +212,8 @@ fn a_written_file_holds_what_a_range_reads() {
     // A bead that 32-bit coordinates cannot show is refused, and nothing is left.
     let far = wave[..2].iter().map(|p| [p[0] + 1e6, p[1], p[2]]).collect::<Vec<_>>();
     let mut writer = StlBeads::create(&directory.path().join("far.stl"), swept.sweep().clone()).unwrap();
-    let view = BeadView { points: &far, axes: &[], sections: &sections[..1], attributes: NO_ATTRIBUTES };
+    let view =
+        BeadView { points: &far, axes: &[], sections: &sections[..1], lines: &[], attributes: NO_ATTRIBUTES };
     assert!(writer.push(view, &Silent).unwrap_err().to_string().contains("32 bits"));
     drop(writer);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
@@ -226,7 +228,8 @@ fn every_call_may_fail_and_the_power_go() {
         )?;
         let bent: Vec<[f64; 3]> = (0..40).map(|i| [f64::from(i), f64::from(i % 2), 0.3]).collect();
         let sections = vec![FLAT; bent.len() - 1];
-        let view = BeadView { points: &bent, axes: &[], sections: &sections, attributes: NO_ATTRIBUTES };
+        let view =
+            BeadView { points: &bent, axes: &[], sections: &sections, lines: &[], attributes: NO_ATTRIBUTES };
         beads.push(view, &Silent)?;
         beads.finish(&Silent).map(|_| ())
     };
@@ -312,7 +315,7 @@ proptest! {
     #[test]
     fn any_range_is_the_part_of_the_whole(bead in wild(), from in 0.0..1.0f64, length in 0..400u64) {
         let mut toolpath = one_bead(&bead.points, &bead.axes, &bead.sections);
-        toolpath.push(BeadView { points: &bead.points, axes: &[], sections: &bead.sections, attributes: NO_ATTRIBUTES });
+        toolpath.push(BeadView { points: &bead.points, axes: &[], sections: &bead.sections, lines: &[], attributes: NO_ATTRIBUTES });
         let swept = Swept::new(toolpath, Sweep::new(&SweepOptions::default()).unwrap());
         let all = all_facets(&swept);
         let from = (from * all.len() as f64) as u64;

@@ -2,6 +2,7 @@
 
 mod coarsen;
 pub mod codec;
+mod count;
 mod fractions;
 mod hermite;
 mod hermite_part;
@@ -9,6 +10,7 @@ mod range;
 mod samples;
 mod thin;
 
+pub use count::Count;
 pub(crate) use hermite::along_row;
 pub(crate) use hermite::inside_from;
 pub use hermite::{Hermite, HermiteEdge, OctNormal, Ranks, SignChanges};

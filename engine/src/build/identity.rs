@@ -5,12 +5,14 @@
 
 use super::bins::Binner;
 use super::field::Field;
+use crate::brick::Count;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::solid::{Segment, Solids};
 use crate::store::{BeadSegment, Share, StoreWriter, cell_key, cells_of, encode_segments};
+use crate::toolpath::Toolpath;
 use rayon::prelude::*;
 
 /// Level at which nodes become jobs: at most 4,096 of them.
@@ -84,24 +86,54 @@ fn nodes_that_are_alike(share: &Share, level: u8) -> impl Iterator<Item = NodeKe
     (0..empty.len()).filter(begins_node).filter_map(move |at| cell_key(level, empty[at].0 >> down))
 }
 
+/// What lists name.
+pub(super) struct Named<'a> {
+    pub solids: &'a Solids,
+    pub paths: &'a [&'a Toolpath],
+    /// With passes a list names the lines of its segments, too.
+    pub count: Count,
+}
+
+impl Named<'_> {
+    /// The line of each segment, of all toolpaths.
+    fn lines(&self) -> impl Iterator<Item = u64> {
+        self.paths.iter().copied().flat_map(|path| {
+            (0..path.len()).flat_map(move |bead| {
+                (0..path.points(bead).len() - 1).map(move |segment| path.line(bead, segment))
+            })
+        })
+    }
+}
+
 /// A node with the segments that touch it, in the order of the toolpath.
 struct Touched {
     key: NodeKey,
     segments: Vec<Segment>,
+    /// Their lines, or none.
+    lines: Vec<u64>,
     /// Whether it only gets a list, and what is below it is seen to elsewhere.
     only_listed: bool,
 }
 
 /// Appends to the store, for each of its leaves, the list of the segments that touch it.
 pub(super) fn write_identity(
-    solids: &Solids,
+    named: &Named<'_>,
     segments: Vec<Segment>,
     leaves: &Leaves<'_>,
     writer: &mut StoreWriter,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let solid = segments.into_iter().filter(|segment| !solids.is_void(segment)).collect();
-    let mut jobs = vec![Touched { key: NodeKey::ROOT, segments: solid, only_listed: false }];
+    let Named { solids, count, .. } = *named;
+    let is_solid = |segment: &Segment| !solids.is_void(segment);
+    let lines = match count {
+        Count::Passes => {
+            let lines = segments.iter().zip(named.lines()).filter(|(segment, _)| is_solid(segment));
+            lines.map(|(_, line)| line).collect()
+        }
+        Count::Beads => Vec::new(),
+    };
+    let segments = segments.into_iter().filter(is_solid).collect();
+    let mut jobs = vec![Touched { key: NodeKey::ROOT, segments, lines, only_listed: false }];
     for _ in 0..JOB_LEVEL {
         jobs = jobs.into_par_iter().flat_map_iter(|node| divide(solids, node, leaves)).collect();
         progress.check()?;
@@ -112,7 +144,7 @@ pub(super) fn write_identity(
         progress.check()?;
         let mut lists = Lists::default();
         if !kept.as_ref().is_some_and(|kept| kept.has_lists_behind(jobs[number].key)) {
-            lists.add(solids, &jobs[number], leaves);
+            lists.add((solids, count), &jobs[number], leaves);
         }
         Ok(lists)
     };
@@ -150,10 +182,14 @@ fn divide(solids: &Solids, node: Touched, leaves: &Leaves<'_>) -> Vec<Touched> {
 /// The children that segments touch.
 fn children(solids: &Solids, node: &Touched) -> impl Iterator<Item = Touched> {
     let lists = Binner::new(node.key, 1).sort_indices(solids, &node.segments);
-    let child = move |octant: Octant| Touched {
-        key: node.key.child(octant),
-        segments: lists.of(octant.index()).iter().map(|&i| node.segments[i as usize]).collect(),
-        only_listed: false,
+    let child = move |octant: Octant| {
+        let indices = lists.of(octant.index());
+        Touched {
+            key: node.key.child(octant),
+            segments: indices.iter().map(|&i| node.segments[i as usize]).collect(),
+            lines: indices.iter().filter_map(|&i| node.lines.get(i as usize).copied()).collect(),
+            only_listed: false,
+        }
     };
     Octant::all().map(child).filter(|child| !child.segments.is_empty())
 }
@@ -166,16 +202,23 @@ struct Lists {
 }
 
 impl Lists {
-    fn add(&mut self, solids: &Solids, node: &Touched, leaves: &Leaves<'_>) {
+    fn add(&mut self, (solids, count): (&Solids, Count), node: &Touched, leaves: &Leaves<'_>) {
         let role = if node.only_listed { Role::Leaf } else { leaves.role(node.key) };
         if matches!(role, Role::Leaf | Role::Perhaps) {
-            let stored = |s: &Segment| BeadSegment { a: s.a, b: s.b, section: s.profile, bead: s.bead };
-            let segments: Vec<BeadSegment> = node.segments.iter().map(stored).collect();
-            encode_segments(&segments, &mut self.bytes);
+            let lines = node.lines.iter().copied().chain(std::iter::repeat(0));
+            let stored = |(s, line): (&Segment, u64)| BeadSegment {
+                a: s.a,
+                b: s.b,
+                section: s.profile,
+                pass: s.pass,
+                line,
+            };
+            let segments: Vec<BeadSegment> = node.segments.iter().zip(lines).map(stored).collect();
+            encode_segments(&segments, count, &mut self.bytes);
             self.ends.push((node.key, self.bytes.len()));
         }
         if matches!(role, Role::Interior | Role::Perhaps) {
-            children(solids, node).for_each(|child| self.add(solids, &child, leaves));
+            children(solids, node).for_each(|child| self.add((solids, count), &child, leaves));
         }
     }
 }

@@ -11,6 +11,7 @@ use super::snap::snap;
 use super::solids::sort_segments;
 use super::sorted::SortedPieces;
 use super::soup::Soup;
+use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::RootCube;
@@ -66,16 +67,16 @@ pub fn build_cloud_in_memory(
 /// Builds the tree of the beads of toolpaths, as analytic solids, in memory.
 ///
 /// # Errors
-/// [`Error::Setting`] if more than 32,767 beads overlap.
+/// [`Error::Setting`] if more than 32,767 passes or beads overlap.
 pub fn build_beads_in_memory(
     paths: &[&Toolpath],
-    outline: Outline,
+    (outline, count): (Outline, Count),
     root: RootCube,
     options: TreeOptions,
 ) -> Result<MemoryTree> {
     require_no_tolerance(options.tolerance, SOLIDS)?;
     let rules = Rules::new(options, root)?;
-    let (solids, segments) = Solids::new(paths, root, outline)?;
+    let (solids, segments) = Solids::new(paths, root, outline, count)?;
     let sorted = sort_segments(&solids, &segments, sort_cubes(&rules), &Silent)?;
     tree_of(&solids, sorted, &rules, root)
 }

@@ -16,7 +16,7 @@ use super::thin::{ThinDepth, ThinSummary};
 use super::toolpaths::{bead_sources, build_beads};
 use super::weigh::{Work, weigh_soup};
 use crate::backend::{DeviceReport, Vulkan};
-use crate::brick::Thin;
+use crate::brick::{Count, Thin};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
@@ -27,7 +27,7 @@ use crate::store::{
     BeadsMeta, Compression, Meta, Numbers, Refine, Settings, Share, ShareId, ShareNumbers, Source, Stats,
     StoreWriter, check_target,
 };
-use crate::volumes::{SourceVolumes, SweptVolumes, facet_volumes};
+use crate::volumes::facet_volumes;
 use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
@@ -69,6 +69,8 @@ pub struct BuildOptions {
     /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
     /// triangles, those swept along toolpaths included.
     pub solids: Option<Outline>,
+    /// What the samples of beads as solids count.
+    pub count: Count,
     /// Turn over pieces that are inside out, of inputs that are built from triangles.
     pub orient: Option<Consistency>,
     /// Record in every leaf which beads it counts, where beads are solids.
@@ -99,6 +101,7 @@ impl Default for BuildOptions {
             gwn_error: 1e-3,
             thin: ThinDepth::None,
             solids: None,
+            count: Count::default(),
             orient: None,
             identity: false,
             share: None,
@@ -173,11 +176,6 @@ pub struct Summary {
     /// Walls and gaps thinner than a cell that no sample shows, in the leaves that this run built. `None` if there are none,
     /// or nobody looked: in open input, point clouds, and beads that are all thicker than a cell.
     pub thin: Option<ThinSummary>,
-    /// Volumes of closed input, by integrals over the source.
-    #[serde(rename = "source_volumes")]
-    pub volumes: Option<SourceVolumes>,
-    /// Of beads as solids, what their sections and round ends amount to.
-    pub swept: Option<SweptVolumes>,
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
     /// What of the tree was built, if it was a share.
@@ -239,7 +237,7 @@ pub fn build_opened(
     progress: &dyn Progress,
 ) -> Result<Summary> {
     if let Some(outline) = options.solids {
-        return build_beads(&bead_sources(opened)?, outline, output, options, progress);
+        return build_beads(&bead_sources(opened)?, (outline, options.count), output, options, progress);
     }
     let mut clock = Clock::default();
     check_target(output)?;
@@ -264,12 +262,12 @@ pub fn build_opened(
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
-    let mut volumes = None;
     let open = if soup.balance.is_closed() {
         let device = options.resources.device.clone();
         task.build(&Soup { device }, soup.sorted, progress)?;
         clock.lap("build");
-        volumes = Some(facet_volumes(&soups, root, task.room.memory() / 8, progress)?);
+        let volumes = facet_volumes(&soups, (min, max), task.room.memory() / 8, progress);
+        task.meta.volumes = task.keep(volumes)?;
         clock.lap("volumes");
         OpenSummary::default()
     } else {
@@ -293,7 +291,6 @@ pub fn build_opened(
     Ok(Summary {
         pieces: turned.map(|(report, _)| report),
         inside_out,
-        volumes,
         turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
         device: options.resources.device.as_ref().map(Vulkan::take_report),
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
@@ -364,6 +361,7 @@ impl Task {
             tolerance: (tolerance > 0.0).then_some(tolerance),
             numbers: Numbers::default(),
             beads,
+            volumes: None,
             share: options.share.map(|id| Share {
                 id,
                 level: job_level(&rules),
@@ -492,8 +490,6 @@ impl Task {
             pieces: None,
             inside_out: None,
             turned_sweeps: 0,
-            volumes: None,
-            swept: None,
             temporary_bytes: self.room.file().bytes(),
             base_depth: self.rules.depth,
             thin,

@@ -58,11 +58,11 @@ impl Field for Solids {
         if !segments().all(|segment| self.covers_cube(segment, low, size)) {
             return None;
         }
-        let mut beads: Vec<u32> = segments().map(|segment| segment.bead).collect();
-        beads.sort_unstable();
-        beads.dedup();
+        let mut passes: Vec<u32> = segments().map(|segment| segment.pass).collect();
+        passes.sort_unstable();
+        passes.dedup();
         // Where this does not fit, the evaluation of a brick says so.
-        i16::try_from(beads.len()).ok()
+        i16::try_from(passes.len()).ok()
     }
 
     /// Only beads that are thinner than a cell can be walls that no sample shows.

@@ -1,17 +1,18 @@
 //! The main job straight from toolpaths: beads as analytic solids in, store out.
 
-use super::identity::{Leaves, write_identity};
+use super::identity::{Leaves, Named, write_identity};
 use super::pipeline::{BuildOptions, Clock, Summary, Task, describe, place};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
 use super::weigh::weigh_pieces;
+use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
 use crate::progress::Progress;
-use crate::solid::{Outline, Profile, Solids, bounds_of_beads};
+use crate::solid::{Outline, Profile, Solids, bounds_of_beads, passes_of};
 use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source, check_target};
-use crate::toolpath::{Attributes, Toolpath};
-use crate::volumes::{BeadVolumes, bead_volumes};
+use crate::toolpath::{Attributes, Passes, Toolpath};
+use crate::volumes::bead_volumes;
 use std::path::Path;
 
 /// A toolpath and the file that it was read from.
@@ -26,7 +27,7 @@ pub struct BeadSource<'a> {
 }
 
 /// Builds `output` from the beads of all toolpaths together, on the threads of the current rayon pool. A
-/// sample counts the beads that cover it.
+/// sample counts the passes, or the beads, that cover it.
 ///
 /// The file's bytes depend on the toolpaths, their sources and the options; not on the threads.
 ///
@@ -35,7 +36,7 @@ pub struct BeadSource<'a> {
 /// that cannot be written. Nothing is left under the final name unless the build succeeds.
 pub fn build_beads(
     sources: &[BeadSource<'_>],
-    outline: Outline,
+    (outline, count): (Outline, Count),
     output: &Path,
     options: &BuildOptions,
     progress: &dyn Progress,
@@ -50,33 +51,55 @@ pub fn build_beads(
     clock.lap("measure");
     let described = sources.iter().map(|source| source.source.clone()).collect();
     let identity = options.identity.then(IdentityPlace::default);
-    let beads = BeadsMeta { section: outline.name().to_owned(), beads: 0, segments: 0, identity };
+    let section = outline.name().to_owned();
+    let counted = (count == Count::Passes).then_some(0);
+    let beads = BeadsMeta { section, beads: 0, segments: 0, identity, passes: counted };
     let mut task = Task::begin(described, (min, max), root, depth, output, options, Some(beads.clone()))?;
     let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
-    let beads_volumes = bead_volumes(&paths, outline, (min, max), options.resources.memory / 8, progress)?;
+    let passes = passes_of(&paths, count);
+    let counted: Vec<_> = paths.iter().copied().zip(&passes).collect();
+    task.meta.volumes =
+        Some(bead_volumes(&counted, outline, (min, max), options.resources.memory / 8, progress)?);
     clock.lap("volumes");
-    let (solids, segments) = Solids::new(&paths, root, outline)?;
+    let (solids, segments) = Solids::of_passes(&counted, root, outline)?;
     task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("sorting", Some(segments.len() as u64), "segments");
     let sorted = sort_segments(&solids, &segments, task.cubes(), progress)?;
-    let count = segments.len() as u64;
+    let number = segments.len() as u64;
     let all = paths.iter().map(|path| path.len() as u64).sum();
-    task.meta.beads = Some(BeadsMeta { beads: all, segments: count, ..beads });
+    let last = segments.last().map_or(0, |segment| u64::from(segment.pass) + 1);
+    let of_all = beads.passes.map(|_| last);
+    task.meta.beads = Some(BeadsMeta { beads: all, segments: number, passes: of_all, ..beads });
     let segments = options.identity.then_some(segments);
     clock.lap("sort");
     task.build(&solids, sorted, progress)?;
     clock.lap("build");
     if let Some(segments) = segments {
-        task.writer.begin_identity(tables(sources, &solids)?);
+        let mut tables = tables(sources, &solids)?;
+        if count == Count::Passes {
+            tables.passes = first_passes(&counted);
+        }
+        task.writer.begin_identity(tables);
         let leaves = Leaves::of(task.writer.nodes(), task.meta.share.as_ref());
-        let written = write_identity(&solids, segments, &leaves, &mut task.writer, progress);
+        let named = Named { solids: &solids, paths: &paths, count };
+        let written = write_identity(&named, segments, &leaves, &mut task.writer, progress);
         task.keep(written)?;
         clock.lap("identity");
     }
     let summary = task.finish(clock, progress)?;
-    let BeadVolumes { volumes, swept } = beads_volumes;
-    Ok(Summary { segments: count, volumes: Some(volumes), swept: Some(swept), ..summary })
+    Ok(Summary { segments: number, ..summary })
+}
+
+/// The number of each bead's first pass, and of all passes.
+fn first_passes(paths: &[(&Toolpath, &Passes)]) -> Vec<u32> {
+    let of_path = |(path, passes): &(&Toolpath, &Passes)| {
+        (0..path.len()).map(|bead| passes.starts(bead).len() as u32 + 1).collect::<Vec<u32>>()
+    };
+    // The segments have been numbered, so there are no more than 32 bits count.
+    let add = |sum: &mut u32, passes: u32| Some(std::mem::replace(sum, *sum + passes));
+    let counts = paths.iter().flat_map(of_path).chain(std::iter::once(0));
+    counts.scan(0, add).collect()
 }
 
 /// What the store says of beads. The names of features are those of all sources, one after the other.

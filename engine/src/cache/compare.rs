@@ -339,7 +339,11 @@ fn lists(first: &Store, second: &Store, progress: &dyn Progress) -> Result<Compa
 }
 
 /// The segments of a leaf's list. In which order it names those of a bead says nothing, nor does naming one twice.
-fn segments(store: &Store, key: NodeKey, tables: &BeadTables) -> Result<BTreeSet<(u32, u32, Units, Units)>> {
+fn segments(
+    store: &Store,
+    key: NodeKey,
+    tables: &BeadTables,
+) -> Result<BTreeSet<(u32, u32, Units, Units, u64)>> {
     let segments = store.segments(key, tables)?;
-    Ok(segments.iter().map(|s| (s.bead, s.section, s.a, s.b)).collect())
+    Ok(segments.iter().map(|s| (s.pass, s.section, s.a, s.b, s.line)).collect())
 }

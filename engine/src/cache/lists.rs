@@ -31,17 +31,17 @@ pub(super) fn copy_lists(
     Ok(())
 }
 
-/// One list of all segments, each once: bead by bead, those of a bead in the order in which the leaves along the Morton
+/// One list of all segments, each once: pass by pass, those of a pass in the order in which the leaves along the Morton
 /// curve name them.
 fn joined(store: &Store, tables: &BeadTables, lists: &[(NodeKey, &IdentityEntry)]) -> Result<Vec<u8>> {
     let mut seen = HashSet::new();
     let mut all: Vec<BeadSegment> = Vec::new();
     for (_, list) in lists {
         let segments = store.segments(list.key, tables)?;
-        all.extend(segments.into_iter().filter(|s| seen.insert((s.a, s.b, s.section, s.bead))));
+        all.extend(segments.into_iter().filter(|s| seen.insert((s.a, s.b, s.section, s.pass, s.line))));
     }
-    all.sort_by_key(|segment| segment.bead);
+    all.sort_by_key(|segment| segment.pass);
     let mut record = Vec::new();
-    encode_segments(&all, &mut record);
+    encode_segments(&all, tables.count(), &mut record);
     Ok(record)
 }

@@ -58,6 +58,12 @@ impl Body {
         }
     }
 
+    /// No point of the solid is farther than this from the segment.
+    pub fn reach(&self) -> f64 {
+        let Profile { half_width, half_height, .. } = self.profile;
+        if self.is_flat { half_width } else { half_width + half_height }
+    }
+
     /// What of an interval of the line through `at` along `axis` lies between the planes in which the segment ends; empty
     /// ones end before they begin.
     pub fn between_ends(&self, axis: usize, mut at: [f64; 3], (from, to): (f64, f64)) -> (f64, f64) {

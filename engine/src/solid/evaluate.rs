@@ -1,8 +1,8 @@
 //! Samples of one brick from the segments that touch it.
 //!
-//! A row of samples is a word of bits. The rows of a bead's segments are united, then added to bit-sliced
-//! counters: plane p holds bit p of w for every sample. So w counts beads, and a bead's own joints and turns
-//! count once.
+//! A row of samples is a word of bits. The rows of a pass's segments are united, then added to bit-sliced
+//! counters: plane p holds bit p of w for every sample. So w counts passes, and a pass's own joints and corners
+//! count once. Where beads are counted, a pass is a bead as a whole.
 
 use super::hermite::{Boundary, Scene};
 use super::hidden;
@@ -91,12 +91,12 @@ impl Span {
 /// Working memory for evaluating bricks one after the other; one per thread.
 #[derive(Default)]
 pub struct SolidEvaluator {
-    /// Positions in the brick's list, bead by bead.
+    /// Positions in the brick's list, pass by pass.
     order: Vec<u32>,
     spans: Vec<Span>,
-    /// Samples of the bead at hand, by row; all zero between beads.
-    bead: Vec<u64>,
-    /// Rows that the bead at hand meets.
+    /// Samples of the pass at hand, by row; all zero between passes.
+    pass: Vec<u64>,
+    /// Rows that the pass at hand meets.
     touched: Vec<u16>,
     /// Counters: plane by plane, each a word a row.
     planes: Vec<[u64; ROWS]>,
@@ -105,7 +105,7 @@ pub struct SolidEvaluator {
 
 /// The samples of one brick, and its spans until the evaluator is used again.
 pub struct SolidEvaluation<'a> {
-    /// For each of the 33³ samples, how many beads cover it.
+    /// For each of the 33³ samples, how many passes cover it.
     pub samples: Samples,
     signs: SignChanges,
     lattice: Lattice,
@@ -135,7 +135,7 @@ impl SolidEvaluator {
     /// sample 32; others are ignored.
     ///
     /// # Errors
-    /// [`Error::Setting`] if more than 32,767 beads cover a sample.
+    /// [`Error::Setting`] if more than 32,767 passes cover a sample.
     pub fn evaluate<'a>(
         &'a mut self,
         solids: &'a Solids,
@@ -145,14 +145,14 @@ impl SolidEvaluator {
         let lattice = Lattice::of(key);
         self.spans.clear();
         self.planes.clear();
-        self.bead.resize(ROWS, 0);
+        self.pass.resize(ROWS, 0);
         self.order.clear();
         self.order.extend(0..list.indices.len() as u32);
-        self.order.sort_by_key(|&position| list.get(position).bead);
+        self.order.sort_by_key(|&position| list.get(position).pass);
         let order = std::mem::take(&mut self.order);
         let mut fits = true;
-        for bead in order.chunk_by(|&p, &q| list.get(p).bead == list.get(q).bead) {
-            for &position in bead {
+        for pass in order.chunk_by(|&p, &q| list.get(p).pass == list.get(q).pass) {
+            for &position in pass {
                 self.fill(solids, lattice, list.get(position), position);
             }
             fits &= self.count();
@@ -160,7 +160,7 @@ impl SolidEvaluator {
         self.order = order;
         if !fits {
             return Err(Error::setting(
-                format!("more than {} beads overlap in brick {key}", i16::MAX),
+                format!("more than {} passes of beads overlap in brick {key}", i16::MAX),
                 "remove repeated layers from the toolpath",
             ));
         }
@@ -170,7 +170,7 @@ impl SolidEvaluator {
         Ok(SolidEvaluation { samples, signs, lattice, solids, list, evaluator: self })
     }
 
-    /// Adds the rows of a segment to those of its bead.
+    /// Adds the rows of a segment to those of its pass.
     fn fill(&mut self, solids: &Solids, lattice: Lattice, segment: &Segment, position: u32) {
         let body = solids.body(segment);
         let bounds = solids.bounds(segment);
@@ -210,19 +210,19 @@ impl SolidEvaluator {
         let end = lattice.first_from(segment, 0, interval.1) as u8;
         if first < end {
             let span = Span { position, row: row as u16, first, end, interval };
-            if self.bead[row] == 0 {
+            if self.pass[row] == 0 {
                 self.touched.push(row as u16);
             }
-            self.bead[row] |= span.mask();
+            self.pass[row] |= span.mask();
             self.spans.push(span);
         }
     }
 
-    /// Adds the bead at hand to the counters and forgets it; false if a counter overflows.
+    /// Adds the pass at hand to the counters and forgets it; false if a counter overflows.
     fn count(&mut self) -> bool {
         let mut fits = true;
         for row in self.touched.drain(..).map(usize::from) {
-            let mut carry = std::mem::take(&mut self.bead[row]);
+            let mut carry = std::mem::take(&mut self.pass[row]);
             for plane in 0.. {
                 if carry == 0 {
                     break;
@@ -264,7 +264,7 @@ impl SolidEvaluator {
 }
 
 impl SolidEvaluation<'_> {
-    /// Whether a bead or a gap between beads lies between two samples of a lattice edge.
+    /// Whether a pass or a gap between passes lies between two samples of a lattice edge.
     pub fn has_hidden_crossings(&mut self) -> bool {
         Axis::ALL.iter().any(|axis| hidden::crossings(self.solids, self.lattice, self.list, axis.index()))
     }

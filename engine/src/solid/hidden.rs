@@ -13,7 +13,7 @@ const P: usize = BRICK_POINTS;
 struct Reach {
     /// The line among the 33² of an axis.
     line: u16,
-    bead: u32,
+    pass: u32,
     /// Its interval, in units from sample 0.
     from: f64,
     to: f64,
@@ -47,7 +47,7 @@ fn reaches(
                 let shift = f64::from(segment.a[axis] - lattice.origin[axis]);
                 out.push(Reach {
                     line: (in_v * P + in_u) as u16,
-                    bead: segment.bead,
+                    pass: segment.pass,
                     from: from + shift,
                     to: to + shift,
                     first: lattice.first_from(segment, axis, from) as u8,
@@ -82,14 +82,14 @@ fn edge_before(sample: u8) -> u64 {
     if (1..P as u8).contains(&sample) { 1 << sample } else { 0 }
 }
 
-/// Whether a lattice edge along `axis` holds both an entry into a bead and an exit from one.
+/// Whether a lattice edge along `axis` holds both an entry into a pass and an exit from one.
 pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
     let mut all = reaches(solids, lattice, list, axis, ThinLines::All);
-    all.sort_unstable_by(|p, q| (p.line, p.bead).cmp(&(q.line, q.bead)).then(p.from.total_cmp(&q.from)));
+    all.sort_unstable_by(|p, q| (p.line, p.pass).cmp(&(q.line, q.pass)).then(p.from.total_cmp(&q.from)));
     all.chunk_by(|p, q| p.line == q.line).any(|line| {
         let (mut entries, mut exits) = (0, 0);
-        for bead in line.chunk_by(|p, q| p.bead == q.bead) {
-            unite(bead, |united| {
+        for pass in line.chunk_by(|p, q| p.pass == q.pass) {
+            unite(pass, |united| {
                 entries |= edge_before(united.first);
                 exits |= edge_before(united.end);
             });

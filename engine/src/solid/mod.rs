@@ -20,4 +20,4 @@ pub use body::Body;
 pub use evaluate::{SegmentList, SolidEvaluation, SolidEvaluator};
 pub use points::{beads_at, brute_beads_at};
 pub use profile::{Outline, Profile};
-pub use segments::{Segment, Solids, bounds_of_beads};
+pub use segments::{Segment, Solids, bounds_of_beads, passes_of};

@@ -1,4 +1,4 @@
-//! How many beads cover arbitrary points, straight from the solids.
+//! How many passes, or beads, cover arbitrary points, straight from the solids.
 
 use super::segments::{Segment, Solids};
 use crate::error::Result;
@@ -13,7 +13,7 @@ const POINTS_AT_ONCE: usize = 1 << 16;
 /// Columns along a side of the grid that sorts points by (y, z).
 const GRID_BITS: u32 = 9;
 
-/// How many beads cover each point. Points are snapped as `winding_at` snaps them, to odd lattice positions,
+/// How many passes cover each point, or beads where the segments count those. Points are snapped as `winding_at` snaps them, to odd lattice positions,
 /// and the rule is that of the samples: the interval of the point's line along x.
 ///
 /// # Errors
@@ -53,7 +53,7 @@ pub fn brute_beads_at(
     count(solids, segments, points, progress, in_units, covers)
 }
 
-/// Counts the beads that cover each point. Points that `place` drops lie outside all.
+/// Counts the passes that cover each point. Points that `place` drops lie outside all.
 fn count<T: Copy + Sync + Into<f64>>(
     solids: &Solids,
     segments: &[Segment],
@@ -74,13 +74,13 @@ fn count<T: Copy + Sync + Into<f64>>(
                 for segment in run.iter().filter(|s| solids.profile(s).is_solid()) {
                     columns.near(solids.bounds(segment), |p, number| {
                         if covers(segment, p) {
-                            hits.push((number, segment.bead));
+                            hits.push((number, segment.pass));
                         }
                     });
                 }
                 progress.advance(run.len() as u64);
                 progress.check()?;
-                // A bead that covers a point by several segments counts once.
+                // A pass that covers a point by several segments counts once.
                 hits.sort_unstable();
                 hits.dedup();
                 Ok(hits)

@@ -2,9 +2,10 @@
 
 use super::body::{Body, frame};
 use super::profile::{Outline, Profile};
+use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::lattice::{ROOT_BITS, RootCube, Units};
-use crate::toolpath::{Section, Toolpath};
+use crate::toolpath::{Passes, Section, Toolpath};
 use std::collections::HashMap;
 
 /// One segment of a bead. Its ends lie on the bead's centre line, half the height below the path of the tool.
@@ -16,8 +17,8 @@ pub struct Segment {
     pub b: Units,
     /// Number of its profile in [`Solids`].
     pub profile: u32,
-    /// Number of its bead, counted through all toolpaths.
-    pub bead: u32,
+    /// Number of its pass, or of its bead where beads are counted, through all toolpaths.
+    pub pass: u32,
 }
 
 impl Segment {
@@ -35,20 +36,40 @@ pub struct Solids {
 }
 
 impl Solids {
-    /// The segments of all beads of several toolpaths on the lattice of `root`, in order.
+    /// The segments of all beads of several toolpaths on the lattice of `root`, in order, with the passes or beads to be
+    /// counted.
     ///
     /// # Errors
-    /// [`Error::Setting`] if there are more beads than 32 bits count.
-    pub fn new(paths: &[&Toolpath], root: RootCube, outline: Outline) -> Result<(Solids, Vec<Segment>)> {
+    /// [`Error::Setting`] if there are more passes than 32 bits count.
+    pub fn new(
+        paths: &[&Toolpath],
+        root: RootCube,
+        outline: Outline,
+        count: Count,
+    ) -> Result<(Solids, Vec<Segment>)> {
+        let passes = passes_of(paths, count);
+        let paths: Vec<_> = paths.iter().copied().zip(&passes).collect();
+        Solids::of_passes(&paths, root, outline)
+    }
+
+    /// As [`Solids::new`], of toolpaths of which the passes are known.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if there are more passes than 32 bits count.
+    pub fn of_passes(
+        paths: &[(&Toolpath, &Passes)],
+        root: RootCube,
+        outline: Outline,
+    ) -> Result<(Solids, Vec<Segment>)> {
         let mut table = Table::new(root, outline);
         let mut segments = Vec::new();
-        let mut bead_number = 0u32;
-        for path in paths {
+        let mut pass = 0u32;
+        for (path, passes) in paths {
             for bead in 0..path.len() {
-                for number in 1..path.points(bead).len() {
-                    segments.push(table.segment(path, bead, number - 1, bead_number));
+                for numbers in passes.of_bead(bead, path.points(bead).len() - 1) {
+                    segments.extend(numbers.map(|number| table.segment(path, bead, number, pass)));
+                    pass = pass.checked_add(1).ok_or_else(too_many)?;
                 }
-                bead_number = bead_number.checked_add(1).ok_or_else(too_many)?;
             }
         }
         Ok((Solids { profiles: table.profiles }, segments))
@@ -111,8 +132,20 @@ impl Solids {
     }
 }
 
+/// What is counted of the beads of toolpaths.
+pub fn passes_of(paths: &[&Toolpath], count: Count) -> Vec<Passes> {
+    let of_path = |path: &&Toolpath| match count {
+        Count::Passes => Passes::new(path),
+        Count::Beads => Passes::whole(path),
+    };
+    paths.iter().map(of_path).collect()
+}
+
 fn too_many() -> Error {
-    Error::setting("there are more beads than the program counts", "build parts of the toolpath separately")
+    Error::setting(
+        "there are more passes of beads than the program counts",
+        "build parts of the toolpath separately",
+    )
 }
 
 /// Gathers profiles.
@@ -133,7 +166,7 @@ impl Table {
 
     /// Segment `number` of a bead. Upper and lower face are snapped each by itself, as the vertices of swept
     /// triangles are, so that the faces of layers that touch meet on the lattice as well.
-    fn segment(&mut self, path: &Toolpath, bead: usize, number: usize, bead_number: u32) -> Segment {
+    fn segment(&mut self, path: &Toolpath, bead: usize, number: usize, pass: u32) -> Segment {
         let section = path.section(bead, number);
         let snap = self.root.snapper();
         let ends = [number, number + 1].map(|point| {
@@ -150,7 +183,7 @@ impl Table {
             _ => 0.5 * section.height * self.scale,
         };
         let half_width = 0.5 * section.width * self.scale;
-        Segment { a, b, profile: self.profile(half_width, half_height, axis), bead: bead_number }
+        Segment { a, b, profile: self.profile(half_width, half_height, axis), pass }
     }
 
     fn profile(&mut self, half_width: f64, half_height: f64, axis: [f64; 3]) -> u32 {

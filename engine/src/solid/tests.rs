@@ -114,7 +114,7 @@ fn pieces() -> impl Strategy<Value = Vec<Piece>> {
 fn solids(pieces: &[Piece], outline: Outline) -> (Solids, Vec<Segment>) {
     let profile = |&(_, w, h, axis, _): &Piece| Profile::new(outline, w, h, axis);
     let segment =
-        |(number, &((a, b), .., bead)): (usize, &Piece)| Segment { a, b, profile: number as u32, bead };
+        |(number, &((a, b), .., bead)): (usize, &Piece)| Segment { a, b, profile: number as u32, pass: bead };
     (
         Solids::of_profiles(pieces.iter().map(profile).collect()),
         pieces.iter().enumerate().map(segment).collect(),
@@ -142,7 +142,7 @@ proptest! {
             if segments.iter().any(|s| (depth(s) - 1.0).abs() < 1e-9) {
                 continue;
             }
-            let mut beads: Vec<u32> = segments.iter().filter(|s| depth(s) < 1.0).map(|s| s.bead).collect();
+            let mut beads: Vec<u32> = segments.iter().filter(|s| depth(s) < 1.0).map(|s| s.pass).collect();
             beads.sort_unstable();
             beads.dedup();
             prop_assert_eq!(brick.sample(ijk), beads.len() as i16, "{:?}", ijk);

@@ -134,7 +134,7 @@ pub(crate) fn brick(bytes: &[u8]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::brick::Brick;
+    use crate::brick::{Brick, Count};
     use crate::disk::sim::SimDisk;
     use crate::store::testing::{brick_at, fractions, lists, meta_of_beads, nodes};
     use crate::store::writer::StoreWriter;
@@ -180,7 +180,7 @@ mod tests {
         writer.begin_identity(crate::store::testing::tables());
         for (key, list) in lists() {
             let mut bytes = Vec::new();
-            encode_segments(&list, &mut bytes);
+            encode_segments(&list, Count::Beads, &mut bytes);
             writer.append_identity(key, &bytes).expect("nothing fails");
             writer.commit().expect("nothing fails");
         }

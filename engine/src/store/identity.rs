@@ -4,6 +4,7 @@
 //! beads are told apart at every point, not only at samples. `FORMAT.md` shows the bytes.
 
 use super::layout::Version;
+use crate::brick::Count;
 use crate::lattice::{NodeKey, ROOT_BITS, Units};
 use serde::{Deserialize, Serialize};
 
@@ -91,8 +92,10 @@ pub struct BeadSegment {
     pub b: Units,
     /// Its cross-section in the tables.
     pub section: u32,
-    /// Its bead in the tables.
-    pub bead: u32,
+    /// Its bead in the tables, or its pass, counted through all beads, where the store counts those.
+    pub pass: u32,
+    /// The line of the file that deposits it, from 1; 0 where the store counts beads.
+    pub line: u64,
 }
 
 /// A bead as the tables describe it.
@@ -130,9 +133,30 @@ pub struct BeadTables {
     pub sections: Vec<SectionRow>,
     /// Names, as in "External perimeter".
     pub features: Vec<String>,
+    /// The first pass of each bead, and behind them the number of all; empty where the store counts beads.
+    pub passes: Vec<u32>,
 }
 
 impl BeadTables {
+    /// What the store counts, and lists of segments name.
+    pub fn count(&self) -> Count {
+        if self.passes.is_empty() { Count::Beads } else { Count::Passes }
+    }
+
+    /// How many there are of what is counted.
+    pub(super) fn counted(&self) -> u64 {
+        self.passes.last().map_or(self.beads.len() as u64, |passes| u64::from(*passes))
+    }
+
+    /// The bead of a number that a list of segments has, and which of its passes it is, from 0, if passes are counted.
+    pub fn bead_of(&self, number: u32) -> (u32, Option<u32>) {
+        if self.passes.is_empty() {
+            return (number, None);
+        }
+        let bead = self.passes.partition_point(|&first| first <= number).saturating_sub(1);
+        (bead as u32, Some(number - self.passes[bead]))
+    }
+
     pub(super) fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(12 + self.beads.len() * BEAD_BYTES);
         for count in [self.beads.len(), self.sections.len(), self.features.len()] {
@@ -156,19 +180,21 @@ impl BeadTables {
             out.extend((name.len() as u32).to_le_bytes());
             out.extend(name.as_bytes());
         }
+        self.passes.iter().for_each(|first| out.extend(first.to_le_bytes()));
         out
     }
 
     /// Takes memory in proportion to `bytes`; the error is one phrase.
-    pub(super) fn decode(bytes: &[u8]) -> Result<BeadTables, &'static str> {
+    pub(super) fn decode(bytes: &[u8], count: Count) -> Result<BeadTables, &'static str> {
         const DAMAGED: &str = "the tables of beads have the wrong size";
         let mut fields = Fields(bytes);
-        let mut count = || Some(fields.u32()? as usize);
+        let mut number = || Some(fields.u32()? as usize);
         let (beads, sections, features) =
-            count().and_then(|b| Some((b, count()?, count()?))).ok_or(DAMAGED)?;
+            number().and_then(|b| Some((b, number()?, number()?))).ok_or(DAMAGED)?;
         // Every entry takes bytes, so the counts are checked before memory is taken for them.
-        let least =
-            beads as u64 * BEAD_BYTES as u64 + sections as u64 * SECTION_BYTES as u64 + features as u64 * 4;
+        let passes = if count == Count::Passes { beads as u64 + 1 } else { 0 };
+        let rows = beads as u64 * BEAD_BYTES as u64 + sections as u64 * SECTION_BYTES as u64;
+        let least = rows + (features as u64 + passes) * 4;
         // Beads name features by 16 bits, and a short name takes more memory than bytes of the file.
         if least > fields.0.len() as u64 || features > 1 << 16 {
             return Err(DAMAGED);
@@ -177,6 +203,7 @@ impl BeadTables {
             beads: Vec::with_capacity(beads),
             sections: Vec::with_capacity(sections),
             features: Vec::with_capacity(features),
+            passes: Vec::with_capacity(passes as usize),
         };
         for _ in 0..beads {
             tables.beads.push(fields.bead().ok_or(DAMAGED)?);
@@ -188,6 +215,13 @@ impl BeadTables {
             let length = fields.u32().ok_or(DAMAGED)? as usize;
             let name = fields.take(length).ok_or(DAMAGED)?;
             tables.features.push(String::from_utf8_lossy(name).into_owned());
+        }
+        for _ in 0..passes {
+            tables.passes.push(fields.u32().ok_or(DAMAGED)?);
+        }
+        if tables.passes.first().is_some_and(|&first| first != 0) || !tables.passes.is_sorted_by(|a, b| a < b)
+        {
+            return Err("the passes of beads are out of order");
         }
         if !fields.0.is_empty() {
             return Err(DAMAGED);
@@ -204,11 +238,15 @@ impl BeadTables {
     }
 }
 
-/// The record of a leaf from the segments that touch it, which must come bead by bead in order.
-pub fn encode_segments(segments: &[BeadSegment], out: &mut Vec<u8>) {
-    let mut before = BeadSegment { a: [0; 3], b: [0; 3], section: 0, bead: 0 };
+/// Before the first segment of a list.
+const START: BeadSegment = BeadSegment { a: [0; 3], b: [0; 3], section: 0, pass: 0, line: 0 };
+
+/// The record of a leaf from the segments that touch it, which must come pass by pass in order, or bead by bead where the
+/// store counts those.
+pub fn encode_segments(segments: &[BeadSegment], count: Count, out: &mut Vec<u8>) {
+    let mut before = START;
     for segment in segments {
-        push_varint(out, u64::from(segment.bead.wrapping_sub(before.bead)));
+        push_varint(out, u64::from(segment.pass.wrapping_sub(before.pass)));
         push_varint(out, zigzag(i64::from(segment.section) - i64::from(before.section)));
         for axis in 0..3 {
             push_varint(out, zigzag(i64::from(segment.a[axis]) - i64::from(before.b[axis])));
@@ -216,22 +254,28 @@ pub fn encode_segments(segments: &[BeadSegment], out: &mut Vec<u8>) {
         for axis in 0..3 {
             push_varint(out, zigzag(i64::from(segment.b[axis]) - i64::from(segment.a[axis])));
         }
+        if count == Count::Passes {
+            push_varint(out, zigzag(segment.line.wrapping_sub(before.line) as i64));
+        }
         before = *segment;
     }
 }
 
 /// Inverse of [`encode_segments`]; any bytes give segments within the root or an error of one phrase.
-pub(super) fn decode_segments(bytes: &[u8], tables: (u64, u64)) -> Result<Vec<BeadSegment>, &'static str> {
+pub(super) fn decode_segments(
+    bytes: &[u8],
+    (passes, sections): (u64, u64),
+    count: Count,
+) -> Result<Vec<BeadSegment>, &'static str> {
     const DAMAGED: &str = "the list of segments is damaged";
-    let (beads, sections) = tables;
     let mut fields = Fields(bytes);
-    let mut before = BeadSegment { a: [0; 3], b: [0; 3], section: 0, bead: 0 };
+    let mut before = START;
     let mut out = Vec::new();
     while !fields.0.is_empty() {
-        let bead = u64::from(before.bead).checked_add(fields.varint().ok_or(DAMAGED)?).ok_or(DAMAGED)?;
+        let pass = u64::from(before.pass).checked_add(fields.varint().ok_or(DAMAGED)?).ok_or(DAMAGED)?;
         let section = i64::from(before.section).checked_add(fields.signed().ok_or(DAMAGED)?);
         let section = section.and_then(|s| u64::try_from(s).ok()).ok_or(DAMAGED)?;
-        if bead >= beads || section >= sections {
+        if pass >= passes || section >= sections {
             return Err("a segment of a bead that the tables lack");
         }
         let mut point = |from: Units| -> Option<Units> {
@@ -244,7 +288,11 @@ pub(super) fn decode_segments(bytes: &[u8], tables: (u64, u64)) -> Result<Vec<Be
         };
         let a = point(before.b).ok_or(DAMAGED)?;
         let b = point(a).ok_or(DAMAGED)?;
-        before = BeadSegment { a, b, section: section as u32, bead: bead as u32 };
+        let line = match count {
+            Count::Passes => before.line.wrapping_add(fields.signed().ok_or(DAMAGED)? as u64),
+            Count::Beads => 0,
+        };
+        before = BeadSegment { a, b, section: section as u32, pass: pass as u32, line };
         out.push(before);
     }
     Ok(out)
@@ -332,11 +380,11 @@ mod tests {
 
     fn segments() -> impl Strategy<Value = Vec<BeadSegment>> {
         let position = || prop::array::uniform3(0i32..1 << ROOT_BITS);
-        let segment = (position(), position(), 0u32..50, 0u32..1000);
-        prop::collection::vec(segment, 0..40).prop_map(|list| {
-            let mut list: Vec<BeadSegment> =
-                list.into_iter().map(|(a, b, section, bead)| BeadSegment { a, b, section, bead }).collect();
-            list.sort_by_key(|segment| segment.bead);
+        let segment = (position(), position(), 0u32..50, 0u32..1000, any::<u64>());
+        let made = |(a, b, section, pass, line)| BeadSegment { a, b, section, pass, line };
+        prop::collection::vec(segment, 0..40).prop_map(move |list| {
+            let mut list: Vec<BeadSegment> = list.into_iter().map(made).collect();
+            list.sort_by_key(|segment| segment.pass);
             list
         })
     }
@@ -344,21 +392,27 @@ mod tests {
     proptest! {
         #[test]
         fn lists_of_segments_survive(list in segments()) {
-            let mut bytes = Vec::new();
-            encode_segments(&list, &mut bytes);
-            prop_assert_eq!(decode_segments(&bytes, (1000, 50)), Ok(list.clone()));
-            if let Some(last) = list.last() {
-                prop_assert!(decode_segments(&bytes, (u64::from(last.bead), 50)).is_err());
-                prop_assert!(decode_segments(&bytes[..bytes.len() - 1], (1000, 50)).is_err());
+            for count in [Count::Passes, Count::Beads] {
+                let mut bytes = Vec::new();
+                encode_segments(&list, count, &mut bytes);
+                let lines = |s: &BeadSegment| if count == Count::Passes { s.line } else { 0 };
+                let kept: Vec<_> = list.iter().map(|s| BeadSegment { line: lines(s), ..*s }).collect();
+                prop_assert_eq!(decode_segments(&bytes, (1000, 50), count), Ok(kept));
+                if let Some(last) = list.last() {
+                    prop_assert!(decode_segments(&bytes, (u64::from(last.pass), 50), count).is_err());
+                    prop_assert!(decode_segments(&bytes[..bytes.len() - 1], (1000, 50), count).is_err());
+                }
             }
         }
 
         #[test]
         fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-            let _ = BeadTables::decode(&bytes);
-            for segment in decode_segments(&bytes, (1000, 50)).unwrap_or_default() {
-                prop_assert!(segment.bead < 1000 && segment.section < 50);
-                prop_assert!(segment.a.iter().chain(&segment.b).all(|c| (0..1 << ROOT_BITS).contains(c)));
+            for count in [Count::Passes, Count::Beads] {
+                let _ = BeadTables::decode(&bytes, count);
+                for segment in decode_segments(&bytes, (1000, 50), count).unwrap_or_default() {
+                    prop_assert!(segment.pass < 1000 && segment.section < 50);
+                    prop_assert!(segment.a.iter().chain(&segment.b).all(|c| (0..1 << ROOT_BITS).contains(c)));
+                }
             }
         }
     }
@@ -368,16 +422,26 @@ mod tests {
         let bead = BeadRow { source: 1, layer: 2, tool: 3, feature: 1, lines: (4, 1 << 40) };
         let section = SectionRow { half_width: 1.5, half_height: 0.25, axis: [0.0, 0.6, 0.8] };
         let features = vec!["".to_owned(), "Perimètre".to_owned()];
-        let tables = BeadTables { beads: vec![bead; 3], sections: vec![section; 2], features };
-        let bytes = tables.encode();
-        assert_eq!(BeadTables::decode(&bytes), Ok(tables.clone()));
-        for cut in 0..bytes.len() {
-            assert!(BeadTables::decode(&bytes[..cut]).is_err());
+        let tables =
+            BeadTables { beads: vec![bead; 3], sections: vec![section; 2], features, passes: vec![] };
+        let counting = BeadTables { passes: vec![0, 1, 4, 9], ..tables.clone() };
+        for (tables, count) in [(tables.clone(), Count::Beads), (counting.clone(), Count::Passes)] {
+            let bytes = tables.encode();
+            assert_eq!(BeadTables::decode(&bytes, count), Ok(tables.clone()));
+            for cut in 0..bytes.len() {
+                assert!(BeadTables::decode(&bytes[..cut], count).is_err());
+            }
+            let mut huge = bytes.clone();
+            huge[..4].copy_from_slice(&u32::MAX.to_le_bytes());
+            assert!(BeadTables::decode(&huge, count).is_err());
+            let bad = BeadTables { features: vec![String::new()], ..tables };
+            assert!(BeadTables::decode(&bad.encode(), count).is_err());
         }
-        let mut huge = bytes.clone();
-        huge[..4].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert!(BeadTables::decode(&huge).is_err());
-        let bad = BeadTables { features: vec![String::new()], ..tables };
-        assert!(BeadTables::decode(&bad.encode()).is_err());
+        let bad = BeadTables { passes: vec![0, 4, 4, 9], ..counting.clone() };
+        assert!(BeadTables::decode(&bad.encode(), Count::Passes).is_err());
+        assert_eq!((tables.counted(), counting.counted()), (3, 9));
+        assert_eq!([0, 1, 3, 4, 8].map(|n| counting.bead_of(n).0), [0, 1, 1, 2, 2]);
+        assert_eq!(counting.bead_of(8), (2, Some(4)));
+        assert_eq!(tables.bead_of(2), (2, None));
     }
 }

@@ -8,6 +8,8 @@ use super::identity::IdentityPlace;
 use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX, Version};
 use super::order::subtree_level;
 use super::share::{Share, ShareNumbers};
+use super::volumes::SourceVolumes;
+use crate::brick::Count;
 use crate::lattice::{MAX_LEVEL, RootCube};
 use bincode::Options;
 use serde::{Deserialize, Serialize};
@@ -46,6 +48,9 @@ pub struct Meta {
     /// Which share of a store the file is, if it is not a whole one. Version 3 of the format has it at the very end.
     #[serde(skip)]
     pub share: Option<Share>,
+    /// Volumes of the source, where it is closed; known at the end of a build only. An [`Addition`].
+    #[serde(skip)]
+    pub volumes: Option<SourceVolumes>,
 }
 
 /// What version 2 adds: the samples count beads as solids.
@@ -60,6 +65,26 @@ pub struct BeadsMeta {
     /// Where leaves say which beads they count; place and sizes are filled in by the writer. `None` if that
     /// was not asked for.
     pub identity: Option<IdentityPlace>,
+    /// Passes of all beads, if the samples count those; `None` if they count beads. An [`Addition`].
+    #[serde(skip)]
+    pub passes: Option<u64>,
+}
+
+impl BeadsMeta {
+    /// What the samples count.
+    pub fn count(&self) -> Count {
+        if self.passes.is_some() { Count::Passes } else { Count::Beads }
+    }
+}
+
+/// What some stores have behind all else, as a list; without any the list is left out, as in stores from before there
+/// were additions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Addition {
+    /// The samples count passes, of which all beads have this many.
+    Passes(u64),
+    /// Volumes of the source.
+    Volumes(SourceVolumes),
 }
 
 /// An input file.
@@ -137,21 +162,17 @@ impl Meta {
 
     /// What ties the parts of a file together: a hash of everything but [`Meta::numbers`].
     pub fn file_id(&self) -> FileId {
-        let meta = Meta { numbers: Numbers::default(), ..self.clone() };
         let beads = self.beads.clone().map(|beads| BeadsMeta {
             beads: 0,
             segments: 0,
             identity: beads.identity.map(|_| IdentityPlace::default()),
+            passes: beads.passes.map(|_| 0),
             ..beads
         });
         let share = self.share.clone().map(|share| Share { found: ShareNumbers::default(), ..share });
+        let meta = Meta { numbers: Numbers::default(), beads, share, volumes: None, ..self.clone() };
         // Serializing plain data into memory fails only at a limit, and none is set here.
-        let bytes = match (beads, share) {
-            (None, None) => options().serialize(&meta),
-            (Some(beads), None) => options().serialize(&(meta, beads)),
-            (beads, Some(share)) => options().serialize(&(meta, beads, share)),
-        }
-        .unwrap_or_default();
+        let bytes = meta.serialize(options()).unwrap_or_default();
         let mut id = [0; FILE_ID_BYTES];
         id.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..FILE_ID_BYTES]);
         id
@@ -182,6 +203,8 @@ impl Meta {
         fact("error of samples", share.map_or("none".to_owned(), |share| share.gwn_error.to_string()));
         fact("unit", self.unit.clone());
         let beads = self.beads.as_ref();
+        let count = beads.map_or("none".to_owned(), |beads| beads.count().to_string());
+        fact("unit of count", count);
         fact("section of beads", beads.map_or("none".to_owned(), |beads| beads.section.clone()));
         let identity = beads.is_some_and(|beads| beads.identity.is_some());
         fact("identity of beads", if identity { "recorded" } else { "not recorded" }.to_owned());
@@ -202,19 +225,48 @@ impl Meta {
     /// The stored form, that of [`Meta::version`]; the error is one phrase.
     pub(super) fn encode(&self) -> Result<Vec<u8>, String> {
         self.check()?;
-        let options = options().with_limit(META_BYTES_MAX as u64);
-        match (&self.beads, &self.share) {
+        let bytes = self.serialize(options().with_limit(META_BYTES_MAX as u64));
+        let bytes = bytes.ok().filter(|bytes| bytes.len() <= META_BYTES_MAX);
+        bytes.ok_or_else(|| format!("the metadata takes more than {META_BYTES_MAX} bytes"))
+    }
+
+    fn serialize(&self, options: impl Options + Copy) -> bincode::Result<Vec<u8>> {
+        let mut bytes = match (&self.beads, &self.share) {
             (None, None) => options.serialize(self),
             (Some(beads), None) => options.serialize(&(self, beads)),
             (beads, Some(share)) => options.serialize(&(self, beads, share)),
+        }?;
+        let passes = self.beads.as_ref().and_then(|beads| beads.passes);
+        let volumes = self.volumes.clone().map(Addition::Volumes);
+        let additions: Vec<Addition> = passes.map(Addition::Passes).into_iter().chain(volumes).collect();
+        if !additions.is_empty() {
+            bytes.extend(options.serialize(&additions)?);
         }
-        .map_err(|_| format!("the metadata takes more than {META_BYTES_MAX} bytes"))
+        Ok(bytes)
+    }
+
+    /// Takes over what is behind all else.
+    fn add(mut self, bytes: &[u8]) -> Result<Meta, String> {
+        if bytes.is_empty() {
+            return Ok(self);
+        }
+        let options = options().with_limit(META_BYTES_MAX as u64);
+        let additions: Vec<Addition> =
+            options.deserialize(bytes).map_err(|_| "the metadata's additions cannot be read".to_owned())?;
+        for addition in additions {
+            match (addition, &mut self.beads) {
+                (Addition::Passes(passes), Some(beads)) => beads.passes = Some(passes),
+                (Addition::Passes(_), None) => return Err("passes of beads where there are no beads".into()),
+                (Addition::Volumes(volumes), _) => self.volumes = Some(volumes),
+            }
+        }
+        Ok(self)
     }
 
     /// Reads the stored form; the error is one phrase. Takes memory in proportion to `bytes`.
     pub(super) fn decode(bytes: &[u8], version: Version) -> Result<Meta, String> {
-        let options = options().with_limit(META_BYTES_MAX as u64);
-        let meta = match version {
+        let options = options().with_limit(META_BYTES_MAX as u64).allow_trailing_bytes();
+        let meta: bincode::Result<Meta> = match version {
             Version::One => options.deserialize(bytes),
             Version::Two => options
                 .deserialize(bytes)
@@ -226,6 +278,9 @@ impl Meta {
             }
         };
         let meta = meta.map_err(|_| "the metadata cannot be read".to_owned())?;
+        // Every value has one form, so what was read has the length of what would be written.
+        let known = meta.serialize(options).map_or(bytes.len(), |known| known.len());
+        let meta = meta.add(bytes.get(known..).unwrap_or_default())?;
         meta.check()?;
         Ok(meta)
     }
@@ -250,11 +305,14 @@ impl Meta {
         if self.stddev.is_nan() || self.tolerance.is_some_and(f64::is_nan) {
             return Err("a threshold is not a number".into());
         }
+        if self.volumes.as_ref().is_some_and(|volumes| !volumes.is_sound()) {
+            return Err("a volume is not a number".into());
+        }
         self.share.as_ref().map_or(Ok(()), |share| share.check(self.depth))
     }
 }
 
-fn options() -> impl Options {
+fn options() -> impl Options + Copy {
     bincode::DefaultOptions::new().with_fixint_encoding().with_little_endian().reject_trailing_bytes()
 }
 
@@ -272,6 +330,25 @@ mod tests {
         other.depth += 1;
         assert_ne!(other.file_id(), meta(3).file_id());
         assert_eq!(Meta::decode(&other.encode().unwrap(), Version::One), Ok(other));
+    }
+
+    #[test]
+    fn passes_stand_behind_all_else() {
+        let beads =
+            BeadsMeta { section: "stadium".into(), beads: 2, segments: 3, identity: None, passes: None };
+        let of_beads = Meta { beads: Some(beads.clone()), ..meta(3) };
+        let of_passes = Meta { beads: Some(BeadsMeta { passes: Some(5), ..beads }), ..meta(3) };
+        assert_ne!(of_beads.file_id(), of_passes.file_id());
+        let (short, long) = (of_beads.encode().unwrap(), of_passes.encode().unwrap());
+        assert_eq!(long[..short.len()], short);
+        assert_eq!(long.len(), short.len() + 8 + 4 + 8);
+        assert_eq!(Meta::decode(&long, Version::Two), Ok(of_passes));
+        assert_eq!(Meta::decode(&short, Version::Two), Ok(of_beads));
+        for cut in short.len() + 1..long.len() {
+            assert!(Meta::decode(&long[..cut], Version::Two).is_err());
+        }
+        let without_beads = [meta(3).encode().unwrap(), long[short.len()..].to_vec()].concat();
+        assert!(Meta::decode(&without_beads, Version::One).is_err());
     }
 
     #[test]

@@ -21,6 +21,7 @@ mod source;
 mod summary;
 mod tree;
 mod verify;
+mod volumes;
 mod writer;
 
 pub use ahead::Walk;
@@ -40,6 +41,7 @@ pub use source::Io;
 pub use summary::{LevelSummary, NodeNumbers, Summary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};
+pub use volumes::{Estimate, LayerVolumes, SourceVolumes, SweptVolumes};
 pub use writer::{Stats, StoreWriter, check_target};
 
 pub use crate::brick::codec::{

@@ -227,15 +227,16 @@ impl Store {
         if crc32fast::hash(&bytes) != place.tables_crc {
             return Err(damaged("the checksum differs"));
         }
-        let tables = BeadTables::decode(&bytes).map_err(damaged)?;
-        let beads = self.meta.beads.as_ref().map_or(0, |beads| beads.beads);
+        let (count, beads) =
+            self.meta.beads.as_ref().map_or_else(Default::default, |beads| (beads.count(), beads.beads));
+        let tables = BeadTables::decode(&bytes, count).map_err(damaged)?;
         if tables.beads.len() as u64 != beads {
             return Err(damaged("their number is not that of the metadata"));
         }
         Ok(Some(tables))
     }
 
-    /// The segments of beads that touch a leaf, by bead; none where the store does not tell beads apart.
+    /// The segments of beads that touch a leaf, pass by pass or bead by bead; none where the store does not tell beads apart.
     /// `tables` are the store's own.
     ///
     /// # Errors
@@ -264,8 +265,8 @@ impl Store {
         tables: &BeadTables,
     ) -> std::result::Result<Vec<BeadSegment>, String> {
         let bytes = self.copy_identity(entry)?;
-        let counts = (tables.beads.len() as u64, tables.sections.len() as u64);
-        decode_segments(&bytes, counts).map_err(str::to_owned)
+        let counts = (tables.counted(), tables.sections.len() as u64);
+        decode_segments(&bytes, counts, tables.count()).map_err(str::to_owned)
     }
 
     /// The error is one phrase.

@@ -5,7 +5,7 @@ use super::{
     Numbers, Refine, Scratch, SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter, cells_of,
     encode_segments, encode_with,
 };
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Count, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
 use std::path::Path;
 
@@ -31,6 +31,7 @@ pub fn meta(depth: u8) -> Meta {
         numbers: Numbers { facets: 24, degenerate_facets: 0, nodes_per_level: vec![1, 8, 8] },
         beads: None,
         share: None,
+        volumes: None,
     }
 }
 
@@ -156,7 +157,7 @@ pub fn write_fractions(path: &Path) {
 /// Metadata of the small tree as one of beads.
 pub fn meta_of_beads() -> Meta {
     let identity = Some(IdentityPlace::default());
-    let beads = Some(BeadsMeta { section: "stadium".into(), beads: 2, segments: 3, identity });
+    let beads = Some(BeadsMeta { section: "stadium".into(), beads: 2, segments: 3, identity, passes: None });
     Meta { beads, ..meta(2) }
 }
 
@@ -167,12 +168,13 @@ pub fn tables() -> BeadTables {
         beads: vec![bead(0, (10, 12)), bead(1, (13, 13))],
         sections: vec![SectionRow { half_width: 1e5, half_height: 5e4, axis: [0.0, 0.0, 1.0] }],
         features: vec!["Perimeter".into(), "Solid infill".into()],
+        passes: Vec::new(),
     }
 }
 
 /// Their segments, as two of the leaves list them.
 pub fn lists() -> Vec<(NodeKey, Vec<BeadSegment>)> {
-    let segment = |a, b, bead| BeadSegment { a, b, section: 0, bead };
+    let segment = |a, b, pass| BeadSegment { a, b, section: 0, pass, line: 0 };
     let turn = [6 << 20, 4 << 20, 3 << 20];
     let first = segment([2 << 20, 2 << 20, 3 << 20], turn, 0);
     let second = segment(turn, [7 << 20, 2, 3 << 20], 0);
@@ -186,7 +188,7 @@ fn append_lists(writer: &mut StoreWriter) {
     writer.begin_identity(tables());
     for (key, list) in lists() {
         let mut bytes = Vec::new();
-        encode_segments(&list, &mut bytes);
+        encode_segments(&list, Count::Beads, &mut bytes);
         writer.append_identity(key, &bytes).expect("room on the disk");
     }
 }

@@ -7,6 +7,9 @@
 //! Lengths are millimetres, volumes cubic millimetres, whatever the file's unit.
 
 pub mod gcode;
+mod passes;
+
+pub use passes::Passes;
 
 use crate::error::Result;
 use std::f64::consts::FRAC_PI_4;
@@ -56,6 +59,8 @@ pub struct BeadView<'a> {
     pub axes: &'a [[f64; 3]],
     /// Cross-section of each segment: one fewer than points.
     pub sections: &'a [Section],
+    /// The line of the source that deposits each segment, from 1; empty where only the bead's are known.
+    pub lines: &'a [u64],
     /// Layer, tool, source lines.
     pub attributes: Attributes,
 }
@@ -73,6 +78,9 @@ pub struct Toolpath {
     /// bead's last point has no meaning.
     section_of: Vec<u32>,
     sections: Vec<Section>,
+    /// Lines from the bead's first to that of the segment that begins at each point, or empty where no bead so far knows
+    /// them.
+    line_of: Vec<u32>,
     beads: Vec<(Range<usize>, Attributes)>,
 }
 
@@ -99,6 +107,15 @@ impl Toolpath {
             self.section_of.push(self.sections.len() as u32 - 1);
         }
         self.section_of.resize(self.points.len(), 0);
+        if !bead.lines.is_empty() {
+            self.line_of.resize(start, 0);
+            let first = bead.attributes.lines.0;
+            let after = |line: &u64| u32::try_from(line.saturating_sub(first)).unwrap_or(u32::MAX);
+            self.line_of.extend(bead.lines.iter().map(after));
+        }
+        if !self.line_of.is_empty() {
+            self.line_of.resize(self.points.len(), 0);
+        }
         self.beads.push((start..self.points.len(), bead.attributes));
     }
 
@@ -132,12 +149,20 @@ impl Toolpath {
         self.sections[self.section_of[self.beads[bead].0.start + segment] as usize]
     }
 
+    /// The line of the source that deposits a bead's segment, from 1; the bead's first where no more is known.
+    pub fn line(&self, bead: usize, segment: usize) -> u64 {
+        let (points, attributes) = &self.beads[bead];
+        let after = self.line_of.get(points.start + segment).copied().unwrap_or(0);
+        attributes.lines.0.saturating_add(u64::from(after))
+    }
+
     /// Memory taken.
     pub fn heap_bytes(&self) -> u64 {
         let bytes = size_of_val(self.points.as_slice())
             + size_of_val(self.axes.as_slice())
             + size_of_val(self.section_of.as_slice())
             + size_of_val(self.sections.as_slice())
+            + size_of_val(self.line_of.as_slice())
             + size_of_val(self.beads.as_slice());
         bytes as u64
     }
@@ -158,13 +183,21 @@ mod tests {
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
         let tilted = [[0.0, 0.6, 0.8]; 3];
         let mut path = Toolpath::default();
-        path.push(BeadView { points: &points[..2], axes: &[], sections: &[wide], attributes });
-        path.push(BeadView { points: &points, axes: &tilted, sections: &[wide, slim], attributes });
-        path.push(BeadView { points: &points, axes: &[], sections: &[slim, slim], attributes });
+        let (lines, axes) = (&[][..], &[][..]);
+        path.push(BeadView { points: &points[..2], axes, sections: &[wide], lines, attributes });
+        path.push(BeadView {
+            points: &points,
+            axes: &tilted,
+            sections: &[wide, slim],
+            lines: &[1, 7],
+            attributes,
+        });
+        path.push(BeadView { points: &points, axes, sections: &[slim, slim], lines, attributes });
         assert_eq!(path.len(), 3);
         assert_eq!(path.points(1), points);
         assert_eq!([0, 1, 2].map(|bead| path.axis(bead, 1)), [UP, tilted[1], UP]);
         assert_eq!([path.section(0, 0), path.section(1, 0), path.section(1, 1)], [wide, wide, slim]);
         assert_eq!(path.section(2, 1), slim);
+        assert_eq!([path.line(0, 0), path.line(1, 0), path.line(1, 1), path.line(2, 1)], [1, 1, 7, 1]);
     }
 }

@@ -1,16 +1,15 @@
 //! Volumes of beads as solids.
 
 use super::estimate::Moments;
-use super::strata::{LINES, Strata};
+use super::strata::{LINES, Shape, Strata};
 use super::tally::{Crossing, Lengths, walk};
-use super::{Estimate, LayerVolumes, SourceVolumes};
 use crate::error::Result;
 use crate::lattice::{ROOT_BITS, RootCube, Units};
 use crate::progress::Progress;
 use crate::solid::{Outline, Segment, Solids};
-use crate::toolpath::Toolpath;
+use crate::store::{Estimate, LayerVolumes, SourceVolumes, SweptVolumes};
+use crate::toolpath::{Passes, Toolpath};
 use rayon::prelude::*;
-use serde::Serialize;
 use std::ops::Range;
 
 /// Most lines.
@@ -24,31 +23,13 @@ const STRATA_AT_ONCE: usize = 4096;
 /// Segments that a thread takes at once.
 const SEGMENTS_AT_ONCE: usize = 1 << 12;
 /// Most layers that are told apart.
-const LAYERS_MAX: usize = 1 << 14;
-
-/// Volumes of beads, in mm³.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct BeadVolumes {
-    /// Of their union, and of what they overlap.
-    pub volumes: SourceVolumes,
-    /// Of all segments, each for itself.
-    pub swept: SweptVolumes,
-}
-
-/// Volumes of all segments of beads, each for itself, in mm³; exact.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct SweptVolumes {
-    /// Sections times lengths.
-    pub sections: f64,
-    /// The round ends of the segments, two halves each.
-    pub ends: f64,
-}
+const LAYERS_MAX: usize = 10_000;
 
 /// Where a line along z meets a segment.
 #[derive(Clone, Copy, PartialEq)]
 struct Interval {
     line: u32,
-    bead: u32,
+    pass: u32,
     from: f64,
     to: f64,
     /// What of it lies between the segment's end planes.
@@ -59,17 +40,17 @@ struct Interval {
 /// where `memory` has no room for them, the segments are gone through once more for each part of the lines.
 ///
 /// # Errors
-/// As [`Solids::new`]; if the user interrupts.
+/// As [`Solids::of_passes`]; if the user interrupts.
 pub fn bead_volumes(
-    paths: &[&Toolpath],
+    paths: &[(&Toolpath, &Passes)],
     outline: Outline,
     bounds: ([f64; 3], [f64; 3]),
     memory: u64,
     progress: &dyn Progress,
-) -> Result<BeadVolumes> {
+) -> Result<SourceVolumes> {
     // A cube of its own: that of the tree may follow from its cells.
-    let Some(root) = RootCube::around(bounds.0, bounds.1) else { return Ok(BeadVolumes::default()) };
-    let (solids, segments) = Solids::new(paths, root, outline)?;
+    let Some(root) = RootCube::around(bounds.0, bounds.1) else { return Ok(SourceVolumes::default()) };
+    let (solids, segments) = Solids::of_passes(paths, root, outline)?;
     let unit = root.edge / f64::from(1u32 << ROOT_BITS);
     let scene = Scene { solids: &solids, segments: &segments };
     let known = scene.known();
@@ -94,16 +75,25 @@ pub fn bead_volumes(
         let intervals = scene.intervals(&strata, (first * LINES) as u32..(end * LINES) as u32, progress)?;
         sums.add_strata(&intervals, &tops);
     }
-    let scale = Scale { area: strata.area_of_line(), volume: unit.powi(3), length: unit, base: root.origin[2] };
-    Ok(BeadVolumes {
-        volumes: sums.volumes(&scale, known.swept, strata.len() as u64, &tops),
-        swept: SweptVolumes { sections: known.swept * scale.volume, ends: known.ends * scale.volume },
-    })
+    let scale =
+        Scale { area: strata.area_of_line(), volume: unit.powi(3), length: unit, base: root.origin[2] };
+    let swept = SweptVolumes {
+        sections: known.swept * scale.volume,
+        ends: known.ends * scale.volume,
+        fed: fed(paths),
+    };
+    let volumes = sums.volumes(&scale, known.swept, strata.len() as u64, &tops);
+    Ok(SourceVolumes { swept: Some(swept), ..volumes })
+}
+
+/// Material fed for all beads, if it is known.
+fn fed(paths: &[(&Toolpath, &Passes)]) -> Option<f64> {
+    paths.iter().flat_map(|(path, _)| (0..path.len()).map(|bead| path.attributes(bead).fed)).sum()
 }
 
 /// The upper ends of the layers, in world coordinates; none where layers do not lie one above the other.
-fn tops(paths: &[&Toolpath]) -> Vec<f64> {
-    let [path] = paths else { return Vec::new() };
+fn tops(paths: &[(&Toolpath, &Passes)]) -> Vec<f64> {
+    let [(path, _)] = paths else { return Vec::new() };
     let mut tops: Vec<(u32, f64)> = Vec::new();
     for bead in 0..path.len() {
         let layer = path.attributes(bead).layer;
@@ -163,7 +153,7 @@ impl Scene<'_> {
         known
     }
 
-    /// All intervals on some lines, sorted by line, bead and height.
+    /// All intervals on some lines, sorted by line, pass and height.
     fn intervals(
         self,
         strata: &Strata,
@@ -177,7 +167,9 @@ impl Scene<'_> {
                 let (min, max) = self.solids.bounds(segment);
                 let body = self.solids.body(segment);
                 let base = f64::from(segment.a[2]);
-                strata.within((min, max), &numbers, |line, at| {
+                let corners = [segment.a, segment.b].map(|v| [f64::from(v[0]), f64::from(v[1])]);
+                let shape = Shape { bounds: (min, max), corners: &corners, reach: body.reach() };
+                strata.near(&shape, &numbers, |line, at| {
                     let from_a: Units = [at[0] - segment.a[0], at[1] - segment.a[1], 0];
                     let from_a = from_a.map(f64::from);
                     let (low, high) = strata.ends(line);
@@ -188,7 +180,7 @@ impl Scene<'_> {
                             let (first, last) = clip(body.between_ends(2, from_a, interval));
                             let prism = (last - first).max(0.0);
                             let line = line - numbers.start;
-                            found.push(Interval { line, bead: segment.bead, from, to, prism });
+                            found.push(Interval { line, pass: segment.pass, from, to, prism });
                         }
                     }
                 });
@@ -201,7 +193,7 @@ impl Scene<'_> {
         drop(parts);
         all.par_sort_unstable_by(|a, b| {
             let ends = || a.from.total_cmp(&b.from).then(a.to.total_cmp(&b.to));
-            (a.line, a.bead).cmp(&(b.line, b.bead)).then_with(ends)
+            (a.line, a.pass).cmp(&(b.line, b.pass)).then_with(ends)
         });
         Ok(all)
     }
@@ -255,9 +247,9 @@ impl Sums {
                 let second = intervals.partition_point(|interval| interval.line as usize % LINES == 0);
                 let (a, b) = intervals.split_at(second);
                 let mut of_lines = [a, b].into_iter();
-                let values = lines.each_mut().map(|line| {
-                    line.lengths(of_lines.next().unwrap_or_default(), tops).values()
-                });
+                let values = lines
+                    .each_mut()
+                    .map(|line| line.lengths(of_lines.next().unwrap_or_default(), tops).values());
                 sums.all.add(values);
                 sums.add_layers(&mut lines);
             }
@@ -305,6 +297,7 @@ impl Sums {
             overlap: of_all(1),
             negative: Estimate::default(),
             lines,
+            swept: None,
             layers: self.layers.iter().zip(tops).map(of_layer).collect(),
         }
     }
@@ -315,9 +308,9 @@ impl Line {
     fn lengths(&mut self, intervals: &[Interval], tops: &[f64]) -> Lengths {
         self.crossings.clear();
         let mut lengths = Lengths::default();
-        for of_bead in intervals.chunk_by(|a, b| a.bead == b.bead) {
+        for of_pass in intervals.chunk_by(|a, b| a.pass == b.pass) {
             let mut united: Option<(f64, f64)> = None;
-            for &Interval { from, to, prism, .. } in of_bead {
+            for &Interval { from, to, prism, .. } in of_pass {
                 lengths.control += prism;
                 united = match united {
                     Some((low, high)) if from <= high => Some((low, high.max(to))),

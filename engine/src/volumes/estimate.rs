@@ -1,7 +1,7 @@
 //! From lengths on lines to volumes with their standard errors.
 
-use super::Estimate;
 use super::strata::LINES;
+use crate::store::Estimate;
 
 /// Sums over strata of `N` lengths, and of the products of the differences between their two lines.
 #[derive(Clone, Copy, Debug, PartialEq)]

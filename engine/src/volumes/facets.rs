@@ -1,13 +1,13 @@
 //! Volumes of closed triangle soups.
 
 use super::estimate::Moments;
-use super::strata::{LINES, Strata};
+use super::strata::{LINES, Shape, Strata};
 use super::tally::{Crossing, Lengths, walk};
-use super::{Estimate, SourceVolumes};
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
 use crate::lattice::{ROOT_BITS, RootCube, Triangle, Units, bounds};
 use crate::progress::Progress;
+use crate::store::{Estimate, SourceVolumes};
 use rayon::prelude::*;
 
 /// Most lines.
@@ -34,17 +34,19 @@ struct Whole {
     high: Units,
 }
 
-/// Volumes of a closed soup. It is read twice. Crossings take 8 bytes each, 4 million at most; where `memory` has no
+/// Volumes of a closed soup within the box `bounds`. It is read twice. Crossings take 8 bytes each, 4 million at most; where `memory` has no
 /// room for them, the soup is read once more for each part of the lines.
 ///
 /// # Errors
 /// If the user interrupts.
 pub fn facet_volumes(
     sources: &[&dyn Facets],
-    root: RootCube,
+    bounds: ([f64; 3], [f64; 3]),
     memory: u64,
     progress: &dyn Progress,
-) -> Result<SourceVolumes> {
+) -> Result<Option<SourceVolumes>> {
+    // A cube of its own: that of the tree may follow from its cells.
+    let Some(root) = RootCube::around(bounds.0, bounds.1) else { return Ok(None) };
     let whole = whole(sources, root, progress)?;
     let extent = [0, 1].map(|a| f64::from((whole.high[a] - whole.low[a]).max(2)));
     let facets: u64 = sources.iter().map(|source| source.facets()).sum();
@@ -54,8 +56,7 @@ pub fn facet_volumes(
     let strata = Strata::columns(whole.low, whole.high, lines);
     let expected = strata.len() as f64 * on_a_line * 16.0;
     let parts = (expected / memory as f64).ceil().clamp(1.0, 64.0) as usize;
-    let strata_a_part =
-        (strata.len() / LINES).div_ceil(parts).next_multiple_of(STRATA_AT_ONCE);
+    let strata_a_part = (strata.len() / LINES).div_ceil(parts).next_multiple_of(STRATA_AT_ONCE);
     let mut moments = Moments::default();
     for first in (0..strata.len() / LINES).step_by(strata_a_part) {
         let end = (first + strata_a_part).min(strata.len() / LINES);
@@ -71,7 +72,8 @@ pub fn facet_volumes(
         standard_error: value.standard_error * unit.powi(3),
     };
     let [union, overlap, negative] = [0, 1, 2].map(|i| world(moments.controlled(i, (3, known), area)));
-    Ok(SourceVolumes { union, overlap, negative, lines: strata.len() as u64, layers: Vec::new() })
+    let lines = strata.len() as u64;
+    Ok(Some(SourceVolumes { union, overlap, negative, lines, swept: None, layers: Vec::new() }))
 }
 
 /// Exact sums over all facets.
@@ -122,7 +124,9 @@ fn crossings(
                     sources[source].read(range, &mut world);
                     for facet in &world {
                         let t = facet.map(snapper);
-                        strata.within(bounds(&t), &numbers, |number, at| {
+                        let corners = t.map(|v| [f64::from(v[0]), f64::from(v[1])]);
+                        let shape = Shape { bounds: bounds(&t), corners: &corners, reach: 0.0 };
+                        strata.near(&shape, &numbers, |number, at| {
                             if let Some(crossing) = crossing(&t, at) {
                                 found.push(packed(number - numbers.start, crossing));
                             }
@@ -191,7 +195,8 @@ fn add(crossings: &[u64], moments: &mut Moments<4>) {
     let of_block = |buffer: &mut Vec<Crossing>, block: &[u64]| {
         let mut moments = Moments::default();
         for crossings in block.chunk_by(|&a, &b| line(a) / LINES == line(b) / LINES) {
-            let (a, b) = crossings.split_at(crossings.partition_point(|&crossing| line(crossing) % LINES == 0));
+            let (a, b) =
+                crossings.split_at(crossings.partition_point(|&crossing| line(crossing) % LINES == 0));
             moments.add([of_line(a, buffer), of_line(b, buffer)]);
         }
         moments

@@ -25,7 +25,8 @@ impl Strata {
         let mut left: Vec<usize> = vec![0, 1, 2];
         let strata = (lines / LINES).max(1) as f64;
         while !left.is_empty() {
-            let side = (left.iter().map(|&a| extent[a]).product::<f64>() / strata).powf(1.0 / left.len() as f64);
+            let side =
+                (left.iter().map(|&a| extent[a]).product::<f64>() / strata).powf(1.0 / left.len() as f64);
             let Some(at) = left.iter().position(|&a| extent[a] < side) else {
                 left.iter().for_each(|&a| counts[a] = (extent[a] / side).round().max(1.0));
                 break;
@@ -82,24 +83,18 @@ impl Strata {
         (end(slab), end(slab + 1))
     }
 
-    /// Calls `each` with the number and the position of every line of `numbers` in the box.
+    /// Calls `each` with the number and the position of every line of `numbers` that `shape` may meet.
     #[inline]
-    pub fn within(
-        &self,
-        (min, max): (Units, Units),
-        numbers: &Range<u32>,
-        mut each: impl FnMut(u32, [i32; 2]),
-    ) {
-        let cells = [0, 1, 2].map(|a| {
-            // A position may be rounded up by one unit.
-            let of = |at: i32| ((f64::from(at) - self.low[a]) / self.cell[a]) as i64;
-            let last = i64::from(self.counts[a]) - 1;
-            of(min[a] - 1).clamp(0, last) as u32..of(max[a] + 1).clamp(0, last) as u32 + 1
-        });
-        for slab in cells[2].clone() {
-            for row in cells[1].clone() {
+    pub fn near(&self, shape: &Shape<'_>, numbers: &Range<u32>, mut each: impl FnMut(u32, [i32; 2])) {
+        let (min, max) = shape.bounds;
+        let rows = self.cells(1, f64::from(min[1]), f64::from(max[1]));
+        for row in rows {
+            let low = self.low[1] + f64::from(row) * self.cell[1];
+            let Some((from, to)) = shape.extent(low, low + self.cell[1]) else { continue };
+            let columns = self.cells(0, from.max(f64::from(min[0])), to.min(f64::from(max[0])));
+            for slab in self.cells(2, f64::from(min[2]), f64::from(max[2])) {
                 let first = (slab * self.counts[1] + row) * self.counts[0];
-                let [start, end] = [cells[0].start, cells[0].end].map(|c| (first + c) * LINES as u32);
+                let [start, end] = [columns.start, columns.end].map(|c| (first + c) * LINES as u32);
                 for number in start.max(numbers.start)..end.min(numbers.end) {
                     let at = self.position(number);
                     if (0..2).all(|a| min[a] <= at[a] && at[a] <= max[a]) {
@@ -108,6 +103,45 @@ impl Strata {
                 }
             }
         }
+    }
+
+    /// The cells along an axis that a stretch of it touches.
+    #[inline]
+    fn cells(&self, axis: usize, from: f64, to: f64) -> Range<u32> {
+        // A position may be rounded up by one unit.
+        let of = |at: f64| ((at - self.low[axis]) / self.cell[axis]) as i64;
+        let last = i64::from(self.counts[axis]) - 1;
+        of(from - 1.0).clamp(0, last) as u32..of(to + 1.0).clamp(0, last) as u32 + 1
+    }
+}
+
+/// What lines are sought for: within a box, and no farther than `reach` from the hull of some corners.
+pub(super) struct Shape<'a> {
+    pub bounds: (Units, Units),
+    pub corners: &'a [[f64; 2]],
+    pub reach: f64,
+}
+
+impl Shape<'_> {
+    /// The stretch along x of what lies between two ordinates.
+    #[inline]
+    fn extent(&self, low: f64, high: f64) -> Option<(f64, f64)> {
+        let (low, high) = (low - self.reach - 1.0, high + self.reach + 1.0);
+        let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (n, p) in self.corners.iter().enumerate() {
+            let q = self.corners[(n + 1) % self.corners.len()];
+            let (lower, upper) = if p[1] <= q[1] { (*p, q) } else { (q, *p) };
+            if upper[1] < low || lower[1] > high {
+                continue;
+            }
+            let rise = upper[1] - lower[1];
+            let at = |y: f64| lower[0] + (upper[0] - lower[0]) * ((y - lower[1]) / rise);
+            let first = if lower[1] < low { at(low) } else { lower[0] };
+            let last = if upper[1] > high { at(high) } else { upper[0] };
+            from = from.min(first.min(last));
+            to = to.max(first.max(last));
+        }
+        (from <= to).then_some((from - self.reach - 1.0, to + self.reach + 1.0))
     }
 }
 

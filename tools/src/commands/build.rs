@@ -1,9 +1,9 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
-use super::build_report::{Audit, CloudText, Report};
+use super::build_report::{CloudText, Report};
 use super::mesh::{MeshReport, mesh_sink, write_mesh};
 use super::{open_inputs, start};
-use crate::args::{BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
+use crate::args::{BackendArgs, BeadsArg, BuildArgs, CountArg, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
@@ -15,7 +15,6 @@ use crate::pieces::OrientArg;
 use crate::progress::Bars;
 use crate::toolpaths::{ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
-use brickfield_engine::analysis::volume;
 use brickfield_engine::build::{
     BuildOptions, Keeping, Resolution, Resources, Summary, ThinDepth, build_clouds, build_opened,
 };
@@ -38,6 +37,7 @@ pub(super) struct Plan {
     pub(super) output: PathBuf,
     open: OpenOptions,
     beads: Option<BeadsArg>,
+    count: Option<CountArg>,
     estimate_normals: bool,
     pub(super) orient: Option<OrientArg>,
     gwn_error: Option<GwnError>,
@@ -91,6 +91,7 @@ impl TryFrom<BuildArgs> for Plan {
             gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
             unit: units.symbol().to_owned(),
             solids: None,
+            count: args.count.map(Into::into).unwrap_or_default(),
             orient: args.orient.map(Into::into),
             share: args.shard.map(|shard| shard.0),
             compression: args.compression.into(),
@@ -108,6 +109,7 @@ impl TryFrom<BuildArgs> for Plan {
             mesh,
             json,
             beads,
+            count,
             estimate_normals,
             orient,
             gwn_error,
@@ -118,6 +120,7 @@ impl TryFrom<BuildArgs> for Plan {
             output,
             open,
             beads,
+            count,
             estimate_normals,
             orient,
             gwn_error,
@@ -200,11 +203,12 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     drop::<Vec<Input>>(inputs);
     summary.phases.insert(0, ("open", open_seconds));
     let store = Store::open_any(&plan.output, plan.cache_bytes())?;
-    let (mesh, audit) = answers(&plan, &store, sink, toolpaths, &mut summary, &bars)?;
+    let mesh = mesh_of(&plan, &store, sink, &mut summary, &bars)?;
     bars.clear();
     let cpu = why_cpu(&plan, &chosen, &summary);
-    let mut report = Report::new(&plan, cpu, summary, &store, audit, mesh, started.elapsed().as_secs_f64());
+    let mut report = Report::new(&plan, cpu, summary, &store, mesh, started.elapsed().as_secs_f64());
     report.clouds = columns;
+    report.toolpaths = (!toolpaths.is_empty()).then_some(toolpaths);
     report.warn();
     if plan.json {
         print_json(&report)
@@ -215,38 +219,25 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     }
 }
 
-/// The mesh that was asked for, and of toolpaths what the field makes of their beads.
-fn answers(
+/// The mesh that was asked for.
+fn mesh_of(
     plan: &Plan,
     store: &Store,
     sink: Option<Box<dyn MeshSink>>,
-    toolpaths: Vec<ToolpathReport>,
     summary: &mut Summary,
     bars: &Bars,
-) -> Result<(Option<MeshReport>, Option<Audit>), Failure> {
-    let (mut mesh, mut volumes) = (None, None);
-    if let (Some(path), Some(mut sink)) = (&plan.mesh, sink) {
-        let begun = Instant::now();
-        let options = ContourOptions {
-            cache_bytes: plan.cache_bytes() as usize,
-            temp_dir: plan.options.resources.temp_dir.clone(),
-            ..ContourOptions::default()
-        };
-        let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
-        summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
-        volumes = report.compare_with_samples(store, &options, bars)?;
-        mesh = Some(report);
-    }
-    if toolpaths.is_empty() {
-        return Ok((mesh, None));
-    }
+) -> Result<Option<MeshReport>, Failure> {
+    let (Some(path), Some(mut sink)) = (&plan.mesh, sink) else { return Ok(None) };
     let begun = Instant::now();
-    // Of a share they would say nothing about the part.
-    if volumes.is_none() && summary.share.is_none() {
-        volumes = Some(volume(store, bars)?);
-    }
-    summary.phases.push(("audit", begun.elapsed().as_secs_f64()));
-    Ok((mesh, Some(Audit { toolpaths, volumes })))
+    let options = ContourOptions {
+        cache_bytes: plan.cache_bytes() as usize,
+        temp_dir: plan.options.resources.temp_dir.clone(),
+        ..ContourOptions::default()
+    };
+    let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
+    summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
+    report.compare(store, &options, bars)?;
+    Ok(Some(report))
 }
 
 /// Decides whether beads become solids.
@@ -282,6 +273,10 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
     if plan.options.identity && solids.is_none() {
         let why = note.unwrap_or("it needs toolpaths as solids");
         return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
+    }
+    if plan.count.is_some() && solids.is_none() {
+        let why = note.unwrap_or("it needs toolpaths as solids");
+        return Err(Failure::Usage(format!("--count: {why}; leave it out")));
     }
     if let Some(why) = note {
         warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));

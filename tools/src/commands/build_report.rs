@@ -1,5 +1,6 @@
 //! What `brickfield build` prints in the end, for people and for programs.
 
+use super::balance::Balance;
 use super::build::Plan;
 use super::mesh::MeshReport;
 use super::{unit_of, volumes_text};
@@ -11,10 +12,10 @@ use crate::toolpaths::ToolpathReport;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, winding_range};
 use brickfield_engine::backend::DeviceReport;
-use brickfield_engine::brick::POINTS;
+use brickfield_engine::brick::{Count, POINTS};
 use brickfield_engine::build::{ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
 use brickfield_engine::ingest::CloudInput;
-use brickfield_engine::store::Store;
+use brickfield_engine::store::{BeadsMeta, Store};
 use serde::Serialize;
 
 /// What is printed in the end.
@@ -32,6 +33,8 @@ pub(super) struct Report {
     seconds: f64,
     /// Of beads as solids, their segments; of point clouds, their points.
     facets_per_second: f64,
+    #[serde(skip)]
+    count: Count,
     /// Samples of leaves that were evaluated, aprons included; uniform leaves need none.
     samples: u64,
     samples_per_second: f64,
@@ -44,8 +47,11 @@ pub(super) struct Report {
     /// Of builds from point clouds.
     pub clouds: Vec<CloudText>,
     /// Of builds from toolpaths.
-    #[serde(flatten)]
-    audit: Option<Audit>,
+    pub toolpaths: Option<Vec<ToolpathReport>>,
+    /// Of closed input.
+    volumes: Option<Volumes>,
+    /// Of beads as solids.
+    balance: Option<Balance>,
     mesh: Option<MeshReport>,
 }
 
@@ -62,14 +68,6 @@ impl CloudText {
     }
 }
 
-/// Material fed, volume of the beads, and what the field makes of them.
-#[derive(Serialize)]
-pub(super) struct Audit {
-    pub toolpaths: Vec<ToolpathReport>,
-    /// Of a whole store only.
-    pub volumes: Option<Volumes>,
-}
-
 impl Report {
     /// Of a build that is done, and of its mesh.
     pub fn new(
@@ -77,7 +75,6 @@ impl Report {
         cpu: Option<String>,
         summary: Summary,
         store: &Store,
-        audit: Option<Audit>,
         mesh: Option<MeshReport>,
         seconds: f64,
     ) -> Report {
@@ -105,6 +102,7 @@ impl Report {
             summary,
             seconds,
             facets_per_second: pieces as f64 / seconds,
+            count: store.meta().beads.as_ref().map(BeadsMeta::count).unwrap_or_default(),
             samples,
             samples_per_second: samples as f64 / seconds,
             peak_memory_bytes: memory::peak().map(|size| size.0),
@@ -112,7 +110,9 @@ impl Report {
             winding_max: winding.map(|(_, max)| max),
             warnings,
             clouds: Vec::new(),
-            audit,
+            toolpaths: None,
+            volumes: store.meta().volumes.as_ref().map(Volumes::from),
+            balance: store.meta().volumes.as_ref().and_then(Balance::of),
             mesh,
         };
         report.warnings.extend(report.thin_warning());
@@ -123,8 +123,7 @@ impl Report {
     pub fn warn(&self) {
         self.warnings.iter().for_each(|message| warn(&format!("{}: {message}", self.output)));
         self.device_warning.iter().for_each(|message| warn(message));
-        let toolpaths = self.audit.iter().flat_map(|audit| &audit.toolpaths);
-        toolpaths.flat_map(ToolpathReport::warnings).for_each(|message| warn(&message));
+        self.toolpaths.iter().flatten().flat_map(ToolpathReport::warnings).for_each(|message| warn(&message));
     }
 
     /// For people.
@@ -155,7 +154,7 @@ impl Report {
                 "facets",
                 format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
             ),
-            _ => ("segments", format!("{segments} of beads as solids, w counts beads")),
+            _ => ("segments", format!("{segments} of beads as solids, w counts {}", self.count)),
         }
     }
 
@@ -198,13 +197,13 @@ impl Report {
         if let (Some(min), Some(max)) = (self.winding_min, self.winding_max) {
             lines.push(format!("  winding  {min} to {max}"));
         }
-        if let Some(Audit { toolpaths, volumes }) = &self.audit {
-            lines.extend(toolpaths.iter().map(|toolpath| format!("  source   {}", toolpath.text())));
-            let volumes = volumes.iter().map(|volumes| volumes_text(volumes, &self.unit));
-            lines.extend(volumes.map(|text| format!("  volume   {text}")));
-            let all = toolpaths.iter().flat_map(ToolpathReport::warnings);
-            lines.extend(all.map(|message| format!("  warning  {message}")));
-        }
+        let toolpaths = || self.toolpaths.iter().flatten();
+        lines.extend(toolpaths().map(|toolpath| format!("  source   {}", toolpath.text())));
+        let volumes = self.volumes.iter().map(|volumes| volumes_text(volumes, &self.unit));
+        lines.extend(volumes.map(|text| format!("  volume   {text}")));
+        lines.extend(self.balance.iter().map(|balance| format!("  balance  {}", balance.text(&self.unit))));
+        let all = toolpaths().flat_map(ToolpathReport::warnings);
+        lines.extend(all.map(|message| format!("  warning  {message}")));
         lines.extend(self.warnings.iter().map(|message| format!("  warning  {message}")));
     }
 

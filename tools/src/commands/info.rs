@@ -1,5 +1,6 @@
 //! `brickfield info`: what is in a store; for each kind of input see the files `info_*.rs`.
 
+use super::balance::Balance;
 use super::{
     info_cloud, info_devices, info_mesh, info_three_mf, info_toolpath, info_x3d, open_store, unit_of,
     volumes_text,
@@ -13,7 +14,9 @@ use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::ingest::Kind;
-use brickfield_engine::store::{Accept, BeadsMeta, Meta, Source, Store, Summary};
+use brickfield_engine::store::{
+    Accept, BeadsMeta, LayerVolumes, Meta, Source, SourceVolumes, Store, Summary,
+};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -121,13 +124,34 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
             "section": beads.section,
             "beads": beads.beads,
             "segments": beads.segments,
+            "counts": beads.count(),
+            "passes": beads.passes,
             "identity_bytes": beads.identity.map(|_| identity_bytes(store)),
         })),
         "winding_min": winding.map(|(min, _)| min),
         "winding_max": winding.map(|(_, max)| max),
         "volumes": volumes,
+        "source_volumes": store.meta().volumes.as_ref().map(source_json),
         "store": store.summary(),
     })
+}
+
+/// Volumes of the source, and by layer, numbered from 1.
+fn source_json(volumes: &SourceVolumes) -> Value {
+    let layer = |(number, layer): (usize, &LayerVolumes)| {
+        json!({
+            "layer": number + 1,
+            "z_top": layer.top,
+            "union": layer.union.value,
+            "union_error": layer.union.bound(),
+            "overlap": layer.overlap.value,
+            "overlap_error": layer.overlap.bound(),
+        })
+    };
+    let mut json = json!(Volumes::from(volumes));
+    json["balance"] = json!(Balance::of(volumes));
+    json["layers"] = volumes.layers.iter().enumerate().map(layer).collect();
+    json
 }
 
 fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
@@ -157,12 +181,16 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
         // Counted in the end.
         _ if store.is_unfinished() => {}
         None => line(format!("  {kind}   {} ({degenerate} without area)", meta.numbers.facets)),
-        Some(BeadsMeta { section, beads, segments, identity }) => {
+        Some(BeadsMeta { section, beads, segments, identity, passes }) => {
             let identity = match identity {
                 Some(_) => format!("told apart, {}", Size(identity_bytes(store))),
                 None => "not told apart".to_owned(),
             };
-            line(format!("  beads    {beads} as solids, {section} section, {segments} segments, {identity}"));
+            let passes = passes.map_or(String::new(), |passes| format!(" in {passes} passes"));
+            let counted = meta.beads.as_ref().map_or(String::new(), |beads| beads.count().to_string());
+            line(format!(
+                "  beads    {beads}{passes} as solids, {section} section, {segments} segments, {identity}; w counts {counted}"
+            ));
         }
     }
     line(format!("  units    {unit}"));
@@ -177,8 +205,14 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     if let Some((min, max)) = winding_range(store) {
         line(format!("  winding  {min} to {max}"));
     }
+    if let Some(source) = &meta.volumes {
+        line(format!("  volume   {}, by the source", volumes_text(&source.into(), unit)));
+        if let Some(balance) = Balance::of(source) {
+            line(format!("  balance  {}", balance.text(unit)));
+        }
+    }
     if let Some(volumes) = volumes {
-        line(format!("  volume   {}", volumes_text(&volumes, unit)));
+        line(format!("  volume   {}, by the samples and crossings", volumes_text(&volumes, unit)));
     }
     line(format!(
         "  size     {}, {dense_ratio:.1} times smaller than a dense grid of 16-bit samples ({:.1} MiB)",

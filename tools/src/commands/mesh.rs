@@ -2,7 +2,7 @@
 
 use super::info_mesh::is_mesh;
 use super::mesh_check::{Checked, require_sound};
-use super::{of_store, open_store, require_level, start};
+use super::{of_store, open_store, require_level, start, with_error};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
@@ -62,7 +62,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         temp_dir: args.temp_dir,
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
-    report.compare_with_samples(&store, &options, &bars)?;
+    report.compare(&store, &options, &bars)?;
     report.negative_volume = negative(&store, &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
@@ -123,13 +123,26 @@ pub struct MeshReport {
     bounds: Option<[[f32; 3]; 2]>,
     brick_cache: BrickCache,
     seconds: f64,
-    /// The volume of the union by its samples, each of which stands for a cell, where that can be compared.
-    samples_volume: Option<f64>,
+    /// What the volume should be, where that is known.
+    expected: Option<Expected>,
+    /// Edge of the largest cells that the boundary passes; 0 where nothing is expected.
+    #[serde(skip)]
+    cell: f64,
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     check: Option<Checked>,
+}
+
+/// The volume of the union.
+#[derive(Serialize)]
+struct Expected {
+    /// Whose: "source", or "samples", by chords between their crossings.
+    whose: &'static str,
+    volume: f64,
+    /// Bound on its error.
+    error: f64,
 }
 
 /// How often the store's decoded bricks were asked for again; and how many records the system was asked for ahead of
@@ -143,32 +156,39 @@ struct BrickCache {
 }
 
 impl MeshReport {
-    /// Compares the mesh's volume with that of the samples, and warns if they are farther apart than their errors. Returns
-    /// the volumes by samples, if they were counted: the mesh is the boundary of a whole store at its finest.
-    pub fn compare_with_samples(
+    /// Compares the mesh's volume with that of the source, which the store knows where that was closed, or else with
+    /// that of the store's own chords; and warns if they are farther apart than what cells can hide. Only of the boundary of
+    /// a whole store at its finest.
+    pub fn compare(
         &mut self,
         store: &Store,
         options: &ContourOptions,
         progress: &dyn Progress,
-    ) -> Result<Option<Volumes>, Failure> {
+    ) -> Result<(), Failure> {
         if options.iso != 0.5 || options.level.is_some() || store.meta().share.is_some() {
-            return Ok(None);
+            return Ok(());
         }
-        let volumes = volume(store, progress)?;
-        self.samples_volume = Some(volumes.union);
-        // Cells that the boundary passes count wholly or not at all: half a cell all over the boundary at most.
+        let (whose, volumes) = match &store.meta().volumes {
+            Some(source) => ("source", Volumes::from(source)),
+            None => ("samples", volume(store, progress)?),
+        };
+        let expected = Expected { whose, volume: volumes.union, error: volumes.union_error };
+        // The mesh may cut off half a cell all over the boundary.
         let crossed = store.entries().iter().filter(|entry| entry.leaf && !entry.head.kind.is_uniform());
         let cell = crossed.map(|entry| store.meta().root.spacing(entry.key.level())).fold(0.0, f64::max);
-        let error = (0.5 * cell + options.tolerance) * self.area;
-        if (self.volume - volumes.union).abs() > error {
+        let error = (0.5 * cell + options.tolerance) * self.area + expected.error;
+        if (self.volume - expected.volume).abs() > error {
             let (mesh, unit) = (self.volume, &self.unit);
+            let there = with_error(expected.volume, expected.error);
             warn(&format!(
-                "{}: the mesh holds {mesh:.3} {unit}³ and the samples {:.3} {unit}³, farther apart than their errors: walls \
+                "{}: the mesh holds {mesh:.3} {unit}³ and the {whose} {there} {unit}³, farther apart than their errors: walls \
                  or gaps are thinner than a cell; build with --max-depth or a greater --depth",
-                self.output, volumes.union
+                self.output
             ));
         }
-        Ok(Some(volumes))
+        self.cell = cell;
+        self.expected = Some(expected);
+        Ok(())
     }
 
     /// For people.
@@ -182,10 +202,29 @@ impl MeshReport {
             "{output}: {triangles} triangles, {vertices} vertices, area {area:.6} {unit}², volume {volume:.6} \
              {unit}³, {seconds:.2} s"
         );
+        text.extend(self.expected_text());
         if let Some(check) = &self.check {
             text += &format!("\n{}", check.text());
         }
         text
+    }
+}
+
+impl MeshReport {
+    /// The volume that should be, and why the mesh's is another.
+    fn expected_text(&self) -> Option<String> {
+        let Expected { whose, volume, error } = self.expected.as_ref()?;
+        let (unit, cell) = (&self.unit, self.cell);
+        let mut text = format!("\n  volume   the {whose} holds {} {unit}³", with_error(*volume, *error));
+        let off = self.volume - volume;
+        if off.abs() > *error {
+            let percent = 100.0 * off.abs() / volume;
+            let more = if off > 0.0 { "more" } else { "less" };
+            text += &format!(
+                "; the mesh {percent:.2}% {more}, as cells of {cell:.6} {unit} round off what is smaller"
+            );
+        }
+        Some(text)
     }
 }
 
@@ -218,7 +257,8 @@ pub fn write_mesh(
         bounds,
         brick_cache: BrickCache { hits, misses, ahead, ahead_used },
         seconds: started.elapsed().as_secs_f64(),
-        samples_volume: None,
+        expected: None,
+        cell: 0.0,
         negative_volume: None,
         check: None,
     })

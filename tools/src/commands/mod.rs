@@ -1,5 +1,6 @@
 //! One file a command: what was typed becomes a checked plan, the plan is run.
 
+mod balance;
 pub mod beads;
 pub mod build;
 mod build_report;
@@ -111,10 +112,30 @@ fn require_level(store: &Store, level: u8) -> Result<(), Failure> {
 
 /// Volumes of a field, for people.
 fn volumes_text(volumes: &Volumes, unit: &str) -> String {
-    let Volumes { union, overlap, negative } = volumes;
-    let mut text = format!("{union:.3} {unit}³ of union, {overlap:.3} {unit}³ of overlap");
-    if *negative > 0.0 {
-        text += &format!(", {negative:.3} {unit}³ inside out");
+    let Volumes { union, overlap, negative, .. } = *volumes;
+    let union = with_error(union, volumes.union_error);
+    let overlap = with_error(overlap, volumes.overlap_error);
+    let mut text = format!("{union} {unit}³ of union, {overlap} {unit}³ of overlap");
+    if negative > 0.0 {
+        text += &format!(", {} {unit}³ inside out", with_error(negative, volumes.negative_error));
     }
     text
+}
+
+/// A number with the bound on its error, both to the digits that the bound leaves: two of its own.
+fn with_error(value: f64, error: f64) -> String {
+    // Positions are rounded to 2^-24 of the part, so nothing is known better.
+    let error = error.max(1e-6 * value.abs());
+    if error == 0.0 {
+        return "0".to_owned();
+    }
+    let decimals = 1 - error.log10().floor() as i32;
+    let rounded = |v: f64| match decimals {
+        0.. => format!("{v:.*}", decimals.min(15) as usize),
+        _ => {
+            let unit = 10f64.powi(-decimals);
+            format!("{:.0}", (v / unit).round() * unit)
+        }
+    };
+    format!("{} ± {}", rounded(value), rounded(error))
 }

@@ -4,7 +4,7 @@ use super::{CACHE_BYTES, of_store, open_store, start};
 use crate::args::SampleArgs;
 use crate::failure::Failure;
 use crate::points::{PointBead, PointReader, PointWriter};
-use brickfield_engine::analysis::{beads_at_points, sample_at};
+use brickfield_engine::analysis::{Covering, beads_at_points, sample_at};
 use brickfield_engine::store::{Accept, BeadTables, Store};
 use brickfield_engine::{Error, Progress};
 
@@ -42,7 +42,7 @@ pub fn run(args: &SampleArgs) -> Result<(), Failure> {
                     writer.write_beads(
                         *point,
                         w,
-                        &beads.iter().map(|&b| bead(tables, b)).collect::<Vec<_>>(),
+                        &beads.iter().map(|&found| bead(tables, found)).collect::<Vec<_>>(),
                     )?;
                 }
             }
@@ -60,15 +60,17 @@ fn tables_of(store: &Store) -> Result<BeadTables, Failure> {
     })
 }
 
-fn bead(tables: &BeadTables, number: u32) -> PointBead<'_> {
-    let row = tables.beads[number as usize];
+fn bead(tables: &BeadTables, Covering { number, lines }: Covering) -> PointBead<'_> {
+    let (bead, pass) = tables.bead_of(number);
+    let row = tables.beads[bead as usize];
     PointBead {
-        bead: number,
+        bead,
+        pass,
         source: row.source,
         layer: row.layer,
         tool: row.tool,
         feature: &tables.features[usize::from(row.feature)],
-        first_line: row.lines.0,
-        last_line: row.lines.1,
+        first_line: lines.0,
+        last_line: lines.1,
     }
 }

@@ -34,12 +34,16 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
         refuse_orient(args, "points have")?;
+        refuse_count(args, "it needs toolpaths as solids")?;
         return of_clouds(args, clouds, &bars);
     }
     let open = args.toolpath.options(args.units)?;
     let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
     let points = PointReader::open(&args.points)?.all()?;
     let (outline, note) = solids(args.beads, &open.sweep.shape, &inputs)?;
+    if outline.is_none() {
+        refuse_count(args, note.unwrap_or("it needs toolpaths as solids"))?;
+    }
     if let Some(why) = note {
         warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
     }
@@ -60,6 +64,14 @@ fn refuse_orient(args: &WindingArgs, what: &str) -> Result<(), Failure> {
     }
 }
 
+/// Refuses --count where there are no beads as solids.
+fn refuse_count(args: &WindingArgs, why: &str) -> Result<(), Failure> {
+    match args.count {
+        Some(_) => Err(Failure::Usage(format!("--count: {why}; leave it out"))),
+        None => Ok(()),
+    }
+}
+
 fn of_solids(
     args: &WindingArgs,
     inputs: &[Input],
@@ -70,7 +82,8 @@ fn of_solids(
     let sources = bead_sources(inputs)?;
     let root = root_around(inputs[0].path(), bounds_of_sources(&sources, outline)?)?;
     let toolpaths: Vec<_> = sources.iter().map(|source| source.toolpath).collect();
-    let (solids, segments) = Solids::new(&toolpaths, root, outline)?;
+    let count = args.count.map(Into::into).unwrap_or_default();
+    let (solids, segments) = Solids::new(&toolpaths, root, outline, count)?;
     bars.phase("counting", Some(segments.len() as u64), "segments");
     let values = match args.brute {
         true => brute_beads_at(&solids, &segments, root, points, bars)?,

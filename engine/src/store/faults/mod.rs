@@ -9,6 +9,7 @@ use super::identity::encode_segments;
 use super::meta::Meta;
 use super::testing::{brick_at, lists, meta_of_beads, nodes, tables};
 use super::writer::StoreWriter;
+use crate::brick::Count;
 use crate::brick::codec::{Payload, encode};
 use crate::disk::sim::{Op, SimDisk};
 use crate::error::Result;
@@ -42,7 +43,7 @@ fn job() -> &'static Job {
         let record = |(key, leaf)| (key, leaf, encode(&brick_at(key, leaf)));
         let list = |(key, list): (NodeKey, Vec<_>)| {
             let mut bytes = Vec::new();
-            encode_segments(&list, &mut bytes);
+            encode_segments(&list, Count::Beads, &mut bytes);
             (key, bytes)
         };
         Job {

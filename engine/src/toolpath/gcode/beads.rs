@@ -76,6 +76,8 @@ pub(super) struct Beads<'s, 'k> {
     /// As long as `points`.
     axes: Vec<[f64; 3]>,
     pieces: Vec<Piece>,
+    /// The line of each piece.
+    piece_lines: Vec<u64>,
     sections: Vec<Section>,
     /// Fed on steps that were too short to make a piece, mm³.
     carried: f64,
@@ -107,6 +109,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             points: Vec::new(),
             axes: Vec::new(),
             pieces: Vec::new(),
+            piece_lines: Vec::new(),
             sections: Vec::new(),
             carried: 0.0,
             lines: (0, 0),
@@ -164,6 +167,7 @@ impl<'s, 'k> Beads<'s, 'k> {
         }
         self.push(to);
         self.pieces.push(Piece { fed: piece.fed + self.carried, ..piece });
+        self.piece_lines.push(line);
         self.carried = 0.0;
         Ok(())
     }
@@ -199,6 +203,7 @@ impl<'s, 'k> Beads<'s, 'k> {
         self.points.clear();
         self.axes.clear();
         self.pieces.clear();
+        self.piece_lines.clear();
         result
     }
 
@@ -234,7 +239,8 @@ impl<'s, 'k> Beads<'s, 'k> {
             fed: self.feeds.then_some(fed),
         };
         let axes = if tilted { &self.axes[..] } else { &[] };
-        (self.sink)(BeadView { points: &self.points, axes, sections: &self.sections, attributes })
+        let (points, sections, lines) = (&self.points, &self.sections, &self.piece_lines);
+        (self.sink)(BeadView { points, axes, sections, lines, attributes })
     }
 
     /// Adds the bead to the report; returns what was fed for it.

@@ -22,7 +22,7 @@ fn written(
     style: Style,
 ) -> String {
     let mut writer = Writer::new(Vec::new(), Path::new("out.x3d"), style).unwrap();
-    writer.bead(BeadView { points, axes, sections, attributes: ATTRIBUTES }, outline).unwrap();
+    writer.bead(BeadView { points, axes, sections, lines: &[], attributes: ATTRIBUTES }, outline).unwrap();
     String::from_utf8(writer.finish().unwrap()).unwrap()
 }
 
@@ -136,6 +136,7 @@ fn what_cannot_be_written_is_refused() {
         points: &[[0.0; 3], [1e10, 0.0, 0.0]],
         axes: &[],
         sections: &[SECTION],
+        lines: &[],
         attributes: ATTRIBUTES,
     };
     let told = writer.bead(far, &SQUARE).unwrap_err().to_string();
@@ -182,7 +183,8 @@ fn every_call_may_fail_and_the_power_go() {
         let mut writer = Writer::new(part, Path::new(NAME), Style::default())?;
         let points: Vec<[f64; 3]> = (0..500).map(|i| [f64::from(i), f64::from(i % 3), 1.0]).collect();
         let sections = vec![SECTION; points.len() - 1];
-        let view = BeadView { points: &points, axes: &[], sections: &sections, attributes: ATTRIBUTES };
+        let view =
+            BeadView { points: &points, axes: &[], sections: &sections, lines: &[], attributes: ATTRIBUTES };
         (0..4).try_for_each(|_| writer.bead(view, &SKEW))?;
         writer.finish()?.finish()
     };
