@@ -22,6 +22,8 @@ mod open;
 mod open_bricks;
 #[path = "exactness/oracle.rs"]
 mod oracle;
+#[path = "exactness/passes.rs"]
+mod passes;
 #[path = "exactness/piles.rs"]
 mod piles;
 #[path = "exactness/points.rs"]

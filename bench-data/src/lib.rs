@@ -2,6 +2,7 @@
 //!
 //! - [`shapes`]: closed pieces with outward orientation,
 //! - [`pile`]: many of them together, from a dozen for property tests to 45 million facets of beads,
+//! - [`passes`]: toolpaths that come back onto themselves, with their volumes in closed form,
 //! - [`mod@write`]: the file formats the program reads,
 //! - [`judge`]: an independent check of meshes, and winding numbers by brute force.
 //!
@@ -15,6 +16,7 @@
 pub mod inputs;
 pub mod judge;
 mod mesh;
+pub mod passes;
 pub mod pile;
 mod rng;
 pub mod shapes;

@@ -11,6 +11,7 @@ use brickfield_engine::toolpath::gcode::{
     ExtruderAxis, FilamentSource, Firmware, FirmwareSource, GcodeOptions, GcodeReport, LayerAxis, Mark,
     SettingsReport, SizeReport,
 };
+use brickfield_engine::toolpath::{LayerFill, LayerFills};
 use clap::Args;
 use serde::Serialize;
 use std::convert::Infallible;
@@ -20,6 +21,8 @@ use std::str::FromStr;
 /// Part by which the material fed and the beads may differ before the user hears of it. Slicers' own files
 /// agree within half a per cent; a filament diameter of 2.85 instead of 1.75 mm is off by 165 %.
 const FED_TOLERANCE: f64 = 0.05;
+/// Lines at most about layers that are too empty or too full.
+const FILL_LINES_MAX: usize = 5;
 
 /// What every command takes that reads toolpaths.
 #[derive(Args, Clone, Debug)]
@@ -203,6 +206,8 @@ pub struct ToolpathReport {
     pub fed_volume: Option<f64>,
     /// Area of the section times length, over all beads.
     pub bead_volume: f64,
+    /// Layers with too little or too much material for their room.
+    fill: Vec<LayerFill>,
     #[serde(flatten)]
     details: GcodeReport,
 }
@@ -212,7 +217,14 @@ impl ToolpathReport {
     pub fn new(path: String, bead_volume: f64, mut details: GcodeReport) -> ToolpathReport {
         // Told by this struct, with the section that was asked for.
         details.bead_volume = bead_volume;
-        ToolpathReport { path, fed_volume: details.fed_volume, bead_volume, details }
+        ToolpathReport { path, fed_volume: details.fed_volume, bead_volume, fill: Vec::new(), details }
+    }
+
+    /// With what its layers have, once all beads are known.
+    pub fn with_fill(mut self, fills: LayerFills) -> ToolpathReport {
+        let names: Vec<String> = self.details.features.iter().map(|feature| feature.name.clone()).collect();
+        self.fill = fills.finish(&names);
+        self
     }
 
     /// Of all toolpaths among the inputs.
@@ -220,7 +232,11 @@ impl ToolpathReport {
         let report = |input: &Input| {
             let beads = input.beads()?;
             let path = input.path().display().to_string();
-            Some(ToolpathReport::new(path, beads.swept.bead_volume(), beads.report.clone()))
+            let (toolpath, mut fills, mut sections) =
+                (beads.swept.toolpath(), LayerFills::default(), Vec::new());
+            (0..toolpath.len()).for_each(|bead| fills.push(&toolpath.view(bead, &mut sections)));
+            let report = ToolpathReport::new(path, beads.swept.bead_volume(), beads.report.clone());
+            Some(report.with_fill(fills))
         };
         inputs.iter().filter_map(report).collect()
     }
@@ -239,6 +255,7 @@ impl ToolpathReport {
                 self.filament(" (now ", ")")
             ));
         }
+        lines.extend(fill_texts(&self.fill));
         lines.into_iter().map(|line| format!("{}: {line}", self.path)).collect()
     }
 
@@ -325,6 +342,52 @@ impl ToolpathReport {
         }
         text
     }
+}
+
+/// Layers with too little or too much material; those in a row that are alike are one line.
+fn fill_texts(fill: &[LayerFill]) -> Vec<String> {
+    let numbers = |layer: &LayerFill| (percent(layer.empty), size(layer.width), size(layer.pitch));
+    let is_next = |a: &LayerFill, b: &LayerFill| b.layer == a.layer + 1 && numbers(a) == numbers(b);
+    let mut lines: Vec<String> = fill.chunk_by(is_next).take(FILL_LINES_MAX).map(fill_text).collect();
+    let rest = fill.chunk_by(is_next).skip(FILL_LINES_MAX).map(<[LayerFill]>::len).sum::<usize>();
+    if rest > 0 {
+        lines.push(format!("{rest} more layers are too empty or too full; info --json lists them"));
+    }
+    lines
+}
+
+fn fill_text(layers: &[LayerFill]) -> String {
+    let (first, last) = (&layers[0], &layers[layers.len() - 1]);
+    let named = match layers.len() {
+        1 => format!("layer {} is", first.layer),
+        _ => format!("layers {} to {} are", first.layer, last.layer),
+    };
+    let how = match percent(first.empty) {
+        empty @ 0.. => format!("{empty}% empty"),
+        over => format!("{}% overfull", -over),
+    };
+    let (width, pitch) = (size(first.width), size(first.pitch));
+    format!(
+        "{named} {how}: beads {width} mm wide, {pitch} mm apart, lines {}-{}",
+        first.lines.0, last.lines.1
+    )
+}
+
+fn percent(part: f64) -> i64 {
+    (100.0 * part).round() as i64
+}
+
+/// A length to three digits.
+fn size(mm: f64) -> String {
+    let digits = if mm < 1.0 {
+        3
+    } else if mm < 10.0 {
+        2
+    } else {
+        1
+    };
+    let text = format!("{mm:.digits$}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// Smallest and largest size, and where sizes come from.

@@ -1,6 +1,7 @@
 //! `make-input`: writes generated inputs to files, and judges meshes.
 
 use brickfield_bench_data::inputs;
+use brickfield_bench_data::passes::{PassFile, pass_files};
 use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile, sharp_part};
 use brickfield_bench_data::shapes::{
     Polygon, cuboid, extrude, icosphere, octahedron, slant, spiked_cube, spiral_tube, torus,
@@ -109,6 +110,12 @@ enum Command {
         #[arg(short, long)]
         output: PathBuf,
     },
+    /// The toolpaths of `tests/data/passes`, with a table of their volumes in closed form
+    Passes {
+        /// Folder to write to
+        #[arg(short, long)]
+        output: PathBuf,
+    },
     /// Judge the mesh in a binary STL, binary PLY or OBJ file; exit status 1 unless closed and manifold
     Check {
         /// File to read
@@ -134,6 +141,7 @@ fn run(command: Command) -> Result<ExitCode, String> {
         Command::Bench { name, base, output } => {
             return bench(&name, base.as_deref(), &output).map(|()| ExitCode::SUCCESS);
         }
+        Command::Passes { output } => return passes(&output).map(|()| ExitCode::SUCCESS),
         Command::Check { file } => return check(&file),
         Command::Random { pieces, seed, to } => (Mesh::merged(&random_pile(seed, pieces)), to),
         Command::Lattice { pieces, seed, to } => (Mesh::merged(&lattice_pile(seed, pieces, 1, 32)), to),
@@ -189,6 +197,16 @@ fn bench(name: &str, base: Option<&Path>, output: &Path) -> Result<(), String> {
     })?;
     let written = hashed(output, |out| spec.write(base, out))?;
     say(format_args!("{written}"))
+}
+
+fn passes(folder: &Path) -> Result<(), String> {
+    say(format_args!("{:<20} {:>6} {:>10} {:>10}", "file", "passes", "union", "overlap"))?;
+    for PassFile { name, gcode, passes, union, overlap } in pass_files() {
+        let path = folder.join(name);
+        std::fs::write(&path, gcode).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+        say(format_args!("{name:<20} {passes:>6} {union:>10.5} {overlap:>10.5}"))?;
+    }
+    Ok(())
 }
 
 fn save(mesh: &Mesh, to: &Output) -> Result<(), String> {

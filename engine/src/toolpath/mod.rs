@@ -6,9 +6,11 @@
 //!
 //! Lengths are millimetres, volumes cubic millimetres, whatever the file's unit.
 
+mod fill;
 pub mod gcode;
 mod passes;
 
+pub use fill::{LayerFill, LayerFills};
 pub use passes::Passes;
 
 use crate::error::Result;
@@ -137,6 +139,15 @@ impl Toolpath {
     /// The bead's points, as in [`BeadView::points`].
     pub fn points(&self, bead: usize) -> &[[f64; 3]] {
         &self.points[self.beads[bead].0.clone()]
+    }
+
+    /// A bead as it was pushed, but for the lines of its segments.
+    pub fn view<'a>(&'a self, bead: usize, sections: &'a mut Vec<Section>) -> BeadView<'a> {
+        let (range, attributes) = &self.beads[bead];
+        sections.clear();
+        sections.extend((1..range.len()).map(|segment| self.section(bead, segment - 1)));
+        let axes = self.axes.get(range.clone()).unwrap_or_default();
+        BeadView { points: &self.points[range.clone()], axes, sections, lines: &[], attributes: *attributes }
     }
 
     /// The tool's axis at a bead's point.

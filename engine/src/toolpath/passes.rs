@@ -32,6 +32,9 @@ const BACK_WIDTHS: f64 = 2.0;
 const CLOSING_WIDTHS: f64 = 2.0;
 /// Widths by which a new pass may begin before the place where the path was found to come back.
 const BEFORE_WIDTHS: f64 = 3.0;
+/// What a path turns by, as the sum of the chords between its unit directions, before it can come back. To come within a
+/// quarter of its own length of a place it must turn by 151° in all, and a chord is 2/π of its angle at least.
+const TURN_LEAST: f64 = 1.67;
 /// Beads looked at by one thread at once.
 const BEADS_AT_ONCE: usize = 64;
 
@@ -103,6 +106,8 @@ struct Walk<'a> {
     points: &'a [[f64; 3]],
     /// Way along the bead to each point.
     way: Vec<f64>,
+    /// What the path has turned by before each segment.
+    turn: Vec<f64>,
     /// Largest width, and the smallest.
     widest: f64,
     narrowest: f64,
@@ -130,11 +135,7 @@ impl<'a> Walk<'a> {
                 before = section;
             }
         }
-        let mut way = Vec::with_capacity(points.len());
-        way.push(0.0);
-        for pair in points.windows(2) {
-            way.push(way[way.len() - 1] + norm(difference(pair[1], pair[0])));
-        }
+        let (way, turn) = ways(points);
         let length = way[way.len() - 1];
         // Both are also false for what is not finite.
         if !(length > BACK_WIDTHS * narrowest && length + highest < f64::INFINITY && narrowest > 0.0) {
@@ -144,7 +145,7 @@ impl<'a> Walk<'a> {
         let up = highest * contact::HEIGHTS;
         let reach = if is_upright { [widest, widest, up] } else { [widest.max(up); 3] };
         grid.reset(reach, length, points.len());
-        Some(Walk { path, bead, points, way, widest, narrowest, first: 0, known: 0, grid })
+        Some(Walk { path, bead, points, way, turn, widest, narrowest, first: 0, known: 0, grid })
     }
 
     fn segments(&self) -> usize {
@@ -165,7 +166,8 @@ impl<'a> Walk<'a> {
     /// Puts all segments into the grid that can be earlier stretches for a segment.
     fn remember_before(&mut self, number: usize) {
         let until = self.way[number + 1] - BACK_WIDTHS * self.narrowest;
-        while self.known < number && self.way[self.known] < until {
+        let turned = self.turn[number] - TURN_LEAST;
+        while self.known < number && self.way[self.known] < until && self.turn[self.known] < turned {
             self.grid.insert(self.known as u32, self.points[self.known], self.points[self.known + 1]);
             self.known += 1;
         }
@@ -207,6 +209,24 @@ impl<'a> Walk<'a> {
         self.known = start;
         self.grid.clear();
     }
+}
+
+/// The way along a path to each point, and the sum of turns before each segment.
+fn ways(points: &[[f64; 3]]) -> (Vec<f64>, Vec<f64>) {
+    let (mut ways, mut turns) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
+    let (mut way, mut turn, mut before) = (0.0, 0.0, None);
+    ways.push(way);
+    for pair in points.windows(2) {
+        let step = difference(pair[1], pair[0]);
+        let length = norm(step);
+        let direction = step.map(|c| if length > 0.0 { c / length } else { 0.0 });
+        turn += before.map_or(0.0, |before| norm(difference(direction, before)));
+        before = Some(direction);
+        way += length;
+        ways.push(way);
+        turns.push(turn);
+    }
+    (ways, turns)
 }
 
 fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

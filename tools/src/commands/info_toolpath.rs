@@ -7,6 +7,7 @@ use crate::output::{print, print_json, warn};
 use crate::toolpaths::ToolpathReport;
 use brickfield_engine::bead::Sweep;
 use brickfield_engine::ingest::read_beads;
+use brickfield_engine::toolpath::LayerFills;
 use serde::Serialize;
 use std::path::Path;
 
@@ -18,13 +19,14 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
     let options = args.toolpath.options(args.units)?;
     let sweep = Sweep::new(&options.sweep)?;
-    let mut bead_volume = 0.0;
+    let (mut bead_volume, mut fills) = (0.0, LayerFills::default());
     let details = read_beads(file, &options.gcode, &bars, &mut |bead| {
         bead_volume += sweep.volume(&bead);
+        fills.push(&bead);
         Ok(())
     })?;
     bars.clear();
-    let toolpath = ToolpathReport::new(file.display().to_string(), bead_volume, details);
+    let toolpath = ToolpathReport::new(file.display().to_string(), bead_volume, details).with_fill(fills);
     let warnings = toolpath.warnings();
     warnings.iter().for_each(|message| warn(message));
     match args.json {

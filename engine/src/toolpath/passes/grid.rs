@@ -4,7 +4,7 @@
 //! the cells that it passes itself. Cells are so large that pieces are no more than nine a segment in the mean.
 
 /// Widths of a bead that a cell has at least: fewer make more cells a segment, more make more segments a cell.
-const CELL_REACHES: f64 = 4.0;
+const CELL_REACHES: f64 = 8.0;
 /// End of a cell's list.
 const NONE: u32 = u32::MAX;
 
@@ -91,7 +91,7 @@ impl Grid {
 
     /// The first and the last cell within reach of a piece.
     fn cells(&self, (a, b): ([f64; 3], [f64; 3]), reach: [f64; 3]) -> ([i32; 3], [i32; 3]) {
-        let cell = |c: f64| (c / self.cell).floor() as i32;
+        let cell = |c: f64| floor(c / self.cell);
         (
             [0, 1, 2].map(|i| cell(a[i].min(b[i]) - reach[i])),
             [0, 1, 2].map(|i| cell(a[i].max(b[i]) + reach[i])),
@@ -154,6 +154,13 @@ impl Grid {
             self.slots[at].head = slot.head;
         }
     }
+}
+
+/// The largest whole number that is not above.
+#[inline]
+fn floor(value: f64) -> i32 {
+    let truncated = value as i32;
+    truncated.saturating_sub(i32::from(f64::from(truncated) > value))
 }
 
 /// A line in equal pieces no longer than `size`.
