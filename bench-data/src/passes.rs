@@ -6,7 +6,7 @@
 //! 2 r L + π r² + Σ (θ/2 − tan(θ/2)) r²,
 //!
 //! both ends and the outsides of its corners being round. A union is such an area, too, with what neighbours share taken
-//! off. Volumes are the integrals of areas over z, by the midpoint rule in an angle, which has no error that shows.
+//! off. Where a pass follows another both have a round end, which counts once. Volumes are the integrals of areas over z, by the midpoint rule in an angle, which has no error that shows.
 
 use crate::trig::sin_cos;
 use std::f64::consts::{PI, TAU};
@@ -30,7 +30,7 @@ pub struct PassFile {
     pub passes: u64,
     /// Volume of the union, mm³.
     pub union: f64,
-    /// Volumes of all passes together, less that of the union: the overlap, mm³.
+    /// The overlap, mm³: volumes of all passes together, less that of the union and the round ends that two share.
     pub overlap: f64,
 }
 
@@ -59,6 +59,11 @@ fn volume(area: impl Fn(f64) -> f64) -> f64 {
     (0..PARTS).map(part).sum::<f64>() * 0.5 * HEIGHT * PI / f64::from(PARTS)
 }
 
+/// Volume of a whole round end: a section turned about its middle.
+fn round_end() -> f64 {
+    volume(|r| PI * r * r)
+}
+
 /// Area of a pass of this length with so many right-angled corners.
 fn pass_area(r: f64, length: f64, corners: f64) -> f64 {
     2.0 * r * length + PI * r * r + corners * (0.25 * PI - 1.0) * r * r
@@ -69,7 +74,7 @@ fn retraced() -> PassFile {
     let line = volume(|r| pass_area(r, 30.0, 0.0));
     let points = [[0.0, 0.0], [30.0, 0.0], [0.0, 0.0], [30.0, 0.0]];
     let gcode = gcode("three times the same line", points.map(|[x, y]| [x, y, HEIGHT]));
-    PassFile { name: "retraced.gcode", gcode, passes: 3, union: line, overlap: 2.0 * line }
+    PassFile { name: "retraced.gcode", gcode, passes: 3, union: line, overlap: 2.0 * (line - round_end()) }
 }
 
 /// Lines of a raster in the direction of an angle, connected at their ends by turns.
@@ -97,7 +102,8 @@ fn raster(name: &'static str, lines: u32, length: f64, pitch: f64, degrees: f64)
         let ends = half * root + r * r * asin(half / r);
         length * (turns * pitch + 2.0 * r) + turns * (r * pitch + ends) + PI * r * r
     });
-    PassFile { name, gcode: gcode(&what, points), passes: u64::from(lines), union, overlap: passes - union }
+    let overlap = passes - union - turns * round_end();
+    PassFile { name, gcode: gcode(&what, points), passes: u64::from(lines), union, overlap }
 }
 
 /// Circles around each other, from the outside inward, with a straight step from each to the next.
@@ -113,7 +119,7 @@ fn concentric() -> PassFile {
         let ring =
             |circle: u32| around(0.5 * (radius(circle) + radius(circle + 1))) * positive(2.0 * r - PITCH);
         (0..CIRCLES - 1).map(|circle| ring(circle) + step).sum()
-    });
+    }) - f64::from(CIRCLES - 1) * round_end();
     let gaps = f64::from(CIRCLES - 1);
     let union = volume(|r| {
         let rings: f64 = (0..CIRCLES).map(|circle| around(radius(circle)) * 2.0 * r).sum();
@@ -146,8 +152,8 @@ fn vase() -> PassFile {
     // A pass ends above its own beginning: there the round ends of both are within the pass.
     let closing: f64 = (0..PARTS).map(|n| 0.25 * PI * width(n) * width(n) * step).sum();
     let (ends, line) = (volume(|r| PI * r * r), volume(|r| 2.0 * r * turn));
-    // Where a pass ends and the next begins both have their round ends.
-    let overlap = (turns - 1.0) * (shared * turn + ends - closing);
+    // What both have of their round ends where a pass ends and the next begins counts once.
+    let overlap = (turns - 1.0) * (shared * turn - closing);
     let union = turns * line + ends - (turns - 1.0) * shared * turn - closing;
     let gcode = gcode("a vase of 10 turns, 0.15 mm each", points);
     PassFile { name: "vase.gcode", gcode, passes: u64::from(TURNS), union, overlap }

@@ -61,6 +61,11 @@ impl Field for Solids {
         let mut passes: Vec<u32> = segments().map(|segment| segment.pass).collect();
         passes.sort_unstable();
         passes.dedup();
+        let followed = passes.windows(2).filter(|pair| pair[0] + 1 == pair[1]);
+        let mut joints = followed.filter_map(|pair| self.joint(pair[1]));
+        if joints.any(|joint| self.touches_cube(joint, low, size)) {
+            return None;
+        }
         // Where this does not fit, the evaluation of a brick says so.
         i16::try_from(passes.len()).ok()
     }

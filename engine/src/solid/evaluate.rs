@@ -96,6 +96,8 @@ pub struct SolidEvaluator {
     spans: Vec<Span>,
     /// Samples of the pass at hand, by row; all zero between passes.
     pass: Vec<u64>,
+    /// What the next pass, by its number, has in common with the one at hand at their joint: rows, and samples as bits.
+    joint: (u32, Vec<(u16, u64)>),
     /// Rows that the pass at hand meets.
     touched: Vec<u16>,
     /// Counters: plane by plane, each a word a row.
@@ -155,6 +157,11 @@ impl SolidEvaluator {
             for &position in pass {
                 self.fill(solids, lattice, list.get(position), position);
             }
+            let number = pass.first().map_or(0, |&position| list.get(position).pass);
+            self.take_joint(number);
+            if let Some(joint) = number.checked_add(1).and_then(|next| solids.joint(next)) {
+                self.keep_joint(solids, lattice, joint);
+            }
             fits &= self.count();
         }
         self.order = order;
@@ -172,26 +179,27 @@ impl SolidEvaluator {
 
     /// Adds the rows of a segment to those of its pass.
     fn fill(&mut self, solids: &Solids, lattice: Lattice, segment: &Segment, position: u32) {
-        let body = solids.body(segment);
-        let bounds = solids.bounds(segment);
-        let js = lattice.within(1, bounds);
-        for k in lattice.within(2, bounds) {
-            let z = lattice.offset(segment.a, 2, k);
-            let half_width = match body.is_flat().then(|| body.half_width_at(z)) {
-                Some(None) => continue,
-                Some(half_width) => half_width,
-                None => None,
-            };
-            for j in js.clone() {
-                let y = lattice.offset(segment.a, 1, j);
-                let interval = match half_width {
-                    Some(half_width) => body.flat_line([0, 1], half_width, y),
-                    None => body.line(0, [0.0, y, z]),
-                };
-                if let Some(interval) = interval {
-                    self.add_span(lattice, segment, position, k * P + j, interval);
-                }
+        for_rows(solids, lattice, segment, |row, interval| {
+            self.add_span(lattice, segment, position, row, interval);
+        });
+    }
+
+    /// Keeps what the pass at hand has in common with the round end where the next one begins.
+    fn keep_joint(&mut self, solids: &Solids, lattice: Lattice, joint: &Segment) {
+        self.joint.0 = joint.pass;
+        for_rows(solids, lattice, joint, |row, interval| {
+            if let Some((first, end)) = samples_of(lattice, joint, interval) {
+                let mask = (1u64 << end) - (1 << first);
+                self.joint.1.push((row as u16, mask & self.pass[row]));
             }
+        });
+    }
+
+    /// Takes off the pass at hand what it has in common with the one before at their joint.
+    fn take_joint(&mut self, pass: u32) {
+        let of_pass = self.joint.0 == pass;
+        for (row, mask) in self.joint.1.drain(..).filter(|_| of_pass) {
+            self.pass[usize::from(row)] &= !mask;
         }
     }
 
@@ -206,9 +214,7 @@ impl SolidEvaluator {
         row: usize,
         interval: (f64, f64),
     ) {
-        let first = lattice.first_from(segment, 0, interval.0) as u8;
-        let end = lattice.first_from(segment, 0, interval.1) as u8;
-        if first < end {
+        if let Some((first, end)) = samples_of(lattice, segment, interval) {
             let span = Span { position, row: row as u16, first, end, interval };
             if self.pass[row] == 0 {
                 self.touched.push(row as u16);
@@ -261,6 +267,41 @@ impl SolidEvaluator {
             }
         }
     }
+}
+
+/// Calls `each` with the rows, k·33 + j, that meet a segment's solid, and the interval of each, relative to the segment's
+/// first end.
+#[inline]
+fn for_rows(solids: &Solids, lattice: Lattice, segment: &Segment, mut each: impl FnMut(usize, (f64, f64))) {
+    let body = solids.body(segment);
+    let bounds = solids.bounds(segment);
+    let js = lattice.within(1, bounds);
+    for k in lattice.within(2, bounds) {
+        let z = lattice.offset(segment.a, 2, k);
+        let half_width = match body.is_flat().then(|| body.half_width_at(z)) {
+            Some(None) => continue,
+            Some(half_width) => half_width,
+            None => None,
+        };
+        for j in js.clone() {
+            let y = lattice.offset(segment.a, 1, j);
+            let interval = match half_width {
+                Some(half_width) => body.flat_line([0, 1], half_width, y),
+                None => body.line(0, [0.0, y, z]),
+            };
+            if let Some(interval) = interval {
+                each(k * P + j, interval);
+            }
+        }
+    }
+}
+
+/// The first sample of a row in an interval relative to the segment's first end, and the first one beyond.
+#[inline]
+fn samples_of(lattice: Lattice, segment: &Segment, interval: (f64, f64)) -> Option<(u8, u8)> {
+    let first = lattice.first_from(segment, 0, interval.0) as u8;
+    let end = lattice.first_from(segment, 0, interval.1) as u8;
+    (first < end).then_some((first, end))
 }
 
 impl SolidEvaluation<'_> {

@@ -90,6 +90,15 @@ fn count<T: Copy + Sync + Into<f64>>(
         hits.sort_unstable();
         hits.dedup();
         hits.iter().for_each(|(number, _)| counts[*number as usize] += 1);
+        // At the joint of two passes both count once.
+        for joint in solids.joints() {
+            columns.near(solids.bounds(joint), |p, number| {
+                let is_hit = |pass| hits.binary_search(&(number, pass)).is_ok();
+                if is_hit(joint.pass) && is_hit(joint.pass - 1) && covers(joint, p) {
+                    counts[number as usize] -= 1;
+                }
+            });
+        }
     }
     Ok(counts)
 }

@@ -33,6 +33,8 @@ impl Segment {
 #[derive(Clone, Debug, Default)]
 pub struct Solids {
     profiles: Vec<Profile>,
+    /// Where passes follow another of their bead: their first round end, as a segment without length, by pass.
+    joints: Vec<Segment>,
 }
 
 impl Solids {
@@ -63,21 +65,25 @@ impl Solids {
     ) -> Result<(Solids, Vec<Segment>)> {
         let mut table = Table::new(root, outline);
         let mut segments = Vec::new();
+        let mut joints = Vec::new();
         let mut pass = 0u32;
         for (path, passes) in paths {
             for bead in 0..path.len() {
                 for numbers in passes.of_bead(bead, path.points(bead).len() - 1) {
+                    let (first, start) = (segments.len(), numbers.start);
                     segments.extend(numbers.map(|number| table.segment(path, bead, number, pass)));
+                    let begin: Option<&Segment> = segments.get(first).filter(|_| start > 0);
+                    joints.extend(begin.map(|begin| Segment { b: begin.a, ..*begin }));
                     pass = pass.checked_add(1).ok_or_else(too_many)?;
                 }
             }
         }
-        Ok((Solids { profiles: table.profiles }, segments))
+        Ok((Solids { profiles: table.profiles, joints }, segments))
     }
 
     /// With these cross-sections.
     pub fn of_profiles(profiles: Vec<Profile>) -> Solids {
-        Solids { profiles }
+        Solids { profiles, joints: Vec::new() }
     }
 
     /// The solid of a segment.
@@ -95,6 +101,19 @@ impl Solids {
     /// All cross-sections.
     pub fn profiles(&self) -> &[Profile] {
         &self.profiles
+    }
+
+    /// The round end with which a pass begins that follows another of its bead: what of it the pass before covers as well
+    /// is the joint of the two, and counts once.
+    #[inline]
+    pub fn joint(&self, pass: u32) -> Option<&Segment> {
+        let at = self.joints.binary_search_by_key(&pass, |joint| joint.pass).ok()?;
+        self.joints.get(at)
+    }
+
+    /// All of them, by pass.
+    pub fn joints(&self) -> &[Segment] {
+        &self.joints
     }
 
     /// A box around the segment's solid, with a margin of more than a unit.

@@ -30,6 +30,8 @@ const LAYERS_MAX: usize = 10_000;
 struct Interval {
     line: u32,
     pass: u32,
+    /// Of the round end where the pass follows another, instead of one of its segments.
+    is_joint: bool,
     from: f64,
     to: f64,
     /// What of it lies between the segment's end planes.
@@ -160,7 +162,7 @@ impl Scene<'_> {
         numbers: Range<u32>,
         progress: &dyn Progress,
     ) -> Result<Vec<Interval>> {
-        let of_run = |run: &[Segment]| {
+        let of_run = |(run, is_joint): (&[Segment], bool)| {
             progress.check()?;
             let mut found = Vec::new();
             for segment in run.iter().filter(|segment| self.solids.profile(segment).is_solid()) {
@@ -180,20 +182,21 @@ impl Scene<'_> {
                             let (first, last) = clip(body.between_ends(2, from_a, interval));
                             let prism = (last - first).max(0.0);
                             let line = line - numbers.start;
-                            found.push(Interval { line, pass: segment.pass, from, to, prism });
+                            found.push(Interval { line, pass: segment.pass, is_joint, from, to, prism });
                         }
                     }
                 });
             }
             Ok(found)
         };
-        let parts: Vec<Vec<Interval>> =
-            self.segments.par_chunks(SEGMENTS_AT_ONCE).map(of_run).collect::<Result<_>>()?;
+        let of_segments = self.segments.par_chunks(SEGMENTS_AT_ONCE).map(|run| (run, false));
+        let of_joints = self.solids.joints().par_chunks(SEGMENTS_AT_ONCE).map(|run| (run, true));
+        let parts: Vec<Vec<Interval>> = of_segments.chain(of_joints).map(of_run).collect::<Result<_>>()?;
         let mut all = parts.concat();
         drop(parts);
         all.par_sort_unstable_by(|a, b| {
             let ends = || a.from.total_cmp(&b.from).then(a.to.total_cmp(&b.to));
-            (a.line, a.pass).cmp(&(b.line, b.pass)).then_with(ends)
+            (a.line, a.pass, a.is_joint).cmp(&(b.line, b.pass, b.is_joint)).then_with(ends)
         });
         Ok(all)
     }
@@ -220,6 +223,9 @@ struct Sums {
 #[derive(Clone, Default)]
 struct Line {
     crossings: Vec<Crossing>,
+    /// Where the pass at hand lies, and the one before it.
+    pass: Vec<(f64, f64)>,
+    before: Vec<(f64, f64)>,
     /// Union and overlap by layer.
     layers: Vec<[f64; 2]>,
     /// Layers that are not zero lie in this range.
@@ -308,22 +314,21 @@ impl Line {
     fn lengths(&mut self, intervals: &[Interval], tops: &[f64]) -> Lengths {
         self.crossings.clear();
         let mut lengths = Lengths::default();
+        let mut before = None;
         for of_pass in intervals.chunk_by(|a, b| a.pass == b.pass) {
-            let mut united: Option<(f64, f64)> = None;
-            for &Interval { from, to, prism, .. } in of_pass {
-                lengths.control += prism;
-                united = match united {
-                    Some((low, high)) if from <= high => Some((low, high.max(to))),
-                    Some(done) => {
-                        self.push(done);
-                        Some((from, to))
-                    }
-                    None => Some((from, to)),
-                };
+            let (segments, joint) = of_pass.split_at(of_pass.partition_point(|interval| !interval.is_joint));
+            lengths.control += segments.iter().map(|interval| interval.prism).sum::<f64>();
+            std::mem::swap(&mut self.before, &mut self.pass);
+            unite(segments, &mut self.pass);
+            let pass = of_pass[0].pass;
+            if before.is_some_and(|before: u32| before + 1 == pass) {
+                self.push_joint(joint);
             }
-            united.into_iter().for_each(|done| self.push(done));
+            before = Some(pass);
+            let ends = self.pass.iter().flat_map(|&(from, to)| [(from, 1), (to, -1)]);
+            self.crossings.extend(ends.map(|(at, jump)| Crossing { at, jump }));
         }
-        let Line { crossings, layers, met } = self;
+        let Line { crossings, layers, met, .. } = self;
         crossings.sort_unstable_by(|a, b| a.at.total_cmp(&b.at).then(a.jump.cmp(&b.jump)));
         let mut layer = 0;
         walk(crossings, |w, from, to| {
@@ -348,7 +353,28 @@ impl Line {
         lengths
     }
 
-    fn push(&mut self, (from, to): (f64, f64)) {
-        self.crossings.extend([Crossing { at: from, jump: 1 }, Crossing { at: to, jump: -1 }]);
+    /// Takes off what the pass has in common with the one before at their joint.
+    fn push_joint(&mut self, joint: &[Interval]) {
+        for joint in joint {
+            for &(from, to) in &self.pass {
+                for &(first, last) in &self.before {
+                    let (from, to) = (from.max(first).max(joint.from), to.min(last).min(joint.to));
+                    if from < to {
+                        self.crossings.extend([(from, -1), (to, 1)].map(|(at, jump)| Crossing { at, jump }));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Unites overlapping ones of sorted intervals.
+fn unite(intervals: &[Interval], united: &mut Vec<(f64, f64)>) {
+    united.clear();
+    for &Interval { from, to, .. } in intervals {
+        match united.last_mut() {
+            Some((_, high)) if from <= *high => *high = high.max(to),
+            _ => united.push((from, to)),
+        }
     }
 }

@@ -129,7 +129,8 @@ fn what_is_laid_three_times_overlaps_twice() {
     let volumes = beads_of(&path, ALL);
     let (area, ends) = stadium(0.6);
     is_within(volumes.union, area * 30.0 + ends, 2e-3);
-    is_within(volumes.overlap, 2.0 * (area * 30.0 + ends), 5e-3);
+    // The round ends where a pass follows another count once.
+    is_within(volumes.overlap, 2.0 * area * 30.0, 5e-3);
 }
 
 #[test]
