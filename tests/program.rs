@@ -19,6 +19,7 @@ mod program {
     mod mesh;
     mod open;
     mod orient;
+    mod passes;
     mod pictures;
     mod points;
     mod resources;
