@@ -2,7 +2,8 @@
 
 use super::bins::Binner;
 use super::field::{Evaluated, Field, Fractions, Pieces};
-use super::pipeline::{BuildOptions, Clock, Resolution, Summary, Task, place};
+use super::clock::Clock;
+use super::pipeline::{BuildOptions, Resolution, Summary, Task, place};
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
 use super::weigh::weigh_pieces;
