@@ -6,6 +6,8 @@
 
 #[path = "vulkan/backend.rs"]
 mod backend;
+#[path = "vulkan/check.rs"]
+mod check;
 #[path = "vulkan/device.rs"]
 mod device;
 #[path = "vulkan/rays.rs"]

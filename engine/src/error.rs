@@ -51,6 +51,18 @@ pub enum Error {
         /// What the user can do.
         remedy: String,
     },
+    /// A device computed a brick otherwise than the processor.
+    #[error(
+        "{device} ({driver}): brick {node} is not what the processor computes; update the driver, or use --backend cpu"
+    )]
+    Distrusted {
+        /// The device's name.
+        device: String,
+        /// Its driver's name and version.
+        driver: String,
+        /// The node's key.
+        node: String,
+    },
     /// The user asked to stop.
     #[error("interrupted; nothing was written under the final name")]
     Interrupted,

@@ -145,7 +145,7 @@ pub fn trees_that_decide_give_the_same_store(backend: &Backend) {
 
 /// Stops a build when a few of its jobs are done; how many are, once they have begun.
 #[derive(Default)]
-struct Stop(Mutex<Option<u64>>);
+pub struct Stop(Mutex<Option<u64>>);
 
 impl Progress for Stop {
     fn phase(&self, name: &str, _: Option<u64>, _: &str) {

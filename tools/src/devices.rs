@@ -4,8 +4,31 @@ use crate::args::{BackendArg, BackendArgs};
 use crate::failure::Failure;
 use crate::units::Size;
 use anyhow::anyhow;
-use brickfield_engine::backend::Vulkan;
+use brickfield_engine::backend::{DeviceCheck, Vulkan};
 use brickfield_engine::gpu::{Gpu, Settings, may_be_there};
+use clap::ValueEnum;
+
+/// Which bricks of a device are computed twice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum DeviceCheckArg {
+    /// Every brick
+    All,
+    /// One in 256, and the first of each kernel
+    #[default]
+    Some,
+    /// No brick
+    None,
+}
+
+impl From<DeviceCheckArg> for DeviceCheck {
+    fn from(check: DeviceCheckArg) -> DeviceCheck {
+        match check {
+            DeviceCheckArg::All => DeviceCheck::All,
+            DeviceCheckArg::Some => DeviceCheck::Some,
+            DeviceCheckArg::None => DeviceCheck::None,
+        }
+    }
+}
 
 /// What computes: a device, or the processor and why.
 pub enum Chosen {

@@ -77,7 +77,8 @@ pub(super) fn unpack(output: &BatchOutput<'_>, number: usize) -> Option<Brick> {
     let of = |range: Range<usize>| -> Vec<HermiteEdge> {
         let edge =
             |&[offset, normal]: &[u32; 2]| HermiteEdge { offset: offset as u16, normal: OctNormal(normal) };
-        output.hermite[range].iter().map(edge).collect()
+        // A device may name any places; a brick with too few edges is found by who takes it.
+        output.hermite.get(range).unwrap_or_default().iter().map(edge).collect()
     };
     let edges = [of(from..along_x), of(along_x..along_y), of(along_y..from + brick.edges as usize)];
     Some(Brick::Counts { samples: unpack_samples(output, number), hermite: Hermite { edges } })

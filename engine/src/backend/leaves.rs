@@ -5,6 +5,7 @@
 //! bits, which end in an error; and everything after the device was lost.
 
 use super::batch::{Leaf, unpack};
+use super::check::{KernelSet, check};
 use super::nodes::NodeBrick;
 use super::outlet::{Outlet, Sent};
 use super::vulkan::Vulkan;
@@ -44,6 +45,14 @@ struct Received {
     is_full: bool,
 }
 
+/// A leaf by the processor, in place of the device.
+fn here(vulkan: &Vulkan, evaluator: &mut Evaluator, leaf: &Leaf<'_>) -> Result<(Brick, Thin)> {
+    vulkan.report().cpu_bricks += 1;
+    let evaluation = leaf.evaluate(evaluator)?;
+    let thin = evaluation.thin(ThinLines::Sixteenth);
+    Ok((evaluation.into_leaf()?, thin))
+}
+
 impl LeafQueue {
     /// Begins with other leaves.
     pub fn begin(&mut self, vulkan: &Vulkan) {
@@ -58,31 +67,31 @@ impl LeafQueue {
     /// The brick of the next leaf; must be called once for each of the leaves, which are the same in every call.
     ///
     /// # Errors
-    /// As [`Evaluator::evaluate`].
+    /// [`Error::Distrusted`](crate::Error::Distrusted) if the device computes otherwise than the processor; as
+    /// [`Evaluator::evaluate`].
     pub fn next(
         &mut self,
         vulkan: &Vulkan,
         evaluator: &mut Evaluator,
         leaves: &[Leaf<'_>],
     ) -> Result<(Brick, Thin)> {
-        let mut here = |number: usize| {
-            vulkan.report().cpu_bricks += 1;
-            let evaluation = leaves[number].evaluate(evaluator)?;
-            let thin = evaluation.thin(ThinLines::Sixteenth);
-            Ok((evaluation.into_leaf()?, thin))
-        };
         loop {
             self.send(vulkan, leaves);
             if let Some(received) = self.received.take() {
                 let number = received.leaves.start;
-                return match self.take(vulkan, received) {
+                let is_seconds = self.outlet.is_on_second(vulkan);
+                let found = self.take(vulkan, received);
+                if let Some(found) = &found {
+                    check(vulkan, (KernelSet::Leaves, is_seconds), &leaves[number], found, evaluator)?;
+                }
+                return match found {
                     // The processor looks where something may hide.
                     Some(found) if found.has_hidden_crossings() => {
                         let thin = leaves[number].evaluate(evaluator)?.thin(ThinLines::Sixteenth);
                         Ok((found.into_leaf(), thin))
                     }
                     Some(found) => Ok((found.into_leaf(), Thin::default())),
-                    None => here(number),
+                    None => here(vulkan, evaluator, &leaves[number]),
                 };
             }
             match self.work.pop_front() {
@@ -90,7 +99,7 @@ impl LeafQueue {
                     if range.len() > 1 {
                         self.work.push_front(Work::Here(range.start + 1..range.end));
                     }
-                    return here(range.start);
+                    return here(vulkan, evaluator, &leaves[range.start]);
                 }
                 Some(Work::There(leaves)) if self.outlet.receive(vulkan, leaves.len()) => {
                     self.received = Some(Received { leaves, number: 0, is_full: false });

@@ -2,6 +2,7 @@
 
 mod batch;
 mod brute;
+mod check;
 mod leaves;
 mod nodes;
 mod outlet;
@@ -11,6 +12,7 @@ mod vulkan;
 
 pub use batch::Leaf;
 pub use brute::brute_at;
+pub use check::{CHECKED_ONE_IN, DeviceCheck};
 pub use leaves::LeafQueue;
 pub use nodes::{NodeBrick, NodeQueue};
 pub use report::DeviceReport;

@@ -1,10 +1,13 @@
 //! Nodes that may be divided, evaluated on a device some at a time, before it is decided what becomes of them.
 
 use super::batch::{Leaf, unpack};
+use super::check::{KernelSet, check};
 use super::outlet::{Outlet, Sent};
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, Hermite, Samples};
+use crate::error::Result;
 use crate::lattice::NodeKey;
+use crate::winding::Evaluator;
 use std::collections::{HashMap, VecDeque};
 
 /// Evaluates nodes a few at a time; one per thread.
@@ -39,6 +42,15 @@ impl NodeBrick {
     /// differ by the sum of the jumps of 1 at its crossings: by as many as there are if all go one way, and by fewer if not.
     pub fn has_hidden_crossings(&self) -> bool {
         self.samples.variation() != u64::from(self.crossings)
+    }
+
+    /// Whether the node as a leaf would be this brick.
+    pub(super) fn is_brick(&self, brick: &Brick) -> bool {
+        match (brick, &self.hermite) {
+            (Brick::Uniform(w), None) => self.samples.0[0] == *w,
+            (Brick::Counts { samples, hermite }, Some(found)) => *samples == self.samples && hermite == found,
+            _ => false,
+        }
     }
 
     /// The node as a leaf.
@@ -79,6 +91,24 @@ impl NodeQueue {
             vulkan.report().cpu_bricks += 1;
         }
         found
+    }
+
+    /// As [`NodeQueue::take`], compared with the processor's if it is to be checked.
+    ///
+    /// # Errors
+    /// [`Error::Distrusted`](crate::Error::Distrusted) if it is another; as [`Evaluator::evaluate`].
+    pub fn take_checked(
+        &mut self,
+        vulkan: &Vulkan,
+        evaluator: &mut Evaluator,
+        node: &Leaf<'_>,
+    ) -> Result<Option<NodeBrick>> {
+        let found = self.take(vulkan, node.key);
+        if let Some(found) = &found {
+            let is_seconds = self.outlet.is_on_second(vulkan);
+            check(vulkan, (KernelSet::Nodes, is_seconds), node, found, evaluator)?;
+        }
+        Ok(found)
     }
 
     /// Receives the oldest batch.

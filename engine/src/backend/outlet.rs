@@ -57,6 +57,11 @@ impl Outlet {
         !matches!(self.lane, Some(Some(_)))
     }
 
+    /// Whether its lane is on the second device of the hardware.
+    pub fn is_on_second(&self, vulkan: &Vulkan) -> bool {
+        matches!(&self.lane, Some(Some(lane)) if !lane.is_on(vulkan.gpu()))
+    }
+
     /// Sends some of the leaves, from the first on, of which there is at least one.
     pub fn send(&mut self, vulkan: &Vulkan, leaves: &[Leaf<'_>]) -> Sent {
         loop {

@@ -30,6 +30,10 @@ pub struct DeviceReport {
     pub settled: u64,
     /// Seconds for read-backs.
     pub read_seconds: f64,
+    /// Bricks of the device that the processor computed as well.
+    pub checked: u64,
     /// The first thing that went wrong.
     pub failure: Option<String>,
+    /// The first brick that was not the processor's, in one line. Then the store has none of the device's bricks.
+    pub wrong: Option<String>,
 }

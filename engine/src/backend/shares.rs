@@ -5,8 +5,10 @@
 //! settled by the processor: so bytes are the processor's. Bounds hold for every device that keeps to Vulkan's table of
 //! precisions: units below are its ULP, twice the error of rounding to the nearest.
 
+use super::check::{Claim, KernelSet};
 use super::vulkan::Vulkan;
-use crate::brick::POINTS;
+use crate::brick::{POINTS, Samples};
+use crate::error::Result;
 use crate::gpu::{Failure, SumInput, SumLane, SumRoom, SumTree};
 use crate::lattice::NodeKey;
 use crate::winding::{BlockSample, ClusterParts, OpenField, RoundedShares, SumBlock, SumBlocks};
@@ -71,6 +73,24 @@ impl DeviceShares {
     /// For one build.
     pub fn new(vulkan: &Vulkan) -> DeviceShares {
         DeviceShares { vulkan: vulkan.clone(), tree: OnceLock::new() }
+    }
+
+    /// Compares the samples of a brick that was made with the device's sums with the processor's, if it is to be
+    /// checked.
+    ///
+    /// # Errors
+    /// [`Error::Distrusted`](crate::Error::Distrusted) if it has not; what `here` gives.
+    pub fn check(&self, key: NodeKey, found: &Samples, here: impl FnOnce() -> Result<Samples>) -> Result<()> {
+        let vulkan = &self.vulkan;
+        if vulkan.is_distrusted() {
+            return Err(vulkan.distrust(key));
+        }
+        let claim = Claim { key, kernels: KernelSet::Sums, is_seconds: false, has_hidden: false };
+        if !vulkan.is_to_check(claim) {
+            return Ok(());
+        }
+        let (lowest, highest) = found.range();
+        vulkan.note_check(claim, here()? == *found, lowest < highest)
     }
 
     fn tree(&self, field: &OpenField) -> Option<&Tree> {

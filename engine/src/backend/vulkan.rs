@@ -1,5 +1,6 @@
 //! A Vulkan device that evaluates the bricks of closed soups.
 
+use super::check::{DeviceCheck, Trust};
 use super::report::DeviceReport;
 use crate::gpu::{Failure, Gpu, Lane, Seconds};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,6 +10,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub struct Vulkan {
     gpu: Gpu,
     report: Arc<Mutex<DeviceReport>>,
+    pub(super) check: DeviceCheck,
+    pub(super) trust: Arc<Trust>,
 }
 
 impl PartialEq for Vulkan {
@@ -27,10 +30,16 @@ const LANE_BYTES_MIN: u64 = 4 << 20;
 const BATCHES_OF_ONE: u64 = 48;
 
 impl Vulkan {
-    /// Of an open device.
+    /// Of an open device, some of whose bricks are checked.
     pub fn new(gpu: Gpu) -> Vulkan {
         let name = gpu.info().name.clone();
-        Vulkan { gpu, report: Arc::new(Mutex::new(DeviceReport { name, ..DeviceReport::default() })) }
+        let report = Arc::new(Mutex::new(DeviceReport { name, ..DeviceReport::default() }));
+        Vulkan { gpu, report, check: DeviceCheck::default(), trust: Arc::default() }
+    }
+
+    /// The same device with other bricks checked.
+    pub fn with_check(self, check: DeviceCheck) -> Vulkan {
+        Vulkan { check, ..self }
     }
 
     /// The device.

@@ -1,8 +1,9 @@
 //! The main job from point clouds: points in, store out.
 
 use super::bins::Binner;
+use super::clock::Clock;
 use super::field::{Evaluated, Field, Fractions, Pieces};
-use super::pipeline::{BuildOptions, Clock, Resolution, Summary, Task, place};
+use super::pipeline::{BuildOptions, Resolution, Summary, Task, place};
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
 use super::weigh::weigh_pieces;

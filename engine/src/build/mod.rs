@@ -1,9 +1,11 @@
 //! From triangles to the octree: snap, check that the soup is closed, sort by subtree, build the subtrees on
 //! all threads, record them in order.
 
+mod again;
 mod assemble;
 mod bins;
 mod branches;
+mod clock;
 mod closed;
 mod cloud;
 mod collect;

@@ -103,12 +103,15 @@ impl Field for OpenSoup {
         corner: i16,
         list: Pieces<'a, OpenPiece>,
     ) -> Result<OpenBrick> {
-        let pieces = list.indices.iter().map(|&i| list.array[i as usize]);
+        let pieces = || list.indices.iter().map(|&i| list.array[i as usize]);
         let OpenSoupEvaluator { cpu, queue } = evaluator;
-        match self.device.as_ref().and_then(|device| queue.take(device, &self.field, key)) {
-            Some(shares) => self.field.evaluate_with(cpu, key, corner, pieces, &shares),
-            None => self.field.evaluate(cpu, key, corner, pieces),
-        }
+        let found =
+            self.device.as_ref().and_then(|device| Some((device, queue.take(device, &self.field, key)?)));
+        let Some((device, shares)) = found else { return self.field.evaluate(cpu, key, corner, pieces()) };
+        let brick = self.field.evaluate_with(cpu, key, corner, pieces(), &shares)?;
+        let here = || Ok(self.field.evaluate(cpu, key, corner, pieces())?.samples);
+        device.check(key, &brick.samples, here)?;
+        Ok(brick)
     }
 
     fn foresee(&self, evaluator: &mut OpenSoupEvaluator, nodes: &[Leaf<'_, OpenPiece>]) {

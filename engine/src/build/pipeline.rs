@@ -1,6 +1,8 @@
 //! The main job: mesh files in, store out.
 
+use super::again::without_wrong_device;
 use super::bins::Binner;
+use super::clock::Clock;
 use super::cut::cut;
 use super::field::Field;
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
@@ -15,7 +17,7 @@ use super::soup::Soup;
 use super::thin::{ThinDepth, ThinSummary};
 use super::toolpaths::{bead_sources, build_beads};
 use super::weigh::{Work, weigh_soup};
-use crate::backend::{DeviceReport, Vulkan};
+use crate::backend::DeviceReport;
 use crate::brick::{Count, Thin};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
@@ -32,7 +34,7 @@ use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How fine the deepest bricks are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -239,6 +241,16 @@ pub fn build_opened(
     if let Some(outline) = options.solids {
         return build_beads(&bead_sources(opened)?, (outline, options.count), output, options, progress);
     }
+    without_wrong_device(options, |options| build_soup(opened, output, options, progress))
+}
+
+/// From triangles.
+fn build_soup(
+    opened: &[Input],
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<Summary> {
     let mut clock = Clock::default();
     check_target(output)?;
     let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
@@ -292,7 +304,6 @@ pub fn build_opened(
         pieces: turned.map(|(report, _)| report),
         inside_out,
         turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
-        device: options.resources.device.as_ref().map(Vulkan::take_report),
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
         open_edges: open.open_edges,
         loops: open.loops,
@@ -444,8 +455,12 @@ impl Task {
         self.keep(found)
     }
 
-    /// Passes on a result. If the user or the system is why it is an error, what there is so far is kept.
+    /// Passes on a result. If the user or the system is why it is an error, what there is so far is kept; if a device is,
+    /// nothing of it.
     pub fn keep<T>(&mut self, result: Result<T>) -> Result<T> {
+        if matches!(result, Err(Error::Distrusted { .. })) {
+            self.writer.give_up();
+        }
         let Err(error @ (Error::Interrupted | Error::Io { .. })) = result else { return result };
         // If the store itself can no longer be written, what was committed before is there.
         let committed = self.writer.commit();
@@ -575,31 +590,4 @@ fn require_open_room(facets: u64, resources: &Resources) -> Result<()> {
         ),
         "allow more with --memory, or close the surface",
     ))
-}
-
-/// Time by phase.
-pub(super) struct Clock {
-    last: Instant,
-    laps: Vec<(&'static str, f64)>,
-}
-
-impl Default for Clock {
-    fn default() -> Self {
-        Clock { last: Instant::now(), laps: Vec::new() }
-    }
-}
-
-impl Clock {
-    pub fn lap(&mut self, phase: &'static str) {
-        let elapsed: Duration = self.last.elapsed();
-        self.last = Instant::now();
-        self.laps.push((phase, elapsed.as_secs_f64()));
-    }
-
-    /// As [`Self::lap`], of a phase that not every build has.
-    pub fn lap_if(&mut self, there: bool, phase: &'static str) {
-        if there {
-            self.lap(phase);
-        }
-    }
 }

@@ -101,7 +101,11 @@ impl Field for Soup {
     ) -> Result<SoupEvaluation<'a>> {
         let SoupEvaluator { cpu, nodes, .. } = evaluator;
         let node = Leaf { key, corner, array: list.array, indices: list.indices };
-        match self.device.as_ref().and_then(|device| nodes.take(device, key)) {
+        let found = match &self.device {
+            Some(device) => nodes.take_checked(device, cpu, &node)?,
+            None => None,
+        };
+        match found {
             Some(found) => Ok(SoupEvaluation::There(DeviceEvaluation { found, node, evaluator: cpu })),
             None => Ok(SoupEvaluation::Here(node.evaluate(cpu)?)),
         }

@@ -1,7 +1,8 @@
 //! The main job straight from toolpaths: beads as analytic solids in, store out.
 
+use super::clock::Clock;
 use super::identity::{Leaves, Named, write_identity};
-use super::pipeline::{BuildOptions, Clock, Summary, Task, describe, place};
+use super::pipeline::{BuildOptions, Summary, Task, describe, place};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
 use super::weigh::weigh_pieces;

@@ -71,10 +71,13 @@ impl Context {
     pub fn wait(&self, semaphore: vk::Semaphore, value: u64) -> Result<(), Failure> {
         /// A batch takes milliseconds on a GPU, and a second on a processor that does a GPU's work beside its own.
         const PATIENCE_NS: u64 = 120_000_000_000;
+        let stalls = self.hardware.strike(Stage::Stall).is_some();
+        // What nobody has asked for never comes.
+        let (value, patience) = if stalls { (value + 1, PATIENCE_NS / 1000) } else { (value, PATIENCE_NS) };
         let (semaphores, values) = ([semaphore], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore is a timeline of this device.
-        let done = unsafe { self.raw.wait_semaphores(&info, PATIENCE_NS) };
+        let done = unsafe { self.raw.wait_semaphores(&info, patience) };
         if done == Err(vk::Result::TIMEOUT) {
             // What it is still using must stay where it is.
             self.abandoned.store(true, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! A device opened for work.
 
 use super::context::Context;
-use super::failure::{Failure, Fault, Unavailable};
+use super::failure::{Failure, Fault, Unavailable, WrongAnswer};
 use super::hardware::Hardware;
 use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::kernels::Kernels;
@@ -122,6 +122,11 @@ impl Gpu {
     /// For tests: lets calls fail.
     pub fn inject(&self, fault: Fault) {
         self.context.hardware.inject(fault);
+    }
+
+    /// For tests: has what the device computes overwritten before it is read.
+    pub fn spoil(&self, wrong: WrongAnswer) {
+        self.context.hardware.spoil(wrong);
     }
 
     pub(super) fn check(&self) -> Result<(), Failure> {

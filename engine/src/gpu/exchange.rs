@@ -152,6 +152,17 @@ impl Exchange {
     }
 }
 
+/// For tests, which spoil what was read back.
+impl Exchange {
+    /// As [`Exchange::bytes`], to be overwritten.
+    pub fn bytes_mut(&mut self, number: usize, part: usize, length: u64) -> &mut [u8] {
+        match &mut self.staging {
+            Some(Staging { read, places, .. }) => read.bytes_mut(number, places[part].0, length),
+            None => self.device.bytes_mut(number, self.ranges[self.read[part]].0, length),
+        }
+    }
+}
+
 impl Upload {
     /// Records copies and zeros, and that kernels wait for them.
     pub fn record(&self, slot: &Slot) {

@@ -66,6 +66,8 @@ pub enum Stage {
     Submit,
     /// As a batch is waited for.
     Wait,
+    /// As a batch is waited for, too: the device does not come back, for the wait is for work that it never gets.
+    Stall,
     /// As memory is given back: it never is.
     FreeMemory,
     /// As the commands of a batch are given back: they never are.
@@ -84,4 +86,16 @@ pub struct Fault {
     pub times: u32,
     /// What they return.
     pub failure: Failure,
+}
+
+/// What a test writes over what a device has computed, as a wrong driver would.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WrongAnswer {
+    /// Zeros in the place of every batch.
+    Zeros,
+    /// One sample of one brick is 1 more.
+    OneSample {
+        /// How many batches are right before, of those that all threads receive.
+        after: u32,
+    },
 }

@@ -1,6 +1,6 @@
 //! The hardware of a device: what it offers, and what devices opened on it have in common.
 
-use super::failure::{Failure, Fault, Stage, Unavailable};
+use super::failure::{Failure, Fault, Stage, Unavailable, WrongAnswer};
 use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::memory::Use;
 use ash::vk;
@@ -23,6 +23,7 @@ pub(super) struct Hardware {
     allocated: Mutex<Allocated>,
     memory: vk::PhysicalDeviceMemoryProperties,
     faults: Mutex<Vec<Fault>>,
+    wrong: Mutex<Option<WrongAnswer>>,
     pub instance: Instance,
 }
 
@@ -74,6 +75,7 @@ impl Hardware {
             range_max: limits.max_storage_buffer_range.into(),
             memory,
             faults: Mutex::new(Vec::new()),
+            wrong: Mutex::new(None),
             instance,
         })
     }
@@ -131,6 +133,24 @@ impl Hardware {
     /// Lets calls fail, on whichever device they are.
     pub fn inject(&self, fault: Fault) {
         lock(&self.faults).push(fault);
+    }
+
+    /// Has answers overwritten, of whichever device they are.
+    pub fn spoil(&self, wrong: WrongAnswer) {
+        *lock(&self.wrong) = Some(wrong);
+    }
+
+    /// What the batch that has just come is to be overwritten with.
+    pub fn wrong_answer(&self) -> Option<WrongAnswer> {
+        let mut wrong = lock(&self.wrong);
+        match &mut *wrong {
+            Some(WrongAnswer::OneSample { after: after @ 1.. }) => {
+                *after -= 1;
+                None
+            }
+            Some(WrongAnswer::OneSample { .. }) => wrong.take(),
+            all => *all,
+        }
     }
 
     /// The failure that was injected for here and now, if one was.

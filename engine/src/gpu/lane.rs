@@ -2,13 +2,15 @@
 
 use super::device::Gpu;
 use super::exchange::Exchange;
-use super::failure::Failure;
+use super::failure::{Failure, WrongAnswer};
 use super::kernels::{Kernels, Sets};
 use super::memory::Range;
 use super::sizes::{CHAINS, READ, Sizes, UPLOADED, ZEROED};
 use super::slot::{KERNELS, Seconds, Slot};
 use ash::vk;
-use brickfield_shaders::{Batch, Brick, JUMP_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, WORKGROUP};
+use brickfield_shaders::{
+    Batch, Brick, JUMP_WORDS, LINE_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, VARIES, WORKGROUP,
+};
 use std::collections::VecDeque;
 
 /// Batches under way.
@@ -205,8 +207,38 @@ impl Lane {
         self.slots[slot].wait()?;
         self.clean[slot] = clean;
         let seconds = self.slots[slot].seconds()?;
+        if let Some(wrong) = self.gpu.context.hardware.wrong_answer() {
+            self.spoil(slot, &load, wrong);
+        }
         self.received = Some((slot, load));
         Ok(seconds)
+    }
+
+    /// Overwrites what was received, for tests.
+    fn spoil(&mut self, slot: usize, load: &Sizes, wrong: WrongAnswer) {
+        let lengths = load.lengths();
+        match wrong {
+            WrongAnswer::Zeros => {
+                (0..READ.len()).for_each(|n| self.buffers.bytes_mut(slot, n, lengths[READ[n]]).fill(0));
+            }
+            WrongAnswer::OneSample { .. } => {
+                let bricks: &[Brick] = bytemuck::cast_slice(self.buffers.bytes(slot, 0, lengths[READ[0]]));
+                let Some(brick) = bricks.iter().position(|brick| brick.flags & VARIES != 0) else {
+                    // Of uniform bricks samples are not read.
+                    return self.gpu.spoil(wrong);
+                };
+                // The first sample of a row in its middle; the jump behind it leads on as before.
+                let row = ROWS as usize / 2;
+                let rows: &mut [[[u32; 2]; ROWS as usize]] =
+                    bytemuck::cast_slice_mut(self.buffers.bytes_mut(slot, 2, lengths[READ[2]]));
+                let [start, touched] = rows[brick][row];
+                rows[brick][row] = [start.wrapping_add(1), touched | 1];
+                let jumps: &mut [[u32; JUMP_WORDS as usize]] =
+                    bytemuck::cast_slice_mut(self.buffers.bytes_mut(slot, 1, lengths[READ[1]]));
+                let word = &mut jumps[brick][row * LINE_WORDS as usize];
+                *word = word.wrapping_sub(1);
+            }
+        }
     }
 
     /// What the device made of the batch that was received; `None` if it was released.

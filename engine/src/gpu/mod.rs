@@ -26,7 +26,7 @@ mod swapchain;
 
 pub use brute::AngleSums;
 pub use device::{Gpu, Settings};
-pub use failure::{Failure, Fault, Stage, Unavailable};
+pub use failure::{Failure, Fault, Stage, Unavailable, WrongAnswer};
 pub use instance::{DeviceInfo, DeviceKind, devices, may_be_there};
 pub use lane::{BatchInput, BatchOutput, Lane};
 pub use present::{Outcome, Presenter};

@@ -4,7 +4,7 @@
 use super::context::Context;
 use super::device::Gpu;
 use super::exchange::{Exchange, Layout};
-use super::failure::Failure;
+use super::failure::{Failure, WrongAnswer};
 use super::kernels::{Kernels, Sets};
 use super::memory::{Arena, Range, Use, end_of, in_a_row};
 use super::slot::Slot;
@@ -238,6 +238,11 @@ impl SumLane {
         let (number, rows) = self.pending.pop_front().expect("a batch is under way");
         self.slots[number].wait()?;
         let seconds = self.slots[number].seconds()?.map(|seconds| seconds.kernels[0]);
+        match self.tree.gpu.context.hardware.wrong_answer() {
+            Some(WrongAnswer::Zeros) => self.buffers.bytes_mut(number, 0, rows as u64 * 16).fill(0),
+            Some(WrongAnswer::OneSample { .. }) => self.buffers.bytes_mut(number, 0, 1)[0] ^= 1,
+            None => {}
+        }
         Ok((bytemuck::cast_slice(self.buffers.bytes(number, 0, rows as u64 * 16)), seconds))
     }
 

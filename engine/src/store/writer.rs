@@ -57,6 +57,8 @@ pub struct StoreWriter {
     written: u64,
     write_back: WriteBack,
     state: State,
+    /// Whether nothing of it is to be kept.
+    is_given_up: bool,
     /// What to do about records that do not fit together.
     remedy: &'static str,
     scratch: Scratch,
@@ -148,6 +150,7 @@ impl StoreWriter {
             written: 0,
             write_back: WriteBack::default(),
             state: State::Open,
+            is_given_up: false,
             remedy: BUG,
             scratch: Scratch::new(),
             payload: Vec::new(),
@@ -296,6 +299,11 @@ impl StoreWriter {
     /// The unfinished file and how many nodes in it are safe, if there are any: dropped now, the writer leaves them.
     pub fn unfinished(&self) -> Option<(PathBuf, u64)> {
         self.journal.has_commits().then(|| (self.part_path.clone(), self.journal.nodes()))
+    }
+
+    /// Gives up what was appended, and what was committed before: dropped now, the writer leaves no file.
+    pub fn give_up(&mut self) {
+        self.is_given_up = true;
     }
 
     /// Sorts and checks the index, commits, makes the file durable and gives it its final name. The numbers of
@@ -473,7 +481,7 @@ impl Drop for StoreWriter {
     fn drop(&mut self) {
         // The thread holds the file, and with it the lock. What it met was told, or the store is given up.
         let _ = self.write_back.finish();
-        if self.state != State::Finished && !self.journal.has_commits() {
+        if self.state != State::Finished && (self.is_given_up || !self.journal.has_commits()) {
             // Nobody is left to tell; the next writer empties the file.
             let _ = self.disk.remove(&self.part_path);
             self.journal.remove(&*self.disk);

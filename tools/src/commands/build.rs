@@ -6,7 +6,7 @@ use super::{open_inputs, start};
 use crate::args::{BackendArgs, BeadsArg, BuildArgs, CountArg, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
-use crate::devices::{Chosen, choose};
+use crate::devices::{Chosen, DeviceCheckArg, choose};
 use crate::failure::Failure;
 use crate::kinds::require_inputs;
 use crate::memory;
@@ -44,6 +44,7 @@ pub(super) struct Plan {
     pub(super) units: Unit,
     options: BuildOptions,
     pub(super) backend: BackendArgs,
+    device_check: DeviceCheckArg,
     memory: Option<Size>,
     mesh: Option<PathBuf>,
     json: bool,
@@ -105,6 +106,7 @@ impl TryFrom<BuildArgs> for Plan {
             inputs,
             output,
             backend,
+            device_check,
             memory,
             mesh,
             json,
@@ -127,6 +129,7 @@ impl TryFrom<BuildArgs> for Plan {
             units,
             options,
             backend,
+            device_check,
             memory,
             mesh,
             json,
@@ -181,7 +184,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     }
     choose_solids(&mut plan, &inputs, clouds.is_some())?;
     let chosen = choose(&plan.backend, plan.memory, not_for_devices(&plan.options, clouds.is_some()))?;
-    plan.options.resources.device = chosen.device();
+    plan.options.resources.device = chosen.device().map(|device| device.with_check(plan.device_check.into()));
     let open_seconds = started.elapsed().as_secs_f64();
     let budget = memory::budget(plan.memory);
     plan.options.resources.memory = match &clouds {

@@ -89,6 +89,9 @@ impl Report {
         let explicit = plan.backend.backend == BackendArg::Vulkan || plan.backend.device.is_some();
         let device_warning = match (&cpu, &summary.device) {
             (Some(why), _) if explicit => Some(format!("--backend vulkan: {why}")),
+            (_, Some(DeviceReport { wrong: Some(wrong), .. })) => Some(format!(
+                "{wrong}; the device was dropped, and the store was built anew by the processor alone"
+            )),
             (_, Some(DeviceReport { name, cpu_bricks, failure: Some(failure), .. })) => Some(format!(
                 "{name}: {failure}; the processor evaluated {cpu_bricks} bricks in its place, with the same result"
             )),
@@ -261,6 +264,9 @@ impl Report {
         let Some(report) = &self.summary.device else {
             return self.processor.as_ref().map(|why| format!("  backend  processor: {why}"));
         };
+        if report.wrong.is_some() {
+            return Some(format!("  backend  processor: {} computed a wrong brick", report.name));
+        }
         let DeviceReport { name, bricks, cpu_bricks, batches, samples, settled, .. } = report;
         let DeviceReport { upload_seconds, kernel_seconds, read_seconds, sum_seconds, .. } = report;
         let kernels: f64 = kernel_seconds.iter().sum::<f64>() + sum_seconds;
@@ -273,7 +279,13 @@ impl Report {
             0 => String::new(),
             _ => format!("; {:.1}% of samples settled here", 100.0 * *settled as f64 / *samples as f64),
         };
-        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}{close}"))
+        let checked = match report.checked {
+            0 => String::new(),
+            n => format!(", {n} checked"),
+        };
+        Some(format!(
+            "  backend  {name}: {bricks} bricks in {batches} batches{checked}{others}; {times}{close}"
+        ))
     }
 }
 

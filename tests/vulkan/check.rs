@@ -1,0 +1,140 @@
+//! What a device computes is believed only as far as it is checked: wrong answers are planted, found, told, and made good.
+
+use crate::backend::{Backend, open, open_staged, options, reference, silent};
+use crate::suite::{Stop, deciding, less, open_data};
+use brickfield_engine::backend::{DeviceCheck, DeviceReport, Vulkan};
+use brickfield_engine::build::BuildOptions;
+use brickfield_engine::gpu::{Failure, Fault, Stage, WrongAnswer};
+use brickfield_engine::ingest::Input;
+use brickfield_engine::{Error, Silent};
+
+fn on(device: Vulkan, check: DeviceCheck, wrong: Option<WrongAnswer>) -> Backend {
+    wrong.into_iter().for_each(|wrong| device.gpu().spoil(wrong));
+    Backend { device: Some(device.with_check(check)), threads: 2 }
+}
+
+/// Holds a store that is built on a device with wrong answers against the processor's, and the report against the device.
+fn found_in(backend: &Backend, input: &Input, depth: u8, options: &BuildOptions) -> DeviceReport {
+    let expected = Backend { device: None, threads: 1 }.build_with(input, depth, options).0;
+    let (store, summary) = backend.build_with(input, depth, options);
+    let report = summary.device.unwrap();
+    assert!(store == expected, "{}: {report:?}", input.path().display());
+    let info = backend.device.as_ref().unwrap().gpu().info();
+    let wrong = report.wrong.as_deref().expect("the wrong brick is told");
+    assert!(wrong.contains(&info.name) && wrong.contains(&info.driver) && !wrong.contains('\n'), "{wrong}");
+    silent(backend);
+    report
+}
+
+/// Inputs whose bricks come from each set of kernels.
+fn of_each_kernel() -> [(Input, u8, BuildOptions); 3] {
+    let (_folder, holed) = less("stl/spot40_model.stl", 7);
+    [
+        (open_data("stl/clover_beads.stl"), 4, options(4)),
+        (open_data("stl/clover_beads.stl"), 4, deciding(4)[2].clone()),
+        (holed, 2, options(2)),
+    ]
+}
+
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn a_driver_that_returns_zeros_is_found() {
+    for (input, depth, options) in of_each_kernel() {
+        for open in [open, open_staged] {
+            let backend = on(open(0), DeviceCheck::Some, Some(WrongAnswer::Zeros));
+            let report = found_in(&backend, &input, depth, &options);
+            assert!((1..20).contains(&report.checked), "{report:?}");
+        }
+    }
+}
+
+/// Far into a build, in one brick alone: if all are checked.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn one_wrong_sample_is_found_if_all_bricks_are_checked() {
+    for (input, depth, options) in of_each_kernel() {
+        for after in [0, 3] {
+            let wrong = WrongAnswer::OneSample { after };
+            found_in(&on(open(0), DeviceCheck::All, Some(wrong)), &input, depth, &options);
+        }
+    }
+}
+
+/// Without a check it is written, unless the brick contradicts itself: the tests above can fail.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn without_a_check_wrong_samples_are_written() {
+    let mut written = 0;
+    for (input, depth, options) in of_each_kernel() {
+        let expected = Backend { device: None, threads: 1 }.build_with(&input, depth, &options).0;
+        for after in 0..4 {
+            let backend = on(open(0), DeviceCheck::None, Some(WrongAnswer::OneSample { after }));
+            let (store, summary) = backend.build_with(&input, depth, &options);
+            let report = summary.device.unwrap();
+            assert_eq!((store == expected, report.checked), (report.wrong.is_some(), 0), "{report:?}");
+            written += u32::from(report.wrong.is_none());
+        }
+    }
+    assert!(written > 0);
+}
+
+/// What an earlier run has made durable goes, too: nobody knows whether it is right.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn what_was_committed_before_is_given_up() {
+    let input = open_data("clover.gcode");
+    let expected = reference(&input, 4);
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("part.brf");
+    let mut options = options(4);
+    options.keeping.pace = std::time::Duration::ZERO;
+    // The first run writes a wrong sample.
+    let first = on(open(0), DeviceCheck::None, Some(WrongAnswer::OneSample { after: 0 }));
+    let stopped = first.build_at(&input, &out, &options, &Stop::default()).unwrap_err();
+    assert!(matches!(stopped, Error::Suspended { nodes: 1.., .. }), "{stopped}");
+    let second = on(open(0), DeviceCheck::Some, Some(WrongAnswer::Zeros));
+    let summary = second.build_at(&input, &out, &options, &Silent).unwrap();
+    assert!(summary.device.unwrap().wrong.is_some());
+    assert!(std::fs::read(&out).unwrap() == expected);
+    let names: Vec<_> =
+        std::fs::read_dir(directory.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(names, ["part.brf"]);
+}
+
+/// The wait for it is a real one, of the driver's; only patience is shorter.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn a_driver_that_hangs_is_given_up() {
+    for (input, depth, options) in of_each_kernel() {
+        for after in [0, 3] {
+            let device = open(0);
+            device.gpu().inject(Fault { stage: Stage::Stall, after, times: 1, failure: Failure::Timeout });
+            let backend = on(device, DeviceCheck::Some, None);
+            let expected = Backend { device: None, threads: 1 }.build_with(&input, depth, &options).0;
+            let (store, summary) = backend.build_with(&input, depth, &options);
+            let report = summary.device.unwrap();
+            assert!(store == expected, "{report:?}");
+            assert_eq!(report.failure, Some(Failure::Timeout.to_string()));
+            assert!(report.cpu_bricks > 0 && report.wrong.is_none(), "{report:?}");
+        }
+    }
+}
+
+/// A device that is right is checked as far as asked for, and goes on.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn as_many_bricks_are_checked_as_asked_for() {
+    for (input, depth, options) in of_each_kernel() {
+        for check in [DeviceCheck::All, DeviceCheck::Some, DeviceCheck::None] {
+            let backend = on(open(0), check, None);
+            let report = backend.build_with(&input, depth, &options).1.device.unwrap();
+            assert_eq!((report.wrong, report.failure), (None, None));
+            let most = match check {
+                DeviceCheck::All => report.bricks..=report.bricks,
+                DeviceCheck::Some => 1..=report.bricks / 8 + 4,
+                DeviceCheck::None => 0..=0,
+            };
+            assert!(most.contains(&report.checked), "{check:?}: {} of {}", report.checked, report.bricks);
+        }
+    }
+}
