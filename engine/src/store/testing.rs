@@ -5,7 +5,7 @@ use super::{
     Numbers, Refine, Scratch, SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter, cells_of,
     encode_segments, encode_with,
 };
-use crate::brick::{Brick, Count, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
 use std::path::Path;
 
