@@ -80,7 +80,7 @@ fn retraced() -> PassFile {
 /// Lines of a raster in the direction of an angle, connected at their ends by turns.
 fn raster(name: &'static str, lines: u32, length: f64, pitch: f64, degrees: f64) -> PassFile {
     let (sin, cos) = sin_cos(degrees * PI / 180.0);
-    let ends = |line: u32| if line % 2 == 0 { [0.0, length] } else { [length, 0.0] };
+    let ends = |line: u32| if line.is_multiple_of(2) { [0.0, length] } else { [length, 0.0] };
     let point = |x: f64, line: u32| {
         let y = pitch * f64::from(line);
         [cos * x - sin * y, sin * x + cos * y, HEIGHT]

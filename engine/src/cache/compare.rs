@@ -338,12 +338,11 @@ fn lists(first: &Store, second: &Store, progress: &dyn Progress) -> Result<Compa
     Ok(found)
 }
 
+/// Pass or bead, section, ends and line of a segment.
+type Named = (u32, u32, Units, Units, u64);
+
 /// The segments of a leaf's list. In which order it names those of a bead says nothing, nor does naming one twice.
-fn segments(
-    store: &Store,
-    key: NodeKey,
-    tables: &BeadTables,
-) -> Result<BTreeSet<(u32, u32, Units, Units, u64)>> {
+fn segments(store: &Store, key: NodeKey, tables: &BeadTables) -> Result<BTreeSet<Named>> {
     let segments = store.segments(key, tables)?;
     Ok(segments.iter().map(|s| (s.pass, s.section, s.a, s.b, s.line)).collect())
 }

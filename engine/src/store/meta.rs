@@ -65,7 +65,7 @@ pub struct BeadsMeta {
     /// Where leaves say which beads they count; place and sizes are filled in by the writer. `None` if that
     /// was not asked for.
     pub identity: Option<IdentityPlace>,
-    /// Passes of all beads, if the samples count those; `None` if they count beads. An [`Addition`].
+    /// Passes of all beads, if the samples count those; `None` if they count beads. It stands behind all else in the file.
     #[serde(skip)]
     pub passes: Option<u64>,
 }

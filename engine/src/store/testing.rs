@@ -5,7 +5,7 @@ use super::{
     Numbers, Refine, Scratch, SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter, cells_of,
     encode_segments, encode_with,
 };
-use crate::brick::{Brick, Count, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
 use std::path::Path;
 
@@ -185,12 +185,49 @@ pub fn lists() -> Vec<(NodeKey, Vec<BeadSegment>)> {
 
 /// Appends them.
 fn append_lists(writer: &mut StoreWriter) {
-    writer.begin_identity(tables());
-    for (key, list) in lists() {
+    append_lists_of(writer, tables(), lists());
+}
+
+fn append_lists_of(writer: &mut StoreWriter, tables: BeadTables, lists: Vec<(NodeKey, Vec<BeadSegment>)>) {
+    let count = tables.count();
+    writer.begin_identity(tables);
+    for (key, list) in lists {
         let mut bytes = Vec::new();
-        encode_segments(&list, Count::Beads, &mut bytes);
+        encode_segments(&list, count, &mut bytes);
         writer.append_identity(key, &bytes).expect("room on the disk");
     }
+}
+
+/// Metadata of the small tree as one of passes.
+pub fn meta_of_passes() -> Meta {
+    let meta = meta_of_beads();
+    Meta { beads: meta.beads.map(|beads| BeadsMeta { passes: Some(3), ..beads }), ..meta }
+}
+
+/// The two beads, the first of which has two passes.
+pub fn tables_of_passes() -> BeadTables {
+    BeadTables { passes: vec![0, 2, 3], ..tables() }
+}
+
+/// Their segments with passes and lines.
+pub fn lists_of_passes() -> Vec<(NodeKey, Vec<BeadSegment>)> {
+    let mut lists = lists();
+    for segment in lists.iter_mut().flat_map(|(_, list)| list) {
+        (segment.pass, segment.line) = match (segment.pass, segment.b[0]) {
+            (1, _) => (2, 13),
+            (_, 0x70_0000) => (1, 12),
+            _ => (0, 10),
+        };
+    }
+    lists
+}
+
+/// Writes the small tree as one of passes.
+pub fn write_passes(path: &Path) {
+    let mut writer = StoreWriter::create(path, &meta_of_passes()).expect("a writable directory");
+    append_all(&mut writer);
+    append_lists_of(&mut writer, tables_of_passes(), lists_of_passes());
+    writer.finish(meta_of_passes()).expect("a complete tree");
 }
 
 /// Writes the small tree as one of beads.

@@ -1,7 +1,8 @@
 use super::layout::*;
 use super::testing::{
-    brick_at, fractions, lists, meta, meta_of_share, nodes, nodes_of_share, tables, tree, write, write_beads,
-    write_fractions, write_range, write_range_fractions, write_share,
+    brick_at, fractions, lists, lists_of_passes, meta, meta_of_share, nodes, nodes_of_share, tables,
+    tables_of_passes, tree, write, write_beads, write_fractions, write_passes, write_range,
+    write_range_fractions, write_share,
 };
 use super::*;
 use crate::brick::Brick;
@@ -406,12 +407,13 @@ fn golden_path(version: &str, name: &str) -> PathBuf {
 type Golden = (&'static str, &'static str, fn(&Path));
 
 /// The golden files of today.
-const WRITTEN_NOW: [Golden; 6] = [
+const WRITTEN_NOW: [Golden; 7] = [
     ("v1", "boxes-palette.brf", write),
     ("v1", "fractions-palette.brf", write_fractions),
     ("v1", "boxes-range.brf", write_range),
     ("v1", "fractions-range.brf", write_range_fractions),
     ("v2", "beads-palette.brf", write_beads),
+    ("v2", "passes-palette.brf", write_passes),
     ("v3", "share-palette.brf", write_share),
 ];
 
@@ -458,6 +460,20 @@ fn golden_files_of_beads_are_read() {
             assert_eq!(store.segments(key, &read).unwrap(), list);
         }
         assert_eq!(store.segments(NodeKey::ROOT, &read).unwrap(), []);
+    }
+}
+
+#[test]
+fn golden_files_of_passes_are_read() {
+    let path = golden_path("v2", "passes-palette.brf");
+    assert!(answers_right(&path));
+    let store = Store::open(&path, 0).unwrap();
+    assert_eq!(store.meta().beads.as_ref().unwrap().passes, Some(3));
+    let read = store.bead_tables().unwrap().expect("the store tells beads apart");
+    assert_eq!(read, tables_of_passes());
+    for (key, list) in lists_of_passes() {
+        assert_eq!(store.segments(key, &read).unwrap(), list);
+        assert!(list.iter().all(|segment| segment.line >= 10));
     }
 }
 

@@ -4,24 +4,27 @@ use crate::toolpath::{Attributes, BeadView, Section};
 const NAMES: [&str; 5] = ["External perimeter", "Solid infill", "Internal infill", "Skirt/Brim", "unnamed"];
 const HEIGHT: f64 = 0.2;
 
+/// Corners and width.
+type Path = (Vec<[f64; 2]>, f64);
+
 /// A raster of 20 mm by 20 mm, connected at its ends.
-fn raster(width: f64, pitch: f64, degrees: f64) -> (Vec<[f64; 2]>, f64) {
+fn raster(width: f64, pitch: f64, degrees: f64) -> Path {
     let (sin, cos) = (libm::sin(degrees.to_radians()), libm::cos(degrees.to_radians()));
     let count = (20.0 / pitch) as usize;
-    let ends = |line: usize| if line % 2 == 0 { [0.0, 20.0] } else { [20.0, 0.0] };
+    let ends = |line: usize| if line.is_multiple_of(2) { [0.0, 20.0] } else { [20.0, 0.0] };
     let line = |line| ends(line).map(|x| (x, line as f64 * pitch));
     let points = (0..count).flat_map(line).map(|(x, y)| [cos * x - sin * y, sin * x + cos * y]);
     (points.collect(), width)
 }
 
 /// A square with its centre at the origin.
-fn square(side: f64) -> (Vec<[f64; 2]>, f64) {
+fn square(side: f64) -> Path {
     let h = 0.5 * side;
     (vec![[-h, -h], [h, -h], [h, h], [-h, h], [-h, -h]], 0.4)
 }
 
 /// Layers of beads, each with its feature.
-fn fills(layers: &[Vec<(u16, (Vec<[f64; 2]>, f64))>]) -> Vec<LayerFill> {
+fn fills(layers: &[Vec<(u16, Path)>]) -> Vec<LayerFill> {
     let mut fills = LayerFills::default();
     let mut line = 0;
     for (layer, beads) in layers.iter().enumerate() {
@@ -81,7 +84,7 @@ fn without_names_only_layers_of_one_raster_are_judged() {
 fn the_room_is_what_the_outline_holds() {
     let hole: Vec<[f64; 2]> = square(10.0).0.into_iter().rev().collect();
     let beads = vec![(3, square(60.0)), (0, square(40.0)), (0, (hole, 0.4)), (1, raster(0.4, 0.8, 0.0))];
-    let found = fills(&[beads.clone()]);
+    let found = fills(std::slice::from_ref(&beads));
     let room = (40.0 * 40.0 + 0.2 * 160.0 + 0.04 * std::f64::consts::PI)
         - (10.0 * 10.0 - 0.2 * 40.0 + 0.04 * std::f64::consts::PI);
     assert!((found[0].room.unwrap() - room * HEIGHT).abs() < 1e-9, "{found:?} {room}");

@@ -50,7 +50,7 @@ fn turns(count: f64, steps: u32, at: impl Fn(f64) -> (f64, f64)) -> Vec<[f64; 3]
 
 /// Lines of a raster, connected at their ends.
 fn raster(lines: usize, length: f64, pitch: f64) -> Vec<[f64; 3]> {
-    let ends = |line: usize| if line % 2 == 0 { [0.0, length] } else { [length, 0.0] };
+    let ends = |line: usize| if line.is_multiple_of(2) { [0.0, length] } else { [length, 0.0] };
     let line = |line| ends(line).map(|x| [x, line as f64 * pitch]);
     flat(&(0..lines).flat_map(line).collect::<Vec<_>>())
 }
