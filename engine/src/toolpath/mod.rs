@@ -7,6 +7,7 @@
 //! Lengths are millimetres, volumes cubic millimetres, whatever the file's unit.
 
 pub mod gcode;
+mod layers;
 
 use crate::error::Result;
 use std::f64::consts::FRAC_PI_4;

@@ -65,7 +65,8 @@ fn bead(tables: &BeadTables, number: u32) -> PointBead<'_> {
     PointBead {
         bead: number,
         source: row.source,
-        layer: row.layer,
+        // Of the store's layers the first is 0; people count from 1.
+        layer: row.layer + 1,
         tool: row.tool,
         feature: &tables.features[usize::from(row.feature)],
         first_line: row.lines.0,
