@@ -185,7 +185,7 @@ fn beads_are_solids_unless_triangles_are_asked_for() {
     // The crossing counts two beads, the joint of one bead counts one.
     assert_eq!(counts, ["1", "2", "1", "0"], "{}", out.stdout);
     let which = out.stdout.lines().nth(2).unwrap();
-    assert!(which.contains("\"0.0:0:0:0:3-3:") && which.contains(";1.0:0:0:0:8-8:"), "{which}");
+    assert!(which.contains("\"0.0:0:1:0:3-3:") && which.contains(";1.0:0:1:0:8-8:"), "{which}");
     let info = run(&[&"info", &store]).stdout;
     assert!(info.contains("2 in 2 passes as solids, stadium section, 4 segments, told apart"), "{info}");
     assert_eq!(run(&[&"verify", &store]).status, Some(0));

@@ -44,20 +44,28 @@ fn pixels_are_the_exact_winding_numbers() {
             run(&[&"export", &store, &"--level", &"2", &"-o", &dir.path("w.npy"), &"--json"]).json();
         let first = number(&spacing["origin"][across]);
         let layer = first + ((origin[across] - first) / pixel + 0.5).floor() * pixel;
-        let (mut csv, mut chosen) = (String::new(), Vec::new());
-        for n in (0..width * height).step_by(11) {
-            let mut point = [layer; 3];
-            point[sides[0]] = origin[sides[0]] + (n % width) as f64 * pixel;
-            point[sides[1]] = origin[sides[1]] + (height - 1 - n / width) as f64 * pixel;
-            csv += &format!("{},{},{}\n", point[0], point[1], point[2]);
-            chosen.push(pixels[n]);
-        }
-        let exact = run_with(&[&"winding", &stl(name), &"--points", &"-"], &csv).ok();
+        let chosen: Vec<usize> = (0..width * height).step_by(11).collect();
+        // w at all chosen pixels, at some coordinate of the third axis.
+        let exact_at = |coordinate: f64| -> Vec<f64> {
+            let mut csv = String::new();
+            for n in &chosen {
+                let mut point = [coordinate; 3];
+                point[sides[0]] = origin[sides[0]] + (n % width) as f64 * pixel;
+                point[sides[1]] = origin[sides[1]] + (height - 1 - n / width) as f64 * pixel;
+                csv += &format!("{},{},{}\n", point[0], point[1], point[2]);
+            }
+            let exact = run_with(&[&"winding", &stl(name), &"--points", &"-"], &csv).ok();
+            exact.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect()
+        };
+        let (there, nearest) = (exact_at(origin[across]), exact_at(layer));
         let mut seen = std::collections::BTreeSet::new();
-        for (line, pixel) in exact.lines().skip(1).zip(chosen) {
-            let w: f64 = line.rsplit(',').next().unwrap().parse().unwrap();
-            assert_eq!(Scale::Counted.colour(w)[..3], pixel, "{name}: {line}");
-            seen.insert(w as i32);
+        for ((n, there), nearest) in chosen.iter().zip(there).zip(nearest) {
+            // Inside and outside are the plane's own, and w that of the nearest sample on the same side.
+            if (there >= 1.0) == (nearest >= 1.0) {
+                assert_eq!(Scale::Counted.colour(nearest)[..3], pixels[*n], "{name}: pixel {n}");
+            }
+            assert_eq!(there >= 1.0, pixels[*n] != Scale::Counted.colour(0.0)[..3], "{name}: pixel {n}");
+            seen.insert(there as i32);
         }
         assert!(seen.len() >= 2, "{seen:?}");
     }

@@ -30,9 +30,9 @@ fn found_in(backend: &Backend, input: &Input, depth: u8, options: &BuildOptions)
 fn of_each_kernel() -> [(Input, u8, BuildOptions); 3] {
     let (_folder, holed) = less("stl/spot40_model.stl", 7);
     [
-        (open_data("stl/clover_beads.stl"), 4, options(4)),
-        (open_data("stl/clover_beads.stl"), 4, deciding(4)[2].clone()),
-        (holed, 2, options(2)),
+        (open_data("stl/clover_beads.stl"), 3, options(3)),
+        (open_data("stl/clover_beads.stl"), 3, deciding(3)[2].clone()),
+        (holed, 1, options(1)),
     ]
 }
 

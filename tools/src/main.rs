@@ -12,6 +12,7 @@ mod devices;
 mod failure;
 mod interrupt;
 mod kinds;
+mod measured;
 mod memory;
 mod npy;
 mod output;

@@ -1,7 +1,8 @@
 //! What the user types for pictures.
 
 use crate::args::{BackendArg, BackendArgs, IoArg, WorkArgs};
-use crate::units::{BoxArg, Length, Position, Size};
+use crate::toolpaths::ToolpathArgs;
+use crate::units::{BoxArg, Length, Position, Size, Tolerance, Unit};
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{BuiltIn, Focus, Style, View};
 use clap::{ArgGroup, Args, ValueEnum};
@@ -11,20 +12,26 @@ use std::str::FromStr;
 
 /// Draw a plane section: w as a picture, or the boundary as closed lines
 #[derive(Args)]
-#[command(group = ArgGroup::new("plane").required(true).args(["x", "y", "z", "all"]))]
+#[command(group = ArgGroup::new("plane").required(true).args(["x", "y", "z", "layer", "all"]))]
 #[command(after_help = "\
 A picture (.png) shows w in colours, to the right and upward x and y, x and z, or y and z. Of closed input and of beads \
-each pixel shows the nearest sample of the finest level, with a colour for each whole number; of open input and \
+each pixel shows the nearest sample of the finest level that is on its side of the boundary, with a colour for each whole \
+number; of open input and \
 point clouds w is interpolated. A pixel is a cell of the finest level or, where the longer side would have fewer than \
 1,000 of them, a whole part of one. Larger pixels (--pixel, --size) average up to 4 × 4 samples.
 
 A drawing (.svg, .dxf) holds the boundary w = 0.5 as closed polylines in the part's coordinates, the inside to their \
-left. Corners lie where the boundary crosses the finest lattice: exact where the plane holds samples, between two \
-layers of samples from the crossings around.
+left. Corners lie where the boundary crosses the finest lattice, and where it bends in between: exact where the plane \
+holds samples, between two layers of samples from the crossings around and their normals. Straight runs are merged \
+(--merge-tolerance).
+
+The area of every section is printed with what it may be off by: the areas between the chords and the tangents of the \
+boundary at its crossings with the lattice. What hides between samples, as a tip thinner than a cell, is not in it.
 
 Examples:
   brickfield slice part.brf --z 12.3mm -o section.png
   brickfield slice part.brf --z 12.3mm -o section.dxf
+  brickfield slice print.brf --layer 17 -o section.svg
   brickfield slice part.brf --all z --pitch 0.2mm -o layers --format svg")]
 pub struct SliceArgs {
     /// The store
@@ -39,6 +46,13 @@ pub struct SliceArgs {
     /// The plane across z at this coordinate
     #[arg(long, value_name = "AT", allow_hyphen_values = true)]
     pub z: Option<Position>,
+    /// The middle of a layer of the toolpath that the store was built from, numbered from 1: half way between the lowest and
+    /// the highest side of its beads. The toolpath is read again, from where it was
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub layer: Option<u32>,
+    /// Where the toolpath is now, for --layer
+    #[arg(long = "toolpath", value_name = "FILE", requires = "layer")]
+    pub toolpath_file: Option<PathBuf>,
     /// Sections all along an axis, as 0001.png and so on in the folder given by -o; the first half a pitch from the
     /// part's lower end, or one in the middle of a part that is thinner than the pitch
     #[arg(long, value_name = "AXIS", value_enum, requires = "pitch")]
@@ -61,6 +75,10 @@ pub struct SliceArgs {
     /// Let every pixel be one sample of the finest level, however few there are
     #[arg(long, conflicts_with = "size")]
     pub samples: bool,
+    /// How far a drawing may be from the section for the sake of fewer points, as in 0.01mm; 0 keeps them all, and by default
+    /// it is a hundredth of a cell
+    #[arg(long, value_name = "LEN")]
+    pub merge_tolerance: Option<Tolerance>,
     /// Leave out title, legend and scale bar: the samples alone
     #[arg(long)]
     pub no_legend: bool,
@@ -77,6 +95,11 @@ pub struct SliceArgs {
     /// Print what was written as JSON, an object a section
     #[arg(long)]
     pub json: bool,
+    /// The unit of a toolpath whose program does not tell it, as in `build`, for --layer
+    #[arg(long, value_enum, requires = "layer")]
+    pub units: Option<Unit>,
+    #[command(flatten)]
+    pub toolpath: ToolpathArgs,
     #[command(flatten)]
     pub work: WorkArgs,
 }

@@ -112,10 +112,13 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        if !self.is_abandoned() {
-            // SAFETY: whatever lies on the device holds a reference to this, so nothing is left of it, and nothing
-            // runs: its owners have waited.
-            unsafe { self.raw.destroy_device(None) };
+        if self.is_abandoned() {
+            // Its driver may still be at work, so that must stay loaded, and the instance behind it: for ever.
+            std::mem::forget(Arc::clone(&self.hardware));
+            return;
         }
+        // SAFETY: whatever lies on the device holds a reference to this, so nothing is left of it, and nothing runs: its
+        // owners have waited.
+        unsafe { self.raw.destroy_device(None) };
     }
 }

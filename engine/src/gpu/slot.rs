@@ -216,7 +216,7 @@ impl Slot {
 
 impl Drop for Slot {
     fn drop(&mut self) {
-        if self.pending {
+        if self.pending && !self.context.is_abandoned() {
             // Whatever comes of it: a device that is lost uses nothing any more, and one that does not answer is
             // abandoned.
             let _ = self.context.wait(self.semaphore, self.value);

@@ -1,9 +1,12 @@
-//! The bricks that a thread looks at.
+//! The bricks that a thread looks at, around a plane.
 
+use super::face::Layer;
+use super::plane::Plane;
 use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey};
 use crate::store::BrickTree;
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// A brick and where its samples lie.
@@ -14,12 +17,21 @@ pub(super) struct Held {
     pub base: [f64; 3],
     /// Distance of samples in units.
     pub spacing: f64,
+    /// The boundary in the plane; made when it is first asked for.
+    layer: OnceCell<Option<Layer>>,
 }
 
 impl Held {
     fn holds(&self, at: [f64; 3]) -> bool {
         let edge = self.spacing * BRICK_CELLS as f64;
         (0..3).all(|a| at[a] >= self.base[a] && at[a] < self.base[a] + edge)
+    }
+
+    /// The boundary in a plane `height` units above the root's first sample, always the same one; `None` if the brick is
+    /// uniform.
+    pub fn layer(&self, plane: Plane, height: f64) -> Option<&Layer> {
+        let height = (height - self.base[plane.axis.index()]) / self.spacing;
+        self.layer.get_or_init(|| Layer::new(&self.brick, plane, height)).as_ref()
     }
 
     /// A position in samples from the brick's first one, 0 to 32.
@@ -74,7 +86,7 @@ impl<'a> AtHand<'a> {
             _ => self.tree.brick(key)?,
         };
         let (base, spacing) = (key.base().map(f64::from), f64::from(1u32 << key.spacing_bits()));
-        self.held.push(Held { key, brick, base, spacing });
+        self.held.push(Held { key, brick, base, spacing, layer: OnceCell::new() });
         Ok(self.held.len() - 1)
     }
 }
@@ -101,7 +113,22 @@ pub(super) fn trilinear(brick: &Brick, at: [f64; 3], value: impl Fn(f64) -> f64)
     mix(face(0), face(1), part[2])
 }
 
-/// The nearest sample's whole number.
-pub(super) fn nearest(brick: &Brick, at: [f64; 3]) -> f64 {
-    f64::from(brick.sample(at.map(|a| ((a + 0.5) as usize).min(BRICK_CELLS))))
+/// The whole number of the nearest sample around a position in the plane that is on the same side of the boundary.
+pub(super) fn nearest(held: &Held, plane: Plane, height: f64, at: [f64; 3]) -> i16 {
+    let Some(layer) = held.layer(plane, height) else { return held.brick.sample([0; 3]) };
+    let uv = plane.within(at);
+    let low = uv.map(|c| (c as usize).min(BRICK_CELLS - 1));
+    // The boundary may pass where samples around are on both sides.
+    let mut around = [(0.0, 0); 8];
+    for (n, (distance, w)) in around.iter_mut().enumerate() {
+        let (corner, above) = ([low[0] + (n & 1), low[1] + (n >> 1 & 1)], n & 4 != 0);
+        let off = [uv[0] - corner[0] as f64, uv[1] - corner[1] as f64, layer.part() - f64::from(above)];
+        *distance = off.iter().map(|c| c * c).sum::<f64>();
+        *w = layer.sample(corner, above);
+    }
+    let is_mixed = around.iter().any(|(_, w)| (*w >= 1) != (around[0].1 >= 1));
+    let is_inside = is_mixed.then(|| layer.is_inside_at(uv));
+    let on_side = around.iter().filter(|(_, w)| is_inside.is_none_or(|inside| (*w >= 1) == inside));
+    // The last of several that are as near, as rounding up gives it.
+    on_side.rev().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, w)| *w)
 }

@@ -2,10 +2,13 @@
 //!
 //! The plane is cut into tiles of 32 × 32 squares of the finest level. Every corner has one sign, that of the brick which
 //! owns it, and every edge one passage, so loops close whatever the levels of the bricks are: each passage is where one
-//! square's stretch of the boundary ends and the next one's begins.
+//! square's stretch of the boundary ends and the next one's begins. Within its square a stretch bends as the normals at its
+//! ends say. A brick of a coarser level is asked for the boundary in its own, larger squares.
 
-use super::at_hand::{AtHand, Held, trilinear};
-use super::face::Layer;
+use super::at_hand::{AtHand, Held};
+use super::cell::stretches;
+use super::face::{Layer, Passage};
+use super::join::{Contour, EdgeId, Part, Place, Stretch, edge};
 use super::plane::Plane;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, BRICK_POINTS, NodeKey, ROOT_BITS, spacing_bits};
@@ -17,7 +20,7 @@ use std::collections::BTreeSet;
 /// Tiles that a thread takes at once: a row of them lies close together in the file.
 const TILES_AT_ONCE: usize = 16;
 /// Memory of a point of a loop while loops are joined.
-const POINT_BYTES: u64 = 96;
+const POINT_BYTES: u64 = 256;
 
 /// Bounds of the work.
 #[derive(Clone, Copy, Debug)]
@@ -28,32 +31,8 @@ pub struct ContourLimits {
     pub memory_bytes: u64,
 }
 
-/// Closed polylines in a plane.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Contour {
-    /// World coordinates by the axes of [`Plane::sides`], first to the right and second upward: the inside lies to the left
-    /// of every loop. The last point is joined to the first.
-    pub loops: Vec<Vec<[f64; 2]>>,
-    /// What they enclose, in square world units.
-    pub area: f64,
-    /// Their length.
-    pub length: f64,
-}
-
-/// Numbers of edges: lower end and side.
-type EdgeId = u64;
-
-/// What a tile adds.
-#[derive(Default)]
-struct Part {
-    /// Passages with their places, in cells from the root's first sample.
-    points: Vec<(EdgeId, [f64; 2])>,
-    /// Stretches of the boundary from passage to passage.
-    stretches: Vec<(EdgeId, EdgeId)>,
-}
-
 /// The boundary w = 0.5 in a plane. Reads the leaves that the plane and the boundary pass, on all threads. Corners of the
-/// result lie on the edges of the finest lattice.
+/// result lie on the edges of the finest lattice, and within its squares where the boundary bends there.
 ///
 /// # Errors
 /// [`Error::Setting`] if there are more points than `limits` allow; [`Error::Interrupted`]; what reading the tree gives.
@@ -93,7 +72,7 @@ pub fn contour(
     }
     let cell = root.spacing(level);
     let [right, up] = plane.sides().map(|side| root.to_world([1.0; 3])[side.index()]);
-    Contour::of(whole, |[u, v]| [right + u * cell, up + v * cell])
+    Contour::of(whole, cell, |[u, v]| [right + u * cell, up + v * cell])
 }
 
 /// The plane as squares of a level's lattice.
@@ -191,17 +170,21 @@ impl Squares<'_> {
 struct Owner<'a> {
     squares: &'a Squares<'a>,
     held: &'a Held,
-    /// Of a brick of the squares' own level that is not uniform.
-    layer: Option<Layer<'a>>,
+    /// The boundary in the brick's own squares, if it is not uniform.
+    layer: Option<&'a Layer>,
+    /// Cells of the squares along one of these.
+    ratio: u32,
 }
 
 impl<'a> Owner<'a> {
     fn of(squares: &'a Squares<'a>, held: &'a Held) -> Owner<'a> {
-        let axis = squares.plane.axis.index();
-        let height = (squares.height - held.base[axis]) / held.spacing;
-        let is_finest = held.key.level() == squares.level;
-        let layer = is_finest.then(|| Layer::new(&held.brick, squares.plane, height)).flatten();
-        Owner { squares, held, layer }
+        let layer = held.layer(squares.plane, squares.height);
+        Owner { squares, held, layer, ratio: 1 << (squares.level - held.key.level()) }
+    }
+
+    /// A corner in the brick's own samples from its first one.
+    fn local(&self, corner: [u32; 2]) -> [f64; 2] {
+        self.squares.plane.within(self.held.local(self.squares.units(corner)))
     }
 
     /// Samples on the root's own faces count as outside, so that every loop closes.
@@ -210,28 +193,34 @@ impl<'a> Owner<'a> {
         if corner.iter().any(|&c| c == 0 || c >= last) {
             return false;
         }
-        match &self.layer {
-            Some(layer) => layer.is_inside(corner.map(|c| c as usize % BRICK_CELLS)),
-            None => self.value(corner) >= 0.5,
+        let Some(layer) = self.layer else { return self.held.brick.sample([0; 3]) >= 1 };
+        match self.ratio {
+            1 => layer.is_inside(corner.map(|c| c as usize % BRICK_CELLS)),
+            _ => layer.is_inside_at(self.local(corner)),
         }
     }
 
-    /// w between the samples of a coarser brick, each taken as 0 to 1, so that overlaps move nothing.
-    fn value(&self, corner: [u32; 2]) -> f64 {
-        let local = self.held.local(self.squares.units(corner));
-        trilinear(&self.held.brick, local, |w| w.clamp(0.0, 1.0))
-    }
-
-    /// Where along an edge from a corner, 0..1, the boundary passes.
-    fn passage(&self, corner: [u32; 2], side: usize) -> f64 {
-        if let Some(layer) = &self.layer {
-            return layer.passage(corner.map(|c| c as usize % BRICK_CELLS), side);
+    /// Where along an edge from a corner the boundary passes; the bound is in cells of the squares.
+    fn passage(&self, corner: [u32; 2], side: usize) -> Passage {
+        let Some(layer) = self.layer else { return Passage::UNKNOWN };
+        let ratio = f64::from(self.ratio);
+        let local = self.local(corner);
+        let low = local.map(|c| c as usize);
+        let part: [f64; 2] = std::array::from_fn(|n| local[n] - low[n] as f64);
+        if self.ratio == 1 {
+            return layer.passage(low, side);
         }
-        let mut end = corner;
-        end[side] += 1;
-        let [a, b] = [corner, end].map(|corner| self.value(corner));
-        let at = (0.5 - a) / (b - a);
-        if (0.0..=1.0).contains(&at) { at } else { 0.5 }
+        if part[1 - side] > 0.0 {
+            let cell = layer.cell(low);
+            return cell.map_or(Passage::UNKNOWN, |cell| cell.passage(part, side, 1.0 / ratio));
+        }
+        // Along one of the brick's own edges.
+        let Passage { at, normal, bound } = layer.passage(low, side);
+        let at = (at - part[side]) * ratio;
+        if !(0.0..=1.0).contains(&at) {
+            return Passage::UNKNOWN;
+        }
+        Passage { at, normal, bound: bound * ratio }
     }
 }
 
@@ -241,97 +230,42 @@ impl Corners {
     }
 
     /// Passages on the edges whose lower end the tile owns.
-    fn passages(&self, first: [u32; 2], owner: &Owner<'_>, points: &mut Vec<(EdgeId, [f64; 2])>) {
+    fn passages(&self, first: [u32; 2], owner: &Owner<'_>, points: &mut Vec<(EdgeId, Place)>) {
         for v in 0..BRICK_CELLS {
             let row = self.inside[v];
             for (side, changes) in [row ^ row >> 1, row ^ self.inside[v + 1]].into_iter().enumerate() {
                 for u in (0..BRICK_CELLS).filter(|u| changes >> u & 1 == 1) {
                     let corner = [first[0] + u as u32, first[1] + v as u32];
                     let mut at = corner.map(f64::from);
-                    at[side] += owner.passage(corner, side);
-                    points.push((edge(corner, side), at));
+                    let Passage { at: along, normal, bound } = owner.passage(corner, side);
+                    at[side] += along;
+                    points.push((edge(corner, side), Place { at, normal, bound }));
                 }
             }
         }
     }
 
-    /// Stretches through the tile's squares, the inside to their left. Of two opposite corners each is kept for itself.
-    fn stretches(&self, first: [u32; 2], stretches: &mut Vec<(EdgeId, EdgeId)>) {
+    /// Stretches through the tile's squares, the inside to their left.
+    fn stretches(&self, first: [u32; 2], found: &mut Vec<Stretch>) {
         for v in 0..BRICK_CELLS {
             for u in 0..BRICK_CELLS {
                 let around =
                     [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[du, dv]| self.is_inside([u + du, v + dv]));
-                let at = |du: usize, dv: usize| [first[0] + (u + du) as u32, first[1] + (v + dv) as u32];
-                // From each corner to the next one, counter-clockwise.
-                let edges = || [edge(at(0, 0), 0), edge(at(1, 0), 1), edge(at(0, 1), 0), edge(at(0, 0), 1)];
                 if around == [true; 4] || around == [false; 4] {
                     continue;
                 }
-                let edges = edges();
-                for leaving in (0..4).filter(|&n| around[n] && !around[(n + 1) % 4]) {
-                    // Back along the corners inside to where they begin.
-                    let mut entering = (leaving + 3) % 4;
-                    while around[entering] {
-                        entering = (entering + 3) % 4;
-                    }
-                    stretches.push((edges[leaving], edges[entering]));
-                }
+                let at = |du: usize, dv: usize| [first[0] + (u + du) as u32, first[1] + (v + dv) as u32];
+                // From each corner to the next one, counter-clockwise.
+                let edges = [edge(at(0, 0), 0), edge(at(1, 0), 1), edge(at(0, 1), 0), edge(at(0, 0), 1)];
+                let is_alone = around[0] == around[1] || around[1] == around[2];
+                let stretch = |(leaving, entering): (usize, usize)| Stretch {
+                    from: edges[leaving],
+                    to: edges[entering],
+                    square: at(0, 0),
+                    is_alone,
+                };
+                found.extend(stretches(around).map(stretch));
             }
         }
-    }
-}
-
-/// The number of the edge from a corner to the right (0) or upward (1).
-fn edge([u, v]: [u32; 2], side: usize) -> EdgeId {
-    u64::from(v) << 32 | u64::from(u) << 1 | side as u64
-}
-
-impl Contour {
-    /// Joins stretches to loops, each beginning at its first edge.
-    fn of(part: Part, world: impl Fn([f64; 2]) -> [f64; 2]) -> Result<Contour> {
-        let Part { mut points, mut stretches } = part;
-        points.par_sort_unstable_by_key(|(edge, _)| *edge);
-        stretches.par_sort_unstable_by_key(|(from, _)| *from);
-        let fit = points.len() == stretches.len()
-            && points.iter().zip(&stretches).all(|((edge, _), (from, _))| edge == from);
-        let find = |edge: EdgeId| points.binary_search_by_key(&edge, |(edge, _)| *edge).ok();
-        let next: Option<Vec<usize>> = stretches.iter().map(|(_, to)| find(*to)).collect();
-        let Some(next) = next.filter(|_| fit) else {
-            return Err(Error::setting(
-                "the tree contradicts itself",
-                "check the store with `brickfield verify` and build it again",
-            ));
-        };
-        let mut contour = Contour::default();
-        let mut is_done = vec![false; points.len()];
-        for first in 0..points.len() {
-            let mut line: Vec<[f64; 2]> = Vec::new();
-            let mut at = first;
-            while !std::mem::replace(&mut is_done[at], true) {
-                let point = world(points[at].1);
-                if line.last() != Some(&point) {
-                    line.push(point);
-                }
-                at = next[at];
-            }
-            if line.len() > 1 && line.first() == line.last() {
-                line.pop();
-            }
-            if line.len() > 2 {
-                contour.add(line);
-            }
-        }
-        Ok(contour)
-    }
-
-    fn add(&mut self, line: Vec<[f64; 2]>) {
-        let from = line[0];
-        for (a, b) in line.iter().zip(line.iter().cycle().skip(1)) {
-            // About a point of the loop, so that nothing large cancels.
-            let [[ax, ay], [bx, by]] = [a, b].map(|p| [p[0] - from[0], p[1] - from[1]]);
-            self.area += (ax * by - bx * ay) / 2.0;
-            self.length += ((bx - ax).powi(2) + (by - ay).powi(2)).sqrt();
-        }
-        self.loops.push(line);
     }
 }

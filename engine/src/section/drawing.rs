@@ -1,6 +1,6 @@
 //! Contours as SVG and DXF files.
 
-use super::contour::Contour;
+use super::join::Contour;
 use super::plane::Plane;
 use crate::error::{Error, Result};
 use crate::part::PartFile;

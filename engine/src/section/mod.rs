@@ -6,19 +6,29 @@
 //! | `at_hand` | the bricks that a thread looks at |
 //! | `picture` | w as pixels |
 //! | `legend` | what stands below them |
+//! | `arc` | how the boundary passes a square between two points of it |
 //! | `face` | where the boundary passes a lattice edge in a plane between two layers of samples |
+//! | `cell` | which points between samples lie inside |
 //! | `contour` | marching squares over the finest lattice |
+//! | `join` | stretches of the boundary joined to closed polylines |
+//! | `straighten` | straight runs of polylines merged |
 //! | `drawing` | SVG and DXF files |
 
+mod arc;
 mod at_hand;
+mod cell;
 mod contour;
 mod drawing;
 mod face;
+mod join;
 mod legend;
 mod picture;
 mod plane;
+mod straighten;
 
-pub use contour::{Contour, ContourLimits, contour};
+pub use contour::{ContourLimits, contour};
 pub use drawing::{Drawing, write_drawing};
+pub use join::Contour;
 pub use picture::{SectionPicture, SectionSummary, plain, write_picture};
 pub use plane::Plane;
+pub use straighten::straighten;

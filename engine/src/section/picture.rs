@@ -59,8 +59,8 @@ struct Grid {
     scale: Scale,
 }
 
-/// Writes a picture of w in a plane. Of closed input every pixel shows the sample nearest to its centre in the finest brick
-/// there, of open input w between the samples, trilinear. Pixels larger than a cell average up to 4 × 4 samples, of a level
+/// Writes a picture of w in a plane. Of closed input every pixel shows the sample nearest to its centre, of those that
+/// lie on its side of the boundary as [`super::contour()`] draws it, in the finest brick there, of open input w between the samples, trilinear. Pixels larger than a cell average up to 4 × 4 samples, of a level
 /// that is fine enough for them. Works in bands of tiles on all threads; memory is that of a band and of the bricks that the
 /// tree keeps. The bytes do not depend on the number of threads.
 ///
@@ -203,7 +203,7 @@ impl Grid {
     fn value(&self, at_hand: &mut AtHand<'_>, at: [f64; 3]) -> Result<f64> {
         Ok(match at_hand.at(at)? {
             None => 0.0,
-            Some(held) if self.whole => nearest(&held.brick, held.local(at)),
+            Some(held) if self.whole => f64::from(nearest(held, self.plane, self.at, held.local(at))),
             Some(held) => trilinear(&held.brick, held.local(at), |w| w),
         })
     }

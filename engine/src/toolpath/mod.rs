@@ -8,6 +8,7 @@
 
 mod fill;
 pub mod gcode;
+mod layers;
 mod passes;
 
 pub use fill::{LayerFill, LayerFills};

@@ -19,6 +19,7 @@ pub mod render;
 pub mod sample;
 pub mod shell;
 pub mod slice;
+mod slice_layer;
 pub mod verify;
 pub mod view;
 pub mod winding;

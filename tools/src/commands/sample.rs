@@ -67,7 +67,8 @@ fn bead(tables: &BeadTables, Covering { number, lines }: Covering) -> PointBead<
         bead,
         pass,
         source: row.source,
-        layer: row.layer,
+        // Of the store's layers the first is 0; people count from 1.
+        layer: row.layer + 1,
         tool: row.tool,
         feature: &tables.features[usize::from(row.feature)],
         first_line: lines.0,

@@ -1,7 +1,9 @@
 //! `brickfield slice`: plane sections as pictures and drawings.
 
+use super::slice_layer::plane_of_layer;
 use super::{make_folder, no_unit, of_store, open_store, require_level, start, unit_of};
 use crate::failure::Failure;
+use crate::measured::measured;
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::picture_args::{SliceArgs, SliceFormat};
@@ -10,8 +12,8 @@ use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::section::{
-    Contour, ContourLimits, Drawing, Plane, SectionPicture, SectionSummary, contour, plain, write_drawing,
-    write_picture,
+    Contour, ContourLimits, Drawing, Plane, SectionPicture, SectionSummary, contour, plain, straighten,
+    write_drawing, write_picture,
 };
 use brickfield_engine::store::{Accept, BrickTree, Store};
 use serde_json::{Value, json};
@@ -23,6 +25,9 @@ const SECTIONS_MAX: f64 = 99_999.0;
 const BYTES_A_NODE: u64 = 24;
 /// What is seen beyond the part, as a share of its longer side.
 const MARGIN: f64 = 0.02;
+
+/// How far a drawing may be from the section, in cells, unless the user says otherwise.
+const MERGED_CELLS: f64 = 0.01;
 
 /// Pixels that the longer side of a picture has at least, unless the user says otherwise.
 const PIXELS_LEAST: f64 = 1000.0;
@@ -52,6 +57,10 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
             let what = "--pixel, --size, --samples and --no-legend belong to pictures; drawings have the finest lattice's corners";
             return Err(Failure::Usage(what.to_owned()));
         }
+        if format == SliceFormat::Png && args.merge_tolerance.is_some() {
+            let what = "--merge-tolerance belongs to drawings: .svg and .dxf";
+            return Err(Failure::Usage(what.to_owned()));
+        }
         Ok(Plan { args, format })
     }
 }
@@ -62,14 +71,14 @@ pub fn run(args: &SliceArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let store = open_store(&args.store, 0, args.io, Accept::Whole)?;
     let caches = memory::picture_caches(args.memory, memory::index_drawn(&store, BYTES_A_NODE));
-    // Drawings keep points beside bricks.
-    let brick_bytes = if plan.format == SliceFormat::Png { caches } else { caches / 2 };
+    // Points of the boundary are kept beside bricks.
+    let brick_bytes = if plan.format == SliceFormat::Png { caches / 4 * 3 } else { caches / 2 };
     let store = store.with_cache(brick_bytes);
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
     require_distinct(&[&args.output], &[&args.store])?;
-    for (plane, path) in plan.sections(&store)? {
+    for (plane, path) in plan.sections(&store, &bars)? {
         let said = plan.write(&store, plane, &path, caches - brick_bytes, &bars)?;
         bars.clear();
         if args.json {
@@ -89,7 +98,7 @@ struct Said {
 
 impl Plan<'_> {
     /// Planes and the files for them.
-    fn sections(&self, store: &Store) -> Result<Vec<(Plane, PathBuf)>, Failure> {
+    fn sections(&self, store: &Store, bars: &Bars) -> Result<Vec<(Plane, PathBuf)>, Failure> {
         let args = self.args;
         let [low, high] = [store.meta().bounds_min, store.meta().bounds_max];
         if let (Some(axis), Some(pitch)) = (args.all, args.pitch) {
@@ -108,20 +117,17 @@ impl Plan<'_> {
             let plane = |n: usize| Plane { axis, at: (low + (n as f64 + 0.5) * step).min(high) };
             return Ok((0..count as usize).map(|n| (plane(n), name(n))).collect());
         }
+        if let Some(layer) = args.layer {
+            let plane = plane_of_layer(args, layer, store, bars)?;
+            return Ok(vec![(within(store, plane)?, args.output.clone())]);
+        }
         let given = [(Axis::X, args.x), (Axis::Y, args.y), (Axis::Z, args.z)];
         let (axis, at) = given
             .into_iter()
             .find_map(|(axis, at)| Some((axis, at?)))
-            .ok_or_else(|| Failure::Usage("give a plane: --x, --y, --z or --all".to_owned()))?;
+            .ok_or_else(|| Failure::Usage("give a plane: --x, --y, --z, --layer or --all".to_owned()))?;
         let plane = Plane { axis, at: at.in_unit_of(&store.meta().unit).ok_or_else(no_unit)? };
-        let [low, high] = [low, high].map(|corner| corner[axis.index()]);
-        if !(low..=high).contains(&plane.at) {
-            let (letter, unit) = (plane.letter(), unit_of(store.meta()));
-            let what = format!("{letter} = {} {unit} passes beside the part", plane.at);
-            let remedy = format!("choose a coordinate from {low} to {high} {unit}");
-            return Err(Error::store(store.path(), "section", what, remedy).into());
-        }
-        Ok(vec![(plane, args.output.clone())])
+        Ok(vec![(within(store, plane)?, args.output.clone())])
     }
 
     fn write(
@@ -134,15 +140,26 @@ impl Plan<'_> {
     ) -> Result<Said, Failure> {
         let window = window(store, plane);
         let refused = |error| of_store(store, "section", error);
+        let limits = ContourLimits { level: self.args.level, memory_bytes };
         if self.format == SliceFormat::Png {
             let what = self.picture(store, plane, window)?;
             let drawn = write_picture(store, &what, path, bars).map_err(refused)?;
-            return Ok(self.say_picture(store, plane, path, &drawn));
+            let area = match contour(store, plane, limits, bars) {
+                Ok(Contour { area, area_error, .. }) => Some((area, area_error)),
+                // More points than fit are no reason to be without the picture.
+                Err(Error::Setting { .. }) => None,
+                Err(error) => return Err(refused(error).into()),
+            };
+            return Ok(self.say_picture(store, plane, path, &drawn, area));
         }
-        let limits = ContourLimits { level: self.args.level, memory_bytes };
-        let lines = contour(store, plane, limits, bars).map_err(refused)?;
+        let mut lines = contour(store, plane, limits, bars).map_err(refused)?;
         let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
         let cell = store.root().spacing(self.args.level.unwrap_or(deepest));
+        let tolerance = match self.args.merge_tolerance {
+            Some(tolerance) => tolerance.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?,
+            None => cell * MERGED_CELLS,
+        };
+        straighten(&mut lines, tolerance);
         let drawing = Drawing { plane, window, unit: &store.meta().unit, cell };
         write_drawing(&lines, &drawing, path)?;
         Ok(self.say_drawing(store, plane, path, &lines))
@@ -166,35 +183,61 @@ impl Plan<'_> {
         Ok(SectionPicture { plane, window, pixel, level: args.level, legend })
     }
 
-    fn say_picture(&self, store: &Store, plane: Plane, path: &Path, drawn: &SectionSummary) -> Said {
+    fn say_picture(
+        &self,
+        store: &Store,
+        plane: Plane,
+        path: &Path,
+        drawn: &SectionSummary,
+        area: Option<(f64, f64)>,
+    ) -> Said {
         let SectionSummary { size: [width, height], pixel, origin, range: (low, high) } = drawn;
         let (letter, unit) = (plane.letter(), unit_of(store.meta()));
+        let area_text = match area {
+            Some((area, error)) => format!("area {} {unit}²", measured(area, error)),
+            None => "area unknown, which takes more --memory".to_owned(),
+        };
         let text = format!(
-            "{letter} = {} {unit}, {width} × {height} pixels of {pixel:.6} {unit}, w of the part {low} to {high}",
+            "{letter} = {} {unit}, {width} × {height} pixels of {pixel:.6} {unit}, {area_text}, w of the part {low} to {high}",
             plain(plane.at)
         );
         let json = json!({
             "output": path.display().to_string(), "unit": unit, "axis": letter, "at": plane.at,
             "size": [width, height], "pixel": pixel, "origin": origin, "winding": [low, high],
+            "area": area.map(|(area, _)| area), "area_error": area.map(|(_, error)| error),
         });
         Said { text, json }
     }
 
     fn say_drawing(&self, store: &Store, plane: Plane, path: &Path, lines: &Contour) -> Said {
-        let Contour { loops, area, length } = lines;
+        let Contour { loops, area, area_error, length } = lines;
         let points: usize = loops.iter().map(Vec::len).sum();
         let (letter, unit) = (plane.letter(), unit_of(store.meta()));
         let text = format!(
-            "{letter} = {} {unit}, {} loops of {points} points, area {area:.6} {unit}², length {length:.6} {unit}",
+            "{letter} = {} {unit}, {} loops of {points} points, area {} {unit}², length {length:.6} {unit}",
             plain(plane.at),
-            loops.len()
+            loops.len(),
+            measured(*area, *area_error)
         );
         let json = json!({
             "output": path.display().to_string(), "unit": unit, "axis": letter, "at": plane.at,
-            "loops": loops.len(), "points": points, "area": area, "length": length,
+            "loops": loops.len(), "points": points, "area": area, "area_error": area_error, "length": length,
         });
         Said { text, json }
     }
+}
+
+/// A plane that does not pass beside the part.
+fn within(store: &Store, plane: Plane) -> Result<Plane, Failure> {
+    let [low, high] =
+        [store.meta().bounds_min, store.meta().bounds_max].map(|corner| corner[plane.axis.index()]);
+    if !(low..=high).contains(&plane.at) {
+        let (letter, unit) = (plane.letter(), unit_of(store.meta()));
+        let what = format!("{letter} = {} {unit} passes beside the part", plane.at);
+        let remedy = format!("choose a coordinate from {low} to {high} {unit}");
+        return Err(Error::store(store.path(), "section", what, remedy).into());
+    }
+    Ok(plane)
 }
 
 /// What of a plane is seen: the part and a margin.
