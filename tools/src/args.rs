@@ -14,7 +14,9 @@ use std::path::PathBuf;
 /// Winding numbers of huge triangle soups: build a brick store once, answer from it
 #[derive(Parser)]
 #[command(name = "brickfield", version, max_term_width = 110)]
-#[command(after_help = "Exit status: 0 done, 1 failed (one line on standard error says why), 2 wrong usage.")]
+#[command(
+    after_help = "Exit status: 0 done, 1 failed (one line on standard error says why), 2 wrong usage, 130 ended by Ctrl-C."
+)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,

@@ -19,6 +19,7 @@ mod picture_args;
 mod pieces;
 mod points;
 mod progress;
+mod space;
 mod style_file;
 mod toolpaths;
 mod units;
@@ -43,6 +44,10 @@ fn main() -> ExitCode {
         Err(Failure::Usage(message)) => {
             eprintln!("brickfield: {}\n\nFor more information, try '--help'.", one_line(&message));
             ExitCode::from(2)
+        }
+        Err(Failure::Interrupted(message)) => {
+            eprintln!("brickfield: {}", one_line(&message));
+            ExitCode::from(interrupt::exit_status().unwrap_or(1))
         }
         Err(Failure::Run(error)) => {
             eprintln!("brickfield: {}", one_line(&format!("{error:#}")));

@@ -43,7 +43,7 @@ pub use cloud::{build_clouds, cloud_cells, surfels};
 pub use measure::{Measures, measure};
 pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use merge::{MergeSummary, merge};
-pub use pipeline::{BuildOptions, Keeping, Resolution, ShareSummary, Summary, build, build_opened};
+pub use pipeline::{BuildOptions, Keeping, Resolution, Resumed, ShareSummary, Summary, build, build_opened};
 pub use resources::Resources;
 pub use rules::TreeOptions;
 pub use thin::{ThinDepth, ThinSheetsSummary, ThinSummary};

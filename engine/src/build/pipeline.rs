@@ -174,6 +174,8 @@ pub struct Summary {
     pub thin: Option<ThinSummary>,
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
+    /// What of an earlier run was gone on with, if there was something.
+    pub resumed: Option<Resumed>,
     /// What of the tree was built, if it was a share.
     pub share: Option<ShareSummary>,
     /// What a device did, if one was given and the input is what devices are for.
@@ -188,6 +190,15 @@ fn as_map<S: Serializer>(
     serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {
     serializer.collect_map(phases.iter().copied())
+}
+
+/// What an earlier run has left.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Resumed {
+    /// Nodes.
+    pub nodes: u64,
+    /// How far it had come along the curve through the root cube in whose order stores are written, from 0 to 1.
+    pub part: f64,
 }
 
 /// A share of a tree.
@@ -315,6 +326,8 @@ pub(super) struct Task {
     thin: Mutex<Thin>,
     /// The part of all work that was foreseen for the share, if only one is asked for.
     work: f64,
+    /// What was there when it began.
+    resumed: Option<Resumed>,
 }
 
 impl Task {
@@ -370,7 +383,8 @@ impl Task {
         ];
         let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
         let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
-        Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0 })
+        let resumed = writer.kept().map(|kept| Resumed { nodes: kept.nodes(), part: kept.part_of_curve() });
+        Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0, resumed })
     }
 
     /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
@@ -403,6 +417,12 @@ impl Task {
         sorted: SortedPieces<F>,
         progress: &dyn Progress,
     ) -> Result<()> {
+        if let Some(Resumed { nodes, part }) = &self.resumed {
+            let percent = 100.0 * part;
+            progress.note(&format!(
+                "going on from {nodes} nodes of an earlier run, about {percent:.0}% of the tree"
+            ));
+        }
         let kept = self.writer.kept();
         let share = self.meta.share.as_ref();
         let plan = Plan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
@@ -484,6 +504,7 @@ impl Task {
             temporary_bytes: self.room.file().bytes(),
             base_depth: self.rules.depth,
             thin,
+            resumed: self.resumed,
             share,
             device: None,
             phases: clock.laps,

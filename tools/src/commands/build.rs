@@ -1,19 +1,20 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
 use super::build_report::{Audit, CloudText, Report};
-use super::mesh::{MeshReport, mesh_sink, write_mesh};
-use super::{open_inputs, start};
+use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
+use super::{features_of, open_inputs, start};
 use crate::args::{BackendArgs, BeadsArg, BuildArgs, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, choose};
 use crate::failure::Failure;
-use crate::kinds::require_inputs;
+use crate::kinds::{require_inputs, require_store_name};
 use crate::memory;
 use crate::output::{print, print_json, warn};
 use crate::pieces::OrientArg;
 use crate::progress::Bars;
-use crate::toolpaths::{ToolpathReport, solids};
+use crate::space::tell_left_behind;
+use crate::toolpaths::{ToolpathArgs, ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::analysis::volume;
 use brickfield_engine::build::{
@@ -37,6 +38,7 @@ pub(super) struct Plan {
     pub(super) inputs: Vec<PathBuf>,
     pub(super) output: PathBuf,
     open: OpenOptions,
+    toolpath: ToolpathArgs,
     beads: Option<BeadsArg>,
     estimate_normals: bool,
     pub(super) orient: Option<OrientArg>,
@@ -111,12 +113,14 @@ impl TryFrom<BuildArgs> for Plan {
             estimate_normals,
             orient,
             gwn_error,
+            toolpath,
             ..
         } = args;
         Ok(Plan {
             inputs,
             output,
             open,
+            toolpath,
             beads,
             estimate_normals,
             orient,
@@ -154,6 +158,7 @@ fn count_in_mm(plan: &mut Plan) {
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
+    require_store_name(&plan.output, true)?;
     require_inputs(&plan.inputs, "info PART.brf")?;
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
@@ -167,6 +172,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         None => open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?,
         Some(_) => Vec::new(),
     };
+    plan.toolpath.require_features(features_of(&inputs))?;
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     if !toolpaths.is_empty() && plan.units != Unit::Mm {
         if toolpaths.len() < inputs.len() {
@@ -192,6 +198,9 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     }
     plan.options.resources.index = memory::index_share(plan.options.resources.memory);
     // Made before the long work, so that a name that cannot be written costs no time.
+    if let Some(mesh) = &plan.mesh {
+        tell_left_behind(mesh, plan.work.quiet);
+    }
     let sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
     let mut summary = match clouds {
         None => build_opened(&inputs, &plan.output, &plan.options, &bars)?,
@@ -232,6 +241,7 @@ fn answers(
             temp_dir: plan.options.resources.temp_dir.clone(),
             ..ContourOptions::default()
         };
+        require_mesh_space(store, path, options.iso, None)?;
         let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
         summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
         volumes = report.compare_with_samples(store, &options, bars)?;

@@ -12,7 +12,7 @@ use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, winding_range};
 use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::POINTS;
-use brickfield_engine::build::{ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
+use brickfield_engine::build::{Resumed, ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
 use brickfield_engine::ingest::CloudInput;
 use brickfield_engine::store::Store;
 use serde::Serialize;
@@ -136,6 +136,10 @@ impl Report {
             let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
             lines.push(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
         }
+        if let Some(Resumed { nodes, part }) = &self.summary.resumed {
+            let of = format!("{nodes} nodes of an earlier run, about {:.0}% of the tree", 100.0 * part);
+            lines.push(format!("  resumed  from {of}"));
+        }
         self.add_input(&mut lines);
         self.add_field(&mut lines);
         self.add_costs(&mut lines);
@@ -200,6 +204,8 @@ impl Report {
         }
         if let Some(Audit { toolpaths, volumes }) = &self.audit {
             lines.extend(toolpaths.iter().map(|toolpath| format!("  source   {}", toolpath.text())));
+            let beside = toolpaths.iter().filter_map(ToolpathReport::beside_text);
+            lines.extend(beside.map(|text| format!("  beside   {text}")));
             let volumes = volumes.iter().map(|volumes| volumes_text(volumes, &self.unit));
             lines.extend(volumes.map(|text| format!("  volume   {text}")));
             let all = toolpaths.iter().flat_map(ToolpathReport::warnings);

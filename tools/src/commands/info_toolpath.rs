@@ -24,6 +24,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         Ok(())
     })?;
     bars.clear();
+    args.toolpath.require_features([(file, &details)])?;
     let toolpath = ToolpathReport::new(file.display().to_string(), bead_volume, details);
     let warnings = toolpath.warnings();
     warnings.iter().for_each(|message| warn(message));

@@ -31,6 +31,7 @@ use anyhow::Context;
 use brickfield_engine::analysis::Volumes;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Accept, Io, Meta, Store, StoreOptions};
+use brickfield_engine::toolpath::gcode::GcodeReport;
 use brickfield_engine::{Error, Progress};
 use std::path::{Path, PathBuf};
 
@@ -60,6 +61,11 @@ fn open_inputs(
         input.warnings().into_iter().for_each(told);
     }
     Ok(opened)
+}
+
+/// What was read of the toolpaths among inputs.
+fn features_of(inputs: &[Input]) -> impl Iterator<Item = (&Path, &GcodeReport)> {
+    inputs.iter().filter_map(|input| Some((input.path(), &input.beads()?.report)))
 }
 
 /// Opens a store; of any other file says what it is and which command wants it.

@@ -1,6 +1,6 @@
 //! `brickfield winding`: w at points, straight from meshes, closed or open, toolpaths and point clouds.
 
-use super::{open_inputs, start};
+use super::{features_of, open_inputs, start};
 use crate::args::{BackendArg, WindingArgs};
 use crate::clouds::open_clouds;
 use crate::devices::choose;
@@ -38,6 +38,7 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     }
     let open = args.toolpath.options(args.units)?;
     let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
+    args.toolpath.require_features(features_of(&inputs))?;
     let points = PointReader::open(&args.points)?.all()?;
     let (outline, note) = solids(args.beads, &open.sweep.shape, &inputs)?;
     if let Some(why) = note {

@@ -148,6 +148,8 @@ pub struct FeatureReport {
     pub fed: f64,
     /// Area times length, as in [`GcodeReport::bead_volume`].
     pub volume: f64,
+    /// Beads left out on request; none of the numbers above counts them.
+    pub skipped: u64,
 }
 
 /// Where the firmware comes from.
