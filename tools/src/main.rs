@@ -10,6 +10,7 @@ mod clouds;
 mod commands;
 mod devices;
 mod failure;
+mod help;
 mod interrupt;
 mod kinds;
 mod memory;
@@ -27,7 +28,7 @@ mod view;
 mod view_args;
 
 use args::{Cli, Command};
-use clap::Parser;
+use clap::FromArgMatches;
 use failure::Failure;
 use output::one_line;
 use std::process::ExitCode;
@@ -37,7 +38,8 @@ fn main() -> ExitCode {
         eprintln!("brickfield: {lacking}");
         return ExitCode::FAILURE;
     }
-    match run(Cli::parse_from(pieces::joined(std::env::args_os()))) {
+    let matches = help::command().get_matches_from(pieces::joined(std::env::args_os()));
+    match Cli::from_arg_matches(&matches).map_err(|error| error.exit()).and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read the results has seen enough.
         Err(Failure::ClosedPipe) => ExitCode::SUCCESS,

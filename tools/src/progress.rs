@@ -2,7 +2,7 @@
 
 use crate::args::ProgressArg;
 use crate::interrupt;
-use crate::output::note;
+use crate::output::{note, warn};
 use brickfield_engine::Progress;
 use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
@@ -164,6 +164,10 @@ impl Progress for Bars {
         if !self.silent {
             self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| note(text));
         }
+    }
+
+    fn warn(&self, text: &str) {
+        self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| warn(text));
     }
 
     fn cancelled(&self) -> bool {

@@ -27,8 +27,8 @@ const FED_TOLERANCE: f64 = 0.05;
 pub struct ToolpathArgs {
     /// Cross-section of beads: stadium, ellipse, rectangle, or a file of its corners, lines `across,up` in
     /// units of the bead's width and height, from -0.5 to 0.5
-    #[arg(long, value_name = "SHAPE|FILE", default_value = "stadium")]
-    pub section: SectionArg,
+    #[arg(long, alias = "section", value_name = "SHAPE|FILE", default_value = "stadium")]
+    pub bead_section: SectionArg,
     /// Sides of a round cross-section: an even number from 6 to 256
     #[arg(long, value_name = "N", default_value_t = SweepOptions::default().sides)]
     pub sides: usize,
@@ -116,7 +116,7 @@ impl ToolpathArgs {
     /// # Errors
     /// If the cross-section's file cannot be read or is no simple polygon, or a number is out of range.
     pub fn options(&self, units: Option<Unit>) -> Result<OpenOptions, Failure> {
-        let shape = match &self.section {
+        let shape = match &self.bead_section {
             SectionArg::Named(shape) => shape.clone(),
             SectionArg::File(path) => read_outline(path)?,
         };
@@ -229,7 +229,7 @@ pub fn solids(
     match (asked, possible) {
         (Some(BeadsArg::Mesh), _) => Ok((None, None)),
         (Some(BeadsArg::Analytic), Err(why)) => {
-            Err(Failure::Usage(format!("--beads analytic: {why}; use --beads mesh")))
+            Err(Failure::Usage(format!("--beads-as analytic: {why}; use --beads-as mesh")))
         }
         (_, Ok(outline)) => Ok((Some(outline), None)),
         (None, Err(why)) => Ok((None, Some(why).filter(|_| toolpaths > 0))),
@@ -281,7 +281,7 @@ impl ToolpathReport {
             let off = (self.bead_volume / fed - 1.0) * 100.0;
             lines.push(format!(
                 "beads have {off:+.1} % of volume against what E feeds; check --filament{}, --width, --height \
-                 and --section",
+                 and --bead-section",
                 self.filament(" (now ", ")")
             ));
         }

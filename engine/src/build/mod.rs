@@ -4,6 +4,7 @@
 mod assemble;
 mod bins;
 mod branches;
+mod choose;
 mod closed;
 mod cloud;
 mod collect;
@@ -13,6 +14,7 @@ mod decide;
 mod faults;
 mod field;
 mod fit;
+mod foresee;
 mod identity;
 mod jobs;
 mod measure;

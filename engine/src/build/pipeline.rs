@@ -3,6 +3,7 @@
 use super::bins::Binner;
 use super::cut::cut;
 use super::field::Field;
+use super::foresee::{Foreseen, foresee};
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::orient;
@@ -36,8 +37,8 @@ use std::time::{Duration, Instant};
 /// How fine the deepest bricks are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Resolution {
-    /// Depth 4 of meshes and toolpaths: 512 cells along the root's edge, seconds for a million facets, and half a
-    /// millimetre on a quarter metre. Of point clouds the depth whose cells are nearest to half the points' spacing.
+    /// Depth 4 of meshes: 512 cells along the root's edge, seconds for a million facets, and half a millimetre on a quarter
+    /// metre. Of beads as solids cells of at most 0.4 of the least height and width. Of point clouds the depth whose cells are nearest to half the points' spacing.
     Auto,
     /// Deepest level: 32·2^level cells along the root's edge.
     Depth(u8),
@@ -251,6 +252,7 @@ pub fn build_opened(
     let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
     let (min, max) = Survey::bounds_of_all(&surveys);
     let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
+    foresee(&Foreseen::Facets(opened), (root, depth), (min, max), output, options, progress)?;
     let sources =
         opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
     let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
@@ -519,22 +521,34 @@ pub(super) fn place(
     max: [f64; 3],
     resolution: Resolution,
 ) -> Result<(RootCube, u8)> {
-    let placed = match resolution {
+    place_by(first, (min, max), resolution, |resolution| match resolution {
         Resolution::Auto => RootCube::around(min, max).map(|root| (root, AUTO_DEPTH)),
         Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
-        Resolution::Cell(cell) => {
-            let extent = (0..3).map(|a| max[a] - min[a]).fold(0.0, f64::max);
-            let finest = extent / 32.0 / f64::from(1u32 << MAX_LEVEL);
-            if !(cell > finest && cell.is_finite()) {
-                return Err(Error::setting(
-                    format!("a cell of {cell} is too small for a part of {extent}"),
-                    format!("use a cell of at least {:.3e}", finest * 1.1),
-                ));
-            }
-            RootCube::with_cell(min, max, cell)
+        Resolution::Cell(cell) => RootCube::with_cell(min, max, cell),
+    })
+}
+
+/// What `by` makes of a resolution that fits the lattice.
+///
+/// # Errors
+/// If the resolution does not fit it, or `by` finds no cube.
+pub(super) fn place_by(
+    first: Option<&Path>,
+    (min, max): ([f64; 3], [f64; 3]),
+    resolution: Resolution,
+    by: impl FnOnce(Resolution) -> Option<(RootCube, u8)>,
+) -> Result<(RootCube, u8)> {
+    if let Resolution::Cell(cell) = resolution {
+        let extent = (0..3).map(|a| max[a] - min[a]).fold(0.0, f64::max);
+        let finest = extent / 32.0 / f64::from(1u32 << MAX_LEVEL);
+        if !(cell > finest && cell.is_finite()) {
+            return Err(Error::setting(
+                format!("a cell of {cell} is too small for a part of {extent}"),
+                format!("use a cell of at least {:.3e}", finest * 1.1),
+            ));
         }
-    };
-    placed.ok_or_else(|| {
+    }
+    by(resolution).ok_or_else(|| {
         let (place, what) = ("bounds", format!("the input spans {min:?} to {max:?}, which fits no lattice"));
         let remedy =
             "it must have an extent, and lie no farther than some millions of its size from the origin";

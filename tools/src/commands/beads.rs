@@ -31,7 +31,7 @@ pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("{}: {what}", args.output.display())));
     }
     require_toolpaths(&args.inputs)?;
-    let options = args.toolpath.options(args.units)?;
+    let options = args.toolpath.options(args.unit)?;
     let sweep = Sweep::new(&options.sweep)?;
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     require_distinct(&[&args.output], &inputs)?;

@@ -60,16 +60,17 @@ impl TryFrom<BuildArgs> for Plan {
             return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
         }
         let decides_otherwise = args.stddev > 0.0 || !matches!(args.refine, RefineArg::Hidden);
-        let units = args.units.unwrap_or(Unit::Mm);
-        if args.tolerance.in_unit(units) > 0.0 && decides_otherwise {
-            let what = "--tolerance: it decides which bricks are divided; leave --stddev and --refine out";
+        let units = args.unit.unwrap_or(Unit::Mm);
+        if args.boundary_error.in_unit(units) > 0.0 && decides_otherwise {
+            let what =
+                "--boundary-error: it decides which bricks are divided; leave --stddev and --refine out";
             return Err(Failure::Usage(what.to_owned()));
         }
         if args.shard.is_some() && args.compression != CompressionArg::Lz4 {
             let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
             return Err(Failure::Usage(what.to_owned()));
         }
-        let open = args.toolpath.options(args.units)?;
+        let open = args.toolpath.options(args.unit)?;
         let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
             return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
         };
@@ -84,7 +85,7 @@ impl TryFrom<BuildArgs> for Plan {
                 RefineArg::Surface => Refine::Surface,
             },
             stddev: args.stddev,
-            tolerance: args.tolerance.in_unit(units),
+            tolerance: args.boundary_error.in_unit(units),
             thin: match (args.max_depth, args.thin) {
                 (Some(level), _) => ThinDepth::Level(level),
                 (None, Some(levels)) => ThinDepth::Deeper(levels),
@@ -109,7 +110,7 @@ impl TryFrom<BuildArgs> for Plan {
             memory,
             mesh,
             json,
-            beads,
+            beads_as,
             estimate_normals,
             orient,
             gwn_error,
@@ -121,7 +122,7 @@ impl TryFrom<BuildArgs> for Plan {
             output,
             open,
             toolpath,
-            beads,
+            beads: beads_as,
             estimate_normals,
             orient,
             gwn_error,
@@ -178,7 +179,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         if toolpaths.len() < inputs.len() {
             let what =
                 "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
-            return Err(Failure::Usage(format!("--units {}: {what}", plan.units)));
+            return Err(Failure::Usage(format!("--unit {}: {what}", plan.units)));
         }
         count_in_mm(&mut plan);
     }
@@ -264,7 +265,7 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
     let (solids, note) = match (are_clouds, plan.beads) {
         (false, beads) => solids(beads, &plan.open.sweep.shape, inputs)?,
         (true, Some(BeadsArg::Analytic)) => {
-            return Err(Failure::Usage("--beads analytic: points are no beads; leave it out".to_owned()));
+            return Err(Failure::Usage("--beads-as analytic: points are no beads; leave it out".to_owned()));
         }
         (true, _) => (None, None),
     };
@@ -273,12 +274,12 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
         let why = match (are_clouds, solids) {
             (true, _) => Some("points have no facets to measure by; leave it out"),
             (_, Some(_)) => {
-                Some("beads as solids have no facets to measure by; use --beads mesh, or leave it out")
+                Some("beads as solids have no facets to measure by; use --beads-as mesh, or leave it out")
             }
             _ => None,
         };
         if let Some(why) = why {
-            return Err(Failure::Usage(format!("--tolerance: {why}")));
+            return Err(Failure::Usage(format!("--boundary-error: {why}")));
         }
     }
     let why = match (are_clouds, solids) {
@@ -294,7 +295,7 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
         return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
     }
     if let Some(why) = note {
-        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
+        warn(&format!("beads are swept to triangles: {why} (--beads-as mesh says so without this warning)"));
     }
     Ok(())
 }
@@ -315,7 +316,7 @@ fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static 
     if are_clouds {
         Some("the bricks of point clouds are the processor's")
     } else if options.solids.is_some() {
-        Some("the bricks of beads as solids are the processor's (see --beads mesh)")
+        Some("the bricks of beads as solids are the processor's (see --beads-as mesh)")
     } else if options.thin != ThinDepth::None {
         Some("with --max-depth or --thin all bricks are the processor's")
     } else {

@@ -22,6 +22,8 @@ use serde::Serialize;
 pub(super) struct Report {
     output: String,
     unit: String,
+    /// Of the box around the input, along x, y and z.
+    size: [f64; 3],
     #[serde(flatten)]
     summary: Summary,
     /// Why the processor evaluated the bricks, if a device might have.
@@ -102,6 +104,7 @@ impl Report {
             device_warning,
             output: plan.output.display().to_string(),
             unit: unit_of(store.meta()).to_owned(),
+            size: std::array::from_fn(|a| store.meta().bounds_max[a] - store.meta().bounds_min[a]),
             summary,
             seconds,
             facets_per_second: pieces as f64 / seconds,
@@ -167,6 +170,8 @@ impl Report {
     fn add_input(&self, lines: &mut Vec<String>) {
         let (pieces, counted) = self.counted();
         lines.push(format!("  {pieces:<8} {counted}"));
+        let [x, y, z] = self.size.map(rounded_length);
+        lines.push(format!("  size     {x} × {y} × {z} {}", self.unit));
         for CloudText { path, columns } in &self.clouds {
             lines.push(format!("  columns  {}: {}", one_line(path), one_line(columns)));
         }
@@ -281,6 +286,16 @@ impl Report {
             _ => format!("; {:.1}% of samples settled here", 100.0 * *settled as f64 / *samples as f64),
         };
         Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{others}; {times}{close}"))
+    }
+}
+
+/// A length to six digits, without zeros at the end.
+fn rounded_length(value: f64) -> String {
+    let places = (5 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 12) as usize;
+    let text = format!("{value:.places$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
     }
 }
 

@@ -86,6 +86,8 @@ fn describe(plan: &Plan<'_>, store: &Store, grid: &Dense<'_>, dtype: &str) -> Va
         "dtype": dtype,
         "origin": grid.origin(),
         "spacing": grid.spacing(),
+        "unit": store.meta().unit,
+        // As it was called before.
         "units": store.meta().unit,
     })
 }

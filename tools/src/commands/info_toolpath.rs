@@ -16,7 +16,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         return Err(Failure::Usage("--volume takes a store, not a toolpath".to_owned()));
     }
     let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
-    let options = args.toolpath.options(args.units)?;
+    let options = args.toolpath.options(args.unit)?;
     let sweep = Sweep::new(&options.sweep)?;
     let mut bead_volume = 0.0;
     let details = read_beads(file, &options.gcode, &bars, &mut |bead| {

@@ -36,13 +36,13 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
         refuse_orient(args, "points have")?;
         return of_clouds(args, clouds, &bars);
     }
-    let open = args.toolpath.options(args.units)?;
+    let open = args.toolpath.options(args.unit)?;
     let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
     args.toolpath.require_features(features_of(&inputs))?;
     let points = PointReader::open(&args.points)?.all()?;
-    let (outline, note) = solids(args.beads, &open.sweep.shape, &inputs)?;
+    let (outline, note) = solids(args.beads_as, &open.sweep.shape, &inputs)?;
     if let Some(why) = note {
-        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
+        warn(&format!("beads are swept to triangles: {why} (--beads-as mesh says so without this warning)"));
     }
     match outline {
         Some(outline) => {
