@@ -29,6 +29,7 @@ mod program {
     mod store;
     mod thin;
     mod toolpaths;
+    mod traps;
     mod usage;
     mod view;
 }

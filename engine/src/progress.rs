@@ -8,6 +8,10 @@ pub trait Progress: Sync {
     fn phase(&self, _name: &str, _total: Option<u64>, _unit: &str) {}
     /// `steps` more are done.
     fn advance(&self, _steps: u64) {}
+    /// Something that the user should know before the work is done, one line.
+    fn note(&self, _text: &str) {}
+    /// Something that the user should think about before the work is done, one line.
+    fn warn(&self, _text: &str) {}
     /// True if the work should stop soon.
     fn cancelled(&self) -> bool {
         false

@@ -18,7 +18,7 @@ const CLOVER: [&str; 2] = ["--skip", "Skirt/Brim"];
 /// Runs a command that has warnings to give, and reads its JSON.
 #[track_caller]
 fn json_with_warnings(args: &[&dyn AsRef<OsStr>]) -> Value {
-    let Run { status, stdout, stderr } = run(args);
+    let Run { status, stdout, stderr, .. } = run(args);
     assert_eq!(status, Some(0), "{stderr}");
     assert!(stderr.lines().all(|line| line.starts_with("brickfield: warning: ")), "{stderr}");
     serde_json::from_str(&stdout).expect("JSON")

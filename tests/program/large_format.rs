@@ -13,7 +13,7 @@ fn data(name: &str) -> PathBuf {
 /// What a command says as JSON, and its warnings.
 #[track_caller]
 fn told(args: &[&dyn AsRef<OsStr>]) -> (Value, String) {
-    let Run { status, stdout, stderr } = run(args);
+    let Run { status, stdout, stderr, .. } = run(args);
     assert_eq!(status, Some(0), "{stderr}");
     (serde_json::from_str(&stdout).expect("JSON"), stderr)
 }

@@ -128,7 +128,7 @@ fn layers_with_gaps_are_told_without_asking() {
     let dir = Scratch::new();
     let input = example("clover.gcode");
     let line = "layer 1 is 48% empty: beads 3 mm wide, 5.68 mm apart, lines 119-382";
-    let Run { status, stdout, stderr } = run(&[&"info", &input, &"--json"]);
+    let Run { status, stdout, stderr, .. } = run(&[&"info", &input, &"--json"]);
     assert_eq!(status, Some(0));
     assert_eq!(stderr.matches("% empty").count(), 1);
     assert!(stderr.contains(line), "{stderr}");

@@ -21,12 +21,12 @@ pub fn interrupt(mut child: Child, dir: &Scratch, part: &str, signal: &str) -> R
 #[test]
 fn an_interrupted_build_leaves_what_it_has_or_nothing() {
     let dir = Scratch::new();
-    for signal in ["-INT", "-TERM"] {
+    for (signal, number) in [("-INT", 2), ("-TERM", 15)] {
         let mut command = program();
         command.arg("build").arg(stl("clover_beads")).arg("-o").arg(dir.path("o.brf"));
         command.args(["--depth", "8", "--threads", "2", "--mesh"]).arg(dir.path("o.ply"));
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let line = interrupt(child, &dir, "o.brf.part", signal).failed();
+        let line = interrupt(child, &dir, "o.brf.part", signal).ended_by(number);
         assert!(line.contains("interrupted"), "{line}");
         match line.contains("goes on from there") {
             true => assert_eq!(dir.names(), ["o.brf.journal", "o.brf.part"]),
@@ -43,7 +43,7 @@ fn an_interrupted_export_leaves_nothing() {
     let mut command = program();
     command.arg("export").arg(store).args(["--level", "5", "--dtype", "f4", "-o"]).arg(dir.path("w.npy"));
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let line = interrupt(child, &dir, "w.npy.part", "-INT").failed();
+    let line = interrupt(child, &dir, "w.npy.part", "-INT").ended_by(2);
     assert!(line.contains("interrupted"), "{line}");
     assert_eq!(dir.names(), ["overlap_boxes-5.brf"]);
 }
@@ -101,9 +101,13 @@ fn waiting_for_points_ends_at_the_first_signal() {
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     let started = Instant::now();
-    while child.try_wait().unwrap().is_none() {
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
         assert!(started.elapsed() < Duration::from_secs(20), "it still waits");
         std::thread::sleep(Duration::from_millis(5));
-    }
+    };
+    assert_eq!(status.code(), Some(130));
     drop(kept_open);
 }

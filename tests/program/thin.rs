@@ -23,7 +23,7 @@ fn written(dir: &Scratch, name: &str, pieces: &[Mesh]) -> PathBuf {
 fn warned(input: &Path, more: &[&str], out: &Path) -> (Option<String>, serde_json::Value) {
     let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"build", &input, &"-o", &out, &"--json"];
     args.extend(more.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
-    let Run { status, stdout, stderr } = run(&args);
+    let Run { status, stdout, stderr, .. } = run(&args);
     assert_eq!(status, Some(0), "{stderr}");
     assert!(stderr.lines().count() <= 1, "{stderr}");
     let warning = stderr.lines().next().map(str::to_owned);
@@ -161,7 +161,7 @@ fn what_thin_walls_do_not_go_with_is_refused() {
 fn a_mesh_that_lacks_what_the_samples_have_is_told() {
     let dir = Scratch::new();
     let (store, mesh) = (dir.path("a.brf"), dir.path("a.stl"));
-    let told = |Run { status, stdout, stderr }: Run| {
+    let told = |Run { status, stdout, stderr, .. }: Run| {
         assert_eq!(status, Some(0), "{stderr}");
         let apart = stderr.lines().any(|line| line.contains("farther apart than their errors"));
         (apart, serde_json::from_str::<serde_json::Value>(&stdout).unwrap())

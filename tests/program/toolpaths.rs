@@ -17,7 +17,7 @@ fn slicer(name: &str) -> PathBuf {
 fn info(file: &Path, more: &[&str]) -> (Value, Vec<String>) {
     let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"info", &file, &"--json"];
     args.extend(more.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
-    let Run { status, stdout, stderr } = run(&args);
+    let Run { status, stdout, stderr, .. } = run(&args);
     assert_eq!(status, Some(0), "{stderr}");
     let json: Value = serde_json::from_str(&stdout).expect("JSON");
     let told: Vec<String> = json["warnings"].as_array().unwrap().iter().map(|w| w.to_string()).collect();

@@ -19,13 +19,20 @@ pub type Facet = [[f32; 3]; 3];
 pub struct Run {
     pub status: Option<i32>,
     pub stdout: String,
+    /// What it complained about.
     pub stderr: String,
+    /// What it told beforehand: the lines of standard error that are notes.
+    pub notes: String,
 }
 
 impl From<Output> for Run {
     fn from(output: Output) -> Run {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("output is text");
-        Run { status: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+        let (mut stderr, mut notes) = (String::new(), String::new());
+        for line in text(output.stderr).split_inclusive('\n') {
+            if line.starts_with("brickfield: note: ") { &mut notes } else { &mut stderr }.push_str(line);
+        }
+        Run { status: output.status.code(), stdout: text(output.stdout), stderr, notes }
     }
 }
 
@@ -60,6 +67,14 @@ impl Run {
         let lines: Vec<&str> = self.stderr.lines().collect();
         assert_eq!(lines.len(), 1, "{}", self.stderr);
         assert!(lines[0].starts_with("brickfield: "), "{}", self.stderr);
+        self.stderr
+    }
+
+    /// The only line on standard error of a run that a signal ended.
+    #[track_caller]
+    pub fn ended_by(self, signal: i32) -> String {
+        assert_eq!(self.status, Some(128 + signal), "{}{}", self.stdout, self.stderr);
+        assert_eq!((self.stdout.as_str(), self.stderr.lines().count()), ("", 1), "{}", self.stderr);
         self.stderr
     }
 

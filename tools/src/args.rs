@@ -16,7 +16,15 @@ use std::path::PathBuf;
 /// Winding numbers of huge triangle soups: build a brick store once, answer from it
 #[derive(Parser)]
 #[command(name = "brickfield", version, max_term_width = 110)]
-#[command(after_help = "Exit status: 0 done, 1 failed (one line on standard error says why), 2 wrong usage.")]
+#[command(
+    after_help = "Exit status: 0 done, 1 failed (one line on standard error says why), 2 wrong usage, 130 ended by Ctrl-C.
+
+Examples:
+  brickfield build part.stl -o part.brf
+  brickfield mesh part.brf -o union.stl
+  brickfield slice part.brf --z 12.3mm -o section.png
+  brickfield build --help"
+)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
@@ -70,7 +78,9 @@ pub enum ProgressArg {
 #[derive(Args)]
 #[command(after_help = "\
 Without --depth and --cell the store gets depth 4: 512 cells along the longest side. Each level more has twice \
-the cells along a side and takes about four times the time and space.
+the cells along a side and takes about four times the time and space. Of beads as solids the cells are then at most 0.4 of \
+the least bead height and width (that of which 1 % of the deposited length has less), and never in step with the layers. \
+What a build of toolpaths will take is told before it begins.
 
 Of point clouds (PLY without faces; text with a point a line, as .xyz, .pts, .asc, whose columns have names or are \
 understood by their numbers; with normals, or with --estimate-normals) every point \
@@ -83,7 +93,7 @@ reads the input again and goes on from there, to the same bytes; `info` and `ver
 Examples:
   brickfield build part.stl -o part.brf
   brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl
-  brickfield build part.gcode -o part.brf --skip Skirt/Brim
+  brickfield build part.gcode -o part.brf --skip auto
   brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
     /// Toolpaths: G-code, also as .gz or .xz; meshes: STL (binary, ASCII), OBJ, PLY, X3D Extrusions. Or point clouds: PLY,
@@ -94,16 +104,16 @@ pub struct BuildArgs {
     #[arg(long, short, value_name = "PART.brf")]
     pub output: PathBuf,
     /// What beads become: analytic solids, whose samples count passes or beads, or swept triangles. By default solids,
-    /// where all inputs are toolpaths and --section is stadium or ellipse
-    #[arg(long, value_enum)]
-    pub beads: Option<BeadsArg>,
+    /// where all inputs are toolpaths and --bead-section is stadium or ellipse
+    #[arg(long, alias = "beads", value_enum)]
+    pub beads_as: Option<BeadsArg>,
     /// What w counts of beads as solids. The union of all does not depend on it [default: passes]
     #[arg(long, value_enum)]
     pub count: Option<CountArg>,
     /// Record in every leaf which beads and passes touch it, so that `sample --beads` can name those at a point
     #[arg(long)]
     pub identity: bool,
-    /// Levels below the root: 32·2^L cells along the longest side [default: 4; of point clouds by their spacing]
+    /// Levels below the root: 32·2^L cells along the longest side [default: 4; of beads as solids by their least size; of point clouds by their spacing]
     #[arg(long, value_name = "L", conflicts_with = "cell",
           value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
     pub depth: Option<u8>,
@@ -112,11 +122,11 @@ pub struct BuildArgs {
     pub cell: Option<Length>,
     /// Divide bricks further, down to this depth, where a wall or a gap thinner than a cell hides between samples, and nowhere
     /// else: a thin plate in a large part comes out whole for little more than its own area. Of closed meshes and toolpaths
-    #[arg(long, value_name = "M", conflicts_with_all = ["thin", "tolerance", "stddev", "refine"],
+    #[arg(long, value_name = "M", conflicts_with_all = ["thin", "boundary_error", "stddev", "refine"],
           value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
     pub max_depth: Option<u8>,
     /// The same by the number of levels below all other bricks, as in 3 or +3
-    #[arg(long, value_name = "K", conflicts_with_all = ["tolerance", "stddev", "refine"],
+    #[arg(long, value_name = "K", conflicts_with_all = ["boundary_error", "stddev", "refine"],
           value_parser = clap::value_parser!(u8).range(1..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
     pub thin: Option<u8>,
     /// Keep a brick undivided if its samples deviate no more than this from their mean
@@ -128,8 +138,8 @@ pub struct BuildArgs {
     /// within this of the mesh, as low bumps. The mesh is then within this and 0.1 cell of the boundary, both ways and at
     /// the 99.9th percentile, or by no more than that farther than the mesh of the store without it; that is no bound on
     /// the maximum. Of closed meshes only, without --stddev and another --refine [default: 0, which divides every brick that a facet touches]
-    #[arg(long, value_name = "LENGTH", default_value = "0", hide_default_value = true)]
-    pub tolerance: Tolerance,
+    #[arg(long, alias = "tolerance", value_name = "LENGTH", default_value = "0", hide_default_value = true)]
+    pub boundary_error: Tolerance,
     /// Largest error of the samples where the input is open or a point cloud; 2.5e-4 to 0.5. Those of closed input are
     /// exact [default: 0.001; of point clouds 0.01]
     #[arg(long, value_name = "E")]
@@ -157,11 +167,11 @@ pub struct BuildArgs {
     pub device_check: DeviceCheckArg,
     /// The unit of the input's coordinates [default: mm]. Of toolpaths, for programs without G20 or G21, in the place of what
     /// their header says; their store is in mm
-    #[arg(long, value_enum)]
-    pub units: Option<Unit>,
+    #[arg(long, alias = "units", value_enum)]
+    pub unit: Option<Unit>,
     /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
     /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
-    /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --tolerance, --stddev or another
+    /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --boundary-error, --stddev or another
     /// --refine decides stay in memory, and are refused if they do not fit
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,
@@ -209,7 +219,7 @@ Tubes overlap where beads do, and at sharp bends, where two tubes with round end
 are. Beads pass through one by one, so memory does not grow with the part.
 
 Example:
-  brickfield beads part.gcode -o beads.stl --sides 14 --skip Skirt/Brim")]
+  brickfield beads part.gcode -o beads.stl --sides 14 --skip auto")]
 pub struct BeadsArgs {
     /// Toolpaths: G-code, also compressed as .gz or .xz
     #[arg(required = true, value_name = "INPUT")]
@@ -223,8 +233,8 @@ pub struct BeadsArgs {
     #[command(flatten)]
     pub work: WorkArgs,
     /// The unit of programs without G20 or G21 [default: as their header says, or mm]
-    #[arg(long, value_enum)]
-    pub units: Option<Unit>,
+    #[arg(long, alias = "units", value_enum)]
+    pub unit: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -401,7 +411,12 @@ which facets run the same way; those of doubled sheets count).
 Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read. Of a point \
 cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it. Of X3D: \
 the Extrusions, each with its DEF name, facets, bounds, and whether it is closed. Of 3MF: the unit, the objects and what \
-is built of them. Of any other file: what it is.")]
+is built of them. Of any other file: what it is.
+
+Examples:
+  brickfield info part.brf --volume
+  brickfield info part.gcode
+  brickfield info --devices")]
 pub struct InfoArgs {
     /// The store, mesh, toolpath, point cloud, X3D or 3MF file
     #[arg(value_name = "PART.brf|INPUT", required_unless_present = "devices")]
@@ -419,8 +434,8 @@ pub struct InfoArgs {
     #[arg(long)]
     pub json: bool,
     /// The unit of programs without G20 or G21 [default: as their header says, or mm]
-    #[arg(long, value_enum)]
-    pub units: Option<Unit>,
+    #[arg(long, alias = "units", value_enum)]
+    pub unit: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -429,7 +444,11 @@ pub struct InfoArgs {
 #[derive(Args)]
 #[command(after_help = "\
 w is interpolated trilinearly between the samples of the finest brick at the point, and is 0 outside the root \
-cube. Printed as the lines x,y,z,w under a header.")]
+cube. Printed as the lines x,y,z,w under a header.
+
+Examples:
+  brickfield sample part.brf --points points.csv
+  echo 12.5,3,0.2 | brickfield sample part.brf --points - --beads")]
 pub struct SampleArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
@@ -460,7 +479,11 @@ angles are then taken off again, with an error of at most --gwn-error. Facets an
 lattice that `build` uses.
 
 Of a point cloud (PLY without faces, or text with a point a line; with normals, or with --estimate-normals) every point \
-counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball.")]
+counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball.
+
+Examples:
+  brickfield winding part.stl --points points.csv
+  echo 12.5,3,0.2 | brickfield winding part.stl --points - --brute")]
 pub struct WindingArgs {
     /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz; point clouds: PLY, XYZ
     #[arg(required = true, value_name = "INPUT")]
@@ -470,8 +493,8 @@ pub struct WindingArgs {
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
     /// What beads become, as in `build`
-    #[arg(long, value_enum)]
-    pub beads: Option<BeadsArg>,
+    #[arg(long, alias = "beads", value_enum)]
+    pub beads_as: Option<BeadsArg>,
     /// What w counts of beads as solids, as in `build` [default: passes]
     #[arg(long, value_enum)]
     pub count: Option<CountArg>,
@@ -500,8 +523,8 @@ pub struct WindingArgs {
     #[command(flatten)]
     pub work: WorkArgs,
     /// The unit of programs without G20 or G21 [default: as their header says, or mm]
-    #[arg(long, value_enum)]
-    pub units: Option<Unit>,
+    #[arg(long, alias = "units", value_enum)]
+    pub unit: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
 }
@@ -514,7 +537,10 @@ are the world coordinates of the sample [0,0,0], `spacing` the step along every 
 goes while the two get their names, W.json may be missing, but it is never that of another array.
 
 Bricks that end above the level fill it from their own samples: exactly where all of them are equal, otherwise \
-the nearest lower sample for i2 and trilinear interpolation for f4.")]
+the nearest lower sample for i2 and trilinear interpolation for f4.
+
+Examples:
+  brickfield export part.brf --level 3 -o w.npy")]
 pub struct ExportArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
@@ -549,6 +575,9 @@ pub enum DtypeArg {
 
 /// Read every record of a store; status 0 only if all is sound
 #[derive(Args)]
+#[command(after_help = "\
+Examples:
+  brickfield verify part.brf")]
 pub struct VerifyArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
@@ -565,9 +594,8 @@ pub struct VerifyArgs {
 
 /// Print a completion script for a shell
 #[derive(Args)]
-#[command(
-    after_help = "For bash: brickfield completions bash > ~/.local/share/bash-completion/completions/brickfield"
-)]
+#[command(after_help = "Examples:
+  brickfield completions bash > ~/.local/share/bash-completion/completions/brickfield")]
 pub struct CompletionsArgs {
     /// The shell
     #[arg(value_enum)]
@@ -576,7 +604,8 @@ pub struct CompletionsArgs {
 
 /// Print a manual page
 #[derive(Args)]
-#[command(after_help = "To read it: brickfield man build | man -l -")]
+#[command(after_help = "Examples:
+  brickfield man build | man -l -")]
 pub struct ManArgs {
     /// The command to describe, as in `cache merge`; the program as a whole by default
     #[arg(value_name = "COMMAND")]

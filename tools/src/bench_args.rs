@@ -97,7 +97,10 @@ pub enum SuiteArg {
 A figure differs if the ranges of its rounds do not overlap and the medians are farther apart than the noise: three \
 standard errors of the medians, estimated from the rounds' deviations, and at least 2 percent; 25 percent where one \
 of the two has fewer than 3 rounds. Answers (triangles, bytes, leaves) must be equal. Status 0 if nothing differs, 1 \
-otherwise.")]
+otherwise.
+
+Examples:
+  brickfield bench compare before.json now.json")]
 pub struct BenchCompareArgs {
     /// The result to compare with
     #[arg(value_name = "A.json")]
@@ -112,6 +115,9 @@ pub struct BenchCompareArgs {
 
 /// Write tables and plots of results as one HTML page, or as Markdown with SVG files beside it
 #[derive(Args)]
+#[command(after_help = "\
+Examples:
+  brickfield bench report now.json -o now.md")]
 pub struct BenchReportArgs {
     /// What `bench -o` wrote; the plots show all of them
     #[arg(required = true, value_name = "RESULT.json")]

@@ -8,6 +8,10 @@ use std::path::PathBuf;
 
 /// Work on stores as files: list, inspect, cut down, compare, join
 #[derive(Args)]
+#[command(after_help = "\
+Examples:
+  brickfield cache stat part.brf
+  brickfield cache merge part-*.brf -o part.brf")]
 pub struct CacheArgs {
     #[command(subcommand)]
     pub command: CacheCommand,
@@ -60,7 +64,10 @@ pub struct LsArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Reads every record. A crossing cell is a cell of a leaf with corners inside (w ≥ 0.5) and outside; an active voxel is a \
-sample that a leaf owns and that is a corner of such a cell. `plain` are the bytes of a part before compression.")]
+sample that a leaf owns and that is a corner of such a cell. `plain` are the bytes of a part before compression.
+
+Examples:
+  brickfield cache stat part.brf")]
 pub struct StatArgs {
     /// The store, also a share of one or an unfinished one
     #[arg(value_name = "PART.brf")]

@@ -1,5 +1,6 @@
 //! What a file is that was given to a command, and which command wants it if this one does not.
 
+use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::ingest::Kind;
@@ -118,6 +119,46 @@ pub fn require_toolpaths(paths: &[PathBuf]) -> Result<(), anyhow::Error> {
         return Err(anyhow!("{}: is {name}, not a toolpath; {remedy}", path.display()));
     }
     Ok(())
+}
+
+/// Endings of files that other programs read, and what writes them, if anything here does.
+const OTHER_ENDINGS: [(&[&str], Option<&str>); 6] = [
+    (&["stl", "ply", "obj", "3mf", "glb"], None),
+    (&["gltf", "off", "amf", "step", "stp", "iges", "igs"], None),
+    (&["x3d"], Some("beads")),
+    (
+        &[
+            "gcode", "gco", "g", "nc", "ngc", "cnc", "mpf", "tap", "gz", "xz", "xyz", "pts", "asc", "csv",
+            "txt",
+        ],
+        None,
+    ),
+    (&["npy", "json"], Some("export")),
+    (&["png", "svg", "dxf"], Some("slice")),
+];
+
+/// Refuses a name for a store whose ending is that of a file of another kind: what would stand under it is none.
+///
+/// # Errors
+/// Wrong usage, with the command or the option that writes such a file.
+pub fn require_store_name(path: &Path, has_mesh_option: bool) -> Result<(), Failure> {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    let found = |ending: &str| OTHER_ENDINGS.iter().position(|(all, _)| all.contains(&ending));
+    let Some(place) = ending.as_deref().and_then(found) else { return Ok(()) };
+    let store = typed(&path.with_extension("brf"));
+    let by_option = if has_mesh_option { format!("`--mesh {}`, or ", typed(path)) } else { String::new() };
+    let remedy = match (place, OTHER_ENDINGS[place].1) {
+        (0, _) => format!(
+            "and of the store the mesh is written by {by_option}`brickfield mesh {store} -o {}`",
+            typed(path)
+        ),
+        (1, _) => format!("and `brickfield mesh {store}` writes meshes as .stl, .ply, .obj, .3mf or .glb"),
+        (_, Some(command)) => format!("files of that ending are written by `brickfield {command}`"),
+        (_, None) => "files of that ending are read only".to_owned(),
+    };
+    let what =
+        format!("this writes a brick store, not .{}; use `-o {store}`, {remedy}", ending.unwrap_or_default());
+    Err(Failure::Usage(format!("{}: {what}", path.display())))
 }
 
 /// The error of a file that no command takes.

@@ -10,6 +10,7 @@ mod clouds;
 mod commands;
 mod devices;
 mod failure;
+mod help;
 mod interrupt;
 mod kinds;
 mod measured;
@@ -20,6 +21,7 @@ mod picture_args;
 mod pieces;
 mod points;
 mod progress;
+mod space;
 mod style_file;
 mod toolpaths;
 mod units;
@@ -27,7 +29,7 @@ mod view;
 mod view_args;
 
 use args::{Cli, Command};
-use clap::Parser;
+use clap::FromArgMatches;
 use failure::Failure;
 use output::one_line;
 use std::process::ExitCode;
@@ -37,13 +39,18 @@ fn main() -> ExitCode {
         eprintln!("brickfield: {lacking}");
         return ExitCode::FAILURE;
     }
-    match run(Cli::parse_from(pieces::joined(std::env::args_os()))) {
+    let matches = help::command().get_matches_from(pieces::joined(std::env::args_os()));
+    match Cli::from_arg_matches(&matches).map_err(|error| error.exit()).and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read the results has seen enough.
         Err(Failure::ClosedPipe) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
             eprintln!("brickfield: {}\n\nFor more information, try '--help'.", one_line(&message));
             ExitCode::from(2)
+        }
+        Err(Failure::Interrupted(message)) => {
+            eprintln!("brickfield: {}", one_line(&message));
+            ExitCode::from(interrupt::exit_status().unwrap_or(1))
         }
         Err(Failure::Run(error)) => {
             eprintln!("brickfield: {}", one_line(&format!("{error:#}")));

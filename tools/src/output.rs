@@ -23,6 +23,11 @@ pub fn warn(message: &str) {
     eprintln!("brickfield: warning: {}", one_line(message));
 }
 
+/// A line on standard error before the work is done, which asks for nothing.
+pub fn note(message: &str) {
+    eprintln!("brickfield: note: {}", one_line(message));
+}
+
 /// File names may hold line breaks; messages must not.
 pub fn one_line(message: &str) -> String {
     message.replace(['\n', '\r'], " ")

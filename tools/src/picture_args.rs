@@ -18,7 +18,7 @@ A picture (.png) shows w in colours, to the right and upward x and y, x and z, o
 each pixel shows the nearest sample of the finest level that is on its side of the boundary, with a colour for each whole \
 number; of open input and \
 point clouds w is interpolated. A pixel is a cell of the finest level or, where the longer side would have fewer than \
-1,000 of them, a whole part of one. Larger pixels (--pixel, --size) average up to 4 × 4 samples.
+1,000 of them, a whole part of one. Larger pixels (--pixel, --side) average up to 4 × 4 samples.
 
 A drawing (.svg, .dxf) holds the boundary w = 0.5 as closed polylines in the part's coordinates, the inside to their \
 left. Corners lie where the boundary crosses the finest lattice, and where it bends in between: exact where the plane \
@@ -67,13 +67,13 @@ pub struct SliceArgs {
     #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
     /// Size of a pixel; by default the cell of the finest level, or a whole part of it
-    #[arg(long, value_name = "LEN", conflicts_with_all = ["size", "samples"])]
+    #[arg(long, value_name = "LEN", conflicts_with_all = ["side", "samples"])]
     pub pixel: Option<Length>,
     /// Pixels along the longer side of the picture instead, legend not counted
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=32_768))]
-    pub size: Option<u32>,
+    #[arg(long, alias = "size", value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=32_768))]
+    pub side: Option<u32>,
     /// Let every pixel be one sample of the finest level, however few there are
-    #[arg(long, conflicts_with = "size")]
+    #[arg(long, conflicts_with = "side")]
     pub samples: bool,
     /// How far a drawing may be from the section for the sake of fewer points, as in 0.01mm; 0 keeps them all, and by default
     /// it is a hundredth of a cell

@@ -2,6 +2,7 @@
 
 use crate::args::ProgressArg;
 use crate::interrupt;
+use crate::output::{note, warn};
 use brickfield_engine::Progress;
 use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
@@ -17,6 +18,8 @@ const TICK: Duration = Duration::from_millis(200);
 pub struct Bars {
     bar: RwLock<ProgressBar>,
     quiet: bool,
+    /// Whether even notes are left out.
+    silent: bool,
     lines: Option<Arc<Mutex<Option<Phase>>>>,
 }
 
@@ -77,7 +80,12 @@ impl Bars {
     pub fn new(quiet: bool, progress: ProgressArg) -> Bars {
         let lines = matches!(progress, ProgressArg::Json).then(Arc::default);
         lines.iter().for_each(tell_on);
-        Bars { bar: RwLock::new(ProgressBar::hidden()), quiet: quiet || lines.is_some(), lines }
+        Bars {
+            bar: RwLock::new(ProgressBar::hidden()),
+            quiet: quiet || lines.is_some(),
+            silent: quiet,
+            lines,
+        }
     }
 
     /// Ends the phase that runs: removes the bar from the terminal.
@@ -150,6 +158,16 @@ impl Progress for Bars {
             return;
         }
         self.bar.read().unwrap_or_else(PoisonError::into_inner).inc(steps);
+    }
+
+    fn note(&self, text: &str) {
+        if !self.silent {
+            self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| note(text));
+        }
+    }
+
+    fn warn(&self, text: &str) {
+        self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| warn(text));
     }
 
     fn cancelled(&self) -> bool {

@@ -8,14 +8,14 @@ use brickfield_engine::bead::{Joints, Shape, Sweep, SweepOptions, read_outline};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::solid::Outline;
 use brickfield_engine::toolpath::gcode::{
-    ExtruderAxis, FilamentSource, Firmware, FirmwareSource, GcodeOptions, GcodeReport, LayerAxis, Mark,
-    SettingsReport, SizeReport,
+    ExtruderAxis, FeatureReport, FilamentSource, Firmware, FirmwareSource, GcodeOptions, GcodeReport,
+    LayerAxis, Mark, SettingsReport, SizeReport, is_auxiliary,
 };
 use brickfield_engine::toolpath::{LayerFill, LayerFills};
 use clap::Args;
 use serde::Serialize;
 use std::convert::Infallible;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Part by which the material fed and the beads may differ before the user hears of it. Slicers' own files
@@ -30,8 +30,8 @@ const FILL_LINES_MAX: usize = 5;
 pub struct ToolpathArgs {
     /// Cross-section of beads: stadium, ellipse, rectangle, or a file of its corners, lines `across,up` in
     /// units of the bead's width and height, from -0.5 to 0.5
-    #[arg(long, value_name = "SHAPE|FILE", default_value = "stadium")]
-    pub section: SectionArg,
+    #[arg(long, alias = "section", value_name = "SHAPE|FILE", default_value = "stadium")]
+    pub bead_section: SectionArg,
     /// Sides of a round cross-section: an even number from 6 to 256
     #[arg(long, value_name = "N", default_value_t = SweepOptions::default().sides)]
     pub sides: usize,
@@ -68,8 +68,9 @@ pub struct ToolpathArgs {
     /// Value of a variable that the program uses and the machine knows, as in '#200=0'; may be repeated
     #[arg(long, value_name = "NAME=NUMBER", value_parser = variable)]
     pub variable: Vec<(String, f64)>,
-    /// Leave out the beads of a feature by its name in the file, as in "Skirt/Brim"; may be repeated
-    #[arg(long, value_name = "FEATURE")]
+    /// Leave out the beads of a feature by its name in the file, as in "Support material", or with `auto` skirt, brim, prime
+    /// and wipe towers by whatever name; may be repeated. `info` of a toolpath lists its features
+    #[arg(long, value_name = "FEATURE|auto")]
     pub skip: Vec<String>,
 }
 
@@ -84,6 +85,11 @@ fn variable(text: &str) -> Result<(String, f64), String> {
         Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value)),
         _ => Err("give a name and a number, as in '#200=0'".to_owned()),
     }
+}
+
+/// Whether a name of `--skip` stands for all that is beside the part.
+fn is_auto(name: &str) -> bool {
+    name.eq_ignore_ascii_case("auto")
 }
 
 /// A cross-section by name, or the file of one.
@@ -113,7 +119,7 @@ impl ToolpathArgs {
     /// # Errors
     /// If the cross-section's file cannot be read or is no simple polygon, or a number is out of range.
     pub fn options(&self, units: Option<Unit>) -> Result<OpenOptions, Failure> {
-        let shape = match &self.section {
+        let shape = match &self.bead_section {
             SectionArg::Named(shape) => shape.clone(),
             SectionArg::File(path) => read_outline(path)?,
         };
@@ -123,7 +129,8 @@ impl ToolpathArgs {
             filament_diameter: mm(self.filament),
             width: mm(self.width),
             height: mm(self.height),
-            skip_features: self.skip.clone(),
+            skip_features: self.skipped_by_name().cloned().collect(),
+            skip_auxiliary: self.skip.iter().any(|name| is_auto(name)),
             unit: units.map(Unit::millimetres),
             layer_axis: self.layer_axis,
             extruder_axis: self.extruder_axis,
@@ -139,6 +146,40 @@ impl ToolpathArgs {
 }
 
 impl ToolpathArgs {
+    /// The features left out by their names.
+    fn skipped_by_name(&self) -> impl Iterator<Item = &String> {
+        self.skip.iter().filter(|name| !is_auto(name))
+    }
+
+    /// Checks that every feature that is to be left out is one of a file.
+    ///
+    /// # Errors
+    /// A name that none has, with those that there are.
+    pub fn require_features<'a>(
+        &self,
+        files: impl IntoIterator<Item = (&'a Path, &'a GcodeReport)>,
+    ) -> Result<(), Failure> {
+        let files: Vec<(&Path, &GcodeReport)> = files.into_iter().collect();
+        let features = || files.iter().flat_map(|(_, report)| &report.features);
+        let is_known = |name: &String| {
+            let lower = name.to_lowercase();
+            features().any(|feature| feature.name.to_lowercase() == lower)
+        };
+        let Some(unknown) = self.skipped_by_name().find(|name| !is_known(name)) else { return Ok(()) };
+        let mut names: Vec<String> = features()
+            .filter(|feature| feature.beads + feature.skipped > 0)
+            .map(|feature| format!("\"{}\"", feature.name))
+            .collect();
+        names.sort_unstable();
+        names.dedup();
+        let path = files.first().map_or_else(String::new, |(path, _)| format!("{}: ", path.display()));
+        let there = match names.is_empty() {
+            true => "there is no toolpath among the inputs".to_owned(),
+            false => format!("its features are {}", names.join(", ")),
+        };
+        Err(anyhow::anyhow!("{path}--skip \"{unknown}\": there is no such feature; {there}").into())
+    }
+
     /// What decides the beads, by name: a build goes on only with what the same settings left.
     pub fn settings(&self, options: &OpenOptions) -> Vec<(String, String)> {
         let ToolpathArgs { sides, bend, width, height, filament, firmware, skip, variable, .. } = self;
@@ -191,7 +232,7 @@ pub fn solids(
     match (asked, possible) {
         (Some(BeadsArg::Mesh), _) => Ok((None, None)),
         (Some(BeadsArg::Analytic), Err(why)) => {
-            Err(Failure::Usage(format!("--beads analytic: {why}; use --beads mesh")))
+            Err(Failure::Usage(format!("--beads-as analytic: {why}; use --beads-as mesh")))
         }
         (_, Ok(outline)) => Ok((Some(outline), None)),
         (None, Err(why)) => Ok((None, Some(why).filter(|_| toolpaths > 0))),
@@ -227,6 +268,11 @@ impl ToolpathReport {
         self
     }
 
+    /// All that reading found.
+    pub fn details(&self) -> &GcodeReport {
+        &self.details
+    }
+
     /// Of all toolpaths among the inputs.
     pub fn of_inputs(inputs: &[Input]) -> Vec<ToolpathReport> {
         let report = |input: &Input| {
@@ -251,7 +297,7 @@ impl ToolpathReport {
             let off = (self.bead_volume / fed - 1.0) * 100.0;
             lines.push(format!(
                 "beads have {off:+.1} % of volume against what E feeds; check --filament{}, --width, --height \
-                 and --section",
+                 and --bead-section",
                 self.filament(" (now ", ")")
             ));
         }
@@ -278,6 +324,28 @@ impl ToolpathReport {
             "{}: {counts}; {fed}, {:.3} mm³ of beads; firmware {firmware}; {machine}",
             self.path, self.bead_volume
         )
+    }
+
+    /// What is deposited beside the part, and what of it was left out; nothing if there is none.
+    pub fn beside_text(&self) -> Option<String> {
+        let is_beside = |feature: &&FeatureReport| is_auxiliary(&feature.name);
+        let (mut kept, mut left_out) = (Vec::new(), Vec::new());
+        for feature in self.details.features.iter().filter(is_beside) {
+            let FeatureReport { name, beads, volume, skipped, .. } = feature;
+            if *beads > 0 {
+                kept.push(format!("{} ({beads} beads, {volume:.3} mm³)", one_line(name)));
+            }
+            if *skipped > 0 {
+                left_out.push(format!("{} ({skipped} beads)", one_line(name)));
+            }
+        }
+        let kept = match kept.is_empty() {
+            true => None,
+            false => Some(format!("{} counted with the part; --skip auto leaves out", kept.join(", "))),
+        };
+        let left_out = (!left_out.is_empty()).then(|| format!("{} left out", left_out.join(", ")));
+        let told: Vec<String> = kept.into_iter().chain(left_out).collect();
+        (!told.is_empty()).then(|| told.join("; "))
     }
 
     fn fed_text(&self) -> String {

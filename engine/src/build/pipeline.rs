@@ -5,6 +5,7 @@ use super::bins::Binner;
 use super::clock::Clock;
 use super::cut::cut;
 use super::field::Field;
+use super::foresee::{Foreseen, foresee};
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::orient;
@@ -39,8 +40,8 @@ use std::time::Duration;
 /// How fine the deepest bricks are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Resolution {
-    /// Depth 4 of meshes and toolpaths: 512 cells along the root's edge, seconds for a million facets, and half a
-    /// millimetre on a quarter metre. Of point clouds the depth whose cells are nearest to half the points' spacing.
+    /// Depth 4 of meshes: 512 cells along the root's edge, seconds for a million facets, and half a millimetre on a quarter
+    /// metre. Of beads as solids cells of at most 0.4 of the least height and width. Of point clouds the depth whose cells are nearest to half the points' spacing.
     Auto,
     /// Deepest level: 32·2^level cells along the root's edge.
     Depth(u8),
@@ -180,6 +181,8 @@ pub struct Summary {
     pub thin: Option<ThinSummary>,
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
+    /// What of an earlier run was gone on with, if there was something.
+    pub resumed: Option<Resumed>,
     /// What of the tree was built, if it was a share.
     pub share: Option<ShareSummary>,
     /// What a device did, if one was given and the input is what devices are for.
@@ -194,6 +197,15 @@ fn as_map<S: Serializer>(
     serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {
     serializer.collect_map(phases.iter().copied())
+}
+
+/// What an earlier run has left.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Resumed {
+    /// Nodes.
+    pub nodes: u64,
+    /// How far it had come along the curve through the root cube in whose order stores are written, from 0 to 1.
+    pub part: f64,
 }
 
 /// A share of a tree.
@@ -256,6 +268,7 @@ fn build_soup(
     let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
     let (min, max) = Survey::bounds_of_all(&surveys);
     let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
+    foresee(&Foreseen::Facets(opened), (root, depth), (min, max), output, options, progress)?;
     let sources =
         opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
     let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
@@ -334,6 +347,8 @@ pub(super) struct Task {
     thin: Mutex<Thin>,
     /// The part of all work that was foreseen for the share, if only one is asked for.
     work: f64,
+    /// What was there when it began.
+    resumed: Option<Resumed>,
 }
 
 impl Task {
@@ -390,7 +405,8 @@ impl Task {
         ];
         let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
         let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
-        Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0 })
+        let resumed = writer.kept().map(|kept| Resumed { nodes: kept.nodes(), part: kept.part_of_curve() });
+        Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0, resumed })
     }
 
     /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
@@ -423,6 +439,12 @@ impl Task {
         sorted: SortedPieces<F>,
         progress: &dyn Progress,
     ) -> Result<()> {
+        if let Some(Resumed { nodes, part }) = &self.resumed {
+            let percent = 100.0 * part;
+            progress.note(&format!(
+                "going on from {nodes} nodes of an earlier run, about {percent:.0}% of the tree"
+            ));
+        }
         let kept = self.writer.kept();
         let share = self.meta.share.as_ref();
         let plan = Plan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
@@ -508,6 +530,7 @@ impl Task {
             temporary_bytes: self.room.file().bytes(),
             base_depth: self.rules.depth,
             thin,
+            resumed: self.resumed,
             share,
             device: None,
             phases: clock.laps,
@@ -522,22 +545,34 @@ pub(super) fn place(
     max: [f64; 3],
     resolution: Resolution,
 ) -> Result<(RootCube, u8)> {
-    let placed = match resolution {
+    place_by(first, (min, max), resolution, |resolution| match resolution {
         Resolution::Auto => RootCube::around(min, max).map(|root| (root, AUTO_DEPTH)),
         Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
-        Resolution::Cell(cell) => {
-            let extent = (0..3).map(|a| max[a] - min[a]).fold(0.0, f64::max);
-            let finest = extent / 32.0 / f64::from(1u32 << MAX_LEVEL);
-            if !(cell > finest && cell.is_finite()) {
-                return Err(Error::setting(
-                    format!("a cell of {cell} is too small for a part of {extent}"),
-                    format!("use a cell of at least {:.3e}", finest * 1.1),
-                ));
-            }
-            RootCube::with_cell(min, max, cell)
+        Resolution::Cell(cell) => RootCube::with_cell(min, max, cell),
+    })
+}
+
+/// What `by` makes of a resolution that fits the lattice.
+///
+/// # Errors
+/// If the resolution does not fit it, or `by` finds no cube.
+pub(super) fn place_by(
+    first: Option<&Path>,
+    (min, max): ([f64; 3], [f64; 3]),
+    resolution: Resolution,
+    by: impl FnOnce(Resolution) -> Option<(RootCube, u8)>,
+) -> Result<(RootCube, u8)> {
+    if let Resolution::Cell(cell) = resolution {
+        let extent = (0..3).map(|a| max[a] - min[a]).fold(0.0, f64::max);
+        let finest = extent / 32.0 / f64::from(1u32 << MAX_LEVEL);
+        if !(cell > finest && cell.is_finite()) {
+            return Err(Error::setting(
+                format!("a cell of {cell} is too small for a part of {extent}"),
+                format!("use a cell of at least {:.3e}", finest * 1.1),
+            ));
         }
-    };
-    placed.ok_or_else(|| {
+    }
+    by(resolution).ok_or_else(|| {
         let (place, what) = ("bounds", format!("the input spans {min:?} to {max:?}, which fits no lattice"));
         let remedy =
             "it must have an extent, and lie no farther than some millions of its size from the origin";

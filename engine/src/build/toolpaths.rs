@@ -1,14 +1,17 @@
 //! The main job straight from toolpaths: beads as analytic solids in, store out.
 
+use super::choose::{BeadSizes, with_cell, with_depth};
 use super::clock::Clock;
+use super::foresee::{Foreseen, foresee};
 use super::identity::{Leaves, Named, write_identity};
-use super::pipeline::{BuildOptions, Summary, Task, describe, place};
+use super::pipeline::{BuildOptions, Resolution, Summary, Task, describe, place, place_by};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
 use super::weigh::weigh_pieces;
 use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
+use crate::lattice::RootCube;
 use crate::progress::Progress;
 use crate::solid::{Outline, Profile, Solids, bounds_of_beads, passes_of};
 use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source, check_target};
@@ -48,7 +51,11 @@ pub fn build_beads(
     progress.phase("measuring", None, "beads");
     let (min, max) = bounds_of_sources(sources, outline)?;
     let first = sources.first().map(|source| Path::new(&source.source.path));
-    let (root, depth) = place(first, min, max, options.resolution)?;
+    let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
+    let sizes = BeadSizes::of(&paths);
+    let (root, depth) = place_beads(first, (min, max), options.resolution, sizes.as_ref())?;
+    let pieces = Foreseen::Beads(&paths, sizes);
+    foresee(&pieces, (root, depth), (min, max), output, options, progress)?;
     clock.lap("measure");
     let described = sources.iter().map(|source| source.source.clone()).collect();
     let identity = options.identity.then(IdentityPlace::default);
@@ -56,7 +63,6 @@ pub fn build_beads(
     let counted = (count == Count::Passes).then_some(0);
     let beads = BeadsMeta { section, beads: 0, segments: 0, identity, passes: counted };
     let mut task = Task::begin(described, (min, max), root, depth, output, options, Some(beads.clone()))?;
-    let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
     let passes = passes_of(&paths, count);
     let counted: Vec<_> = paths.iter().copied().zip(&passes).collect();
     task.meta.volumes =
@@ -101,6 +107,21 @@ fn first_passes(paths: &[(&Toolpath, &Passes)]) -> Vec<u32> {
     let add = |sum: &mut u32, passes: u32| Some(std::mem::replace(sum, *sum + passes));
     let counts = paths.iter().flat_map(of_path).chain(std::iter::once(0));
     counts.scan(0, add).collect()
+}
+
+/// The root cube and the deepest level, never in step with the layers.
+fn place_beads(
+    first: Option<&Path>,
+    bounds: ([f64; 3], [f64; 3]),
+    resolution: Resolution,
+    sizes: Option<&BeadSizes>,
+) -> Result<(RootCube, u8)> {
+    let Some(sizes) = sizes else { return place(first, bounds.0, bounds.1, resolution) };
+    place_by(first, bounds, resolution, |resolution| match resolution {
+        Resolution::Auto => RootCube::with_cell(bounds.0, bounds.1, sizes.cell()),
+        Resolution::Depth(depth) => with_depth(bounds, depth, sizes),
+        Resolution::Cell(cell) => with_cell(bounds, cell, sizes),
+    })
 }
 
 /// What the store says of beads. The names of features are those of all sources, one after the other.

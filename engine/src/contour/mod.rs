@@ -52,6 +52,7 @@ mod envelope;
 mod extras;
 mod faces;
 mod field;
+mod foresee;
 mod halo;
 mod joined;
 mod later;
@@ -77,6 +78,7 @@ mod topology;
 mod vertices;
 
 pub use cut::Cuts;
+pub use foresee::foresee_triangles;
 pub(crate) use lone::{Lone, LoneCells, has_one_sheet};
 pub use polygons::Facet;
 pub use sink::{

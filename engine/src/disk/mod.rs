@@ -156,6 +156,13 @@ pub fn free_bytes(folder: &Path) -> Result<u64> {
     Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
+/// Size in bytes of a file that is there and that no writer holds locked; `None` if there is none, or its writer lives.
+pub fn abandoned(path: &Path) -> Option<u64> {
+    let file = OpenOptions::new().read(true).write(true).open(path).ok()?;
+    file.try_lock().ok()?;
+    file.metadata().ok().filter(|there| there.is_file()).map(|there| there.len())
+}
+
 /// The directory that a file is in.
 pub fn directory_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
@@ -192,7 +199,9 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("x");
         assert!(!SystemDisk.exists(&path).unwrap());
+        assert_eq!(abandoned(&path), None, "there is none");
         let file = SystemDisk.open_locked(&path).unwrap().expect("nobody has it");
+        assert_eq!(abandoned(&path), None, "its writer lives");
         assert!(SystemDisk.open_locked(&path).unwrap().is_none());
         file.write_all_at(b"brick", 3).unwrap();
         // Some file systems give no room; none loses what is there.

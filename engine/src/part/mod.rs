@@ -10,7 +10,7 @@ pub use pair::PartPair;
 
 use crate::disk::planted::{Bug, planted};
 use crate::disk::write_back::WriteBack;
-use crate::disk::{Disk, DiskFile, SystemDisk};
+use crate::disk::{Disk, DiskFile, SystemDisk, abandoned};
 use crate::error::{Error, Result};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -237,6 +237,12 @@ impl Drop for PartFile {
     }
 }
 
+/// Size in bytes of the unfinished file of a writer that was killed; `None` if there is none, or its writer lives. The next
+/// writer of the name removes it.
+pub fn left_behind(path: &Path) -> Option<u64> {
+    abandoned(&part_path(path))
+}
+
 /// The name of the unfinished file.
 pub fn part_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -281,7 +287,11 @@ mod tests {
         first.finish().unwrap();
         drop(first);
         assert_eq!(std::fs::read(&path).unwrap(), b"whole");
-        drop(PartFile::create(&path).unwrap());
+        std::fs::write(part_path(&path), b"half").unwrap();
+        assert_eq!(left_behind(&path), Some(4));
+        let next = PartFile::create(&path).unwrap();
+        assert_eq!(left_behind(&path), None, "its writer lives");
+        drop(next);
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
     }
 

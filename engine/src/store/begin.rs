@@ -202,25 +202,79 @@ fn go_on(
     Ok((journal, Some(found)))
 }
 
+/// Longest value of a setting that an error shows whole, in characters.
+const SHOWN_MAX: usize = 120;
+
 /// Fails, and names the difference, if an unfinished store comes of another input or other settings.
 fn require_same(part: &Path, theirs: &JournalHead, ours: &JournalHead) -> Result<()> {
     if planted(Bug::SettingsNotCompared) {
         return Ok(());
     }
-    let facts = |head: &JournalHead| {
+    match difference(theirs, ours) {
+        Some(what) => Err(Error::store(part, "unfinished store", what, REMEDY)),
+        None => Ok(()),
+    }
+}
+
+/// The first thing in which two builds differ, with both values. What the user has set comes before what follows from
+/// it: other widths of beads are another content of the input as well.
+fn difference(theirs: &JournalHead, ours: &JournalHead) -> Option<String> {
+    let of_both = [theirs, ours].map(|head| {
         let share = head.meta.share.as_ref().map_or("none".to_owned(), |share| share.id.to_string());
-        let settings = head.settings.iter().cloned();
-        let meta = head.meta.facts().into_iter();
-        meta.chain([("share".to_owned(), share)]).chain(settings).collect::<Vec<_>>()
+        let facts = head.meta.facts().into_iter().chain([("share".to_owned(), share)]);
+        head.settings.iter().cloned().chain(facts).collect::<Vec<_>>()
+    });
+    let value_in = |facts: &[(String, String)], name: &str| {
+        facts.iter().find(|(other, _)| other == name).map(|(_, value)| value.clone())
     };
-    let (theirs, ours) = (facts(theirs), facts(ours));
-    let what = match theirs.iter().zip(&ours).find(|(theirs, ours)| theirs != ours) {
-        Some(((name, theirs), (other, ours))) if name == other && theirs.len() + ours.len() < 300 => {
-            format!("its {name} is {theirs}, that of this build is {ours}")
+    let [theirs_facts, ours_facts] = &of_both;
+    for (name, theirs_value) in theirs_facts {
+        let value = value_in(ours_facts, name);
+        if value.as_ref() == Some(theirs_value) {
+            continue;
         }
-        Some(((name, _), _)) => format!("its {name} is another"),
-        None if theirs.len() != ours.len() => "its settings are others".to_owned(),
-        None => return Ok(()),
-    };
-    Err(Error::store(part, "unfinished store", what, REMEDY))
+        if let Some(number) = name.strip_prefix("BLAKE3 hash of input ") {
+            return Some(other_content(number, theirs, ours));
+        }
+        if matches!(&name[..], "depth" | "root cube") && theirs.meta.root.edge != ours.meta.root.edge {
+            let cell = |head: &JournalHead| {
+                format!("{} {}", head.meta.root.spacing(head.meta.depth), head.meta.unit)
+            };
+            return Some(format!(
+                "its finest cell is {}, that of this build is {}",
+                cell(theirs),
+                cell(ours)
+            ));
+        }
+        let value = value.map_or("not set".to_owned(), |value| shown(&value));
+        return Some(format!("its {name} is {}, that of this build is {value}", shown(theirs_value)));
+    }
+    let (name, value) = ours_facts.iter().find(|(name, _)| value_in(theirs_facts, name).is_none())?;
+    Some(format!("its {name} is not set, that of this build is {}", shown(value)))
+}
+
+/// A value, cut off if it is long.
+fn shown(value: &str) -> String {
+    match value.char_indices().nth(SHOWN_MAX) {
+        Some((end, _)) => format!("{}…", &value[..end]),
+        None => value.to_owned(),
+    }
+}
+
+/// What can be said of an input with another hash; hashes say nothing to people.
+fn other_content(number: &str, theirs: &JournalHead, ours: &JournalHead) -> String {
+    let at = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1)).unwrap_or_default();
+    let source =
+        |head: &JournalHead| head.meta.sources.get(at).map(|source| (source.path.clone(), source.bytes));
+    match (source(theirs), source(ours)) {
+        (Some((path, bytes)), Some((other, now))) if path == other && bytes == now => {
+            format!(
+                "its input {number}, {path:?}, has changed since then, though it has {now} bytes as before"
+            )
+        }
+        (Some((path, bytes)), Some((other, now))) => format!(
+            "its input {number} was {path:?} with {bytes} bytes, that of this build is {other:?} with {now} bytes"
+        ),
+        _ => format!("its input {number} is another"),
+    }
 }

@@ -109,6 +109,19 @@ impl Kept {
         Kept { file, path: path.to_owned(), version, entries, lists, last_list }
     }
 
+    /// Nodes that it holds.
+    pub fn nodes(&self) -> u64 {
+        self.entries.len() as u64
+    }
+
+    /// How far it goes along the Morton curve through the root, 0 to 1: builds append in that order.
+    pub fn part_of_curve(&self) -> f64 {
+        let whole = 1u64 << (3 * u32::from(MAX_LEVEL));
+        let ends = |key: NodeKey| (key.code() + 1) << (3 * u32::from(MAX_LEVEL - key.level()));
+        let last = self.entries.iter().map(|entry| ends(entry.key)).max().unwrap_or(whole);
+        (last - whole) as f64 / whole as f64
+    }
+
     /// Memory that it takes.
     pub(super) fn heap_bytes(&self) -> u64 {
         (self.entries.capacity() * size_of::<IndexEntry>()

@@ -1,6 +1,6 @@
 //! Where the material of a toolpath goes.
 
-use super::with_error;
+use crate::measured::measured;
 use brickfield_engine::store::{SourceVolumes, SweptVolumes};
 use serde::Serialize;
 
@@ -43,20 +43,20 @@ impl Balance {
     /// As one line.
     pub fn text(&self, unit: &str) -> String {
         let Balance { fed, sections, round_ends, .. } = *self;
-        let union = with_error(self.union, self.union_error);
-        let overlap = with_error(self.overlap, self.overlap_error);
-        let corners = with_error(self.within_corners, self.within_corners_error);
-        let ends = with_error(round_ends, 0.0);
+        let union = measured(self.union, self.union_error);
+        let overlap = measured(self.overlap, self.overlap_error);
+        let corners = measured(self.within_corners, self.within_corners_error);
+        let ends = measured(round_ends, 0.0);
         let parts = format!(
             "{union} of union + {overlap} of overlap between passes + {corners} within corners − {ends} of round ends"
         );
-        let swept = with_error(sections, 0.0);
+        let swept = measured(sections, 0.0);
         match fed {
             Some(fed) if (fed - sections).abs() > 1e-3 * fed => {
-                let (fed, off) = (with_error(fed, 0.0), 100.0 * (fed / sections - 1.0));
+                let (fed, off) = (measured(fed, 0.0), 100.0 * (fed / sections - 1.0));
                 format!("{swept} {unit}³ of beads = {parts}; fed were {fed}, {off:+.2}%")
             }
-            Some(fed) => format!("{} {unit}³ fed = {parts}", with_error(fed, 0.0)),
+            Some(fed) => format!("{} {unit}³ fed = {parts}", measured(fed, 0.0)),
             None => format!("{swept} {unit}³ of beads = {parts}"),
         }
     }

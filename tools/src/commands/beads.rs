@@ -6,16 +6,18 @@ use crate::failure::Failure;
 use crate::kinds::require_toolpaths;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
+use crate::space::{LARGE_BYTES, free_beside, require_space, tell_left_behind};
 use crate::toolpaths::{ToolpathReport, joints_text};
 use crate::units::Size;
 use brickfield_engine::bead::{Joints, StlBeads, Sweep, Written};
 use brickfield_engine::ingest::read_beads;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::toolpath::BeadView;
+use brickfield_engine::toolpath::gcode::GcodeOptions;
 use brickfield_engine::x3d::{Style, Writer};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Runs the command. Beads pass through one by one: memory does not grow with the part.
@@ -29,10 +31,12 @@ pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("{}: {what}", args.output.display())));
     }
     require_toolpaths(&args.inputs)?;
-    let options = args.toolpath.options(args.units)?;
+    let options = args.toolpath.options(args.unit)?;
     let sweep = Sweep::new(&options.sweep)?;
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     require_distinct(&[&args.output], &inputs)?;
+    tell_left_behind(&args.output, args.work.quiet);
+    foresee(args, &options.gcode, is_x3d, &bars)?;
     let mut sink = if is_x3d {
         Sink::X3d(X3dBeads::create(&args.output, sweep.clone(), options.sweep.bend)?)
     } else {
@@ -47,6 +51,8 @@ pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
         })?;
         toolpaths.push(ToolpathReport::new(path.display().to_string(), bead_volume, report));
     }
+    let read = toolpaths.iter().zip(&args.inputs);
+    args.toolpath.require_features(read.map(|(report, path)| (path.as_path(), report.details())))?;
     let written = sink.finish(&bars)?;
     bars.clear();
     let report = Report::new(&args.output, written, toolpaths, started.elapsed().as_secs_f64());
@@ -58,6 +64,43 @@ pub fn run(args: &BeadsArgs) -> Result<(), Failure> {
     } else {
         print(&report.text())
     }
+}
+
+/// Bytes of triangles for each byte of G-code, at most: 28 MB of moves of 17 bytes become 2 GB with 14 sides.
+const BYTES_A_BYTE: u64 = 300;
+/// Bytes of Extrusions for each segment, as text: a point, and what its section takes.
+const X3D_BYTES_A_SEGMENT: u64 = 60;
+
+/// Fails if the file will be larger than what its disk has free. Only where that may be are segments counted, by a pass
+/// over the input.
+fn foresee(
+    args: &BeadsArgs,
+    options: &GcodeOptions,
+    is_x3d: bool,
+    progress: &dyn Progress,
+) -> Result<(), Failure> {
+    let sizes = args.inputs.iter().map(|path| std::fs::metadata(path).map_or(0, |file| file.len()));
+    // Compressed ones unpack to some ten times as much.
+    let is_packed = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "gz" || ending == "xz");
+    let packed = if args.inputs.iter().any(|path| is_packed(&path)) { 10 } else { 1 };
+    let most = sizes.sum::<u64>().saturating_mul(BYTES_A_BYTE * packed);
+    if most < LARGE_BYTES || free_beside(&args.output).is_none_or(|free| most <= free) {
+        return Ok(());
+    }
+    let mut bytes = 0u64;
+    for path in &args.inputs {
+        let (mut beads, mut segments) = (0u64, 0u64);
+        read_beads(path, options, progress, &mut |bead| {
+            progress.check()?;
+            beads += 1;
+            segments += bead.sections.len() as u64;
+            Ok(())
+        })?;
+        // Each segment has two triangles a side, and each tube two fans as its ends.
+        let facets = 2 * args.toolpath.sides as u64 * (segments + beads);
+        bytes += if is_x3d { X3D_BYTES_A_SEGMENT * segments } else { 50 * facets };
+    }
+    require_space(&args.output, bytes, "use fewer --sides, or .x3d")
 }
 
 /// Where beads go.
@@ -190,6 +233,8 @@ impl Report {
         let mut text = format!("{}: {of}, {}\n", one_line(&self.output), Size(*bytes));
         let mut line = |line: String| text += &format!("  {line}\n");
         self.toolpaths.iter().for_each(|toolpath| line(format!("source   {}", toolpath.text())));
+        let beside = self.toolpaths.iter().filter_map(ToolpathReport::beside_text);
+        beside.for_each(|text| line(format!("beside   {text}")));
         if let Some(joints) = joints {
             line(format!("joints   {}", joints_text(joints)));
         }

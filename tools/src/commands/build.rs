@@ -1,19 +1,20 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
 use super::build_report::{CloudText, Report};
-use super::mesh::{MeshReport, mesh_sink, write_mesh};
-use super::{open_inputs, start};
+use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
+use super::{features_of, open_inputs, start};
 use crate::args::{BackendArgs, BeadsArg, BuildArgs, CountArg, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{Chosen, DeviceCheckArg, choose};
 use crate::failure::Failure;
-use crate::kinds::require_inputs;
+use crate::kinds::{require_inputs, require_store_name};
 use crate::memory;
 use crate::output::{print, print_json, warn};
 use crate::pieces::OrientArg;
 use crate::progress::Bars;
-use crate::toolpaths::{ToolpathReport, solids};
+use crate::space::tell_left_behind;
+use crate::toolpaths::{ToolpathArgs, ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use brickfield_engine::build::{
     BuildOptions, Keeping, Resolution, Resources, Summary, ThinDepth, build_clouds, build_opened,
@@ -36,6 +37,7 @@ pub(super) struct Plan {
     pub(super) inputs: Vec<PathBuf>,
     pub(super) output: PathBuf,
     open: OpenOptions,
+    toolpath: ToolpathArgs,
     beads: Option<BeadsArg>,
     count: Option<CountArg>,
     estimate_normals: bool,
@@ -59,16 +61,17 @@ impl TryFrom<BuildArgs> for Plan {
             return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
         }
         let decides_otherwise = args.stddev > 0.0 || !matches!(args.refine, RefineArg::Hidden);
-        let units = args.units.unwrap_or(Unit::Mm);
-        if args.tolerance.in_unit(units) > 0.0 && decides_otherwise {
-            let what = "--tolerance: it decides which bricks are divided; leave --stddev and --refine out";
+        let units = args.unit.unwrap_or(Unit::Mm);
+        if args.boundary_error.in_unit(units) > 0.0 && decides_otherwise {
+            let what =
+                "--boundary-error: it decides which bricks are divided; leave --stddev and --refine out";
             return Err(Failure::Usage(what.to_owned()));
         }
         if args.shard.is_some() && args.compression != CompressionArg::Lz4 {
             let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
             return Err(Failure::Usage(what.to_owned()));
         }
-        let open = args.toolpath.options(args.units)?;
+        let open = args.toolpath.options(args.unit)?;
         let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
             return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
         };
@@ -83,7 +86,7 @@ impl TryFrom<BuildArgs> for Plan {
                 RefineArg::Surface => Refine::Surface,
             },
             stddev: args.stddev,
-            tolerance: args.tolerance.in_unit(units),
+            tolerance: args.boundary_error.in_unit(units),
             thin: match (args.max_depth, args.thin) {
                 (Some(level), _) => ThinDepth::Level(level),
                 (None, Some(levels)) => ThinDepth::Deeper(levels),
@@ -110,18 +113,20 @@ impl TryFrom<BuildArgs> for Plan {
             memory,
             mesh,
             json,
-            beads,
+            beads_as,
             count,
             estimate_normals,
             orient,
             gwn_error,
+            toolpath,
             ..
         } = args;
         Ok(Plan {
             inputs,
             output,
             open,
-            beads,
+            toolpath,
+            beads: beads_as,
             count,
             estimate_normals,
             orient,
@@ -160,6 +165,7 @@ fn count_in_mm(plan: &mut Plan) {
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mut plan = Plan::try_from(args)?;
     let started = Instant::now();
+    require_store_name(&plan.output, true)?;
     require_inputs(&plan.inputs, "info PART.brf")?;
     let bars = start(plan.work)?;
     let outputs: Vec<&Path> =
@@ -173,12 +179,13 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
         None => open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?,
         Some(_) => Vec::new(),
     };
+    plan.toolpath.require_features(features_of(&inputs))?;
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     if !toolpaths.is_empty() && plan.units != Unit::Mm {
         if toolpaths.len() < inputs.len() {
             let what =
                 "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
-            return Err(Failure::Usage(format!("--units {}: {what}", plan.units)));
+            return Err(Failure::Usage(format!("--unit {}: {what}", plan.units)));
         }
         count_in_mm(&mut plan);
     }
@@ -198,6 +205,9 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     }
     plan.options.resources.index = memory::index_share(plan.options.resources.memory);
     // Made before the long work, so that a name that cannot be written costs no time.
+    if let Some(mesh) = &plan.mesh {
+        tell_left_behind(mesh, plan.work.quiet);
+    }
     let sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
     let mut summary = match clouds {
         None => build_opened(&inputs, &plan.output, &plan.options, &bars)?,
@@ -237,6 +247,7 @@ fn mesh_of(
         temp_dir: plan.options.resources.temp_dir.clone(),
         ..ContourOptions::default()
     };
+    require_mesh_space(store, path, options.iso, None)?;
     let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
     summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
     report.compare(store, &options, bars)?;
@@ -248,7 +259,7 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
     let (solids, note) = match (are_clouds, plan.beads) {
         (false, beads) => solids(beads, &plan.open.sweep.shape, inputs)?,
         (true, Some(BeadsArg::Analytic)) => {
-            return Err(Failure::Usage("--beads analytic: points are no beads; leave it out".to_owned()));
+            return Err(Failure::Usage("--beads-as analytic: points are no beads; leave it out".to_owned()));
         }
         (true, _) => (None, None),
     };
@@ -257,12 +268,12 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
         let why = match (are_clouds, solids) {
             (true, _) => Some("points have no facets to measure by; leave it out"),
             (_, Some(_)) => {
-                Some("beads as solids have no facets to measure by; use --beads mesh, or leave it out")
+                Some("beads as solids have no facets to measure by; use --beads-as mesh, or leave it out")
             }
             _ => None,
         };
         if let Some(why) = why {
-            return Err(Failure::Usage(format!("--tolerance: {why}")));
+            return Err(Failure::Usage(format!("--boundary-error: {why}")));
         }
     }
     let why = match (are_clouds, solids) {
@@ -282,7 +293,7 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
         return Err(Failure::Usage(format!("--count: {why}; leave it out")));
     }
     if let Some(why) = note {
-        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
+        warn(&format!("beads are swept to triangles: {why} (--beads-as mesh says so without this warning)"));
     }
     Ok(())
 }
@@ -303,7 +314,7 @@ fn not_for_devices(options: &BuildOptions, are_clouds: bool) -> Option<&'static 
     if are_clouds {
         Some("the bricks of point clouds are the processor's")
     } else if options.solids.is_some() {
-        Some("the bricks of beads as solids are the processor's (see --beads mesh)")
+        Some("the bricks of beads as solids are the processor's (see --beads-as mesh)")
     } else if options.thin != ThinDepth::None {
         Some("with --max-depth or --thin all bricks are the processor's")
     } else {

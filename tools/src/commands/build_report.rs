@@ -13,7 +13,7 @@ use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, winding_range};
 use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::{Count, POINTS};
-use brickfield_engine::build::{ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
+use brickfield_engine::build::{Resumed, ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
 use brickfield_engine::ingest::CloudInput;
 use brickfield_engine::store::{BeadsMeta, Store};
 use serde::Serialize;
@@ -23,6 +23,8 @@ use serde::Serialize;
 pub(super) struct Report {
     output: String,
     unit: String,
+    /// Of the box around the input, along x, y and z.
+    size: [f64; 3],
     #[serde(flatten)]
     summary: Summary,
     /// Why the processor evaluated the bricks, if a device might have.
@@ -102,6 +104,7 @@ impl Report {
             device_warning,
             output: plan.output.display().to_string(),
             unit: unit_of(store.meta()).to_owned(),
+            size: std::array::from_fn(|a| store.meta().bounds_max[a] - store.meta().bounds_min[a]),
             summary,
             seconds,
             facets_per_second: pieces as f64 / seconds,
@@ -138,6 +141,10 @@ impl Report {
             let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
             lines.push(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
         }
+        if let Some(Resumed { nodes, part }) = &self.summary.resumed {
+            let of = format!("{nodes} nodes of an earlier run, about {:.0}% of the tree", 100.0 * part);
+            lines.push(format!("  resumed  from {of}"));
+        }
         self.add_input(&mut lines);
         self.add_field(&mut lines);
         self.add_costs(&mut lines);
@@ -165,6 +172,8 @@ impl Report {
     fn add_input(&self, lines: &mut Vec<String>) {
         let (pieces, counted) = self.counted();
         lines.push(format!("  {pieces:<8} {counted}"));
+        let [x, y, z] = self.size.map(rounded_length);
+        lines.push(format!("  size     {x} × {y} × {z} {}", self.unit));
         for CloudText { path, columns } in &self.clouds {
             lines.push(format!("  columns  {}: {}", one_line(path), one_line(columns)));
         }
@@ -202,6 +211,8 @@ impl Report {
         }
         let toolpaths = || self.toolpaths.iter().flatten();
         lines.extend(toolpaths().map(|toolpath| format!("  source   {}", toolpath.text())));
+        let beside = toolpaths().filter_map(ToolpathReport::beside_text);
+        lines.extend(beside.map(|text| format!("  beside   {text}")));
         let volumes = self.volumes.iter().map(|volumes| volumes_text(volumes, &self.unit));
         lines.extend(volumes.map(|text| format!("  volume   {text}")));
         lines.extend(self.balance.iter().map(|balance| format!("  balance  {}", balance.text(&self.unit))));
@@ -286,6 +297,16 @@ impl Report {
         Some(format!(
             "  backend  {name}: {bricks} bricks in {batches} batches{checked}{others}; {times}{close}"
         ))
+    }
+}
+
+/// A length to six digits, without zeros at the end.
+fn rounded_length(value: f64) -> String {
+    let places = (5 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 12) as usize;
+    let text = format!("{value:.places$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
     }
 }
 

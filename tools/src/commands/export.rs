@@ -5,6 +5,7 @@ use crate::args::{DtypeArg, ExportArgs};
 use crate::failure::Failure;
 use crate::npy;
 use crate::output::{in_line, print, print_json, require_distinct};
+use crate::space::{require_space, tell_left_behind};
 use crate::units::Size;
 use anyhow::Context;
 use brickfield_engine::Progress;
@@ -55,6 +56,9 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let (element, dtype) = elements(args.dtype, &store);
     let grid = Dense::new(&store, args.level, element).map_err(|error| of_store(&store, "levels", error))?;
     let description = describe(&plan, &store, &grid, dtype);
+    tell_left_behind(&args.output, args.work.quiet);
+    let bytes = grid.bytes().try_into().unwrap_or(u64::MAX);
+    require_space(&args.output, bytes, "choose a lower --level")?;
     let mut pair = PartPair::create(&args.output, &plan.description)?;
     write_array(dtype, &grid, &pair.file, &bars)?;
     let json = serde_json::to_string_pretty(&description).context("cannot write JSON")?;
@@ -82,6 +86,8 @@ fn describe(plan: &Plan<'_>, store: &Store, grid: &Dense<'_>, dtype: &str) -> Va
         "dtype": dtype,
         "origin": grid.origin(),
         "spacing": grid.spacing(),
+        "unit": store.meta().unit,
+        // As it was called before.
         "units": store.meta().unit,
     })
 }

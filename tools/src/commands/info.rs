@@ -105,6 +105,8 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         "program": program,
         "sources": sources.iter().map(source).collect::<Vec<_>>(),
         "unfinished": store.is_unfinished(),
+        "unit": unit,
+        // As it was called before.
         "units": unit,
         "bounds": [bounds_min, bounds_max],
         "root": { "origin": root.origin, "edge": root.edge },

@@ -17,7 +17,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         return Err(Failure::Usage("--volume takes a store, not a toolpath".to_owned()));
     }
     let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
-    let options = args.toolpath.options(args.units)?;
+    let options = args.toolpath.options(args.unit)?;
     let sweep = Sweep::new(&options.sweep)?;
     let (mut bead_volume, mut fills) = (0.0, LayerFills::default());
     let details = read_beads(file, &options.gcode, &bars, &mut |bead| {
@@ -26,6 +26,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
         Ok(())
     })?;
     bars.clear();
+    args.toolpath.require_features([(file, &details)])?;
     let toolpath = ToolpathReport::new(file.display().to_string(), bead_volume, details).with_fill(fills);
     let warnings = toolpath.warnings();
     warnings.iter().for_each(|message| warn(message));

@@ -2,17 +2,20 @@
 
 use super::info_mesh::is_mesh;
 use super::mesh_check::{Checked, require_sound};
-use super::{of_store, open_store, require_level, start, with_error};
+use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
+use crate::measured::measured;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::pieces::{negative, negative_text};
+use crate::space::{LARGE_BYTES, free_beside, require_space, tell_left_behind};
 use crate::units::{Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
     ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
+    foresee_triangles,
 };
 use brickfield_engine::store::{Accept, CacheStats, Store, is_store};
 use brickfield_engine::{Error, Progress};
@@ -50,6 +53,10 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         require_level(&store, level)?;
     }
     require_distinct(&[output], &[&args.file])?;
+    tell_left_behind(output, args.work.quiet);
+    if args.tolerance.in_unit(Unit::Mm) == 0.0 {
+        require_mesh_space(&store, output, args.iso, args.level)?;
+    }
     let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
     let options = ContourOptions {
         iso: args.iso,
@@ -66,7 +73,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     report.negative_volume = negative(&store, &bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
-        report.check = Some(Checked::of(output, args.weld, &bars)?);
+        report.check = Some(Checked::of(output, args.weld, args.memory, &bars)?);
     }
     bars.clear();
     if let Some(volume) = report.negative_volume {
@@ -94,6 +101,38 @@ fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
     tolerance.in_unit_of(&store.meta().unit).ok_or_else(|| {
         Failure::Usage("the store has no unit of length; give --tolerance as a number alone".to_owned())
     })
+}
+
+/// Most triangles of a brick: those of its cells that a surface along a face passes, for the way in which beads fill bricks
+/// three times over.
+const TRIANGLES_A_BRICK: u64 = 3 * 2 * 32 * 32;
+
+/// Bytes of a mesh file for each triangle, of which there are two for each vertex.
+fn bytes_a_triangle(path: &Path) -> u64 {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    match ending.as_deref() {
+        Some("stl") => 50,
+        Some("obj") => 45,
+        Some("3mf") => 12,
+        // Binary PLY and GLB.
+        _ => 19,
+    }
+}
+
+/// Fails if a mesh without a tolerance will be larger than what its disk has free.
+///
+/// # Errors
+/// Both numbers; what reading the store gives.
+pub fn require_mesh_space(store: &Store, path: &Path, iso: f64, level: Option<u8>) -> Result<(), Failure> {
+    let a_triangle = bytes_a_triangle(path);
+    let bricks = store.entries().iter().filter(|entry| !entry.head.kind.is_uniform()).count() as u64;
+    let most = bricks.saturating_mul(TRIANGLES_A_BRICK * a_triangle);
+    // Nothing is read where it cannot matter.
+    if most < LARGE_BYTES || free_beside(path).is_none_or(|free| most <= free) {
+        return Ok(());
+    }
+    let triangles = foresee_triangles(store, iso, level)?;
+    require_space(path, triangles.saturating_mul(a_triangle), "use --tolerance or a lower --level")
 }
 
 /// The file for a mesh in this unit, with normals or not; a name whose format is unknown or has none is wrong usage.
@@ -179,7 +218,7 @@ impl MeshReport {
         let error = (0.5 * cell + options.tolerance) * self.area + expected.error;
         if (self.volume - expected.volume).abs() > error {
             let (mesh, unit) = (self.volume, &self.unit);
-            let there = with_error(expected.volume, expected.error);
+            let there = measured(expected.volume, expected.error);
             warn(&format!(
                 "{}: the mesh holds {mesh:.3} {unit}³ and the {whose} {there} {unit}³, farther apart than their errors: walls \
                  or gaps are thinner than a cell; build with --max-depth or a greater --depth",
@@ -215,7 +254,7 @@ impl MeshReport {
     fn expected_text(&self) -> Option<String> {
         let Expected { whose, volume, error } = self.expected.as_ref()?;
         let (unit, cell) = (&self.unit, self.cell);
-        let mut text = format!("\n  volume   the {whose} holds {} {unit}³", with_error(*volume, *error));
+        let mut text = format!("\n  volume   the {whose} holds {} {unit}³", measured(*volume, *error));
         let off = self.volume - volume;
         if off.abs() > *error {
             let percent = 100.0 * off.abs() / volume;

@@ -6,9 +6,12 @@ use crate::args::MeshArgs;
 use crate::failure::Failure;
 use crate::kinds::FileKind;
 use crate::output::{one_line, print, print_json};
-use brickfield_engine::Progress;
+use crate::units::Size;
 use brickfield_engine::check::{Defect, Report, check};
-use brickfield_engine::ingest::Input;
+use brickfield_engine::ingest::{Facets, Input};
+use brickfield_engine::lattice::RootCube;
+use brickfield_engine::pieces::{Consistency, InsideOut, study};
+use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -21,7 +24,7 @@ pub fn run(args: &MeshArgs, progress: &crate::progress::Bars) -> Result<(), Fail
         let is = kind.and_then(FileKind::name).map_or_else(String::new, |name| format!("is {name}; "));
         return Err(Failure::Usage(format!("{}: {is}{what}", args.file.display())));
     }
-    let checked = Checked::of(&args.file, args.weld, progress)?;
+    let checked = Checked::of(&args.file, args.weld, args.memory, progress)?;
     progress.clear();
     if args.json {
         print_json(&checked)?;
@@ -42,6 +45,10 @@ pub struct Checked {
     edge_manifold: bool,
     vertex_manifold: bool,
     free_of_intersections: bool,
+    /// False if a closed shell that lies in no other faces inward; null if that cannot be told: the mesh is open, or the
+    /// memory does not suffice.
+    facing_outward: Option<bool>,
+    inside_out: Option<InsideOut>,
     #[serde(flatten)]
     report: Report,
     seconds: f64,
@@ -49,22 +56,36 @@ pub struct Checked {
 
 impl Checked {
     /// Reads and checks the mesh at `path`.
-    pub fn of(path: &Path, weld: bool, progress: &dyn Progress) -> Result<Checked, Failure> {
+    pub fn of(path: &Path, weld: bool, memory: Size, progress: &dyn Progress) -> Result<Checked, Failure> {
         let started = Instant::now();
         let input = Input::open(path, progress)?;
         let report = check(&input, weld, progress)?;
+        let facing = facing(&input, &report, memory, progress)?;
+        let inside_out = facing.flatten();
         Ok(Checked {
             path: path.display().to_string(),
             format: input.describe(),
-            sound: report.is_sound(),
+            sound: report.is_sound() && inside_out.is_none(),
             closed: report.is_closed(),
             oriented: report.is_oriented(),
             edge_manifold: report.is_edge_manifold(),
             vertex_manifold: report.is_vertex_manifold(),
             free_of_intersections: report.is_free_of_intersections(),
+            facing_outward: facing.map(|found| found.is_none()),
+            inside_out,
             report,
             seconds: started.elapsed().as_secs_f64(),
         })
+    }
+
+    /// The shells that are inside out, for people.
+    fn inverted(&self) -> Option<String> {
+        let InsideOut { pieces, volume, facet, .. } = self.inside_out?;
+        let shells = if pieces == 1 { "shell is" } else { "shells are" };
+        Some(format!(
+            "{pieces} closed {shells} inside out, with a volume of {:.6}; the largest begins at triangle {facet}",
+            -volume.abs()
+        ))
     }
 
     /// For people.
@@ -95,6 +116,9 @@ impl Checked {
         if let Some([min, max]) = report.bounds {
             text += &format!("  bounds   {} to {}\n", point(min), point(max));
         }
+        if let Some(inverted) = self.inverted() {
+            text += &format!("  wrong    {inverted}\n");
+        }
         for (what, Defect { count, at }) in report.defects() {
             let place = at.map_or(String::new(), |at| format!(", one at {}", point(at)));
             text += &format!("  wrong    {count} {what}{place}\n");
@@ -107,13 +131,38 @@ impl Checked {
     }
 }
 
+/// The closed shells that face inward though nothing is around them; nothing if there are none, `None` if that cannot be
+/// told. Shells that face inward within others are cavities.
+fn facing(
+    input: &Input,
+    report: &Report,
+    memory: Size,
+    progress: &dyn Progress,
+) -> Result<Option<Option<InsideOut>>, Failure> {
+    if !report.is_closed() || !report.is_oriented() {
+        return Ok(None);
+    }
+    if report.inward_components == 0 {
+        return Ok(Some(None));
+    }
+    let (min, max) = input.bounds(progress)?;
+    let Some(root) = RootCube::around(min, max) else { return Ok(None) };
+    match study(&[input as &dyn Facets], root, Consistency::Given, memory.0, progress) {
+        Ok((pieces, _)) => Ok(Some(pieces.inside_out)),
+        // Too little memory to tell.
+        Err(Error::Setting { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
 /// Success exactly if nothing is wrong.
 pub fn require_sound(checked: &Checked) -> Result<(), Failure> {
     if checked.sound {
         return Ok(());
     }
-    let named: Vec<String> =
-        checked.report.defects().iter().map(|(what, defect)| format!("{} {what}", defect.count)).collect();
+    let defects = checked.report.defects();
+    let defects = defects.iter().map(|(what, defect)| format!("{} {what}", defect.count));
+    let named: Vec<String> = checked.inverted().into_iter().chain(defects).collect();
     let what = if named.is_empty() { "no triangles".to_owned() } else { named.join(", ") };
     Err(anyhow::anyhow!("{}: {what}; repair the mesh before it is used as a solid", checked.path).into())
 }

@@ -27,12 +27,14 @@ pub mod winding;
 use crate::args::{IoArg, WorkArgs};
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
+use crate::measured::measured;
 use crate::output::{require_distinct, warn};
 use crate::progress::Bars;
 use anyhow::Context;
 use brickfield_engine::analysis::Volumes;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::store::{Accept, Io, Meta, Store, StoreOptions};
+use brickfield_engine::toolpath::gcode::GcodeReport;
 use brickfield_engine::{Error, Progress};
 use std::path::{Path, PathBuf};
 
@@ -62,6 +64,11 @@ fn open_inputs(
         input.warnings().into_iter().for_each(told);
     }
     Ok(opened)
+}
+
+/// What was read of the toolpaths among inputs.
+fn features_of(inputs: &[Input]) -> impl Iterator<Item = (&Path, &GcodeReport)> {
+    inputs.iter().filter_map(|input| Some((input.path(), &input.beads()?.report)))
 }
 
 /// Opens a store; of any other file says what it is and which command wants it.
@@ -114,29 +121,11 @@ fn require_level(store: &Store, level: u8) -> Result<(), Failure> {
 /// Volumes of a field, for people.
 fn volumes_text(volumes: &Volumes, unit: &str) -> String {
     let Volumes { union, overlap, negative, .. } = *volumes;
-    let union = with_error(union, volumes.union_error);
-    let overlap = with_error(overlap, volumes.overlap_error);
+    let union = measured(union, volumes.union_error);
+    let overlap = measured(overlap, volumes.overlap_error);
     let mut text = format!("{union} {unit}³ of union, {overlap} {unit}³ of overlap");
     if negative > 0.0 {
-        text += &format!(", {} {unit}³ inside out", with_error(negative, volumes.negative_error));
+        text += &format!(", {} {unit}³ inside out", measured(negative, volumes.negative_error));
     }
     text
-}
-
-/// A number with the bound on its error, both to the digits that the bound leaves: two of its own.
-fn with_error(value: f64, error: f64) -> String {
-    // Positions are rounded to 2^-24 of the part, so nothing is known better.
-    let error = error.max(1e-6 * value.abs());
-    if error == 0.0 {
-        return "0".to_owned();
-    }
-    let decimals = 1 - error.log10().floor() as i32;
-    let rounded = |v: f64| match decimals {
-        0.. => format!("{v:.*}", decimals.min(15) as usize),
-        _ => {
-            let unit = 10f64.powi(-decimals);
-            format!("{:.0}", (v / unit).round() * unit)
-        }
-    };
-    format!("{} ± {}", rounded(value), rounded(error))
 }

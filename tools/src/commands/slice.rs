@@ -52,9 +52,9 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
             Failure::Usage(format!("{name}: the section's name must end in .png, .svg or .dxf"))
         })?;
         if format != SliceFormat::Png
-            && (args.pixel.is_some() || args.size.is_some() || args.samples || args.no_legend)
+            && (args.pixel.is_some() || args.side.is_some() || args.samples || args.no_legend)
         {
-            let what = "--pixel, --size, --samples and --no-legend belong to pictures; drawings have the finest lattice's corners";
+            let what = "--pixel, --side, --samples and --no-legend belong to pictures; drawings have the finest lattice's corners";
             return Err(Failure::Usage(what.to_owned()));
         }
         if format == SliceFormat::Png && args.merge_tolerance.is_some() {
@@ -168,7 +168,7 @@ impl Plan<'_> {
     fn picture(&self, store: &Store, plane: Plane, window: [[f64; 2]; 2]) -> Result<SectionPicture, Failure> {
         let args = self.args;
         let longer = (window[1][0] - window[0][0]).max(window[1][1] - window[0][1]);
-        let pixel = match (args.pixel, args.size) {
+        let pixel = match (args.pixel, args.side) {
             (Some(pixel), _) => Some(pixel.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?),
             (None, Some(size)) => Some(longer / f64::from(size)),
             (None, None) if args.samples => None,

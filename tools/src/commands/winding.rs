@@ -1,6 +1,6 @@
 //! `brickfield winding`: w at points, straight from meshes, closed or open, toolpaths and point clouds.
 
-use super::{open_inputs, start};
+use super::{features_of, open_inputs, start};
 use crate::args::{BackendArg, WindingArgs};
 use crate::clouds::open_clouds;
 use crate::devices::choose;
@@ -37,15 +37,16 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
         refuse_count(args, "it needs toolpaths as solids")?;
         return of_clouds(args, clouds, &bars);
     }
-    let open = args.toolpath.options(args.units)?;
+    let open = args.toolpath.options(args.unit)?;
     let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
+    args.toolpath.require_features(features_of(&inputs))?;
     let points = PointReader::open(&args.points)?.all()?;
-    let (outline, note) = solids(args.beads, &open.sweep.shape, &inputs)?;
+    let (outline, note) = solids(args.beads_as, &open.sweep.shape, &inputs)?;
     if outline.is_none() {
         refuse_count(args, note.unwrap_or("it needs toolpaths as solids"))?;
     }
     if let Some(why) = note {
-        warn(&format!("beads are swept to triangles: {why} (--beads mesh says so without this warning)"));
+        warn(&format!("beads are swept to triangles: {why} (--beads-as mesh says so without this warning)"));
     }
     match outline {
         Some(outline) => {

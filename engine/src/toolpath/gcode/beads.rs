@@ -1,5 +1,6 @@
 //! Gathers deposited steps into beads and hands them over.
 
+use super::auxiliary::is_auxiliary;
 use super::report::{FeatureReport, GcodeReport};
 use super::settings::Settings;
 use super::sizes::{Layering, Piece, Resolution};
@@ -62,6 +63,7 @@ pub(super) struct Beads<'s, 'k> {
     sink: &'s mut BeadSink<'k>,
     pub(super) report: GcodeReport,
     skip: Vec<String>,
+    skip_auxiliary: bool,
     indices: HashMap<Vec<u8>, u16>,
     skipped: Vec<bool>,
     tools: BTreeSet<u16>,
@@ -98,6 +100,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             sink,
             report: GcodeReport::default(),
             skip: options.skip_features.iter().map(|name| name.to_lowercase()).collect(),
+            skip_auxiliary: options.skip_auxiliary,
             indices: HashMap::new(),
             skipped: Vec::new(),
             tools: BTreeSet::new(),
@@ -132,7 +135,8 @@ impl<'s, 'k> Beads<'s, 'k> {
         let index = self.indices.len() as u16;
         self.indices.insert(name.to_owned(), index);
         let name = String::from_utf8_lossy(name).into_owned();
-        self.skipped.push(self.skip.contains(&name.to_lowercase()));
+        let is_beside = self.skip_auxiliary && is_auxiliary(&name);
+        self.skipped.push(is_beside || self.skip.contains(&name.to_lowercase()));
         self.report.features.push(FeatureReport { name, ..FeatureReport::default() });
         Ok(index)
     }
@@ -209,6 +213,7 @@ impl<'s, 'k> Beads<'s, 'k> {
 
     fn skip(&mut self) {
         let skipped = &mut self.report.skipped;
+        self.report.features[usize::from(self.kind.feature)].skipped += 1;
         skipped.beads += 1;
         skipped.segments += self.pieces.len() as u64;
         skipped.length += self.points.windows(2).map(|p| distance(p[0], p[1])).sum::<f64>();

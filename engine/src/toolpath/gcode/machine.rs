@@ -340,7 +340,7 @@ impl<'s, 'k> Machine<'s, 'k> {
     pub(super) fn set_unit(&mut self, unit: f64) {
         if self.beads.report.machine.unit_source == UnitSource::Option && self.position.unit != unit {
             let what =
-                "the program says its unit by a code (G20, G21), which counts from there on: not --units";
+                "the program says its unit by a code (G20, G21), which counts from there on: not --unit";
             self.beads.report.note(what, self.line);
         }
         self.position.unit = unit;

@@ -28,6 +28,7 @@
 //! not end it.
 
 mod arc;
+mod auxiliary;
 mod beads;
 mod commands;
 mod comments;
@@ -60,6 +61,7 @@ mod tests;
 mod tilt;
 mod words;
 
+pub use auxiliary::is_auxiliary;
 pub use deposition::Mark;
 pub use firmware::Firmware;
 pub use layer_axis::LayerAxis;
@@ -113,6 +115,8 @@ pub struct GcodeOptions {
     /// Features whose beads are left out, by the names in the file, in any case: "Skirt/Brim", "Custom",
     /// [`UNNAMED`]. They are still counted in [`GcodeReport::skipped`].
     pub skip_features: Vec<String>,
+    /// Whether features beside the part are left out as well: see [`is_auxiliary`].
+    pub skip_auxiliary: bool,
     /// How far chords may deviate from arcs; by default a hundredth of the bead's width.
     pub arc_tolerance: Option<f64>,
     /// mm in the file's unit of length, until G20 or G21 says otherwise; by default what the header tells, or 1.

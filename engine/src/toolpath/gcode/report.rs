@@ -124,7 +124,7 @@ impl MachineReport {
             UnitSource::Assumed => " assumed",
             UnitSource::Code => "",
             UnitSource::Header => " by the header",
-            UnitSource::Option => " by --units",
+            UnitSource::Option => " by --unit",
         };
         let dialect = self.dialect.as_ref().map(|name| format!("{name}; ")).unwrap_or_default();
         let lengths = if self.tool_lengths { "; tool length offsets taken for zero" } else { "" };
@@ -148,6 +148,8 @@ pub struct FeatureReport {
     pub fed: f64,
     /// Area times length, as in [`GcodeReport::bead_volume`].
     pub volume: f64,
+    /// Beads left out on request; none of the numbers above counts them.
+    pub skipped: u64,
 }
 
 /// Where the firmware comes from.

@@ -5,6 +5,7 @@ use crate::cache_args::MergeArgs;
 use crate::commands::start;
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
+use crate::kinds::require_store_name;
 use crate::output::{one_line, print, print_json, require_distinct};
 use crate::units::Size;
 use brickfield_engine::build::{MergeSummary, merge};
@@ -27,6 +28,7 @@ pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     let started = Instant::now();
     let bars = start(WorkArgs { threads: Some(1), quiet: args.quiet, progress: args.progress })?;
     let shares: Vec<&Path> = args.shares.iter().map(PathBuf::as_path).collect();
+    require_store_name(&args.output, false)?;
     require_distinct(&[&args.output], &shares)?;
     for share in shares.iter().filter(|share| !is_store(share)) {
         Store::open_any(share, 0).map_err(|error| not_a_store(share, error, None))?;

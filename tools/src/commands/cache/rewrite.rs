@@ -3,6 +3,7 @@
 use crate::cache_args::{CompactArgs, OutputArgs, PruneArgs, RepackArgs};
 use crate::commands::{CACHE_BYTES, of_store, open_store, start};
 use crate::failure::Failure;
+use crate::kinds::require_store_name;
 use crate::output::{one_line, print, print_json, require_distinct};
 use crate::progress::Bars;
 use crate::units::Size;
@@ -52,6 +53,7 @@ fn run(
     let bars = start(args.work)?;
     let output = match &args.output {
         Some(output) => {
+            require_store_name(output, false)?;
             require_distinct(&[output], &[&args.store])?;
             output.clone()
         }

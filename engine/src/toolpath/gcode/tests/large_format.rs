@@ -4,6 +4,7 @@ use super::*;
 use crate::toolpath::{Section, UP};
 
 const SIZES: GcodeOptions = GcodeOptions {
+    skip_auxiliary: false,
     firmware: None,
     filament_diameter: None,
     width: Some(4.0),
@@ -149,7 +150,7 @@ fn inches_come_from_the_option_the_header_or_a_code() {
     // What the program says counts.
     let (report, path) = parse(format!("G21\n{mm}"), &GcodeOptions { unit: Some(25.4), ..SIZES }).unwrap();
     assert_eq!((points(&path), report.machine.unit_source), (expected, UnitSource::Code));
-    assert!(notes(&report).contains("not --units"));
+    assert!(notes(&report).contains("not --unit"));
     // A cycle of lathes.
     let lathe = parse(format!("G70 P1 Q2\n{mm}"), &SIZES).unwrap().0;
     assert_eq!(lathe.machine.unit_mm, Some(1.0));
