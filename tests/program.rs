@@ -9,6 +9,7 @@ mod program {
     mod bench;
     mod build;
     mod cache;
+    mod cells;
     mod check;
     mod clouds;
     mod determinism;

@@ -143,15 +143,15 @@ fn suspended(dir: &Scratch, args: &[&dyn AsRef<OsStr>]) {
 #[test]
 fn a_build_that_goes_on_says_from_where() {
     let dir = Scratch::new();
-    let input = stl("clover_beads");
-    suspended(&dir, &[&input, &"--depth", &"6"]);
-    let ran = run(&[&"build", &input, &"-o", &dir.path("o.brf"), &"--depth", &"6"]);
+    let input = stl("overlap_boxes");
+    suspended(&dir, &[&input, &"--depth", &"5"]);
+    let ran = run(&[&"build", &input, &"-o", &dir.path("o.brf"), &"--depth", &"5"]);
     assert_eq!(ran.status, Some(0), "{}", ran.stderr);
     assert!(ran.notes.contains("going on from") && ran.notes.contains("% of the tree"), "{}", ran.notes);
     let line = ran.stdout.lines().find(|line| line.contains("resumed")).expect(&ran.stdout);
     assert!(line.contains("nodes of an earlier run"), "{line}");
-    suspended(&dir, &[&input, &"--depth", &"6", &"--restart"]);
-    let json = run(&[&"build", &input, &"-o", &dir.path("o.brf"), &"--depth", &"6", &"--json", &"-q"]).json();
+    suspended(&dir, &[&input, &"--depth", &"5", &"--restart"]);
+    let json = run(&[&"build", &input, &"-o", &dir.path("o.brf"), &"--depth", &"5", &"--json", &"-q"]).json();
     let part = json["resumed"]["part"].as_f64().unwrap();
     assert!(json["resumed"]["nodes"].as_u64() > Some(0) && part > 0.0 && part <= 1.0, "{json}");
     let whole = run(&[&"build", &input, &"-o", &dir.path("o.brf"), &"--depth", &"2", &"--json", &"-q"]);

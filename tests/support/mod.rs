@@ -21,7 +21,7 @@ pub struct Run {
     pub stdout: String,
     /// What it complained about.
     pub stderr: String,
-    /// What it told beforehand: the lines of standard error that are notes.
+    /// What it told beforehand: the lines of standard error that are notes, or advice on cells and sizes.
     pub notes: String,
 }
 
@@ -30,7 +30,11 @@ impl From<Output> for Run {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("output is text");
         let (mut stderr, mut notes) = (String::new(), String::new());
         for line in text(output.stderr).split_inclusive('\n') {
-            if line.starts_with("brickfield: note: ") { &mut notes } else { &mut stderr }.push_str(line);
+            // Of cells and sizes, whichever a test has chosen.
+            let is_advice = line.starts_with("brickfield: warning: ")
+                && (line.contains(" are lost; --cell ") || line.contains(": is that its unit? "));
+            if is_advice || line.starts_with("brickfield: note: ") { &mut notes } else { &mut stderr }
+                .push_str(line);
         }
         Run { status: output.status.code(), stdout: text(output.stdout), stderr, notes }
     }

@@ -1,7 +1,7 @@
 //! The beginning of a store's writing: anew, or where an earlier run left off.
 
 use super::identity::IdentityEntry;
-use super::journal::{Journal, JournalHead, encode_frame, journal_path};
+use super::journal::{Journal, JournalHead, Settings, encode_frame, journal_path};
 use super::kept::{Found, belongs, find};
 use super::layout::IndexEntry;
 use crate::disk::planted::{Bug, planted};
@@ -219,38 +219,33 @@ fn require_same(part: &Path, theirs: &JournalHead, ours: &JournalHead) -> Result
 /// The first thing in which two builds differ, with both values. What the user has set comes before what follows from
 /// it: other widths of beads are another content of the input as well.
 fn difference(theirs: &JournalHead, ours: &JournalHead) -> Option<String> {
-    let of_both = [theirs, ours].map(|head| {
+    let facts = |head: &JournalHead| {
         let share = head.meta.share.as_ref().map_or("none".to_owned(), |share| share.id.to_string());
-        let facts = head.meta.facts().into_iter().chain([("share".to_owned(), share)]);
-        head.settings.iter().cloned().chain(facts).collect::<Vec<_>>()
-    });
-    let value_in = |facts: &[(String, String)], name: &str| {
-        facts.iter().find(|(other, _)| other == name).map(|(_, value)| value.clone())
+        head.meta.facts().into_iter().chain([("share".to_owned(), share)]).collect::<Settings>()
     };
-    let [theirs_facts, ours_facts] = &of_both;
-    for (name, theirs_value) in theirs_facts {
-        let value = value_in(ours_facts, name);
-        if value.as_ref() == Some(theirs_value) {
-            continue;
-        }
-        if let Some(number) = name.strip_prefix("BLAKE3 hash of input ") {
-            return Some(other_content(number, theirs, ours));
-        }
-        if matches!(&name[..], "depth" | "root cube") && theirs.meta.root.edge != ours.meta.root.edge {
-            let cell = |head: &JournalHead| {
-                format!("{} {}", head.meta.root.spacing(head.meta.depth), head.meta.unit)
-            };
-            return Some(format!(
-                "its finest cell is {}, that of this build is {}",
-                cell(theirs),
-                cell(ours)
-            ));
-        }
-        let value = value.map_or("not set".to_owned(), |value| shown(&value));
-        return Some(format!("its {name} is {}, that of this build is {value}", shown(theirs_value)));
+    let of_settings = other_value(&theirs.settings, &ours.settings);
+    let (name, value, this) = of_settings.or_else(|| other_value(&facts(theirs), &facts(ours)))?;
+    if let Some(number) = name.strip_prefix("BLAKE3 hash of input ") {
+        return Some(other_content(number, theirs, ours));
     }
-    let (name, value) = ours_facts.iter().find(|(name, _)| value_in(theirs_facts, name).is_none())?;
-    Some(format!("its {name} is not set, that of this build is {}", shown(value)))
+    if matches!(&name[..], "depth" | "root cube") && theirs.meta.root.edge != ours.meta.root.edge {
+        let cell =
+            |head: &JournalHead| format!("{} {}", head.meta.root.spacing(head.meta.depth), head.meta.unit);
+        return Some(format!("its finest cell is {}, that of this build is {}", cell(theirs), cell(ours)));
+    }
+    let shown = |value: Option<String>| value.map_or("not set".to_owned(), |value| shown(&value));
+    Some(format!("its {name} is {}, that of this build is {}", shown(value), shown(this)))
+}
+
+/// The first name of which two lists have other values, and both values.
+fn other_value(theirs: &Settings, ours: &Settings) -> Option<(String, Option<String>, Option<String>)> {
+    let value_in = |list: &Settings, name: &str| {
+        list.iter().find(|(other, _)| other == name).map(|(_, value)| value.clone())
+    };
+    let names = theirs.iter().chain(ours).map(|(name, _)| name);
+    names
+        .map(|name| (name.clone(), value_in(theirs, name), value_in(ours, name)))
+        .find(|(_, value, this)| value != this)
 }
 
 /// A value, cut off if it is long.
