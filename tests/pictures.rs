@@ -141,7 +141,10 @@ fn straight_runs_are_merged_within_the_tolerance() {
         assert_eq!((merged.area, merged.loops.len()), (whole.area, whole.loops.len()));
         for (before, after) in whole.loops.iter().zip(&merged.loops) {
             let farthest = before.iter().map(|point| from_line(after, *point)).fold(0.0, f64::max);
-            assert!(farthest <= tolerance * (1.0 + 1e-9) && farthest > tolerance / 10.0, "{farthest} for {tolerance}");
+            assert!(
+                farthest <= tolerance * (1.0 + 1e-9) && farthest > tolerance / 10.0,
+                "{farthest} for {tolerance}"
+            );
         }
     }
     let mut kept = whole.clone();

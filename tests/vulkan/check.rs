@@ -96,7 +96,8 @@ fn what_was_committed_before_is_given_up() {
     let summary = second.build_at(&input, &out, &options, &Silent).unwrap();
     assert!(summary.device.unwrap().wrong.is_some());
     assert!(std::fs::read(&out).unwrap() == expected);
-    let names: Vec<_> = std::fs::read_dir(directory.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let names: Vec<_> =
+        std::fs::read_dir(directory.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(names, ["part.brf"]);
 }
 

@@ -416,7 +416,7 @@ pub struct SampleArgs {
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
     /// Also print which beads cover each point, from a store built with --identity: how many, and of each its
-    /// number, layer, tool, feature and lines in its file
+    /// number, layer from 1, tool, feature and lines in its file
     #[arg(long)]
     pub beads: bool,
     /// How to read the store

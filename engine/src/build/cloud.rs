@@ -1,8 +1,8 @@
 //! The main job from point clouds: points in, store out.
 
 use super::bins::Binner;
-use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::clock::Clock;
+use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::pipeline::{BuildOptions, Resolution, Summary, Task, place};
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;

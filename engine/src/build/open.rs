@@ -105,7 +105,8 @@ impl Field for OpenSoup {
     ) -> Result<OpenBrick> {
         let pieces = || list.indices.iter().map(|&i| list.array[i as usize]);
         let OpenSoupEvaluator { cpu, queue } = evaluator;
-        let found = self.device.as_ref().and_then(|device| Some((device, queue.take(device, &self.field, key)?)));
+        let found =
+            self.device.as_ref().and_then(|device| Some((device, queue.take(device, &self.field, key)?)));
         let Some((device, shares)) = found else { return self.field.evaluate(cpu, key, corner, pieces()) };
         let brick = self.field.evaluate_with(cpu, key, corner, pieces(), &shares)?;
         let here = || Ok(self.field.evaluate(cpu, key, corner, pieces())?.samples);

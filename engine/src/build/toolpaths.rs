@@ -1,7 +1,7 @@
 //! The main job straight from toolpaths: beads as analytic solids in, store out.
 
-use super::identity::{Leaves, write_identity};
 use super::clock::Clock;
+use super::identity::{Leaves, write_identity};
 use super::pipeline::{BuildOptions, Summary, Task, describe, place};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;

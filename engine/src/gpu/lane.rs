@@ -8,7 +8,9 @@ use super::memory::Range;
 use super::sizes::{CHAINS, READ, Sizes, UPLOADED, ZEROED};
 use super::slot::{KERNELS, Seconds, Slot};
 use ash::vk;
-use brickfield_shaders::{Batch, Brick, JUMP_WORDS, LINE_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, VARIES, WORKGROUP};
+use brickfield_shaders::{
+    Batch, Brick, JUMP_WORDS, LINE_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, VARIES, WORKGROUP,
+};
 use std::collections::VecDeque;
 
 /// Batches under way.

@@ -95,7 +95,8 @@ impl ThreeMf {
 
     /// Reads `bytes`, the content of the file `path`.
     pub(super) fn of_bytes(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<ThreeMf> {
-        let damaged = |place: &str, what: String| Error::input(path, one_line(place), one_line(&what), REMEDY);
+        let damaged =
+            |place: &str, what: String| Error::input(path, one_line(place), one_line(&what), REMEDY);
         let mut archive = ZipArchive::new(Cursor::new(bytes))
             .map_err(|error| damaged("archive", format!("is no sound ZIP archive: {error}")))?;
         let names = archive.file_names().filter_map(|name| Some(name.ok()?.into_owned()));

@@ -104,7 +104,8 @@ impl Arc {
             Kind::Corner(corner) => (corner, corner, 2),
             Kind::Clipped([first, last]) => (first, last, 3),
             Kind::Round(control) => {
-                let rise = dot(minus(control, mix(from, to, 0.5)), minus(control, mix(from, to, 0.5))).sqrt() / 2.0;
+                let rise =
+                    dot(minus(control, mix(from, to, 0.5)), minus(control, mix(from, to, 0.5))).sqrt() / 2.0;
                 (control, control, ((rise / PIECE_ERROR).sqrt().ceil() as usize).clamp(1, PIECES_MAX))
             }
         };
@@ -256,7 +257,10 @@ mod tests {
                 let (x, normal) = arc.at_height(expected.at[1]).unwrap();
                 let chord = Arc::straight(arc.ends[0], arc.ends[1]).at_height(expected.at[1]).unwrap().0;
                 let error = (x - expected.at[0]).abs();
-                assert!(error < 0.002 / radius && error * 10.0 < (chord - expected.at[0]).abs(), "{radius}: {error}");
+                assert!(
+                    error < 0.002 / radius && error * 10.0 < (chord - expected.at[0]).abs(),
+                    "{radius}: {error}"
+                );
                 assert!(error <= arc.width_bound(expected.at[1]));
                 let cos: f64 = normal.unwrap().iter().zip(expected.normal.unwrap()).map(|(a, b)| a * b).sum();
                 assert!(cos > 0.9999);
@@ -276,11 +280,15 @@ mod tests {
         assert_eq!(arc.at_height(0.3), Some((0.7, from.normal)));
         assert!((arc.area_bound() - 0.14).abs() < 1e-12);
         // An edge that is sharper than a right angle and lies beyond: along the tangents to the square's side.
-        let (base, slope) =
-            (End { at: [0.0, 0.3], normal: Some([0.0, -1.0, 0.0]) }, End { at: [0.6, 1.0], normal: Some([0.8, 0.6, 0.0]) });
+        let (base, slope) = (
+            End { at: [0.0, 0.3], normal: Some([0.0, -1.0, 0.0]) },
+            End { at: [0.6, 1.0], normal: Some([0.8, 0.6, 0.0]) },
+        );
         let arc = Arc::new([0.0; 2], base, slope);
         let corners: Vec<[f64; 2]> = arc.corners().collect();
-        assert!(matches!(arc.kind, Kind::Clipped(_)) && corners.iter().all(|[x, _]| (x - 0.999).abs() < 1e-9));
+        assert!(
+            matches!(arc.kind, Kind::Clipped(_)) && corners.iter().all(|[x, _]| (x - 0.999).abs() < 1e-9)
+        );
         let (x, normal) = arc.at_height(0.9).unwrap();
         assert!((x - 0.675).abs() < 1e-9 && normal == slope.normal, "{x}");
         assert!((arc.at_height(0.4).unwrap().0 - 0.999).abs() < 1e-9);

@@ -139,7 +139,8 @@ impl Layer {
     fn on_arc(&self, ends: [End; 2], side: usize) -> Passage {
         let (along, across) = (self.plane.sides()[side], self.plane.sides()[1 - side]);
         let axes = [along, self.plane.axis, across].map(Axis::index);
-        let [from, to] = ends.map(|End { at, normal }| End { at, normal: normal.map(|n| axes.map(|a| n[a])) });
+        let [from, to] =
+            ends.map(|End { at, normal }| End { at, normal: normal.map(|n| axes.map(|a| n[a])) });
         let arc = Arc::new([0.0; 2], from, to);
         let Some((at, normal)) = arc.at_height(self.part) else { return Passage::UNKNOWN };
         let mut in_plane = [0.0; 3];

@@ -38,7 +38,8 @@ type Chord = (usize, usize);
 
 impl Chain<'_> {
     fn new(line: &[Point], tolerance: f64) -> Chain<'_> {
-        let far = (0..line.len()).max_by(|a, b| distance(line[0], line[*a]).total_cmp(&distance(line[0], line[*b])));
+        let far = (0..line.len())
+            .max_by(|a, b| distance(line[0], line[*a]).total_cmp(&distance(line[0], line[*b])));
         let far = far.unwrap_or(0);
         let mut kept = vec![0, far];
         let mut open = vec![(0, far), (far, line.len())];
@@ -149,7 +150,8 @@ fn places([a, b]: [Point; 2], pitch: f64) -> Vec<[i64; 2]> {
             let t = n as f64 / steps as f64;
             [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t]
         });
-        let reach = [0, 1].map(|c| (place(from[c].min(to[c]) - 1e-6 * pitch), place(from[c].max(to[c]) + 1e-6 * pitch)));
+        let reach = [0, 1]
+            .map(|c| (place(from[c].min(to[c]) - 1e-6 * pitch), place(from[c].max(to[c]) + 1e-6 * pitch)));
         for v in reach[1].0..=reach[1].1 {
             found.extend((reach[0].0..=reach[0].1).map(|u| [u, v]));
         }
@@ -218,7 +220,12 @@ mod tests {
             let now: Vec<Chain<'_>> = contour.loops.iter().map(|line| Chain::new(line, 0.0)).collect();
             assert!(meeting(&now).is_empty(), "{gap}");
             for (before, after) in loops.iter().zip(&contour.loops) {
-                assert!(after.len() >= 3 && after.len() * 2 < before.len(), "{} of {}", after.len(), before.len());
+                assert!(
+                    after.len() >= 3 && after.len() * 2 < before.len(),
+                    "{} of {}",
+                    after.len(),
+                    before.len()
+                );
                 for point in before {
                     let chords = (0..after.len()).map(|n| [after[n], after[(n + 1) % after.len()]]);
                     let off = chords.map(|chord| from_chord(chord, *point)).fold(f64::MAX, f64::min);

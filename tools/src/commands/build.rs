@@ -181,8 +181,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     }
     choose_solids(&mut plan, &inputs, clouds.is_some())?;
     let chosen = choose(&plan.backend, plan.memory, not_for_devices(&plan.options, clouds.is_some()))?;
-    plan.options.resources.device =
-        chosen.device().map(|device| device.with_check(plan.device_check.into()));
+    plan.options.resources.device = chosen.device().map(|device| device.with_check(plan.device_check.into()));
     let open_seconds = started.elapsed().as_secs_f64();
     let budget = memory::budget(plan.memory);
     plan.options.resources.memory = match &clouds {

@@ -284,7 +284,9 @@ impl Report {
             0 => String::new(),
             n => format!(", {n} checked"),
         };
-        Some(format!("  backend  {name}: {bricks} bricks in {batches} batches{checked}{others}; {times}{close}"))
+        Some(format!(
+            "  backend  {name}: {bricks} bricks in {batches} batches{checked}{others}; {times}{close}"
+        ))
     }
 }
 

@@ -47,7 +47,8 @@ fn toolpath<'a>(input: &'a Input, store: &Store) -> Result<&'a Toolpath, Failure
     };
     let identity = input.identity()?;
     if !store.meta().sources.iter().any(|source| source.blake3 == identity) {
-        let what = format!("{} was built from another file, or from another version of it", store.path().display());
+        let what =
+            format!("{} was built from another file, or from another version of it", store.path().display());
         let remedy = "give the toolpath that it was built from with --toolpath";
         return Err(Error::input(path, "content", what, remedy).into());
     }
