@@ -124,6 +124,43 @@ fn frames_of(path: &Path) -> Vec<Vec<[u8; 3]>> {
 }
 
 #[test]
+#[ignore = "needs a Vulkan device; run with -- --ignored"]
+fn bricks_of_a_device_are_checked_as_asked_for() {
+    let dir = Scratch::new();
+    let mut stores = Vec::new();
+    for check in ["all", "some", "none"] {
+        let out = dir.path("o.brf");
+        let json = run(&[
+            &"build",
+            &stl("clover_model"),
+            &"-o",
+            &out,
+            &"--depth",
+            &"3",
+            &"--backend",
+            &"vulkan",
+            &"--device-check",
+            &check,
+            &"--json",
+        ])
+        .json();
+        let [bricks, checked] = ["bricks", "checked"].map(|key| json["device"][key].as_u64().unwrap());
+        let is_right = match check {
+            "all" => checked == bricks,
+            "some" => (1..bricks / 4).contains(&checked),
+            _ => checked == 0,
+        };
+        assert!(is_right && json["device"]["wrong"].is_null(), "{check}: {json}");
+        stores.push(std::fs::read(&out).unwrap());
+    }
+    assert!(stores[0] == stores[1] && stores[1] == stores[2]);
+    let message =
+        run(&[&"build", &stl("clover_model"), &"-o", &dir.path("p.brf"), &"--device-check", &"few"])
+            .misused();
+    assert!(message.contains("all, some, none"), "{message}");
+}
+
+#[test]
 fn what_runs_on_no_device_is_refused() {
     let dir = Scratch::new();
     let points = dir.file("p.csv", "0,0,0\n");

@@ -2,7 +2,7 @@
 
 use crate::bench_args::BenchArgs;
 use crate::cache_args::{CacheArgs, CompressionArg};
-use crate::devices::DeviceCheckArg;
+use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
 use crate::toolpaths::ToolpathArgs;
@@ -299,34 +299,6 @@ impl From<CountArg> for Count {
     }
 }
 
-/// What computes.
-#[derive(Args, Clone, Debug)]
-pub struct BackendArgs {
-    /// What computes. Results do not depend on it. With the default --refine and --stddev, devices evaluate the bricks of
-    /// closed meshes and sum up what closes open ones; everything else is the processor's
-    #[arg(long, value_enum, default_value_t)]
-    pub backend: BackendArg,
-    /// The Vulkan device, by its number or a part of its name; `info --devices` lists them
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub device: Option<String>,
-    /// Most memory to take of the device, as in 2GiB, taken off --memory; by default a quarter of that, or else an
-    /// eighth of the device's, 1 GiB at most
-    #[arg(long, value_name = "SIZE")]
-    pub gpu_memory: Option<Size>,
-}
-
-/// The backends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum BackendArg {
-    /// A GPU if there is one, otherwise the processor
-    #[default]
-    Auto,
-    /// All processor cores
-    Cpu,
-    /// A Vulkan device, a GPU or a software driver
-    Vulkan,
-}
-
 /// Write a mesh of the surface where the winding number passes a value, or check a mesh
 #[derive(Args)]
 #[command(after_help = "\
@@ -458,7 +430,7 @@ pub struct SampleArgs {
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
     /// Also print which beads cover each point, from a store built with --identity: how many, and of each its
-    /// number, layer, tool, feature and lines in its file
+    /// number, layer from 1, tool, feature and lines in its file
     #[arg(long)]
     pub beads: bool,
     /// How to read the store

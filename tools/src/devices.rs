@@ -1,12 +1,39 @@
 //! Which device computes, if any.
 
-use crate::args::{BackendArg, BackendArgs};
 use crate::failure::Failure;
 use crate::units::Size;
 use anyhow::anyhow;
 use brickfield_engine::backend::{DeviceCheck, Vulkan};
 use brickfield_engine::gpu::{Gpu, Settings, may_be_there};
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
+
+/// What computes.
+#[derive(Args, Clone, Debug)]
+pub struct BackendArgs {
+    /// What computes. Results do not depend on it. With the default --refine and --stddev, devices evaluate the bricks of
+    /// closed meshes and sum up what closes open ones; everything else is the processor's
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+    /// The Vulkan device, by its number or a part of its name; `info --devices` lists them
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// Most memory to take of the device, as in 2GiB, taken off --memory; by default a quarter of that, or else an
+    /// eighth of the device's, 1 GiB at most
+    #[arg(long, value_name = "SIZE")]
+    pub gpu_memory: Option<Size>,
+}
+
+/// The backends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum BackendArg {
+    /// A GPU if there is one, otherwise the processor
+    #[default]
+    Auto,
+    /// All processor cores
+    Cpu,
+    /// A Vulkan device, a GPU or a software driver
+    Vulkan,
+}
 
 /// Which bricks of a device are computed twice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]

@@ -1,6 +1,7 @@
 //! What the user types for pictures.
 
-use crate::args::{BackendArg, BackendArgs, IoArg, WorkArgs};
+use crate::args::{IoArg, WorkArgs};
+use crate::devices::{BackendArg, BackendArgs};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{BoxArg, Length, Position, Size, Tolerance, Unit};
 use brickfield_engine::lattice::Axis;

@@ -1,7 +1,8 @@
 //! A build that is begun anew because its device was caught with a wrong brick.
 
-use super::pipeline::{BuildOptions, Keeping, Summary};
+use super::pipeline::{BuildOptions, Keeping};
 use super::resources::Resources;
+use super::summary::Summary;
 use crate::backend::Vulkan;
 use crate::error::{Error, Result};
 

@@ -3,9 +3,10 @@
 use super::bins::Binner;
 use super::clock::Clock;
 use super::field::{Evaluated, Field, Fractions, Pieces};
-use super::pipeline::{BuildOptions, Resolution, Summary, Task, place};
+use super::pipeline::{BuildOptions, Resolution, Task, place};
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
+use super::summary::Summary;
 use super::weigh::weigh_pieces;
 use crate::brick::{Brick, Samples};
 use crate::error::{Error, Result};

@@ -36,6 +36,7 @@ mod solids;
 mod sorted;
 mod soup;
 mod subtree;
+mod summary;
 #[cfg(test)]
 mod tests;
 mod thin;
@@ -47,8 +48,9 @@ pub use cloud::{build_clouds, cloud_cells, surfels};
 pub use measure::{Measures, measure};
 pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use merge::{MergeSummary, merge};
-pub use pipeline::{BuildOptions, Keeping, Resolution, Resumed, ShareSummary, Summary, build, build_opened};
+pub use pipeline::{BuildOptions, Keeping, Resolution, build, build_opened};
 pub use resources::Resources;
 pub use rules::TreeOptions;
+pub use summary::{Resumed, ShareSummary, Summary};
 pub use thin::{ThinDepth, ThinSheetsSummary, ThinSummary};
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

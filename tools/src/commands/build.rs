@@ -3,10 +3,10 @@
 use super::build_report::{CloudText, Report};
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
 use super::{features_of, open_inputs, start};
-use crate::args::{BackendArgs, BeadsArg, BuildArgs, CountArg, RefineArg, WorkArgs};
+use crate::args::{BeadsArg, BuildArgs, CountArg, RefineArg, WorkArgs};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
-use crate::devices::{Chosen, DeviceCheckArg, choose};
+use crate::devices::{BackendArgs, Chosen, DeviceCheckArg, choose};
 use crate::failure::Failure;
 use crate::kinds::{require_inputs, require_store_name};
 use crate::memory;

@@ -4,7 +4,7 @@ use super::balance::Balance;
 use super::build::Plan;
 use super::mesh::MeshReport;
 use super::{unit_of, volumes_text};
-use crate::args::BackendArg;
+use crate::devices::BackendArg;
 use crate::memory;
 use crate::output::{one_line, warn};
 use crate::pieces::{inside_out_text, left_text, pieces_text};

@@ -1,8 +1,9 @@
 //! `brickfield winding`: w at points, straight from meshes, closed or open, toolpaths and point clouds.
 
 use super::{features_of, open_inputs, start};
-use crate::args::{BackendArg, WindingArgs};
+use crate::args::WindingArgs;
 use crate::clouds::open_clouds;
+use crate::devices::BackendArg;
 use crate::devices::choose;
 use crate::failure::Failure;
 use crate::kinds::require_inputs;
