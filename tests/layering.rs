@@ -9,7 +9,7 @@ const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 21] = [
+const ROOMS: [(&str, &[&str]); 22] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
@@ -23,11 +23,12 @@ const ROOMS: [(&str, &[&str]); 21] = [
     ("store", &["brick"]),
     ("backend", &["gpu", "ingest", "brick", "winding"]),
     ("contour", &["check", "brick", "store"]),
+    ("volumes", &["toolpath", "ingest", "brick", "solid", "store"]),
     (
         "build",
         &[
             "gpu", "toolpath", "bead", "ingest", "pieces", "brick", "solid", "winding", "store", "backend",
-            "contour",
+            "contour", "volumes",
         ],
     ),
     ("cache", &["brick", "store"]),

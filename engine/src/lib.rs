@@ -3,7 +3,7 @@
 //!
 //! Rooms, from the bottom up; no module uses one that stands above it:
 //! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
-//! [`check`], [`pieces`], [`store`] → [`backend`] → [`build`] → [`cache`], [`contour`], [`analysis`],
+//! [`check`], [`pieces`], [`store`] → [`backend`], [`volumes`] → [`build`] → [`cache`], [`contour`], [`analysis`],
 //! [`section`], [`render`], which draw with [`picture`].
 #![deny(unsafe_code)]
 #![warn(missing_docs)]

@@ -272,7 +272,7 @@ fn layers_are_numbered_from_1_and_cut_in_their_middle() {
     let gone = run(&[&"slice", &store, &"--layer", &"1", &"-o", &dir.path("s.svg")]).failed();
     assert!(gone.contains("not there any more; say where it is with --toolpath"), "{gone}");
     slice(&store, &dir.path("s.png"), &["--layer", "1", "--toolpath", moved.to_str().unwrap()]);
-    let other = dir.file("other.gcode", &TWO_LAYERS.replace("X20", "X21"));
+    let other = dir.file("other.gcode", TWO_LAYERS.replace("X20", "X21"));
     let other =
         run(&[&"slice", &store, &"--layer", &"1", &"--toolpath", &other, &"-o", &dir.path("s.svg")]).failed();
     assert!(other.contains("was built from another file"), "{other}");

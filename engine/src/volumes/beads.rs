@@ -250,7 +250,8 @@ impl Sums {
             let mut lines = [Line::default(), Line::default()];
             lines.iter_mut().for_each(|line| line.layers.resize(tops.len(), [0.0; 2]));
             for intervals in block.chunk_by(|a, b| stratum(a) == stratum(b)) {
-                let second = intervals.partition_point(|interval| interval.line as usize % LINES == 0);
+                let second =
+                    intervals.partition_point(|interval| (interval.line as usize).is_multiple_of(LINES));
                 let (a, b) = intervals.split_at(second);
                 let mut of_lines = [a, b].into_iter();
                 let values = lines

@@ -195,8 +195,8 @@ fn add(crossings: &[u64], moments: &mut Moments<4>) {
     let of_block = |buffer: &mut Vec<Crossing>, block: &[u64]| {
         let mut moments = Moments::default();
         for crossings in block.chunk_by(|&a, &b| line(a) / LINES == line(b) / LINES) {
-            let (a, b) =
-                crossings.split_at(crossings.partition_point(|&crossing| line(crossing) % LINES == 0));
+            let (a, b) = crossings
+                .split_at(crossings.partition_point(|&crossing| line(crossing).is_multiple_of(LINES)));
             moments.add([of_line(a, buffer), of_line(b, buffer)]);
         }
         moments

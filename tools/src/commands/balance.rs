@@ -46,17 +46,22 @@ impl Balance {
         let union = measured(self.union, self.union_error);
         let overlap = measured(self.overlap, self.overlap_error);
         let corners = measured(self.within_corners, self.within_corners_error);
-        let ends = measured(round_ends, 0.0);
+        // What is exact has the digits of what is not.
+        let rounded = |value: f64| {
+            let text = measured(value, self.union_error);
+            text.split(" ±").next().unwrap_or_default().to_owned()
+        };
+        let ends = rounded(round_ends);
         let parts = format!(
             "{union} of union + {overlap} of overlap between passes + {corners} within corners − {ends} of round ends"
         );
-        let swept = measured(sections, 0.0);
+        let swept = rounded(sections);
         match fed {
             Some(fed) if (fed - sections).abs() > 1e-3 * fed => {
-                let (fed, off) = (measured(fed, 0.0), 100.0 * (fed / sections - 1.0));
+                let (fed, off) = (rounded(fed), 100.0 * (fed / sections - 1.0));
                 format!("{swept} {unit}³ of beads = {parts}; fed were {fed}, {off:+.2}%")
             }
-            Some(fed) => format!("{} {unit}³ fed = {parts}", measured(fed, 0.0)),
+            Some(fed) => format!("{} {unit}³ fed = {parts}", rounded(fed)),
             None => format!("{swept} {unit}³ of beads = {parts}"),
         }
     }
