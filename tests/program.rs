@@ -33,4 +33,5 @@ mod program {
     mod traps;
     mod usage;
     mod view;
+    mod volumes;
 }
