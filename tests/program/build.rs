@@ -112,10 +112,13 @@ fn a_tolerance_leaves_flat_walls_undivided() {
     run(&[&"mesh", &"--check", &mesh, &"--quiet"]).ok();
     // What it is measured against.
     let beads = built(&example("clover.gcode"), &["--tolerance", "0.05mm"]).misused();
-    assert!(beads.contains("--tolerance: beads as solids") && beads.contains("--beads mesh"), "{beads}");
+    assert!(
+        beads.contains("--boundary-error: beads as solids") && beads.contains("--beads-as mesh"),
+        "{beads}"
+    );
     let points = dir.file("p.xyz", "0 0 1 0 0 1\n0 0 -1 0 0 -1\n0 1 0 0 1 0\n0 -1 0 0 -1 0\n");
     let points = built(&points, &["--tolerance", "0.05mm"]).misused();
-    assert!(points.contains("--tolerance: points"), "{points}");
+    assert!(points.contains("--boundary-error: points"), "{points}");
     let open = built(&stl("open_box_no_lid"), &["--tolerance", "0.05mm"]).failed();
     assert!(open.contains("closed meshes") && open.contains("--tolerance"), "{open}");
 }

@@ -36,7 +36,7 @@ fn build(input: &Path, settings: &[&str], output: &Path) -> Command {
 
 fn complete(input: &Path, settings: &[&str], output: &Path) {
     let ran = Run::from(build(input, settings, output).output().unwrap());
-    assert_eq!((ran.status, ran.stderr.as_str()), (Some(0), ""), "{settings:?}");
+    ran.ok_but_for("% empty");
 }
 
 /// Nodes that were committed to the unfinished store, all of them sound; `None` if none were.

@@ -140,7 +140,7 @@ fn a_tolerance_makes_fewer_triangles() {
     // Beads, which touch each other in long creases.
     let beads = dir.path("beads.brf");
     let toolpath = Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/clover.gcode");
-    run(&[&"build", &toolpath, &"-o", &beads, &"--depth", &"2"]).ok();
+    run(&[&"build", &toolpath, &"-o", &beads, &"--depth", &"2"]).ok_but_for("% empty");
     let [plain, merged] = ["0", "50um"].map(|tolerance| {
         let out = dir.path(&format!("beads{tolerance}.ply"));
         run(&[&"mesh", &beads, &"-o", &out, &"--tolerance", &tolerance]).ok();

@@ -55,7 +55,7 @@ fn samples_name_passes_and_the_lines_of_their_segments() {
     build(&file("retraced.gcode"), &store, &["--identity"]);
     let csv = run(&[&"sample", &store, &"--points", &points, &"--beads"]).ok();
     let which = csv.lines().nth(1).unwrap().split('"').nth(1).unwrap();
-    let named = |pass: u32, line: u32| format!("0.{pass}:0:0:0:{line}-{line}:Solid infill");
+    let named = |pass: u32, line: u32| format!("0.{pass}:0:1:0:{line}-{line}:Solid infill");
     assert_eq!(which, [named(0, 11), named(1, 12), named(2, 13)].join(";"));
     let json = run(&[&"sample", &store, &"--points", &points, &"--beads", &"--json"]).ok();
     let json: Value = serde_json::from_str(&json).unwrap();
@@ -63,7 +63,7 @@ fn samples_name_passes_and_the_lines_of_their_segments() {
     // Whole beads have the lines of all that they are.
     build(&file("retraced.gcode"), &store, &["--identity", "--count", "beads"]);
     let csv = run(&[&"sample", &store, &"--points", &points, &"--beads"]).ok();
-    assert!(csv.contains(",1,\"0:0:0:0:11-13:Solid infill\""), "{csv}");
+    assert!(csv.contains(",1,\"0:0:1:0:11-13:Solid infill\""), "{csv}");
 }
 
 #[test]

@@ -171,7 +171,7 @@ fn a_mesh_that_lacks_what_the_samples_have_is_told() {
     let volume = |json: &serde_json::Value, name: &str| json[name].as_f64().unwrap();
     assert!(apart && volume(&json["mesh"], "volume") < 1300.0, "{json}");
     assert_eq!(json["mesh"]["expected"]["whose"], "source");
-    assert!((volume(&json["mesh"]["expected"], "volume") / 2000.0 - 1.0).abs() < 1e-6, "{json}");
+    assert!((volume(&json["mesh"]["expected"], "volume") / 2000.0 - 1.0).abs() < 1e-3, "{json}");
     assert!(told(run(&[&"mesh", &store, &"-o", &mesh, &"--json"])).0);
     // Whole, the two agree; of other levels and values nothing is compared.
     run(&[&"build", &plate(), &"-o", &store, &"--depth", &"3", &"--max-depth", &"5", &"--restart"]).ok();

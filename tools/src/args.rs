@@ -549,7 +549,8 @@ pub enum DtypeArg {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  brickfield verify part.brf")]
+  brickfield verify part.brf
+  brickfield cache verify part.brf    # the same")]
 pub struct VerifyArgs {
     /// The store
     #[arg(value_name = "PART.brf")]

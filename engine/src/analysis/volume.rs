@@ -43,6 +43,9 @@ impl From<&SourceVolumes> for Volumes {
     }
 }
 
+/// The samples of a row that a brick owns.
+const OWN: u64 = (1 << BRICK_CELLS) - 1;
+
 /// Steps of an edge in which chords are measured.
 const STEPS: u128 = 1 << 16;
 
@@ -51,6 +54,8 @@ const STEPS: u128 = 1 << 16;
 struct Sums {
     /// Chords of the union along each axis, in [`STEPS`].
     chords: [u128; 3],
+    /// Samples of the union.
+    inside: u128,
     overlap: Count,
     negative: Count,
 }
@@ -100,6 +105,7 @@ impl Sums {
     fn and(self, other: Sums) -> Sums {
         Sums {
             chords: [0, 1, 2].map(|a| self.chords[a] + other.chords[a]),
+            inside: self.inside + other.inside,
             overlap: self.overlap.and(other.overlap),
             negative: self.negative.and(other.negative),
         }
@@ -109,8 +115,8 @@ impl Sums {
     fn of_equal(w: i16, count: u128) -> Sums {
         let of = |w: i32| Count { sum: u128::from(w.max(0).unsigned_abs()) * count, ..Count::default() };
         let w = i32::from(w);
-        let inside = u128::from(w >= 1) * count * STEPS;
-        Sums { chords: [inside; 3], overlap: of(w - 1), negative: of(-w) }
+        let inside = u128::from(w >= 1) * count;
+        Sums { chords: [inside * STEPS; 3], inside, overlap: of(w - 1), negative: of(-w) }
     }
 
     /// Of a leaf's own 32³ cells.
@@ -121,15 +127,18 @@ impl Sums {
         };
         let signs = SignChanges::of(samples);
         let chords = Axis::ALL.map(|axis| chords(&signs, &hermite.edges[axis.index()], axis));
+        let own = |row: usize| signs.row(row % BRICK_CELLS, row / BRICK_CELLS) & OWN;
+        let inside = (0..BRICK_CELLS * BRICK_CELLS).map(|row| u128::from(own(row).count_ones())).sum();
         let (min, max) = samples.range();
         let count = |there: bool, part| if there { Count::of(samples, part) } else { Count::default() };
         let overlap = count(samples.whole(max) > 1, |w| w - 1);
-        Sums { chords, overlap, negative: count(samples.whole(min) < 0, |w| -w) }
+        Sums { chords, inside, overlap, negative: count(samples.whole(min) < 0, |w| -w) }
     }
 
     fn scaled(self, by: u128) -> Sums {
         Sums {
             chords: self.chords.map(|c| c * by),
+            inside: self.inside * by,
             overlap: self.overlap.scaled(by),
             negative: self.negative.scaled(by),
         }
@@ -138,7 +147,6 @@ impl Sums {
 
 /// What lies inside of the edges along `axis` that a brick owns, in [`STEPS`].
 fn chords(signs: &SignChanges, edges: &[HermiteEdge], axis: Axis) -> u128 {
-    const OWN: u64 = (1 << BRICK_CELLS) - 1;
     let mut whole = 0u64;
     for k in 0..BRICK_CELLS {
         for j in 0..BRICK_CELLS {
@@ -181,7 +189,8 @@ pub fn negative_volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<
 /// threads change nothing.
 ///
 /// The union is measured by chords between the exact crossings of lattice lines, along each axis; it is their mean, and
-/// the bound is the difference of the largest and the smallest. Of overlap only samples tell: each edge between two of them may
+/// the bound is the difference of the largest and the smallest, and twice that from the number of samples: a face across an
+/// axis puts chords along the two others off alike. Of overlap only samples tell: each edge between two of them may
 /// hold the change anywhere, which is the bound, along the axis where it is least. Neither bound knows what is thinner than
 /// a cell.
 ///
@@ -223,9 +232,12 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
     let chords = sums.chords.map(|chords| chords as f64 / STEPS as f64 * cell);
     let [low, high] = [f64::min, f64::max].map(|f| chords.into_iter().reduce(f).unwrap_or_default());
     let bound = |count: Count| count.changes.iter().min().map_or(0.0, |&c| c as f64 * 0.5 * cell);
+    let union = chords.iter().sum::<f64>() / 3.0;
+    // Chords along two of the axes are off by what a face across the third one is, samples by all three.
+    let of_faces = 2.0 * (sums.inside as f64 * cell - union).abs();
     Ok(Volumes {
-        union: chords.iter().sum::<f64>() / 3.0,
-        union_error: high - low,
+        union,
+        union_error: high - low + of_faces,
         overlap: sums.overlap.sum as f64 * cell,
         overlap_error: bound(sums.overlap),
         negative: sums.negative.sum as f64 * cell,
