@@ -7,7 +7,7 @@
 use brickfield_bench_data::Rng;
 use brickfield_bench_data::judge::mesh::check;
 use brickfield_engine::Silent;
-use brickfield_engine::analysis::{beads_at_points, sample_at, volume};
+use brickfield_engine::analysis::{Covering, beads_at_points, sample_at, volume};
 use brickfield_engine::bead::{Sweep, SweepOptions, Swept};
 use brickfield_engine::brick::{Brick, Count};
 use brickfield_engine::build::{
@@ -276,7 +276,14 @@ fn stores_are_sound_tell_beads_apart_and_do_not_depend_on_threads() {
     let samples = sample_at(&store, &points).unwrap();
     let (mut covered, mut told_lines) = (0, 0);
     for ((point, beads), w) in points.iter().zip(&beads).zip(samples) {
-        assert_eq!(beads.len() as f64, w, "{point:?}");
+        // Where a pass follows another of its bead both are named, and may count once.
+        let follows = |pair: &[Covering]| {
+            pair[0].number + 1 == pair[1].number
+                && tables.bead_of(pair[0].number).0 == tables.bead_of(pair[1].number).0
+        };
+        let joints = beads.windows(2).filter(|pair| follows(pair)).count();
+        let more = beads.len() as f64 - w;
+        assert!((0.0..=joints as f64).contains(&more), "{point:?}: {more}");
         assert!(beads.is_sorted_by(|a, b| a.number < b.number));
         for found in beads {
             let (bead, pass) = tables.bead_of(found.number);

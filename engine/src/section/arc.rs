@@ -294,7 +294,7 @@ mod tests {
         assert!((arc.at_height(0.4).unwrap().0 - 0.999).abs() < 1e-9);
         // Without normals, or with such as meet elsewhere, it is straight, and the bound is large.
         let unknown = Arc::new([0.0; 2], End { normal: None, ..from }, to);
-        let beyond = Arc::new([0.0; 2], End { normal: Some([0.6, -0.8, 0.0]), ..from }, to);
+        let beyond = Arc::new([0.0; 2], End { normal: Some([-0.6, -0.8, 0.0]), ..from }, to);
         for arc in [unknown, beyond] {
             assert_eq!((arc.kind, arc.corners().count()), (Kind::Straight, 0));
             assert!(arc.area_bound() > 0.05);
