@@ -48,7 +48,7 @@ pub struct Meta {
     /// Which share of a store the file is, if it is not a whole one. Version 3 of the format has it at the very end.
     #[serde(skip)]
     pub share: Option<Share>,
-    /// Volumes of the source, where it is closed; known at the end of a build only. An [`Addition`].
+    /// Volumes of the source, where it is closed; known at the end of a build only. An addition to the metadata.
     #[serde(skip)]
     pub volumes: Option<SourceVolumes>,
 }
