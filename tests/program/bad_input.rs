@@ -92,8 +92,8 @@ fn outputs_that_cannot_be() {
     }
     std::fs::remove_dir(&folder).unwrap();
     let same = dir.path("same.ply");
-    let line = run(&[&"build", &input, &"-o", &same, &"--mesh", &same]).failed();
-    assert!(line.contains("overwrite"), "{line}");
+    let line = run(&[&"build", &input, &"-o", &same, &"--mesh", &same]).misused();
+    assert!(line.contains("this writes a brick store, not .ply"), "{line}");
     let link = dir.path("link.ply");
     std::os::unix::fs::symlink(&store, &link).unwrap();
     let line = run(&[&"mesh", &store, &"-o", &link]).failed();
