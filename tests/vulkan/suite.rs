@@ -144,22 +144,31 @@ pub fn trees_that_decide_give_the_same_store(backend: &Backend) {
 }
 
 /// Stops a build when a few of its jobs are done; how many are, once they have begun.
-#[derive(Default)]
-pub struct Stop(Mutex<Option<u64>>);
+pub struct Stop {
+    done: Mutex<Option<u64>>,
+    after: u64,
+}
+
+impl Stop {
+    /// After so many steps.
+    pub fn after(after: u64) -> Stop {
+        Stop { done: Mutex::default(), after }
+    }
+}
 
 impl Progress for Stop {
     fn phase(&self, name: &str, _: Option<u64>, _: &str) {
         if name == "building" {
-            *self.0.lock().unwrap() = Some(0);
+            *self.done.lock().unwrap() = Some(0);
         }
     }
 
     fn advance(&self, steps: u64) {
-        self.0.lock().unwrap().iter_mut().for_each(|done| *done += steps);
+        self.done.lock().unwrap().iter_mut().for_each(|done| *done += steps);
     }
 
     fn cancelled(&self) -> bool {
-        self.0.lock().unwrap().is_some_and(|done| done >= 3)
+        self.done.lock().unwrap().is_some_and(|done| done >= self.after)
     }
 }
 
@@ -173,7 +182,7 @@ pub fn interrupted_builds_go_on_to_the_same_store(backend: &Backend) {
             let out = directory.path().join("part.brf");
             let mut options = options(depth);
             options.keeping.pace = std::time::Duration::ZERO;
-            let stopped = first.build_at(&input, &out, &options, &Stop::default()).unwrap_err();
+            let stopped = first.build_at(&input, &out, &options, &Stop::after(3)).unwrap_err();
             let Error::Suspended { nodes, .. } = stopped else { panic!("{stopped}") };
             assert!(nodes > 0 && !out.exists());
             second.build_at(&input, &out, &options, &Silent).unwrap_or_else(|e| panic!("{e}"));

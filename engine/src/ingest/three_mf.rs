@@ -291,6 +291,7 @@ mod tests {
             (whole[..whole.len() / 2].to_vec(), "is no sound ZIP archive"),
             (packed(&[("a.txt", b"hello")]), "holds no model"),
             (packed(&[("a.model", b"<model><a></b>")]), "a.model: is no well-formed XML"),
+            (packed(&[("a\nb.model", b"<model><a></b>")]), "a b.model: is no well-formed XML"),
             (packed(&[("a.model", &[b'<'; 1][..].repeat(1 << 22))]), "a.model: is no well-formed XML"),
             (packed(&[("a.model", &b"<a/>".repeat(8 << 20))]), "it unpacks to far more"),
         ] {
