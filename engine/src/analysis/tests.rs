@@ -156,8 +156,8 @@ fn volumes_are_chords_by_level() {
     assert!((volumes.union - (0.75 + 1.0 + 1.0) / 3.0).abs() < 1e-9);
     let off = 2.0 * (1.0 - volumes.union).abs();
     assert!((volumes.union_error - 0.25 - off).abs() < 1e-9, "{volumes:?}");
-    assert_eq!((volumes.overlap, volumes.overlap_error), (2.0, 2.0));
-    assert_eq!((volumes.negative, volumes.negative_error), (2.0, 2.0));
+    assert_eq!((volumes.overlap, volumes.overlap_error), (2.0, 6.0));
+    assert_eq!((volumes.negative, volumes.negative_error), (2.0, 6.0));
 }
 
 #[test]

@@ -191,7 +191,7 @@ pub fn negative_volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<
 /// The union is measured by chords between the exact crossings of lattice lines, along each axis; it is their mean, and
 /// the bound is the difference of the largest and the smallest, and twice that from the number of samples: a face across an
 /// axis puts chords along the two others off alike. Of overlap only samples tell: each edge between two of them may
-/// hold the change anywhere, which is the bound, along the axis where it is least. Neither bound knows what is thinner than
+/// hold the change anywhere, which is the bound, over all three axes. Neither bound knows what is thinner than
 /// a cell.
 ///
 /// # Errors
@@ -231,7 +231,7 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
     let cell = tree.root().spacing(MAX_LEVEL).powi(3);
     let chords = sums.chords.map(|chords| chords as f64 / STEPS as f64 * cell);
     let [low, high] = [f64::min, f64::max].map(|f| chords.into_iter().reduce(f).unwrap_or_default());
-    let bound = |count: Count| count.changes.iter().min().map_or(0.0, |&c| c as f64 * 0.5 * cell);
+    let bound = |count: Count| count.changes.iter().sum::<u128>() as f64 * 0.5 * cell;
     let union = chords.iter().sum::<f64>() / 3.0;
     // Chords along two of the axes are off by what a face across the third one is, samples by all three.
     let of_faces = 2.0 * (sums.inside as f64 * cell - union).abs();

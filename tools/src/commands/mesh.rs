@@ -256,7 +256,7 @@ impl MeshReport {
         let (unit, cell) = (&self.unit, self.cell);
         let mut text = format!("\n  volume   the {whose} holds {} {unit}³", measured(*volume, *error));
         let off = self.volume - volume;
-        if off.abs() > *error {
+        if off.abs() > error.max(5e-5 * volume) {
             let percent = 100.0 * off.abs() / volume;
             let more = if off > 0.0 { "more" } else { "less" };
             text += &format!(
