@@ -4,15 +4,7 @@ use crate::support::*;
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::fs;
-use std::path::{Path, PathBuf};
-
-fn file(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/passes").join(name)
-}
-
-fn example(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data").join(name)
-}
+use std::path::Path;
 
 /// Builds a store quietly.
 #[track_caller]
@@ -34,11 +26,11 @@ fn retraced_lines_count_as_often_as_they_were_laid() {
     fs::write(&points, "65,50,0.1\n65,50.1,0.11\n10,10,10\n").unwrap();
     for (count, passes, w) in [(&[][..], Value::from(3), 3), (&["--count", "beads"], Value::Null, 1)] {
         let store = dir.path("r.brf");
-        build(&file("retraced.gcode"), &store, &[&["--identity"], count].concat());
+        build(&of_passes("retraced.gcode"), &store, &[&["--identity"], count].concat());
         let json = info(&store);
         assert_eq!((&json["winding_max"], &json["beads"]["passes"]), (&w.into(), &passes), "{json}");
         assert_eq!(json["beads"]["counts"], if w == 3 { "passes" } else { "beads" });
-        let input = file("retraced.gcode");
+        let input = of_passes("retraced.gcode");
         let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"winding", &input, &"--points", &points];
         args.extend(count.iter().map(|arg| arg as &dyn AsRef<OsStr>));
         let found: Vec<String> =
@@ -52,7 +44,7 @@ fn samples_name_passes_and_the_lines_of_their_segments() {
     let dir = Scratch::new();
     let (store, points) = (dir.path("r.brf"), dir.path("p.csv"));
     fs::write(&points, "65,50,0.1\n").unwrap();
-    build(&file("retraced.gcode"), &store, &["--identity"]);
+    build(&of_passes("retraced.gcode"), &store, &["--identity"]);
     let csv = run(&[&"sample", &store, &"--points", &points, &"--beads"]).ok();
     let which = csv.lines().nth(1).unwrap().split('"').nth(1).unwrap();
     let named = |pass: u32, line: u32| format!("0.{pass}:0:1:0:{line}-{line}:Solid infill");
@@ -61,7 +53,7 @@ fn samples_name_passes_and_the_lines_of_their_segments() {
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!((&json["beads"][2]["pass"], &json["beads"][2]["first_line"]), (&2.into(), &13.into()));
     // Whole beads have the lines of all that they are.
-    build(&file("retraced.gcode"), &store, &["--identity", "--count", "beads"]);
+    build(&of_passes("retraced.gcode"), &store, &["--identity", "--count", "beads"]);
     let csv = run(&[&"sample", &store, &"--points", &points, &"--beads"]).ok();
     assert!(csv.contains(",1,\"0:0:1:0:11-13:Solid infill\""), "{csv}");
 }
@@ -69,7 +61,7 @@ fn samples_name_passes_and_the_lines_of_their_segments() {
 #[test]
 fn meshes_do_not_depend_on_what_is_counted() {
     let dir = Scratch::new();
-    for input in [file("raster.gcode"), file("vase.gcode"), example("gcode/nonplanar.gcode")] {
+    for input in [of_passes("raster.gcode"), of_passes("vase.gcode"), example("gcode/nonplanar.gcode")] {
         let mesh = |count: &str| {
             let (store, mesh) = (dir.path("m.brf"), dir.path("m.stl"));
             build(&input, &store, &["--count", count]);
@@ -84,7 +76,7 @@ fn meshes_do_not_depend_on_what_is_counted() {
 #[test]
 fn shares_agree_on_passes() {
     let dir = Scratch::new();
-    let (input, whole) = (file("concentric.gcode"), dir.path("whole.brf"));
+    let (input, whole) = (of_passes("concentric.gcode"), dir.path("whole.brf"));
     build(&input, &whole, &["--identity"]);
     assert_eq!(info(&whole)["beads"]["passes"], 8);
     let share = |number: &str, count: &str| {
@@ -116,7 +108,7 @@ fn count_is_of_beads_as_solids_alone() {
     let told = run(&[&"winding", &mesh, &"--points", &points, &"--count", &"beads"]).misused();
     assert!(told.contains("--count"), "{told}");
     let told =
-        run(&[&"build", &file("circle.gcode"), &"-o", &out, &"--beads", &"mesh", &"--count", &"beads"])
+        run(&[&"build", &of_passes("circle.gcode"), &"-o", &out, &"--beads", &"mesh", &"--count", &"beads"])
             .misused();
     assert!(told.contains("--count"), "{told}");
     assert_eq!(dir.names(), ["p.csv"]);

@@ -2,15 +2,6 @@
 
 use crate::support::*;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-
-fn passes(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/passes").join(name)
-}
-
-fn example(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data").join(name)
-}
 
 fn number(json: &Value, at: &str) -> f64 {
     json.pointer(at).and_then(Value::as_f64).unwrap_or_else(|| panic!("{at}: {json}"))
@@ -27,7 +18,7 @@ fn volumes_are_those_of_closed_forms_whatever_the_cells_are() {
     ] {
         let build = |more: &[&str]| {
             let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"build"];
-            let input = passes(name);
+            let input = of_passes(name);
             args.extend([&input as &dyn AsRef<std::ffi::OsStr>, &"-o", &store, &"--restart", &"--json"]);
             args.extend(more.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
             let json: Value = serde_json::from_str(&run(&args).stdout).unwrap();

@@ -141,6 +141,11 @@ pub fn example(name: &str) -> PathBuf {
     data().join(name)
 }
 
+/// A toolpath that comes back onto itself.
+pub fn of_passes(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/passes").join(name)
+}
+
 /// An example mesh.
 pub fn stl(name: &str) -> PathBuf {
     data().join("stl").join(name).with_extension("stl")

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::output::note;
 use crate::units::Size;
-use brickfield_engine::part::{free_bytes, left_behind, part_path};
+use brickfield_engine::part::{free_beside, left_behind, part_path};
 use std::path::Path;
 
 /// Smaller files are not foreseen: writing tells soon enough.
@@ -23,13 +23,6 @@ pub fn require_space(path: &Path, bytes: u64, remedy: &str) -> Result<(), Failur
     let (bytes, free) = (Size(bytes), Size(free));
     let what = format!("{name}: about {bytes} would be written, and {free} are free there");
     Err(anyhow::anyhow!("{what}; make room, choose another disk, or {remedy}").into())
-}
-
-/// Free bytes for a file of that name, with what a killed writer of it has left; `None` where the system does not tell.
-pub fn free_beside(path: &Path) -> Option<u64> {
-    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let free = free_bytes(folder).ok()?;
-    Some(free.saturating_add(left_behind(path).unwrap_or(0)))
 }
 
 /// Tells of an unfinished file that a killed writer of `path` has left, and that is about to be replaced.

@@ -21,7 +21,8 @@ pub struct Covering {
 }
 
 /// The passes or beads that cover each point of `points` (world coordinates), in order. The rule is that of the samples,
-/// so at a sample there are as many as its value.
+/// so at a sample there are as many as its value; but both of two passes that follow each other are named where they have
+/// a round end in common, which counts once.
 ///
 /// # Errors
 /// [`Error::Store`] if the store does not tell beads apart or is damaged.

@@ -9,7 +9,7 @@ use super::nodes::NodeBrick;
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, NodeKey};
+use crate::lattice::{Axis, GOLDEN, NodeKey, mix};
 use crate::winding::Evaluator;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -62,11 +62,7 @@ pub(super) struct Trust {
 impl Trust {
     /// Whether a brick is one in [`CHECKED_ONE_IN`], the same ones in every build.
     fn is_drawn(key: NodeKey) -> bool {
-        // The finalizer of SplitMix64 (Steele, Lea, Flood 2014).
-        let mut hash = key.code().wrapping_add(0x9e37_79b9_7f4a_7c15);
-        hash = (hash ^ hash >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        hash = (hash ^ hash >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (hash ^ hash >> 31).is_multiple_of(CHECKED_ONE_IN)
+        mix(key.code().wrapping_add(GOLDEN)).is_multiple_of(CHECKED_ONE_IN)
     }
 }
 

@@ -6,7 +6,7 @@ use super::pipeline::BuildOptions;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
 use crate::lattice::{BRICK_CELLS, RootCube};
-use crate::part::{free_bytes, left_behind};
+use crate::part::free_beside;
 use crate::progress::Progress;
 use crate::store::Refine;
 use crate::toolpath::Toolpath;
@@ -131,10 +131,7 @@ struct Limits {
 
 impl Limits {
     fn of(output: &Path, options: &BuildOptions) -> Limits {
-        let folder =
-            output.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let free = free_bytes(folder).ok().map(|free| (free + left_behind(output).unwrap_or(0)) as f64);
-        Limits { free, index: options.resources.index as f64 }
+        Limits { free: free_beside(output).map(|free| free as f64), index: options.resources.index as f64 }
     }
 
     /// What there is too little of, as "A is needed and B is there".

@@ -8,7 +8,7 @@ use super::snap::read;
 use super::soup::Soup;
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
-use crate::lattice::{NodeKey, ROOT_BITS, RootCube, Triangle, Units};
+use crate::lattice::{GOLDEN, NodeKey, ROOT_BITS, RootCube, Triangle, Units, mix};
 use crate::progress::Progress;
 use crate::schedule::fold_in_order;
 
@@ -95,16 +95,14 @@ impl Work {
 /// A number that pieces with other points or another extent hardly share: a sum of products (multilinear hashing,
 /// Carter & Wegman 1979), because a chain of hashes takes longer than all else that is done with a triangle.
 fn hash(points: &[Units], (low, high): (Units, Units)) -> u64 {
-    let mut factor = 0x9e37_79b9_7f4a_7c15u64;
+    let mut factor = GOLDEN;
     let mut sum = 0u64;
     for &c in points.iter().chain([&low, &high]).flatten() {
         sum = sum.wrapping_add((c as u64).wrapping_mul(factor));
         factor = factor.wrapping_mul(0xd134_2543_de82_ef95);
     }
-    // So that sums over pieces that exchange corners differ (the finalizer of SplitMix64, Steele, Lea & Flood 2014).
-    let sum = (sum ^ sum >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let sum = (sum ^ sum >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    sum ^ sum >> 31
+    // So that sums over pieces that exchange corners differ.
+    mix(sum)
 }
 
 /// Weighs the triangles of all sources for cubes of `level`; a pass over the input.

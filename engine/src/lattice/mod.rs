@@ -7,11 +7,13 @@
 
 mod facet;
 mod key;
+mod mix;
 mod root;
 
 pub use facet::{CubeTest, bounds, has_area, normal};
 pub(crate) use key::morton;
 pub use key::{NodeKey, Octant};
+pub(crate) use mix::{GOLDEN, mix};
 pub use root::RootCube;
 
 /// log₂ of the root cube's edge in units.

@@ -243,6 +243,13 @@ pub fn left_behind(path: &Path) -> Option<u64> {
     abandoned(&part_path(path))
 }
 
+/// Free bytes for a file of that name, with what a killed writer of it has left; `None` where the system does not tell.
+pub fn free_beside(path: &Path) -> Option<u64> {
+    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let free = free_bytes(folder).ok()?;
+    Some(free.saturating_add(left_behind(path).unwrap_or(0)))
+}
+
 /// The name of the unfinished file.
 pub fn part_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();

@@ -12,6 +12,11 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// So many times the quantity.
+    pub fn scaled(self, by: f64) -> Estimate {
+        Estimate { value: self.value * by, standard_error: self.standard_error * by }
+    }
+
     /// What is printed behind ±: three standard errors, which an error exceeds once in 370 times.
     pub fn bound(self) -> f64 {
         3.0 * self.standard_error

@@ -38,8 +38,8 @@ struct Interval {
     prism: f64,
 }
 
-/// Volumes of the beads of all toolpaths together, whose box is `bounds`. Intervals take 24 bytes each, 2 million at most;
-/// where `memory` has no room for them, the segments are gone through once more for each part of the lines.
+/// Volumes of the beads of all toolpaths together, whose box is `bounds`. Intervals take 40 bytes each, 2 million or so at
+/// most; where `memory` has no room for them, the segments are gone through once more for each part of the lines.
 ///
 /// # Errors
 /// As [`Solids::of_passes`]; if the user interrupts.
@@ -68,14 +68,9 @@ pub fn bead_volumes(
     }
     let tops: Vec<f64> = tops(paths).iter().map(|top| (top - root.origin[2]) / unit).collect();
     let mut sums = Sums::new(tops.len());
-    let count = strata.len() / LINES;
     let bytes = known.intervals(&strata) * 2.0 * size_of::<Interval>() as f64;
-    let parts = (bytes / memory.max(1) as f64).ceil().clamp(1.0, 64.0) as usize;
-    let a_part = count.div_ceil(parts).next_multiple_of(STRATA_AT_ONCE);
-    for first in (0..count).step_by(a_part) {
-        let end = (first + a_part).min(count);
-        let intervals = scene.intervals(&strata, (first * LINES) as u32..(end * LINES) as u32, progress)?;
-        sums.add_strata(&intervals, &tops);
+    for numbers in strata.parts(bytes, memory, STRATA_AT_ONCE) {
+        sums.add_strata(&scene.intervals(&strata, numbers, progress)?, &tops);
     }
     let scale =
         Scale { area: strata.area_of_line(), volume: unit.powi(3), length: unit, base: root.origin[2] };
@@ -289,10 +284,7 @@ impl Sums {
     }
 
     fn volumes(&self, scale: &Scale, known: f64, lines: u64, tops: &[f64]) -> SourceVolumes {
-        let world = |estimate: Estimate| Estimate {
-            value: estimate.value * scale.volume,
-            standard_error: estimate.standard_error * scale.volume,
-        };
+        let world = |estimate: Estimate| estimate.scaled(scale.volume);
         let of_all = |i| world(self.all.controlled(i, (3, known), scale.area));
         let of_layer = |(layer, &top): (&Moments<2>, &f64)| LayerVolumes {
             top: scale.base + top * scale.length,

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::ingest::{Facets, runs};
 use crate::lattice::{ROOT_BITS, RootCube, Triangle, Units, bounds};
 use crate::progress::Progress;
-use crate::store::{Estimate, SourceVolumes};
+use crate::store::SourceVolumes;
 use rayon::prelude::*;
 
 /// Most lines.
@@ -34,8 +34,8 @@ struct Whole {
     high: Units,
 }
 
-/// Volumes of a closed soup within the box `bounds`. It is read twice. Crossings take 8 bytes each, 4 million at most; where `memory` has no
-/// room for them, the soup is read once more for each part of the lines.
+/// Volumes of a closed soup within the box `bounds`. It is read twice. Crossings take 8 bytes each, 4 million or so at
+/// most; where `memory` has no room for them, the soup is read once more for each part of the lines.
 ///
 /// # Errors
 /// If the user interrupts.
@@ -55,23 +55,15 @@ pub fn facet_volumes(
     let lines = (wanted / on_a_line).clamp(2.0 * LINES as f64, LINES_MAX) as usize;
     let strata = Strata::columns(whole.low, whole.high, lines);
     let expected = strata.len() as f64 * on_a_line * 16.0;
-    let parts = (expected / memory as f64).ceil().clamp(1.0, 64.0) as usize;
-    let strata_a_part = (strata.len() / LINES).div_ceil(parts).next_multiple_of(STRATA_AT_ONCE);
     let mut moments = Moments::default();
-    for first in (0..strata.len() / LINES).step_by(strata_a_part) {
-        let end = (first + strata_a_part).min(strata.len() / LINES);
-        let numbers = (first * LINES) as u32..(end * LINES) as u32;
-        let crossings = crossings(sources, root, &strata, numbers, progress)?;
-        add(&crossings, &mut moments);
+    for numbers in strata.parts(expected, memory, STRATA_AT_ONCE) {
+        add(&crossings(sources, root, &strata, numbers, progress)?, &mut moments);
     }
     let unit = root.edge / f64::from(1u32 << ROOT_BITS);
     let known = whole.volume as f64 / 6.0;
     let area = strata.area_of_line();
-    let world = |value: Estimate| Estimate {
-        value: value.value * unit.powi(3),
-        standard_error: value.standard_error * unit.powi(3),
-    };
-    let [union, overlap, negative] = [0, 1, 2].map(|i| world(moments.controlled(i, (3, known), area)));
+    let world = |i| moments.controlled(i, (3, known), area).scaled(unit.powi(3));
+    let [union, overlap, negative] = [0, 1, 2].map(world);
     let lines = strata.len() as u64;
     Ok(Some(SourceVolumes { union, overlap, negative, lines, swept: None, layers: Vec::new() }))
 }

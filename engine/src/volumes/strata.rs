@@ -1,6 +1,6 @@
 //! Where the lines stand.
 
-use crate::lattice::Units;
+use crate::lattice::{GOLDEN, Units, mix};
 use std::ops::Range;
 
 /// Lines in each stratum.
@@ -83,6 +83,16 @@ impl Strata {
         (end(slab), end(slab + 1))
     }
 
+    /// The lines in as few parts as `memory` has room for if all take `bytes`, but 64 at most; each has whole blocks of so
+    /// many strata, so that sums by blocks do not depend on it.
+    pub fn parts(&self, bytes: f64, memory: u64, block: usize) -> impl Iterator<Item = Range<u32>> + use<> {
+        let strata = self.len() / LINES;
+        let parts = (bytes / memory.max(1) as f64).ceil().clamp(1.0, 64.0) as usize;
+        let a_part = strata.div_ceil(parts).next_multiple_of(block);
+        let lines = |stratum: usize| (stratum * LINES) as u32;
+        (0..strata).step_by(a_part).map(move |first| lines(first)..lines((first + a_part).min(strata)))
+    }
+
     /// Calls `each` with the number and the position of every line of `numbers` that `shape` may meet.
     #[inline]
     pub fn near(&self, shape: &Shape<'_>, numbers: &Range<u32>, mut each: impl FnMut(u32, [i32; 2])) {
@@ -150,10 +160,7 @@ fn extent(low: Units, high: Units) -> [f64; 3] {
     [0, 1, 2].map(|a| f64::from((high[a] - low[a]).max(2)))
 }
 
-/// A number in 0..1 that follows from `seed` (SplitMix64: Steele, Lea & Flood 2014).
+/// A number in 0..1 that follows from `seed`.
 fn unit_random(seed: u64) -> f64 {
-    let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
+    (mix(seed.wrapping_add(1).wrapping_mul(GOLDEN)) >> 11) as f64 / (1u64 << 53) as f64
 }

@@ -10,13 +10,14 @@ use crate::measured::measured;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::pieces::{negative, negative_text};
-use crate::space::{LARGE_BYTES, free_beside, require_space, tell_left_behind};
+use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
     ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
     foresee_triangles,
 };
+use brickfield_engine::part::free_beside;
 use brickfield_engine::store::{Accept, CacheStats, Store, is_store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
