@@ -1,8 +1,8 @@
 //! Small trees with a known field.
 
 use super::*;
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, point_index};
-use crate::lattice::{BRICK_POINTS, NodeKey, Octant, RootCube};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, point_index};
+use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
 use crate::part::PartFile;
 use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
 use crate::progress::Silent;
@@ -154,10 +154,66 @@ fn volumes_are_chords_by_level() {
     tree.insert(NodeKey::ROOT, true, Brick::Counts { samples: mixed, hermite: Hermite { edges } });
     let volumes = volume(&tree, &Silent).unwrap();
     assert!((volumes.union - (0.75 + 1.0 + 1.0) / 3.0).abs() < 1e-9);
-    let off = 2.0 * (1.0 - volumes.union).abs();
-    assert!((volumes.union_error - 0.25 - off).abs() < 1e-9, "{volumes:?}");
+    // The spread, what faces across the axes may be, and a wall of one sample.
+    let off = 1.01 * (1.0 - volumes.union);
+    let of_faces = volumes.union * ((1.0 + off) * (1.0 + off) - 1.0);
+    assert!((volumes.union_error - 0.25 - of_faces - 1.0).abs() < 1e-9, "{volumes:?}");
     assert_eq!((volumes.overlap, volumes.overlap_error), (2.0, 6.0));
     assert_eq!((volumes.negative, volumes.negative_error), (2.0, 6.0));
+}
+
+/// A tree of one brick that is inside where every axis is, with edges of 1.
+fn tree_of(is_inside: impl Fn([f64; 3]) -> bool, crossing: impl Fn(f64) -> f64) -> MemoryTree {
+    let inside = |p: [usize; 3]| is_inside(p.map(|c| c as f64));
+    let mut samples = Samples::filled(0);
+    let all =
+        |c: usize| [c % BRICK_POINTS, c / BRICK_POINTS % BRICK_POINTS, c / (BRICK_POINTS * BRICK_POINTS)];
+    for p in (0..BRICK_POINTS.pow(3)).map(all) {
+        samples.0[point_index(p)] = i16::from(inside(p));
+    }
+    let signs = SignChanges::of(&samples);
+    let edges = Axis::ALL.map(|axis| {
+        let mut edges = Vec::new();
+        signs.for_edges(axis, |from| {
+            let at = from[axis.index()] as f64;
+            let offset = ((crossing(at) - at) * 65536.0) as u16;
+            edges.push(HermiteEdge { offset, normal: OctNormal(0) });
+        });
+        edges
+    });
+    let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 32.0 });
+    tree.insert(NodeKey::ROOT, true, Brick::Counts { samples, hermite: Hermite { edges } });
+    tree
+}
+
+#[test]
+fn volumes_of_boxes_are_within_their_bounds() {
+    for low in [2.01, 2.3, 2.5, 2.77, 2.99] {
+        for size in [2.2, 3.0, 3.4, 4.9, 7.5, 20.1] {
+            let high = low + size;
+            // A face across an axis has all its crossings at one place.
+            let crossing = |at: f64| if at < low { low } else { high };
+            let tree = tree_of(|p| p.iter().all(|&c| c >= low && c < high), crossing);
+            let (volumes, truth) = (volume(&tree, &Silent).unwrap(), size * size * size);
+            assert!((volumes.union - truth).abs() <= volumes.union_error + 1e-3, "{low} {size}: {volumes:?}");
+            assert!(size < 10.0 || volumes.union_error < 0.25 * truth, "{low} {size}: {volumes:?}");
+        }
+    }
+}
+
+#[test]
+fn walls_of_one_sample_are_not_believed() {
+    // Walls of 0.6 to 1.4 at every second sample, all met by one: 0.6 to 1.4 of what the samples say.
+    let tree = tree_of(|p| p.iter().all(|&c| (2.0..30.0).contains(&c)) && p[0] % 2.0 == 0.0, |at| at + 0.5);
+    let volumes = volume(&tree, &Silent).unwrap();
+    let walls = 14.0 * 28.0 * 28.0;
+    assert!((volumes.union - walls).abs() < 0.1 * walls, "{volumes:?}");
+    assert!(volumes.union_error > 0.9 * walls, "{volumes:?}");
+    // The source, where it is known, knows better still.
+    let source = Volumes { union: 4.0 * walls, union_error: 5.0, ..Volumes::default() };
+    let bounded = volumes.not_nearer_than(&source);
+    assert_eq!(bounded.union_error, 4.0 * walls - volumes.union + 5.0);
+    assert_eq!(bounded.not_nearer_than(&Volumes { union: volumes.union, ..source }), bounded);
 }
 
 #[test]

@@ -40,6 +40,9 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     }
     let bars = Bars::new(false, ProgressArg::Auto);
     let volumes = args.volume.then(|| volume(&store, &bars)).transpose()?;
+    // Samples cannot know what lies between them; the source does.
+    let source = store.meta().volumes.as_ref().map(Volumes::from);
+    let volumes = volumes.map(|volumes| source.map_or(volumes, |source| volumes.not_nearer_than(&source)));
     let negative = negative(&store, &bars)?;
     bars.clear();
     let warning = negative.map(|volume| negative_text(volume, unit_of(store.meta())));
