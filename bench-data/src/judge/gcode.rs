@@ -301,6 +301,11 @@ impl<'a> Machine<'a> {
             self.width = Some(length(width)?);
         } else if let Some(height) = after(&["HEIGHT:", "LAYER_HEIGHT:"]) {
             self.height = Some(length(height)?);
+        } else if after(&["FLAVOR:"])
+            .is_some_and(|flavor| flavor.contains("olumetric") || flavor == "UltiGCode")
+            || after(&["use_volumetric_e"]).is_some_and(|value| value.ends_with('1'))
+        {
+            return Err("the judge does not know E in mm³".into());
         } else if after(&["LAYER_CHANGE", "CHANGE_LAYER", "LAYER:"]).is_some() {
             self.layer += 1;
         }
@@ -339,13 +344,24 @@ fn word(text: &str, letter: char) -> Option<(Result<f64, String>, &str)> {
 /// All words of a text.
 fn words(text: &str) -> Result<HashMap<char, f64>, String> {
     let (mut rest, mut words) = (text.trim_start(), HashMap::new());
+    let mut before = ' ';
     while let Some(letter) = rest.chars().next() {
+        if letter == 'E' && before.is_ascii_digit() && rest[1..].starts_with(['+', '-']) {
+            return Err("the judge does not tell E from an exponent here".into());
+        }
+        // What a slicer's profile left unfilled, as in Y{machine_depth}, moves nothing.
+        if let Some((_, after)) = rest[1..].strip_prefix('{').and_then(|name| name.split_once('}')) {
+            rest = after.trim_start();
+            continue;
+        }
         let Some((number, after)) = word(rest, letter).filter(|_| letter.is_ascii_uppercase()) else {
             return Err(format!("{letter:?} is no word"));
         };
         if words.insert(letter, number?).is_some() {
             return Err(format!("{letter} stands twice"));
         }
+        let is_apart = after.starts_with(char::is_whitespace);
+        before = if is_apart { ' ' } else { rest[..rest.len() - after.len()].chars().last().unwrap_or(' ') };
         rest = after.trim_start();
     }
     Ok(words)
@@ -439,6 +455,12 @@ mod tests {
     }
 
     #[test]
+    fn words_need_no_spaces_and_unfilled_ones_move_nothing() {
+        let path = of(";HEIGHT:0.2\n;WIDTH:0.5\nG1 X0 Y{machine_depth}\ng1x10e0.5*71\n");
+        assert_eq!(lengths(&path), [10.0]);
+    }
+
+    #[test]
     fn what_has_no_rule_is_refused() {
         for (text, told) in [
             ("G1 X1\nG18\n", "line 2: the judge does not know G18"),
@@ -446,6 +468,8 @@ mod tests {
             ("G1 X\n", "line 1: X has no number"),
             ("G1 X1 X2\n", "line 1: X stands twice"),
             ("M200 D1.75\n", "line 1: the judge does not know M200"),
+            ("G1 X1 Y1.2e-05\n", "line 1: the judge does not tell E from an exponent here"),
+            (";FLAVOR:Marlin(Volumetric)\n", "line 1: the judge does not know E in mm³"),
             ("G2 X1\n", "line 1: an arc without I, J and R"),
         ] {
             let error = read(text.as_bytes(), &ReadOptions::default()).unwrap_err();
