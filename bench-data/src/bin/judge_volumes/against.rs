@@ -34,7 +34,9 @@ pub fn table(cli: &Cli, program: &Path, verdict: &Verdict) -> Result<(String, bo
         let mut cells = Vec::new();
         for values in [said.source, said.store] {
             for (value, judged) in values.iter().zip(judged) {
-                let is_near = (value[0] - judged[0]).abs() <= value[1].hypot(judged[1]) + 1e-9 * judged[0];
+                // Coordinates of meshes are rounded to single precision by their files, and to a lattice by the program.
+                let rounding = 1e-6 * judged[0];
+                let is_near = (value[0] - judged[0]).abs() <= value[1].hypot(judged[1]) + rounding;
                 agrees &= is_near;
                 cells.push(cell(*value) + if is_near { "" } else { " **off**" });
             }
