@@ -1,13 +1,11 @@
-//! Compiles the shaders: WGSL with the constants of `src/layout.rs` in front becomes SPIR-V by naga, and the
-//! structures and buffers that the shaders declare must be those of the host.
+//! The committed SPIR-V is what naga makes of the WGSL sources, and the structures and buffers that they declare are
+//! those of the host.
+//!
+//! After a change of a shader or of `src/layout.rs`: `BRICKFIELD_WRITE_SPIRV=1 cargo test -p brickfield-shaders`.
 
-#[path = "src/layout.rs"]
-#[allow(dead_code, missing_docs)]
-mod layout;
-
+use brickfield_shaders as layout;
 use naga::back::spv;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use std::fmt::Write;
 use std::path::Path;
 
 /// Modules: name, sources in order, buffers by binding.
@@ -24,30 +22,36 @@ const MODULES: [(&str, &[&str], &[&str]); 6] = [
 /// operations around or join them.
 const AS_WRITTEN: [&str; 1] = ["open"];
 
-fn main() {
-    println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rerun-if-changed=src");
-    let constants: String =
-        layout::CONSTANTS.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n")).collect();
-    let mut modules = String::new();
-    for (name, sources, buffers) in MODULES {
-        let mut text = constants.clone();
-        for source in sources {
-            text += &std::fs::read_to_string(format!("src/{source}.wgsl")).expect("a source of the crate");
-        }
-        let mut words = compile(name, &text, buffers);
-        if AS_WRITTEN.contains(&name) {
-            words = without_contraction(&words);
-        }
-        writeln!(
-            modules,
-            "/// `{name}.wgsl`.\npub const {}: Shader = Shader {{ name: \"{name}\", words: &{words:?} }};",
-            name.to_uppercase()
-        )
-        .expect("strings take all");
+/// A module's words: the constants of the host in front of its sources, compiled.
+fn module(name: &str, sources: &[&str], buffers: &[&str]) -> Vec<u32> {
+    let constants = layout::CONSTANTS.iter().map(|(name, value)| format!("const {name}: u32 = {value}u;\n"));
+    let mut text: String = constants.collect();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    for source in sources {
+        let path = folder.join(format!("{source}.wgsl"));
+        text += &std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     }
-    let out = std::env::var("OUT_DIR").expect("cargo sets it");
-    std::fs::write(Path::new(&out).join("modules.rs"), modules).expect("cargo's folder is writable");
+    let words = compile(name, &text, buffers);
+    if AS_WRITTEN.contains(&name) { without_contraction(&words) } else { words }
+}
+
+#[test]
+fn committed_modules_are_those_of_the_sources() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
+    let writes = std::env::var_os("BRICKFIELD_WRITE_SPIRV").is_some();
+    for (name, sources, buffers) in MODULES {
+        let bytes: Vec<u8> = module(name, sources, buffers).iter().flat_map(|word| word.to_le_bytes()).collect();
+        let path = folder.join(format!("{name}.spv"));
+        if writes {
+            std::fs::write(&path, &bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        }
+        let committed = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        assert!(
+            committed == bytes,
+            "{} is not of its sources: run BRICKFIELD_WRITE_SPIRV=1 cargo test -p brickfield-shaders",
+            path.display()
+        );
+    }
 }
 
 fn compile(name: &str, text: &str, buffers: &[&str]) -> Vec<u32> {
