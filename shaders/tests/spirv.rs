@@ -40,7 +40,8 @@ fn committed_modules_are_those_of_the_sources() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
     let writes = std::env::var_os("BRICKFIELD_WRITE_SPIRV").is_some();
     for (name, sources, buffers) in MODULES {
-        let bytes: Vec<u8> = module(name, sources, buffers).iter().flat_map(|word| word.to_le_bytes()).collect();
+        let bytes: Vec<u8> =
+            module(name, sources, buffers).iter().flat_map(|word| word.to_le_bytes()).collect();
         let path = folder.join(format!("{name}.spv"));
         if writes {
             std::fs::write(&path, &bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display()));

@@ -1,6 +1,6 @@
 //! What the figures were measured on.
 
-use crate::memory;
+use brickfield_terminal::memory;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::process::Command;

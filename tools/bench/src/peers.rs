@@ -2,22 +2,22 @@
 //! union of all pieces, and contouring alone (`contours`). Each peer is a process of its own that tells how long its answer
 //! took, reading not counted.
 
-use crate::bench::child::{self, Ran};
-use crate::bench::contours;
-use crate::bench::floor::read_floor;
-use crate::bench::histogram::Histogram;
-use crate::bench::plan::{Bench, Line, figure};
-use crate::bench::result::{Figure, Round};
-use crate::bench::suites::out;
-use crate::bench_args::SuiteArg;
-use crate::failure::Failure;
-use crate::interrupt;
+use crate::args::SuiteArg;
+use crate::child::{self, Ran};
+use crate::contours;
+use crate::floor::read_floor;
+use crate::histogram::Histogram;
 use crate::line;
+use crate::plan::{Bench, Line, figure};
+use crate::result::{Figure, Round};
+use crate::suites::out;
 use anyhow::Context;
 use brickfield_bench_data::inputs::{self, Spec};
 use brickfield_bench_data::{ASK_PEER, Rng};
 use brickfield_engine::check::check;
 use brickfield_engine::ingest::Input;
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::interrupt;
 use serde_json::{Map, Value, json};
 use std::ffi::{OsStr, OsString};
 use std::fs;
@@ -166,7 +166,7 @@ fn ask_for_samples(
     fs::write(bench.folder.join(&points), csv).with_context(|| format!("{points}: cannot be written"))?;
     bench.progress.phase("adding up what is exact", None, "");
     let brute = line!["winding", &path, "--points", &points, "--brute", "--quiet"];
-    let judged = Some(values_of(&child::run_self(&brute, &bench.folder)?));
+    let judged = Some(values_of(&child::run_measured(&brute, &bench.folder)?));
     let indices: Vec<usize> = check.iter().map(|(index, _)| *index).collect();
     let (origin, spacing) = (&grid["origin"], &grid["spacing"]);
     let told =
@@ -192,7 +192,7 @@ fn ask_for_samples(
 fn samples_within(bench: &Bench<'_>, soup: &Spec, grid: &Value) -> Result<Vec<(usize, [f64; 3])>, Failure> {
     let number = |value: &Value| value.as_f64().unwrap_or(0.0);
     let (spacing, origin) = (number(&grid["spacing"]), [0, 1, 2].map(|axis| number(&grid["origin"][axis])));
-    let (min, max) = crate::bench::paper::bounds(&bench.cache.path(soup))?;
+    let (min, max) = crate::paper::bounds(&bench.cache.path(soup))?;
     let last = f64::from(SAMPLES - 1);
     let range = [0, 1, 2].map(|axis: usize| {
         let at = |value: f64| (value - origin[axis]) / spacing;
@@ -269,12 +269,12 @@ fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<
         Who::Us(lines, sample) => {
             let (mut round, mut told) = (empty, Map::new());
             for line in lines {
-                let ran = child::run_self(line, &bench.folder)?;
+                let ran = child::run_measured(line, &bench.folder)?;
                 round.add(&ran);
                 told.extend(serde_json::from_slice::<Map<_, _>>(&ran.printed).unwrap_or_default());
             }
             if let Some(sample) = sample {
-                let values = values_of(&child::run_self(sample, &bench.folder)?);
+                let values = values_of(&child::run_measured(sample, &bench.folder)?);
                 told.insert("values".to_owned(), values.into());
             }
             (round, Value::Object(told))
@@ -329,7 +329,7 @@ fn tell_pairs(question: &mut Question, who: &Who, bench: &Bench<'_>, python: &Os
     match who {
         Who::Us(lines, _) => {
             for line in lines {
-                child::run_self(line, &bench.folder)?;
+                child::run_measured(line, &bench.folder)?;
             }
         }
         Who::Here(work) => drop(work()?),

@@ -1,59 +1,23 @@
-//! `brickfield bench`: how fast this program is on this machine, beside what the machine can do at best.
-//!
-//! Suites are lists of jobs, jobs are commands of this program (`plan`, `suites`, `paper`) that are run as processes of
-//! their own (`child`), on inputs that are made once (`inputs`), beside the read floor (`floor`). What was measured is
-//! one file (`result`), for people a table (`table`), compared with another (`compare`) or shown (`report`,
-//! `sections`, `plots`). Other programs are asked by `peers` and `contours`. Instructions are counted apart (`instructions`,
-//! `callgrind`).
+//! Suites measured round by round, each job of them once a round, and what is told of it.
 
-mod callgrind;
-mod child;
-mod compare;
-mod contours;
-mod floor;
-mod histogram;
-mod inputs;
-mod instructions;
-mod limits;
-mod machine;
-mod paper;
-mod peers;
-mod plan;
-mod plots;
-mod report;
-mod result;
-mod sections;
-mod suites;
-mod table;
-mod unions;
-
-use crate::bench_args::{BenchArgs, BenchCommand, BenchRunArgs, SuiteArg};
-use crate::commands::start;
-use crate::failure::Failure;
-use crate::output::{print, print_json, require_distinct, warn};
-use crate::progress::Bars;
+use crate::args::{BenchRunArgs, SuiteArg};
+use crate::inputs::Cache;
+use crate::machine::Machine;
+use crate::plan::{Bench, Job};
+use crate::result::{Figure, Results, Round, Settings};
+use crate::{child, floor, limits, machine, peers, plan, report, suites, table};
 use anyhow::{Context, anyhow};
 use brickfield_engine::part::PartFile;
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::output::{print, print_json, require_distinct, warn};
+use brickfield_terminal::progress::Bars;
+use brickfield_terminal::work::start;
 use clap::ValueEnum;
-use inputs::Cache;
-use machine::Machine;
-use plan::{Bench, Job};
-use result::{Figure, Results, Round, Settings};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Runs the command.
-pub fn run(args: BenchArgs) -> Result<(), Failure> {
-    match args.command {
-        Some(BenchCommand::Compare(args)) => compare::run(&args),
-        Some(BenchCommand::Report(args)) => report::run(&args),
-        Some(BenchCommand::Instructions(args)) => instructions::run(&args),
-        None => measure(args.run),
-    }
-}
-
 /// Measures the suites and tells of them.
-fn measure(args: BenchRunArgs) -> Result<(), Failure> {
+pub fn run(args: BenchRunArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let outputs: Vec<&Path> =
         [&args.output, &args.report].into_iter().flatten().map(PathBuf::as_path).collect();
@@ -205,7 +169,7 @@ fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
         bench.empty_out()?;
         let mut round = Round { seconds: 0.0, cpu_seconds: 0.0, floor_seconds, anonymous_bytes: 0 };
         for line in lines {
-            let ran = child::run_self(line, &bench.folder)?;
+            let ran = child::run_measured(line, &bench.folder)?;
             round.add(&ran);
             facts.extend(plan::facts_of(&ran));
         }
@@ -244,7 +208,7 @@ fn extrapolate(fewer: &Round, whole: &Round, factor: f64) -> Round {
 }
 
 /// Writes a file that gets its name when it is durable.
-fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let mut file = PartFile::create(path)?;
     file.append(bytes)?;
     Ok(file.finish()?)

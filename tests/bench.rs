@@ -1,16 +1,31 @@
-//! `brickfield bench`: results, their comparison, their reports. No time is asserted.
+//! `brickfield-bench`: results, their comparison, their reports. No time is asserted.
 
-use crate::support::*;
+// Most of it is for the tests of the program.
+#[allow(dead_code, unused_imports)]
+mod support;
+
 use serde_json::{Value, json};
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use support::{Run, Scratch};
+
+/// The harness, to be given arguments. It measures the program beside it, which `cargo test --workspace` has built.
+fn harness() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_brickfield-bench"))
+}
+
+/// Runs the harness.
+fn bench(args: &[&dyn AsRef<OsStr>]) -> Run {
+    harness().args(args.iter().map(AsRef::as_ref)).stdin(Stdio::null()).output().expect("it runs").into()
+}
 
 /// Measures a small suite once, and gives the file.
 fn measured(dir: &Scratch, suite: &str, rounds: &str, name: &str) -> PathBuf {
     let (cache, output) = (dir.path("cache"), dir.path(name));
     let args = [suite, "--quick", "--quiet", "--rounds", rounds];
-    let told = program().arg("bench").args(args).arg("--cache").arg(&cache).arg("-o").arg(&output).output();
+    let told = harness().args(args).arg("--cache").arg(&cache).arg("-o").arg(&output).output();
     let told: Run = told.expect("it runs").into();
     // That the machine is busy is told as a warning.
     assert_eq!((told.status, told.stdout.as_str()), (Some(0), ""), "{}", told.stderr);
@@ -60,14 +75,14 @@ fn a_suite_is_measured_compared_and_reported() {
     kept.sort();
     assert_eq!(kept, ["pile-50k.stl"]);
 
-    let same = run(&[&"bench", &"compare", &result, &result]).ok();
+    let same = bench(&[&"compare", &result, &result]).ok();
     assert!(same.contains("within the noise") && !same.contains("SLOWER"), "{same}");
     let slower = doctored(&dir, &result, "slow.json", |value| {
         for round in value["figures"][0]["rounds"].as_array_mut().unwrap() {
             round["seconds"] = json!(1e3 * round["seconds"].as_f64().unwrap());
         }
     });
-    let told = run(&[&"bench", &"compare", &result, &slower, &"--json"]);
+    let told = bench(&[&"compare", &result, &slower, &"--json"]);
     assert_eq!((told.status, told.stderr.lines().count()), (Some(1), 1), "{}", told.stderr);
     assert!(told.stderr.contains("1 slower"), "{}", told.stderr);
     let told: Value = serde_json::from_str(&told.stdout).unwrap();
@@ -76,12 +91,12 @@ fn a_suite_is_measured_compared_and_reported() {
     assert_eq!(verdicts[0], "slower");
     let other =
         doctored(&dir, &result, "other.json", |value| value["figures"][0]["facts"]["leaves"] = json!(1));
-    assert!(run(&[&"bench", &"compare", &result, &other]).stdout.contains("OTHER RESULT"));
+    assert!(bench(&[&"compare", &result, &other]).stdout.contains("OTHER RESULT"));
     let other = doctored(&dir, &result, "input.json", |value| value["inputs"][0]["fnv1a"] = json!("0"));
-    assert!(run(&[&"bench", &"compare", &result, &other]).stdout.contains("OTHER INPUT"));
+    assert!(bench(&[&"compare", &result, &other]).stdout.contains("OTHER INPUT"));
 
     let page = dir.path("r.html");
-    run(&[&"bench", &"report", &result, &result, &"-o", &page]).ok();
+    bench(&[&"report", &result, &result, &"-o", &page]).ok();
     let page = fs::read_to_string(page).unwrap();
     assert!(page.starts_with("<!doctype html>") && page.contains("verify, range"), "{page}");
     assert!(page.contains("GB/s from memory") && page.contains(" memory</td>"), "{page}");
@@ -108,10 +123,10 @@ fn a_report_has_plots() {
     let dir = Scratch::new();
     let result = measured(&dir, "scale", "1", "a.json");
     let page = dir.path("r.html");
-    run(&[&"bench", &"report", &result, &"-o", &page]).ok();
+    bench(&[&"report", &result, &"-o", &page]).ok();
     let html = fs::read_to_string(page).unwrap();
     assert!(html.matches("<svg").count() >= 3, "{}", html.len());
-    run(&[&"bench", &"report", &result, &"-o", &dir.path("r.md")]).ok();
+    bench(&[&"report", &result, &"-o", &dir.path("r.md")]).ok();
     let text = fs::read_to_string(dir.path("r.md")).unwrap();
     for name in ["r-triangles.svg", "r-depth.svg", "r-memory.svg"] {
         assert!(text.contains(&format!("({name})")), "{name}: {text}");
@@ -122,15 +137,15 @@ fn a_report_has_plots() {
         let seconds = &mut value["figures"][0]["rounds"][0]["seconds"];
         *seconds = json!(1.2 * seconds.as_f64().unwrap());
     });
-    run(&[&"bench", &"compare", &result, &half]).ok();
+    bench(&[&"compare", &result, &half]).ok();
 }
 
 #[test]
 fn peers_that_fail_say_so_in_their_rows() {
     let dir = Scratch::new();
     let (cache, output) = (dir.path("cache"), dir.path("a.json"));
-    let args = ["bench", "points", "mesh", "unions", "--quick", "--rounds", "1", "--peers=false"];
-    let told = program().args(args).arg("--cache").arg(&cache).arg("-o").arg(&output).output();
+    let args = ["points", "mesh", "unions", "--quick", "--rounds", "1", "--peers=false"];
+    let told = harness().args(args).arg("--cache").arg(&cache).arg("-o").arg(&output).output();
     let told: Run = told.expect("it runs").into();
     assert_eq!(told.status, Some(0), "{}", told.stderr);
     assert!(told.stdout.contains("failed: "), "{}", told.stdout);
@@ -160,8 +175,8 @@ fn peers_that_fail_say_so_in_their_rows() {
     assert!(searched.len() == 12 && allowed.len() == 8, "{} {}", searched.len(), allowed.len());
     assert!(searched.iter().all(|figure| figure["facts"]["pairs"] == json!(0)), "{searched:?}");
     assert!(allowed.iter().any(|figure| figure["facts"]["pairs"] != json!(0)), "{allowed:?}");
-    run(&[&"bench", &"compare", &output, &output]).ok();
-    run(&[&"bench", &"report", &output, &"-o", &dir.path("r.md")]).ok();
+    bench(&[&"compare", &output, &output]).ok();
+    bench(&[&"report", &output, &"-o", &dir.path("r.md")]).ok();
     let text = fs::read_to_string(dir.path("r.md")).unwrap();
     assert!(text.contains("failed: ") && text.contains("(r-errors-cracked-50k.svg)"), "{text}");
     assert!(text.contains("| million triangles/s | pairs |"), "{text}");
@@ -172,9 +187,9 @@ fn peers_that_fail_say_so_in_their_rows() {
 #[test]
 fn peers_are_not_asked_for_what_they_cannot_do() {
     let dir = Scratch::new();
-    let args: [&dyn AsRef<OsStr>; 6] =
-        [&"bench", &"scale", &"--quick", &"--peers=false", &"--cache", &dir.path("cache")];
-    let line = run(&args).misused();
+    let args: [&dyn AsRef<OsStr>; 5] =
+        [&"scale", &"--quick", &"--peers=false", &"--cache", &dir.path("cache")];
+    let line = bench(&args).misused();
     assert!(line.contains("--peers") && line.contains("mesh"), "{line}");
 }
 
@@ -182,7 +197,7 @@ fn peers_are_not_asked_for_what_they_cannot_do() {
 fn instructions_need_valgrind_and_a_sound_baseline() {
     let dir = Scratch::new();
     let cache = dir.path("cache");
-    let told = program().args(["bench", "instructions"]).arg("--cache").arg(&cache).env("PATH", "").output();
+    let told = harness().args(["instructions"]).arg("--cache").arg(&cache).env("PATH", "").output();
     let line = Run::from(told.expect("it runs")).failed();
     assert!(line.contains("cannot run valgrind") && line.contains("install it"), "{line}");
     let text = dir.file("text.json", "solid");
@@ -192,7 +207,7 @@ fn instructions_need_valgrind_and_a_sound_baseline() {
     );
     for (bad, why) in [(&dir.path("none.json"), "cannot be read"), (&text, "no counts"), (&new, "version 2")]
     {
-        let line = run(&[&"bench", &"instructions", &"--baseline", bad, &"--cache", &cache]).failed();
+        let line = bench(&[&"instructions", &"--baseline", bad, &"--cache", &cache]).failed();
         assert!(line.contains(why) && line.contains(bad.file_name().unwrap().to_str().unwrap()), "{line}");
     }
     assert!(!cache.exists());
@@ -212,7 +227,7 @@ fn bad_results_are_refused() {
             {"seconds": 1.0, "cpu_seconds": 1.0, "floor_seconds": 1.0, "anonymous_bytes": 1}]}],
     });
     let whole = dir.file("whole.json", good.to_string());
-    run(&[&"bench", &"compare", &whole, &whole]).ok();
+    bench(&[&"compare", &whole, &whole]).ok();
     let new = doctored(&dir, &whole, "new.json", |value| value["format"] = json!(2));
     let rounds = doctored(&dir, &whole, "rounds.json", |value| value["figures"][0]["rounds"] = json!([]));
     let negative = doctored(&dir, &whole, "negative.json", |value| {
@@ -221,19 +236,19 @@ fn bad_results_are_refused() {
     let empty = doctored(&dir, &whole, "empty.json", |value| value["figures"] = json!([]));
     for bad in [&none, &text, &old, &new, &rounds, &negative] {
         let name = bad.file_name().unwrap().to_str().unwrap();
-        let line = run(&[&"bench", &"compare", &whole, bad]).failed();
+        let line = bench(&[&"compare", &whole, bad]).failed();
         assert!(line.contains(name), "{line}");
-        let line = run(&[&"bench", &"report", bad, &"-o", &dir.path("r.html")]).failed();
+        let line = bench(&[&"report", bad, &"-o", &dir.path("r.html")]).failed();
         assert!(line.contains(name), "{line}");
     }
-    assert!(run(&[&"bench", &"compare", &whole, &empty]).failed().contains("no figure in common"));
+    assert!(bench(&[&"compare", &whole, &empty]).failed().contains("no figure in common"));
     assert!(!dir.path("r.html").exists());
-    run(&[&"bench", &"report", &whole, &"-o", &dir.path("r.pdf")]).misused();
+    bench(&[&"report", &whole, &"-o", &dir.path("r.pdf")]).misused();
     let page = dir.file("whole.md", good.to_string());
-    run(&[&"bench", &"report", &page, &"-o", &page]).failed();
-    run(&[&"bench", &"everything"]).misused();
-    run(&[&"bench", &"store", &"--quick", &"--full"]).misused();
-    run(&[&"bench", &"store", &"--quick", &"--report", &"r.pdf", &"--cache", &dir.path("c")]).misused();
+    bench(&[&"report", &page, &"-o", &page]).failed();
+    bench(&[&"everything"]).misused();
+    bench(&[&"store", &"--quick", &"--full"]).misused();
+    bench(&[&"store", &"--quick", &"--report", &"r.pdf", &"--cache", &dir.path("c")]).misused();
 }
 
 #[test]

@@ -1,16 +1,16 @@
 //! The suite `unions`: Table 2 of Peelar et al. 2019, the union of more and more beads, from an STL to a durable STL. How
 //! far each mesh is from the true union is found once, before times are measured.
 
-use crate::bench::plan::{Bench, Job, Line};
-use crate::bench::suites::out;
-use crate::failure::Failure;
 use crate::line;
+use crate::plan::{Bench, Job, Line};
+use crate::suites::out;
 use anyhow::Context;
 use brickfield_bench_data::inputs::{self, PILE_SIZE, Spec};
 use brickfield_bench_data::judge::boundary::Union;
 use brickfield_bench_data::judge::distance::{Comparison, Question, Triangles, compare};
 use brickfield_bench_data::judge::read::{Content, read};
 use brickfield_bench_data::pile::{FACETS_PER_BEAD, bead_pile};
+use brickfield_terminal::failure::Failure;
 use serde_json::{Map, Value};
 use std::path::Path;
 

@@ -1,17 +1,17 @@
-//! What the user types behind `brickfield bench`.
+//! What the user types behind `brickfield-bench`.
 
-use crate::args::WorkArgs;
-use clap::{Args, Subcommand, ValueEnum};
+use brickfield_terminal::work::WorkArgs;
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// Measure this program on this machine, and compare and show what was measured
-#[derive(Args)]
-#[command(args_conflicts_with_subcommands = true)]
+/// Measure brickfield on this machine, and compare and show what was measured
+#[derive(Parser)]
+#[command(name = "brickfield-bench", version, max_term_width = 110, args_conflicts_with_subcommands = true)]
 #[command(after_help = "\
 Inputs are made on demand in the cache folder and their bytes checked: 3.5 GB for `paper` and `scale`, 7.2 GB with \
 --full, 0.2 GB with --quick; what is written while measuring takes up to 3, 6 and 1 GiB more. That there is room is \
-checked first. Every figure is that of whole commands of this program, started anew for each round, and stands beside \
+checked first. Every figure is that of whole commands of brickfield, started anew for each round, and stands beside \
 the read floor of its input in the same round: streaming the file with all cores and snapping every vertex in plain \
 code. Limits are times divided by the least that the machine needs: the bytes of all files that are read whole and of \
 those that are written, once, at the speed at which all threads add up 256 MiB; or for the sum over all triangles its \
@@ -19,13 +19,16 @@ operations, 67 for a sample and a triangle, at that of plain multiplications and
 RssAnon of the process, read every 2 ms. What is told is the median of the rounds, with the least and the greatest.
 
 Examples:
-  brickfield bench -o now.json --report now.html
-  brickfield bench scale mesh --quick
-  brickfield bench compare before.json now.json
-  brickfield bench report now.json -o now.md")]
+  brickfield-bench -o now.json --report now.html
+  brickfield-bench scale mesh --quick
+  brickfield-bench compare before.json now.json
+  brickfield-bench report now.json -o now.md")]
 pub struct BenchArgs {
     #[command(subcommand)]
     pub command: Option<BenchCommand>,
+    /// The program that is measured [default: brickfield beside this one]
+    #[arg(long, value_name = "FILE", global = true)]
+    pub program: Option<PathBuf>,
     #[command(flatten)]
     pub run: BenchRunArgs,
 }
@@ -63,7 +66,7 @@ pub struct BenchRunArgs {
     /// Write everything that was measured, every round of it, as JSON
     #[arg(long, short, value_name = "RESULT.json")]
     pub output: Option<PathBuf>,
-    /// Also write the report, as `bench report` does
+    /// Also write the report, as `brickfield-bench report` does
     #[arg(long, value_name = "OUT.html|OUT.md")]
     pub report: Option<PathBuf>,
     /// Print what -o writes in place of the table
@@ -100,7 +103,7 @@ of the two has fewer than 3 rounds. Answers (triangles, bytes, leaves) must be e
 otherwise.
 
 Examples:
-  brickfield bench compare before.json now.json")]
+  brickfield-bench compare before.json now.json")]
 pub struct BenchCompareArgs {
     /// The result to compare with
     #[arg(value_name = "A.json")]
@@ -117,9 +120,9 @@ pub struct BenchCompareArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  brickfield bench report now.json -o now.md")]
+  brickfield-bench report now.json -o now.md")]
 pub struct BenchReportArgs {
-    /// What `bench -o` wrote; the plots show all of them
+    /// What `brickfield-bench -o` wrote; the plots show all of them
     #[arg(required = true, value_name = "RESULT.json")]
     pub results: Vec<PathBuf>,
     /// The report; .html or .md
@@ -127,7 +130,7 @@ pub struct BenchReportArgs {
     pub output: PathBuf,
 }
 
-/// Count the instructions of this program's kernels, which other programs on the machine do not change
+/// Count the instructions of brickfield's kernels, which other programs on the machine do not change
 #[derive(Args)]
 #[command(after_help = "\
 A few commands on small inputs, one thread each, under `valgrind --tool=callgrind`, which must be installed. A kernel \
@@ -135,8 +138,8 @@ is a function with all that it calls. Counts differ with the compiler and with t
 tells both. Differences are told and are no failure: status 0.
 
 Examples:
-  brickfield bench instructions --baseline bench-data/instructions.json
-  brickfield bench instructions -o bench-data/instructions.json")]
+  brickfield-bench instructions --baseline bench-data/instructions.json
+  brickfield-bench instructions -o bench-data/instructions.json")]
 pub struct BenchInstructionsArgs {
     /// Tell the differences from what -o wrote
     #[arg(long, value_name = "COUNTS.json")]

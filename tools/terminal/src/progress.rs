@@ -1,8 +1,8 @@
 //! Progress on standard error: bars where that is a terminal, or JSON lines on request.
 
-use crate::args::ProgressArg;
 use crate::interrupt;
 use crate::output::{note, warn};
+use crate::work::ProgressArg;
 use brickfield_engine::Progress;
 use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;

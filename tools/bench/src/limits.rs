@@ -1,7 +1,7 @@
 //! What the machine does at best: how fast all threads read memory, however a job is written, and how fast plain code adds
 //! and multiplies numbers.
 
-use crate::bench::result::Limits;
+use crate::result::Limits;
 use rayon::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;

@@ -4,18 +4,18 @@
 //! signs are those of the store, and dual contouring of samples needs distances. Whoever meshes functions is asked for the
 //! sharp part as one.
 
-use crate::bench::child;
-use crate::bench::peers::{LIMIT, PEERS, Question, Who, command, put_question};
-use crate::bench::plan::{Bench, figure};
-use crate::bench::result::Results;
-use crate::bench::suites::out;
-use crate::bench::table::{Table, memory, number, range};
-use crate::failure::Failure;
+use crate::child;
 use crate::line;
+use crate::peers::{LIMIT, PEERS, Question, Who, command, put_question};
+use crate::plan::{Bench, figure};
+use crate::result::Results;
+use crate::suites::out;
+use crate::table::{Table, memory, number, range};
 use brickfield_bench_data::inputs::{self, Spec};
 use brickfield_engine::Silent;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour};
 use brickfield_engine::store::Store;
+use brickfield_terminal::failure::Failure;
 use serde_json::{Value, json};
 use std::ffi::OsStr;
 use std::path::Path;

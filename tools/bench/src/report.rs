@@ -1,13 +1,13 @@
-//! `brickfield bench report`: results as one HTML page, or as Markdown with SVG files beside it.
+//! `brickfield-bench report`: results as one HTML page, or as Markdown with SVG files beside it.
 
-use crate::bench::plots::Drawing;
-use crate::bench::result::Results;
-use crate::bench::sections::{Section, sections};
-use crate::bench::table::Table;
-use crate::bench::write_file;
-use crate::bench_args::BenchReportArgs;
-use crate::failure::Failure;
-use crate::output::require_distinct;
+use crate::args::BenchReportArgs;
+use crate::measure::write_file;
+use crate::plots::Drawing;
+use crate::result::Results;
+use crate::sections::{Section, sections};
+use crate::table::Table;
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::output::require_distinct;
 use std::path::{Path, PathBuf};
 
 /// The kinds of reports.

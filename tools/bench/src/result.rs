@@ -1,10 +1,10 @@
 //! What was measured, as it stands in a file.
 
-use crate::bench::child::Ran;
-use crate::bench::machine::Machine;
-use crate::failure::Failure;
-use crate::output::in_line;
+use crate::child::Ran;
+use crate::machine::Machine;
 use anyhow::{Context, anyhow};
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::output::in_line;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::fs;
@@ -137,7 +137,7 @@ impl Results {
     pub fn read(path: &Path) -> Result<Results, Failure> {
         let name = in_line(path);
         let bytes = fs::metadata(path).with_context(|| format!("{name}: cannot be read"))?.len();
-        let refuse = |what: &str| anyhow!("{name}: {what}; give what `brickfield bench -o` wrote");
+        let refuse = |what: &str| anyhow!("{name}: {what}; give what `brickfield-bench -o` wrote");
         if bytes > BYTES_MAX {
             return Err(refuse("this is too large for a result").into());
         }

@@ -1,15 +1,15 @@
 //! Inputs in the cache folder: made when they are missing, and checked byte by byte before they are measured.
 
-use crate::bench::child;
-use crate::bench::result::InputFact;
-use crate::failure::Failure;
-use crate::output::in_line;
-use crate::units::Size;
+use crate::child;
+use crate::result::InputFact;
 use anyhow::{Context, anyhow};
 use brickfield_bench_data::inputs::{Recipe, Spec};
 use brickfield_bench_data::write::Hashed;
 use brickfield_engine::Progress;
 use brickfield_engine::part::{PartFile, free_bytes};
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::output::in_line;
+use brickfield_terminal::units::Size;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -100,7 +100,7 @@ impl Cache {
             file.finish()?;
             let mut args: Vec<OsString> = ["beads", "--quiet", "--sides"].map(OsString::from).into();
             args.extend([sides.to_string().into(), source.into(), "-o".into(), path.into()]);
-            return child::run_self(&args, &self.folder).map(drop);
+            return child::run_measured(&args, &self.folder).map(drop);
         }
         let base =
             spec.base().map(|base| self.ensure(base, progress).map(|_| self.path(base))).transpose()?;

@@ -1,34 +1,34 @@
 //! What each suite measures.
 
-use crate::bench::plan::{Bench, Job, OUT};
-use crate::bench_args::SuiteArg;
-use crate::failure::Failure;
+use crate::args::SuiteArg;
 use crate::line;
+use crate::plan::{Bench, Job, OUT};
 use brickfield_bench_data::inputs::{self, Spec};
+use brickfield_terminal::failure::Failure;
 use serde_json::Value;
 use std::path::Path;
 
 /// The jobs of a suite; inputs and what else they need is there afterwards.
 pub fn jobs(suite: SuiteArg, bench: &mut Bench<'_>) -> Result<Vec<Job>, Failure> {
     match suite {
-        SuiteArg::Paper => super::paper::jobs(bench),
+        SuiteArg::Paper => crate::paper::jobs(bench),
         SuiteArg::Scale => scale(bench),
         SuiteArg::Mesh => mesh(bench),
         SuiteArg::Store => store(bench),
         SuiteArg::Points => points(bench),
-        SuiteArg::Unions => super::unions::jobs(bench),
+        SuiteArg::Unions => crate::unions::jobs(bench),
     }
 }
 
 /// The inputs of a suite; those that have others for a base stand behind them.
 pub fn inputs(suite: SuiteArg, quick: bool, full: bool) -> Vec<&'static Spec> {
     let own = match suite {
-        SuiteArg::Paper => super::paper::inputs(quick, full),
+        SuiteArg::Paper => crate::paper::inputs(quick, full),
         SuiteArg::Scale => piles(quick, full),
         SuiteArg::Mesh => meshed(quick),
         SuiteArg::Store => vec![stored(quick)],
         SuiteArg::Points => asked(quick).to_vec(),
-        SuiteArg::Unions => super::unions::inputs(quick),
+        SuiteArg::Unions => crate::unions::inputs(quick),
     };
     own.into_iter().flat_map(|spec| spec.base().into_iter().chain([spec])).collect()
 }

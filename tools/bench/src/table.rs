@@ -1,7 +1,7 @@
 //! Figures for people.
 
-use crate::bench::result::{Figure, InputFact, Results, Spread};
-use crate::units::Size;
+use crate::result::{Figure, InputFact, Results, Spread};
+use brickfield_terminal::units::Size;
 use serde_json::Value;
 use std::fmt::Write;
 

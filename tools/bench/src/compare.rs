@@ -1,12 +1,12 @@
-//! `brickfield bench compare`: what differs between two results beyond the noise of their rounds.
+//! `brickfield-bench compare`: what differs between two results beyond the noise of their rounds.
 
-use crate::bench::peers::PEERS;
-use crate::bench::result::{Figure, Results, Spread};
-use crate::bench::table::number;
-use crate::bench_args::BenchCompareArgs;
-use crate::failure::Failure;
-use crate::output::{in_line, print, print_json};
+use crate::args::BenchCompareArgs;
+use crate::peers::PEERS;
+use crate::result::{Figure, Results, Spread};
+use crate::table::number;
 use anyhow::anyhow;
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::output::{in_line, print, print_json};
 use serde::Serialize;
 
 /// Less than this is no difference, however steady the rounds.

@@ -1,6 +1,6 @@
 //! How errors are spread: counts by decade, and their picture, one panel for each who answered.
 
-use crate::bench::plots::{COLOURS, Drawing};
+use crate::plots::{COLOURS, Drawing};
 use plotters::prelude::*;
 use serde_json::{Map, Value, json};
 use std::error::Error;

@@ -1,9 +1,9 @@
 //! Counts of instructions as valgrind's callgrind writes them.
 
-use crate::bench::child;
-use crate::bench::plan::Line;
-use crate::failure::Failure;
+use crate::child;
+use crate::plan::Line;
 use anyhow::{Context, anyhow};
+use brickfield_terminal::failure::Failure;
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
@@ -40,14 +40,13 @@ pub fn version() -> Result<String, Failure> {
     Ok(String::from_utf8_lossy(&told.stdout).trim().to_owned())
 }
 
-/// Runs this program with `args` in `folder` under callgrind.
+/// Runs the program that is measured with `args` in `folder` under callgrind.
 ///
 /// # Errors
 /// As [`child::run`], or if valgrind wrote no counts.
 pub fn profile(args: &Line, folder: &Path) -> Result<Profile, Failure> {
-    let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new("valgrind");
-    command.args(OPTIONS).arg(program).args(args);
+    command.args(OPTIONS).arg(child::program()?).args(args);
     child::run(command, folder, None)?;
     let text = fs::read_to_string(folder.join(OUT)).with_context(|| format!("{OUT}: cannot be read"))?;
     Ok(Profile::parse(&text).ok_or_else(|| anyhow!("{OUT}: no counts; is this valgrind's callgrind?"))?)

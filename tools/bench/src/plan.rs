@@ -1,12 +1,12 @@
 //! What suites consist of: jobs, each a few commands of this program, and the figures that they give.
 
-use crate::bench::child::{self, Ran};
-use crate::bench::inputs::Cache;
-use crate::bench::result::{Figure, InputFact, Limits};
-use crate::failure::Failure;
+use crate::child::{self, Ran};
+use crate::inputs::Cache;
+use crate::result::{Figure, InputFact, Limits};
 use anyhow::Context;
 use brickfield_bench_data::inputs::{Recipe, Spec};
 use brickfield_engine::Progress;
+use brickfield_terminal::failure::Failure;
 use serde_json::{Map, Value};
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -116,7 +116,7 @@ impl Bench<'_> {
     /// Runs a command that prepares something, and gives what it told as JSON.
     pub fn prepare(&self, line: Line) -> Result<Value, Failure> {
         self.progress.phase("preparing", None, "");
-        let ran = child::run_self(&line, &self.folder)?;
+        let ran = child::run_measured(&line, &self.folder)?;
         Ok(serde_json::from_slice(&ran.printed).unwrap_or(Value::Null))
     }
 

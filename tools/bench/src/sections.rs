@@ -1,12 +1,12 @@
 //! What a report tells: tables and plots of results.
 
-use crate::bench::contours;
-use crate::bench::histogram::{self, Histogram, Panel};
-use crate::bench::paper::{Row, SAMPLES, TABLE_3};
-use crate::bench::peers::PEERS;
-use crate::bench::plots::{Drawing, Plot, Point, Series};
-use crate::bench::result::{Figure, Results};
-use crate::bench::table::{self, Table, number};
+use crate::contours;
+use crate::histogram::{self, Histogram, Panel};
+use crate::paper::{Row, SAMPLES, TABLE_3};
+use crate::peers::PEERS;
+use crate::plots::{Drawing, Plot, Point, Series};
+use crate::result::{Figure, Results};
+use crate::table::{self, Table, number};
 
 /// A part of a report.
 pub struct Section {

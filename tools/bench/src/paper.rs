@@ -1,14 +1,14 @@
 //! The suite `paper`: inputs of the sizes in Table 3 of Peelar et al. 2019, whose brute force took the times in
 //! [`TABLE_3`], and the same samples by this program.
 
-use crate::bench::plan::{Bench, Job, figure};
-use crate::bench::suites::out;
-use crate::failure::Failure;
 use crate::line;
+use crate::plan::{Bench, Job, figure};
+use crate::suites::out;
 use brickfield_bench_data::inputs::{self, Spec};
 use brickfield_engine::Silent;
 use brickfield_engine::gpu::{DeviceKind, devices};
 use brickfield_engine::ingest::{Input, bounds_of_all};
+use brickfield_terminal::failure::Failure;
 use serde_json::Map;
 use std::path::Path;
 

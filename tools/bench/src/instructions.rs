@@ -1,22 +1,22 @@
-//! `brickfield bench instructions`: what the kernels execute, counted by valgrind, beside what they executed when a
+//! `brickfield-bench instructions`: what the kernels execute, counted by valgrind, beside what they executed when a
 //! file was written.
 //!
 //! Commands of the program itself are run, not benchmarks of the kernels: so nothing is compiled but what users run, the
 //! kernels are optimised as they are there, and a kernel is a function of the engine with all that it calls.
 
-use crate::bench::callgrind;
-use crate::bench::inputs::Cache;
-use crate::bench::plan::{Bench, Line};
-use crate::bench::table::{Table, number};
-use crate::bench::write_file;
-use crate::bench_args::BenchInstructionsArgs;
-use crate::failure::Failure;
+use crate::args::BenchInstructionsArgs;
+use crate::callgrind;
+use crate::inputs::Cache;
 use crate::line;
-use crate::output::{in_line, print, print_json};
-use crate::progress::Bars;
+use crate::measure::write_file;
+use crate::plan::{Bench, Line};
+use crate::table::{Table, number};
 use anyhow::{Context, anyhow};
 use brickfield_bench_data::inputs;
 use brickfield_engine::Progress;
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::output::{in_line, print, print_json};
+use brickfield_terminal::progress::Bars;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -59,7 +59,7 @@ struct Case {
 pub fn run(args: &BenchInstructionsArgs) -> Result<(), Failure> {
     let baseline = args.baseline.as_deref().map(Counts::read).transpose()?;
     let valgrind = callgrind::version()?;
-    let bars = Bars::new(args.quiet, crate::args::ProgressArg::Auto);
+    let bars = Bars::new(args.quiet, brickfield_terminal::work::ProgressArg::Auto);
     let counts = count(Cache::open(args.cache.clone())?, &bars, valgrind)?;
     bars.clear();
     if let Some(path) = &args.output {
@@ -187,7 +187,7 @@ impl Counts {
     fn read(path: &Path) -> Result<Counts, Failure> {
         let name = in_line(path);
         let text = fs::read(path).with_context(|| format!("{name}: cannot be read"))?;
-        let remedy = "give what `brickfield bench instructions -o` wrote";
+        let remedy = "give what `brickfield-bench instructions -o` wrote";
         let counts: Counts = serde_json::from_slice(&text)
             .map_err(|error| anyhow!("{name}: these are no counts of instructions: {error}; {remedy}"))?;
         if counts.format != FORMAT {

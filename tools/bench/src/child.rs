@@ -1,16 +1,16 @@
-//! This program, run anew as its user runs it: its time, its memory, what it printed.
+//! The program that is measured, run anew as its user runs it: its time, its memory, what it printed.
 
-use crate::failure::Failure;
-use crate::interrupt;
-use crate::output::one_line;
 use anyhow::{Context, anyhow};
+use brickfield_terminal::failure::Failure;
+use brickfield_terminal::interrupt;
+use brickfield_terminal::output::one_line;
 use std::ffi::OsString;
 use std::fs;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -28,13 +28,39 @@ pub struct Ran {
     pub printed: Vec<u8>,
 }
 
-/// Runs this program with `args` in `folder`.
+/// Another program than the one beside this.
+static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+
+/// Chooses the program that is measured; the first choice counts.
+pub fn measure_program(program: PathBuf) {
+    // Runs are in other folders.
+    let _ = PROGRAM.set(std::path::absolute(&program).unwrap_or(program));
+}
+
+/// The program that is measured.
+///
+/// # Errors
+/// If none was chosen and none stands beside this one.
+pub fn program() -> Result<PathBuf, Failure> {
+    if let Some(program) = PROGRAM.get() {
+        return Ok(program.clone());
+    }
+    let own = std::env::current_exe().context("cannot find this program's own file")?;
+    let beside = own.with_file_name("brickfield");
+    if beside.is_file() {
+        return Ok(beside);
+    }
+    let what =
+        "is not there; build it with the same profile (`cargo build --release`), or name one with --program";
+    Err(anyhow!("{}: the program that is measured {what}", beside.display()).into())
+}
+
+/// Runs it with `args` in `folder`.
 ///
 /// # Errors
 /// If it fails, with what it said, or the user asked to stop.
-pub fn run_self(args: &[OsString], folder: &Path) -> Result<Ran, Failure> {
-    let program = std::env::current_exe().context("cannot find this program's own file")?;
-    let mut command = Command::new(program);
+pub fn run_measured(args: &[OsString], folder: &Path) -> Result<Ran, Failure> {
+    let mut command = Command::new(program()?);
     command.args(args);
     run(command, folder, None)
 }
@@ -42,7 +68,7 @@ pub fn run_self(args: &[OsString], folder: &Path) -> Result<Ran, Failure> {
 /// Runs a command in `folder`, for as long as `limit` at most.
 ///
 /// # Errors
-/// As [`run_self`], or if it takes longer.
+/// As [`run_measured`], or if it takes longer.
 pub fn run(mut command: Command, folder: &Path, limit: Option<Duration>) -> Result<Ran, Failure> {
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let name = told(&command);
