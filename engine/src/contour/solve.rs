@@ -140,10 +140,14 @@ impl Group {
         put(&mut self.corners, lane % GROUP, &cell.map(|c| f64::from(c as u32)));
     }
 
-    /// Solves the first `used` lanes, and empties all.
-    #[inline(always)]
+    /// Solves the first `used` lanes, and empties all. A call for each group: so it is compiled once for each width of
+    /// vectors.
+    #[inline(never)]
     pub(super) fn solve<S: Simd>(&mut self, simd: S, used: usize, margin: f64, miss: f64) -> Solved<S> {
-        let solved = solve(simd, self, used, margin, miss);
+        let solved = simd.vectorize(
+            #[inline(always)]
+            || solve(simd, self, used, margin, miss),
+        );
         let most = self.counts.into_iter().max().unwrap_or(0);
         self.planes[..most].fill([[0.0; 8]; GROUP]);
         self.counts = [0; GROUP];
@@ -158,7 +162,7 @@ impl Group {
     pub(super) fn points(&mut self, used: usize, margin: f64) -> [Vector; GROUP] {
         crate::wide::dispatch!(crate::wide::level(), simd => {
             let solved = self.solve(simd, used, margin, 0.01);
-            let left = super::outliers::minimisers(simd, &solved.terms, super::outliers::cell(margin));
+            let left = super::outliers::minimisers(&solved.terms, super::outliers::cell(margin));
             let mut points = solved.points();
             for lane in (0..used).filter(|lane| solved.left >> lane & 1 == 1) {
                 points[lane] = left[lane];
