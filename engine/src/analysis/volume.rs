@@ -202,9 +202,8 @@ pub fn volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<Volumes> 
 fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress) -> Result<Volumes> {
     progress.phase("volumes", Some(leaves.len() as u64), "bricks");
     let mut sums = Sums::default();
-    let of_leaf = |leaf: &Leaf<'_>| {
-        Ok(Sums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))))
-    };
+    let of_leaf =
+        |leaf: &Leaf<'_>| Ok(Sums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))));
     visit(tree, leaves, progress, of_leaf, |_, of_leaf| {
         sums = sums.and(of_leaf);
         Ok(())

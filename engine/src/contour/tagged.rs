@@ -83,11 +83,8 @@ pub fn edge_facets<T: Send>(
     let mut field = Field::new(tree, level(options.iso)?, &options)?;
     field.on_surface = true;
     progress.phase("measuring surfaces", Some(field.leaves.len() as u64), "bricks");
-    let making = Making {
-        wanted: FacetBytes { append, normals: false },
-        spare: Spare::default(),
-        normals: false,
-    };
+    let making =
+        Making { wanted: FacetBytes { append, normals: false }, spare: Spare::default(), normals: false };
     let of_leaf = |leaf: u32| {
         let Leaf { key, changes, .. } = *field.leaves.get(leaf);
         if !changes || !is_wanted(key) {

@@ -51,9 +51,8 @@ pub(super) fn boundaries(
     let has_outer = |leaf: usize| labelling.in_leaf(leaf).any(|c| c.is_none());
     let has_void = |leaf: usize| labelling.in_leaf(leaf).flatten().any(is_void);
     let changes = |key: NodeKey| tree.node(key).is_some_and(|node| node.min != node.max || node.fractions);
-    let wanted: Vec<usize> = (0..keys.len())
-        .filter(|&leaf| changes(keys[leaf]) && (has_void(leaf) || has_outer(leaf)))
-        .collect();
+    let wanted: Vec<usize> =
+        (0..keys.len()).filter(|&leaf| changes(keys[leaf]) && (has_void(leaf) || has_outer(leaf))).collect();
     let wanted_keys: Vec<NodeKey> = wanted.iter().map(|&leaf| keys[leaf]).collect();
     progress.phase("boundaries of voids", Some(wanted.len() as u64), "bricks");
     let make = |leaf: &Leaf<'_>| {

@@ -88,7 +88,9 @@ impl Components {
                 (j > 0).then(|| (row - 1, false)),
                 (k > 0).then(|| row - BRICK_POINTS).map(|row| (row, false)),
                 (j > 0 && k > 0).then(|| row.wrapping_sub(BRICK_POINTS + 1)).map(|row| (row, true)),
-                (j + 1 < BRICK_POINTS && k > 0).then(|| (row + 1).wrapping_sub(BRICK_POINTS)).map(|row| (row, true)),
+                (j + 1 < BRICK_POINTS && k > 0)
+                    .then(|| (row + 1).wrapping_sub(BRICK_POINTS))
+                    .map(|row| (row, true)),
             ];
             for (other, only_wide) in before.into_iter().flatten() {
                 let span = |row: usize| rows[row] as usize..rows[row + 1] as usize;
@@ -185,7 +187,8 @@ fn join_rows(
             p += 1;
         }
         for (n, other) in runs[p..a.end].iter().enumerate().take_while(|(_, other)| other.from <= run.to) {
-            if is_solid(&run) == is_solid(other) && run.from < other.to + reach && other.from < run.to + reach {
+            if is_solid(&run) == is_solid(other) && run.from < other.to + reach && other.from < run.to + reach
+            {
                 unite(parents, (p + n) as u32, q as u32);
             }
         }

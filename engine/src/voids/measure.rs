@@ -231,7 +231,13 @@ fn across(
             let low = if axis == Axis::Y { j } else { k } as i64 * edge;
             if is_own {
                 for run in components.row(j, k) {
-                    whole_edges(axis, run.bits() & OWN & !changes, low, [j, k], &mut locals[usize::from(run.label)]);
+                    whole_edges(
+                        axis,
+                        run.bits() & OWN & !changes,
+                        low,
+                        [j, k],
+                        &mut locals[usize::from(run.label)],
+                    );
                 }
             }
             while changes != 0 {
@@ -277,7 +283,9 @@ fn whole_edges(axis: Axis, mut bits: u64, low: i64, [j, k]: [usize; 2], local: &
 /// What a run of samples of one class adds to the Euler number: of its samples, and of the edges, faces and cells of
 /// which these are the lowest corner, those whose corners are all of the class.
 fn euler(signs: &SignChanges, run: Run, j: usize, k: usize, solid: bool) -> i64 {
-    let row = |j: usize, k: usize| if solid { signs.row(j, k) } else { !signs.row(j, k) & ((1 << BRICK_POINTS) - 1) };
+    let row = |j: usize, k: usize| {
+        if solid { signs.row(j, k) } else { !signs.row(j, k) & ((1 << BRICK_POINTS) - 1) }
+    };
     let (here, y, z, yz) = (row(j, k), row(j + 1, k), row(j, k + 1), row(j + 1, k + 1));
     let own = run.bits() & OWN;
     let along = |bits: u64| bits & bits >> 1;
@@ -328,7 +336,8 @@ mod tests {
         let place = |units: f64| (units - 1.0) / f64::from(1u32 << bits);
         let centroid = sums[1].centroid().unwrap().map(place);
         // A third of the chords runs along each axis, from 2.25 to 9.25; of the others lines stand from 3 to 9.
-        let mean = |low: f64, count: f64| ((low - 0.75 + count / 2.0) + 2.0 * (low + (count - 1.0) / 2.0)) / 3.0;
+        let mean =
+            |low: f64, count: f64| ((low - 0.75 + count / 2.0) + 2.0 * (low + (count - 1.0) / 2.0)) / 3.0;
         let expected = [mean(3.0, 7.0), mean(4.0, 5.0), mean(5.0, 2.0)];
         for a in 0..3 {
             assert!((centroid[a] - expected[a]).abs() < 1e-9, "{centroid:?} {expected:?}");

@@ -173,8 +173,7 @@ mod tests {
                 let away = minus(p.at.map(f64::from), from);
                 dot(away, away).sqrt()
             };
-            let expected =
-                points.iter().filter(|p| p.component != 1).map(far).fold(f64::INFINITY, f64::min);
+            let expected = points.iter().filter(|p| p.component != 1).map(far).fold(f64::INFINITY, f64::min);
             let found = tree.nearest(from, f64::INFINITY, &|p| p.component != 1).unwrap();
             assert!((found.0 - expected).abs() < 1e-9);
             assert!(tree.nearest(from, 0.9 * expected, &|p| p.component != 1).is_none());

@@ -40,9 +40,7 @@ fn pile(seed: u64) -> Vec<bool> {
 
 /// The tree of such samples: leaves of level 1 where all samples are alike, of level 2 elsewhere.
 fn tree_of(inside: &[bool]) -> MemoryTree {
-    let at = |[x, y, z]: [usize; 3]| {
-        x < AXIS && y < AXIS && z < AXIS && inside[(z * AXIS + y) * AXIS + x]
-    };
+    let at = |[x, y, z]: [usize; 3]| x < AXIS && y < AXIS && z < AXIS && inside[(z * AXIS + y) * AXIS + x];
     let brick = |key: NodeKey| {
         let step = 1usize << (2 - key.level());
         let first = key.position().map(|p| p as usize * BRICK_CELLS * step);

@@ -54,11 +54,6 @@ impl<'a> Tracer<'a> {
         Ok(Segments(stored.iter().map(of).collect()))
     }
 
-    /// How many files the store was made from.
-    pub fn sources(&self) -> usize {
-        self.store.meta().sources.len()
-    }
-
     /// Width and height of a segment's section, in lattice units.
     fn size(&self, segment: &BeadSegment) -> (f64, f64) {
         let section = &self.tables.sections[segment.section as usize];
@@ -83,7 +78,8 @@ impl Segments {
         let mut best: Option<(f64, &BeadSegment)> = None;
         for Listed { segment, body, bounds } in &self.0 {
             let outside = |a: usize| {
-                crossing.at[a] < f64::from(bounds.0[a]) - slack || crossing.at[a] > f64::from(bounds.1[a]) + slack
+                crossing.at[a] < f64::from(bounds.0[a]) - slack
+                    || crossing.at[a] > f64::from(bounds.1[a]) + slack
             };
             if outside(0) || outside(1) || outside(2) {
                 continue;
@@ -196,8 +192,10 @@ impl Trace {
         trace.unknown = part(around.unknown);
         let mut features: Vec<(u16, u128)> = features.into_iter().collect();
         features.sort_by_key(|&(feature, share)| (std::cmp::Reverse(share), feature));
-        trace.features =
-            features.into_iter().map(|(f, share)| (tables.features[usize::from(f)].clone(), part(share))).collect();
+        trace.features = features
+            .into_iter()
+            .map(|(f, share)| (tables.features[usize::from(f)].clone(), part(share)))
+            .collect();
         trace.missing = missing(around, tracer);
         let is_beside = |lines: (u64, u64)| {
             trace.missing.iter().any(|pair| [pair.0, pair.1].iter().any(|l| lines.0 <= *l && *l <= lines.1))
@@ -206,7 +204,8 @@ impl Trace {
         lines.sort_by_key(|&((source, lines), (_, share))| {
             (!is_beside(lines), std::cmp::Reverse(share), source, lines)
         });
-        let line = |((source, lines), (layer, share))| TracedLine { source, lines, layer, share: part(share) };
+        let line =
+            |((source, lines), (layer, share))| TracedLine { source, lines, layer, share: part(share) };
         trace.lines = lines.into_iter().map(line).collect();
         Some(trace)
     }

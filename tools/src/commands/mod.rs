@@ -22,6 +22,7 @@ pub mod slice;
 mod slice_layer;
 pub mod verify;
 pub mod view;
+pub mod voids;
 pub mod winding;
 
 use crate::args::{IoArg, WorkArgs};
