@@ -33,5 +33,6 @@ mod program {
     mod traps;
     mod usage;
     mod view;
+    mod voids;
     mod volumes;
 }
