@@ -540,8 +540,8 @@ pub struct ExportArgs {
 /// List the voids of a part: regions of w = 0 that it encloses, one row each
 #[derive(Args)]
 #[command(after_help = "\
-The largest void comes first. Volumes, centroids and boxes are those of chords between exact crossings, surfaces those of \
-the mesh's polygons. Void that touches the outside of the root is no void. Values are in the store's unit, and empty \
+The largest void comes first. Volumes and surfaces are those of the mesh's polygons, with errors from chords between \
+exact crossings; centroids are those of the chords. Void that touches the outside of the root is no void. Values are in the store's unit, and empty \
 where they are not known. Lines and features are of the beads around a void, by their share of its surface, but \
 neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is sealed as \
 far as samples tell (to_cell): a leak thinner than a cell may be hidden.

@@ -33,9 +33,10 @@ pub struct VoidOptions {
 pub struct Void {
     /// By volume, from 1.
     pub id: usize,
-    /// Mean over the chords along three axes.
+    /// Volume within the contour's polygons; where these do not close, the mean over the chords along three axes.
     pub volume: f64,
-    /// Their spread, and twice the mean's distance from the number of samples: see [`crate::analysis::volume`].
+    /// The spread of chords, twice their mean's distance from the number of samples, as `analysis::volume` has it, and what
+    /// polygons and chords differ by.
     pub volume_error: f64,
     /// Area of the contour's polygons around it.
     pub surface: f64,
@@ -151,6 +152,9 @@ pub fn find(store: &Store, options: &VoidOptions, progress: &dyn Progress) -> Re
             _ => None,
         };
         let mut void = void_of(&labelling, number, &surface, root);
+        let (chords, chords_error) = volume_of(&labelling.components[number], root);
+        found.void_volume += void.volume - chords;
+        found.void_volume_error += void.volume_error - chords_error;
         void.bead_size = trace.as_ref().map(|trace| (trace.least_size.0 * unit, trace.least_size.1 * unit));
         void.trace = trace;
         // The component, until they are sorted.
@@ -173,9 +177,24 @@ fn volume_of(component: &Component, root: RootCube) -> (f64, f64) {
     (mean, high - low + 2.0 * (component.sums.counted(root) - mean).abs())
 }
 
+/// The volume within the polygons, if these are closed and agree with the chords, else that of the chords. Chords are off where
+/// faces are in step with the cells; polygons are not, but the bound is that of the chords, and what the two differ by.
+fn by_polygons(surface: &Surface, chords: f64, error: f64) -> (f64, f64) {
+    /// A surface is closed if its vectors of area add up to nothing but rounding.
+    const OPEN_MOST: f64 = 1e-4;
+    let open = surface.open.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let apart = (surface.volume - chords).abs();
+    if surface.volume > 0.0 && open <= OPEN_MOST * surface.area && apart <= error {
+        (surface.volume, error + apart)
+    } else {
+        (chords, error)
+    }
+}
+
 fn void_of(labelling: &Labelling, number: usize, surface: &Surface, root: RootCube) -> Void {
     let component = &labelling.components[number];
-    let (volume, volume_error) = volume_of(component, root);
+    let (chords, chords_error) = volume_of(component, root);
+    let (volume, volume_error) = by_polygons(surface, chords, chords_error);
     let sums = &component.sums;
     let centroid = sums.centroid().map_or([f64::NAN; 3], |units| root.to_world(units));
     let corner = |parts: &[i64; 3]| root.to_world(parts.map(|p| p as f64 / super::measure::PARTS + 1.0));
