@@ -6,7 +6,6 @@ mod program {
     mod backend;
     mod bad_input;
     mod beads;
-    mod bench;
     mod build;
     mod cache;
     mod cells;
@@ -32,6 +31,7 @@ mod program {
     mod toolpaths;
     mod traps;
     mod usage;
+    #[cfg(feature = "view")]
     mod view;
     mod voids;
     mod volumes;

@@ -20,7 +20,7 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::Instant;
 
-#[path = "../../tools/src/bench/floor.rs"]
+#[path = "../../tools/bench/src/floor.rs"]
 mod floor;
 
 /// Decoded bricks that a store keeps.

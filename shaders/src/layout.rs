@@ -1,4 +1,4 @@
-//! What host and device agree on: constants, and structures in buffers. `build.rs` writes the constants into the
+//! What host and device agree on: constants, and structures in buffers. `tests/spirv.rs` writes the constants into the
 //! shaders and holds the structures against what naga makes of their twins there.
 
 use bytemuck::{Pod, Zeroable};

@@ -20,7 +20,40 @@ pub struct Shader {
     pub words: &'static [u32],
 }
 
-include!(concat!(env!("OUT_DIR"), "/modules.rs"));
+/// Words of `N` times four bytes, the low byte first.
+const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
+    assert!(bytes.len() == 4 * N);
+    let mut words = [0; N];
+    let mut n = 0;
+    while n < N {
+        words[n] = u32::from_le_bytes([bytes[4 * n], bytes[4 * n + 1], bytes[4 * n + 2], bytes[4 * n + 3]]);
+        n += 1;
+    }
+    words
+}
+
+/// Modules of the folder `spirv`, which `tests/spirv.rs` writes and compares.
+macro_rules! shaders {
+    ($($constant:ident $name:literal;)*) => {
+        $(
+            #[doc = concat!("`", $name, ".wgsl`.")]
+            pub const $constant: Shader = {
+                const BYTES: &[u8] = include_bytes!(concat!("../spirv/", $name, ".spv"));
+                static WORDS: [u32; BYTES.len() / 4] = words(BYTES);
+                Shader { name: $name, words: &WORDS }
+            };
+        )*
+    };
+}
+
+shaders! {
+    SCAN "scan";
+    EVALUATE "evaluate";
+    HERMITE "hermite";
+    BRUTE "brute";
+    OPEN "open";
+    RAYS "rays";
+}
 
 #[cfg(test)]
 mod tests {

@@ -1,6 +1,5 @@
 //! What the user types. The commands turn it into checked plans.
 
-use crate::bench_args::BenchArgs;
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
@@ -8,6 +7,7 @@ use crate::pieces::OrientArg;
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
+use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::brick::Count;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
@@ -45,34 +45,8 @@ pub enum Command {
     View(WindowArgs),
     Verify(VerifyArgs),
     Cache(CacheArgs),
-    Bench(BenchArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
-}
-
-/// Where and how loudly the work is done.
-#[derive(Args, Clone, Copy)]
-pub struct WorkArgs {
-    /// Threads to work with; all processors by default. Results do not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Show no progress and no summary; results are printed
-    #[arg(long, short)]
-    pub quiet: bool,
-    /// How to show progress on standard error
-    #[arg(long, value_enum, default_value_t)]
-    pub progress: ProgressArg,
-}
-
-/// How progress is shown.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub enum ProgressArg {
-    /// Bars, where standard error is a terminal
-    #[default]
-    Auto,
-    /// A JSON object a line, as each phase begins and ends and once a second: phase, unit, done, total, seconds,
-    /// rate, left, ended. Messages on standard error never begin with a brace
-    Json,
 }
 
 /// Build a store from meshes and toolpaths, all of them together as one soup

@@ -1,7 +1,8 @@
 //! What the user types behind `brickfield cache`.
 
-use crate::args::{IoArg, ProgressArg, VerifyArgs, WorkArgs};
+use crate::args::{IoArg, VerifyArgs};
 use crate::units::{BoxArg, NodeArg, PointArg};
+use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::store::Compression;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;

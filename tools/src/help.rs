@@ -17,7 +17,7 @@ const TASKS: [(&str, &[&str]); 5] = [
     ("Write meshes and arrays", &["mesh", "beads", "export"]),
     ("Ask for numbers", &["info", "sample", "winding"]),
     ("See", &["slice", "render", "view"]),
-    ("The program itself", &["bench", "completions", "man", "help"]),
+    ("The program itself", &["completions", "man", "help"]),
 ];
 
 /// Options by task, in the order in which tasks are shown; what is not here stays under "Options".

@@ -1,4 +1,4 @@
-//! How much memory there is, is needed and was used.
+//! How much memory work needs and may take.
 
 use crate::failure::Failure;
 use crate::units::Size;
@@ -8,8 +8,7 @@ use brickfield_engine::ingest::{CloudInput, Input};
 use brickfield_engine::render::NODE_BYTES;
 use brickfield_engine::store::{Refine, Store};
 use brickfield_engine::winding::FAR_FIELD_BYTES;
-use std::fs;
-use std::path::Path;
+pub use brickfield_terminal::memory::{available, peak};
 
 /// A build that decides brick by brick whether to divide holds the facets of two levels at once: 90 bytes a facet,
 /// measured on 3 million facets of beads at depth 4.
@@ -145,46 +144,6 @@ fn pieces(inputs: &[Input], options: &BuildOptions) -> (u64, String) {
 
 fn segments(inputs: &[Input]) -> u64 {
     inputs.iter().filter_map(Input::beads).map(|beads| beads.report.segments).sum()
-}
-
-/// Memory of the machine, or of the control group that the program runs in if that is less.
-pub fn available() -> Option<Size> {
-    let machine = field(Path::new("/proc/meminfo"), "MemTotal:");
-    machine.into_iter().chain(group_limits()).min()
-}
-
-/// Limits of all control groups around this process, of both versions.
-fn group_limits() -> Vec<Size> {
-    let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
-    let mut limits = Vec::new();
-    for line in groups.lines() {
-        let mut parts = line.splitn(3, ':').skip(1);
-        let (Some(controllers), Some(group)) = (parts.next(), parts.next()) else { continue };
-        let (mount, file) = match controllers {
-            "" => ("/sys/fs/cgroup", "memory.max"),
-            _ if controllers.split(',').any(|name| name == "memory") => {
-                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
-            }
-            _ => continue,
-        };
-        for group in Path::new(group.trim_start_matches('/')).ancestors() {
-            let text = fs::read_to_string(Path::new(mount).join(group).join(file)).unwrap_or_default();
-            limits.extend(text.trim().parse().ok().map(Size));
-        }
-    }
-    limits
-}
-
-/// The most memory that this process has held, maps of files included.
-pub fn peak() -> Option<Size> {
-    field(Path::new("/proc/self/status"), "VmHWM:")
-}
-
-/// A value in kB from a file of `name: value kB` lines; `None` where the system has no such file.
-fn field(path: &Path, name: &str) -> Option<Size> {
-    let text = fs::read_to_string(path).ok()?;
-    let value = text.lines().find_map(|line| line.strip_prefix(name))?;
-    Some(Size(value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024))
 }
 
 #[cfg(test)]

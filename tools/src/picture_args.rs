@@ -1,9 +1,10 @@
 //! What the user types for pictures.
 
-use crate::args::{IoArg, WorkArgs};
+use crate::args::IoArg;
 use crate::devices::{BackendArg, BackendArgs};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{BoxArg, Length, Position, Size, Tolerance, Unit};
+use crate::work::WorkArgs;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{BuiltIn, Focus, Style, View};
 use clap::{ArgGroup, Args, ValueEnum};

@@ -1,8 +1,9 @@
 //! What the user types for the window.
 
-use crate::args::{IoArg, WorkArgs};
+use crate::args::IoArg;
 use crate::picture_args::{DrawArgs, PixelsArg, StyleArg, ViewArg};
 use crate::units::{Length, Size};
+use crate::work::WorkArgs;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -54,6 +55,7 @@ Examples:
   brickfield view part.brf
   brickfield view part.brf --style boundary --layer-height 0.2mm
   brickfield view part.brf --backend vulkan --script tour.txt")]
+#[cfg_attr(not(feature = "view"), allow(dead_code))]
 pub struct WindowArgs {
     /// The store
     #[arg(value_name = "PART.brf")]

@@ -3,7 +3,7 @@
 use super::build_report::{CloudText, Report};
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
 use super::{features_of, open_inputs, start};
-use crate::args::{BeadsArg, BuildArgs, CountArg, RefineArg, WorkArgs};
+use crate::args::{BeadsArg, BuildArgs, CountArg, RefineArg};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{BackendArgs, Chosen, DeviceCheckArg, choose};
@@ -16,6 +16,7 @@ use crate::progress::Bars;
 use crate::space::tell_left_behind;
 use crate::toolpaths::{ToolpathArgs, ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
+use crate::work::WorkArgs;
 use brickfield_engine::build::{
     BuildOptions, Keeping, Resolution, Resources, Summary, ThinDepth, build_clouds, build_opened,
 };

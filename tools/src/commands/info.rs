@@ -5,13 +5,14 @@ use super::{
     info_cloud, info_devices, info_mesh, info_three_mf, info_toolpath, info_x3d, open_store, unit_of,
     volumes_text,
 };
-use crate::args::{InfoArgs, ProgressArg};
+use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::kinds::{FileKind, not_read};
 use crate::output::{in_line, one_line, print, print_json, warn};
 use crate::pieces::{negative, negative_text};
 use crate::progress::Bars;
 use crate::units::Size;
+use crate::work::ProgressArg;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::ingest::Kind;
 use brickfield_engine::store::{

@@ -2,12 +2,13 @@
 
 use super::info::point;
 use super::start;
-use crate::args::{InfoArgs, ProgressArg, WorkArgs};
+use crate::args::InfoArgs;
 use crate::clouds::open_clouds;
 use crate::failure::Failure;
 use crate::output::{one_line, print, print_json};
 use crate::progress::Bars;
 use crate::units::Size;
+use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::Progress;
 use brickfield_engine::build::{cloud_cells, surfels};
 use brickfield_engine::ingest::CloudInput;

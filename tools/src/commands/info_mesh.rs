@@ -2,12 +2,13 @@
 
 use super::info::point;
 use super::{open_inputs, start};
-use crate::args::{InfoArgs, ProgressArg, WorkArgs};
+use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::memory;
 use crate::output::{one_line, print, print_json, warn};
 use crate::pieces::{inside_out_text, pieces_text};
 use crate::units::Size;
+use crate::work::{ProgressArg, WorkArgs};
 use anyhow::anyhow;
 use brickfield_engine::build::{Measures, is_closed, measure};
 use brickfield_engine::ingest::{Facets, OpenOptions};

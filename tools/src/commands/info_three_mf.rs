@@ -1,10 +1,11 @@
 //! `brickfield info` of a 3MF file: its objects, and what is built of them.
 
 use super::start;
-use crate::args::{InfoArgs, ProgressArg, WorkArgs};
+use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::output::{in_line, one_line, print, print_json};
 use crate::units::Size;
+use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::ingest::{ThreeMf, ThreeMfItem, ThreeMfObject};
 use serde_json::json;
 use std::path::Path;

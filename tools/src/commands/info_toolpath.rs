@@ -1,10 +1,11 @@
 //! `brickfield info` of a toolpath: what it deposits, by whose rules it was read, and what to beware of.
 
 use super::start;
-use crate::args::{InfoArgs, ProgressArg, WorkArgs};
+use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::output::{print, print_json, warn};
 use crate::toolpaths::ToolpathReport;
+use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::bead::Sweep;
 use brickfield_engine::ingest::read_beads;
 use brickfield_engine::toolpath::LayerFills;

@@ -2,10 +2,11 @@
 
 use super::info::point;
 use super::{open_inputs, start};
-use crate::args::{InfoArgs, ProgressArg, WorkArgs};
+use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::output::{one_line, print, print_json};
 use crate::units::Size;
+use crate::work::{ProgressArg, WorkArgs};
 use anyhow::anyhow;
 use brickfield_engine::Progress;
 use brickfield_engine::build::{Measures, measure};

@@ -21,16 +21,17 @@ pub mod shell;
 pub mod slice;
 mod slice_layer;
 pub mod verify;
+#[cfg(feature = "view")]
 pub mod view;
 pub mod voids;
 pub mod winding;
 
-use crate::args::{IoArg, WorkArgs};
+use crate::args::IoArg;
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
 use crate::measured::measured;
 use crate::output::{require_distinct, warn};
-use crate::progress::Bars;
+use crate::work::start;
 use anyhow::Context;
 use brickfield_engine::analysis::Volumes;
 use brickfield_engine::ingest::{Input, OpenOptions};
@@ -41,13 +42,6 @@ use std::path::{Path, PathBuf};
 
 /// Decoded bricks that commands keep whose user cannot choose.
 const CACHE_BYTES: u64 = 512 << 20;
-
-/// Sets the number of threads and makes the progress bars.
-pub fn start(work: WorkArgs) -> Result<Bars, Failure> {
-    let threads = work.threads.map_or(0, usize::from);
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start threads")?;
-    Ok(Bars::new(work.quiet, work.progress))
-}
 
 /// Opens all inputs, having checked that none of them would be overwritten.
 fn open_inputs(

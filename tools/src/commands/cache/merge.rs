@@ -1,6 +1,5 @@
 //! `brickfield cache merge`: one store from the shares of several runs.
 
-use crate::args::WorkArgs;
 use crate::cache_args::MergeArgs;
 use crate::commands::start;
 use crate::failure::Failure;
@@ -8,6 +7,7 @@ use crate::kinds::not_a_store;
 use crate::kinds::require_store_name;
 use crate::output::{one_line, print, print_json, require_distinct};
 use crate::units::Size;
+use crate::work::WorkArgs;
 use brickfield_engine::build::{MergeSummary, merge};
 use brickfield_engine::store::{Store, is_store};
 use serde::Serialize;
