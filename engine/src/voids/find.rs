@@ -177,14 +177,14 @@ fn volume_of(component: &Component, root: RootCube) -> (f64, f64) {
     (mean, high - low + 2.0 * (component.sums.counted(root) - mean).abs())
 }
 
-/// The volume within the polygons, if these are closed and agree with the chords, else that of the chords. Chords are off where
+/// The volume within the polygons, if these are closed, else that of the chords. Chords are off where
 /// faces are in step with the cells; polygons are not, but the bound is that of the chords, and what the two differ by.
 fn by_polygons(surface: &Surface, chords: f64, error: f64) -> (f64, f64) {
     /// A surface is closed if its vectors of area add up to nothing but rounding.
     const OPEN_MOST: f64 = 1e-4;
     let open = surface.open.iter().map(|c| c * c).sum::<f64>().sqrt();
     let apart = (surface.volume - chords).abs();
-    if surface.volume > 0.0 && open <= OPEN_MOST * surface.area && apart <= error {
+    if surface.volume > 0.0 && open <= OPEN_MOST * surface.area {
         (surface.volume, error + apart)
     } else {
         (chords, error)
