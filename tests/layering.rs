@@ -9,7 +9,7 @@ const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part
 
 /// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
 /// have their place already.
-const ROOMS: [(&str, &[&str]); 22] = [
+const ROOMS: [(&str, &[&str]); 23] = [
     ("gpu", &[]),
     ("toolpath", &[]),
     ("bead", &["toolpath"]),
@@ -33,6 +33,7 @@ const ROOMS: [(&str, &[&str]); 22] = [
     ),
     ("cache", &["brick", "store"]),
     ("analysis", &["brick", "solid", "store"]),
+    ("voids", &["brick", "solid", "store", "contour"]),
     ("csg", &["brick", "store"]),
     ("picture", &[]),
     ("section", &["brick", "store", "picture"]),

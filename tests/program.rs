@@ -33,5 +33,6 @@ mod program {
     mod usage;
     #[cfg(feature = "view")]
     mod view;
+    mod voids;
     mod volumes;
 }

@@ -2,8 +2,8 @@
 //!
 //!     cargo bench -p brickfield-engine --bench floors [-- FACETS|FILE [ROUNDS]]
 //!
-//! Calls of the library within one process, also meshes into memory, which `brickfield bench` does not measure: it runs
-//! the program. The floor is that of `brickfield bench`, streaming the input once with all cores and snapping every
+//! Calls of the library within one process, also meshes into memory, which `brickfield-bench` does not measure: it runs
+//! the program. The floor is that of `brickfield-bench`, streaming the input once with all cores and snapping every
 //! vertex, number by number in plain code; the engine's own snapping is the second row. Each round measures the floor and
 //! then the jobs, so that a slow moment of the machine hits both; the table gives medians and ranges over the rounds.
 

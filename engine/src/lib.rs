@@ -37,6 +37,7 @@ pub mod section;
 pub mod solid;
 pub mod store;
 pub mod toolpath;
+pub mod voids;
 pub mod volumes;
 mod wide;
 pub mod winding;

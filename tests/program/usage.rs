@@ -3,7 +3,7 @@
 use crate::support::*;
 use std::ffi::OsStr;
 
-const COMMANDS: [&str; 15] = [
+const COMMANDS: [&str; 14] = [
     "build",
     "beads",
     "mesh",
@@ -16,7 +16,6 @@ const COMMANDS: [&str; 15] = [
     "view",
     "verify",
     "cache",
-    "bench",
     "completions",
     "man",
 ];

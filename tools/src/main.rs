@@ -45,6 +45,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Sample(args) => commands::sample::run(&args),
         Command::Winding(args) => commands::winding::run(&args),
         Command::Export(args) => commands::export::run(&args),
+        Command::Voids(args) => commands::voids::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),
         #[cfg(feature = "view")]

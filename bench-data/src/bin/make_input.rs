@@ -101,7 +101,7 @@ enum Command {
     Octahedron(Output),
     /// A box sheared by 45 degrees
     Slant(Output),
-    /// An input of `brickfield bench` by its file's name, but for those that are swept along toolpaths
+    /// An input of `brickfield-bench` by its file's name, but for those that are swept along toolpaths
     Bench {
         name: String,
         /// The file of what it is made from, of those with cracks

@@ -4,11 +4,7 @@ use crate::brick::{Brick, HermiteEdge, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
-use crate::store::{BrickTree, NodeInfo, SourceVolumes, Walk};
-use rayon::prelude::*;
-
-/// Leaves that a thread takes at once.
-const LEAVES_AT_ONCE: usize = 64;
+use crate::store::{BrickTree, Leaf, NodeInfo, SourceVolumes, visit};
 
 /// Volumes of a field in the cube of the tree's unit, each with a bound on its error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -247,29 +243,13 @@ pub fn volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<Volumes> 
 /// Those of some leaves.
 fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress) -> Result<Volumes> {
     progress.phase("volumes", Some(leaves.len() as u64), "bricks");
-    let of_leaf = |key: &NodeKey| {
-        let sums = match tree.node(*key) {
-            // The index knows; no need to read the brick.
-            Some(node) if node.min == node.max => Sums::of_brick(&Brick::Uniform(node.min)),
-            _ => Sums::of_brick(&*tree.brick(*key)?),
-        };
-        Ok(sums.scaled(1 << (3 * (MAX_LEVEL - key.level()))))
-    };
-    let is_read = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.min != node.max);
-    let walk = Walk::new(tree, leaves.len(), |leaf| Some(leaves[leaf]).filter(is_read));
-    // Handed out in order, so that all threads together go through the store from one end to the other.
-    let sums = leaves
-        .chunks(LEAVES_AT_ONCE)
-        .enumerate()
-        .par_bridge()
-        .map(|(number, chunk)| {
-            progress.check()?;
-            walk.at(number * LEAVES_AT_ONCE);
-            let sums = chunk.iter().try_fold(Sums::default(), |sums, key| Ok(sums.and(of_leaf(key)?)));
-            progress.advance(chunk.len() as u64);
-            sums
-        })
-        .try_reduce(Sums::default, |a, b| Ok(a.and(b)))?;
+    let mut sums = Sums::default();
+    let of_leaf =
+        |leaf: &Leaf<'_>| Ok(Sums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))));
+    visit(tree, leaves, progress, of_leaf, |_, of_leaf| {
+        sums = sums.and(of_leaf);
+        Ok(())
+    })?;
     let cell = tree.root().spacing(MAX_LEVEL).powi(3);
     let chords = sums.chords.map(|chords| chords as f64 / STEPS as f64 * cell);
     let [low, high] = [f64::min, f64::max].map(|f| chords.into_iter().reduce(f).unwrap_or_default());

@@ -351,7 +351,7 @@ impl<'a> Builder<'a> {
             apart: Box::new([0; CELL_ROWS]),
             splits: Vec::new(),
             several: Vec::new(),
-            group: Group::default(),
+            group: Group::new(field.on_surface),
             waiting: Vec::with_capacity(GROUP),
             outliers: Outliers::default(),
         }

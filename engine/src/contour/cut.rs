@@ -81,6 +81,8 @@ pub struct Cuts {
     from_first: u64,
     /// By facet in the sense of the corners, and a zero.
     normals: [[[f32; 4]; GROUP]; 2],
+    /// What the polygons are known by, where that is wanted: see [`Cutter::tag`].
+    tags: [u64; GROUP],
 }
 
 impl Cuts {
@@ -106,6 +108,22 @@ impl Cuts {
     }
 }
 
+impl Cuts {
+    /// Calls `each` with the facets in order: what their polygons are known by, and their corners.
+    pub(super) fn for_each_tagged(&self, mut each: impl FnMut(u64, [[f32; 3]; 3])) {
+        for lane in 0..self.count {
+            let is_first = (self.from_first >> lane & 1) as usize;
+            for (order, _) in ORDERS[self.shapes[lane] as usize][is_first] {
+                let corner = |n: usize| {
+                    let [x, y, z, _] = self.corners[lane][n & 3];
+                    [x, y, z]
+                };
+                each(self.tags[lane], order.map(corner));
+            }
+        }
+    }
+}
+
 /// What is wanted of facets.
 #[derive(Clone, Copy)]
 pub(super) struct FacetBytes {
@@ -126,6 +144,8 @@ pub(super) struct Cutter {
     pub edge_vertices: Vec<[f32; 3]>,
     /// The edges that they are on, if these are wanted and fans are about such vertices only.
     pub fan_edges: Option<Vec<MinimalEdge>>,
+    /// What the next polygons are known by.
+    pub tag: u64,
     /// What is wanted of the facets.
     pub bytes: Vec<u8>,
     /// Number of facets.
@@ -147,6 +167,7 @@ impl Cutter {
             allowed: [0; 2],
             from_first: 0,
             normals: [[[0.0; 4]; GROUP]; 2],
+            tags: [0; GROUP],
         };
         Cutter {
             centre,
@@ -155,6 +176,7 @@ impl Cutter {
             first,
             edge_vertices: Vec::new(),
             fan_edges: None,
+            tag: 0,
             bytes,
             count: 0,
             measured: Measured::default(),
@@ -170,6 +192,7 @@ impl Cutter {
             self.cuts.corners[lane][n] = [x, y, z, 0.0];
         }
         self.cuts.shapes[lane] = shape;
+        self.cuts.tags[lane] = self.tag;
         for (allowed, is_allowed) in self.cuts.allowed.iter_mut().zip(allowed) {
             *allowed |= u64::from(is_allowed) << lane;
         }
@@ -247,13 +270,16 @@ impl Cutter {
         self.cuts.count = 0;
         self.cuts.is_kept = 0;
         self.cuts.allowed = [0; 2];
-        for (edge, corners, inside) in fans {
+        let tag = self.tag;
+        for (edge, corners, inside, its_tag) in fans {
+            self.tag = its_tag;
             self.push_fan(&edge, &corners, inside);
         }
+        self.tag = tag;
     }
 
     /// Takes out the polygons in some lanes.
-    fn fans(&mut self, lost: u64) -> Vec<(MinimalEdge, [Vertex; 4], bool)> {
+    fn fans(&mut self, lost: u64) -> Vec<(MinimalEdge, [Vertex; 4], bool, u64)> {
         let mut fans = Vec::new();
         let mut lanes = lost;
         while lanes != 0 {
@@ -265,7 +291,7 @@ impl Cutter {
                 let [x, y, z, _] = self.cuts.corners[lane][n];
                 (self.cuts.ids[lane][n], [x, y, z])
             });
-            fans.push((edge, corners, self.cuts.shapes[lane] == Shape::Quad));
+            fans.push((edge, corners, self.cuts.shapes[lane] == Shape::Quad, self.cuts.tags[lane]));
             self.cuts.shapes[lane] = Shape::Nothing;
         }
         fans

@@ -38,6 +38,8 @@ pub(super) struct Field<'a> {
     /// Where vertices are merged.
     merging: Option<Merging>,
     follows_creases: bool,
+    /// Whether vertices of smooth cells stand on the surface, not where planes meet outside of it.
+    pub on_surface: bool,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
     users: Vec<AtomicU32>,
     /// Room that cells were made in.
@@ -98,6 +100,7 @@ impl<'a> Field<'a> {
             faces,
             merging,
             follows_creases: options.follow_creases,
+            on_surface: false,
             users,
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),

@@ -39,6 +39,7 @@
 //! | `cut` | polygons into triangles, their area, volume and normals |
 //! | `spare` | room that is used again |
 //! | `order` | leaves in parallel, their output in order |
+//! | `tagged` | triangles with the lattice edges that they are around, for measuring |
 //! | `sink` | arrays; STL, PLY and OBJ files |
 
 mod adaptive;
@@ -72,6 +73,7 @@ mod solve;
 mod spare;
 mod surface;
 mod symmetric;
+mod tagged;
 #[cfg(test)]
 mod tests;
 mod topology;
@@ -84,6 +86,8 @@ pub use polygons::Facet;
 pub use sink::{
     Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
 };
+
+pub use tagged::{EdgeFacet, edge_facets};
 
 use crate::error::{Error, Result};
 use crate::part::temporary::require_folder;

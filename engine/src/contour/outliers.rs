@@ -30,10 +30,8 @@ pub(super) struct Outliers([Batch; 2]);
 
 impl Outliers {
     /// Takes the loop in a lane. Returns eight that have come together and what they are called.
-    #[inline(always)]
-    pub(super) fn push<S: Simd>(
+    pub(super) fn push(
         &mut self,
-        simd: S,
         (terms, lane): (&Terms, usize),
         name: Name,
         margin: f64,
@@ -50,16 +48,14 @@ impl Outliers {
             return None;
         }
         batch.used = 0;
-        // No closure: that stays a call, compiled for the narrowest vectors.
-        Some((batch.names, minimisers(simd, &batch.terms, cell(margin))))
+        Some((batch.names, minimisers(&batch.terms, cell(margin))))
     }
 
     /// Those that still wait.
-    #[inline(always)]
-    pub(super) fn drain<S: Simd>(&mut self, simd: S, margin: f64, mut each: impl FnMut(Name, Vector)) {
+    pub(super) fn drain(&mut self, margin: f64, mut each: impl FnMut(Name, Vector)) {
         for batch in &mut self.0 {
             if batch.used > 0 {
-                let points = minimisers(simd, &batch.terms, cell(margin));
+                let points = minimisers(&batch.terms, cell(margin));
                 batch
                     .names
                     .into_iter()
@@ -80,12 +76,17 @@ pub(super) fn cell(margin: f64) -> [Vector; 2] {
 
 /// The minimiser of one loop over a box.
 pub(super) fn minimiser(terms: &[f64; 16], bounds: [Vector; 2]) -> Vector {
-    dispatch!(level(), simd => minimisers(simd, &terms.map(|term| [term; GROUP]), bounds)[0])
+    minimisers(&terms.map(|term| [term; GROUP]), bounds)[0]
 }
 
-/// The minimisers over a box, by lane.
+/// The minimisers over a box, by lane. A call for eight of them: so they are compiled once for each width of vectors.
+#[inline(never)]
+pub(super) fn minimisers(terms: &Terms, bounds: [Vector; 2]) -> [Vector; GROUP] {
+    dispatch!(level(), simd => minimisers_with(simd, terms, bounds))
+}
+
 #[inline(always)]
-pub(super) fn minimisers<S: Simd>(simd: S, terms: &Terms, bounds: [Vector; 2]) -> [Vector; GROUP] {
+fn minimisers_with<S: Simd>(simd: S, terms: &Terms, bounds: [Vector; 2]) -> [Vector; GROUP] {
     let vector = |n: usize| {
         [
             f64x8::from_slice(simd, &terms[n]),
@@ -346,7 +347,7 @@ mod tests {
                 terms.iter_mut().zip(values).for_each(|(term, value)| term[lane] = value);
                 expected.push((centred, free, largest, is_known));
             }
-            let points = dispatch!(level(), simd => minimisers(simd, &terms, cell(margin)));
+            let points = minimisers(&terms, cell(margin));
             for (point, (centred, mut free, largest, is_known)) in points.into_iter().zip(expected) {
                 if !is_known {
                     free = face_first(&centred, free, largest, margin);

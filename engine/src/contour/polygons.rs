@@ -28,6 +28,7 @@ use super::later::{Names, first_bytes};
 use super::leaves::{Around, Side, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
+use super::tagged;
 use super::topology::{SQUARE, cell_around, edge_index};
 use super::vertices::LeafVertices;
 use crate::brick::SignChanges;
@@ -300,6 +301,7 @@ impl<'a> Maker<'a> {
             // None where no cell of the leaf is active: then all its edges with a sign change lie on its border.
             let Quad { vertices, fraction } = quads.next().unwrap_or(&Quad::UNKNOWN);
             let edge = (axis, [i, j, k], *fraction);
+            self.cutter.tag = tagged::tag((axis, [i, j, k], *fraction), inside);
             if vertices.contains(&NO_VERTEX) {
                 self.border(edge, vertices, inside)?;
             } else {

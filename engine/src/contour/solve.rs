@@ -46,6 +46,10 @@ pub(super) struct Group {
     sums: Option<Box<Sums>>,
     /// Lower corners of the cells.
     corners: [Lanes; 3],
+    /// Whether vertices of cells without a sharp crease are to stand on the surface. Of a smooth surface the planes meet as
+    /// far outside of it as the mass point of their points lies inside: half way between them is the surface itself, but for
+    /// terms of third order.
+    on_surface: bool,
 }
 
 /// Sums of planes, term by term.
@@ -101,6 +105,11 @@ impl<S: Simd> Solved<S> {
 }
 
 impl Group {
+    /// An empty one; `on_surface` is as in [`super::field::Field`].
+    pub(super) fn new(on_surface: bool) -> Group {
+        Group { on_surface, ..Group::default() }
+    }
+
     /// Makes a plane the loop's in a lane with this number: that of a crossing on an edge of the cell.
     #[inline(always)]
     pub(super) fn put<S: Simd>(
@@ -140,10 +149,14 @@ impl Group {
         put(&mut self.corners, lane % GROUP, &cell.map(|c| f64::from(c as u32)));
     }
 
-    /// Solves the first `used` lanes, and empties all.
-    #[inline(always)]
+    /// Solves the first `used` lanes, and empties all. A call for each group: so it is compiled once for each width of
+    /// vectors.
+    #[inline(never)]
     pub(super) fn solve<S: Simd>(&mut self, simd: S, used: usize, margin: f64, miss: f64) -> Solved<S> {
-        let solved = solve(simd, self, used, margin, miss);
+        let solved = simd.vectorize(
+            #[inline(always)]
+            || solve(simd, self, used, margin, miss),
+        );
         let most = self.counts.into_iter().max().unwrap_or(0);
         self.planes[..most].fill([[0.0; 8]; GROUP]);
         self.counts = [0; GROUP];
@@ -158,7 +171,7 @@ impl Group {
     pub(super) fn points(&mut self, used: usize, margin: f64) -> [Vector; GROUP] {
         crate::wide::dispatch!(crate::wide::level(), simd => {
             let solved = self.solve(simd, used, margin, 0.01);
-            let left = super::outliers::minimisers(simd, &solved.terms, super::outliers::cell(margin));
+            let left = super::outliers::minimisers(&solved.terms, super::outliers::cell(margin));
             let mut points = solved.points();
             for lane in (0..used).filter(|lane| solved.left >> lane & 1 == 1) {
                 points[lane] = left[lane];
@@ -248,6 +261,12 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
         free.largest = is_flat.select(free.largest, creased.largest);
         free.is_sound = is_flat | creased.is_sound;
         (free.along, free.is_line) = (creased.along, creased.is_line);
+    }
+    if group.on_surface {
+        let is_smooth = (count - agreed).simd_le(agreed * SHARP);
+        for x in &mut free.x {
+            *x = is_smooth.select(*x * half, *x);
+        }
     }
     let mass = [mean[0] + half, mean[1] + half, mean[2] + half];
     let anywhere = [mass[0] + free.x[0], mass[1] + free.x[1], mass[2] + free.x[2]];

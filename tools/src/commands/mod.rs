@@ -23,6 +23,7 @@ mod slice_layer;
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;
+pub mod voids;
 pub mod winding;
 
 use crate::args::IoArg;

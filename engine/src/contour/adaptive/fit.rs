@@ -124,7 +124,7 @@ pub(super) fn best_points(
         let solved = group.solve(simd, parts.len(), margin, tolerance);
         let mut points = solved.points();
         if solved.left != 0 {
-            let others = minimisers(simd, &solved.terms, cell(margin));
+            let others = minimisers(&solved.terms, cell(margin));
             for lane in (0..parts.len()).filter(|lane| solved.left >> lane & 1 == 1) {
                 points[lane] = others[lane];
             }

@@ -53,7 +53,7 @@ impl Builder<'_> {
             }
             let cell = cell.map(usize::from);
             if is_lone {
-                let pushed = self.outliers.push(simd, (&solved.terms, lane), (vertex, cell), margin);
+                let pushed = self.outliers.push((&solved.terms, lane), (vertex, cell), margin);
                 if let Some((names, points)) = pushed {
                     for ((vertex, cell), point) in names.into_iter().zip(points) {
                         self.cells.positions[vertex as usize] = self.frame.world(cell, point);
@@ -62,7 +62,7 @@ impl Builder<'_> {
             } else {
                 let point = if is_left {
                     // The cell's next vertex must know where this one is.
-                    minimisers(simd, &solved.terms, outliers::cell(margin))[lane]
+                    minimisers(&solved.terms, outliers::cell(margin))[lane]
                 } else {
                     solved.points()[lane]
                 };
@@ -116,8 +116,8 @@ impl Builder<'_> {
     /// Places the vertices that wait for others that need more.
     pub(super) fn place_outliers(&mut self) {
         let (frame, positions) = (&self.frame, &mut self.cells.positions);
-        dispatch!(level(), simd => self.outliers.drain(simd, frame.margin, |(vertex, cell), point| {
+        self.outliers.drain(frame.margin, |(vertex, cell), point| {
             positions[vertex as usize] = frame.world(cell, point);
-        }))
+        });
     }
 }

@@ -1,0 +1,253 @@
+//! The visitor: one walk over the leaves of a tree, on which analyses are built.
+//!
+//! Leaves come in Morton order. Threads decode them and make something of each; what was made is taken one by one in that
+//! order, so that whoever takes it needs no lock and gives the same result for any number of threads. Uniform leaves are
+//! known from the index and not read. At most [`LEAVES_AHEAD`] leaves a thread are made ahead of the one that is taken, and no
+//! brick outlives what is made of it, so memory is that of the things made.
+
+use super::{BrickTree, Walk};
+use crate::brick::Brick;
+use crate::error::{Error, Result};
+use crate::lattice::{Axis, MAX_LEVEL, NodeKey, Octant};
+use crate::progress::Progress;
+use crate::schedule::run_ordered;
+
+/// Leaves that a thread takes at once: few enough to even out their cost.
+const LEAVES_AT_ONCE: usize = 8;
+/// Leaves a thread that are made ahead of the one that is taken.
+pub const LEAVES_AHEAD: usize = 8 * LEAVES_AT_ONCE;
+
+/// One leaf, as the visitor shows it.
+#[derive(Clone, Copy, Debug)]
+pub struct Leaf<'a> {
+    /// Its place in the list that is visited.
+    pub number: usize,
+    /// Its key.
+    pub key: NodeKey,
+    /// Samples with apron and Hermite edges, or the one value of a uniform leaf.
+    pub brick: &'a Brick,
+}
+
+/// Leaves next to a leaf across one of its faces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Across {
+    /// None: the root ends here.
+    Outside,
+    /// One leaf of the same level or of a lower one, by number.
+    One(usize),
+    /// Leaves of higher levels; [`LeafOrder::touching`] lists them.
+    Finer,
+}
+
+/// All leaves of a tree in Morton order, found by place.
+#[derive(Clone, Debug)]
+pub struct LeafOrder {
+    keys: Vec<NodeKey>,
+    /// The code of each leaf's last descendant at the deepest level; ascending.
+    last: Vec<u64>,
+}
+
+impl LeafOrder {
+    /// The leaves of a tree.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if they do not cover the root without gap and overlap.
+    pub fn new(tree: &dyn BrickTree) -> Result<LeafOrder> {
+        let is_leaf = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.leaf);
+        let mut keys: Vec<NodeKey> = tree.keys().into_iter().filter(is_leaf).collect();
+        keys.sort_unstable_by_key(|key| key.post_order());
+        let last = keys.iter().map(|key| key.post_order().0).collect();
+        let order = LeafOrder { keys, last };
+        order.check_cover()?;
+        Ok(order)
+    }
+
+    fn check_cover(&self) -> Result<()> {
+        let mut next = first_descendant(NodeKey::ROOT);
+        for (key, &last) in self.keys.iter().zip(&self.last) {
+            if first_descendant(*key) != next {
+                return Err(broken(*key));
+            }
+            next = last + 1;
+        }
+        if next == NodeKey::ROOT.post_order().0 + 1 { Ok(()) } else { Err(broken(NodeKey::ROOT)) }
+    }
+
+    /// The leaves, in Morton order.
+    pub fn keys(&self) -> &[NodeKey] {
+        &self.keys
+    }
+
+    /// The leaf that covers a node, or the first of the leaves below the node.
+    pub fn covering(&self, key: NodeKey) -> usize {
+        let code = first_descendant(key);
+        self.last.partition_point(|&last| last < code)
+    }
+
+    /// What lies across the lower or the upper face of a leaf, along an axis.
+    pub fn across(&self, leaf: usize, axis: Axis, upper: bool) -> Across {
+        let key = self.keys[leaf];
+        let Some(neighbour) = key.neighbour(direction(axis, upper)) else { return Across::Outside };
+        let other = self.covering(neighbour);
+        if self.keys[other].level() <= key.level() { Across::One(other) } else { Across::Finer }
+    }
+
+    /// The leaves across a face of a leaf, whatever their levels, in Morton order.
+    pub fn touching(&self, leaf: usize, axis: Axis, upper: bool, found: &mut Vec<usize>) {
+        if let Some(neighbour) = self.keys[leaf].neighbour(direction(axis, upper)) {
+            self.descend(neighbour, axis, upper, found);
+        }
+    }
+
+    fn descend(&self, node: NodeKey, axis: Axis, upper: bool, found: &mut Vec<usize>) {
+        let leaf = self.covering(node);
+        if self.keys[leaf].level() <= node.level() {
+            found.push(leaf);
+            return;
+        }
+        // A neighbour above touches with its lower children.
+        let touches = |octant: &Octant| (octant.offset()[axis.index()] == 0) == upper;
+        for octant in Octant::all().filter(touches) {
+            self.descend(node.child(octant), axis, upper, found);
+        }
+    }
+}
+
+fn direction(axis: Axis, upper: bool) -> [i32; 3] {
+    let mut direction = [0; 3];
+    direction[axis.index()] = if upper { 1 } else { -1 };
+    direction
+}
+
+/// Code of a node's first descendant at the deepest level.
+fn first_descendant(key: NodeKey) -> u64 {
+    key.code() << (3 * u32::from(MAX_LEVEL - key.level()))
+}
+
+fn broken(key: NodeKey) -> Error {
+    Error::setting(
+        format!("the tree contradicts itself at brick {key}"),
+        "check the store with `brickfield verify` and build it again",
+    )
+}
+
+/// Visits nodes of a tree in the order of `keys`: calls `make` for each on any thread, and `take` with what it gives, in
+/// order, one at a time. Advances `progress`, whose phase is the caller's, by one a node.
+///
+/// # Errors
+/// The first that reading, `make` or `take` give; [`Error::Interrupted`] when `progress` says so.
+pub fn visit<T: Send>(
+    tree: &dyn BrickTree,
+    keys: &[NodeKey],
+    progress: &dyn Progress,
+    make: impl Fn(&Leaf<'_>) -> Result<T> + Sync,
+    mut take: impl FnMut(usize, T) -> Result<()> + Send,
+) -> Result<()> {
+    let read = |number: usize| match tree.node(keys[number]) {
+        // The index knows; there is no need to read the brick.
+        Some(node) if node.min == node.max && !node.fractions => Some(node.min),
+        _ => None,
+    };
+    let walk = Walk::new(tree, keys.len(), |number| read(number).is_none().then(|| keys[number]));
+    let one = |number: usize| {
+        let key = keys[number];
+        match read(number) {
+            Some(w) => make(&Leaf { number, key, brick: &Brick::Uniform(w) }),
+            None => make(&Leaf { number, key, brick: &*tree.brick_once(key)? }),
+        }
+    };
+    let work = |(): &mut (), part: usize| {
+        progress.check()?;
+        let numbers = part * LEAVES_AT_ONCE..((part + 1) * LEAVES_AT_ONCE).min(keys.len());
+        walk.at(numbers.start);
+        let first = numbers.start;
+        Ok((first, numbers.map(one).collect::<Result<Vec<T>>>()?))
+    };
+    let take = |(first, made): (usize, Vec<T>)| {
+        progress.advance(made.len() as u64);
+        made.into_iter().enumerate().try_for_each(|(n, made)| take(first + n, made))
+    };
+    let window = LEAVES_AHEAD / LEAVES_AT_ONCE * rayon::current_num_threads();
+    run_ordered(keys.len().div_ceil(LEAVES_AT_ONCE), window, || (), work, take)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lattice::RootCube;
+    use crate::progress::Silent;
+    use crate::store::MemoryTree;
+
+    /// A tree whose lowest corner is divided once more than the rest; the value of each leaf is its place in Morton order.
+    fn uneven() -> MemoryTree {
+        let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 1.0 });
+        tree.insert(NodeKey::ROOT, false, Brick::Uniform(99));
+        let mut next = 0;
+        for octant in Octant::all() {
+            let child = NodeKey::ROOT.child(octant);
+            if octant.index() == 0 {
+                tree.insert(child, false, Brick::Uniform(99));
+                for octant in Octant::all() {
+                    tree.insert(child.child(octant), true, Brick::Uniform(next));
+                    next += 1;
+                }
+            } else {
+                tree.insert(child, true, Brick::Uniform(next));
+                next += 1;
+            }
+        }
+        tree
+    }
+
+    #[test]
+    fn leaves_come_in_morton_order_for_any_number_of_threads() {
+        let tree = uneven();
+        let order = LeafOrder::new(&tree).unwrap();
+        for threads in [1, 2, 3, 8] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut seen = Vec::new();
+            let make = |leaf: &Leaf<'_>| Ok((leaf.number, leaf.brick.sample([0; 3])));
+            let take = |number, made| {
+                seen.push((number, made));
+                Ok(())
+            };
+            pool.install(|| visit(&tree, order.keys(), &Silent, make, take)).unwrap();
+            assert_eq!(seen, (0..15).map(|n| (n, (n, n as i16))).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn leaves_know_what_lies_across_their_faces() {
+        let order = LeafOrder::new(&uneven()).unwrap();
+        assert_eq!(order.across(0, Axis::X, false), Across::Outside);
+        assert_eq!(order.across(0, Axis::X, true), Across::One(1));
+        // The last small leaf in x, and the large one beside all of these.
+        assert_eq!(order.across(1, Axis::X, true), Across::One(8));
+        assert_eq!(order.across(8, Axis::X, false), Across::Finer);
+        let mut found = Vec::new();
+        order.touching(8, Axis::X, false, &mut found);
+        assert_eq!(found, [1, 3, 5, 7]);
+        found.clear();
+        order.touching(8, Axis::X, true, &mut found);
+        assert_eq!(found, [0usize; 0]);
+    }
+
+    #[test]
+    fn a_tree_with_a_gap_is_refused() {
+        let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 1.0 });
+        tree.insert(NodeKey::ROOT.child(Octant::all().next().unwrap()), true, Brick::Uniform(0));
+        let error = LeafOrder::new(&tree).unwrap_err().to_string();
+        assert!(error.contains("contradicts itself"), "{error}");
+    }
+
+    #[test]
+    fn the_first_error_ends_the_visit() {
+        let tree = uneven();
+        let order = LeafOrder::new(&tree).unwrap();
+        let make = |leaf: &Leaf<'_>| {
+            if leaf.number == 9 { Err(Error::setting("nine", "none")) } else { Ok(()) }
+        };
+        let error = visit(&tree, order.keys(), &Silent, make, |_, ()| Ok(())).unwrap_err();
+        assert!(error.to_string().contains("nine"));
+    }
+}

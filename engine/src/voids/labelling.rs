@@ -1,0 +1,333 @@
+//! Connected components of a whole tree, leaf by leaf with an active border.
+//!
+//! Each leaf has components of its own, numbered through all leaves in Morton order; a table says with which of an earlier
+//! number one hangs together. Every neighbourhood lies in one closed brick, so all that joins leaves are the samples that
+//! they share: those of the faces between them, of which the finer leaf's lattice holds the coarser one's. A uniform
+//! leaf joins whatever of its class touches it. Kept are the labels of faces beyond which leaves are still to come: the
+//! border (Isenburg & Shewchuk 2009), and four bytes for each component of a leaf.
+
+use super::components::{Components, Connectivity, FaceLabels};
+use super::measure::{Sums, sums_of};
+use crate::error::{Error, Result};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use crate::progress::Progress;
+use crate::store::{Across, BrickTree, Leaf, LeafOrder, visit};
+use std::collections::{BTreeMap, HashMap};
+
+/// The component that touches the outside of the root, through all leaves.
+const OUTSIDE: u32 = 0;
+
+/// A connected component of the tree.
+#[derive(Clone, Debug)]
+pub struct Component {
+    /// Whether its samples are 1 and more.
+    pub solid: bool,
+    /// What was summed of it.
+    pub sums: Sums,
+    /// Its first leaf, in Morton order, and its number there.
+    pub first: (usize, u16),
+    /// How many samples are 0 or below 1 next to how many leaves; of use to tell work.
+    pub leaves: u64,
+}
+
+/// The components of a tree.
+pub struct Labelling {
+    /// All leaves.
+    pub order: LeafOrder,
+    /// Which samples are neighbours.
+    pub connectivity: Connectivity,
+    /// Voids that do not touch the outside, and solid ones, by first leaf.
+    pub components: Vec<Component>,
+    /// The void outside.
+    pub outside: Sums,
+    /// By leaf, its first component's place in `of`.
+    first: Vec<u32>,
+    /// By component of a leaf, that of the tree; [`u32::MAX`] for the outside.
+    of: Vec<u32>,
+}
+
+/// What the threads make of a leaf.
+struct Made {
+    solid: Vec<bool>,
+    sums: Vec<Sums>,
+    uniform: bool,
+    /// By axis and side.
+    faces: [[FaceLabels; 2]; 3],
+}
+
+impl Made {
+    fn of(leaf: &Leaf<'_>, connectivity: Connectivity) -> Made {
+        let (components, signs) = Components::of(leaf.brick, connectivity);
+        let sums = sums_of(leaf.key, leaf.brick, &components, signs.as_ref());
+        let faces = Axis::ALL.map(|axis| [false, true].map(|upper| components.face(axis, upper)));
+        Made { uniform: components.len() == 1, solid: components.solid, sums, faces }
+    }
+}
+
+/// A leaf beyond whose faces others are still to come.
+struct Waiting {
+    first: u32,
+    uniform: bool,
+    solid: Vec<bool>,
+    faces: [[FaceLabels; 2]; 3],
+}
+
+/// The components of `tree`, with their sums.
+///
+/// # Errors
+/// What reading the tree gives; [`Error::Setting`] if it contradicts itself or has more than 2^32 − 1 components in leaves;
+/// [`Error::Interrupted`].
+pub fn label(tree: &dyn BrickTree, connectivity: Connectivity, progress: &dyn Progress) -> Result<Labelling> {
+    let order = LeafOrder::new(tree)?;
+    progress.phase("connected components", Some(order.keys().len() as u64), "bricks");
+    let mut joiner = Joiner::new(&order);
+    let make = |leaf: &Leaf<'_>| Ok(Made::of(leaf, connectivity));
+    visit(tree, order.keys(), progress, make, |number, made| joiner.add(number, made))?;
+    let (first, of, components, outside) = joiner.finish();
+    Ok(Labelling { connectivity, components, outside, first, of, order })
+}
+
+impl Labelling {
+    /// The component of the tree that one of a leaf belongs to, as a place in [`Labelling::components`]; `None` for the
+    /// outside.
+    pub fn of(&self, leaf: usize, label: u16) -> Option<usize> {
+        let component = self.of[self.first[leaf] as usize + usize::from(label)];
+        (component != u32::MAX).then_some(component as usize)
+    }
+
+    /// The components of a leaf alone, as they were numbered.
+    ///
+    /// # Errors
+    /// What reading the tree gives.
+    pub(super) fn components_of(&self, tree: &dyn BrickTree, leaf: usize) -> Result<Components> {
+        let brick = tree.brick_once(self.order.keys()[leaf])?;
+        Ok(Components::of(&brick, self.connectivity).0)
+    }
+
+    /// The components of the tree that have a part in a leaf, by component of the leaf.
+    pub fn in_leaf(&self, leaf: usize) -> impl Iterator<Item = Option<usize>> {
+        let to = self.first.get(leaf + 1).map_or(self.of.len(), |&to| to as usize);
+        let of = &self.of[self.first[leaf] as usize..to];
+        of.iter().map(|&component| (component != u32::MAX).then_some(component as usize))
+    }
+
+    /// Bytes of memory.
+    pub fn heap_bytes(&self) -> usize {
+        4 * (self.first.len() + self.of.len()) + self.components.len() * size_of::<Component>()
+    }
+}
+
+struct Joiner<'a> {
+    order: &'a LeafOrder,
+    /// By component of a leaf one that it hangs together with, itself if that is the first.
+    parents: Vec<u32>,
+    first: Vec<u32>,
+    /// Of the first components of sets.
+    sums: HashMap<u32, Component>,
+    border: HashMap<usize, Waiting>,
+    /// By leaf, those for which it is the last neighbour to come.
+    leaving: BTreeMap<usize, Vec<usize>>,
+    touching: Vec<usize>,
+}
+
+impl<'a> Joiner<'a> {
+    fn new(order: &'a LeafOrder) -> Joiner<'a> {
+        let outside = Component { solid: false, sums: Sums::default(), first: (0, 0), leaves: 0 };
+        Joiner {
+            order,
+            parents: vec![OUTSIDE],
+            first: Vec::with_capacity(order.keys().len()),
+            sums: HashMap::from([(OUTSIDE, outside)]),
+            border: HashMap::new(),
+            leaving: BTreeMap::new(),
+            touching: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, leaf: usize, made: Made) -> Result<()> {
+        let first = u32::try_from(self.parents.len() + made.sums.len()).map_err(|_| too_many())?
+            - made.sums.len() as u32;
+        self.first.push(first);
+        for (label, sums) in made.sums.into_iter().enumerate() {
+            let number = first + label as u32;
+            self.parents.push(number);
+            let place = (leaf, label as u16);
+            let component = Component { solid: made.solid[label], sums, first: place, leaves: 1 };
+            self.sums.insert(number, component);
+        }
+        let own = Waiting { first, uniform: made.uniform, solid: made.solid, faces: made.faces };
+        let last = self.join(leaf, &own);
+        if last > leaf {
+            self.border.insert(leaf, own);
+            self.leaving.entry(last).or_default().push(leaf);
+        }
+        for done in self.leaving.remove(&leaf).into_iter().flatten() {
+            self.border.remove(&done);
+        }
+        Ok(())
+    }
+
+    /// Joins a leaf to the outside and to those neighbours that have come; returns the last of those that have not, or the
+    /// leaf itself.
+    fn join(&mut self, leaf: usize, own: &Waiting) -> usize {
+        let mut last = leaf;
+        for axis in Axis::ALL {
+            for upper in [false, true] {
+                let mut touching = std::mem::take(&mut self.touching);
+                touching.clear();
+                match self.order.across(leaf, axis, upper) {
+                    Across::Outside => self.join_outside(own, axis, upper),
+                    Across::One(other) => touching.push(other),
+                    Across::Finer => self.order.touching(leaf, axis, upper, &mut touching),
+                }
+                for &other in &touching {
+                    if other > leaf {
+                        last = last.max(other);
+                    } else {
+                        self.join_leaves((leaf, own), other, axis, upper);
+                    }
+                }
+                self.touching = touching;
+            }
+        }
+        last
+    }
+
+    fn join_outside(&mut self, own: &Waiting, axis: Axis, upper: bool) {
+        for &(_, label) in &own.faces[axis.index()][usize::from(upper)] {
+            if !own.solid[usize::from(label)] {
+                self.unite(OUTSIDE, own.first + u32::from(label));
+            }
+        }
+    }
+
+    /// Joins a leaf to one that came before, which lies across its lower or upper face.
+    fn join_leaves(&mut self, (leaf, own): (usize, &Waiting), other: usize, axis: Axis, upper: bool) {
+        // One that is missing has no neighbour to come, so it is none of this leaf.
+        let Some(there) = self.border.get(&other) else { return };
+        let own_face = &own.faces[axis.index()][usize::from(upper)];
+        let their_face = &there.faces[axis.index()][usize::from(!upper)];
+        let keys = self.order.keys();
+        let mut pairs = Vec::new();
+        if keys[leaf].level() == keys[other].level() {
+            same_level(own_face, their_face, &mut pairs);
+        } else if own.uniform || there.uniform {
+            let all = |face: &FaceLabels| {
+                let mut labels: Vec<u16> = face.iter().map(|&(_, label)| label).collect();
+                labels.sort_unstable();
+                labels.dedup();
+                labels
+            };
+            let is_finer = keys[leaf].level() > keys[other].level();
+            let (fine, coarse) = if is_finer { (own_face, their_face) } else { (their_face, own_face) };
+            let coarse_is_uniform = if is_finer { there.uniform } else { own.uniform };
+            if coarse_is_uniform {
+                let pair = |label: u16| if is_finer { (label, coarse[0].1) } else { (coarse[0].1, label) };
+                pairs.extend(all(fine).into_iter().map(pair));
+            } else {
+                mixed((leaf, own_face), (other, their_face), axis, self.order, &mut pairs);
+            }
+        } else {
+            mixed((leaf, own_face), (other, their_face), axis, self.order, &mut pairs);
+        }
+        pairs.dedup();
+        let is_alike = |&(a, b): &(u16, u16)| own.solid[usize::from(a)] == there.solid[usize::from(b)];
+        let (mine, theirs) = (own.first, there.first);
+        let pairs: Vec<(u16, u16)> = pairs.into_iter().filter(is_alike).collect();
+        for (a, b) in pairs {
+            self.unite(mine + u32::from(a), theirs + u32::from(b));
+        }
+    }
+
+    fn find(&mut self, mut number: u32) -> u32 {
+        while self.parents[number as usize] != number {
+            let above = self.parents[self.parents[number as usize] as usize];
+            self.parents[number as usize] = above;
+            number = above;
+        }
+        number
+    }
+
+    fn unite(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        if a == b {
+            return;
+        }
+        let (first, second) = (a.min(b), a.max(b));
+        self.parents[second as usize] = first;
+        if let Some(joined) = self.sums.remove(&second)
+            && let Some(kept) = self.sums.get_mut(&first)
+        {
+            kept.sums.add(&joined.sums);
+            kept.leaves += joined.leaves;
+        }
+    }
+
+    /// First components of leaves, components of the tree by those of leaves, all of them, and the outside.
+    fn finish(mut self) -> (Vec<u32>, Vec<u32>, Vec<Component>, Sums) {
+        let outside = self.sums.remove(&OUTSIDE).map(|outside| outside.sums).unwrap_or_default();
+        let mut of = Vec::with_capacity(self.parents.len());
+        let mut components = Vec::with_capacity(self.sums.len());
+        for number in 0..self.parents.len() as u32 {
+            let root = self.find(number);
+            of.push(if root == OUTSIDE {
+                u32::MAX
+            } else if root == number {
+                components.extend(self.sums.remove(&number));
+                components.len() as u32 - 1
+            } else {
+                of[root as usize]
+            });
+        }
+        (self.first, of, components, outside)
+    }
+}
+
+fn too_many() -> Error {
+    Error::setting(
+        "the bricks of the store have more than 2^32 - 1 components together",
+        "choose a coarser level with `brickfield cache prune`",
+    )
+}
+
+/// The labels that meet on a face between leaves of one level.
+fn same_level(own: &FaceLabels, other: &FaceLabels, pairs: &mut Vec<(u16, u16)>) {
+    let (mut a, mut b) = (0, 0);
+    while a < own.len() && b < other.len() {
+        pairs.push((own[a].1, other[b].1));
+        let (ends, at) = ((own[a].0, other[b].0), own[a].0.min(other[b].0));
+        a += usize::from(ends.0 == at);
+        b += usize::from(ends.1 == at);
+    }
+}
+
+/// The labels that meet on a face between leaves of different levels, at the samples that both have.
+fn mixed(
+    (leaf, own): (usize, &FaceLabels),
+    (other, theirs): (usize, &FaceLabels),
+    axis: Axis,
+    order: &LeafOrder,
+    pairs: &mut Vec<(u16, u16)>,
+) {
+    let keys = order.keys();
+    let is_finer = keys[leaf].level() > keys[other].level();
+    let ((fine, fine_face), (coarse, coarse_face)) = match is_finer {
+        true => ((keys[leaf], own), (keys[other], theirs)),
+        false => ((keys[other], theirs), (keys[leaf], own)),
+    };
+    let step = 1usize << (fine.level() - coarse.level());
+    let [u, v] = [0, 1, 2].into_iter().filter(|&a| a != axis.index()).collect::<Vec<_>>()[..] else { return };
+    // The coarse sample where the fine leaf begins.
+    let from = |a: usize| (fine.base()[a] - coarse.base()[a]) as usize >> coarse.spacing_bits();
+    let label = |face: &FaceLabels, at: usize| {
+        face[face.partition_point(|(end, _)| usize::from(*end) <= at).min(face.len() - 1)].1
+    };
+    for q in 0..=BRICK_CELLS / step {
+        for p in 0..=BRICK_CELLS / step {
+            let at_fine = q * step * BRICK_POINTS + p * step;
+            let at_coarse = (from(v) + q) * BRICK_POINTS + from(u) + p;
+            let (a, b) = (label(fine_face, at_fine), label(coarse_face, at_coarse));
+            pairs.push(if is_finer { (a, b) } else { (b, a) });
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! Voids of a part: the regions that it encloses, their sizes and what lies around them.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `components` | connected components of one brick |
+//! | `measure` | what is summed of a component |
+//! | `labelling` | components of the tree, joined across leaves |
+//! | `surface` | area from the polygons of the contour |
+//! | `boundary` | crossings around voids |
+//! | `points` | distances between them |
+//! | `trace` | the beads around a void |
+//! | `find` | all of it |
+
+mod boundary;
+mod components;
+mod find;
+mod labelling;
+mod measure;
+mod points;
+mod surface;
+mod trace;
+
+pub use components::Connectivity;
+pub use find::{Void, VoidOptions, Voids, find};
+pub use labelling::{Component, Labelling, label};
+pub use measure::Sums;
+pub use trace::{Trace, TracedLine};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,241 @@
+//! Area and volume of voids from the polygons of the contour.
+//!
+//! Vertices stand on the surface where it is smooth, and each polygon is around a lattice edge of which the crossing is known
+//! exactly. Between four points of a smooth surface and its middle the surface is a paraboloid, so a polygon that meets the
+//! edge at a distance d from the crossing leaves out 2/3 d times its projection of the volume, and of its area 4/3 of the square
+//! of d along the normal. What remains is of fourth order in the cell; flat faces and sharp edges have no such rest at all.
+
+use super::labelling::Labelling;
+use crate::contour::{EdgeFacet, edge_facets};
+use crate::error::Result;
+use crate::lattice::{NodeKey, RootCube};
+use crate::progress::Progress;
+use crate::store::BrickTree;
+use std::collections::BTreeMap;
+
+/// Directions in which the farthest vertices of a void are kept, to find the smallest ball around it.
+const DIRECTIONS: usize = 49;
+/// A polygon is corrected if it misses the crossing by no more than this share of its extent: a sharp edge that is not
+/// followed may miss by more and tells nothing of curvature.
+const CURVED_MOST: f64 = 0.3;
+
+/// Sums over the polygons of a void.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// In square world units.
+    pub area: f64,
+    /// In cubic world units, signed: positive of a void.
+    pub volume: f64,
+    /// How much of the volume is correction, by its absolute values.
+    pub corrected: f64,
+    /// Sum of the vectors of area: zero of a closed surface.
+    pub open: [f64; 3],
+    /// Least and greatest coordinates of vertices.
+    pub bounds: [[f64; 3]; 2],
+    /// The farthest vertices in some directions.
+    farthest: Box<[(f64, [f64; 3]); DIRECTIONS]>,
+}
+
+impl Default for Surface {
+    fn default() -> Surface {
+        Surface {
+            area: 0.0,
+            volume: 0.0,
+            corrected: 0.0,
+            open: [0.0; 3],
+            bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
+            farthest: Box::new([(f64::NEG_INFINITY, [0.0; 3]); DIRECTIONS]),
+        }
+    }
+}
+
+impl Surface {
+    fn add(&mut self, other: &Surface) {
+        self.area += other.area;
+        self.volume += other.volume;
+        self.corrected += other.corrected;
+        for a in 0..3 {
+            self.open[a] += other.open[a];
+            self.bounds[0][a] = self.bounds[0][a].min(other.bounds[0][a]);
+            self.bounds[1][a] = self.bounds[1][a].max(other.bounds[1][a]);
+        }
+        for (own, other) in self.farthest.iter_mut().zip(other.farthest.iter()) {
+            // Of equally far ones the first in Morton order.
+            if other.0 > own.0 {
+                *own = *other;
+            }
+        }
+    }
+
+    fn vertex(&mut self, at: [f64; 3], directions: &[[f64; 3]; DIRECTIONS]) {
+        for a in 0..3 {
+            self.bounds[0][a] = self.bounds[0][a].min(at[a]);
+            self.bounds[1][a] = self.bounds[1][a].max(at[a]);
+        }
+        for (farthest, direction) in self.farthest.iter_mut().zip(directions) {
+            let far = dot(at, *direction);
+            if far > farthest.0 {
+                *farthest = (far, at);
+            }
+        }
+    }
+
+    /// The diameter of the smallest ball around the farthest vertices.
+    pub fn diameter(&self) -> f64 {
+        let points: Vec<[f64; 3]> =
+            self.farthest.iter().filter(|(far, _)| far.is_finite()).map(|(_, at)| *at).collect();
+        2.0 * smallest_ball(&points)
+    }
+}
+
+/// The surfaces of the components that `centre` gives a point to measure from, in the world, by component.
+///
+/// # Errors
+/// As [`edge_facets`].
+pub(super) fn surfaces(
+    tree: &dyn BrickTree,
+    labelling: &Labelling,
+    centre: &(dyn Fn(usize) -> Option<[f64; 3]> + Sync),
+    cache_bytes: usize,
+    progress: &dyn Progress,
+) -> Result<BTreeMap<usize, Surface>> {
+    let root = tree.root();
+    let directions = directions();
+    let is_wanted = |key: NodeKey| {
+        let leaf = labelling.order.covering(key);
+        labelling.in_leaf(leaf).flatten().any(|component| centre(component).is_some())
+    };
+    let make = |key: NodeKey, facets: &[EdgeFacet]| {
+        let leaf = labelling.order.covering(key);
+        let components = labelling.components_of(tree, leaf)?;
+        let mut surfaces: BTreeMap<usize, Surface> = BTreeMap::new();
+        let mut facets: Vec<&EdgeFacet> = facets.iter().collect();
+        facets.sort_by_key(|facet| (facet.axis, facet.low));
+        for polygon in facets.chunk_by(|a, b| (a.axis, a.low) == (b.axis, b.low)) {
+            let edge = polygon[0];
+            let mut outer = edge.low;
+            outer[edge.axis.index()] += usize::from(edge.low_is_inside);
+            let Some(component) = labelling.of(leaf, components.at(outer)) else { continue };
+            let Some(centre) = centre(component) else { continue };
+            let surface = surfaces.entry(component).or_default();
+            add_polygon(surface, polygon, crossing(root, key, edge), centre, &directions);
+        }
+        Ok(surfaces)
+    };
+    let mut all: BTreeMap<usize, Surface> = BTreeMap::new();
+    edge_facets(tree, cache_bytes, is_wanted, progress, make, |surfaces| {
+        for (component, surface) in surfaces {
+            all.entry(component).or_default().add(&surface);
+        }
+        Ok(())
+    })?;
+    Ok(all)
+}
+
+/// Where the surface crosses the edge of a facet, in the world.
+fn crossing(root: RootCube, key: NodeKey, facet: &EdgeFacet) -> [f64; 3] {
+    let step = f64::from(1u32 << key.spacing_bits());
+    let mut at = facet.low.map(|c| c as f64);
+    at[facet.axis.index()] += facet.fraction;
+    root.to_world([0, 1, 2].map(|a| f64::from(key.base()[a]) + 1.0 + at[a] * step))
+}
+
+/// Adds the triangles of one polygon.
+fn add_polygon(
+    surface: &mut Surface,
+    polygon: &[&EdgeFacet],
+    crossing: [f64; 3],
+    centre: [f64; 3],
+    directions: &[[f64; 3]; DIRECTIONS],
+) {
+    let axis = polygon[0].axis.index();
+    let (mut area, mut vector, mut miss) = (0.0, [0.0; 3], None);
+    for facet in polygon {
+        let [a, b, c] = facet.corners.map(|corner| corner.map(f64::from));
+        let doubled = cross(minus(b, a), minus(c, a));
+        area += 0.5 * dot(doubled, doubled).sqrt();
+        // Seen from the void the part's outside is inward.
+        surface.volume -= dot(minus(a, centre), doubled) / 6.0;
+        vector = [0, 1, 2].map(|n| vector[n] + 0.5 * doubled[n]);
+        miss = miss.or_else(|| height(axis, [a, b, c], crossing));
+        [a, b, c].into_iter().for_each(|corner| surface.vertex(corner, directions));
+    }
+    surface.area += area;
+    surface.open = [0, 1, 2].map(|n| surface.open[n] + vector[n]);
+    let size = dot(vector, vector).sqrt();
+    if let Some(miss) = miss
+        && size > 0.0
+    {
+        let along_normal = miss * vector[axis] / size;
+        if along_normal.abs() <= CURVED_MOST * size.sqrt() {
+            // The true surface is beyond the polygon by this along the axis, on the side of the part where it is positive.
+            let volume = 2.0 / 3.0 * miss * vector[axis];
+            surface.volume -= volume;
+            surface.corrected += volume.abs();
+            surface.area += 4.0 / 3.0 * along_normal * along_normal;
+        }
+    }
+}
+
+/// How far the crossing lies above the triangle along an axis, if the line along it through the crossing meets the triangle.
+fn height(axis: usize, corners: [[f64; 3]; 3], at: [f64; 3]) -> Option<f64> {
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let flat = corners.map(|c| [c[u] - at[u], c[v] - at[v]]);
+    let area = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    let weights = [area(flat[1], flat[2]), area(flat[2], flat[0]), area(flat[0], flat[1])];
+    let whole: f64 = weights.iter().sum();
+    let is_within = weights.iter().all(|&w| w * whole.signum() >= -1e-9 * whole.abs());
+    (whole != 0.0 && is_within)
+        .then(|| at[axis] - (0..3).map(|n| weights[n] * corners[n][axis]).sum::<f64>() / whole)
+}
+
+/// Directions all round, evenly, on a spiral; and the axes, both ways.
+fn directions() -> [[f64; 3]; DIRECTIONS] {
+    const ALONG_AXES: usize = 6;
+    std::array::from_fn(|n| {
+        if n < ALONG_AXES {
+            let mut axis = [0.0; 3];
+            axis[n / 2] = if n % 2 == 0 { 1.0 } else { -1.0 };
+            return axis;
+        }
+        let count = (DIRECTIONS - ALONG_AXES) as f64;
+        let z = 1.0 - (2.0 * (n - ALONG_AXES) as f64 + 1.0) / count;
+        let turn = (n - ALONG_AXES) as f64 * std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let across = (1.0 - z * z).sqrt();
+        [across * turn.cos(), across * turn.sin(), z]
+    })
+}
+
+/// The radius of the smallest ball around some points: from the middle of two far ones towards whatever lies outside, in
+/// ever smaller steps (Bădoiu & Clarkson 2003), the radius being that from the best centre.
+fn smallest_ball(points: &[[f64; 3]]) -> f64 {
+    const STEPS: usize = 2000;
+    let Some(&first) = points.first() else { return 0.0 };
+    let farthest = |from: [f64; 3]| {
+        let squared = |p: &[f64; 3]| dot(minus(*p, from), minus(*p, from));
+        let far = points.iter().copied().max_by(|p, q| squared(p).total_cmp(&squared(q)));
+        far.map_or((0.0, first), |p| (squared(&p).sqrt(), p))
+    };
+    let (_, one) = farthest(first);
+    let (_, other) = farthest(one);
+    let mut centre = [0, 1, 2].map(|a| 0.5 * (one[a] + other[a]));
+    let mut best = f64::INFINITY;
+    for step in 1..=STEPS {
+        let (radius, point) = farthest(centre);
+        best = best.min(radius);
+        centre = [0, 1, 2].map(|a| centre[a] + (point[a] - centre[a]) / (step + 1) as f64);
+    }
+    best
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}

@@ -1,0 +1,255 @@
+//! Which beads bound a void: every crossing of its boundary is where a lattice line enters or leaves a segment.
+//!
+//! The store's record of beads lists the segments that touch each leaf, and a segment's solid tells where a line meets it, by
+//! the rule that the crossing was made by. So the segment whose interval ends at the crossing is the one, and nothing needs
+//! to be kept of it beside the crossing itself.
+
+use super::boundary::Crossing;
+use crate::brick::Count;
+use crate::error::{Error, Result};
+use crate::lattice::{NodeKey, Units};
+use crate::solid::{Body, Outline, Profile, Segment, Solids};
+use crate::store::{BeadSegment, BeadTables, SectionRow, Store};
+use std::collections::BTreeMap;
+
+/// Steps of a square unit in which shares of surfaces are added up.
+const SHARE_STEPS: f64 = 256.0;
+
+/// Reads the segments of leaves.
+pub struct Tracer<'a> {
+    store: &'a Store,
+    tables: BeadTables,
+    solids: Solids,
+}
+
+impl<'a> Tracer<'a> {
+    /// Of a store; `None` if it does not tell beads apart.
+    ///
+    /// # Errors
+    /// [`Error::Store`] if its tables are damaged.
+    pub fn new(store: &'a Store) -> Result<Option<Tracer<'a>>> {
+        let Some(tables) = store.bead_tables()? else { return Ok(None) };
+        let outline = store.meta().beads.as_ref().and_then(|beads| Outline::from_name(&beads.section));
+        let Some(outline) = outline else {
+            let what = "its beads have a section that this program does not know";
+            return Err(Error::store(store.path(), "metadata", what, "use the program that wrote it"));
+        };
+        let profile = |s: &SectionRow| Profile::new(outline, s.half_width, s.half_height, s.axis);
+        let solids = Solids::of_profiles(tables.sections.iter().map(profile).collect());
+        Ok(Some(Tracer { store, tables, solids }))
+    }
+
+    /// The tables of beads.
+    pub fn tables(&self) -> &BeadTables {
+        &self.tables
+    }
+
+    /// The segments that touch a leaf.
+    pub(super) fn segments(&self, key: NodeKey) -> Result<Segments> {
+        let stored = self.store.segments(key, &self.tables)?;
+        let of = |s: &BeadSegment| {
+            let segment = Segment { a: s.a, b: s.b, profile: s.section, pass: s.pass };
+            Listed { segment: *s, body: self.solids.body(&segment), bounds: self.solids.bounds(&segment) }
+        };
+        Ok(Segments(stored.iter().map(of).collect()))
+    }
+
+    /// Width and height of a segment's section, in lattice units.
+    fn size(&self, segment: &BeadSegment) -> (f64, f64) {
+        let section = &self.tables.sections[segment.section as usize];
+        (2.0 * section.half_width, 2.0 * section.half_height)
+    }
+}
+
+struct Listed {
+    segment: BeadSegment,
+    body: Body,
+    bounds: (Units, Units),
+}
+
+/// The segments that touch a leaf, with their solids.
+pub(super) struct Segments(Vec<Listed>);
+
+impl Segments {
+    /// The segment whose solid a line enters or leaves at a crossing, nearest to it within what its place is rounded to.
+    fn at(&self, key: NodeKey, crossing: &Crossing) -> Option<&BeadSegment> {
+        let axis = crossing.axis.index();
+        let slack = 2.0 + f64::from(1u32 << key.spacing_bits()) / 32768.0;
+        let mut best: Option<(f64, &BeadSegment)> = None;
+        for Listed { segment, body, bounds } in &self.0 {
+            let outside = |a: usize| {
+                crossing.at[a] < f64::from(bounds.0[a]) - slack
+                    || crossing.at[a] > f64::from(bounds.1[a]) + slack
+            };
+            if outside(0) || outside(1) || outside(2) {
+                continue;
+            }
+            let at = [0, 1, 2].map(|a| crossing.at[a] - f64::from(segment.a[a]));
+            let Some((from, to)) = body.line(axis, at) else { continue };
+            let end = if crossing.low_is_inside { to } else { from };
+            let away = (end - at[axis]).abs();
+            if away <= slack && best.is_none_or(|(least, _)| away < least) {
+                best = Some((away, segment));
+            }
+        }
+        best.map(|(_, segment)| segment)
+    }
+}
+
+/// The segments around a void, with what of its surface is theirs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Around {
+    /// By pass and line: shares in [`SHARE_STEPS`], and the first of the segments.
+    segments: BTreeMap<(u32, u64), (u128, BeadSegment)>,
+    /// What belongs to no segment.
+    unknown: u128,
+}
+
+impl Around {
+    pub fn add(&mut self, segments: &Segments, key: NodeKey, crossing: &Crossing) {
+        let share = (crossing.share * SHARE_STEPS).round() as u128;
+        match segments.at(key, crossing) {
+            Some(segment) => self.put((segment.pass, segment.line), share, *segment),
+            None => self.unknown += share,
+        }
+    }
+
+    fn put(&mut self, name: (u32, u64), share: u128, segment: BeadSegment) {
+        let entry = self.segments.entry(name).or_insert((0, segment));
+        entry.0 += share;
+        // Whichever leaf comes first, the same segment stands for the line.
+        if (segment.a, segment.b) < (entry.1.a, entry.1.b) {
+            entry.1 = segment;
+        }
+    }
+
+    pub fn join(&mut self, other: Around) {
+        self.unknown += other.unknown;
+        for (name, (share, segment)) in other.segments {
+            self.put(name, share, segment);
+        }
+    }
+}
+
+/// A line of a toolpath beside a void.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TracedLine {
+    /// Its file, from 0.
+    pub source: u32,
+    /// First and last line of the file; the same where the store counts passes.
+    pub lines: (u64, u64),
+    /// Its layer, from 1.
+    pub layer: u32,
+    /// What of the void's surface it bounds, 0..1.
+    pub share: f64,
+}
+
+/// What bounds a void.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    /// First and last layer, from 1.
+    pub layers: (u32, u32),
+    /// Neighbours of a missing line first, and the others by their share of the surface.
+    pub lines: Vec<TracedLine>,
+    /// What the slicer calls the beads, by share of the surface.
+    pub features: Vec<(String, f64)>,
+    /// Beads around.
+    pub beads: usize,
+    /// Lines that follow each other in order, both at the void and farther apart than they are wide: what may be missing lies
+    /// between.
+    pub missing: Vec<(u64, u64)>,
+    /// The share of the surface that belongs to no bead of the record.
+    pub unknown: f64,
+    /// Least width and height of the beads, in lattice units.
+    pub least_size: (f64, f64),
+}
+
+impl Trace {
+    pub(super) fn of(around: &Around, tracer: &Tracer<'_>) -> Option<Trace> {
+        let total: u128 = around.segments.values().map(|(share, _)| share).sum::<u128>() + around.unknown;
+        if around.segments.is_empty() || total == 0 {
+            return None;
+        }
+        let tables = tracer.tables();
+        let mut lines: BTreeMap<(u32, (u64, u64)), (u32, u128)> = BTreeMap::new();
+        let mut features: BTreeMap<u16, u128> = BTreeMap::new();
+        let mut beads = Vec::new();
+        let mut trace = Trace { layers: (u32::MAX, 0), least_size: (f64::MAX, f64::MAX), ..Trace::default() };
+        for (share, segment) in around.segments.values() {
+            let bead = tables.bead_of(segment.pass).0;
+            let row = tables.beads[bead as usize];
+            let of = if tables.count() == Count::Passes { (segment.line, segment.line) } else { row.lines };
+            lines.entry((row.source, of)).or_insert((row.layer + 1, 0)).1 += share;
+            *features.entry(row.feature).or_default() += share;
+            beads.push(bead);
+            trace.layers = (trace.layers.0.min(row.layer + 1), trace.layers.1.max(row.layer + 1));
+            let (width, height) = tracer.size(segment);
+            trace.least_size = (trace.least_size.0.min(width), trace.least_size.1.min(height));
+        }
+        beads.dedup();
+        trace.beads = beads.len();
+        let part = |share: u128| share as f64 / total as f64;
+        trace.unknown = part(around.unknown);
+        let mut features: Vec<(u16, u128)> = features.into_iter().collect();
+        features.sort_by_key(|&(feature, share)| (std::cmp::Reverse(share), feature));
+        trace.features = features
+            .into_iter()
+            .map(|(f, share)| (tables.features[usize::from(f)].clone(), part(share)))
+            .collect();
+        trace.missing = missing(around, tracer);
+        let is_beside = |lines: (u64, u64)| {
+            trace.missing.iter().any(|pair| [pair.0, pair.1].iter().any(|l| lines.0 <= *l && *l <= lines.1))
+        };
+        let mut lines: Vec<_> = lines.into_iter().collect();
+        lines.sort_by_key(|&((source, lines), (_, share))| {
+            (!is_beside(lines), std::cmp::Reverse(share), source, lines)
+        });
+        let line =
+            |((source, lines), (layer, share))| TracedLine { source, lines, layer, share: part(share) };
+        trace.lines = lines.into_iter().map(line).collect();
+        Some(trace)
+    }
+}
+
+/// Pairs of lines that follow each other around the void, in one layer, whose centre lines are farther apart than wide.
+fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
+    /// Lines laid at their width stand a little nearer than that; one missing between makes it twice.
+    const APART: f64 = 1.25;
+    let tables = tracer.tables();
+    let mut pairs = Vec::new();
+    let entries: Vec<&(u128, BeadSegment)> = around.segments.values().collect();
+    for pair in entries.windows(2) {
+        let [one, other] = [&pair[0].1, &pair[1].1];
+        let [first, second] = [one, other].map(|s| tables.beads[tables.bead_of(s.pass).0 as usize]);
+        if (first.source, first.layer) != (second.source, second.layer) || one.line == 0 {
+            continue;
+        }
+        let width = tracer.size(one).0.max(tracer.size(other).0);
+        if apart(one, other) > APART * width {
+            pairs.push((one.line, other.line));
+        }
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// The least distance of two segments' centre lines.
+fn apart(one: &BeadSegment, other: &BeadSegment) -> f64 {
+    let v = |p: Units| p.map(f64::from);
+    let (p, q) = ((v(one.a), v(one.b)), (v(other.a), v(other.b)));
+    let to_segment = |at: [f64; 3], (a, b): ([f64; 3], [f64; 3])| {
+        let along = [0, 1, 2].map(|n| b[n] - a[n]);
+        let square: f64 = along.iter().map(|c| c * c).sum();
+        let t: f64 = if square > 0.0 {
+            ((0..3).map(|n| (at[n] - a[n]) * along[n]).sum::<f64>() / square).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        (0..3).map(|n| (a[n] + t * along[n] - at[n]).powi(2)).sum::<f64>().sqrt()
+    };
+    // In one layer lines that cross are no neighbours, so the ends tell.
+    [to_segment(p.0, q), to_segment(p.1, q), to_segment(q.0, p), to_segment(q.1, p)]
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
+}

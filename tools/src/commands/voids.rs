@@ -1,0 +1,215 @@
+//! `brickfield voids`: a table of the regions that a part encloses.
+
+use super::{no_unit, open_store, start, unit_of};
+use crate::args::{VoidConnectivityArg, VoidsArgs};
+use crate::failure::Failure;
+use crate::measured::measured;
+use crate::output::{in_line, note, print, print_json, require_distinct};
+use anyhow::{Context, anyhow};
+use brickfield_engine::part::PartFile;
+use brickfield_engine::store::{Accept, BrickTree, Store};
+use brickfield_engine::voids::{Connectivity, Void, VoidOptions, Voids, find};
+use serde_json::{Map, Value, json};
+
+/// Memory for bricks and boundaries.
+const MEMORY_BYTES: u64 = 1 << 30;
+/// Lines of a toolpath that are named of a void.
+const MOST_LINES: usize = 64;
+
+/// Names of the columns, in order.
+const COLUMNS: [&str; 30] = [
+    "id",
+    "class",
+    "volume",
+    "surface",
+    "equivalent_diameter",
+    "inner_diameter",
+    "diameter",
+    "sphericity",
+    "compactness",
+    "x",
+    "y",
+    "z",
+    "xmin",
+    "ymin",
+    "zmin",
+    "xmax",
+    "ymax",
+    "zmax",
+    "throat",
+    "sealed",
+    "volume_error",
+    "euler",
+    "gap",
+    "edge_distance",
+    "layer_first",
+    "layer_last",
+    "lines",
+    "features",
+    "line_shares",
+    "missing_between",
+];
+
+/// Runs the command.
+pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
+    let is_json = match args.output.extension().map(|e| e.to_string_lossy().to_lowercase()) {
+        Some(ending) if ending == "csv" => false,
+        Some(ending) if ending == "json" => true,
+        _ => {
+            return Err(Failure::Usage(format!(
+                "{}: the name must end in .csv or .json",
+                in_line(&args.output)
+            )));
+        }
+    };
+    let bars = start(args.work)?;
+    let store = open_store(&args.store, MEMORY_BYTES / 4, args.io, Accept::Whole)?;
+    require_distinct(&[&args.output], &[&args.store])?;
+    if store.keys().into_iter().any(|key| store.node(key).is_some_and(|node| node.fractions)) {
+        let what = "it was made from open input or a point cloud, whose samples are not exact";
+        let remedy = "close the input, or build it from the toolpath";
+        return Err(anyhow!(
+            "{}: {what}, so what is enclosed cannot be told; {remedy}",
+            in_line(&args.store)
+        )
+        .into());
+    }
+    let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
+    if args.lines && !has_identity {
+        let what = "the store does not tell beads apart, so voids have no lines";
+        return Err(
+            anyhow!("{}: {what}; build it from toolpaths with --identity", in_line(&args.store)).into()
+        );
+    }
+    let mut file = PartFile::create(&args.output)?;
+    let most =
+        args.max_equivalent_diameter.map(|most| most.in_unit_of(&store.meta().unit).ok_or_else(no_unit));
+    let most = most.transpose()?;
+    let connectivity = match args.connectivity {
+        VoidConnectivityArg::Six => Connectivity::VoidSix,
+        VoidConnectivityArg::TwentySix => Connectivity::VoidTwentySix,
+    };
+    let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: MEMORY_BYTES };
+    let found = find(&store, &options, &bars)?;
+    let document = document(&store, &found);
+    if is_json {
+        let text = serde_json::to_string_pretty(&document).context("cannot write JSON")?;
+        file.append(format!("{text}\n").as_bytes())?;
+    } else {
+        file.append(table(&found).as_bytes())?;
+    }
+    file.finish()?;
+    bars.clear();
+    if args.json {
+        print_json(&document)?;
+    } else if !args.work.quiet {
+        print(&summary(&store, &found, args))?;
+    }
+    if !has_identity && store.meta().beads.is_some() && !args.work.quiet {
+        note(
+            "the store does not tell beads apart, so lines and features are empty; build it with --identity",
+        );
+    }
+    require_limits(args, &found, most)
+}
+
+/// The limits that make a flaw a defect.
+fn require_limits(args: &VoidsArgs, found: &Voids, most: Option<f64>) -> Result<(), Failure> {
+    let porosity = found.porosity();
+    if let Some(limit) = args.max_porosity
+        && porosity > limit
+    {
+        let name = in_line(&args.store);
+        return Err(anyhow!("{name}: porosity {porosity:.6} is above --max-porosity {limit}").into());
+    }
+    let largest = found.voids.first().map_or(0.0, Void::equivalent_diameter);
+    if let Some(limit) = most
+        && largest > limit
+    {
+        let name = in_line(&args.store);
+        let what = format!("void 1 has an equivalent diameter of {largest:.6}");
+        return Err(anyhow!("{name}: {what}, above --max-equivalent-diameter {limit}").into());
+    }
+    Ok(())
+}
+
+fn summary(store: &Store, found: &Voids, args: &VoidsArgs) -> String {
+    let unit = unit_of(store.meta());
+    let volume = measured(found.void_volume, found.void_volume_error);
+    let percent = 100.0 * found.porosity();
+    let left_out = match found.left_out {
+        0 => String::new(),
+        count => format!(", {count} smaller ones left out"),
+    };
+    let name = in_line(&args.output);
+    format!(
+        "{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent:.4} %",
+        found.voids.len()
+    )
+}
+
+fn document(store: &Store, found: &Voids) -> Value {
+    let rows: Vec<Value> = found
+        .voids
+        .iter()
+        .map(|void| {
+            Value::Object(COLUMNS.iter().map(|c| (*c).to_owned()).zip(cells(void)).collect::<Map<_, _>>())
+        })
+        .collect();
+    json!({
+        "unit": store.meta().unit,
+        "cell": store.root().spacing(store.meta().depth),
+        "count": found.voids.len(),
+        "left_out": found.left_out,
+        "void_volume": found.void_volume,
+        "void_volume_error": found.void_volume_error,
+        "solid_volume": found.solid_volume,
+        "solids": found.solids,
+        "porosity": found.porosity(),
+        "voids": rows,
+    })
+}
+
+/// A void's values in the order of [`COLUMNS`]; null where one is not known.
+fn cells(void: &Void) -> Vec<Value> {
+    let [low, high] = void.bounds;
+    let mut cells = vec![json!(void.id), Value::Null, json!(void.volume), json!(void.surface)];
+    cells.extend([json!(void.equivalent_diameter()), json!(void.inner_diameter), json!(void.diameter)]);
+    cells.extend([json!(void.sphericity()), json!(void.compactness())]);
+    cells.extend(void.centroid.iter().chain(&low).chain(&high).map(|c| json!(c)));
+    // Between samples there may be a leak that no sample shows.
+    cells.extend([Value::Null, json!("to_cell"), json!(void.volume_error), json!(void.euler)]);
+    cells.extend([json!(void.gap), json!(void.edge_distance)]);
+    let Some(trace) = &void.trace else {
+        cells.extend(vec![Value::Null; COLUMNS.len() - cells.len()]);
+        return cells;
+    };
+    cells.extend([json!(trace.layers.0), json!(trace.layers.1)]);
+    let lines = &trace.lines[..trace.lines.len().min(MOST_LINES)];
+    let span = |(first, last): (u64, u64)| {
+        if first == last { format!("{first}") } else { format!("{first}-{last}") }
+    };
+    let joined = |parts: Vec<String>| json!(parts.join(";"));
+    cells.push(joined(lines.iter().map(|line| span(line.lines)).collect()));
+    cells.push(joined(trace.features.iter().map(|(name, _)| name.replace(';', ",")).collect()));
+    cells.push(joined(lines.iter().map(|line| format!("{:.4}", line.share)).collect()));
+    cells.push(joined(trace.missing.iter().map(|&(a, b)| format!("{a}-{b}")).collect()));
+    cells
+}
+
+fn table(found: &Voids) -> String {
+    let mut text = COLUMNS.join(",") + "\n";
+    for void in &found.voids {
+        let cell = |value: Value| match value {
+            Value::Null => String::new(),
+            Value::String(text) if text.contains([',', '"', '\n']) => {
+                format!("\"{}\"", text.replace('"', "\"\""))
+            }
+            Value::String(text) => text,
+            value => value.to_string(),
+        };
+        text += &cells(void).into_iter().map(cell).collect::<Vec<_>>().join(",");
+        text.push('\n');
+    }
+    text
+}
