@@ -7,6 +7,7 @@ use crate::pieces::OrientArg;
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
+use crate::void_args::VoidsArgs;
 use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::brick::Count;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -509,61 +510,6 @@ pub struct ExportArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
-}
-
-/// List the voids of a part: regions of w = 0 that it encloses, one row each
-#[derive(Args)]
-#[command(after_help = "\
-The largest void comes first. Volumes and surfaces are those of the mesh's polygons, with errors from chords between \
-exact crossings; centroids are those of the chords. Void that touches the outside of the root is no void. Values are in the store's unit, and empty \
-where they are not known. Lines and features are of the beads around a void, by their share of its surface, but \
-neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is sealed as \
-far as samples tell (to_cell): a leak thinner than a cell may be hidden.
-
-Example:
-  brickfield voids part.brf -o voids.csv")]
-pub struct VoidsArgs {
-    /// The store
-    #[arg(value_name = "PART.brf")]
-    pub store: PathBuf,
-    /// The table to write; its name ends in .csv or .json
-    #[arg(long, short, value_name = "VOIDS.csv|.json")]
-    pub output: PathBuf,
-    /// Through how many neighbours void hangs together: 6, across faces, or 26; solid through the other number
-    #[arg(long, value_enum, value_name = "N", default_value_t)]
-    pub connectivity: VoidConnectivityArg,
-    /// Leave out smaller voids, in the cube of the store's unit; totals count them
-    #[arg(long, value_name = "VOLUME", default_value_t = 0.0)]
-    pub min_volume: f64,
-    /// Fail, with status 1, if voids have a larger share than this of the volume of solid and voids, 0 to 1
-    #[arg(long, value_name = "SHARE")]
-    pub max_porosity: Option<f64>,
-    /// Fail, with status 1, if the ball of the largest void's volume is wider
-    #[arg(long, value_name = "LENGTH")]
-    pub max_equivalent_diameter: Option<Length>,
-    /// Require the lines of the toolpath around each void: fail if the store does not tell beads apart
-    #[arg(long)]
-    pub lines: bool,
-    /// How to read the store
-    #[arg(long, value_enum, default_value_t)]
-    pub io: IoArg,
-    /// Print totals and rows as JSON
-    #[arg(long)]
-    pub json: bool,
-    #[command(flatten)]
-    pub work: WorkArgs,
-}
-
-/// Neighbours through which void hangs together.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub enum VoidConnectivityArg {
-    /// Across faces; solid across faces, edges and corners
-    #[default]
-    #[value(name = "6")]
-    Six,
-    /// Across faces, edges and corners; solid across faces
-    #[value(name = "26")]
-    TwentySix,
 }
 
 /// NumPy's names of the element types.

@@ -21,6 +21,7 @@ mod toolpaths;
 #[cfg(feature = "view")]
 mod view;
 mod view_args;
+mod void_args;
 
 use args::{Cli, Command};
 use brickfield_terminal::{failure, interrupt, output, progress, units, work};

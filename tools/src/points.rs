@@ -200,7 +200,7 @@ pub struct PointWriter {
 impl PointWriter {
     /// CSV with its header, or JSON lines.
     pub fn new(json: bool) -> Result<PointWriter, Failure> {
-        let mut lines = Lines::new();
+        let mut lines = Lines::to_stdout();
         if !json {
             lines.line(format_args!("x,y,z,w"))?;
         }
@@ -209,7 +209,7 @@ impl PointWriter {
 
     /// As [`PointWriter::new`], for lines with beads.
     pub fn with_beads(json: bool) -> Result<PointWriter, Failure> {
-        let mut lines = Lines::new();
+        let mut lines = Lines::to_stdout();
         if !json {
             lines.line(format_args!("x,y,z,w,beads,which"))?;
         }

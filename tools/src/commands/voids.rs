@@ -1,10 +1,10 @@
 //! `brickfield voids`: a table of the regions that a part encloses.
 
 use super::{no_unit, open_store, start, unit_of};
-use crate::args::{VoidConnectivityArg, VoidsArgs};
 use crate::failure::Failure;
 use crate::measured::measured;
 use crate::output::{in_line, note, print, print_json, require_distinct};
+use crate::void_args::{VoidConnectivityArg, VoidsArgs};
 use anyhow::{Context, anyhow};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, Store};

@@ -42,8 +42,8 @@ pub fn in_line(path: &Path) -> String {
 pub struct Lines(BufWriter<StdoutLock<'static>>);
 
 impl Lines {
-    /// Takes standard output.
-    pub fn new() -> Lines {
+    /// Takes standard output until it is dropped.
+    pub fn to_stdout() -> Lines {
         Lines(BufWriter::with_capacity(1 << 16, io::stdout().lock()))
     }
 

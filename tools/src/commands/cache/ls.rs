@@ -19,7 +19,7 @@ pub fn run(args: &LsArgs) -> Result<(), Failure> {
             && (!args.leaves || entry.leaf)
             && args.region.is_none_or(|region| meets_box(entry.key, &meta.root, region.corners))
     };
-    let mut lines = Lines::new();
+    let mut lines = Lines::to_stdout();
     for level in store.entries().chunk_by(|a, b| a.key.level() == b.key.level()) {
         let mut entries = level.iter().filter(is_asked).peekable();
         if entries.peek().is_none() {
