@@ -103,12 +103,12 @@ impl Local {
     fn chord(&mut self, axis: Axis, from: i64, to: i64, at: [usize; 3]) {
         let (a, length) = (axis.index(), to - from);
         self.lengths[a] += length;
-        for b in 0..3 {
+        for (b, at) in at.into_iter().enumerate() {
             let (low, high) = if a == b {
                 self.moments[b] += to * to - from * from;
                 (from, to)
             } else {
-                let place = (at[b] as i64) << STEP_BITS;
+                let place = (at as i64) << STEP_BITS;
                 self.moments[b] += 2 * length * place;
                 (place, place)
             };
@@ -265,7 +265,7 @@ fn whole_edges(axis: Axis, mut bits: u64, low: i64, [j, k]: [usize; 2], local: &
         local.lengths[axis.index()] += many * edge;
         let a = axis.index();
         // Twice the sum of the places along x, that of the middles, and of the places along the third axis.
-        local.moments[0] += edge * ((from + last) as i64 * many << STEP_BITS);
+        local.moments[0] += edge * (((from + last) as i64 * many) << STEP_BITS);
         local.moments[a] += many * edge * (2 * low + edge);
         let (b, place) = if axis == Axis::Y { (2, k) } else { (1, j) };
         local.moments[b] += 2 * many * edge * ((place as i64) << STEP_BITS);

@@ -68,9 +68,9 @@ impl Surface {
     }
 
     fn vertex(&mut self, at: [f64; 3], directions: &[[f64; 3]; DIRECTIONS]) {
-        for a in 0..3 {
-            self.bounds[0][a] = self.bounds[0][a].min(at[a]);
-            self.bounds[1][a] = self.bounds[1][a].max(at[a]);
+        let [low, high] = &mut self.bounds;
+        for ((low, high), at) in low.iter_mut().zip(high).zip(at) {
+            (*low, *high) = (low.min(at), high.max(at));
         }
         for (farthest, direction) in self.farthest.iter_mut().zip(directions) {
             let far = dot(at, *direction);

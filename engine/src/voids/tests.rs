@@ -30,7 +30,7 @@ fn pile(seed: u64) -> Vec<bool> {
             if squared <= radius * radius {
                 solid = *adds;
             } else if squared <= radius * radius + radius {
-                solid = mix(seed ^ (at[0] | at[1] << 8 | at[2] << 16) as u64) % 3 == 0;
+                solid = mix(seed ^ (at[0] | at[1] << 8 | at[2] << 16) as u64).is_multiple_of(3);
             }
         }
         solid && !is_margin
@@ -122,11 +122,11 @@ fn the_partition_is_that_of_a_flood() {
 fn a_uniform_coarse_leaf_joins_what_touches_it() {
     let mut inside = vec![false; AXIS.pow(3)];
     // A shell around a void that fills one leaf of level 1 and reaches into its neighbour.
-    for n in 0..inside.len() {
+    for (n, inside) in inside.iter_mut().enumerate() {
         let at = [n % AXIS, n / AXIS % AXIS, n / AXIS / AXIS];
         let outer = at.iter().all(|&c| (2..126).contains(&c));
         let void = (4..70).contains(&at[0]) && at[1..].iter().all(|&c| (4..124).contains(&c));
-        inside[n] = outer && !void;
+        *inside = outer && !void;
     }
     let found = label(&tree_of(&inside), Connectivity::VoidSix, &Silent).unwrap();
     let solids = found.components.iter().filter(|c| c.solid).count();
