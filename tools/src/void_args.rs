@@ -11,7 +11,7 @@ use std::path::PathBuf;
 #[command(after_help = "\
 The largest void comes first. Volumes and surfaces are those of the mesh's polygons, with errors from chords between \
 exact crossings; centroids are those of the chords. Void that touches the outside of the root is no void. Values are in the store's unit, and empty \
-where they are not known. Lines and features are of the beads around a void, by their share of its surface, but \
+where they are not known, as of voids of a cell or two. Lengths are told to a hundredth of a cell. Lines and features are of the beads around a void, by their share of its surface, but \
 neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is sealed as \
 far as samples tell (to_cell): a leak thinner than a cell may be hidden.
 

@@ -40,7 +40,7 @@ pub struct Void {
     pub volume_error: f64,
     /// Area of the contour's polygons around it.
     pub surface: f64,
-    /// Diameter of the largest ball in it.
+    /// Diameter of the largest ball in it; `None` where cells are too coarse to tell.
     pub inner_diameter: Option<f64>,
     /// Diameter of the smallest ball around it.
     pub diameter: f64,
@@ -66,9 +66,12 @@ impl Void {
         (6.0 * self.volume / PI).cbrt()
     }
 
-    /// Area of the ball of its volume over its own (Wadell 1932); `None` without a surface.
+    /// Area of the ball of its volume over its own (Wadell 1932); `None` without a surface, and where volume and surface are
+    /// so uncertain that the ball would have the larger one, as of voids of a cell or two.
     pub fn sphericity(&self) -> Option<f64> {
-        (self.surface > 0.0).then(|| PI.cbrt() * (6.0 * self.volume).powf(2.0 / 3.0) / self.surface)
+        let ball = PI.cbrt() * (6.0 * self.volume).powf(2.0 / 3.0);
+        // Rounding: nothing is as round as a ball.
+        (self.surface > 0.0 && ball <= self.surface * 1.001).then(|| (ball / self.surface).min(1.0))
     }
 
     /// Its volume over that of the smallest ball around it.
@@ -253,7 +256,9 @@ fn measure_distances(
         void.gap = nearest(&inner, &|p| p.component != component);
         let largest = void.diameter / unit;
         let ball = inscribed(&tree, largest.max(reach)) * unit;
-        void.inner_diameter = (ball > 0.0).then_some(ball);
+        // A ball that is larger than the void says that the void is too small for its cells.
+        let most = void.equivalent_diameter() * 1.001;
+        void.inner_diameter = (ball > 0.0 && ball <= most).then(|| ball.min(void.equivalent_diameter()));
         progress.advance(1);
         Ok(())
     })

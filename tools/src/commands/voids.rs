@@ -96,7 +96,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(&document).context("cannot write JSON")?;
         file.append(format!("{text}\n").as_bytes())?;
     } else {
-        file.append(table(&found).as_bytes())?;
+        file.append(table(&found, cell_of(&store)).as_bytes())?;
     }
     file.finish()?;
     bars.clear();
@@ -148,17 +148,25 @@ fn summary(store: &Store, found: &Voids, args: &VoidsArgs) -> String {
     )
 }
 
+/// The edge of a cell of the finest level.
+fn cell_of(store: &Store) -> f64 {
+    store.root().spacing(store.meta().depth)
+}
+
 fn document(store: &Store, found: &Voids) -> Value {
+    let cell = cell_of(store);
     let rows: Vec<Value> = found
         .voids
         .iter()
         .map(|void| {
-            Value::Object(COLUMNS.iter().map(|c| (*c).to_owned()).zip(cells(void)).collect::<Map<_, _>>())
+            Value::Object(
+                COLUMNS.iter().map(|c| (*c).to_owned()).zip(cells(void, cell)).collect::<Map<_, _>>(),
+            )
         })
         .collect();
     json!({
         "unit": store.meta().unit,
-        "cell": store.root().spacing(store.meta().depth),
+        "cell": cell,
         "count": found.voids.len(),
         "left_out": found.left_out,
         "void_volume": found.void_volume,
@@ -170,16 +178,32 @@ fn document(store: &Store, found: &Voids) -> Value {
     })
 }
 
-/// A void's values in the order of [`COLUMNS`]; null where one is not known.
-fn cells(void: &Void) -> Vec<Value> {
+/// A number rounded to the decimal place of a step, so that it has no more digits than it deserves.
+fn to_place(value: f64, step: f64) -> Value {
+    if !(value.is_finite() && step > 0.0) {
+        return json!(value);
+    }
+    let place = step.log10().floor() as i32;
+    let power = 10f64.powi(place.abs());
+    json!(if place < 0 { (value * power).round() / power } else { (value / power).round() * power })
+}
+
+/// A void's values in the order of [`COLUMNS`]; null where one is not known. Lengths are told to a hundredth of a `cell`,
+/// areas and ratios to a thousandth of themselves, the volume to a tenth of its error.
+fn cells(void: &Void, cell: f64) -> Vec<Value> {
     let [low, high] = void.bounds;
-    let mut cells = vec![json!(void.id), Value::Null, json!(void.volume), json!(void.surface)];
-    cells.extend([json!(void.equivalent_diameter()), json!(void.inner_diameter), json!(void.diameter)]);
-    cells.extend([json!(void.sphericity()), json!(void.compactness())]);
-    cells.extend(void.centroid.iter().chain(&low).chain(&high).map(|c| json!(c)));
+    let length = |value: f64| to_place(value, cell / 100.0);
+    let known = |value: Option<f64>| value.map_or(Value::Null, length);
+    let ratio = |value: Option<f64>| value.map_or(Value::Null, |value| to_place(value, 1e-3));
+    let mut cells = vec![json!(void.id), Value::Null, to_place(void.volume, void.volume_error / 10.0)];
+    cells.push(to_place(void.surface, void.surface / 1e3));
+    cells.extend([length(void.equivalent_diameter()), known(void.inner_diameter), length(void.diameter)]);
+    cells.extend([ratio(void.sphericity()), ratio(void.compactness())]);
+    cells.extend(void.centroid.iter().chain(&low).chain(&high).map(|&c| length(c)));
     // Between samples there may be a leak that no sample shows.
-    cells.extend([Value::Null, json!("to_cell"), json!(void.volume_error), json!(void.euler)]);
-    cells.extend([json!(void.gap), json!(void.edge_distance)]);
+    let error = to_place(void.volume_error * 1.05, void.volume_error / 10.0);
+    cells.extend([Value::Null, json!("to_cell"), error, json!(void.euler)]);
+    cells.extend([known(void.gap), known(void.edge_distance)]);
     let Some(trace) = &void.trace else {
         cells.extend(vec![Value::Null; COLUMNS.len() - cells.len()]);
         return cells;
@@ -197,7 +221,7 @@ fn cells(void: &Void) -> Vec<Value> {
     cells
 }
 
-fn table(found: &Voids) -> String {
+fn table(found: &Voids, cell_size: f64) -> String {
     let mut text = COLUMNS.join(",") + "\n";
     for void in &found.voids {
         let cell = |value: Value| match value {
@@ -208,7 +232,7 @@ fn table(found: &Voids) -> String {
             Value::String(text) => text,
             value => value.to_string(),
         };
-        text += &cells(void).into_iter().map(cell).collect::<Vec<_>>().join(",");
+        text += &cells(void, cell_size).into_iter().map(cell).collect::<Vec<_>>().join(",");
         text.push('\n');
     }
     text
