@@ -71,7 +71,7 @@ impl Void {
     pub fn sphericity(&self) -> Option<f64> {
         let ball = PI.cbrt() * (6.0 * self.volume).powf(2.0 / 3.0);
         // Rounding: nothing is as round as a ball.
-        (self.surface > 0.0 && ball <= self.surface * 1.001).then(|| (ball / self.surface).min(1.0))
+        (self.surface > 0.0 && ball <= self.surface * 1.005).then(|| (ball / self.surface).min(1.0))
     }
 
     /// Its volume over that of the smallest ball around it.
