@@ -64,4 +64,7 @@ fn a_part_without_voids_is_an_empty_table() {
     let bad = run(&[&"voids", &part, &"-o", &dir.path("nowhere/v.csv"), &"-q"]).failed();
     assert!(bad.contains("check the path"), "{bad}");
     run(&[&"voids", &part, &"-o", &dir.path("v.txt")]).misused();
+    for (option, value) in [("--min-volume", "nan"), ("--min-volume=-1", "-q"), ("--max-porosity", "1.5")] {
+        run(&[&"voids", &part, &"-o", &out, &option, &value]).misused();
+    }
 }

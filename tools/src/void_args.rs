@@ -28,10 +28,10 @@ pub struct VoidsArgs {
     #[arg(long, value_enum, value_name = "N", default_value_t)]
     pub connectivity: VoidConnectivityArg,
     /// Leave out smaller voids, in the cube of the store's unit; totals count them
-    #[arg(long, value_name = "VOLUME", default_value_t = 0.0)]
+    #[arg(long, value_name = "VOLUME", default_value_t = 0.0, value_parser = not_negative)]
     pub min_volume: f64,
     /// Fail, with status 1, if voids have a larger share than this of the volume of solid and voids, 0 to 1
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
     pub max_porosity: Option<f64>,
     /// Fail, with status 1, if the ball of the largest void's volume is wider
     #[arg(long, value_name = "LENGTH")]
@@ -59,4 +59,15 @@ pub enum VoidConnectivityArg {
     /// Across faces, edges and corners; solid across faces
     #[value(name = "26")]
     TwentySix,
+}
+
+/// A finite number that is not negative.
+fn not_negative(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0);
+    number.ok_or_else(|| "is no number, or less than 0".to_owned())
+}
+
+/// A number from 0 to 1.
+fn share(text: &str) -> Result<f64, String> {
+    not_negative(text).ok().filter(|share| *share <= 1.0).ok_or_else(|| "is no number from 0 to 1".to_owned())
 }
