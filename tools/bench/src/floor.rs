@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn plain_snapping_is_the_engines() {
         let file =
-            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl/spot40_model.stl");
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../bench-data/stl/spot40_model.stl");
         let plain = super::read_and_snap(&file, super::snap_plainly).map_err(|error| error.to_string());
         let own = super::read_and_snap(&file, super::ROOT.snapper()).map_err(|error| error.to_string());
         assert!(plain.is_ok(), "{plain:?}");
