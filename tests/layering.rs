@@ -33,7 +33,7 @@ const ROOMS: [(&str, &[&str]); 23] = [
     ),
     ("cache", &["brick", "store"]),
     ("analysis", &["brick", "solid", "store"]),
-    ("voids", &["brick", "solid", "store", "contour"]),
+    ("voids", &["brick", "solid", "store", "contour", "analysis"]),
     ("csg", &["brick", "store"]),
     ("picture", &[]),
     ("section", &["brick", "store", "picture"]),

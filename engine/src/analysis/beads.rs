@@ -31,18 +31,26 @@ pub fn beads_at_points(
     tables: &BeadTables,
     points: &[[f64; 3]],
 ) -> Result<Vec<Vec<Covering>>> {
+    let solids = solids_of(store, tables)?;
+    let parts: Vec<Vec<Vec<Covering>>> = points
+        .par_chunks(POINTS_AT_ONCE)
+        .map(|chunk| of_chunk(store, tables, &solids, chunk))
+        .collect::<Result<_>>()?;
+    Ok(parts.concat())
+}
+
+/// The solids of a store's beads.
+///
+/// # Errors
+/// [`Error::Store`] if the store names a section that this program does not know.
+pub(crate) fn solids_of(store: &Store, tables: &BeadTables) -> Result<Solids> {
     let outline = store.meta().beads.as_ref().and_then(|beads| Outline::from_name(&beads.section));
     let Some(outline) = outline else {
         let what = "its beads have a section that this program does not know";
         return Err(Error::store(store.path(), "metadata", what, "use the program that wrote it"));
     };
     let profile = |s: &SectionRow| Profile::new(outline, s.half_width, s.half_height, s.axis);
-    let solids = Solids::of_profiles(tables.sections.iter().map(profile).collect());
-    let parts: Vec<Vec<Vec<Covering>>> = points
-        .par_chunks(POINTS_AT_ONCE)
-        .map(|chunk| of_chunk(store, tables, &solids, chunk))
-        .collect::<Result<_>>()?;
-    Ok(parts.concat())
+    Ok(Solids::of_profiles(tables.sections.iter().map(profile).collect()))
 }
 
 /// One thread's share: neighbours in the list are often neighbours in space, so the last leaf is kept.

@@ -8,6 +8,7 @@ mod sample;
 mod tests;
 mod volume;
 
+pub(crate) use beads::solids_of;
 pub use beads::{Covering, beads_at_points};
 pub use export::{Dense, Element};
 pub use sample::{sample_at, winding_range};

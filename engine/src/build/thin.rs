@@ -2,7 +2,7 @@
 
 use crate::brick::{Thin, ThinSheets};
 use crate::error::{Error, Result};
-use crate::lattice::{MAX_LEVEL, ROOT_BITS, RootCube};
+use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::store::Refine;
 use serde::Serialize;
 
@@ -82,7 +82,7 @@ pub struct ThinSheetsSummary {
 impl ThinSummary {
     /// In the unit of the input, of leaves that are no deeper than `depth`.
     pub(super) fn new(thin: &Thin, root: RootCube, depth: u8) -> ThinSummary {
-        let unit = root.edge / f64::from(1u32 << ROOT_BITS);
+        let unit = root.unit();
         let summary = |sheets: &ThinSheets| {
             let (area, volume) = (sheets.area(unit), sheets.volume(unit));
             ThinSheetsSummary {

@@ -9,12 +9,14 @@ mod facet;
 mod key;
 mod mix;
 mod root;
+mod vector;
 
 pub use facet::{CubeTest, bounds, has_area, normal};
 pub(crate) use key::morton;
 pub use key::{NodeKey, Octant};
 pub(crate) use mix::{GOLDEN, mix};
 pub use root::RootCube;
+pub(crate) use vector::{cross, dot, minus};
 
 /// log₂ of the root cube's edge in units.
 pub const ROOT_BITS: u32 = 24;

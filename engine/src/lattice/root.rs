@@ -64,10 +64,16 @@ impl RootCube {
         move |p| std::array::from_fn(|a| 2 * round_half_up((p[a] - origin[a]) * scale))
     }
 
+    /// World length of a lattice unit.
+    #[inline]
+    pub(crate) fn unit(&self) -> f64 {
+        self.edge / ROOT_UNITS
+    }
+
     /// World position of a lattice position, which may lie between units.
     #[inline]
     pub fn to_world(&self, units: [f64; 3]) -> [f64; 3] {
-        let unit = self.edge / ROOT_UNITS;
+        let unit = self.unit();
         std::array::from_fn(|a| self.origin[a] + units[a] * unit)
     }
 

@@ -48,7 +48,7 @@ pub use oriented::{Oriented, Turned};
 use crate::check::{TRIANGLES_MAX, weld_by};
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
-use crate::lattice::{ROOT_BITS, RootCube};
+use crate::lattice::RootCube;
 use crate::progress::Progress;
 use serde::Serialize;
 
@@ -151,7 +151,7 @@ pub fn study(
     let starts = sources.iter().scan(0, |end, source| Some(std::mem::replace(end, *end + source.facets())));
     let starts: Vec<u64> = starts.collect();
     let decision = turn::decide(&mesh, &gathered, &starts, progress)?;
-    let unit = root.edge / f64::from(1u32 << ROOT_BITS);
+    let unit = root.unit();
     let report = turn::report(&gathered, &decision, &starts, unit);
     let turned = gathered.turned(&decision.turned);
     let report = Report { turned_facets: turned.count(), ..report };

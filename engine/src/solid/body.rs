@@ -5,6 +5,7 @@
 
 use super::profile::Profile;
 use super::segments::Segment;
+use crate::lattice::{cross, dot};
 
 /// A segment with its frame. Positions are relative to its first end, in lattice units.
 #[derive(Clone, Copy, Debug)]
@@ -300,14 +301,6 @@ fn across(v: [f64; 3]) -> [f64; 3] {
     let w = [0, 1, 2].map(|a| unit[a] - v[least] * v[a]);
     let size = norm(w);
     w.map(|c| c / size)
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn norm(v: [f64; 3]) -> f64 {

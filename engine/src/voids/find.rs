@@ -7,7 +7,7 @@ use super::points::{OUTER, Point, PointTree, distance, inscribed};
 use super::surface::{Surface, surfaces};
 use super::trace::{Trace, Tracer};
 use crate::error::Result;
-use crate::lattice::{ROOT_BITS, RootCube};
+use crate::lattice::RootCube;
 use crate::progress::Progress;
 use crate::store::{BrickTree, Store};
 use rayon::prelude::*;
@@ -56,8 +56,6 @@ pub struct Void {
     pub edge_distance: Option<f64>,
     /// The beads around it, where the store tells them apart.
     pub trace: Option<Trace>,
-    /// Least width and height of these.
-    pub bead_size: Option<(f64, f64)>,
 }
 
 impl Void {
@@ -147,18 +145,16 @@ pub fn find(store: &Store, options: &VoidOptions, progress: &dyn Progress) -> Re
     let most = usize::try_from(options.memory / 2 / POINT_BYTES).unwrap_or(usize::MAX);
     let Boundaries { points, around } =
         boundaries(store, &labelling, &is_void, tracer.as_ref(), most, progress)?;
-    let unit = root.edge / f64::from(1u32 << ROOT_BITS);
     for number in (0..measured.len()).filter(|&number| measured[number]) {
         let surface = surfaces.remove(&number).unwrap_or_default();
         let trace = match (around.get(&number), &tracer) {
             (Some(around), Some(tracer)) => Trace::of(around, tracer),
             _ => None,
         };
-        let mut void = void_of(&labelling, number, &surface, root);
         let (chords, chords_error) = volume_of(&labelling.components[number], root);
+        let mut void = void_of(&labelling, number, &surface, (chords, chords_error), root);
         found.void_volume += void.volume - chords;
         found.void_volume_error += void.volume_error - chords_error;
-        void.bead_size = trace.as_ref().map(|trace| (trace.least_size.0 * unit, trace.least_size.1 * unit));
         void.trace = trace;
         // The component, until they are sorted.
         void.id = number;
@@ -194,11 +190,15 @@ fn by_polygons(surface: &Surface, chords: f64, error: f64) -> (f64, f64) {
     }
 }
 
-fn void_of(labelling: &Labelling, number: usize, surface: &Surface, root: RootCube) -> Void {
-    let component = &labelling.components[number];
-    let (chords, chords_error) = volume_of(component, root);
+fn void_of(
+    labelling: &Labelling,
+    number: usize,
+    surface: &Surface,
+    (chords, chords_error): (f64, f64),
+    root: RootCube,
+) -> Void {
     let (volume, volume_error) = by_polygons(surface, chords, chords_error);
-    let sums = &component.sums;
+    let sums = &labelling.components[number].sums;
     let centroid = sums.centroid().map_or([f64::NAN; 3], |units| root.to_world(units));
     let corner = |parts: &[i64; 3]| root.to_world(parts.map(|p| p as f64 / super::measure::PARTS + 1.0));
     let (low, high) = (corner(&sums.low), corner(&sums.high));
@@ -219,7 +219,6 @@ fn void_of(labelling: &Labelling, number: usize, surface: &Surface, root: RootCu
         gap: None,
         edge_distance: None,
         trace: None,
-        bead_size: None,
     }
 }
 
@@ -231,7 +230,7 @@ fn measure_distances(
     progress: &dyn Progress,
 ) -> Result<()> {
     let root = store.root();
-    let unit = root.edge / f64::from(1u32 << ROOT_BITS);
+    let unit = root.unit();
     let reach = 0.75 * root.spacing(store.meta().depth) / unit;
     let (outer, inner): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|p| p.component == OUTER);
     let mut own: BTreeMap<u32, Vec<Point>> = BTreeMap::new();

@@ -24,10 +24,6 @@ pub struct Component {
     pub solid: bool,
     /// What was summed of it.
     pub sums: Sums,
-    /// Its first leaf, in Morton order, and its number there.
-    pub first: (usize, u16),
-    /// How many samples are 0 or below 1 next to how many leaves; of use to tell work.
-    pub leaves: u64,
 }
 
 /// The components of a tree.
@@ -110,11 +106,6 @@ impl Labelling {
         let of = &self.of[self.first[leaf] as usize..to];
         of.iter().map(|&component| (component != u32::MAX).then_some(component as usize))
     }
-
-    /// Bytes of memory.
-    pub fn heap_bytes(&self) -> usize {
-        4 * (self.first.len() + self.of.len()) + self.components.len() * size_of::<Component>()
-    }
 }
 
 struct Joiner<'a> {
@@ -132,7 +123,7 @@ struct Joiner<'a> {
 
 impl<'a> Joiner<'a> {
     fn new(order: &'a LeafOrder) -> Joiner<'a> {
-        let outside = Component { solid: false, sums: Sums::default(), first: (0, 0), leaves: 0 };
+        let outside = Component { solid: false, sums: Sums::default() };
         Joiner {
             order,
             parents: vec![OUTSIDE],
@@ -151,8 +142,7 @@ impl<'a> Joiner<'a> {
         for (label, sums) in made.sums.into_iter().enumerate() {
             let number = first + label as u32;
             self.parents.push(number);
-            let place = (leaf, label as u16);
-            let component = Component { solid: made.solid[label], sums, first: place, leaves: 1 };
+            let component = Component { solid: made.solid[label], sums };
             self.sums.insert(number, component);
         }
         let own = Waiting { first, uniform: made.uniform, solid: made.solid, faces: made.faces };
@@ -208,25 +198,14 @@ impl<'a> Joiner<'a> {
         let own_face = &own.faces[axis.index()][usize::from(upper)];
         let their_face = &there.faces[axis.index()][usize::from(!upper)];
         let keys = self.order.keys();
+        let is_finer = keys[leaf].level() > keys[other].level();
         let mut pairs = Vec::new();
         if keys[leaf].level() == keys[other].level() {
             same_level(own_face, their_face, &mut pairs);
-        } else if own.uniform || there.uniform {
-            let all = |face: &FaceLabels| {
-                let mut labels: Vec<u16> = face.iter().map(|&(_, label)| label).collect();
-                labels.sort_unstable();
-                labels.dedup();
-                labels
-            };
-            let is_finer = keys[leaf].level() > keys[other].level();
-            let (fine, coarse) = if is_finer { (own_face, their_face) } else { (their_face, own_face) };
-            let coarse_is_uniform = if is_finer { there.uniform } else { own.uniform };
-            if coarse_is_uniform {
-                let pair = |label: u16| if is_finer { (label, coarse[0].1) } else { (coarse[0].1, label) };
-                pairs.extend(all(fine).into_iter().map(pair));
-            } else {
-                mixed((leaf, own_face), (other, their_face), axis, self.order, &mut pairs);
-            }
+        } else if is_finer && there.uniform {
+            pairs.extend(labels_of(own_face).into_iter().map(|label| (label, their_face[0].1)));
+        } else if !is_finer && own.uniform {
+            pairs.extend(labels_of(their_face).into_iter().map(|label| (own_face[0].1, label)));
         } else {
             mixed((leaf, own_face), (other, their_face), axis, self.order, &mut pairs);
         }
@@ -259,7 +238,6 @@ impl<'a> Joiner<'a> {
             && let Some(kept) = self.sums.get_mut(&first)
         {
             kept.sums.add(&joined.sums);
-            kept.leaves += joined.leaves;
         }
     }
 
@@ -288,6 +266,14 @@ fn too_many() -> Error {
         "the bricks of the store have more than 2^32 - 1 components together",
         "choose a coarser level with `brickfield cache prune`",
     )
+}
+
+/// The labels on a face, each once.
+fn labels_of(face: &FaceLabels) -> Vec<u16> {
+    let mut labels: Vec<u16> = face.iter().map(|&(_, label)| label).collect();
+    labels.sort_unstable();
+    labels.dedup();
+    labels
 }
 
 /// The labels that meet on a face between leaves of one level.

@@ -63,14 +63,12 @@ impl Sums {
 
     /// Volumes by the chords along each axis, in the cube of the root's unit.
     pub fn volumes(&self, root: RootCube) -> [f64; 3] {
-        let unit = root.edge / f64::from(1u32 << crate::lattice::ROOT_BITS);
-        self.chords.map(|chords| chords as f64 / PARTS * unit.powi(3))
+        self.chords.map(|chords| chords as f64 / PARTS * root.unit().powi(3))
     }
 
     /// Volume by counting samples.
     pub fn counted(&self, root: RootCube) -> f64 {
-        let unit = root.edge / f64::from(1u32 << crate::lattice::ROOT_BITS);
-        self.samples as f64 * unit.powi(3)
+        self.samples as f64 * root.unit().powi(3)
     }
 
     /// The centroid by the chords along all axes, in lattice units; `None` without any.

@@ -1,6 +1,6 @@
 //! Points of boundaries, and distances between them.
 
-use super::surface::{dot, minus};
+use crate::lattice::{dot, minus};
 
 /// A crossing of a void's boundary, in lattice units from the root's corner.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,7 +8,7 @@
 use super::labelling::Labelling;
 use crate::contour::{EdgeFacet, edge_facets};
 use crate::error::Result;
-use crate::lattice::{NodeKey, RootCube};
+use crate::lattice::{NodeKey, RootCube, cross, dot, minus};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use std::collections::BTreeMap;
@@ -26,8 +26,6 @@ pub struct Surface {
     pub area: f64,
     /// In cubic world units, signed: positive of a void.
     pub volume: f64,
-    /// How much of the volume is correction, by its absolute values.
-    pub corrected: f64,
     /// Sum of the vectors of area: zero of a closed surface.
     pub open: [f64; 3],
     /// Least and greatest coordinates of vertices.
@@ -41,7 +39,6 @@ impl Default for Surface {
         Surface {
             area: 0.0,
             volume: 0.0,
-            corrected: 0.0,
             open: [0.0; 3],
             bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
             farthest: Box::new([(f64::NEG_INFINITY, [0.0; 3]); DIRECTIONS]),
@@ -53,7 +50,6 @@ impl Surface {
     fn add(&mut self, other: &Surface) {
         self.area += other.area;
         self.volume += other.volume;
-        self.corrected += other.corrected;
         for a in 0..3 {
             self.open[a] += other.open[a];
             self.bounds[0][a] = self.bounds[0][a].min(other.bounds[0][a]);
@@ -169,9 +165,7 @@ fn add_polygon(
         let along_normal = miss * vector[axis] / size;
         if along_normal.abs() <= CURVED_MOST * size.sqrt() {
             // The true surface is beyond the polygon by this along the axis, on the side of the part where it is positive.
-            let volume = 2.0 / 3.0 * miss * vector[axis];
-            surface.volume -= volume;
-            surface.corrected += volume.abs();
+            surface.volume -= 2.0 / 3.0 * miss * vector[axis];
             surface.area += 4.0 / 3.0 * along_normal * along_normal;
         }
     }
@@ -226,16 +220,4 @@ fn smallest_ball(points: &[[f64; 3]]) -> f64 {
         centre = [0, 1, 2].map(|a| centre[a] + (point[a] - centre[a]) / (step + 1) as f64);
     }
     best
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -5,11 +5,12 @@
 //! to be kept of it beside the crossing itself.
 
 use super::boundary::Crossing;
+use crate::analysis::solids_of;
 use crate::brick::Count;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
-use crate::solid::{Body, Outline, Profile, Segment, Solids};
-use crate::store::{BeadSegment, BeadTables, SectionRow, Store};
+use crate::solid::{Body, Segment, Solids};
+use crate::store::{BeadSegment, BeadTables, Store};
 use std::collections::BTreeMap;
 
 /// Steps of a square unit in which shares of surfaces are added up.
@@ -29,13 +30,7 @@ impl<'a> Tracer<'a> {
     /// [`Error::Store`] if its tables are damaged.
     pub fn new(store: &'a Store) -> Result<Option<Tracer<'a>>> {
         let Some(tables) = store.bead_tables()? else { return Ok(None) };
-        let outline = store.meta().beads.as_ref().and_then(|beads| Outline::from_name(&beads.section));
-        let Some(outline) = outline else {
-            let what = "its beads have a section that this program does not know";
-            return Err(Error::store(store.path(), "metadata", what, "use the program that wrote it"));
-        };
-        let profile = |s: &SectionRow| Profile::new(outline, s.half_width, s.half_height, s.axis);
-        let solids = Solids::of_profiles(tables.sections.iter().map(profile).collect());
+        let solids = solids_of(store, &tables)?;
         Ok(Some(Tracer { store, tables, solids }))
     }
 
@@ -54,10 +49,9 @@ impl<'a> Tracer<'a> {
         Ok(Segments(stored.iter().map(of).collect()))
     }
 
-    /// Width and height of a segment's section, in lattice units.
-    fn size(&self, segment: &BeadSegment) -> (f64, f64) {
-        let section = &self.tables.sections[segment.section as usize];
-        (2.0 * section.half_width, 2.0 * section.half_height)
+    /// Width of a segment's section, in lattice units.
+    fn width(&self, segment: &BeadSegment) -> f64 {
+        2.0 * self.tables.sections[segment.section as usize].half_width
     }
 }
 
@@ -160,8 +154,6 @@ pub struct Trace {
     pub missing: Vec<(u64, u64)>,
     /// The share of the surface that belongs to no bead of the record.
     pub unknown: f64,
-    /// Least width and height of the beads, in lattice units.
-    pub least_size: (f64, f64),
 }
 
 impl Trace {
@@ -174,7 +166,7 @@ impl Trace {
         let mut lines: BTreeMap<(u32, (u64, u64)), (u32, u128)> = BTreeMap::new();
         let mut features: BTreeMap<u16, u128> = BTreeMap::new();
         let mut beads = Vec::new();
-        let mut trace = Trace { layers: (u32::MAX, 0), least_size: (f64::MAX, f64::MAX), ..Trace::default() };
+        let mut trace = Trace { layers: (u32::MAX, 0), ..Trace::default() };
         for (share, segment) in around.segments.values() {
             let bead = tables.bead_of(segment.pass).0;
             let row = tables.beads[bead as usize];
@@ -183,8 +175,6 @@ impl Trace {
             *features.entry(row.feature).or_default() += share;
             beads.push(bead);
             trace.layers = (trace.layers.0.min(row.layer + 1), trace.layers.1.max(row.layer + 1));
-            let (width, height) = tracer.size(segment);
-            trace.least_size = (trace.least_size.0.min(width), trace.least_size.1.min(height));
         }
         beads.dedup();
         trace.beads = beads.len();
@@ -224,7 +214,7 @@ fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
         if (first.source, first.layer) != (second.source, second.layer) || one.line == 0 {
             continue;
         }
-        let width = tracer.size(one).0.max(tracer.size(other).0);
+        let width = tracer.width(one).max(tracer.width(other));
         if apart(one, other) > APART * width {
             pairs.push((one.line, other.line));
         }

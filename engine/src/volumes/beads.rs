@@ -4,7 +4,7 @@ use super::estimate::Moments;
 use super::strata::{LINES, Shape, Strata};
 use super::tally::{Crossing, Lengths, walk};
 use crate::error::Result;
-use crate::lattice::{ROOT_BITS, RootCube, Units};
+use crate::lattice::{RootCube, Units};
 use crate::progress::Progress;
 use crate::solid::{Outline, Segment, Solids};
 use crate::store::{Estimate, LayerVolumes, SourceVolumes, SweptVolumes};
@@ -53,7 +53,7 @@ pub fn bead_volumes(
     // A cube of its own: that of the tree may follow from its cells.
     let Some(root) = RootCube::around(bounds.0, bounds.1) else { return Ok(SourceVolumes::default()) };
     let (solids, segments) = Solids::of_passes(paths, root, outline)?;
-    let unit = root.edge / f64::from(1u32 << ROOT_BITS);
+    let unit = root.unit();
     let scene = Scene { solids: &solids, segments: &segments };
     let known = scene.known();
     // Vertices are snapped to even units.

@@ -5,7 +5,7 @@ use super::strata::{LINES, Shape, Strata};
 use super::tally::{Crossing, Lengths, walk};
 use crate::error::Result;
 use crate::ingest::{Facets, runs};
-use crate::lattice::{ROOT_BITS, RootCube, Triangle, Units, bounds};
+use crate::lattice::{RootCube, Triangle, Units, bounds};
 use crate::progress::Progress;
 use crate::store::SourceVolumes;
 use rayon::prelude::*;
@@ -59,7 +59,7 @@ pub fn facet_volumes(
     for numbers in strata.parts(expected, memory, STRATA_AT_ONCE) {
         add(&crossings(sources, root, &strata, numbers, progress)?, &mut moments);
     }
-    let unit = root.edge / f64::from(1u32 << ROOT_BITS);
+    let unit = root.unit();
     let known = whole.volume as f64 / 6.0;
     let area = strata.area_of_line();
     let world = |i| moments.controlled(i, (3, known), area).scaled(unit.powi(3));

@@ -55,6 +55,17 @@ pub fn program() -> Result<PathBuf, Failure> {
     Err(anyhow!("{}: the program that is measured {what}", beside.display()).into())
 }
 
+/// Its name and version, as it tells them.
+///
+/// # Errors
+/// If it cannot be run.
+pub fn version() -> Result<String, Failure> {
+    let program = program()?;
+    let told = Command::new(&program).arg("--version").output();
+    let told = told.with_context(|| format!("cannot run {}", program.display()))?;
+    Ok(String::from_utf8_lossy(&told.stdout).trim().to_owned())
+}
+
 /// Runs it with `args` in `folder`.
 ///
 /// # Errors

@@ -5,12 +5,12 @@
 //! kernels are optimised as they are there, and a kernel is a function of the engine with all that it calls.
 
 use crate::args::BenchInstructionsArgs;
-use crate::callgrind;
 use crate::inputs::Cache;
 use crate::line;
 use crate::measure::write_file;
 use crate::plan::{Bench, Line};
 use crate::table::{Table, number};
+use crate::{callgrind, child};
 use anyhow::{Context, anyhow};
 use brickfield_bench_data::inputs;
 use brickfield_engine::Progress;
@@ -100,7 +100,7 @@ fn count(cache: Cache, bars: &Bars, valgrind: String) -> Result<Counts, Failure>
     }
     Ok(Counts {
         format: FORMAT,
-        program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
+        program: child::version()?,
         rustc: env!("BRICKFIELD_RUSTC").to_owned(),
         valgrind,
         vectors: vectors.unwrap_or("the least that all processors have").to_owned(),

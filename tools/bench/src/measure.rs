@@ -44,7 +44,7 @@ pub fn run(args: BenchRunArgs) -> Result<(), Failure> {
     let (date, load) = (machine::date(), machine::load());
     let mut results = Results {
         format: Results::format(),
-        program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
+        program: child::version()?,
         commit: machine::commit(),
         date,
         machine: Machine::this(),

@@ -1,6 +1,6 @@
 //! `brickfield export`: a level as a NumPy array with a description beside it.
 
-use super::{CACHE_BYTES, of_store, open_store, require_level, start};
+use super::{CACHE_BYTES, has_fractions, of_store, open_store, require_level, start};
 use crate::args::{DtypeArg, ExportArgs};
 use crate::failure::Failure;
 use crate::npy;
@@ -11,7 +11,7 @@ use anyhow::Context;
 use brickfield_engine::Progress;
 use brickfield_engine::analysis::{Dense, Element};
 use brickfield_engine::part::{PartFile, PartPair};
-use brickfield_engine::store::{Accept, BrickTree, Store};
+use brickfield_engine::store::{Accept, Store};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -35,13 +35,9 @@ impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
 
 /// The elements that were asked for, or else those that hold the store's samples as they are.
 fn elements(asked: Option<DtypeArg>, store: &Store) -> (Element, &'static str) {
-    let has_fractions = || {
-        let mut nodes = store.keys().into_iter().filter_map(|key| store.node(key));
-        nodes.any(|node| node.fractions)
-    };
     match asked {
         Some(DtypeArg::F4) => (Element::F32, "<f4"),
-        None if has_fractions() => (Element::F32, "<f4"),
+        None if has_fractions(store) => (Element::F32, "<f4"),
         Some(DtypeArg::I2) | None => (Element::I16, "<i2"),
     }
 }

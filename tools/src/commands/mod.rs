@@ -35,7 +35,7 @@ use crate::work::start;
 use anyhow::Context;
 use brickfield_engine::analysis::Volumes;
 use brickfield_engine::ingest::{Input, OpenOptions};
-use brickfield_engine::store::{Accept, Io, Meta, Store, StoreOptions};
+use brickfield_engine::store::{Accept, BrickTree, Io, Meta, Store, StoreOptions};
 use brickfield_engine::toolpath::gcode::GcodeReport;
 use brickfield_engine::{Error, Progress};
 use std::path::{Path, PathBuf};
@@ -64,6 +64,11 @@ fn open_inputs(
 /// What was read of the toolpaths among inputs.
 fn features_of(inputs: &[Input]) -> impl Iterator<Item = (&Path, &GcodeReport)> {
     inputs.iter().filter_map(|input| Some((input.path(), &input.beads()?.report)))
+}
+
+/// Whether samples of a store are fractions, as of open input and point clouds.
+fn has_fractions(store: &Store) -> bool {
+    store.keys().into_iter().filter_map(|key| store.node(key)).any(|node| node.fractions)
 }
 
 /// Opens a store; of any other file says what it is and which command wants it.

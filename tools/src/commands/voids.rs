@@ -1,6 +1,6 @@
 //! `brickfield voids`: a table of the regions that a part encloses.
 
-use super::{no_unit, open_store, start, unit_of};
+use super::{has_fractions, no_unit, open_store, start, unit_of};
 use crate::failure::Failure;
 use crate::measured::measured;
 use crate::output::{in_line, note, print, print_json, require_distinct};
@@ -65,7 +65,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let store = open_store(&args.store, MEMORY_BYTES / 4, args.io, Accept::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
-    if store.keys().into_iter().any(|key| store.node(key).is_some_and(|node| node.fractions)) {
+    if has_fractions(&store) {
         let what = "it was made from open input or a point cloud, whose samples are not exact";
         let remedy = "close the input, or build it from the toolpath";
         return Err(anyhow!(

@@ -1,5 +1,7 @@
 //! The area that a point of a cloud stands for.
 
+use crate::lattice::dot;
+
 /// The area of the part of the tangent plane that is nearer to a point than to its neighbours (the Voronoi cell
 /// among them, Barill et al. 2018, section 6), within a square that reaches as far as the neighbours do. On a
 /// regular grid that is the grid's cell; over scattered points the cells fill the plane. `around` are the ways
@@ -17,10 +19,6 @@ pub(super) fn cell_area(normal: [f64; 3], around: impl Iterator<Item = [f64; 3]>
     }
     let corners = cell.iter().zip(cell.iter().cycle().skip(1));
     0.5 * corners.map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>()
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Two directions of length 1 that span the plane.

@@ -4,6 +4,7 @@
 use super::nearest::KdTree;
 use crate::error::Result;
 use crate::ingest::PointCloud;
+use crate::lattice::dot;
 use crate::progress::Progress;
 use rayon::prelude::*;
 
@@ -87,10 +88,6 @@ fn eigenvectors(m: &mut [[f64; 3]; 3]) -> [[f64; 3]; 3] {
         }
     }
     v
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The edges of a minimum spanning forest of the graph of neighbours, the cost of an edge being how much the
