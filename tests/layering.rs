@@ -4,48 +4,43 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What everything may use, and what these may use of each other.
-const BOTTOM: [&str; 8] = ["lattice", "mmap", "error", "progress", "disk", "part", "wide", "schedule"];
+/// A room, with the rooms of the same crate that it may use.
+type Room = (&'static str, &'static [&'static str]);
 
-/// The rooms above the bottom with the rooms that each may use beside the bottom. Rooms that do not exist yet
-/// have their place already.
-const ROOMS: [(&str, &[&str]); 23] = [
-    ("gpu", &[]),
-    ("toolpath", &[]),
-    ("bead", &["toolpath"]),
-    ("x3d", &["toolpath", "bead"]),
-    ("ingest", &["toolpath", "bead", "x3d"]),
-    ("check", &["ingest"]),
-    ("pieces", &["ingest", "check"]),
-    ("brick", &[]),
-    ("solid", &["toolpath", "brick"]),
-    ("winding", &["bead", "ingest", "brick"]),
-    ("store", &["brick"]),
-    ("backend", &["gpu", "ingest", "brick", "winding"]),
-    ("contour", &["check", "brick", "store"]),
-    ("volumes", &["toolpath", "ingest", "brick", "solid", "store"]),
+/// The crates of the engine with their rooms, each with the rooms of the same crate that it may use. What crates use of
+/// each other is Cargo's to judge.
+const CRATES: [(&str, &[Room]); 11] = [
     (
-        "build",
+        "core",
         &[
-            "gpu", "toolpath", "bead", "ingest", "pieces", "brick", "solid", "winding", "store", "backend",
-            "contour", "volumes",
+            ("lattice", &[]),
+            ("error", &[]),
+            ("disk", &[]),
+            ("wide", &[]),
+            ("predicates", &[]),
+            ("soup", &[]),
+            ("progress", &["error"]),
+            ("mmap", &["error"]),
+            ("schedule", &["error"]),
+            ("part", &["disk", "error"]),
         ],
     ),
-    ("cache", &["brick", "store"]),
-    ("analysis", &["brick", "solid", "store"]),
-    ("voids", &["brick", "solid", "store", "contour", "analysis"]),
-    ("csg", &["brick", "store"]),
-    ("picture", &[]),
-    ("section", &["brick", "store", "picture"]),
-    ("render", &["gpu", "brick", "store", "picture"]),
-    ("fuzz", &["toolpath", "x3d", "ingest", "store"]),
+    ("gpu", &[("gpu", &[])]),
+    ("toolpath", &[("toolpath", &[]), ("bead", &["toolpath"]), ("x3d", &["toolpath", "bead"])]),
+    ("io", &[("ingest", &[]), ("check", &["ingest"]), ("pieces", &["ingest", "check"])]),
+    ("octree", &[("brick", &[]), ("store", &["brick"]), ("cache", &["brick", "store"])]),
+    ("winding", &[("winding", &[]), ("solid", &[])]),
+    ("mesh", &[("contour", &[])]),
+    ("builder", &[("backend", &[]), ("volumes", &[]), ("build", &["backend", "volumes"])]),
+    ("analysis", &[("analysis", &[]), ("voids", &["analysis"])]),
+    ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
+    // The facade.
+    ("", &[("fuzz", &[])]),
 ];
 
-/// Rooms whose tests ask a judge in another one.
-const JUDGED: [(&str, &[&str]); 2] = [("contour", &["ingest"]), ("pieces", &["winding"])];
-
-/// Names that `lib.rs` re-exports from the bottom rooms.
-const RE_EXPORTED: [&str; 4] = ["Error", "Result", "Progress", "Silent"];
+/// Names at the root of `core`, with the file that each stands in.
+const RE_EXPORTED: [(&str, &str); 4] =
+    [("Error", "error"), ("Result", "error"), ("Progress", "progress"), ("Silent", "progress")];
 
 /// Longest file, in lines.
 const LINES_MAX: usize = 600;
@@ -69,14 +64,28 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Engine files with their path below `engine/src` and their text.
-fn engine() -> Vec<(String, String)> {
-    let root = top().join("engine/src");
+/// Where the sources of a crate of the engine are.
+fn source_of(name: &str) -> PathBuf {
+    top().join("engine").join(name).join("src")
+}
+
+/// The files of a crate of the engine, with their path below `src` and their text.
+fn files_of(name: &str) -> Vec<(String, String)> {
+    let root = source_of(name);
     let file = |path: PathBuf| {
         let name = path.strip_prefix(&root).expect("below the root").to_str().expect("UTF-8").to_owned();
         (name, fs::read_to_string(&path).expect("readable"))
     };
     sources(&root).into_iter().map(file).collect()
+}
+
+/// All files of the engine, with the crate, the path below its `src`, and the text.
+fn engine() -> Vec<(&'static str, String, String)> {
+    let files = |(name, _): &(&'static str, _)| {
+        let name = *name;
+        files_of(name).into_iter().map(move |(file, text)| (name, file, text))
+    };
+    CRATES.iter().flat_map(files).collect()
 }
 
 /// A line without its comment and without what stands in string literals.
@@ -187,37 +196,38 @@ fn used_names(file: &str, text: &str) -> BTreeSet<String> {
     names
 }
 
-fn may_use(room: &str, used: &str) -> bool {
-    if room == used {
-        return true;
-    }
-    match room {
-        "lattice" | "error" | "disk" => false,
-        "mmap" | "progress" | "schedule" => used == "error",
-        "part" => ["disk", "error"].contains(&used),
-        _ => {
-            let (_, allowed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap_or_else(|| {
-                panic!("the room `{room}` has no place in the order yet: give it one in tests/layering.rs")
-            });
-            BOTTOM.contains(&used) || allowed.contains(&used)
-        }
-    }
+#[test]
+fn every_crate_of_the_engine_has_its_place() {
+    let folders =
+        fs::read_dir(top().join("engine")).expect("the engine").map(|entry| entry.expect("an entry").path());
+    let found: BTreeSet<String> = folders
+        .filter(|path| path.join("Cargo.toml").exists())
+        .map(|path| path.file_name().expect("a name").to_str().expect("UTF-8").to_owned())
+        .collect();
+    let known: BTreeSet<String> =
+        CRATES.iter().filter(|(name, _)| !name.is_empty()).map(|(name, _)| (*name).to_owned()).collect();
+    assert_eq!(found, known, "give a new crate its place in tests/layering.rs");
 }
 
 #[test]
-fn no_arrow_between_rooms_goes_upward() {
+fn no_arrow_between_rooms_of_a_crate_goes_upward() {
     let mut wrong = Vec::new();
     let mut arrows = BTreeSet::new();
-    for (file, text) in engine() {
-        let Some(room) = module_of(&file).first().cloned() else { continue };
-        for used in used_names(&file, &text) {
-            let used = if RE_EXPORTED.contains(&used.as_str()) { "error".to_owned() } else { used };
-            let is_judge = |(name, judges): &(&str, &[&str])| *name == room && judges.contains(&&*used);
-            let is_asked = file.contains("/tests/") && JUDGED.iter().any(is_judge);
-            if !may_use(&room, &used) && !is_asked {
-                wrong.push(format!("engine/src/{file}: {room} uses {used}"));
+    for (name, rooms) in CRATES {
+        for (file, text) in files_of(name) {
+            let Some(room) = module_of(&file).first().cloned() else { continue };
+            let Some((_, allowed)) = rooms.iter().find(|(known, _)| *known == room) else {
+                panic!("engine/{name}/src/{file}: give the room `{room}` its place in tests/layering.rs");
+            };
+            for used in used_names(&file, &text) {
+                let used =
+                    RE_EXPORTED.iter().find(|(name, _)| *name == used).map_or(&*used, |(_, file)| file);
+                let is_here = rooms.iter().any(|(known, _)| *known == used);
+                if is_here && used != room && !allowed.contains(&used) {
+                    wrong.push(format!("engine/{name}/src/{file}: {room} uses {used}"));
+                }
+                arrows.insert((room.clone(), used.to_owned()));
             }
-            arrows.insert((room.clone(), used));
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -235,19 +245,18 @@ fn uses_are_found_in_every_form() {
     assert_eq!(names.into_iter().collect::<Vec<_>>(), ["brick", "error", "lattice", "store", "winding"]);
     assert!(used_names("build/mod.rs", "use super::gpu;").contains("gpu"));
     assert!(used_names("build/jobs.rs", "use super::bins; let s = \"crate::x\";").is_empty());
-    assert!(!may_use("ingest", "brick") && !may_use("contour", "build") && !may_use("lattice", "error"));
 }
 
 #[test]
 fn unsafe_code_stands_in_its_rooms_and_says_why() {
-    for (file, text) in engine() {
+    for (name, file, text) in engine() {
         let lines: Vec<&str> = text.lines().collect();
         for (number, line) in lines.iter().enumerate() {
             if places_of(&code_of(line), "unsafe").next().is_none() {
                 continue;
             }
-            let place = format!("engine/src/{file}:{}", number + 1);
-            assert!(file == "mmap.rs" || file.starts_with("gpu/"), "{place}: unsafe code");
+            let place = format!("engine/{name}/src/{file}:{}", number + 1);
+            assert!((name, &*file) == ("core", "mmap.rs") || name == "gpu", "{place}: unsafe code");
             let above = lines[..number].iter().rev().map(|l| l.trim());
             let mut comment = above.skip_while(|l| l.starts_with("#[")).take_while(|l| l.starts_with("//"));
             // Of a function the comment says what callers must see to.
@@ -255,12 +264,16 @@ fn unsafe_code_stands_in_its_rooms_and_says_why() {
             assert!(comment.any(says_why), "{place}: no SAFETY comment above");
         }
     }
-    let lib = fs::read_to_string(top().join("engine/src/lib.rs")).expect("lib.rs");
-    assert!(lib.lines().any(|l| l == "#![deny(unsafe_code)]"));
-    let lines: Vec<&str> = lib.lines().collect();
+    let core = fs::read_to_string(source_of("core").join("lib.rs")).expect("lib.rs");
+    assert!(core.lines().any(|l| l == "#![deny(unsafe_code)]"));
+    let lines: Vec<&str> = core.lines().collect();
     for pair in lines.windows(2).filter(|pair| pair[0].contains("allow(unsafe_code)")) {
-        let opened = pair[1].trim_start_matches("pub ").trim_end_matches(';');
-        assert!(["mod mmap", "mod gpu"].contains(&opened), "unsafe code allowed in `{opened}`");
+        assert_eq!(pair[1], "pub mod mmap;", "unsafe code allowed elsewhere");
+    }
+    let safe = CRATES.iter().filter(|(name, _)| !["core", "gpu"].contains(name));
+    for (name, _) in safe {
+        let text = fs::read_to_string(source_of(name).join("lib.rs")).expect("lib.rs");
+        assert!(text.lines().any(|l| l == "#![forbid(unsafe_code)]"), "engine/{name}");
     }
     let crate_roots =
         ["tools/src/main.rs", "tools/terminal/src/lib.rs", "tools/bench/src/main.rs", "shaders/src/lib.rs"];
@@ -274,15 +287,15 @@ fn unsafe_code_stands_in_its_rooms_and_says_why() {
 
 #[test]
 fn bincode_is_used_in_one_file() {
-    for (file, text) in engine() {
+    for (name, file, text) in engine() {
         let used = text.lines().any(|l| places_of(&code_of(l), "bincode").next().is_some());
-        assert_eq!(used, file == "store/meta.rs", "engine/src/{file}");
+        assert_eq!(used, file == "store/meta.rs", "engine/{name}/src/{file}");
     }
 }
 
 #[test]
 fn files_stay_readable() {
-    for folder in ["engine/src", "tools", "shaders/src"] {
+    for folder in ["engine", "tools", "shaders/src"] {
         for path in sources(&top().join(folder)) {
             let lines = fs::read_to_string(&path).expect("readable").lines().count();
             assert!(lines <= LINES_MAX, "{} has {lines} lines: split it", path.display());
@@ -295,7 +308,7 @@ fn every_room_has_its_line_in_the_architecture() {
     let text = fs::read_to_string(top().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
     let section = text.split("\n## ").find(|s| s.starts_with("Rooms\n")).expect("a section `## Rooms`");
     let rooms: BTreeSet<String> =
-        engine().iter().filter_map(|(f, _)| module_of(f).first().cloned()).collect();
+        engine().iter().filter_map(|(_, f, _)| module_of(f).first().cloned()).collect();
     for room in rooms {
         let named = |line: &str| line.contains(&format!("`{room}`")) || line.contains(&format!("`{room}/`"));
         assert!(section.lines().any(named), "the section on rooms does not name `{room}`");

@@ -5,43 +5,20 @@
 //! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
 //! [`check`], [`pieces`], [`store`] → [`backend`], [`volumes`] → [`build`] → [`cache`], [`contour`], [`analysis`],
 //! [`section`], [`render`], which draw with [`picture`].
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
-pub mod analysis;
-pub mod backend;
-pub mod bead;
-pub mod brick;
-pub mod build;
-pub mod cache;
-pub mod check;
-pub mod contour;
-mod disk;
-mod error;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzz;
-#[allow(unsafe_code)] // Vulkan
-pub mod gpu;
-pub mod ingest;
-pub mod lattice;
-#[allow(unsafe_code)] // maps
-pub mod mmap;
-pub mod part;
-pub mod picture;
-pub mod pieces;
-mod progress;
-pub mod render;
-mod schedule;
-pub mod section;
-pub mod solid;
-pub mod store;
-pub mod toolpath;
-pub mod voids;
-pub mod volumes;
-mod wide;
-pub mod winding;
-pub mod x3d;
 
-pub use error::{Error, Result};
-pub use progress::{Progress, Silent};
+pub use brickfield_analysis::{analysis, voids};
+pub use brickfield_builder::{backend, build, volumes};
+pub use brickfield_core::{Error, Progress, Result, Silent, lattice, mmap, part};
+pub use brickfield_gpu::gpu;
+pub use brickfield_io::{check, ingest, pieces};
+pub use brickfield_mesh::contour;
+pub use brickfield_octree::{brick, cache, store};
+pub use brickfield_picture::{picture, render, section};
+pub use brickfield_toolpath::{bead, toolpath, x3d};
+pub use brickfield_winding::{solid, winding};

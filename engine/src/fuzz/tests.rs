@@ -1,7 +1,7 @@
 //! The seeds as they are, and changed at random in ways that can be repeated.
 
 use super::TARGETS;
-use crate::disk::sim::Rng;
+use brickfield_core::disk::sim::Rng;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

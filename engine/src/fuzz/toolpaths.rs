@@ -1,6 +1,6 @@
 //! The readers of toolpaths and of X3D.
 
-use crate::progress::Silent;
+use crate::Silent;
 use crate::toolpath::gcode::{GcodeOptions, read_gcode_from};
 use crate::x3d::Sweeps;
 use std::path::Path;

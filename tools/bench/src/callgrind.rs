@@ -72,10 +72,13 @@ impl Profile {
         Some(Profile { total: total?, inclusive })
     }
 
-    /// Instructions of a function of the engine and of all that it calls; none if it was not called, or is part of
+    /// Instructions of a function in any crate of the engine, named from the crate's root, and of all that it calls; none if it was not called, or is part of
     /// those that call it.
     pub fn of(&self, function: &str) -> Option<u64> {
-        self.inclusive.get(&format!("brickfield_engine::{function}")).copied()
+        let is_it = |name: &str| {
+            name.starts_with("brickfield_") && name.split_once("::").is_some_and(|(_, path)| path == function)
+        };
+        self.inclusive.iter().find(|(name, _)| is_it(name)).map(|(_, sum)| *sum)
     }
 
     /// The vectors that were chosen when the program ran.
@@ -98,8 +101,8 @@ mod tests {
     #[test]
     fn costs_are_added_up() {
         let text = "# callgrind format\nversion: 1\npositions: line\nevents: Ir\nsummary: 60\n\n\
-            fl=a.rs\nfn=brickfield_engine::a::outer\n0 10\ncfn=brickfield_engine::a::inner\ncalls=2 0\n0 30\n\
-            fn=brickfield_engine::a::inner\n0 25\ncfn=x::vectorize::vectorize_avx2\ncalls=1 0\n0 5\n\
+            fl=a.rs\nfn=brickfield_mesh::a::outer\n0 10\ncfn=brickfield_core::a::inner\ncalls=2 0\n0 30\n\
+            fn=brickfield_core::a::inner\n0 25\ncfn=x::vectorize::vectorize_avx2\ncalls=1 0\n0 5\n\
             fn=x::vectorize::vectorize_avx2\n0 5\nfn=main\n0 20\ntotals: 60\n";
         let profile = Profile::parse(text).unwrap();
         assert_eq!((profile.total, profile.of("a::outer"), profile.of("a::inner")), (60, Some(40), Some(30)));

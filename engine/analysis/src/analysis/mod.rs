@@ -1,0 +1,15 @@
+//! Questions answered from a finished octree: w at points, the beads that make it up, a level as one dense
+//! grid, volumes.
+
+mod beads;
+mod export;
+mod sample;
+#[cfg(test)]
+mod tests;
+mod volume;
+
+pub use beads::solids_of;
+pub use beads::{Covering, beads_at_points};
+pub use export::{Dense, Element};
+pub use sample::{sample_at, winding_range};
+pub use volume::{Volumes, negative_volume, volume};

@@ -1,0 +1,13 @@
+//! What is inside a part: samples at points, dense arrays, volumes, layers and voids of a store.
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod analysis;
+pub mod voids;
+
+#[cfg(test)]
+use brickfield_core::part;
+use brickfield_core::{error, lattice, progress};
+use brickfield_mesh::contour;
+use brickfield_octree::{brick, store};
+use brickfield_winding::solid;

@@ -1,0 +1,135 @@
+//! The crossings of the boundaries of voids: their points, and the beads that they belong to.
+
+use super::components::Components;
+use super::labelling::Labelling;
+use super::points::{OUTER, Point};
+use super::trace::{Around, Tracer};
+use crate::brick::{Brick, HermiteEdge};
+use crate::error::Result;
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+use crate::progress::Progress;
+use crate::store::{BrickTree, Leaf, visit};
+use std::collections::BTreeMap;
+
+/// A crossing of a lattice edge whose end outside belongs to a void, or to the outside.
+pub(super) struct Crossing {
+    pub axis: Axis,
+    /// Lower sample of the edge in the leaf.
+    pub low: [usize; 3],
+    pub low_is_inside: bool,
+    /// Where it is, in lattice units from the root's corner.
+    pub at: [f64; 3],
+    /// Unit normal, outward.
+    pub normal: [f64; 3],
+    /// What of the surface it stands for, in squares of the edge: lines along all axes meet a surface with the sum of its
+    /// normal's components.
+    pub share: f64,
+}
+
+/// What is gathered along the boundaries.
+#[derive(Default)]
+pub(super) struct Boundaries {
+    /// Crossings of voids and of the outer surface; `None` if there are more than were allowed.
+    pub points: Option<Vec<Point>>,
+    /// By component the beads around it.
+    pub around: BTreeMap<usize, Around>,
+}
+
+/// Gathers them. `is_void` picks components; at most `most_points` points are kept.
+///
+/// # Errors
+/// What reading the tree gives; [`crate::error::Error::Interrupted`].
+pub(super) fn boundaries(
+    tree: &dyn BrickTree,
+    labelling: &Labelling,
+    is_void: &(dyn Fn(usize) -> bool + Sync),
+    tracer: Option<&Tracer<'_>>,
+    most_points: usize,
+    progress: &dyn Progress,
+) -> Result<Boundaries> {
+    let keys = labelling.order.keys();
+    let has_outer = |leaf: usize| labelling.in_leaf(leaf).any(|c| c.is_none());
+    let has_void = |leaf: usize| labelling.in_leaf(leaf).flatten().any(is_void);
+    let changes = |key: NodeKey| tree.node(key).is_some_and(|node| node.min != node.max || node.fractions);
+    let wanted: Vec<usize> =
+        (0..keys.len()).filter(|&leaf| changes(keys[leaf]) && (has_void(leaf) || has_outer(leaf))).collect();
+    let wanted_keys: Vec<NodeKey> = wanted.iter().map(|&leaf| keys[leaf]).collect();
+    progress.phase("boundaries of voids", Some(wanted.len() as u64), "bricks");
+    let make = |leaf: &Leaf<'_>| {
+        let number = wanted[leaf.number];
+        let mut points = Vec::new();
+        let mut around: BTreeMap<usize, Around> = BTreeMap::new();
+        let segments = match tracer {
+            Some(tracer) if has_void(number) => Some(tracer.segments(leaf.key)?),
+            _ => None,
+        };
+        let components = Components::of(leaf.brick, labelling.connectivity).0;
+        each_crossing(leaf.key, leaf.brick, |crossing| {
+            let mut outer = crossing.low;
+            outer[crossing.axis.index()] += usize::from(crossing.low_is_inside);
+            let component = labelling.of(number, components.at(outer));
+            if component.is_some_and(|component| !is_void(component)) {
+                return;
+            }
+            points.push(Point {
+                at: crossing.at.map(|c| c as f32),
+                normal: crossing.normal.map(|c| c as f32),
+                component: component.map_or(OUTER, |component| component as u32),
+            });
+            if let (Some(segments), Some(component)) = (&segments, component) {
+                around.entry(component).or_default().add(segments, leaf.key, &crossing);
+            }
+        });
+        Ok((points, around))
+    };
+    let mut found = Boundaries { points: Some(Vec::new()), around: BTreeMap::new() };
+    visit(tree, &wanted_keys, progress, make, |_, (points, around)| {
+        if let Some(all) = &mut found.points
+            && all.len() + points.len() <= most_points
+        {
+            all.extend(points);
+        } else {
+            found.points = None;
+        }
+        for (component, part) in around {
+            found.around.entry(component).or_default().join(part);
+        }
+        Ok(())
+    })?;
+    Ok(found)
+}
+
+/// Calls `each` with the crossings of the edges that a leaf owns.
+fn each_crossing(key: NodeKey, brick: &Brick, mut each: impl FnMut(Crossing)) {
+    let Brick::Counts { samples, hermite } = brick else { return };
+    let signs = crate::brick::SignChanges::of(samples);
+    if hermite.edges.each_ref().map(Vec::len) != signs.counts() {
+        return;
+    }
+    let step = f64::from(1u32 << key.spacing_bits());
+    for axis in Axis::ALL {
+        let mut edges = hermite.edges[axis.index()].iter();
+        signs.for_edges(axis, |low| {
+            let Some(edge) = edges.next() else { return };
+            if low.iter().all(|&c| c < BRICK_CELLS) {
+                each(crossing(key, axis, low, signs.is_inside(low), *edge, step));
+            }
+        });
+    }
+}
+
+fn crossing(
+    key: NodeKey,
+    axis: Axis,
+    low: [usize; 3],
+    low_is_inside: bool,
+    edge: HermiteEdge,
+    step: f64,
+) -> Crossing {
+    let mut at = low.map(|c| c as f64);
+    at[axis.index()] += edge.fraction();
+    let normal = edge.normal.to_vector();
+    let share = step * step / normal.iter().map(|c| c.abs()).sum::<f64>();
+    let at = [0, 1, 2].map(|a| f64::from(key.base()[a]) + 1.0 + at[a] * step);
+    Crossing { axis, low, low_is_inside, at, normal, share }
+}

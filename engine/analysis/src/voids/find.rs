@@ -1,0 +1,264 @@
+//! The voids of a store, one by one.
+
+use super::boundary::{Boundaries, boundaries};
+use super::components::Connectivity;
+use super::labelling::{Component, Labelling, label};
+use super::points::{OUTER, Point, PointTree, distance, inscribed};
+use super::surface::{Surface, surfaces};
+use super::trace::{Trace, Tracer};
+use crate::error::Result;
+use crate::lattice::RootCube;
+use crate::progress::Progress;
+use crate::store::{BrickTree, Store};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+/// Bytes that a point of a boundary takes while distances are measured.
+const POINT_BYTES: u64 = 64;
+
+/// What to look for.
+#[derive(Clone, Copy, Debug)]
+pub struct VoidOptions {
+    /// Which samples are neighbours.
+    pub connectivity: Connectivity,
+    /// Smaller voids are left out, in the cube of the store's unit.
+    pub min_volume: f64,
+    /// Bytes for bricks and for points of boundaries.
+    pub memory: u64,
+}
+
+/// A region of w = 0 that the part encloses. Lengths are in the store's unit; what is not known is `None`.
+#[derive(Clone, Debug)]
+pub struct Void {
+    /// By volume, from 1.
+    pub id: usize,
+    /// Volume within the contour's polygons; where these do not close, the mean over the chords along three axes.
+    pub volume: f64,
+    /// The spread of chords, twice their mean's distance from the number of samples, as `analysis::volume` has it, and what
+    /// polygons and chords differ by.
+    pub volume_error: f64,
+    /// Area of the contour's polygons around it.
+    pub surface: f64,
+    /// Diameter of the largest ball in it; `None` where cells are too coarse to tell.
+    pub inner_diameter: Option<f64>,
+    /// Diameter of the smallest ball around it.
+    pub diameter: f64,
+    /// By chords along all axes.
+    pub centroid: [f64; 3],
+    /// Least and greatest coordinates.
+    pub bounds: [[f64; 3]; 2],
+    /// Samples less edges, plus faces, less cells; of 6-connected voids.
+    pub euler: Option<i64>,
+    /// Least distance to another void.
+    pub gap: Option<f64>,
+    /// Least distance to the outer surface.
+    pub edge_distance: Option<f64>,
+    /// The beads around it, where the store tells them apart.
+    pub trace: Option<Trace>,
+}
+
+impl Void {
+    /// Diameter of the ball of its volume.
+    pub fn equivalent_diameter(&self) -> f64 {
+        (6.0 * self.volume / PI).cbrt()
+    }
+
+    /// Area of the ball of its volume over its own (Wadell 1932); `None` without a surface, and where volume and surface are
+    /// so uncertain that the ball would have the larger one, as of voids of a cell or two.
+    pub fn sphericity(&self) -> Option<f64> {
+        let ball = PI.cbrt() * (6.0 * self.volume).powf(2.0 / 3.0);
+        // Rounding: nothing is as round as a ball.
+        (self.surface > 0.0 && ball <= self.surface * 1.005).then(|| (ball / self.surface).min(1.0))
+    }
+
+    /// Its volume over that of the smallest ball around it.
+    pub fn compactness(&self) -> Option<f64> {
+        (self.diameter > 0.0).then(|| self.volume / (PI / 6.0 * self.diameter.powi(3)))
+    }
+}
+
+/// The voids of a store.
+#[derive(Clone, Debug)]
+pub struct Voids {
+    /// Largest first.
+    pub voids: Vec<Void>,
+    /// Volume of the solid.
+    pub solid_volume: f64,
+    /// Pieces of solid that do not hang together.
+    pub solids: usize,
+    /// Volume of all voids, those left out as well.
+    pub void_volume: f64,
+    /// Bound on its error.
+    pub void_volume_error: f64,
+    /// How many were left out as too small.
+    pub left_out: usize,
+}
+
+impl Voids {
+    /// Volume of voids over that of solid and voids.
+    pub fn porosity(&self) -> f64 {
+        let whole = self.void_volume + self.solid_volume;
+        if whole > 0.0 { self.void_volume / whole } else { 0.0 }
+    }
+}
+
+/// Finds the voids of a store.
+///
+/// # Errors
+/// What reading the store gives; [`crate::error::Error::Interrupted`].
+pub fn find(store: &Store, options: &VoidOptions, progress: &dyn Progress) -> Result<Voids> {
+    let labelling = label(store, options.connectivity, progress)?;
+    let root = store.root();
+    let mut found = Voids {
+        voids: Vec::new(),
+        solid_volume: 0.0,
+        solids: 0,
+        void_volume: 0.0,
+        void_volume_error: 0.0,
+        left_out: 0,
+    };
+    let mut measured = vec![false; labelling.components.len()];
+    for (number, component) in labelling.components.iter().enumerate() {
+        let (volume, error) = volume_of(component, root);
+        if component.solid {
+            found.solids += 1;
+            found.solid_volume += volume;
+            continue;
+        }
+        found.void_volume += volume;
+        found.void_volume_error += error;
+        measured[number] = volume >= options.min_volume;
+        found.left_out += usize::from(!measured[number]);
+    }
+    if !measured.contains(&true) {
+        return Ok(found);
+    }
+    let is_void = |component: usize| measured[component];
+    let centre = |component: usize| {
+        let centroid = labelling.components[component].sums.centroid()?;
+        is_void(component).then(|| root.to_world(centroid))
+    };
+    let cache_bytes = usize::try_from(options.memory / 2).unwrap_or(usize::MAX);
+    let mut surfaces = surfaces(store, &labelling, &centre, cache_bytes, progress)?;
+    let tracer = Tracer::new(store)?;
+    let most = usize::try_from(options.memory / 2 / POINT_BYTES).unwrap_or(usize::MAX);
+    let Boundaries { points, around } =
+        boundaries(store, &labelling, &is_void, tracer.as_ref(), most, progress)?;
+    for number in (0..measured.len()).filter(|&number| measured[number]) {
+        let surface = surfaces.remove(&number).unwrap_or_default();
+        let trace = match (around.get(&number), &tracer) {
+            (Some(around), Some(tracer)) => Trace::of(around, tracer),
+            _ => None,
+        };
+        let (chords, chords_error) = volume_of(&labelling.components[number], root);
+        let mut void = void_of(&labelling, number, &surface, (chords, chords_error), root);
+        found.void_volume += void.volume - chords;
+        found.void_volume_error += void.volume_error - chords_error;
+        void.trace = trace;
+        // The component, until they are sorted.
+        void.id = number;
+        found.voids.push(void);
+    }
+    if let Some(points) = points {
+        measure_distances(&mut found.voids, points, store, progress)?;
+    }
+    // Components are in Morton order of their first leaves, which settles ties.
+    found.voids.sort_by(|a, b| b.volume.total_cmp(&a.volume).then(a.id.cmp(&b.id)));
+    found.voids.iter_mut().enumerate().for_each(|(n, void)| void.id = n + 1);
+    Ok(found)
+}
+
+fn volume_of(component: &Component, root: RootCube) -> (f64, f64) {
+    let volumes = component.sums.volumes(root);
+    let [low, high] = [f64::min, f64::max].map(|f| volumes.into_iter().reduce(f).unwrap_or_default());
+    let mean = volumes.iter().sum::<f64>() / 3.0;
+    (mean, high - low + 2.0 * (component.sums.counted(root) - mean).abs())
+}
+
+/// The volume within the polygons, if these are closed, else that of the chords. Chords are off where
+/// faces are in step with the cells; polygons are not, but the bound is that of the chords, and what the two differ by.
+fn by_polygons(surface: &Surface, chords: f64, error: f64) -> (f64, f64) {
+    /// A surface is closed if its vectors of area add up to nothing but rounding.
+    const OPEN_MOST: f64 = 1e-4;
+    let open = surface.open.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let apart = (surface.volume - chords).abs();
+    if surface.volume > 0.0 && open <= OPEN_MOST * surface.area {
+        (surface.volume, error + apart)
+    } else {
+        (chords, error)
+    }
+}
+
+fn void_of(
+    labelling: &Labelling,
+    number: usize,
+    surface: &Surface,
+    (chords, chords_error): (f64, f64),
+    root: RootCube,
+) -> Void {
+    let (volume, volume_error) = by_polygons(surface, chords, chords_error);
+    let sums = &labelling.components[number].sums;
+    let centroid = sums.centroid().map_or([f64::NAN; 3], |units| root.to_world(units));
+    let corner = |parts: &[i64; 3]| root.to_world(parts.map(|p| p as f64 / super::measure::PARTS + 1.0));
+    let (low, high) = (corner(&sums.low), corner(&sums.high));
+    let bounds = [
+        [0, 1, 2].map(|a| low[a].min(surface.bounds[0][a])),
+        [0, 1, 2].map(|a| high[a].max(surface.bounds[1][a])),
+    ];
+    Void {
+        id: 0,
+        volume,
+        volume_error,
+        surface: surface.area,
+        inner_diameter: None,
+        diameter: surface.diameter(),
+        centroid,
+        bounds,
+        euler: (labelling.connectivity == Connectivity::VoidSix).then_some(sums.euler),
+        gap: None,
+        edge_distance: None,
+        trace: None,
+    }
+}
+
+/// Largest balls, and distances to other voids and to the outer surface.
+fn measure_distances(
+    voids: &mut [Void],
+    points: Vec<Point>,
+    store: &Store,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let root = store.root();
+    let unit = root.unit();
+    let reach = 0.75 * root.spacing(store.meta().depth) / unit;
+    let (outer, inner): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|p| p.component == OUTER);
+    let mut own: BTreeMap<u32, Vec<Point>> = BTreeMap::new();
+    inner.iter().for_each(|point| own.entry(point.component).or_default().push(*point));
+    let (outer, inner) = (PointTree::new(outer), PointTree::new(inner));
+    progress.phase("distances between voids", Some(voids.len() as u64), "voids");
+    voids.par_iter_mut().try_for_each(|void| {
+        progress.check()?;
+        let component = void.id as u32;
+        let tree = PointTree::new(own.get(&component).cloned().unwrap_or_default());
+        let nearest = |others: &PointTree, counts: &dyn Fn(&Point) -> bool| {
+            let mut best = f64::INFINITY;
+            for point in tree.points() {
+                let at = point.at.map(f64::from);
+                if let Some((_, other)) = others.nearest(at, best + reach, &|p| counts(p)) {
+                    best = best.min(distance(at, other, reach));
+                }
+            }
+            best.is_finite().then_some(best * unit)
+        };
+        void.edge_distance = nearest(&outer, &|_| true);
+        void.gap = nearest(&inner, &|p| p.component != component);
+        let largest = void.diameter / unit;
+        let ball = inscribed(&tree, largest.max(reach)) * unit;
+        // A ball that is larger than the void says that the void is too small for its cells.
+        let most = void.equivalent_diameter() * 1.001;
+        void.inner_diameter = (ball > 0.0 && ball <= most).then(|| ball.min(void.equivalent_diameter()));
+        progress.advance(1);
+        Ok(())
+    })
+}

@@ -1,0 +1,540 @@
+//! The main job: mesh files in, store out.
+
+use super::again::without_wrong_device;
+use super::bins::Binner;
+use super::clock::Clock;
+use super::cut::cut;
+use super::field::Field;
+use super::foresee::{Foreseen, foresee};
+use super::jobs::{Plan, build_tree, job_level, sort_cubes};
+use super::open::{self, OpenSoup};
+use super::orient;
+use super::records::EncodedBricks;
+use super::resources::{Resources, Room};
+use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
+use super::snap::{SnappedSoup, snap};
+use super::sorted::SortedPieces;
+use super::soup::Soup;
+use super::summary::{Resumed, ShareSummary, Summary};
+use super::thin::{ThinDepth, ThinSummary};
+use super::toolpaths::{bead_sources, build_beads};
+use super::weigh::{Work, weigh_soup};
+use crate::brick::{Count, Thin};
+use crate::error::{Error, Result};
+use crate::ingest::{Facets, Input, Survey};
+use crate::lattice::{MAX_LEVEL, RootCube};
+use crate::pieces::{Consistency, InsideOut, Oriented};
+use crate::progress::Progress;
+use crate::solid::Outline;
+use crate::store::{
+    BeadsMeta, Compression, Meta, Numbers, Refine, Settings, Share, ShareId, ShareNumbers, Source, Stats,
+    StoreWriter, check_target,
+};
+use crate::volumes::facet_volumes;
+use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::Duration;
+
+/// How fine the deepest bricks are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Resolution {
+    /// Depth 4 of meshes: 512 cells along the root's edge, seconds for a million facets, and half a millimetre on a quarter
+    /// metre. Of beads as solids cells of at most 0.4 of the least height and width. Of point clouds the depth whose cells are nearest to half the points' spacing.
+    Auto,
+    /// Deepest level: 32·2^level cells along the root's edge.
+    Depth(u8),
+    /// Edge of the deepest cells in the input's unit; the root cube is grown to fit.
+    Cell(f64),
+}
+
+/// [`Resolution::Auto`] of all but point clouds.
+const AUTO_DEPTH: u8 = 4;
+
+/// Settings of [`build`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuildOptions {
+    /// Depth or cell size.
+    pub resolution: Resolution,
+    /// Criterion above the depth limit.
+    pub refine: Refine,
+    /// Largest standard deviation of a leaf above the depth limit.
+    pub stddev: f64,
+    /// How far, in the input's unit, the boundary may be from the mesh of a leaf above the depth limit; 0 divides all that
+    /// facets touch. Of closed meshes only.
+    pub tolerance: f64,
+    /// Largest error of samples of open input; those of closed input are exact.
+    pub gwn_error: f64,
+    /// Whether bricks in which walls or gaps hide between samples are divided further than [`BuildOptions::resolution`]
+    /// says. Of closed meshes and of beads as solids, with [`Refine::Hidden`] and neither a deviation nor a tolerance.
+    pub thin: ThinDepth,
+    /// The cross-section of beads as analytic solids, for inputs that are all toolpaths; `None` builds from
+    /// triangles, those swept along toolpaths included.
+    pub solids: Option<Outline>,
+    /// What the samples of beads as solids count.
+    pub count: Count,
+    /// Turn over pieces that are inside out, of inputs that are built from triangles.
+    pub orient: Option<Consistency>,
+    /// Record in every leaf which beads it counts, where beads are solids.
+    pub identity: bool,
+    /// Build only this share of the tree, to be joined with the others by [`super::merge`].
+    pub share: Option<ShareId>,
+    /// How payloads are stored. The store has the bytes that [`brickfield_octree::cache::repack`] makes of one with another.
+    pub compression: Compression,
+    /// What the build may take.
+    pub resources: Resources,
+    /// What is kept if it is interrupted.
+    pub keeping: Keeping,
+    /// Length unit of the input, recorded in the store.
+    pub unit: String,
+    /// Program name and version, recorded in the store.
+    pub program: String,
+}
+
+impl Default for BuildOptions {
+    /// The whole tree to the depth that is chosen where none is asked for, samples of open input within a thousandth,
+    /// in millimetres, without bounds.
+    fn default() -> Self {
+        BuildOptions {
+            resolution: Resolution::Auto,
+            refine: Refine::Hidden,
+            stddev: 0.0,
+            tolerance: 0.0,
+            gwn_error: 1e-3,
+            thin: ThinDepth::None,
+            solids: None,
+            count: Count::default(),
+            orient: None,
+            identity: false,
+            share: None,
+            compression: Compression::Lz4,
+            resources: Resources::default(),
+            keeping: Keeping::default(),
+            unit: "mm".to_owned(),
+            program: concat!("brickfield-engine ", env!("CARGO_PKG_VERSION")).to_owned(),
+        }
+    }
+}
+
+/// How a build is kept from being lost: it commits now and then what it has, and the same build goes on from there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Keeping {
+    /// Time between two commits: what a crash may cost, beside the pass over the input.
+    pub pace: Duration,
+    /// Give up what an earlier run has left.
+    pub restart: bool,
+    /// What decides the store beside these options and the inputs' bytes, by name, as how the inputs were read. A run
+    /// with other settings does not go on with what this one leaves.
+    pub settings: Settings,
+}
+
+impl Default for Keeping {
+    fn default() -> Self {
+        Keeping { pace: Duration::from_secs(10), restart: false, settings: Settings::new() }
+    }
+}
+
+/// Builds `output` from the soup of all `inputs` on the threads of the current rayon pool.
+///
+/// The file's bytes depend on the inputs, their paths as given, the order of the paths and the options; not
+/// on the threads, nor, but for the inputs' hashes in the metadata, on the order of the facets.
+///
+/// # Errors
+/// Unreadable or damaged input, settings that do not fit it, an output that cannot be written. Nothing
+/// is left under the final name unless the build succeeds.
+pub fn build(
+    inputs: &[PathBuf],
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<Summary> {
+    let opened: Vec<Input> = inputs.iter().map(|path| Input::open(path, progress)).collect::<Result<_>>()?;
+    build_opened(&opened, output, options, progress)
+}
+
+/// As [`build`], of inputs that are open already.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_opened(
+    opened: &[Input],
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<Summary> {
+    if let Some(outline) = options.solids {
+        return build_beads(&bead_sources(opened)?, (outline, options.count), output, options, progress);
+    }
+    without_wrong_device(options, |options| build_soup(opened, output, options, progress))
+}
+
+/// From triangles.
+fn build_soup(
+    opened: &[Input],
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<Summary> {
+    let mut clock = Clock::default();
+    check_target(output)?;
+    let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
+    let (min, max) = Survey::bounds_of_all(&surveys);
+    let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
+    foresee(&Foreseen::Facets(opened), (root, depth), (min, max), output, options, progress)?;
+    let sources =
+        opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
+    let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
+    clock.lap("measure");
+    let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
+    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
+    let soups = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
+    clock.lap_if(turned.is_some(), "orient");
+    task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
+    clock.lap_if(task.meta.share.is_some(), "weigh");
+    progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
+    let soup = snap(&soups, root, (task.cubes(), task.rules.sieved()), &task.room, progress)?;
+    opened.iter().try_for_each(Input::check)?;
+    require_area(&soup, opened)?;
+    task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
+    task.meta.numbers.degenerate_facets = soup.degenerate;
+    clock.lap("snap");
+    let open = if soup.balance.is_closed() {
+        let device = options.resources.device.clone();
+        task.build(&Soup { device }, soup.sorted, progress)?;
+        clock.lap("build");
+        let volumes = facet_volumes(&soups, (min, max), task.room.memory() / 8, progress);
+        task.meta.volumes = task.keep(volumes)?;
+        clock.lap("volumes");
+        OpenSummary::default()
+    } else {
+        drop(soup);
+        require_no_tolerance(options.tolerance, OPEN)?;
+        options.thin.require_none(OPEN)?;
+        require_open_room(task.meta.numbers.facets, &options.resources)?;
+        task.rules.evaluate_interior = true;
+        let field = OpenField::new(OpenPart::of(&soups, root, progress)?, options.gwn_error)?;
+        clock.lap("close");
+        let field = OpenSoup::new(field, options.resources.device.as_ref());
+        let pieces = open::gather(&field, &soups, root, progress)?;
+        opened.iter().try_for_each(Input::check)?;
+        task.build(&field, pieces, progress)?;
+        clock.lap("build");
+        field.field.part().summary
+    };
+    let inside_out = task.find_inside_out(&soups, progress)?;
+    clock.lap_if(inside_out.is_some(), "pieces");
+    let summary = task.finish(clock, progress)?;
+    Ok(Summary {
+        pieces: turned.map(|(report, _)| report),
+        inside_out,
+        turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
+        skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
+        open_edges: open.open_edges,
+        loops: open.loops,
+        flipped_patches: open.flipped_patches,
+        ..summary
+    })
+}
+
+/// The error of an index that takes more than it may, of a store whose nodes so far are kept.
+fn outgrown(writer: &mut StoreWriter, index: u64) -> Error {
+    if let Err(error) = writer.commit() {
+        return error;
+    }
+    let (part, nodes) = writer.unfinished().unwrap_or_default();
+    let kib = index >> 10;
+    let what = format!("the index of {nodes} nodes has outgrown the {kib} KiB that it may take");
+    Error::store(&part, "index", what, "run the same again with more --memory, which goes on from there")
+}
+
+/// A build whose input is known and measured: the store is begun.
+pub(super) struct Task {
+    pub rules: Rules,
+    pub meta: Meta,
+    pub writer: StoreWriter,
+    /// Memory and temporary file.
+    pub room: Room,
+    /// What hides between the samples of the leaves that were built.
+    thin: Mutex<Thin>,
+    /// The part of all work that was foreseen for the share, if only one is asked for.
+    work: f64,
+    /// What was there when it began.
+    resumed: Option<Resumed>,
+}
+
+impl Task {
+    /// Checks the settings and begins the store.
+    pub fn begin(
+        sources: Vec<Source>,
+        (bounds_min, bounds_max): ([f64; 3], [f64; 3]),
+        root: RootCube,
+        depth: u8,
+        output: &Path,
+        options: &BuildOptions,
+        beads: Option<BeadsMeta>,
+    ) -> Result<Task> {
+        let compression = options.compression;
+        if options.share.is_some() && compression != Compression::Lz4 {
+            let what = format!("a share of a store is not built with the compression {compression}");
+            return Err(Error::setting(
+                what,
+                "leave it out, and repack the whole when the shares are joined",
+            ));
+        }
+        let BuildOptions { stddev, tolerance, .. } = *options;
+        let (depth, refine) = options.thin.of(depth, options.refine)?;
+        let rules = Rules::new(TreeOptions { depth, refine, stddev, tolerance }, root)?;
+        let rules = Rules { compression, ..rules };
+        let meta = Meta {
+            program: options.program.clone(),
+            sources,
+            unit: options.unit.clone(),
+            root,
+            bounds_min,
+            bounds_max,
+            depth,
+            refine,
+            stddev,
+            tolerance: (tolerance > 0.0).then_some(tolerance),
+            numbers: Numbers::default(),
+            beads,
+            volumes: None,
+            share: options.share.map(|id| Share {
+                id,
+                level: job_level(&rules),
+                gwn_error: options.gwn_error,
+                found: ShareNumbers::default(),
+            }),
+        };
+        let room = Room::new(&options.resources, output)?;
+        let Keeping { pace, restart, settings } = options.keeping.clone();
+        let of_build = [
+            ("made by", "build".to_owned()),
+            ("error of samples", options.gwn_error.to_string()),
+            ("compression", compression.to_string()),
+            ("way to turn pieces", format!("{:?}", options.orient)),
+        ];
+        let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
+        let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
+        let resumed = writer.kept().map(|kept| Resumed { nodes: kept.nodes(), part: kept.part_of_curve() });
+        Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0, resumed })
+    }
+
+    /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
+    /// tree's depth.
+    pub fn cut(&mut self, weigh: impl FnOnce((u8, u8)) -> Result<Work>) -> Result<()> {
+        let Some(share) = &mut self.meta.share else { return Ok(()) };
+        let work = weigh((share.level, self.rules.depth))?;
+        let of_cubes = work.of_cubes();
+        let cells = cut(share.id, &of_cubes);
+        let of_share: u64 = of_cubes[cells.start as usize..cells.end as usize].iter().sum();
+        self.work = of_share as f64 / of_cubes.iter().sum::<u64>().max(1) as f64;
+        share.found.cells = (cells.start, cells.end);
+        share.found.pieces = work.sum;
+        Ok(())
+    }
+
+    /// The cubes that pieces are to be sorted by.
+    pub fn cubes(&self) -> Binner {
+        let cubes = sort_cubes(&self.rules);
+        match &self.meta.share {
+            Some(share) if self.rules.refines_all_touched() => cubes.keeping(share.cells()),
+            _ => cubes,
+        }
+    }
+
+    /// Builds the tree.
+    pub fn build<F: Field>(
+        &mut self,
+        field: &F,
+        sorted: SortedPieces<F>,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        if let Some(Resumed { nodes, part }) = &self.resumed {
+            let percent = 100.0 * part;
+            progress.note(&format!(
+                "going on from {nodes} nodes of an earlier run, about {percent:.0}% of the tree"
+            ));
+        }
+        let kept = self.writer.kept();
+        let share = self.meta.share.as_ref();
+        let plan = Plan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
+        let (writer, index) = (&mut self.writer, self.room.index());
+        let record = |bricks: EncodedBricks| {
+            let bytes = bricks.write(writer)?;
+            writer.commit_if_due()?;
+            if bytes > index { Err(outgrown(writer, index)) } else { Ok(bytes) }
+        };
+        let built = build_tree(field, sorted, plan, self.room.memory(), progress, record);
+        let empty = self.keep(built)?;
+        if let Some(share) = &mut self.meta.share {
+            share.found.joined = self.rules.refines_all_touched();
+            share.found.empty = empty;
+        }
+        Ok(())
+    }
+
+    /// The pieces that are inside out, if a whole tree is negative somewhere.
+    fn find_inside_out(
+        &mut self,
+        soups: &[&dyn Facets],
+        progress: &dyn Progress,
+    ) -> Result<Option<InsideOut>> {
+        let is_negative = self.writer.lowest().is_some_and(|lowest| lowest < 0);
+        if !is_negative || self.meta.share.is_some() {
+            return Ok(None);
+        }
+        let found = orient::find_inside_out(soups, self.meta.root, self.room.memory(), progress);
+        self.keep(found)
+    }
+
+    /// Passes on a result. If the user or the system is why it is an error, what there is so far is kept; if a device is,
+    /// nothing of it.
+    pub fn keep<T>(&mut self, result: Result<T>) -> Result<T> {
+        if matches!(result, Err(Error::Distrusted { .. })) {
+            self.writer.give_up();
+        }
+        let Err(error @ (Error::Interrupted | Error::Io { .. })) = result else { return result };
+        // If the store itself can no longer be written, what was committed before is there.
+        let committed = self.writer.commit();
+        match (error, self.writer.unfinished()) {
+            (Error::Interrupted, Some((part, nodes))) if committed.is_ok() => {
+                Err(Error::Suspended { part, nodes })
+            }
+            (error, _) => Err(error),
+        }
+    }
+
+    /// Completes the store.
+    pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<Summary> {
+        progress.phase("finishing", None, "bytes");
+        let Meta { root, depth, numbers: Numbers { facets, degenerate_facets, .. }, .. } = self.meta;
+        let share = self.meta.share.as_ref().map(|share| ShareSummary {
+            id: share.id,
+            level: share.level,
+            cubes: share.cells().end - share.cells().start,
+            work: self.work,
+        });
+        let thin = self.thin.into_inner().expect("no thread panicked");
+        let thin = (!thin.is_empty()).then(|| ThinSummary::new(&thin, root, depth));
+        let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
+        clock.lap("finish");
+        Ok(Summary {
+            facets,
+            segments: 0,
+            degenerate_facets,
+            points: 0,
+            void_points: 0,
+            spacing: 0.0,
+            skipped_faces: 0,
+            depth,
+            cell: root.spacing(depth),
+            nodes,
+            leaves,
+            file_bytes,
+            open_edges: 0,
+            loops: 0,
+            flipped_patches: 0,
+            pieces: None,
+            inside_out: None,
+            turned_sweeps: 0,
+            temporary_bytes: self.room.file().bytes(),
+            base_depth: self.rules.depth,
+            thin,
+            resumed: self.resumed,
+            share,
+            device: None,
+            phases: clock.laps,
+        })
+    }
+}
+
+/// The root cube and the deepest level.
+pub(super) fn place(
+    first: Option<&Path>,
+    min: [f64; 3],
+    max: [f64; 3],
+    resolution: Resolution,
+) -> Result<(RootCube, u8)> {
+    place_by(first, (min, max), resolution, |resolution| match resolution {
+        Resolution::Auto => RootCube::around(min, max).map(|root| (root, AUTO_DEPTH)),
+        Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
+        Resolution::Cell(cell) => RootCube::with_cell(min, max, cell),
+    })
+}
+
+/// What `by` makes of a resolution that fits the lattice.
+///
+/// # Errors
+/// If the resolution does not fit it, or `by` finds no cube.
+pub(super) fn place_by(
+    first: Option<&Path>,
+    (min, max): ([f64; 3], [f64; 3]),
+    resolution: Resolution,
+    by: impl FnOnce(Resolution) -> Option<(RootCube, u8)>,
+) -> Result<(RootCube, u8)> {
+    if let Resolution::Cell(cell) = resolution {
+        let extent = (0..3).map(|a| max[a] - min[a]).fold(0.0, f64::max);
+        let finest = extent / 32.0 / f64::from(1u32 << MAX_LEVEL);
+        if !(cell > finest && cell.is_finite()) {
+            return Err(Error::setting(
+                format!("a cell of {cell} is too small for a part of {extent}"),
+                format!("use a cell of at least {:.3e}", finest * 1.1),
+            ));
+        }
+    }
+    by(resolution).ok_or_else(|| {
+        let (place, what) = ("bounds", format!("the input spans {min:?} to {max:?}, which fits no lattice"));
+        let remedy =
+            "it must have an extent, and lie no farther than some millions of its size from the origin";
+        match first {
+            Some(path) => Error::input(path, place, what, remedy),
+            None => Error::setting("there is no input", "give at least one mesh"),
+        }
+    })
+}
+
+pub(super) fn describe(input: &Input, identity: [u8; 32]) -> Source {
+    Source {
+        path: input.path().display().to_string(),
+        bytes: input.bytes(),
+        facets: input.facets(),
+        format: input.describe().to_owned(),
+        blake3: identity,
+    }
+}
+
+/// Fails if no facet has an area.
+fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
+    match opened.first() {
+        Some(first) if soup.degenerate == opened.iter().map(Input::facets).sum::<u64>() => Err(Error::input(
+            first.path(),
+            "facets",
+            format!("none of the {} facets has an area", soup.degenerate),
+            "export the mesh again, in a unit in which its details are not lost",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The pieces of an open soup stay in memory, those of two levels of nodes at a time. Measured beside the far field: 93
+/// bytes a facet of 5 million.
+const OPEN_BYTES_A_FACET: u64 = 100;
+
+/// Fails if an open soup does not fit in memory.
+fn require_open_room(facets: u64, resources: &Resources) -> Result<()> {
+    let need = facets.saturating_mul(OPEN_BYTES_A_FACET).saturating_add(FAR_FIELD_BYTES);
+    if need <= resources.memory {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    Err(Error::setting(
+        format!(
+            "the surface is open, and its {facets} facets need {} MiB of the {} MiB that there are",
+            mib(need),
+            mib(resources.memory)
+        ),
+        "allow more with --memory, or close the surface",
+    ))
+}

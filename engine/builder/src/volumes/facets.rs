@@ -1,0 +1,201 @@
+//! Volumes of closed triangle soups.
+
+use super::estimate::Moments;
+use super::strata::{LINES, Shape, Strata};
+use super::tally::{Crossing, Lengths, walk};
+use crate::error::Result;
+use crate::lattice::{RootCube, Triangle, Units, bounds};
+use crate::progress::Progress;
+use crate::soup::{Facets, runs};
+use crate::store::SourceVolumes;
+use rayon::prelude::*;
+
+/// Most lines.
+const LINES_MAX: f64 = (1 << 16) as f64;
+/// Crossings that are sought for each facet: few, so that finding them takes about as long as reading the facets.
+const CROSSINGS_A_FACET: f64 = 8.0;
+/// Bounds on the crossings that are sought.
+const CROSSINGS: (f64, f64) = ((1 << 18) as f64, (1 << 22) as f64);
+/// Strata whose moments are summed before they are added to the others, in order.
+const STRATA_AT_ONCE: usize = 256;
+/// Places of a crossing behind the point, in units.
+const FRACTION_BITS: u32 = 12;
+/// Where the number of a crossing's line begins.
+const LINE_SHIFT: u32 = 40;
+
+/// What the whole soup amounts to, in units.
+#[derive(Clone, Copy)]
+struct Whole {
+    /// Six times ∫ w, exact.
+    volume: i128,
+    /// Twice the area of the shadows that facets cast along z.
+    shadow: u128,
+    low: Units,
+    high: Units,
+}
+
+/// Volumes of a closed soup within the box `bounds`. It is read twice. Crossings take 8 bytes each, 4 million or so at
+/// most; where `memory` has no room for them, the soup is read once more for each part of the lines.
+///
+/// # Errors
+/// If the user interrupts.
+pub fn facet_volumes(
+    sources: &[&dyn Facets],
+    bounds: ([f64; 3], [f64; 3]),
+    memory: u64,
+    progress: &dyn Progress,
+) -> Result<Option<SourceVolumes>> {
+    // A cube of its own: that of the tree may follow from its cells.
+    let Some(root) = RootCube::around(bounds.0, bounds.1) else { return Ok(None) };
+    let whole = whole(sources, root, progress)?;
+    let extent = [0, 1].map(|a| f64::from((whole.high[a] - whole.low[a]).max(2)));
+    let facets: u64 = sources.iter().map(|source| source.facets()).sum();
+    let wanted = (facets as f64 * CROSSINGS_A_FACET).clamp(CROSSINGS.0, CROSSINGS.1);
+    let on_a_line = (whole.shadow as f64 / 2.0 / (extent[0] * extent[1])).max(1.0);
+    let lines = (wanted / on_a_line).clamp(2.0 * LINES as f64, LINES_MAX) as usize;
+    let strata = Strata::columns(whole.low, whole.high, lines);
+    let expected = strata.len() as f64 * on_a_line * 16.0;
+    let mut moments = Moments::default();
+    for numbers in strata.parts(expected, memory, STRATA_AT_ONCE) {
+        add(&crossings(sources, root, &strata, numbers, progress)?, &mut moments);
+    }
+    let unit = root.unit();
+    let known = whole.volume as f64 / 6.0;
+    let area = strata.area_of_line();
+    let world = |i| moments.controlled(i, (3, known), area).scaled(unit.powi(3));
+    let [union, overlap, negative] = [0, 1, 2].map(world);
+    let lines = strata.len() as u64;
+    Ok(Some(SourceVolumes { union, overlap, negative, lines, swept: None, layers: Vec::new() }))
+}
+
+/// Exact sums over all facets.
+fn whole(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> Result<Whole> {
+    let snapper = root.snapper();
+    let none = Whole { volume: 0, shadow: 0, low: [i32::MAX; 3], high: [i32::MIN; 3] };
+    let and = |a: Whole, b: Whole| Whole {
+        volume: a.volume + b.volume,
+        shadow: a.shadow + b.shadow,
+        low: [0, 1, 2].map(|i| a.low[i].min(b.low[i])),
+        high: [0, 1, 2].map(|i| a.high[i].max(b.high[i])),
+    };
+    runs(sources)
+        .into_par_iter()
+        .map_init(Vec::new, |world, (source, range)| {
+            progress.check()?;
+            sources[source].read(range, world);
+            Ok(world.iter().map(|facet| of_facet(&facet.map(snapper))).fold(none, and))
+        })
+        .try_reduce(|| none, |a, b| Ok(and(a, b)))
+}
+
+fn of_facet(t: &Triangle) -> Whole {
+    let edge = |to: usize| [0, 1, 2].map(|i| i64::from(t[to][i] - t[0][i]));
+    let (u, v) = (edge(1), edge(2));
+    let normal = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| u[i] * v[j] - u[j] * v[i]);
+    let volume = (0..3).map(|i| i128::from(normal[i]) * i128::from(t[0][i])).sum();
+    let (low, high) = bounds(t);
+    Whole { volume, shadow: normal[2].unsigned_abs().into(), low, high }
+}
+
+/// All crossings of some lines, sorted by line and height. Each is packed: 24 bits of the line's number within
+/// `numbers`, the height, and a bit that tells leaving from entering.
+fn crossings(
+    sources: &[&dyn Facets],
+    root: RootCube,
+    strata: &Strata,
+    numbers: std::ops::Range<u32>,
+    progress: &dyn Progress,
+) -> Result<Vec<u64>> {
+    let snapper = root.snapper();
+    let parts: Vec<Vec<u64>> = runs(sources)
+        .into_par_iter()
+        .fold(
+            || (Vec::new(), Vec::new()),
+            |(mut world, mut found), (source, range)| {
+                if !progress.cancelled() {
+                    sources[source].read(range, &mut world);
+                    for facet in &world {
+                        let t = facet.map(snapper);
+                        let corners = t.map(|v| [f64::from(v[0]), f64::from(v[1])]);
+                        let shape = Shape { bounds: bounds(&t), corners: &corners, reach: 0.0 };
+                        strata.near(&shape, &numbers, |number, at| {
+                            if let Some(crossing) = crossing(&t, at) {
+                                found.push(packed(number - numbers.start, crossing));
+                            }
+                        });
+                    }
+                }
+                (world, found)
+            },
+        )
+        .map(|(_, found)| found)
+        .collect();
+    progress.check()?;
+    let mut all = parts.concat();
+    drop(parts);
+    all.par_sort_unstable();
+    Ok(all)
+}
+
+fn packed(line: u32, Crossing { at, jump }: Crossing) -> u64 {
+    let at = (at * f64::from(1u32 << FRACTION_BITS)) as u64;
+    u64::from(line) << LINE_SHIFT | at << 1 | u64::from(jump < 0)
+}
+
+fn unpacked(packed: u64) -> Crossing {
+    let at = (packed & ((1 << LINE_SHIFT) - 1)) >> 1;
+    Crossing { at: at as f64 / f64::from(1u32 << FRACTION_BITS), jump: 1 - 2 * (packed as i32 & 1) }
+}
+
+/// Where the line through `at` along z crosses a triangle. A line that meets an edge in the projection crosses one of the
+/// two triangles there: it counts as `at` + (ε, ε²).
+fn crossing(t: &Triangle, at: [i32; 2]) -> Option<Crossing> {
+    let side = |a: &Units, b: &Units| {
+        let [ax, ay, bx, by] = [a[0], a[1], b[0], b[1]].map(i64::from);
+        let value = (bx - ax) * (i64::from(at[1]) - ay) - (by - ay) * (i64::from(at[0]) - ax);
+        match value {
+            0 if by != ay => (ay - by).signum(),
+            0 => (bx - ax).signum(),
+            _ => value.signum(),
+        }
+    };
+    let first = side(&t[0], &t[1]);
+    if first == 0 || side(&t[1], &t[2]) != first || side(&t[2], &t[0]) != first {
+        return None;
+    }
+    let edge = |to: usize| [0, 1, 2].map(|i| f64::from(t[to][i] - t[0][i]));
+    let (u, v) = (edge(1), edge(2));
+    let normal = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| u[i] * v[j] - u[j] * v[i]);
+    let from = [0, 1].map(|i| f64::from(at[i] - t[0][i]));
+    let height = f64::from(t[0][2]) - (normal[0] * from[0] + normal[1] * from[1]) / normal[2];
+    let [low, high] = [bounds(t).0[2], bounds(t).1[2]].map(f64::from);
+    // Facets that face up are left, upwards.
+    Some(Crossing { at: height.clamp(low, high), jump: -first as i32 })
+}
+
+/// Adds strata that have these crossings; the others have nothing to add.
+fn add(crossings: &[u64], moments: &mut Moments<4>) {
+    let line = |crossing: u64| (crossing >> LINE_SHIFT) as usize;
+    let of_line = |crossings: &[u64], buffer: &mut Vec<Crossing>| {
+        buffer.clear();
+        buffer.extend(crossings.iter().map(|&crossing| unpacked(crossing)));
+        let mut lengths = Lengths::default();
+        walk(buffer, |w, from, to| lengths.add(w, from, to));
+        lengths.control = lengths.union + lengths.overlap - lengths.negative;
+        lengths.values()
+    };
+    let of_block = |buffer: &mut Vec<Crossing>, block: &[u64]| {
+        let mut moments = Moments::default();
+        for crossings in block.chunk_by(|&a, &b| line(a) / LINES == line(b) / LINES) {
+            let (a, b) = crossings
+                .split_at(crossings.partition_point(|&crossing| line(crossing).is_multiple_of(LINES)));
+            moments.add([of_line(a, buffer), of_line(b, buffer)]);
+        }
+        moments
+    };
+    // Blocks are cut where the numbers of strata say, so that sums are rounded alike whatever the threads are.
+    let block = |crossing: u64| line(crossing) / LINES / STRATA_AT_ONCE;
+    let blocks: Vec<&[u64]> = crossings.chunk_by(|&a, &b| block(a) == block(b)).collect();
+    let parts: Vec<Moments<4>> = blocks.into_par_iter().map_init(Vec::new, of_block).collect();
+    parts.iter().for_each(|part| moments.merge(part));
+}

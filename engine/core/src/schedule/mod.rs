@@ -1,0 +1,344 @@
+//! Tasks done on all threads within a bound of memory, their results consumed one by one in order.
+//!
+//! A task may turn out to be several: it is *opened*, and what it was opened into takes its place in the order. So
+//! neither the number of tasks nor which of them are opened is known beforehand, and none of it shows in what is
+//! consumed.
+
+mod ordered;
+
+pub use ordered::{fold_in_order, run_ordered};
+
+use crate::error::{Error, Result};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+/// Where a task stands; what a task is opened into stands behind it and before the next.
+pub type Place = (u64, u8);
+
+/// Memory that counts towards the bound until it is dropped.
+pub struct Held {
+    bytes: u64,
+    total: Arc<AtomicU64>,
+}
+
+impl Held {
+    /// Changes how much it is.
+    pub fn resize(&mut self, bytes: u64) {
+        self.total.fetch_add(bytes, Ordering::Relaxed);
+        self.total.fetch_sub(self.bytes, Ordering::Relaxed);
+        self.bytes = bytes;
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        self.total.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
+/// What became of a task.
+pub enum Outcome<T, E> {
+    /// It is done. The result, and what is held for it.
+    Done(E, Held),
+    /// It was opened into tasks, each with its place; `E` is what the consumer is to know before theirs.
+    Opened(E, Vec<(Place, T)>),
+}
+
+/// Bounds of a run.
+#[derive(Clone, Copy)]
+pub struct Bounds {
+    /// Bytes that tasks and results may take together.
+    pub memory: u64,
+    /// Bytes of that which only the task to be consumed next may take, so that it can go on whatever the others hold.
+    pub reserve: u64,
+    /// Tasks in work and results that wait.
+    pub window: usize,
+}
+
+struct State<T, E> {
+    waiting: BTreeMap<Place, T>,
+    running: BTreeSet<Place>,
+    ready: BTreeMap<Place, (E, Option<Held>)>,
+    consuming: bool,
+    /// Threads that wait for a task.
+    idle: usize,
+    /// Bytes that the consumer keeps.
+    kept: u64,
+    failure: Option<Error>,
+}
+
+struct Shared<T, E> {
+    state: Mutex<State<T, E>>,
+    moved: Condvar,
+    held: Arc<AtomicU64>,
+    bounds: Bounds,
+}
+
+/// Runs `work` on `tasks`, and on those into which they are opened, on the threads of the current pool, and passes what
+/// comes out to `consume` in the order of places. `need` bounds the memory that a task takes while it runs; `consume`
+/// returns how much it keeps for good, if that has changed. A task begins when there is memory for it; if
+/// nothing else runs and nothing is being consumed, in any case.
+/// The first error ends everything.
+pub fn run_tasks<L, T: Send, E: Send>(
+    tasks: Vec<(Place, T)>,
+    bounds: Bounds,
+    local: impl Fn() -> L + Sync,
+    need: impl Fn(&T) -> u64 + Sync,
+    work: impl Fn(&mut L, T, Held) -> Result<Outcome<T, E>> + Sync,
+    consume: impl FnMut(E) -> Result<Option<u64>> + Send,
+) -> Result<()> {
+    let state = State {
+        waiting: tasks.into_iter().collect(),
+        running: BTreeSet::new(),
+        ready: BTreeMap::new(),
+        consuming: false,
+        idle: 0,
+        kept: 0,
+        failure: None,
+    };
+    let (state, moved) = (Mutex::new(state), Condvar::new());
+    let shared = Shared { state, moved, held: Arc::default(), bounds };
+    let consume = Mutex::new(consume);
+    rayon::broadcast(|_| {
+        let guard = PanicGuard(&shared);
+        let mut local = local();
+        while let Some((place, task, held)) = shared.claim(&need) {
+            match work(&mut local, task, held) {
+                Ok(outcome) => shared.hand_in(place, outcome, &consume),
+                Err(error) => shared.fail(error),
+            }
+        }
+        drop(guard);
+    });
+    let state = shared.state.into_inner().expect("no thread panicked");
+    state.failure.map_or(Ok(()), Err)
+}
+
+/// Lets the other threads end if this one panics, so that the panic is passed on and nobody waits for ever.
+struct PanicGuard<'a, T, E>(&'a Shared<T, E>);
+
+impl<T, E> Drop for PanicGuard<'_, T, E> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let mut state = self.0.state.lock().unwrap_or_else(PoisonError::into_inner);
+            state.failure.get_or_insert(Error::Interrupted);
+            self.0.moved.notify_all();
+        }
+    }
+}
+
+impl<T, E> Shared<T, E> {
+    fn lock(&self) -> MutexGuard<'_, State<T, E>> {
+        self.state.lock().expect("no thread panicked")
+    }
+
+    /// Lets threads that wait for a task look again. To wake nobody is a system call, too.
+    fn wake(&self, state: &State<T, E>) {
+        if state.idle > 0 {
+            self.moved.notify_all();
+        }
+    }
+
+    /// The next task and the memory for it; `None` when there is none left or something failed.
+    fn claim(&self, need: impl Fn(&T) -> u64) -> Option<(Place, T, Held)> {
+        let mut state = self.lock();
+        loop {
+            if state.failure.is_some() || (state.waiting.is_empty() && state.running.is_empty()) {
+                return None;
+            }
+            let bytes = state.waiting.first_key_value().map(|(_, task)| need(task));
+            if let Some(bytes) = bytes
+                && self.admits(&state, bytes)
+                && let Some((place, task)) = state.waiting.pop_first()
+            {
+                state.running.insert(place);
+                self.held.fetch_add(bytes, Ordering::Relaxed);
+                return Some((place, task, Held { bytes, total: Arc::clone(&self.held) }));
+            }
+            state.idle += 1;
+            state = self.moved.wait(state).expect("no thread panicked");
+            state.idle -= 1;
+        }
+    }
+
+    /// Whether the first waiting task may begin.
+    fn admits(&self, state: &State<T, E>, bytes: u64) -> bool {
+        // While a result is consumed its memory will be free before long, and who consumes it tells.
+        if state.running.is_empty() && !state.consuming {
+            return true;
+        }
+        let taken = self.held.load(Ordering::Relaxed).saturating_add(state.kept).saturating_add(bytes);
+        if state.waiting.keys().next() < state.running.first() {
+            return taken <= self.bounds.memory;
+        }
+        taken.saturating_add(self.bounds.reserve) <= self.bounds.memory
+            && state.running.len() + state.ready.len() < self.bounds.window
+    }
+
+    /// Takes what became of a task; consumes what is next, and what follows it, if nobody else is at it.
+    fn hand_in(
+        &self,
+        place: Place,
+        outcome: Outcome<T, E>,
+        consume: &Mutex<impl FnMut(E) -> Result<Option<u64>>>,
+    ) {
+        let mut state = self.lock();
+        state.running.remove(&place);
+        match outcome {
+            Outcome::Done(result, held) => drop(state.ready.insert(place, (result, Some(held)))),
+            Outcome::Opened(opening, tasks) => {
+                state.ready.insert(place, (opening, None));
+                state.waiting.extend(tasks);
+            }
+        }
+        self.wake(&state);
+        if state.consuming {
+            return;
+        }
+        state.consuming = true;
+        while let Some((result, held)) = state.next_result() {
+            drop(state);
+            let outcome = (consume.lock().expect("no thread panicked"))(result);
+            drop(held);
+            state = self.lock();
+            self.wake(&state);
+            match outcome {
+                Ok(kept) => state.kept = kept.unwrap_or(state.kept),
+                Err(error) => drop(state.failure.get_or_insert(error)),
+            }
+            if state.failure.is_some() {
+                break;
+            }
+        }
+        state.consuming = false;
+    }
+
+    fn fail(&self, error: Error) {
+        let mut state = self.lock();
+        state.failure.get_or_insert(error);
+        self.wake(&state);
+    }
+}
+
+impl<T, E> State<T, E> {
+    /// The first result, if nothing that is still to come stands before it.
+    fn next_result(&mut self) -> Option<(E, Option<Held>)> {
+        let place = *self.ready.first_key_value()?.0;
+        let pending = self.running.first().into_iter().chain(self.waiting.keys().next());
+        if pending.min().is_some_and(|first| *first < place) {
+            return None;
+        }
+        self.ready.remove(&place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicUsize;
+
+    fn pool(threads: usize) -> rayon::ThreadPool {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
+    }
+
+    /// A task is a range of numbers; ranges above a size are opened.
+    type Range = std::ops::Range<u64>;
+
+    fn split(range: &Range, size: u64) -> Vec<(Place, Range)> {
+        let level = (64 - (range.end - range.start).leading_zeros()) as u8;
+        let part = |from| ((from, 64 - level + 1), from..range.end.min(from + size));
+        (range.start..range.end).step_by(size as usize).map(part).collect()
+    }
+
+    #[test]
+    fn results_come_in_order_within_the_bounds() {
+        for threads in [1, 2, 3, 8] {
+            for memory in [1, 40, 1000] {
+                let mut seen = Vec::new();
+                let now = AtomicU64::new(0);
+                let bounds = Bounds { memory, reserve: memory / 4, window: 5 };
+                let work = |_: &mut (), range: Range, mut held: Held| {
+                    let size = range.end - range.start;
+                    std::thread::sleep(std::time::Duration::from_micros((range.start * 7919) % 200));
+                    if size > 3 {
+                        let parts = split(&range, size.div_ceil(4));
+                        return Ok(Outcome::Opened(range.start..range.start, parts));
+                    }
+                    let taken = now.fetch_add(size, Ordering::Relaxed) + size;
+                    assert!(taken <= memory.max(3), "{taken} of {memory}");
+                    held.resize(size);
+                    Ok(Outcome::Done(range, held))
+                };
+                let consume = |range: Range| {
+                    now.fetch_sub(range.end - range.start, Ordering::Relaxed);
+                    seen.extend(range);
+                    Ok(None)
+                };
+                let need = |range: &Range| (range.end - range.start).min(3);
+                let tasks = split(&(0..300), 70);
+                pool(threads).install(|| run_tasks(tasks, bounds, || (), need, work, consume)).unwrap();
+                assert_eq!(seen, (0..300).collect::<Vec<_>>(), "{threads} threads, {memory}");
+            }
+        }
+    }
+
+    const WIDE: Bounds = Bounds { memory: u64::MAX, reserve: 0, window: 4 };
+
+    fn numbers(count: u64) -> Vec<(Place, u64)> {
+        (0..count).map(|n| ((n, 0), n)).collect()
+    }
+
+    #[test]
+    fn no_more_than_the_window_is_held() {
+        let held = AtomicUsize::new(0);
+        let work = |_: &mut (), n: u64, of: Held| {
+            // One more is being consumed.
+            assert!(held.fetch_add(1, Ordering::SeqCst) < 5);
+            std::thread::sleep(std::time::Duration::from_micros((n * 7919) % 300));
+            Ok(Outcome::Done(n, of))
+        };
+        let consume = |_| {
+            held.fetch_sub(1, Ordering::SeqCst);
+            Ok(None)
+        };
+        pool(8).install(|| run_tasks(numbers(200), WIDE, || (), |_| 1, work, consume)).unwrap();
+    }
+
+    #[test]
+    fn a_slow_consumer_is_waited_for() {
+        let held = AtomicUsize::new(0);
+        let work = |_: &mut (), n: u64, of: Held| {
+            assert!(held.fetch_add(1, Ordering::SeqCst) < 5);
+            Ok(Outcome::Done(n, of))
+        };
+        let consume = |_| {
+            std::thread::sleep(std::time::Duration::from_millis(2));
+            held.fetch_sub(1, Ordering::SeqCst);
+            Ok(None)
+        };
+        pool(2).install(|| run_tasks(numbers(50), WIDE, || (), |_| 1, work, consume)).unwrap();
+    }
+
+    #[test]
+    #[should_panic(expected = "number 9")]
+    fn a_panic_is_passed_on_and_nobody_waits() {
+        let work = |_: &mut (), n: u64, held: Held| {
+            if n == 9 { panic!("number {n}") } else { Ok(Outcome::Done(n, held)) }
+        };
+        let _ = pool(3).install(|| run_tasks(numbers(1000), WIDE, || (), |_| 1, work, |_| Ok(None)));
+    }
+
+    #[test]
+    fn an_error_from_either_side_ends_the_run() {
+        let bad_work = |_: &mut (), n: u64, held: Held| {
+            if n == 17 { Err(Error::Interrupted) } else { Ok(Outcome::Done(n, held)) }
+        };
+        let run = || run_tasks(numbers(100), WIDE, || (), |_| 1, bad_work, |_| Ok(None));
+        assert!(pool(3).install(run).is_err());
+        let work = |_: &mut (), n: u64, held: Held| Ok(Outcome::Done(n, held));
+        let bad_consume = |n| if n == 5 { Err(Error::Interrupted) } else { Ok(None) };
+        let run = || run_tasks(numbers(100), WIDE, || (), |_| 1, work, bad_consume);
+        assert!(pool(3).install(run).is_err());
+    }
+}

@@ -1,0 +1,358 @@
+//! Fewer vertices where the surface is flat: those of cells are merged, bottom-up, over the nodes of the octree
+//! (Schaefer, Ju & Warren 2007, *Manifold Dual Contouring*): 2, 4, 8, 16 and 32 cells wide within a leaf ([`draft`]),
+//! and above it over the nodes of the tree, 64, 128, … cells wide ([`across`]).
+//!
+//! What hangs together within a node becomes one vertex if
+//! - it is a disk, by its Euler characteristic;
+//! - it crosses every edge of the node at most once and every face along at most one line that ends on edges of the
+//!   face (the paper's rule, for edges too), and no face of a cell on the node's border twice;
+//! - the vertex fits its planes within the tolerance ([`fit`]);
+//! - no cell of it is next to a leaf of another level.
+//!
+//! *Why the mesh stays manifold.* Think of the uniform mesh's dual: the surface cut into patches, one a vertex, by
+//! the faces of cells. Merging joins patches to larger disks. The nodes of two neighbours lie beside each other,
+//! since within a node everything that hangs together is one patch, so they share a part of one face, which is a face
+//! of the smaller node. There the smaller patch has one line, and the larger patch has all of it or nothing:
+//! neighbours share one line, and there is one mesh edge between their vertices. The smaller node may be a cell whose
+//! face is cut twice; then its patch is on two lines, but the larger one is not, or both are cells, and extra
+//! vertices stand between them as ever. A patch has lines on three faces at least, beyond each of which lies another
+//! node, so three neighbours at least. Where four patches meet at an edge, opposite ones share but a part of an edge
+//! of the smaller node, which is crossed once, so there is one diagonal between them.
+//!
+//! *Across leaves* nothing of this changes, because the argument is about nodes of one octree: that of the cells of
+//! one level, of which leaves are nodes like others. Leaves of other levels have their own, and no vertex next to
+//! them is merged. Within a node above the leaves, too, everything that hangs together is one patch or none: what a
+//! child does not hand on as a disk of its own freezes all that touches it. That gives up some patches, since several
+//! parts, none of them a disk, may make one together; it never makes one of what is none. What a node knows of its
+//! children are the crossings on their borders, and an Euler characteristic needs no more: those of the parts, less
+//! the ends of the lines between them, and the edges in the inside where lines meet.
+//!
+//! All within a leaf is a matter of the leaf and of the levels of those around it ([`Draft`]), all above it a matter
+//! of what leaves hand on, in the order of the tree; and the mesh is manifold whichever of the vertices that pass are
+//! taken. Some are given up because the surface would fold there ([`folds`]), others because triangles would meet where
+//! they are not joined ([`meetings`]). All of that is decided before any vertex is numbered; from then on what becomes of
+//! a leaf's vertices is a matter of its draft and of what was given up ([`Across::names`]).
+//!
+//! *What is not merged* is as without a tolerance: polygons without a merged vertex are cut the same way, and a vertex on
+//! a face ([`super::faces`]) stays as long as neither cell at the face is merged, which both polygons at it know.
+
+mod across;
+mod bounds;
+mod crossings;
+mod draft;
+mod fit;
+mod folds;
+mod made;
+mod meetings;
+mod parts;
+mod patches;
+mod room;
+mod strays;
+mod wanted;
+
+pub(super) use across::{Across, Shared};
+pub(super) use draft::Draft;
+pub(super) use folds::{OWN, turns};
+pub(super) use meetings::MeetingSearch;
+pub(super) use wanted::{NumberedEdge, Wanted};
+
+use super::cells::BrickCells;
+use super::extras::{Extra, FACES, edge_key, face_key};
+use super::faces::FaceVertices;
+use super::field::{Field, Frame};
+use crate::error::Result;
+use crate::lattice::hash_bits;
+use crate::lattice::{BRICK_BITS, NodeKey};
+use crossings::FROZEN;
+use draft::Candidate;
+use fit::Node;
+use folds::Edge;
+use hashbrown::HashTable;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+/// Nodes of a leaf's cells are 2 to the power of 1 up to this many cells wide.
+const LEVELS: u8 = BRICK_BITS as u8;
+
+/// Stands for a vertex that is not merged, or that is no more.
+const NONE: u32 = u32::MAX;
+
+/// What is merged of the vertices of a leaf: those of its cells and those on its faces.
+#[derive(Default)]
+pub(super) struct Merged {
+    /// By number as first made, the number of each vertex or [`Merged::NONE`]; empty if nothing is merged. From
+    /// `positions.len()` on they count in `shared`.
+    pub names: Vec<u32>,
+    /// World positions of the leaf's vertices by the new numbers.
+    pub positions: Vec<[f32; 3]>,
+    /// How many of them, the first ones, stand for vertices of several leaves.
+    several: u32,
+    /// The candidates, with their nodes, that the next ones are.
+    candidates: Vec<(u32, Node)>,
+    /// Vertices that other leaves have.
+    pub shared: Vec<Shared>,
+    /// Faces with extra vertices.
+    pub split_faces: u64,
+    /// Vertices on faces that are left.
+    pub face_vertices: usize,
+    /// A merged vertex made room for another one.
+    has_moved: bool,
+    /// Vertices of several leaves that are where one is that stays as it was: they are to be given up.
+    crowding: Vec<u32>,
+}
+
+impl Merged {
+    /// The number of an extra vertex that is no more.
+    pub(super) const NONE: u32 = NONE;
+
+    /// Whether one of the leaf's vertices, by its new number, stands for others.
+    #[inline]
+    pub(super) fn is_merged(&self, number: u32) -> bool {
+        number < self.several + self.candidates.len() as u32
+    }
+
+    /// Whether it does so for vertices of several leaves.
+    #[inline]
+    pub(super) fn is_wide(&self, number: u32) -> bool {
+        number < self.several
+    }
+
+    /// The candidate that a vertex is, by its new number, and the node of that.
+    fn candidate(&self, number: u32) -> Option<(u32, Node)> {
+        self.candidates.get(number.checked_sub(self.several)? as usize).copied()
+    }
+
+    /// Heap bytes.
+    pub(super) fn heap_bytes(&self) -> usize {
+        4 * self.names.capacity()
+            + self.positions.capacity() * size_of::<[f32; 3]>()
+            + self.candidates.capacity() * size_of::<(u32, Node)>()
+            + self.shared.capacity() * size_of::<Shared>()
+            + 4 * self.crowding.capacity()
+            + size_of::<Merged>()
+    }
+}
+
+/// Merges the vertices of a leaf's cells.
+pub(super) fn merged(field: &Field, leaf: u32, across: &Across) -> Result<Merged> {
+    let (draft, cells, faces) = (field.draft(leaf)?, field.cells(leaf)?, field.faces(leaf)?);
+    let hosted = across.hosted(leaf);
+    let names = across.names(leaf, &draft, cells.len());
+    let lost_faces = beside_merged(field, across, (leaf, &names), &faces)?;
+    if hosted.is_empty() && !lost_faces.contains(&true) && names.iter().all(|name| *name == Name::Own) {
+        return Ok(Merged::default());
+    }
+    let key = field.leaves.get(leaf).key;
+    let dropped = extras_within(&draft.edges, &names, key, &cells.extras);
+    let frame = field.frame(key);
+    let owned = across.owned(leaf);
+    let renaming = Renaming { leaf, cells: &cells, frame, draft: &draft, across, owned, hosted };
+    Ok(renaming.merged(&names, &dropped, (&faces, &lost_faces)))
+}
+
+/// For each vertex on a face whether one of the cells at the face is merged with others.
+fn beside_merged(
+    field: &Field,
+    across: &Across,
+    (leaf, names): (u32, &[Name]),
+    faces: &FaceVertices,
+) -> Result<Vec<bool>> {
+    let mut others: HashMap<u32, Vec<Name>> = HashMap::new();
+    let mut lost = Vec::with_capacity(faces.sides.len());
+    for &([other, below], above) in &faces.sides {
+        let below = if other == leaf {
+            names[below as usize]
+        } else if field.leaves.get(other).key.level() != field.leaves.get(leaf).key.level() {
+            // Nothing is merged next to leaves of other levels.
+            Name::Own
+        } else {
+            let names = match others.entry(other) {
+                Entry::Occupied(names) => names.into_mut(),
+                Entry::Vacant(place) => {
+                    let (draft, cells) = (field.draft(other)?, field.cells(other)?);
+                    place.insert(across.names(other, &draft, cells.len()))
+                }
+            };
+            names[below as usize]
+        };
+        lost.push([below, names[above as usize]] != [Name::Own; 2]);
+    }
+    Ok(lost)
+}
+
+/// What a vertex becomes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Name {
+    /// Itself.
+    Own,
+    /// One of the leaf's candidates.
+    Candidate(u32),
+    /// One of several leaves'.
+    Wide(u32),
+}
+
+/// For each extra vertex whether both cells at its face are merged with each other.
+fn extras_within(edges: &[Edge], names: &[Name], key: NodeKey, extras: &[Extra]) -> Vec<bool> {
+    let mut found = vec![false; extras.len()];
+    if extras.is_empty() {
+        return found;
+    }
+    let mut is_split = vec![false; FACES];
+    extras.iter().for_each(|extra| is_split[extra.face as usize] = true);
+    for edge in edges {
+        let (u, v) = edge.axis.others();
+        for n in 0..4 {
+            let [a, b] = [edge.vertices[n], edge.vertices[(n + 1) % 4]];
+            let name = |vertex: u32| if vertex < FROZEN { names[vertex as usize] } else { Name::Own };
+            if name(a) == Name::Own || name(a) != name(b) {
+                continue;
+            }
+            // Quadrants 0, 1 and 2, 3 differ along the first axis, the others along the second.
+            let (across, along) = if n.is_multiple_of(2) { (u, v) } else { (v, u) };
+            let is_upper = [false, true, true, false][n];
+            let mut corner = edge.low.map(usize::from);
+            let mut relative = [0; 3];
+            if !is_upper {
+                corner[along.index()] -= 1;
+                relative[along.index()] = 1 << key.spacing_bits();
+            }
+            let face = face_key(across, corner);
+            if !is_split[face as usize] {
+                continue;
+            }
+            let name = (face, edge_key(relative, edge.axis, key.level()));
+            if let Ok(extra) = extras.binary_search_by_key(&name, |extra| (extra.face, extra.edge)) {
+                found[extra] = true;
+            }
+        }
+    }
+    found
+}
+
+/// Numbers the vertices of a leaf anew.
+struct Renaming<'a> {
+    leaf: u32,
+    cells: &'a BrickCells,
+    frame: Frame,
+    draft: &'a Draft,
+    across: &'a Across,
+    owned: Vec<[f32; 3]>,
+    hosted: &'a [([f32; 3], u32)],
+}
+
+impl Renaming<'_> {
+    /// Vertices of several leaves come first, as far as the leaf has them, then the other merged ones in the order of the
+    /// first that each stands for, then those that stay, and at last those on faces.
+    fn merged(
+        &self,
+        names: &[Name],
+        dropped: &[bool],
+        (faces, lost_faces): (&FaceVertices, &[bool]),
+    ) -> Merged {
+        let cells = self.cells;
+        let mut numbers = vec![0; cells.len()];
+        // Extras are sorted by face.
+        let mut joined_faces: Vec<u32> = Vec::new();
+        for (extra, _) in cells.extras.iter().zip(dropped).filter(|(_, is_dropped)| **is_dropped) {
+            numbers[extra.vertex as usize] = NONE;
+            joined_faces.push(extra.face);
+        }
+        joined_faces.dedup();
+        let kept = |vertex: &usize| names[*vertex] == Name::Own && numbers[*vertex] != NONE;
+        let kept: Vec<usize> = (0..cells.len()).filter(kept).collect();
+        let mut taken = Places::default();
+        taken.0.reserve(cells.len(), hash);
+        for vertex in &kept {
+            taken.insert(bits(&cells.positions[*vertex]));
+        }
+        let crowding = self.hosted.iter().filter(|(position, _)| !taken.insert(bits(position)));
+        let crowding = crowding.map(|(_, wide)| *wide).collect();
+        let mut has_moved = false;
+        let mut positions = Vec::with_capacity(self.owned.len() + cells.len());
+        positions.extend_from_slice(&self.owned);
+        let mut of_candidate = vec![NONE; self.draft.candidates.len()];
+        let mut candidates = Vec::new();
+        for (number, name) in numbers.iter_mut().zip(names) {
+            let Name::Candidate(candidate) = *name else { continue };
+            let place = &mut of_candidate[candidate as usize];
+            if *place == NONE {
+                let Candidate { node, at, .. } = self.draft.candidates[candidate as usize];
+                let is_taken = |position: &[f32; 3]| {
+                    let is_taken = !taken.insert(bits(position));
+                    has_moved |= is_taken;
+                    is_taken
+                };
+                *place = positions.len() as u32;
+                positions.push(self.frame.free_place((node.corner(), node.size()), at, is_taken));
+                candidates.push((candidate, node));
+            }
+            *number = *place;
+        }
+        for vertex in kept {
+            numbers[vertex] = positions.len() as u32;
+            positions.push(cells.positions[vertex]);
+        }
+        let before_faces = positions.len();
+        for (position, is_lost) in faces.positions.iter().zip(lost_faces) {
+            numbers.push(if *is_lost { NONE } else { positions.len() as u32 });
+            positions.extend((!is_lost).then_some(*position));
+        }
+        positions.shrink_to_fit();
+        let shared = self.number_shared(names, &mut numbers, positions.len());
+        Merged {
+            names: numbers,
+            several: self.owned.len() as u32,
+            candidates,
+            shared,
+            split_faces: cells.split_faces - joined_faces.len() as u64,
+            face_vertices: positions.len() - before_faces,
+            has_moved,
+            crowding,
+            positions,
+        }
+    }
+
+    /// Numbers what stands for vertices of several leaves; returns those that other leaves have, from `first` on.
+    fn number_shared(&self, names: &[Name], numbers: &mut [u32], first: usize) -> Vec<Shared> {
+        let mut shared: Vec<Shared> = Vec::new();
+        for (number, name) in numbers.iter_mut().zip(names) {
+            let Name::Wide(wide) = *name else { continue };
+            let other = self.across.shared(wide);
+            if other.leaf == self.leaf {
+                *number = other.number;
+                continue;
+            }
+            let n = shared.iter().position(|known| *known == other).unwrap_or_else(|| {
+                shared.push(other);
+                shared.len() - 1
+            });
+            *number = (first + n) as u32;
+        }
+        shared
+    }
+}
+
+/// Places of the world.
+#[derive(Default)]
+struct Places(HashTable<[u32; 3]>);
+
+impl Places {
+    /// Adds one, by its [`bits`]. False if it has been there.
+    fn insert(&mut self, place: [u32; 3]) -> bool {
+        match self.0.entry(hash(&place), |other| *other == place, hash) {
+            hashbrown::hash_table::Entry::Occupied(_) => false,
+            hashbrown::hash_table::Entry::Vacant(entry) => {
+                entry.insert(place);
+                true
+            }
+        }
+    }
+}
+
+fn hash(place: &[u32; 3]) -> u64 {
+    hash_bits(place.map(u64::from))
+}
+
+fn bits(position: &[f32; 3]) -> [u32; 3] {
+    position.map(|c| (c + 0.0).to_bits())
+}

@@ -1,0 +1,158 @@
+//! What contouring makes of a brick on its own, for a build that decides whether the brick is fine enough: the vertex of
+//! every cell that the surface passes, by the code that places it in the mesh of a tree.
+//!
+//! Only bricks are of use there in which one sheet passes each cell: the others are left alone.
+
+use super::cells::{BrickCells, CELL_ROWS, CellRow, mark_active};
+use super::edges::{EDGE_PLACES, EdgeStreams};
+use super::field::{Field, Frame};
+use super::planes::Plane;
+use super::qef::PlaneSums;
+use super::surface::{Changes, Level, Surface};
+use super::topology::{CellLoops, Kind};
+use super::{ContourOptions, Method};
+use crate::brick::{Brick, Samples, SignChanges};
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
+use crate::store::{BrickTree, MemoryTree};
+use std::sync::Arc;
+
+/// Bytes for what is made of the one brick: signs and planes, then cells.
+const CACHE_BYTES: usize = 64 << 20;
+/// How far from the middle of its cell a vertex may be, in cells, along each axis: one that stands for a corner goes into
+/// the next.
+const REACH: f64 = 1.5;
+/// What the rounding of Hermite edges makes of distances within a cell.
+const ROUNDING: f64 = 2e-4;
+
+/// A brick as the only leaf of a tree.
+pub struct Lone {
+    tree: MemoryTree,
+}
+
+/// The cells of a brick that the surface passes, once each.
+pub struct LoneCells {
+    rows: Vec<CellRow>,
+    vertices: Vec<[f64; 3]>,
+    /// Where the planes of each cell end, after a leading zero.
+    ends: Vec<u32>,
+    planes: Vec<Plane>,
+}
+
+impl Lone {
+    /// A brick with its Hermite edges, whose samples 0 to 32 lie in the world as those of the root of `cube` do.
+    pub fn new(brick: Brick, cube: RootCube) -> Lone {
+        let mut tree = MemoryTree::new(cube);
+        tree.insert(NodeKey::ROOT, true, brick);
+        Lone { tree }
+    }
+
+    /// The brick.
+    pub fn into_brick(self) -> Result<Brick> {
+        let brick = self.tree.brick(NodeKey::ROOT)?;
+        drop(self.tree);
+        Ok(Arc::try_unwrap(brick).unwrap_or_else(|shared| (*shared).clone()))
+    }
+
+    /// Its cells; `None` if one has several loops or an ambiguous face, or if no point in or next to one is within
+    /// `miss` cells of all the planes of its crossings. Most bricks that are too coarse show it in one of their first
+    /// cells, before any vertex is placed.
+    pub fn cells(&self, miss: f64) -> Result<Option<LoneCells>> {
+        let options =
+            ContourOptions { cache_bytes: CACHE_BYTES, method: Method::Dual, ..ContourOptions::default() };
+        let field = Field::new(&self.tree, Level { threshold: 1, iso: 0.5 }, &options)?;
+        let surface = field.surface(0)?;
+        let Surface::Changes(changes) = &*surface else { return Ok(Some(LoneCells::none())) };
+        let Some(mut cells) = LoneCells::planes(changes, miss + ROUNDING) else { return Ok(None) };
+        let built = BrickCells::build(&field, 0)?;
+        let frame: Frame = field.frame(NodeKey::ROOT);
+        // One loop a cell, no extra vertices: vertices are numbered as active cells are.
+        cells.vertices = built.positions.iter().map(|&position| frame.local(position)).collect();
+        Ok((cells.vertices.len() + 1 == cells.ends.len()).then_some(cells))
+    }
+}
+
+/// Whether no cell of a brick with these samples has several loops or an ambiguous face, as far as signs tell.
+pub fn has_one_sheet(samples: &Samples) -> bool {
+    let signs = SignChanges::of(samples);
+    let mut rows = vec![CellRow::default(); CELL_ROWS];
+    mark_active(&signs, &mut rows);
+    rows.iter().enumerate().all(|(n, row)| {
+        let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
+        let mut bits = row.active;
+        while bits != 0 {
+            let i = bits.trailing_zeros();
+            bits &= bits - 1;
+            let pair = |j, k| (signs.row(j, k) >> i) as u8 & 3;
+            let mask = pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6;
+            if !is_plain(Kind::of(mask).loops()) {
+                return false;
+            }
+        }
+        true
+    })
+}
+
+fn is_plain(loops: &CellLoops) -> bool {
+    loops.count == 1 && loops.ambiguous == 0
+}
+
+impl LoneCells {
+    /// Of a brick whose samples are all inside, or all outside.
+    pub fn none() -> LoneCells {
+        LoneCells { rows: Vec::new(), vertices: Vec::new(), ends: vec![0], planes: Vec::new() }
+    }
+
+    /// All but the vertices.
+    fn planes(changes: &Changes, miss: f64) -> Option<LoneCells> {
+        let mut cells = LoneCells { rows: vec![CellRow::default(); CELL_ROWS], ..LoneCells::none() };
+        mark_active(&changes.signs, &mut cells.rows);
+        let mut rank = 0;
+        for n in 0..CELL_ROWS {
+            let row = &mut cells.rows[n];
+            row.set_rank(rank);
+            rank += row.active.count_ones();
+            let mut bits = row.active;
+            let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
+            let streams = EdgeStreams::of((bits != 0).then_some(changes), j, k);
+            while bits != 0 {
+                let i = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                cells.push([i, j, k], changes, &streams, miss)?;
+            }
+        }
+        Some(cells)
+    }
+
+    /// The planes of the next cell; `None` if that is not one of use.
+    fn push(&mut self, cell: [usize; 3], changes: &Changes, streams: &EdgeStreams, miss: f64) -> Option<()> {
+        let loops = Kind::of(changes.mask(cell)).loops();
+        if !is_plain(loops) {
+            return None;
+        }
+        let centre = cell.map(|c| c as f64 + 0.5);
+        let mut sums = PlaneSums::default();
+        for edge in loops.edges_of(0) {
+            let place = &EDGE_PLACES[edge];
+            let plane = &changes.planes[streams.slot(cell[0], place)];
+            let [x, y, z, _] = place.seen_from_centre(plane).map(f64::from);
+            let at = [centre[0] + x, centre[1] + y, centre[2] + z];
+            let normal = plane.normal.map(f64::from);
+            sums.add([x, y, z], normal);
+            self.planes.push((at, normal));
+        }
+        self.ends.push(self.planes.len() as u32);
+        sums.may_share_point([0.0; 3], REACH, miss).then_some(())
+    }
+
+    /// The vertex of a cell and the planes of its crossings, in cells of the brick; `None` if the surface does not pass it.
+    #[inline]
+    pub fn at(&self, [i, j, k]: [usize; 3]) -> Option<([f64; 3], &[Plane])> {
+        let row = self.rows.get(k * BRICK_CELLS + j)?;
+        if row.active >> i & 1 == 0 {
+            return None;
+        }
+        let slot = row.slot(i);
+        Some((self.vertices[slot], &self.planes[self.ends[slot] as usize..self.ends[slot + 1] as usize]))
+    }
+}

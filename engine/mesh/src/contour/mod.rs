@@ -1,0 +1,525 @@
+//! Contouring: from the octree of winding numbers to a closed, oriented, manifold triangle mesh.
+//!
+//! Dual contouring (Ju, Losasso, Schaefer & Warren 2002) in its manifold form (Schaefer, Ju & Warren 2007),
+//! over leaves of any levels next to each other: one vertex per surface component in a leaf cell, one polygon
+//! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one way to cut
+//! each face, known to both cells at it, so the mesh is closed, oriented, edge-manifold and vertex-manifold by
+//! construction, for any signs and any tree. One pass over the leaves in Morton order makes vertices and triangles; the
+//! latter wait outside of memory until the last vertex has its number, if a sink wants numbers. The mesh is never in
+//! memory as a whole.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `topology` | how a face is cut, the loops of a plain cell |
+//! | `joined` | which way a face is cut whose signs do not tell |
+//! | `leaves` | which leaf lies where |
+//! | `planes` | decoded Hermite edges |
+//! | `surface` | signs and Hermite edges of a leaf |
+//! | `symmetric` | symmetric matrices |
+//! | `qef` | where a vertex goes |
+//! | `solve` | the same for eight vertices at a time |
+//! | `outliers` | the few that need more, eight at a time, too |
+//! | `edges` | the edges of a row of cells |
+//! | `cells` | active cells and vertices of a leaf |
+//! | `halo` | crossings and signs about a leaf |
+//! | `annex` | room beyond cells for vertices on creases |
+//! | `corner` | vertices at corners that no single cell sees |
+//! | `lone` | the vertices of a brick on its own, for builds |
+//! | `loops` | what belongs to one loop of a cell and what to another |
+//! | `mixed` | cells next to finer leaves |
+//! | `adaptive` | vertices that stand for several cells' |
+//! | `polygons` | triangles of a leaf |
+//! | `vertices` | the vertices of a leaf as the mesh has them |
+//! | `normals` | their normals |
+//! | `marching` | marching cubes, for comparison |
+//! | `later` | triangles that wait for the numbers of vertices |
+//! | `faces` | vertices on faces |
+//! | `extras` | how they are named |
+//! | `envelope` | where triangles cannot meet others |
+//! | `cut` | polygons into triangles, their area, volume and normals |
+//! | `spare` | room that is used again |
+//! | `order` | leaves in parallel, their output in order |
+//! | `tagged` | triangles with the lattice edges that they are around, for measuring |
+//! | `sink` | arrays; STL, PLY and OBJ files |
+
+mod adaptive;
+mod annex;
+mod cache;
+mod cells;
+mod corner;
+mod cut;
+mod edges;
+mod envelope;
+mod extras;
+mod faces;
+mod field;
+mod foresee;
+mod halo;
+mod joined;
+mod later;
+mod leaves;
+mod lone;
+mod loops;
+mod marching;
+mod mixed;
+mod normals;
+mod order;
+mod outliers;
+mod planes;
+mod polygons;
+mod qef;
+mod sink;
+mod solve;
+mod spare;
+mod surface;
+mod symmetric;
+mod tagged;
+#[cfg(test)]
+mod tests;
+mod topology;
+mod vertices;
+
+pub use cut::Cuts;
+pub use foresee::foresee_triangles;
+pub use lone::{Lone, LoneCells, has_one_sheet};
+pub use polygons::Facet;
+pub use sink::{
+    Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
+};
+
+pub use tagged::{EdgeFacet, edge_facets};
+
+use crate::error::{Error, Result};
+use crate::part::temporary::require_folder;
+use crate::progress::Progress;
+use crate::store::BrickTree;
+use field::Field;
+use later::{Later, Numbered, Numbering, Waiting};
+use normals::LeafNormals;
+use order::in_order;
+use polygons::{LeafFacets, Making};
+use spare::Spare;
+use std::path::PathBuf;
+use surface::Level;
+use vertices::LeafVertices;
+
+/// What to contour, and how.
+#[derive(Clone, Debug)]
+pub struct ContourOptions {
+    /// The winding number at the surface, above 0; inside means w ≥ `iso`. Up to 1 the surface is the
+    /// boundary that the Hermite data describe. Above 1 the crossings are placed where the samples at the
+    /// two ends of an edge interpolate to `iso`, and normals are central differences of the samples.
+    pub iso: f64,
+    /// Deepest level to use; interior nodes there stand for their descendants. `None` for all.
+    pub level: Option<u8>,
+    /// Bytes for decoded bricks and cells that several leaves ask for. Less costs time, not correctness.
+    pub cache_bytes: usize,
+    /// How far, in world units, the surface may be moved for the sake of fewer triangles; 0 to keep every vertex.
+    pub tolerance: f64,
+    /// Whether triangles at merged vertices that meet others elsewhere than in common corners are looked for, and their
+    /// vertices given up, which takes one and a half to two and a half times the time. Without a tolerance none meet
+    /// in any case.
+    pub intersection_free: bool,
+    /// How cells become triangles.
+    pub method: Method,
+    /// Whether sharp edges are followed through cells that have no vertex of their own: they are nearer to the mesh by half
+    /// or more, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice the
+    /// time. Of meshes by dual contouring.
+    pub follow_creases: bool,
+    /// Folder in which triangles wait for the numbers of their vertices, if the sink writes a file; the file's own by default.
+    pub temp_dir: Option<PathBuf>,
+}
+
+/// How cells become triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Manifold dual contouring: sharp edges, leaves of any levels.
+    #[default]
+    Dual,
+    /// Marching cubes (Lorensen & Cline 1987), for comparison: vertices on lattice edges, leaves of one level.
+    MarchingCubes,
+}
+
+impl Default for ContourOptions {
+    fn default() -> ContourOptions {
+        ContourOptions {
+            iso: 0.5,
+            level: None,
+            cache_bytes: 512 << 20,
+            tolerance: 0.0,
+            intersection_free: true,
+            method: Method::Dual,
+            follow_creases: false,
+            temp_dir: None,
+        }
+    }
+}
+
+/// What came out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeshSummary {
+    /// Vertices handed to the sink.
+    pub vertices: u64,
+    /// Triangles handed to the sink.
+    pub triangles: u64,
+    /// Area in square world units.
+    pub area: f64,
+    /// Enclosed volume in cubic world units.
+    pub volume: f64,
+    /// Least and greatest coordinates in world units; `None` for an empty mesh.
+    pub bounds: Option<[[f32; 3]; 2]>,
+    /// Faces on which two cuts of the same two components were kept apart by extra vertices.
+    pub split_faces: u64,
+    /// Vertices on faces of cells with several sheets, where mesh edges would leave the part of the cell that is theirs.
+    pub face_vertices: u64,
+    /// Vertices on lattice edges, about which polygons are fans that would meet others if they were cut along a diagonal.
+    pub edge_vertices: u64,
+    /// Cells whose boundary has edges of finer leaves.
+    pub mixed_cells: u64,
+    /// Those of them whose sheets may meet: none of the places tried for their vertices keeps them apart.
+    pub unseparated_cells: u64,
+}
+
+/// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
+/// finished; without the vertices if it does not share them. The same tree gives the same calls for any number of threads.
+///
+/// Where the sink wants normals, that of a vertex is the direction of the sum of the unit normals of the Hermite edges that
+/// the vertex stands for, outward: one a vertex, so at a sharp edge of the part a mean of both sides.
+///
+/// # Errors
+///
+/// [`Error::Setting`] if `iso` is not a finite number above 0, if the tolerance is below 0 or no finite number, if the
+/// tree contradicts itself or if there are more than 2^32 − 1 shared vertices; [`Error::Interrupted`] when `progress`
+/// says so; what reading the tree and writing to the sink give.
+pub fn contour(
+    tree: &dyn BrickTree,
+    options: &ContourOptions,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+) -> Result<MeshSummary> {
+    let level = level(options.iso)?;
+    require_half(tree, options.iso)?;
+    require_tolerance(options)?;
+    options.temp_dir.as_deref().map_or(Ok(()), require_folder)?;
+    let mut field = Field::new(tree, level, options)?;
+    require_resolution(tree, options.level)?;
+    field.merge_across(sink.wants_normals(), progress)?;
+    let mut summary = MeshSummary::default();
+    if sink.shares_vertices() {
+        let folder = sink.folder().map(|own| options.temp_dir.as_deref().unwrap_or(own));
+        let later = Later::new(folder, sink.encoding());
+        let spare = Spare::default();
+        let made = vertices(&field, options.method, (&later, &spare), sink, progress, &mut summary)?;
+        triangles(&later, &made, &spare, sink, progress)?;
+    } else {
+        lone_triangles(&field, options.method, sink, progress, &mut summary)?;
+    }
+    sink.finish()?;
+    Ok(summary)
+}
+
+/// Vertices are 32-bit world coordinates: refuses trees whose cells those cannot tell apart.
+fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Result<()> {
+    let root = tree.root();
+    let deepest = tree.keys().last().map_or(0, |key| key.level());
+    let cell = root.spacing(level.unwrap_or(deepest).min(deepest));
+    let farthest = root.origin.iter().fold(0.0f64, |m, c| m.max(c.abs()).max((c + root.edge).abs()));
+    let step = (farthest * f64::from(f32::EPSILON)).max(f64::from(f32::MIN_POSITIVE));
+    if step * 8.0 > cell || farthest > f64::from(f32::MAX) {
+        return Err(Error::setting(
+            format!(
+                "cells of {cell:e} at a distance of {farthest:e} from the origin are too fine for a mesh file"
+            ),
+            "its coordinates have 32 bits; move the part nearer to the origin or scale it",
+        ));
+    }
+    Ok(())
+}
+
+fn require_tolerance(options: &ContourOptions) -> Result<()> {
+    let ContourOptions { tolerance, method, .. } = *options;
+    if !(tolerance >= 0.0 && tolerance.is_finite()) {
+        let what = format!("no surface can be within {tolerance}");
+        return Err(Error::setting(what, "choose a length, or 0"));
+    }
+    if tolerance > 0.0 && method == Method::MarchingCubes {
+        let what = "marching cubes keeps all its triangles";
+        return Err(Error::setting(what, "leave the tolerance out, or the method"));
+    }
+    Ok(())
+}
+
+/// Samples with binary places are told apart by their nearest whole numbers.
+fn require_half(tree: &dyn BrickTree, iso: f64) -> Result<()> {
+    let has_fractions = || tree.keys().into_iter().any(|key| tree.node(key).is_some_and(|n| n.fractions));
+    if iso.fract() != 0.5 && has_fractions() {
+        return Err(Error::setting(
+            format!("no surface at {iso} in the store of an open input"),
+            "choose 0.5, 1.5, 2.5 and so on",
+        ));
+    }
+    Ok(())
+}
+
+fn level(iso: f64) -> Result<Level> {
+    if !(iso > 0.0 && iso <= f64::from(i16::MAX)) {
+        return Err(Error::setting(
+            format!("no surface at the winding number {iso}"),
+            "choose one above 0, such as 0.5 for the boundary",
+        ));
+    }
+    Ok(Level { threshold: iso.ceil() as i32, iso })
+}
+
+/// Hands all vertices to the sink, and the triangles that it takes between them, and puts the others away.
+fn vertices(
+    field: &Field,
+    method: Method,
+    (later, spare): (&Later, &Spare<u8>),
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+    summary: &mut MeshSummary,
+) -> Result<Numbering> {
+    let mut numbering = Numbering::new(field.leaves.len());
+    let takes_triangles = sink.takes_triangles_between();
+    progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
+    let encoding = sink.encoding();
+    let making = Making::new(encoding, sink.wants_normals());
+    let make = |leaf| {
+        let (positions, part, mut facets) = contoured(field, method, leaf, &making)?;
+        let mut vertices = Vertices {
+            positions,
+            on_edges: std::mem::take(&mut facets.edge_vertices),
+            normals: std::mem::take(&mut facets.normals),
+        };
+        let mut bytes = spare.take();
+        if let Some(encoding) = encoding {
+            for (positions, normals) in vertices.slices() {
+                encoding.vertices.append(positions, normals, &mut bytes);
+            }
+            vertices.normals = Vec::new();
+        }
+        let kept = later.keep(&mut facets)?;
+        making.spare.keep(std::mem::take(&mut facets.bytes));
+        Ok((vertices, part, bytes, kept))
+    };
+    field.in_order(
+        progress,
+        make,
+        |(vertices, part, bytes, kept): (Vertices, MeshSummary, Vec<u8>, Waiting)| {
+            match encoding {
+                Some(_) => {
+                    sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?;
+                    spare.keep(bytes);
+                }
+                None if making.normals => vertices
+                    .slices()
+                    .into_iter()
+                    .try_for_each(|(positions, normals)| sink.vertices_with_normals(positions, normals))?,
+                None => {
+                    vertices.slices().into_iter().try_for_each(|(positions, _)| sink.vertices(positions))?
+                }
+            }
+            summary.add(&part);
+            numbering.waiting.push(kept);
+            numbering.first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
+                Error::setting(
+                    "the mesh has more than 2^32 - 1 vertices",
+                    "write .stl, which does not number them, or choose a coarser level with --level",
+                )
+            })?);
+            while takes_triangles && let Some(next) = numbering.next() {
+                let numbered = later.numbered(next, &numbering.first_vertex, spare.take())?;
+                hand_over(sink, next.count as usize, numbered, spare)?;
+                making.spare.keep(numbering.waiting[numbering.given].room());
+                numbering.given += 1;
+            }
+            if numbering.given < numbering.waiting.len() {
+                numbering.waiting.last_mut().into_iter().for_each(Waiting::shrink);
+            }
+            Ok(())
+        },
+    )?;
+    Ok(numbering)
+}
+
+/// Hands the triangles to the sink that it does not have yet.
+fn triangles(
+    later: &Later,
+    made: &Numbering,
+    spare: &Spare<u8>,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let waiting = &made.waiting[made.given..];
+    if waiting.is_empty() {
+        return Ok(());
+    }
+    progress.phase("triangles", Some(waiting.len() as u64), "bricks");
+    let make = |leaf: u32| {
+        let waiting = &waiting[leaf as usize];
+        Ok((waiting.count as usize, later.numbered(waiting, &made.first_vertex, spare.take())?))
+    };
+    in_order(waiting.len(), progress, make, |(count, numbered)| hand_over(sink, count, numbered, spare))
+}
+
+/// Hands so many triangles to the sink, and keeps their room.
+fn hand_over(sink: &mut dyn MeshSink, count: usize, numbered: Numbered, spare: &Spare<u8>) -> Result<()> {
+    match numbered {
+        Numbered::Bytes(bytes) => {
+            sink.encoded(Encoded::Triangles(count, &bytes))?;
+            spare.keep(bytes);
+            Ok(())
+        }
+        Numbered::Facets(facets) => sink.triangles(&facets),
+    }
+}
+
+/// Hands all triangles to a sink that shares no vertices.
+fn lone_triangles(
+    field: &Field,
+    method: Method,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+    summary: &mut MeshSummary,
+) -> Result<()> {
+    progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
+    let encoding = sink.encoding();
+    let making = Making::new(encoding, false);
+    let make = |leaf| contoured(field, method, leaf, &making);
+    field.in_order(progress, make, |(_, part, facets)| {
+        summary.add(&part);
+        match encoding {
+            Some(_) => sink.encoded(Encoded::Triangles(facets.count, &facets.bytes))?,
+            None => sink.triangles(&later::whole(&facets.bytes))?,
+        }
+        making.spare.keep(facets.bytes);
+        Ok(())
+    })
+}
+
+/// World positions of the vertices of a leaf, those on edges of polygons aside.
+enum Positions {
+    Dual(LeafVertices),
+    OnEdges(Vec<[f32; 3]>),
+}
+
+impl Positions {
+    /// Them, in order.
+    fn slices(&self) -> [&[[f32; 3]]; 2] {
+        match self {
+            Positions::Dual(vertices) => [vertices.positions(), vertices.on_faces()],
+            Positions::OnEdges(positions) => [positions, &[]],
+        }
+    }
+}
+
+/// The vertices of a leaf, with their normals where these are wanted.
+struct Vertices {
+    positions: Positions,
+    on_edges: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+}
+
+/// Positions, and normals where these are wanted.
+type Both<'a> = (&'a [[f32; 3]], &'a [[f32; 3]]);
+
+impl Vertices {
+    /// Both, in order.
+    fn slices(&self) -> [Both<'_>; 3] {
+        let [of_cells, on_faces] = self.positions.slices();
+        let mut rest = &self.normals[..];
+        [of_cells, on_faces, &self.on_edges].map(|positions| {
+            let (normals, others) = rest.split_at(positions.len().min(rest.len()));
+            rest = others;
+            (positions, normals)
+        })
+    }
+}
+
+/// The vertices of a leaf, what it adds to a summary, and its triangles. A leaf's polygons need the cells of the leaves
+/// below it, which come before it, and of coarser ones.
+fn contoured(
+    field: &Field,
+    method: Method,
+    leaf: u32,
+    making: &Making,
+) -> Result<(Positions, MeshSummary, LeafFacets)> {
+    let (positions, mut part, facets) = match method {
+        Method::Dual => {
+            let vertices = field.vertices(leaf)?;
+            field.release_drafts(leaf);
+            // Before the polygons, behind which the leaf's surface is dropped.
+            let normals = making.normals.then(|| LeafNormals::of(field, leaf, &vertices)).transpose()?;
+            let mut facets = polygons::leaf_facets(field, leaf, &vertices, making)?;
+            if let Some(normals) = normals {
+                facets.normals = normals.with_edges(&facets.fan_edges);
+            }
+            let part = MeshSummary::of_leaf(&vertices);
+            (Positions::Dual(vertices), part, facets)
+        }
+        Method::MarchingCubes => {
+            let (positions, facets) = marching::leaf_facets(field, leaf, making)?;
+            let part = MeshSummary::of_positions(&positions);
+            (Positions::OnEdges(positions), part, facets)
+        }
+    };
+    part.add(&MeshSummary::of_edges(&facets.edge_vertices));
+    part.add(&MeshSummary {
+        triangles: facets.count as u64,
+        area: facets.measured.area,
+        volume: facets.measured.volume,
+        ..MeshSummary::default()
+    });
+    Ok((positions, part, facets))
+}
+
+impl MeshSummary {
+    /// What the vertices of a leaf add to a summary.
+    fn of_leaf(vertices: &LeafVertices) -> MeshSummary {
+        let mut part = MeshSummary {
+            split_faces: vertices.split_faces(),
+            mixed_cells: vertices.cells.mixed_cells(),
+            unseparated_cells: vertices.cells.unseparated,
+            ..MeshSummary::of_positions(vertices.positions())
+        };
+        part.add(&MeshSummary {
+            face_vertices: vertices.face_vertices() as u64,
+            ..MeshSummary::of_positions(vertices.on_faces())
+        });
+        part
+    }
+
+    /// What vertices on edges add to a summary.
+    fn of_edges(positions: &[[f32; 3]]) -> MeshSummary {
+        MeshSummary { edge_vertices: positions.len() as u64, ..MeshSummary::of_positions(positions) }
+    }
+
+    fn of_positions(positions: &[[f32; 3]]) -> MeshSummary {
+        let first = positions.first().copied();
+        let bounds =
+            first.map(|first| positions.iter().fold([first; 2], |bounds, p| united(bounds, [*p; 2])));
+        MeshSummary { vertices: positions.len() as u64, bounds, ..MeshSummary::default() }
+    }
+
+    /// Adds what a leaf adds.
+    fn add(&mut self, part: &MeshSummary) {
+        self.vertices += part.vertices;
+        self.triangles += part.triangles;
+        self.area += part.area;
+        self.volume += part.volume;
+        self.split_faces += part.split_faces;
+        self.face_vertices += part.face_vertices;
+        self.edge_vertices += part.edge_vertices;
+        self.mixed_cells += part.mixed_cells;
+        self.unseparated_cells += part.unseparated_cells;
+        self.bounds = match (self.bounds, part.bounds) {
+            (Some(a), Some(b)) => Some(united(a, b)),
+            (a, b) => a.or(b),
+        };
+    }
+}
+
+fn united([low, high]: [[f32; 3]; 2], other: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+    [std::array::from_fn(|a| low[a].min(other[0][a])), std::array::from_fn(|a| high[a].max(other[1][a]))]
+}

@@ -1,0 +1,61 @@
+//! The brick store: one file that holds the octree.
+//!
+//! [`StoreWriter`] makes one, [`Store`] answers from it, through the view that [`BrickTree`] gives of any
+//! octree. The file's layout is described in `FORMAT.md` beside this crate's manifest.
+
+mod ahead;
+mod begin;
+mod cache;
+mod commit;
+mod fault;
+mod identity;
+mod index;
+mod journal;
+mod kept;
+mod layout;
+mod meta;
+mod order;
+mod reader;
+mod share;
+mod source;
+mod summary;
+mod tree;
+mod verify;
+mod visit;
+mod volumes;
+mod writer;
+
+pub use ahead::Walk;
+pub use cache::BrickCache;
+pub use cache::CacheStats;
+pub use identity::{
+    BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
+};
+pub use journal::Settings;
+pub use kept::Kept;
+pub use layout::{FORMAT_VERSION, IndexEntry};
+pub use meta::{BeadsMeta, Meta, Numbers, Refine, Source};
+pub use order::{build_order, subtree_level};
+pub use reader::{Accept, Store, StoreOptions, is_store};
+pub use share::{Share, ShareId, ShareNumbers, cell_key, cells_of};
+pub use source::Io;
+pub use summary::{LevelSummary, NodeNumbers, Summary};
+pub use tree::{BrickTree, MemoryTree, NodeInfo};
+pub use verify::{Damage, VerifyReport};
+pub use visit::{Across, LEAVES_AHEAD, Leaf, LeafOrder, visit};
+pub use volumes::{Estimate, LayerVolumes, SourceVolumes, SweptVolumes};
+pub use writer::{Stats, StoreWriter, check_target};
+
+pub use crate::brick::codec::{
+    Compression, Payload, PayloadHead, PayloadKind, Scratch, encode, encode_into, encode_with, parts,
+};
+
+#[cfg(test)]
+mod faults;
+#[cfg(any(test, feature = "fuzzing"))]
+#[doc(hidden)]
+pub mod fuzz;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,144 @@
+//! One picture: rays through its pixels, tile by tile.
+
+use super::camera::Ray;
+use super::relief::{self, Band, Between};
+use super::style::{Style, Volume};
+use super::trace::{Place, Tracer};
+use super::{COARSE_PIXELS, Eye, Scene};
+use crate::error::Result;
+use crate::picture::{Rgba, mean};
+use crate::progress::Progress;
+use rayon::prelude::*;
+
+/// Pixels along the side of a tile, which a thread takes at once.
+pub(super) const TILE: u32 = 32;
+
+/// A scene as one eye sees it.
+pub struct Frame<'s> {
+    pub(super) scene: &'s Scene<'s>,
+    pub(super) eye: &'s Eye,
+    pub(super) supersample: u32,
+    pub(super) cell_pixels: f64,
+}
+
+impl<'s> Frame<'s> {
+    /// The same quickly: one ray a pixel, and from the coarse levels.
+    pub fn coarse(&self) -> Frame<'s> {
+        let cell_pixels = self.cell_pixels.max(COARSE_PIXELS);
+        Frame { scene: self.scene, eye: self.eye, supersample: 1, cell_pixels }
+    }
+
+    /// The ray through a point of the picture, in pixels from its upper left corner.
+    pub fn ray(&self, at: [f64; 2]) -> Ray {
+        self.eye.camera.ray(at)
+    }
+
+    pub(super) fn style(&self) -> &'s Style {
+        &self.scene.bricks.style
+    }
+
+    /// The length in a brick that has the opacity of a haze, in world units.
+    pub(super) fn stretch(&self, volume: &Volume, place: Place) -> f64 {
+        volume.stretch.unwrap_or_else(|| self.scene.bricks.tree.root().spacing(place.key.level()))
+    }
+
+    /// How far along each of the rays the first opaque thing lies; `None` where there is none.
+    ///
+    /// # Errors
+    /// What reading the tree gives.
+    pub fn distances(&self, rays: &[Ray]) -> Result<Vec<Option<f64>>> {
+        let parts: Vec<Vec<Option<f64>>> = rays
+            .par_chunks((TILE * TILE) as usize)
+            .map(|rays| {
+                let mut tracer = Tracer::new(self);
+                rays.iter().map(|ray| Ok(tracer.follow(ray)?.1)).collect::<Result<_>>()
+            })
+            .collect::<Result<_>>()?;
+        Ok(parts.concat())
+    }
+
+    /// Hands over the rows of the picture from the top. The pixels depend neither on the number of threads nor on the
+    /// memory for bricks.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`](crate::error::Error::Interrupted); what reading the tree and `row` give.
+    pub fn draw(&self, progress: &dyn Progress, row: impl FnMut(&[Rgba]) -> Result<()>) -> Result<()> {
+        self.draw_bands(progress, |number| self.band(number, progress), row)
+    }
+
+    /// The rows of bands from the top.
+    pub(super) fn draw_bands(
+        &self,
+        progress: &dyn Progress,
+        mut band: impl FnMut(u32) -> Result<Band>,
+        mut row: impl FnMut(&[Rgba]) -> Result<()>,
+    ) -> Result<()> {
+        let height = self.scene.size[1];
+        let bands = height.div_ceil(TILE);
+        progress.phase("drawing", Some(bands.into()), "bands");
+        // The row of bands around the one that is handed over: above, itself, below.
+        let mut around: [Option<Band>; 3] = [None, None, None];
+        for number in 0..=bands {
+            progress.check()?;
+            around.rotate_left(1);
+            around[2] = (number < bands).then(|| band(number)).transpose()?;
+            let [above, this, below] = around.each_ref().map(Option::as_ref);
+            let Some(this) = this else { continue };
+            let between = Between { above, band: this, below, unit: relief::unit_of(height) };
+            for y in 0..this.rows() {
+                row(&between.row(y, |distance| self.eye.camera.pixel_at(distance)))?;
+            }
+            progress.advance(1);
+        }
+        Ok(())
+    }
+
+    /// A row of tiles.
+    pub(super) fn band(&self, number: u32, progress: &dyn Progress) -> Result<Band> {
+        let [width, height] = self.scene.size;
+        let rows = TILE.min(height - number * TILE);
+        let tiles: Vec<Vec<(Rgba, f64)>> = (0..width.div_ceil(TILE))
+            .into_par_iter()
+            .map_init(
+                || Tracer::new(self),
+                |tracer, tile| {
+                    // Asked tile by tile: somebody who looks on may already want another picture.
+                    progress.check()?;
+                    self.tile(tracer, [tile * TILE, number * TILE], [TILE, rows])
+                },
+            )
+            .collect::<Result<_>>()?;
+        let pixel = |n: usize| {
+            let (x, y) = (n % width as usize, n / width as usize);
+            tiles[x / TILE as usize][y * TILE as usize + x % TILE as usize]
+        };
+        let (pixels, depths) = (0..width as usize * rows as usize).map(pixel).unzip();
+        Ok(Band { width: width as usize, pixels, depths })
+    }
+
+    /// The pixels of a tile, with the depth of the nearest opaque thing in each.
+    fn tile(
+        &self,
+        tracer: &mut Tracer<'_>,
+        from: [u32; 2],
+        [width, height]: [u32; 2],
+    ) -> Result<Vec<(Rgba, f64)>> {
+        let rays = self.supersample;
+        let mut parts = Vec::with_capacity((rays * rays) as usize);
+        let mut pixels = Vec::with_capacity((width * height) as usize);
+        for pixel in 0..width * height {
+            parts.clear();
+            let mut nearest = f64::INFINITY;
+            for ray in 0..rays * rays {
+                let offset = |n: u32| (f64::from(n) + 0.5) / f64::from(rays);
+                let x = f64::from(from[0] + pixel % width) + offset(ray % rays);
+                let y = f64::from(from[1] + pixel / width) + offset(ray / rays);
+                let (gathered, hit) = tracer.follow(&self.eye.camera.ray([x, y]))?;
+                nearest = nearest.min(hit.unwrap_or(f64::INFINITY));
+                parts.push(gathered.over(self.scene.background));
+            }
+            pixels.push((mean(&parts), nearest));
+        }
+        Ok(pixels)
+    }
+}

@@ -1,0 +1,126 @@
+//! Points with the surface that each stands for.
+
+use super::area::cell_area;
+use super::nearest::KdTree;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::soup::PointCloud;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Neighbours that bound the area of a point: of scattered points a cell has six on average, and seldom more
+/// than ten.
+const NEIGHBOURS: usize = 12;
+/// Radius of the ball over which a point is spread, in radii of the disc with its area: of a square grid 0.85 spacings.
+/// Of 10,000 random points of a torus the surface w = 0.5 is off by 3.2 % of their spacing (rms; 21 % at worst) for 1 in
+/// its place, 2.5 % (9 %) for 1.5 and 2.5 % (8 %) for 2; the less, the thinner the walls that stay apart.
+const SPREAD: f64 = 1.5;
+/// Room that the root leaves around the points, in spacings: so far the surface may lie beside them.
+const MARGIN: f64 = 2.0;
+
+/// A point, and the surface that it stands for, in the cloud's own unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surfel {
+    /// Where it is.
+    pub position: [f64; 3],
+    /// Outward normal with the length of its area.
+    pub area: [f64; 3],
+    /// Radius of the ball over which it is spread.
+    pub radius: f64,
+}
+
+/// A cloud with normals as surface elements.
+#[derive(Clone, Debug)]
+pub struct Surfels {
+    /// One for each point that has an area, by position.
+    pub all: Vec<Surfel>,
+    /// Points that have none: repeated ones, and those with a normal of length 0.
+    pub void: u64,
+    /// Root of the median area: the distance of neighbouring points, were they a square grid.
+    pub spacing: f64,
+    /// The box around all points, void ones too.
+    pub points: ([f64; 3], [f64; 3]),
+}
+
+impl Surfels {
+    /// Of a cloud with normals. A point's area is that of its cell among its 12 nearest neighbours, seen along its
+    /// normal; those that face the other way, as across a thin wall, do not bound it. Points that coincide count once,
+    /// with the first one's normal; those with a normal of length 0 not at all.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if a point lacks a normal; if the user interrupts.
+    pub fn of(cloud: &PointCloud, progress: &dyn Progress) -> Result<Surfels> {
+        if cloud.normals.len() != cloud.points.len() {
+            return Err(Error::setting("the points have no normals", "estimate them"));
+        }
+        progress.phase("measuring", Some(cloud.points.len() as u64), "points");
+        // Without -0, which would sort away from 0.
+        let mut sorted: Vec<([f64; 3], u32)> =
+            cloud.points.iter().zip(0..).map(|(p, number)| (p.map(|c| c + 0.0), number)).collect();
+        sorted.par_sort_unstable_by(|(p, a), (q, b)| {
+            let along = |axis: usize| p[axis].total_cmp(&q[axis]);
+            along(0).then_with(|| along(1)).then_with(|| along(2)).then(a.cmp(b))
+        });
+        sorted.dedup_by_key(|(p, _)| *p);
+        let positions: Vec<[f64; 3]> = sorted.iter().map(|(p, _)| *p).collect();
+        let normals: Vec<Option<[f64; 3]>> =
+            sorted.iter().map(|&(_, number)| unit(cloud.normals[number as usize])).collect();
+        drop(sorted);
+        let nearest = KdTree::new(&positions);
+        let surfel = |number: usize| {
+            progress.advance(1);
+            if progress.cancelled() {
+                return None;
+            }
+            surfel_of(number, &positions, &normals, &nearest)
+        };
+        let all: Vec<Surfel> = (0..positions.len()).into_par_iter().filter_map(surfel).collect();
+        progress.check()?;
+        let mut areas: Vec<f64> = all.iter().map(|s| length(s.area)).collect();
+        let spacing = match areas.len() {
+            0 => 0.0,
+            n => areas.select_nth_unstable_by(n / 2, f64::total_cmp).1.sqrt(),
+        };
+        let void = (cloud.points.len() - all.len()) as u64;
+        Ok(Surfels { all, void, spacing, points: cloud.bounds() })
+    }
+
+    /// The box that a root cube has to hold: two spacings more than the points on every side.
+    pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        let margin = MARGIN * self.spacing;
+        (self.points.0.map(|c| c - margin), self.points.1.map(|c| c + margin))
+    }
+}
+
+fn surfel_of(
+    number: usize,
+    positions: &[[f64; 3]],
+    normals: &[Option<[f64; 3]>],
+    nearest: &KdTree,
+) -> Option<Surfel> {
+    let (position, normal) = (positions[number], normals[number]?);
+    // The point itself is the first of them.
+    let around = &nearest.around(position, NEIGHBOURS + 1)[1..];
+    let ways = around.iter().filter_map(|n| {
+        let (q, other) = (positions[n.number as usize], normals[n.number as usize]?);
+        let alike = (0..3).map(|a| normal[a] * other[a]).sum::<f64>() > 0.0;
+        alike.then(|| std::array::from_fn(|a| q[a] - position[a]))
+    });
+    let area = cell_area(normal, ways, around.last().map_or(0.0, |n| n.squared).sqrt());
+    let radius = SPREAD * (area / PI).sqrt();
+    let is_sound = area > 0.0 && area.is_finite();
+    is_sound.then(|| Surfel { position, area: normal.map(|c| c * area), radius })
+}
+
+/// The direction of a vector of any length; `None` of one that has none.
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    // Squares of what is left neither overflow nor vanish.
+    let largest = v.iter().fold(0.0f64, |m, c| m.max(c.abs()));
+    let scaled = v.map(|c| c / largest);
+    let length = length(scaled);
+    (largest > 0.0).then(|| scaled.map(|c| c / length))
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
