@@ -1,6 +1,6 @@
 //! Joins the subtrees of a tree, which come one after the other along the Morton curve, to the nodes above them.
 
-use super::records::Recorder;
+use super::records::Records;
 use super::subtree::{Node, corner_at, join};
 use crate::brick::Brick;
 use crate::lattice::NodeKey;
@@ -34,10 +34,10 @@ struct Open {
 }
 
 /// Joins what comes. Nodes above the jobs are recorded apart, because they stand at the end of a store.
-pub(super) struct Assembler<R> {
+pub(super) struct Assembler {
     open: Vec<Open>,
     /// The joined nodes of the first opening, which is the root's.
-    pub top: R,
+    pub top: Records,
     /// The root.
     root: Option<Node>,
     /// If only some of the first opening's descendants are wanted, and the nodes above them are not.
@@ -52,16 +52,16 @@ struct Apart {
     empty: Vec<(u64, i16)>,
 }
 
-impl<R: Recorder> Assembler<R> {
+impl Assembler {
     /// For a store with this compression. If `cells` says which of the root's descendants are wanted, these are left as
     /// they are: no node above them is made.
-    pub fn new(cells: Option<Range<u64>>, compression: Compression) -> Assembler<R> {
+    pub fn new(cells: Option<Range<u64>>, compression: Option<Compression>) -> Assembler {
         let apart = cells.map(|cells| Apart { cells, empty: Vec::new() });
-        Assembler { open: Vec::new(), top: R::new(compression), root: None, apart }
+        Assembler { open: Vec::new(), top: Records::new(compression), root: None, apart }
     }
 
     /// The descendant number `cell` of the last opening comes next, whose records stand behind what is joined now.
-    pub fn reach(&mut self, cell: usize, records: &mut R) {
+    pub fn reach(&mut self, cell: usize, records: &mut Records) {
         let to = if self.open.len() == 1 { &mut self.top } else { records };
         if let Some(open) = self.open.last_mut() {
             open.skip_to(cell, to);
@@ -69,7 +69,7 @@ impl<R: Recorder> Assembler<R> {
     }
 
     /// From here on the descendants of `opening` come. Returns how many of the first opening's have been completed.
-    pub fn open(&mut self, opening: Opening, records: &mut R) -> u64 {
+    pub fn open(&mut self, opening: Opening, records: &mut Records) -> u64 {
         self.reach(opening.cell, records);
         let empty = opening.coming == 0;
         let siblings = (0..=opening.stride).map(|_| Vec::new()).collect();
@@ -79,7 +79,7 @@ impl<R: Recorder> Assembler<R> {
 
     /// The descendant that was reached has come. Nodes that it completes below the first opening go to
     /// `records`. Returns how many of the first opening's have been completed.
-    pub fn add(&mut self, node: Node, records: &mut R) -> u64 {
+    pub fn add(&mut self, node: Node, records: &mut Records) -> u64 {
         let first = self.open.len() == 1;
         let to = if first { &mut self.top } else { &mut *records };
         let open = self.open.last_mut().expect("it was opened");
@@ -89,7 +89,7 @@ impl<R: Recorder> Assembler<R> {
     }
 
     /// Nothing more comes to the last opening: its node is complete.
-    fn close(&mut self, records: &mut R) -> u64 {
+    fn close(&mut self, records: &mut Records) -> u64 {
         let mut open = self.open.pop().expect("it was opened");
         let to = if self.open.is_empty() { &mut self.top } else { &mut *records };
         open.skip_to(1 << (3 * u32::from(open.opening.stride)), to);
@@ -106,7 +106,7 @@ impl<R: Recorder> Assembler<R> {
     }
 
     /// The records of the nodes above the jobs; and, if these are only some, which of them are empty.
-    pub fn finish(mut self) -> (R, Vec<(u64, i16)>) {
+    pub fn finish(mut self) -> (Records, Vec<(u64, i16)>) {
         if let Some(Node::Empty(w)) = self.root {
             self.top.push(NodeKey::ROOT, true, &Brick::Uniform(w));
         }
@@ -126,7 +126,7 @@ impl Apart {
 
 impl Open {
     /// The descendants before `cell` that have not come are empty.
-    fn skip_to(&mut self, cell: usize, records: &mut impl Recorder) {
+    fn skip_to(&mut self, cell: usize, records: &mut Records) {
         for number in self.next..cell {
             let corner = corner_at(&self.opening.corners, self.opening.stride, number);
             self.push(Node::Empty(corner), records);
@@ -134,7 +134,7 @@ impl Open {
     }
 
     /// Adds the next descendant, and joins eight siblings as often as they are complete.
-    fn push(&mut self, node: Node, records: &mut impl Recorder) {
+    fn push(&mut self, node: Node, records: &mut Records) {
         let mut level = self.opening.stride;
         let mut number = self.next as u64;
         self.next += 1;

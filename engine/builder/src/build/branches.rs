@@ -4,8 +4,8 @@
 use super::assemble::{Assembler, Opening};
 use super::bins::Binner;
 use super::field::Field;
-use super::jobs::{Plan, sort_level};
-use super::records::Recorder;
+use super::jobs::{Consume, Plan, sort_level};
+use super::records::Records;
 use super::sorted::SortedPieces;
 use super::subtree::{Node, STRIDE, SubtreeBuilder, Top, corner_at};
 use crate::error::Result;
@@ -50,15 +50,15 @@ struct Job<F: Field> {
 }
 
 /// A subtree that is built.
-struct Built<R> {
+struct Built {
     cell: usize,
     node: Node,
-    records: R,
+    records: Records,
 }
 
 /// What the jobs yield, in the order of the records.
-enum Yield<R> {
-    Built(Vec<Built<R>>),
+enum Yield {
+    Built(Vec<Built>),
     Opened(Opening),
 }
 
@@ -181,14 +181,14 @@ impl Shares {
 
 /// Builds the tree below the sorted pieces' cubes, or a share of these; returns the records of the nodes above them,
 /// and, of a share, its empty cubes instead.
-pub(super) fn follow_pieces<F: Field, R: Recorder>(
+pub(super) fn follow_pieces<F: Field>(
     field: &F,
     sorted: SortedPieces<F>,
     plan: Plan<'_>,
     memory: u64,
     progress: &dyn Progress,
-    consume: &mut (impl FnMut(R) -> Result<u64> + Send),
-) -> Result<(R, Vec<(u64, i16)>)> {
+    consume: &mut Consume<'_>,
+) -> Result<(Records, Vec<(u64, i16)>)> {
     let Plan { rules, share, .. } = plan;
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
@@ -200,10 +200,10 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
     let (opening, jobs) = root.open(0, shares);
     progress.phase("building", Some(opening.coming as u64), "subtrees");
     let mut assembler = Assembler::new(share.map(|share| share.cells()), rules.compression);
-    let mut joined = R::new(rules.compression);
+    let mut joined = Records::new(rules.compression);
     assembler.open(opening, &mut joined);
     let work =
-        |(builder, pieces): &mut (SubtreeBuilder<F, R>, Vec<Vec<F::Piece>>), job: Job<F>, mut held: Held| {
+        |(builder, pieces): &mut (SubtreeBuilder<F>, Vec<Vec<F::Piece>>), job: Job<F>, mut held: Held| {
             progress.check()?;
             let first = job.cubes[0];
             let key = job.branch.key_of(first);
@@ -216,7 +216,7 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
             held.resize(built.iter().map(|built| built.records.heap_bytes()).sum());
             Ok(Outcome::Done(Yield::Built(built), held))
         };
-    let local = || (SubtreeBuilder::<F, R>::new(field, plan, progress), Vec::new());
+    let local = || (SubtreeBuilder::<F>::new(field, plan, progress), Vec::new());
     run_tasks(
         jobs,
         bounds,
@@ -246,12 +246,12 @@ pub(super) fn follow_pieces<F: Field, R: Recorder>(
 }
 
 /// Builds the subtrees of a job that is not opened, but those that an earlier run has built.
-fn build<F: Field, R: Recorder>(
-    builder: &mut SubtreeBuilder<F, R>,
+fn build<F: Field>(
+    builder: &mut SubtreeBuilder<F>,
     pieces: &mut Vec<Vec<F::Piece>>,
     job: &Job<F>,
     plan: Plan<'_>,
-) -> Result<Vec<Built<R>>> {
+) -> Result<Vec<Built>> {
     let branch = &*job.branch;
     pieces.resize_with(pieces.len().max(job.cubes.len()), Vec::new);
     let mut tops = Vec::with_capacity(job.cubes.len());
@@ -267,7 +267,7 @@ fn build<F: Field, R: Recorder>(
     let mut built = builder.build_all(&tops)?.into_iter();
     let mut next = |(cube, node): (&Cube, Option<Node>)| {
         let (node, records) = match node {
-            Some(node) => (node, R::new(plan.rules.compression)),
+            Some(node) => (node, Records::new(plan.rules.compression)),
             None => built.next().expect("each was built"),
         };
         Built { cell: cube.cell, node, records }
@@ -276,11 +276,7 @@ fn build<F: Field, R: Recorder>(
 }
 
 /// Hands on the records of joined nodes.
-fn flush<R: Recorder>(
-    joined: &mut R,
-    consume: &mut impl FnMut(R) -> Result<u64>,
-    kept: &mut Option<u64>,
-) -> Result<()> {
+fn flush(joined: &mut Records, consume: &mut Consume<'_>, kept: &mut Option<u64>) -> Result<()> {
     if !joined.is_empty() {
         *kept = Some(consume(joined.take())?);
     }
@@ -288,14 +284,14 @@ fn flush<R: Recorder>(
 }
 
 /// Sorts a cube's pieces again, by smaller cubes: in memory if they fit there, else on disk.
-fn branch<F: Field, R>(
+fn branch<F: Field>(
     field: &F,
     job: &Job<F>,
     cube: Cube,
     stride: u8,
     shares: Shares,
     mut held: Held,
-) -> Result<Outcome<Job<F>, Yield<R>>> {
+) -> Result<Outcome<Job<F>, Yield>> {
     let binner = Binner::new(job.branch.key_of(cube), stride);
     let from = &job.branch.sorted;
     let sorted = match &from.elsewhere {

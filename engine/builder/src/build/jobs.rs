@@ -4,7 +4,7 @@ use super::bins::Binner;
 use super::branches::follow_pieces;
 use super::decide::{Decided, Undecided};
 use super::field::Field;
-use super::records::Recorder;
+use super::records::Records;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
 use super::subtree::{Half, Node, SubtreeBuilder, interior, joined};
@@ -64,23 +64,25 @@ impl Plan<'_> {
     }
 }
 
+/// What gets the records of one job after the other; returns how many bytes it keeps for good, as an index.
+pub(super) type Consume<'a> = dyn FnMut(Records) -> Result<u64> + Send + 'a;
+
 /// Builds the tree of a field, the whole or a share. `consume` gets the records of one job after the
 /// other in Morton order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it
 /// keeps for good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of
 /// a share of such a tree, which has no nodes above its jobs.
-pub(super) fn build_tree<F: Field, R: Recorder>(
+pub(super) fn build_tree<F: Field>(
     field: &F,
     sorted: SortedPieces<F>,
     plan: Plan<'_>,
     memory: u64,
     progress: &dyn Progress,
-    consume: impl FnMut(R) -> Result<u64> + Send,
+    consume: &mut Consume<'_>,
 ) -> Result<Vec<(u64, i16)>> {
-    let mut consume = consume;
     let (top, empty) = if plan.rules.refines_all_touched() {
-        follow_pieces(field, sorted, plan, memory, progress, &mut consume)?
+        follow_pieces(field, sorted, plan, memory, progress, consume)?
     } else {
-        (decide_from_the_top(field, sorted, plan, progress, &mut consume)?, Vec::new())
+        (decide_from_the_top(field, sorted, plan, progress, consume)?, Vec::new())
     };
     consume(top)?;
     Ok(empty)
@@ -88,13 +90,13 @@ pub(super) fn build_tree<F: Field, R: Recorder>(
 
 /// Levels above the jobs are evaluated breadth-first; the nodes that refine down to the job level are jobs. For a share
 /// this is done of all nodes that it has a part in, and recorded of those that it owns.
-fn decide_from_the_top<F: Field, R: Recorder>(
+fn decide_from_the_top<F: Field>(
     field: &F,
     sorted: SortedPieces<F>,
     plan: Plan<'_>,
     progress: &dyn Progress,
-    consume: &mut (impl FnMut(R) -> Result<u64> + Send),
-) -> Result<R> {
+    consume: &mut Consume<'_>,
+) -> Result<Records> {
     let Plan { rules, share, .. } = plan;
     let meets = |key: NodeKey| share.is_none_or(|share| share.meets(key));
     let owns = |key: NodeKey| share.is_none_or(|share| share.owns(key));
@@ -146,7 +148,7 @@ fn decide_from_the_top<F: Field, R: Recorder>(
         join_unseen(field, unseen, jobs.collect(), &mut settled);
     }
     settled.sort_by_key(|(key, ..)| key.post_order());
-    let mut top = R::new(rules.compression);
+    let mut top = Records::new(rules.compression);
     settled.iter().for_each(|(key, leaf, brick)| top.push(*key, *leaf, brick));
     Ok(top)
 }
@@ -182,25 +184,25 @@ fn jobs_together<F: Field>(field: &F, rules: &Rules, jobs: usize) -> usize {
 }
 
 /// Runs the jobs on all threads and returns their top nodes.
-fn run_jobs<F: Field, R: Recorder>(
+fn run_jobs<F: Field>(
     field: &F,
     jobs: &[Undecided<F::Piece>],
     plan: Plan<'_>,
     progress: &dyn Progress,
-    consume: &mut (impl FnMut(R) -> Result<u64> + Send),
+    consume: &mut Consume<'_>,
 ) -> Result<Vec<Node>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
-    let local = || SubtreeBuilder::<F, R>::new(field, plan, progress);
+    let local = || SubtreeBuilder::<F>::new(field, plan, progress);
     let groups: Vec<&[Undecided<F::Piece>]> =
         jobs.chunks(jobs_together(field, plan.rules, jobs.len())).collect();
-    let work = |builder: &mut SubtreeBuilder<F, R>, number: usize| {
+    let work = |builder: &mut SubtreeBuilder<F>, number: usize| {
         let kept: Vec<Option<Node>> =
             groups[number].iter().map(|job| plan.built(job.key)).collect::<Result<_>>()?;
         let left = groups[number].iter().zip(&kept).filter(|(_, kept)| kept.is_none());
         let tops: Vec<&Undecided<F::Piece>> = left.map(|(job, _)| job).collect();
         let mut built = builder.build_deciding(&tops)?.into_iter();
         let node = |kept: Option<Node>| match kept {
-            Some(node) => (node, R::new(plan.rules.compression)),
+            Some(node) => (node, Records::new(plan.rules.compression)),
             None => built.next().expect("every node that was not kept is built"),
         };
         Ok(kept.into_iter().map(node).collect::<Vec<_>>())

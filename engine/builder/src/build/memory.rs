@@ -4,7 +4,7 @@ use super::cloud;
 use super::field::Field;
 use super::jobs::{Plan, build_tree, sort_cubes};
 use super::open::{self, OpenSoup};
-use super::records::KeptBricks;
+use super::records::Records;
 use super::resources::Room;
 use super::rules::{OPEN, POINTS, Rules, SOLIDS, TreeOptions, require_no_tolerance};
 use super::snap::snap;
@@ -96,14 +96,15 @@ fn tree_of<F: Field>(
     root: RootCube,
 ) -> Result<MemoryTree> {
     let mut tree = MemoryTree::new(root);
+    let rules = &Rules { compression: None, ..*rules };
     build_tree(
         field,
         sorted,
         Plan { rules, share: None, kept: None, thin: &Mutex::default() },
         u64::MAX,
         &Silent,
-        |records: KeptBricks| {
-            records.0.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick));
+        &mut |records: Records| {
+            records.insert(&mut tree);
             Ok(0)
         },
     )?;

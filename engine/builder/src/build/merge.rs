@@ -4,7 +4,7 @@
 //! build, or copied where a build evaluates them. So the bytes are those of a build without shares.
 
 use super::assemble::{Assembler, Opening};
-use super::records::{EncodedBricks, Recorder};
+use super::records::Records;
 use super::subtree::{Half, Node};
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
@@ -196,9 +196,9 @@ fn list(numbers: &[u32]) -> String {
 fn join_subtrees(parts: &[Part], writer: &mut StoreWriter, progress: &dyn Progress) -> Result<()> {
     let Some(Part { share: Share { level, .. }, .. }) = parts.first() else { return Ok(()) };
     // Shares are built with it.
-    let compression = Compression::Lz4;
-    let mut assembler = Assembler::<EncodedBricks>::new(None, compression);
-    let mut joined = EncodedBricks::new(compression);
+    let compression = Some(Compression::Lz4);
+    let mut assembler = Assembler::new(None, compression);
+    let mut joined = Records::new(compression);
     // Every cube comes, so no corner needs to be known.
     let (corners, coming) = (Arc::default(), 1 << (3 * u32::from(*level)));
     let opening = Opening { key: NodeKey::ROOT, stride: *level, corners, coming, cell: 0 };

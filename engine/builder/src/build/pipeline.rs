@@ -9,7 +9,7 @@ use super::foresee::{Foreseen, foresee};
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::orient;
-use super::records::EncodedBricks;
+use super::records::Records;
 use super::resources::{Resources, Room};
 use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
@@ -285,7 +285,7 @@ impl Task {
         let BuildOptions { stddev, tolerance, .. } = *options;
         let (depth, refine) = options.thin.of(depth, options.refine)?;
         let rules = Rules::new(TreeOptions { depth, refine, stddev, tolerance }, root)?;
-        let rules = Rules { compression, ..rules };
+        let rules = Rules { compression: Some(compression), ..rules };
         let meta = Meta {
             program: options.program.clone(),
             sources,
@@ -361,12 +361,12 @@ impl Task {
         let share = self.meta.share.as_ref();
         let plan = Plan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
         let (writer, index) = (&mut self.writer, self.room.index());
-        let record = |bricks: EncodedBricks| {
+        let mut record = |bricks: Records| {
             let bytes = bricks.write(writer)?;
             writer.commit_if_due()?;
             if bytes > index { Err(outgrown(writer, index)) } else { Ok(bytes) }
         };
-        let built = build_tree(field, sorted, plan, self.room.memory(), progress, record);
+        let built = build_tree(field, sorted, plan, self.room.memory(), progress, &mut record);
         let empty = self.keep(built)?;
         if let Some(share) = &mut self.meta.share {
             share.found.joined = self.rules.refines_all_touched();

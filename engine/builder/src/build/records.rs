@@ -3,48 +3,82 @@
 use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::NodeKey;
-use crate::store::{Compression, PayloadHead, Scratch, StoreWriter, encode_with};
+use crate::store::{Compression, MemoryTree, PayloadHead, Scratch, StoreWriter, encode_with};
 
-/// Receives the nodes of a subtree.
-pub(super) trait Recorder: Sized + Send {
-    /// Without nodes, for those of a store with this compression.
-    fn new(compression: Compression) -> Self;
-    /// What there is, and goes on without it.
-    fn take(&mut self) -> Self;
-    /// Adds a node.
-    fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick);
-    /// Whether there are none.
-    fn is_empty(&self) -> bool;
-    /// Memory taken.
-    fn heap_bytes(&self) -> u64;
+/// The nodes of a subtree in the order in which they were pushed.
+pub(super) enum Records {
+    /// Bricks as they are, for trees in memory.
+    Kept(Vec<(NodeKey, bool, Brick)>),
+    /// Bricks encoded for a store.
+    Encoded(Box<EncodedBricks>),
 }
 
-/// Bricks as they are, for trees in memory.
-#[derive(Default)]
-pub(super) struct KeptBricks(pub Vec<(NodeKey, bool, Brick)>);
-
-impl Recorder for KeptBricks {
-    fn new(_: Compression) -> Self {
-        Self::default()
+impl Records {
+    /// Without nodes, for those of a store with this compression, or of a tree in memory.
+    pub fn new(compression: Option<Compression>) -> Records {
+        compression.map_or_else(
+            || Records::Kept(Vec::new()),
+            |compression| Records::Encoded(Box::new(EncodedBricks::new(compression))),
+        )
     }
 
-    fn take(&mut self) -> Self {
-        std::mem::take(self)
+    /// What there is, and goes on without it.
+    pub fn take(&mut self) -> Records {
+        let next = match self {
+            Records::Kept(_) => Records::new(None),
+            Records::Encoded(encoded) => Records::new(Some(encoded.compression)),
+        };
+        std::mem::replace(self, next)
     }
 
-    fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
-        self.0.push((key, leaf, brick.clone()));
+    /// Adds a node.
+    pub fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
+        match self {
+            Records::Kept(kept) => kept.push((key, leaf, brick.clone())),
+            Records::Encoded(encoded) => encoded.push(key, leaf, brick),
+        }
     }
 
-    fn is_empty(&self) -> bool {
-        self.0.is_empty()
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        match self {
+            Records::Kept(kept) => kept.is_empty(),
+            Records::Encoded(encoded) => encoded.nodes.is_empty(),
+        }
     }
 
-    fn heap_bytes(&self) -> u64 {
-        self.0
-            .iter()
-            .map(|(.., brick)| (size_of::<(NodeKey, bool, Brick)>() + brick.heap_bytes()) as u64)
-            .sum()
+    /// Memory taken.
+    pub fn heap_bytes(&self) -> u64 {
+        match self {
+            Records::Kept(kept) => {
+                let bytes = |(.., brick): &(NodeKey, bool, Brick)| {
+                    size_of::<(NodeKey, bool, Brick)>() + brick.heap_bytes()
+                };
+                kept.iter().map(|node| bytes(node) as u64).sum()
+            }
+            Records::Encoded(encoded) => encoded.heap_bytes(),
+        }
+    }
+
+    /// Appends all of them to the store; returns how much memory its index takes by now.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn write(&self, writer: &mut StoreWriter) -> Result<u64> {
+        match self {
+            Records::Kept(_) => unreachable!("a store's records are encoded"),
+            Records::Encoded(encoded) => encoded.write(writer),
+        }
+    }
+
+    /// Adds all of them to a tree in memory.
+    pub fn insert(self, tree: &mut MemoryTree) {
+        match self {
+            Records::Kept(kept) => {
+                kept.into_iter().for_each(|(key, leaf, brick)| tree.insert(key, leaf, brick))
+            }
+            Records::Encoded(_) => unreachable!("a tree in memory has its bricks as they are"),
+        }
     }
 }
 
@@ -61,23 +95,14 @@ pub(super) struct EncodedBricks {
     scratch: Scratch,
 }
 
-impl Recorder for EncodedBricks {
-    fn new(compression: Compression) -> Self {
+impl EncodedBricks {
+    fn new(compression: Compression) -> EncodedBricks {
         EncodedBricks { compression, ..EncodedBricks::default() }
-    }
-
-    fn take(&mut self) -> Self {
-        let next = EncodedBricks::new(self.compression);
-        std::mem::replace(self, next)
     }
 
     fn push(&mut self, key: NodeKey, leaf: bool, brick: &Brick) {
         let head = encode_with(brick, self.compression, &mut self.scratch, &mut self.bytes);
         self.nodes.push((key, leaf, head, self.bytes.len()));
-    }
-
-    fn is_empty(&self) -> bool {
-        self.nodes.is_empty()
     }
 
     fn heap_bytes(&self) -> u64 {
@@ -86,11 +111,8 @@ impl Recorder for EncodedBricks {
                 + self.nodes.capacity() * size_of::<(NodeKey, bool, PayloadHead, usize)>())
                 as u64
     }
-}
 
-impl EncodedBricks {
-    /// Appends all of them to the store; returns how much memory its index takes by now.
-    pub fn write(&self, writer: &mut StoreWriter) -> Result<u64> {
+    fn write(&self, writer: &mut StoreWriter) -> Result<u64> {
         let mut start = 0;
         for &(key, leaf, head, end) in &self.nodes {
             writer.append(key, leaf, head, &self.bytes[start..end])?;

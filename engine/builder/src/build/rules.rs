@@ -33,8 +33,8 @@ pub(super) struct Rules {
     pub stddev: f64,
     /// How far the boundary may be from the mesh of a leaf above the depth limit.
     pub tolerance: Option<Tolerance>,
-    /// How payloads are stored.
-    pub compression: Compression,
+    /// How payloads are stored; `None` for a tree in memory.
+    pub compression: Option<Compression>,
     /// Evaluate every node from its pieces even where its children would give its samples: for fields that
     /// change where no piece is, and for tests.
     pub evaluate_interior: bool,
@@ -109,7 +109,7 @@ impl Rules {
             refine,
             stddev,
             tolerance,
-            compression: Compression::Lz4,
+            compression: Some(Compression::Lz4),
             evaluate_interior: false,
         })
     }

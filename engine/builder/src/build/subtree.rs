@@ -5,7 +5,7 @@ use super::bins::{Binner, CellLists};
 use super::decide::{Decided, Undecided};
 use super::field::{Evaluated, Field, Pieces};
 use super::jobs::Plan;
-use super::records::Recorder;
+use super::records::Records;
 use super::rules::Rules;
 use crate::backend::Leaf;
 use crate::brick::{Brick, Samples, point_index};
@@ -103,20 +103,20 @@ enum Opened<P> {
 }
 
 /// Builds subtrees one after the other; one per thread.
-pub(super) struct SubtreeBuilder<'a, F: Field, R> {
+pub(super) struct SubtreeBuilder<'a, F: Field> {
     field: &'a F,
     rules: &'a Rules,
     plan: Plan<'a>,
     progress: &'a dyn Progress,
     evaluator: F::Evaluator,
     /// What the subtrees so far consist of.
-    pub records: R,
+    pub records: Records,
 }
 
-impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
+impl<'a, F: Field> SubtreeBuilder<'a, F> {
     pub fn new(field: &'a F, plan: Plan<'a>, progress: &'a dyn Progress) -> Self {
         let rules = plan.rules;
-        let records = R::new(rules.compression);
+        let records = Records::new(rules.compression);
         SubtreeBuilder { field, rules, plan, progress, evaluator: F::Evaluator::default(), records }
     }
 
@@ -169,7 +169,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     }
 
     /// Builds several subtrees of a tree that follows the pieces, those of each with its records apart.
-    pub fn build_all(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
+    pub fn build_all(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, Records)>> {
         let depth = self.rules.depth;
         let is_at_bottom = |top: &Top<'_, F::Piece>| depth - top.key.level() <= STRIDE;
         // What a node below the depth holds is known only when the node is.
@@ -185,7 +185,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     }
 
     /// Subtrees whose leaves are evaluated in batches, which do not end where a subtree does.
-    fn build_ahead(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, R)>> {
+    fn build_ahead(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, Records)>> {
         let cells: Vec<Cells> = tops.iter().map(|top| self.cells(top.key, top.corner, top.pieces)).collect();
         let SubtreeBuilder { field, progress, evaluator, records, plan, .. } = self;
         let is_settled =
@@ -252,7 +252,7 @@ impl<'a, F: Field, R: Recorder> SubtreeBuilder<'a, F, R> {
     }
 
     /// Builds several subtrees of a tree whose nodes decide for themselves, those of each with its records apart.
-    pub fn build_deciding(&mut self, tops: &[&Undecided<F::Piece>]) -> Result<Vec<(Node, R)>> {
+    pub fn build_deciding(&mut self, tops: &[&Undecided<F::Piece>]) -> Result<Vec<(Node, Records)>> {
         self.foresee(tops.iter().copied());
         let decided = self.decide(tops.iter().copied())?;
         let mut built = Vec::with_capacity(tops.len());
@@ -409,7 +409,7 @@ pub(super) fn corner_at(corners: &[i64], stride: u8, number: usize) -> i16 {
 
 /// Makes a node from its children: empty if they all are, else their common interior node, recording the
 /// empty children as uniform leaves. Samples have `bits` binary places.
-pub(super) fn join(key: NodeKey, children: [Node; 8], bits: u8, records: &mut impl Recorder) -> Node {
+pub(super) fn join(key: NodeKey, children: [Node; 8], bits: u8, records: &mut Records) -> Node {
     if let Some(w) = common_empty(&children) {
         return Node::Empty(w);
     }
@@ -419,7 +419,7 @@ pub(super) fn join(key: NodeKey, children: [Node; 8], bits: u8, records: &mut im
     Node::Stored(Half::of(&brick))
 }
 
-fn record_empty(key: NodeKey, children: &[Node; 8], records: &mut impl Recorder) {
+fn record_empty(key: NodeKey, children: &[Node; 8], records: &mut Records) {
     for (octant, child) in Octant::all().zip(children) {
         if let Node::Empty(w) = child {
             records.push(key.child(octant), true, &Brick::Uniform(*w));

@@ -16,11 +16,12 @@
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.
 
-use super::annex::{Claims, Following, neighbour};
+use super::annex::{Claims, Following};
 use super::cells::{BrickCells, Builder, CELL_ROWS};
-use super::halo::{Halo, Named, Place};
+use super::halo::{Halo, Named};
+use super::places::{Place, home_of, is_next_to, neighbour};
 use super::planes::{Plane, distance};
-use super::qef::{PlaneSums, Qef};
+use super::qef::{MISS, PlaneSums, Qef};
 use super::symmetric::dot;
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
@@ -28,9 +29,6 @@ use crate::wide::{Simd, dispatch, level};
 use glam::DVec3;
 use std::collections::HashSet;
 
-/// How far, in cells, a plane may pass by the corner: a hundred times what the rounding of offsets and
-/// normals makes of planes that meet in one point, and far less than a curved face bends within a cell.
-pub(super) const MISS: f64 = 0.01;
 /// Cosine of the angle, 3°, up to which two crossings count as of one face.
 const SAME_NORMAL: f64 = 0.998_629_534_754_573_9;
 /// Least singular value of the faces' normals: what is flatter or nearer to a straight crease has no place
@@ -142,15 +140,6 @@ impl Builder<'_> {
         let (kind, first) = self.cells.plain(cell.map(|c| c as usize))?;
         (kind.loops().count == 1).then_some(first)
     }
-}
-
-/// The cell that holds a point.
-pub(super) fn home_of(point: [f64; 3]) -> Place {
-    point.map(|c| c.floor() as i32)
-}
-
-pub(super) fn is_next_to(a: Place, b: Place) -> bool {
-    (0..3).all(|n| (a[n] - b[n]).abs() <= 1)
 }
 
 /// A cell and the 26 around it, the cell itself first.

@@ -1,7 +1,6 @@
 //! Polygons cut into facets, eight at a time in vectors, with normals, area and volume.
 
 use super::envelope::{MinimalEdge, Vec3, diagonals};
-use super::polygons::Facet;
 use crate::lattice::Axis;
 use crate::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, in_fours, level, narrowed,
@@ -16,6 +15,16 @@ const FIT_MARGIN: f64 = 1.0 / 64.0;
 
 /// Polygons in a vector.
 const GROUP: usize = 8;
+
+/// One triangle of the mesh, counter-clockwise seen from outside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Facet {
+    /// Numbers of the corners in the order in which vertices were handed to the sink; without meaning for a
+    /// sink that shares none.
+    pub ids: [u32; 3],
+    /// World positions of the corners.
+    pub corners: [[f32; 3]; 3],
+}
 
 /// Area and volume of facets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,6 +70,13 @@ static ORDERS: [[&[Order]; 2]; 5] = [
     [&[([0, 1, 2], 0)]; 2],
     [&[]; 2],
 ];
+
+/// What a polygon is known by.
+#[inline(always)]
+pub(super) fn tag((axis, [i, j, k], fraction): (Axis, [usize; 3], u16), low_is_inside: bool) -> u64 {
+    let place = (i | j << 8 | k << 16 | axis.index() << 24 | usize::from(low_is_inside) << 26) as u64;
+    place | u64::from(fraction) << 32
+}
 
 /// Up to eight polygons that are cut.
 pub struct Cuts {
@@ -420,7 +436,7 @@ pub(super) fn encoded(facets: &[Facet], append: fn(&Cuts, &mut Vec<u8>)) -> Vec<
 
 #[cfg(test)]
 mod tests {
-    use super::super::later::{first_bytes, whole};
+    use super::super::triangle_names::{first_bytes, whole};
     use super::*;
     use proptest::prelude::*;
 

@@ -6,7 +6,7 @@
 //! cross edges at samples, or nearer to them than a step of such numbers.
 
 use super::envelope::{MinimalEdge, step_at};
-use super::field::{Frame, Lattice};
+use super::frame::{Frame, Lattice};
 use super::loops::SLACK;
 use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};

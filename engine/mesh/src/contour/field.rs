@@ -1,23 +1,23 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
-use super::ContourOptions;
-use super::adaptive::{self, Across, Draft, MeetingSearch, Merged};
+use super::adaptive::{Across, Draft, Merged};
 use super::cache::Cache;
 use super::cells::BrickCells;
 use super::edges::Quad;
 use super::envelope::MinimalEdge;
 use super::faces::FaceVertices;
+use super::frame::{Frame, Lattice};
 use super::leaves::{Leaves, Side, cell_in};
+use super::options::ContourOptions;
 use super::order::in_order;
 use super::qef::PlaneSums;
 use super::spare::Spare;
 use super::surface::{Changes, Level, Surface};
 use super::vertices::LeafVertices;
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Walk};
-use crate::wide::{Simd, SimdBase, f32x8, f64x8, in_fours, narrowed};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -26,8 +26,23 @@ use std::sync::atomic::{AtomicU32, Ordering};
 const LEAST_FOR_MERGED: usize = 2 << 20;
 const LEAST_FOR_CELLS: usize = 8 << 20;
 
+/// The stages that make what is kept of a leaf. They ask the field for what earlier stages have made of it and of the
+/// leaves around it, so the field knows them only by what they give.
+#[derive(Clone, Copy)]
+pub(super) struct Makers {
+    /// Cells and their vertices.
+    pub cells: fn(&Field, u32) -> Result<BrickCells>,
+    /// Vertices on faces.
+    pub faces: fn(&Field, u32, &Arc<BrickCells>) -> Result<FaceVertices>,
+    /// What of the cells may be merged within a tolerance.
+    pub draft: fn(&Field, u32, f64) -> Result<Draft>,
+    /// What is merged, with what is merged across the borders of leaves.
+    pub merged: fn(&Field, u32, &Across) -> Result<Merged>,
+}
+
 /// A level set of a tree, ready to be contoured leaf by leaf from any thread.
 pub(super) struct Field<'a> {
+    makers: Makers,
     pub root: RootCube,
     pub leaves: Leaves,
     tree: &'a dyn BrickTree,
@@ -49,9 +64,9 @@ pub(super) struct Field<'a> {
 
 /// What is made of a leaf beside its cells to merge their vertices.
 struct Merging {
-    /// As in [`super::ContourOptions::tolerance`].
+    /// As in [`ContourOptions::tolerance`].
     tolerance: f64,
-    /// As in [`super::ContourOptions::intersection_free`].
+    /// As in [`ContourOptions::intersection_free`].
     intersection_free: bool,
     drafts: Cache<Draft>,
     across: Across,
@@ -64,7 +79,12 @@ struct Merging {
 
 impl<'a> Field<'a> {
     /// Of the level set `level` of `tree`.
-    pub(super) fn new(tree: &'a dyn BrickTree, level: Level, options: &ContourOptions) -> Result<Field<'a>> {
+    pub(super) fn new(
+        tree: &'a dyn BrickTree,
+        level: Level,
+        options: &ContourOptions,
+        makers: Makers,
+    ) -> Result<Field<'a>> {
         let cache_bytes = options.cache_bytes;
         let leaves = Leaves::new(tree, options.level, level.threshold)?;
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
@@ -91,6 +111,7 @@ impl<'a> Field<'a> {
         let faces = Cache::new(for_faces);
         let users = counts(&leaves, needed_by);
         Ok(Field {
+            makers,
             root: tree.root(),
             leaves,
             tree,
@@ -107,33 +128,6 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// With a tolerance, finds out what is merged across the borders of leaves, before anyone asks for vertices.
-    /// Their normals are kept where they are wanted.
-    pub(super) fn merge_across(&mut self, normals: bool, progress: &dyn Progress) -> Result<()> {
-        let Some(&Merging { tolerance, intersection_free, .. }) = self.merging.as_ref() else {
-            return Ok(());
-        };
-        let across = Across::find(self, tolerance, normals, progress)?;
-        let mut search = MeetingSearch::new(self, &across, intersection_free);
-        self.take(across);
-        loop {
-            let taken = search.next(self, progress)?;
-            let Some(mut across) = self.merging.as_mut().map(|merging| std::mem::take(&mut merging.across))
-            else {
-                return Ok(());
-            };
-            if taken.is_empty() {
-                across.finish();
-                across.sharing().into_iter().for_each(|leaf| self.forget(leaf));
-                self.take(across);
-                return Ok(());
-            }
-            let changed = across.give_up(self, &taken);
-            self.take(across);
-            search.ask_again(self, &taken, &changed)?;
-        }
-    }
-
     /// How many levels the coarsest leaf around one is above it; none without a tolerance.
     pub(super) fn levels_up(&self, leaf: u32) -> u8 {
         self.merging.as_ref().map_or(0, |merging| merging.levels_up[leaf as usize])
@@ -144,7 +138,18 @@ impl<'a> Field<'a> {
         self.merging.as_ref().map(|merging| &merging.across)
     }
 
-    fn take(&mut self, across: Across) {
+    /// The tolerance, and whether triangles that meet are looked for; `None` without a tolerance.
+    pub(super) fn merging(&self) -> Option<(f64, bool)> {
+        self.merging.as_ref().map(|merging| (merging.tolerance, merging.intersection_free))
+    }
+
+    /// What is merged across the borders of leaves, which is to be put back.
+    pub(super) fn take_across(&mut self) -> Across {
+        self.merging.as_mut().map(|merging| std::mem::take(&mut merging.across)).unwrap_or_default()
+    }
+
+    /// From now on this is merged across the borders of leaves.
+    pub(super) fn put_across(&mut self, across: Across) {
         if let Some(merging) = &mut self.merging {
             merging.across = across;
         }
@@ -186,7 +191,7 @@ impl<'a> Field<'a> {
     /// The vertices on faces that a leaf owns.
     pub(super) fn faces(&self, leaf: u32) -> Result<Arc<FaceVertices>> {
         self.faces.get_or_make(leaf, || {
-            let faces = FaceVertices::of(self, leaf, &self.cells(leaf)?)?;
+            let faces = (self.makers.faces)(self, leaf, &self.cells(leaf)?)?;
             let bytes = faces.heap_bytes() + size_of::<FaceVertices>();
             Ok((faces, bytes))
         })
@@ -219,7 +224,7 @@ impl<'a> Field<'a> {
 
     pub(super) fn cells(&self, leaf: u32) -> Result<Arc<BrickCells>> {
         self.cells.get_or_make(leaf, || {
-            let cells = BrickCells::build(self, leaf)?;
+            let cells = (self.makers.cells)(self, leaf)?;
             let bytes = cells.heap_bytes();
             Ok((cells, bytes))
         })
@@ -231,7 +236,7 @@ impl<'a> Field<'a> {
             return Ok(LeafVertices::new(leaf, self.cells(leaf)?, self.faces(leaf)?));
         };
         let merged = merging.merged.get_or_make(leaf, || {
-            let merged = adaptive::merged(self, leaf, &merging.across)?;
+            let merged = (self.makers.merged)(self, leaf, &merging.across)?;
             let bytes = merged.heap_bytes();
             Ok((merged, bytes))
         })?;
@@ -242,7 +247,7 @@ impl<'a> Field<'a> {
     pub(super) fn draft(&self, leaf: u32) -> Result<Arc<Draft>> {
         let Some(merging) = &self.merging else { return Ok(Arc::default()) };
         merging.drafts.get_or_make(leaf, || {
-            let draft = Draft::of(self, leaf, merging.tolerance)?;
+            let draft = (self.makers.draft)(self, leaf, merging.tolerance)?;
             let bytes = draft.heap_bytes();
             Ok((draft, bytes))
         })
@@ -335,115 +340,4 @@ fn counts<I: IntoIterator<Item = u32>>(
         }
     }
     counts
-}
-
-/// World coordinates of a brick's samples by axis.
-pub(super) type Lattice = [[f32; BRICK_POINTS]; 3];
-
-/// Where a coordinate of the world lies along an axis, 0..1 in the cells with this number.
-#[inline(always)]
-pub(super) fn along(lattice: &Lattice, axis: usize, cell: usize, coordinate: f32) -> f64 {
-    let [low, high] = [cell, cell + 1].map(|n| f64::from(lattice[axis][n]));
-    (f64::from(coordinate) - low) / (high - low)
-}
-
-/// From cell coordinates of a brick to the world.
-#[derive(Clone, Copy)]
-pub(super) struct Frame {
-    root: RootCube,
-    key: NodeKey,
-    origin: [f64; 3],
-    spacing: f64,
-    /// How far vertices stay away from their cell's faces, as a share of the cell.
-    pub margin: f64,
-}
-
-impl Frame {
-    pub(super) fn new(root: RootCube, key: NodeKey) -> Frame {
-        let spacing = root.spacing(key.level());
-        let farthest = root.origin.iter().fold(0.0f64, |m, &o| m.max(o.abs()).max((o + root.edge).abs()));
-        // More than one step of f32 on each side keeps the vertices of different cells, and the extra ones on
-        // the faces between them, apart. No more than that: a face of the part that lies on the border of
-        // cells is moved by the margin, and what it encloses grows or shrinks.
-        let step = f64::from((farthest as f32).next_up()) - f64::from(farthest as f32);
-        let margin = (1.01 * step / spacing).min(0.25);
-        let origin = root.to_world(key.base().map(|b| f64::from(b) + 1.0));
-        Frame { root, key, origin, spacing, margin }
-    }
-
-    /// World coordinates of the brick's samples. They follow from the place in the root alone, so that all bricks have the
-    /// same number for one plane of samples, to the last bit.
-    pub(super) fn lattice(&self) -> Lattice {
-        let samples: [[f32; 3]; BRICK_POINTS] = std::array::from_fn(|n| self.sample(n));
-        std::array::from_fn(|a| std::array::from_fn(|n| samples[n][a]))
-    }
-
-    /// World coordinates of the brick's lower and upper corner.
-    pub(super) fn bounds(&self) -> [[f32; 3]; 2] {
-        [0, BRICK_CELLS].map(|n| self.sample(n))
-    }
-
-    /// World coordinates of the sample (n, n, n).
-    fn sample(&self, n: usize) -> [f32; 3] {
-        let step = (n as i32) << self.key.spacing_bits();
-        self.root.sample(self.key.base().map(|b| b + step))
-    }
-
-    /// A point of the world in cells of the brick.
-    pub(super) fn local(&self, position: [f32; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| (f64::from(position[a]) - self.origin[a]) / self.spacing)
-    }
-
-    /// World position of a point, in cells of the brick, moved into the cell `cell` where it is not.
-    pub(super) fn world_within(&self, cell: [i32; 3], point: [f64; 3]) -> [f32; 3] {
-        let [low, high] = [self.margin, 1.0 - self.margin];
-        std::array::from_fn(|a| {
-            let cell = f64::from(cell[a]);
-            (self.origin[a] + (cell + (point[a] - cell).clamp(low, high)) * self.spacing) as f32
-        })
-    }
-
-    /// World position of the point `at`, 0..1 an axis, of a block of `size` cells an axis from `corner` on, or near it
-    /// where that is taken: two sheets in one block may have their vertices at the same point.
-    pub(super) fn free_place(
-        &self,
-        (corner, size): ([usize; 3], f64),
-        mut at: [f64; 3],
-        mut is_taken: impl FnMut(&[f32; 3]) -> bool,
-    ) -> [f32; 3] {
-        let place = |at: [f64; 3]| self.world(corner, at.map(|c| c * size));
-        let margin = self.margin / size;
-        let mut position = place(at);
-        let mut tries = 0;
-        while is_taken(&position) && tries < 48 {
-            let axis = tries % 3;
-            let step = (1.0 / 64.0 / size).max(margin) * (1 + tries / 3) as f64;
-            at[axis] = (at[axis] + if at[axis] < 0.5 { step } else { -step }).clamp(margin, 1.0 - margin);
-            position = place(at);
-            tries += 1;
-        }
-        position
-    }
-
-    /// World position of the point `at`, 0..1 an axis, of a cell.
-    #[inline]
-    pub(super) fn world(&self, cell: [usize; 3], at: [f64; 3]) -> [f32; 3] {
-        std::array::from_fn(|a| (self.origin[a] + (cell[a] as f64 + at[a]) * self.spacing) as f32)
-    }
-
-    /// The same of eight cells, by their lower corners; a fourth number fills the vectors.
-    #[inline(always)]
-    pub(super) fn world_wide<S: Simd>(
-        &self,
-        simd: S,
-        corners: [f64x8<S>; 3],
-        at: [f64x8<S>; 3],
-    ) -> [[f32; 4]; 8] {
-        let mut places = [f32x8::splat(simd, 0.0); 3];
-        for a in 0..3 {
-            places[a] = narrowed(simd, (corners[a] + at[a]) * self.spacing + self.origin[a]);
-        }
-        let [x, y, z] = places;
-        in_fours([x, y, z, x])
-    }
 }

@@ -5,12 +5,13 @@
 //! whose vertex goes to a corner between them. Leaves of other levels are not looked into; of the border with
 //! them only the own apron is known.
 
-use super::annex::Crease;
-use super::corner::MISS;
+use super::crease::Crease;
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::field::Field;
 use super::joined;
+use super::places::Place;
 use super::planes::Plane;
+use super::qef::MISS;
 use super::solve::Group;
 use super::surface::{Changes, Surface};
 use super::topology::Kind;
@@ -18,9 +19,6 @@ use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use crate::wide::{dispatch, level};
 use std::sync::Arc;
-
-/// A cell or sample, counted from the leaf's first one.
-pub(super) type Place = [i32; 3];
 
 const SIDE: i32 = BRICK_CELLS as i32;
 

@@ -3,14 +3,15 @@
 //!
 //! Only bricks are of use there in which one sheet passes each cell: the others are left alone.
 
-use super::cells::{BrickCells, CELL_ROWS, CellRow, mark_active};
+use super::cells::{self, CELL_ROWS, CellRow, mark_active};
 use super::edges::{EDGE_PLACES, EdgeStreams};
-use super::field::{Field, Frame};
+use super::frame::Frame;
+use super::options::{ContourOptions, Method};
 use super::planes::Plane;
 use super::qef::PlaneSums;
+use super::stages;
 use super::surface::{Changes, Level, Surface};
 use super::topology::{CellLoops, Kind};
-use super::{ContourOptions, Method};
 use crate::brick::{Brick, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
@@ -60,11 +61,11 @@ impl Lone {
     pub fn cells(&self, miss: f64) -> Result<Option<LoneCells>> {
         let options =
             ContourOptions { cache_bytes: CACHE_BYTES, method: Method::Dual, ..ContourOptions::default() };
-        let field = Field::new(&self.tree, Level { threshold: 1, iso: 0.5 }, &options)?;
+        let field = stages::field(&self.tree, Level { threshold: 1, iso: 0.5 }, &options)?;
         let surface = field.surface(0)?;
         let Surface::Changes(changes) = &*surface else { return Ok(Some(LoneCells::none())) };
         let Some(mut cells) = LoneCells::planes(changes, miss + ROUNDING) else { return Ok(None) };
-        let built = BrickCells::build(&field, 0)?;
+        let built = cells::build(&field, 0)?;
         let frame: Frame = field.frame(NodeKey::ROOT);
         // One loop a cell, no extra vertices: vertices are numbered as active cells are.
         cells.vertices = built.positions.iter().map(|&position| frame.local(position)).collect();

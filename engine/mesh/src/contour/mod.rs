@@ -8,36 +8,52 @@
 //! latter wait outside of memory until the last vertex has its number, if a sink wants numbers. The mesh is never in
 //! memory as a whole.
 //!
+//! Stages, each of which asks the field for what earlier ones have made of a leaf and of those around it; `stages` puts
+//! them together, and no two files import each other:
+//!
+//! ```text
+//! leaves ── surface ── joined ── cells ── faces ── vertices ── polygons ── cut ── sink
+//! (tree)    (signs,    (face     (QEF, Ju  (where   (numbers)   (manifold:  (tri-   (files)
+//!            Hermite    cuts)     et al.    edges                Schaefer    angles)
+//!            edges)               2002)     leave)               et al. 2007)
+//!                                   │          │
+//!                                   └── adaptive: draft ── find_across ── meetings ── merged
+//!                                       (Schaefer, Ju & Warren 2007: merging within a tolerance)
+//! ```
+//!
 //! | file | owns |
 //! |---|---|
+//! | `options` | what to contour and how, what is refused, what comes of it |
+//! | `stages` | the stages put together |
+//! | `field` | the tree with its leaves and what stages have made of them, cached |
+//! | `frame` | where a brick lies in the world |
+//! | `leaves`, `places` | which leaf lies where; cells about a leaf |
 //! | `topology` | how a face is cut, the loops of a plain cell |
 //! | `joined` | which way a face is cut whose signs do not tell |
-//! | `leaves` | which leaf lies where |
-//! | `planes` | decoded Hermite edges |
-//! | `surface` | signs and Hermite edges of a leaf |
-//! | `symmetric` | symmetric matrices |
+//! | `planes`, `surface` | decoded Hermite edges; signs and Hermite edges of a leaf |
+//! | `symmetric`, `lanes` | symmetric matrices; eight loops side by side in vectors |
 //! | `qef` | where a vertex goes |
 //! | `solve` | the same for eight vertices at a time |
 //! | `outliers` | the few that need more, eight at a time, too |
 //! | `edges` | the edges of a row of cells |
 //! | `cells` | active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
+//! | `crease` | where the planes of a cell meet at a sharp angle |
 //! | `annex` | room beyond cells for vertices on creases |
 //! | `corner` | vertices at corners that no single cell sees |
 //! | `lone` | the vertices of a brick on its own, for builds |
 //! | `loops` | what belongs to one loop of a cell and what to another |
 //! | `mixed` | cells next to finer leaves |
+//! | `faces`, `extras` | vertices on faces; how they are named |
 //! | `adaptive` | vertices that stand for several cells' |
-//! | `polygons` | triangles of a leaf |
 //! | `vertices` | the vertices of a leaf as the mesh has them |
-//! | `normals` | their normals |
-//! | `marching` | marching cubes, for comparison |
-//! | `later` | triangles that wait for the numbers of vertices |
-//! | `faces` | vertices on faces |
-//! | `extras` | how they are named |
+//! | `normal_sum`, `normals` | sums of unit normals; normals of vertices |
+//! | `polygons` | triangles of a leaf |
 //! | `envelope` | where triangles cannot meet others |
 //! | `cut` | polygons into triangles, their area, volume and normals |
-//! | `spare` | room that is used again |
+//! | `triangle_names`, `later` | how triangles name vertices; triangles that wait for the numbers of vertices |
+//! | `marching` | marching cubes, for comparison |
+//! | `spare`, `cache` | room that is used again; what is kept within a bound |
 //! | `order` | leaves in parallel, their output in order |
 //! | `tagged` | triangles with the lattice edges that they are around, for measuring |
 //! | `sink` | arrays; STL, PLY and OBJ files |
@@ -47,6 +63,7 @@ mod annex;
 mod cache;
 mod cells;
 mod corner;
+mod crease;
 mod cut;
 mod edges;
 mod envelope;
@@ -54,35 +71,42 @@ mod extras;
 mod faces;
 mod field;
 mod foresee;
+mod frame;
 mod halo;
 mod joined;
+mod lanes;
 mod later;
 mod leaves;
 mod lone;
 mod loops;
 mod marching;
 mod mixed;
+mod normal_sum;
 mod normals;
+mod options;
 mod order;
 mod outliers;
+mod places;
 mod planes;
 mod polygons;
 mod qef;
 mod sink;
 mod solve;
 mod spare;
+mod stages;
 mod surface;
 mod symmetric;
 mod tagged;
 #[cfg(test)]
 mod tests;
 mod topology;
+mod triangle_names;
 mod vertices;
 
-pub use cut::Cuts;
+pub use cut::{Cuts, Facet};
 pub use foresee::foresee_triangles;
 pub use lone::{Lone, LoneCells, has_one_sheet};
-pub use polygons::Facet;
+pub use options::{ContourOptions, MeshSummary, Method};
 pub use sink::{
     Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
 };
@@ -94,91 +118,14 @@ use crate::part::temporary::require_folder;
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use field::Field;
+use frame::united;
 use later::{Later, Numbered, Numbering, Waiting};
 use normals::LeafNormals;
+use options::{level, require_half, require_resolution, require_tolerance};
 use order::in_order;
 use polygons::{LeafFacets, Making};
 use spare::Spare;
-use std::path::PathBuf;
-use surface::Level;
 use vertices::LeafVertices;
-
-/// What to contour, and how.
-#[derive(Clone, Debug)]
-pub struct ContourOptions {
-    /// The winding number at the surface, above 0; inside means w ≥ `iso`. Up to 1 the surface is the
-    /// boundary that the Hermite data describe. Above 1 the crossings are placed where the samples at the
-    /// two ends of an edge interpolate to `iso`, and normals are central differences of the samples.
-    pub iso: f64,
-    /// Deepest level to use; interior nodes there stand for their descendants. `None` for all.
-    pub level: Option<u8>,
-    /// Bytes for decoded bricks and cells that several leaves ask for. Less costs time, not correctness.
-    pub cache_bytes: usize,
-    /// How far, in world units, the surface may be moved for the sake of fewer triangles; 0 to keep every vertex.
-    pub tolerance: f64,
-    /// Whether triangles at merged vertices that meet others elsewhere than in common corners are looked for, and their
-    /// vertices given up, which takes one and a half to two and a half times the time. Without a tolerance none meet
-    /// in any case.
-    pub intersection_free: bool,
-    /// How cells become triangles.
-    pub method: Method,
-    /// Whether sharp edges are followed through cells that have no vertex of their own: they are nearer to the mesh by half
-    /// or more, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice the
-    /// time. Of meshes by dual contouring.
-    pub follow_creases: bool,
-    /// Folder in which triangles wait for the numbers of their vertices, if the sink writes a file; the file's own by default.
-    pub temp_dir: Option<PathBuf>,
-}
-
-/// How cells become triangles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// Manifold dual contouring: sharp edges, leaves of any levels.
-    #[default]
-    Dual,
-    /// Marching cubes (Lorensen & Cline 1987), for comparison: vertices on lattice edges, leaves of one level.
-    MarchingCubes,
-}
-
-impl Default for ContourOptions {
-    fn default() -> ContourOptions {
-        ContourOptions {
-            iso: 0.5,
-            level: None,
-            cache_bytes: 512 << 20,
-            tolerance: 0.0,
-            intersection_free: true,
-            method: Method::Dual,
-            follow_creases: false,
-            temp_dir: None,
-        }
-    }
-}
-
-/// What came out.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MeshSummary {
-    /// Vertices handed to the sink.
-    pub vertices: u64,
-    /// Triangles handed to the sink.
-    pub triangles: u64,
-    /// Area in square world units.
-    pub area: f64,
-    /// Enclosed volume in cubic world units.
-    pub volume: f64,
-    /// Least and greatest coordinates in world units; `None` for an empty mesh.
-    pub bounds: Option<[[f32; 3]; 2]>,
-    /// Faces on which two cuts of the same two components were kept apart by extra vertices.
-    pub split_faces: u64,
-    /// Vertices on faces of cells with several sheets, where mesh edges would leave the part of the cell that is theirs.
-    pub face_vertices: u64,
-    /// Vertices on lattice edges, about which polygons are fans that would meet others if they were cut along a diagonal.
-    pub edge_vertices: u64,
-    /// Cells whose boundary has edges of finer leaves.
-    pub mixed_cells: u64,
-    /// Those of them whose sheets may meet: none of the places tried for their vertices keeps them apart.
-    pub unseparated_cells: u64,
-}
 
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
 /// finished; without the vertices if it does not share them. The same tree gives the same calls for any number of threads.
@@ -201,9 +148,9 @@ pub fn contour(
     require_half(tree, options.iso)?;
     require_tolerance(options)?;
     options.temp_dir.as_deref().map_or(Ok(()), require_folder)?;
-    let mut field = Field::new(tree, level, options)?;
+    let mut field = stages::field(tree, level, options)?;
     require_resolution(tree, options.level)?;
-    field.merge_across(sink.wants_normals(), progress)?;
+    stages::merge_across(&mut field, sink.wants_normals(), progress)?;
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
         let folder = sink.folder().map(|own| options.temp_dir.as_deref().unwrap_or(own));
@@ -216,59 +163,6 @@ pub fn contour(
     }
     sink.finish()?;
     Ok(summary)
-}
-
-/// Vertices are 32-bit world coordinates: refuses trees whose cells those cannot tell apart.
-fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Result<()> {
-    let root = tree.root();
-    let deepest = tree.keys().last().map_or(0, |key| key.level());
-    let cell = root.spacing(level.unwrap_or(deepest).min(deepest));
-    let farthest = root.origin.iter().fold(0.0f64, |m, c| m.max(c.abs()).max((c + root.edge).abs()));
-    let step = (farthest * f64::from(f32::EPSILON)).max(f64::from(f32::MIN_POSITIVE));
-    if step * 8.0 > cell || farthest > f64::from(f32::MAX) {
-        return Err(Error::setting(
-            format!(
-                "cells of {cell:e} at a distance of {farthest:e} from the origin are too fine for a mesh file"
-            ),
-            "its coordinates have 32 bits; move the part nearer to the origin or scale it",
-        ));
-    }
-    Ok(())
-}
-
-fn require_tolerance(options: &ContourOptions) -> Result<()> {
-    let ContourOptions { tolerance, method, .. } = *options;
-    if !(tolerance >= 0.0 && tolerance.is_finite()) {
-        let what = format!("no surface can be within {tolerance}");
-        return Err(Error::setting(what, "choose a length, or 0"));
-    }
-    if tolerance > 0.0 && method == Method::MarchingCubes {
-        let what = "marching cubes keeps all its triangles";
-        return Err(Error::setting(what, "leave the tolerance out, or the method"));
-    }
-    Ok(())
-}
-
-/// Samples with binary places are told apart by their nearest whole numbers.
-fn require_half(tree: &dyn BrickTree, iso: f64) -> Result<()> {
-    let has_fractions = || tree.keys().into_iter().any(|key| tree.node(key).is_some_and(|n| n.fractions));
-    if iso.fract() != 0.5 && has_fractions() {
-        return Err(Error::setting(
-            format!("no surface at {iso} in the store of an open input"),
-            "choose 0.5, 1.5, 2.5 and so on",
-        ));
-    }
-    Ok(())
-}
-
-fn level(iso: f64) -> Result<Level> {
-    if !(iso > 0.0 && iso <= f64::from(i16::MAX)) {
-        return Err(Error::setting(
-            format!("no surface at the winding number {iso}"),
-            "choose one above 0, such as 0.5 for the boundary",
-        ));
-    }
-    Ok(Level { threshold: iso.ceil() as i32, iso })
 }
 
 /// Hands all vertices to the sink, and the triangles that it takes between them, and puts the others away.
@@ -391,7 +285,7 @@ fn lone_triangles(
         summary.add(&part);
         match encoding {
             Some(_) => sink.encoded(Encoded::Triangles(facets.count, &facets.bytes))?,
-            None => sink.triangles(&later::whole(&facets.bytes))?,
+            None => sink.triangles(&triangle_names::whole(&facets.bytes))?,
         }
         making.spare.keep(facets.bytes);
         Ok(())
@@ -518,8 +412,4 @@ impl MeshSummary {
             (a, b) => a.or(b),
         };
     }
-}
-
-fn united([low, high]: [[f32; 3]; 2], other: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
-    [std::array::from_fn(|a| low[a].min(other[0][a])), std::array::from_fn(|a| high[a].max(other[1][a]))]
 }

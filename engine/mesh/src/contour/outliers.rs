@@ -4,8 +4,8 @@
 //! One vertex in ten is such a one, spread over most groups of eight, so they wait here until eight have come together.
 //! A vertex has the same bits whatever it waits with.
 
+use super::lanes::{GROUP, Lanes, Matrix, Vec3, load, on_faces};
 use super::qef::{PULL, TRUNCATION_SQUARED, Vector};
-use super::solve::{GROUP, Lanes, Matrix, Vec3, load, on_faces};
 use super::symmetric::dot;
 use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, level, mask64x8};
 

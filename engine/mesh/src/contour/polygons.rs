@@ -20,32 +20,21 @@ mod merged;
 
 use super::adaptive::{OWN, Shared, Wanted};
 use super::cells::BrickCells;
-use super::cut::{BOTH, Cutter, FacetBytes, Measured, Shape, Vertex};
+use super::cut::{BOTH, Cutter, FacetBytes, Measured, Shape, Vertex, tag};
 use super::edges::{NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
 use super::field::Field;
-use super::later::{Names, first_bytes};
 use super::leaves::{Around, Side, direction_index};
 use super::sink::Encoding;
 use super::spare::Spare;
-use super::tagged;
 use super::topology::{SQUARE, cell_around, edge_index};
+use super::triangle_names::{Names, first_bytes};
 use super::vertices::LeafVertices;
 use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::wide::{dispatch, level};
 use std::sync::Arc;
-
-/// One triangle of the mesh, counter-clockwise seen from outside.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facet {
-    /// Numbers of the corners in the order in which vertices were handed to the sink; without meaning for a
-    /// sink that shares none.
-    pub ids: [u32; 3],
-    /// World positions of the corners.
-    pub corners: [[f32; 3]; 3],
-}
 
 /// The triangles that one leaf owns.
 #[derive(Default)]
@@ -301,7 +290,7 @@ impl<'a> Maker<'a> {
             // None where no cell of the leaf is active: then all its edges with a sign change lie on its border.
             let Quad { vertices, fraction } = quads.next().unwrap_or(&Quad::UNKNOWN);
             let edge = (axis, [i, j, k], *fraction);
-            self.cutter.tag = tagged::tag((axis, [i, j, k], *fraction), inside);
+            self.cutter.tag = tag((axis, [i, j, k], *fraction), inside);
             if vertices.contains(&NO_VERTEX) {
                 self.border(edge, vertices, inside)?;
             } else {

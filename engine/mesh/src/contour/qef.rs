@@ -12,6 +12,14 @@ use crate::wide::{Simd, SimdBase, f64x4, f64x8};
 const TRUNCATION: f64 = 0.1;
 /// The same for eigenvalues of NᵀN, which are squared singular values.
 pub(super) const TRUNCATION_SQUARED: f64 = TRUNCATION * TRUNCATION;
+
+/// How far, in cells, a plane may pass by a corner: a hundred times what the rounding of offsets and
+/// normals makes of planes that meet in one point, and far less than a curved face bends within a cell.
+pub(super) const MISS: f64 = 0.01;
+
+/// tan² of half the angle between the normals of two faces, 30°, from which on their crease is followed: the flatter it is
+/// the less of it is lost.
+pub(super) const SHARP: f64 = 0.071_796_769_724_490_83;
 /// Weight of the squared distance from the mass point when two boundary candidates have the same error.
 pub(super) const PULL: f64 = 1e-6;
 
@@ -204,14 +212,6 @@ impl Qef {
         }
         let along: Vector = std::array::from_fn(|n| dot(vectors[n], self.rhs) / values[n]);
         Some(std::array::from_fn(|a| 0.5 + (0..3).map(|n| along[n] * vectors[n][a]).sum::<f64>()))
-    }
-
-    /// Where the loop's vertex goes, alone in its group.
-    #[cfg(test)]
-    pub(super) fn solve(&self, margin: f64) -> Vector {
-        let mut group = super::solve::Group::default();
-        group.set(0, self);
-        group.points(1, margin)[0]
     }
 }
 

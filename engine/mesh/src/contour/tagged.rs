@@ -4,11 +4,11 @@
 //! triangle bounds, even where two of them touch.
 
 use super::cut::{Cuts, FacetBytes};
-use super::field::Field;
 use super::leaves::Leaf;
+use super::options::{ContourOptions, level, require_resolution};
 use super::polygons::{self, Making};
 use super::spare::Spare;
-use super::{ContourOptions, level, require_resolution};
+use super::stages;
 use crate::error::Result;
 use crate::lattice::{Axis, NodeKey};
 use crate::progress::Progress;
@@ -31,13 +31,6 @@ pub struct EdgeFacet {
 
 /// Bytes of a facet as [`append`] writes it.
 const FACET_BYTES: usize = 44;
-
-/// What a polygon is known by.
-#[inline(always)]
-pub(super) fn tag((axis, [i, j, k], fraction): (Axis, [usize; 3], u16), low_is_inside: bool) -> u64 {
-    let place = (i | j << 8 | k << 16 | axis.index() << 24 | usize::from(low_is_inside) << 26) as u64;
-    place | u64::from(fraction) << 32
-}
 
 fn append(cuts: &Cuts, bytes: &mut Vec<u8>) {
     cuts.for_each_tagged(|tag, corners| {
@@ -80,7 +73,7 @@ pub fn edge_facets<T: Send>(
 ) -> Result<()> {
     let options = ContourOptions { cache_bytes, follow_creases: true, ..ContourOptions::default() };
     require_resolution(tree, None)?;
-    let mut field = Field::new(tree, level(options.iso)?, &options)?;
+    let mut field = stages::field(tree, level(options.iso)?, &options)?;
     field.on_surface = true;
     progress.phase("measuring surfaces", Some(field.leaves.len() as u64), "bricks");
     let making =

@@ -12,73 +12,45 @@
 //! ([`super::folds`]): further walks over these leaves collect what does, given what each leaf and the walk before
 //! would merge, and it is given up for what it is made of, until nothing does or [`MOST_WALKS`] are done.
 
-use super::super::field::Field;
-use super::super::leaves::{Leaf, Side};
-use super::super::normals::direction;
-use super::super::order::in_order;
-use super::super::solve::Group;
+use super::super::frame::Frame;
+use super::super::leaves::Leaves;
 use super::draft::Draft;
-use super::fit;
-use super::folds::{self, Corner};
-use super::parts::{BorderCrossing, Part, Piece};
-use super::patches::{Join, Sets};
-use super::strays::{Strays, straying};
-use super::{NONE, Name, bits};
-use crate::error::Result;
-use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
-use crate::progress::Progress;
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-
-/// A node with more crossings on its border hands nothing on: 2^15 of them take 512 KiB.
-const MOST_CROSSINGS: usize = 1 << 15;
-
-/// Walks in search of folds. Each gives up what is largest there, so that one a level of the tree is enough where a
-/// fold stays in its place.
-const MOST_WALKS: usize = 2 * crate::lattice::MAX_LEVEL as usize;
+use super::edge::{ACROSS, Corner};
+use super::merged::Shared;
+use super::names::{NONE, Name, bits};
+use super::strays::Strays;
+use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// A vertex that stands for vertices of several leaves.
-struct Wide {
-    node: NodeKey,
+pub(super) struct Wide {
+    pub(super) node: NodeKey,
     /// The node is 2 to this power cells wide.
-    bits: u8,
-    position: [f32; 3],
+    pub(super) bits: u8,
+    pub(super) position: [f32; 3],
     /// The one that stands for it if not given up, or [`NONE`].
-    up: u32,
-    is_barred: bool,
-}
-
-/// A vertex of several leaves, as the mesh has it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in super::super) struct Shared {
-    /// The leaf that has it: the first one in which it stands for something.
-    pub leaf: u32,
-    /// Its number there.
-    pub number: u32,
-    pub position: [f32; 3],
-    /// It stands for others.
-    pub is_merged: bool,
-    /// For some of several leaves.
-    pub is_wide: bool,
+    pub(super) up: u32,
+    pub(super) is_barred: bool,
 }
 
 /// What is merged across the borders of leaves.
 #[derive(Default)]
 pub(in super::super) struct Across {
-    all: Vec<Wide>,
+    pub(super) all: Vec<Wide>,
     /// The smallest one that stands for each part of a leaf.
-    of_part: HashMap<(u32, u32), u32>,
+    pub(super) of_part: HashMap<(u32, u32), u32>,
     /// Leaf and number of those that are in the mesh.
-    places: Vec<[u32; 2]>,
+    pub(super) places: Vec<[u32; 2]>,
     /// Normals of all, where they are wanted.
-    normals: Option<Vec<[f32; 3]>>,
+    pub(super) normals: Option<Vec<[f32; 3]>>,
     /// By leaf, those that it has as numbers in `all`, in the order of their numbers there.
-    numbered: HashMap<u32, Vec<u32>>,
+    pub(super) numbered: HashMap<u32, Vec<u32>>,
     /// By leaf, those that stay in it or on its border, and where.
-    hosted: HashMap<u32, Vec<([f32; 3], u32)>>,
+    pub(super) hosted: HashMap<u32, Vec<([f32; 3], u32)>>,
     /// Vertices outside the cubes of their leaves.
-    strays: Strays,
+    pub(super) strays: Strays,
     /// By leaf, candidates that are given up beside those that its draft bars.
-    barred: HashMap<u32, BTreeSet<u32>>,
+    pub(super) barred: HashMap<u32, BTreeSet<u32>>,
 }
 
 /// What stands for several vertices.
@@ -90,38 +62,16 @@ pub(in super::super) enum Taken {
     Wide(u32),
 }
 
-impl Across {
-    /// Of all leaves; `tolerance` is in world units.
-    pub(in super::super) fn find(
-        field: &Field,
-        tolerance: f64,
-        normals: bool,
-        progress: &dyn Progress,
-    ) -> Result<Across> {
-        progress.phase("flat parts", Some(field.leaves.len() as u64), "bricks");
-        let found = Across { normals: normals.then(Vec::new), ..Across::default() };
-        let mut finder = Finder { field, tolerance, found, group: Group::default(), open: Vec::new() };
-        let make = |leaf| {
-            let Leaf { key, changes, .. } = *field.leaves.get(leaf);
-            if !changes {
-                return Ok((leaf, Vec::new(), Vec::new()));
-            }
-            let parts = field.draft(leaf)?.parts.clone();
-            Ok((leaf, parts, straying(&*field.cells(leaf)?, &field.frame(key).bounds())))
-        };
-        field.in_order(progress, make, |(leaf, parts, straying): (u32, Vec<Part>, Vec<[u8; 3]>)| {
-            finder.add(leaf, parts);
-            finder.found.strays.add(field, leaf, &straying);
-            Ok(())
-        })?;
-        let mut found = finder.found;
-        found.give_up_folds(field, progress)?;
-        found.tell_apart();
-        found.number(false);
-        found.host(field);
-        Ok(found)
-    }
+/// What stands for several vertices, and the level of its node.
+pub(super) type Merge = (Taken, u8);
 
+/// Whether it stands for vertices of several leaves.
+#[inline]
+pub(super) fn is_wide(merge: Option<Merge>) -> bool {
+    matches!(merge, Some((Taken::Wide(_), _)))
+}
+
+impl Across {
     /// The largest that stands for a part of a leaf and is not given up.
     fn of(&self, leaf: u32, part: u32) -> Option<u32> {
         let first = *self.of_part.get(&(leaf, part))?;
@@ -151,7 +101,7 @@ impl Across {
         let corner = |part| {
             let wide = self.of(leaf, part)?;
             let Wide { bits, position, .. } = self.all[wide as usize];
-            Some(Corner { name: (folds::ACROSS, true, wide), position, level: bits })
+            Some(Corner { name: (ACROSS, true, wide), position, level: bits })
         };
         (0..draft.parts.len() as u32).map(corner).collect()
     }
@@ -195,38 +145,8 @@ impl Across {
         &self.strays
     }
 
-    /// Gives up what folds the surface. The first walk is over all leaves, the others are over those with parts of what
-    /// several have.
-    fn give_up_folds(&mut self, field: &Field, progress: &dyn Progress) -> Result<()> {
-        let several = self.sharing();
-        let mut asked: Vec<u32> = (0..field.leaves.len() as u32).collect();
-        asked.retain(|leaf| field.leaves.get(*leaf).changes);
-        for _ in 0..MOST_WALKS {
-            if asked.is_empty() {
-                break;
-            }
-            let mut folded = Vec::new();
-            progress.phase("folds", Some(asked.len() as u64), "bricks");
-            let this = &*self;
-            // From the last one on: what has been made of these is still there if not all of it finds room.
-            let make = |n: u32| folds::found(field, asked[asked.len() - 1 - n as usize], this);
-            in_order(asked.len(), progress, make, |taken: Vec<Taken>| {
-                folded.extend(taken);
-                Ok(())
-            })?;
-            let changed: HashSet<u32> = self.bar(&folded).into_iter().collect();
-            // Where neither a leaf nor one around it has lost any, it would say the same again.
-            let has_changed = |leaf: &u32| {
-                let around = field.leaves.around(*leaf);
-                around.iter().any(|side| matches!(side, Side::Same(other) if changed.contains(other)))
-            };
-            asked = several.iter().copied().filter(has_changed).collect();
-        }
-        Ok(())
-    }
-
     /// Gives some up for what they are made of. Returns the leaves in which they stand for something, sorted.
-    fn bar(&mut self, taken: &[Taken]) -> Vec<u32> {
+    pub(super) fn bar(&mut self, taken: &[Taken]) -> Vec<u32> {
         let mut changed = HashSet::new();
         let mut wide = HashSet::new();
         for taken in taken {
@@ -252,11 +172,15 @@ impl Across {
     }
 
     /// Gives some up once all are numbered. Returns the leaves whose vertices may be others now, sorted.
-    pub(in super::super) fn give_up(&mut self, field: &Field, taken: &[Taken]) -> Vec<u32> {
+    pub(in super::super) fn give_up(
+        &mut self,
+        (leaves, root): (&Leaves, RootCube),
+        taken: &[Taken],
+    ) -> Vec<u32> {
         let mut changed = self.bar(taken);
         if taken.iter().any(|taken| matches!(taken, Taken::Wide(_))) {
             let before = std::mem::take(&mut self.hosted);
-            self.host(field);
+            self.host(leaves, root);
             let after = &self.hosted;
             changed.extend(
                 before.iter().filter(|(leaf, all)| after.get(leaf) != Some(all)).map(|(leaf, _)| *leaf),
@@ -313,15 +237,15 @@ impl Across {
     }
 
     /// World coordinates of the node of one of several leaves, and the size of a cell there.
-    pub(super) fn node(&self, field: &Field, wide: u32) -> ([[f32; 3]; 2], f64) {
+    pub(super) fn node(&self, root: RootCube, wide: u32) -> ([[f32; 3]; 2], f64) {
         let Wide { node, bits, .. } = self.all[wide as usize];
-        let spacing = field.root.spacing(node.level()) * BRICK_CELLS as f64 / f64::from(1u32 << bits);
-        (field.frame(node).bounds(), spacing)
+        let spacing = root.spacing(node.level()) * BRICK_CELLS as f64 / f64::from(1u32 << bits);
+        (Frame::new(root, node).bounds(), spacing)
     }
 
     /// Two sheets of a wall may have theirs at the same place: moved by a step of coordinates, one is as good. Those that
     /// are made of others keep theirs.
-    fn tell_apart(&mut self) {
+    pub(super) fn tell_apart(&mut self) {
         let mut taken = HashSet::new();
         for wide in self.all.iter_mut().rev() {
             let mut axis = 0;
@@ -342,7 +266,7 @@ impl Across {
     /// Gives each to the first leaf in which it stands for something, where they come before other vertices in the order
     /// in which they were found: in the end those that stay, before that all, so that numbers do not change with what is
     /// given up.
-    fn number(&mut self, only_staying: bool) {
+    pub(super) fn number(&mut self, only_staying: bool) {
         self.places = vec![[NONE; 2]; self.all.len()];
         for ((leaf, part), first) in self.parts() {
             let staying = self.of(leaf, part);
@@ -364,13 +288,13 @@ impl Across {
     }
 
     /// Finds the leaves in which those that stay are.
-    fn host(&mut self, field: &Field) {
+    pub(super) fn host(&mut self, leaves: &Leaves, root: RootCube) {
         let staying: BTreeSet<u32> =
             self.of_part.keys().filter_map(|(leaf, part)| self.of(*leaf, *part)).collect();
         self.hosted.clear();
         for wide in staying {
             let position = self.all[wide as usize].position;
-            for leaf in leaves_at(field, position) {
+            for leaf in leaves_at((leaves, root), position) {
                 self.hosted.entry(leaf).or_default().push((position, wide));
             }
         }
@@ -378,7 +302,7 @@ impl Across {
 }
 
 /// The leaves that hold a place of the world, with those on whose border it is.
-fn leaves_at(field: &Field, position: [f32; 3]) -> Vec<u32> {
+fn leaves_at((leaves, root): (&Leaves, RootCube), position: [f32; 3]) -> Vec<u32> {
     let mut found = Vec::new();
     for corner in 0..8 {
         // Twice the step of coordinates: what is as near as this may be the same.
@@ -386,137 +310,10 @@ fn leaves_at(field: &Field, position: [f32; 3]) -> Vec<u32> {
             let c = if corner >> a & 1 == 1 { position[a].next_up() } else { position[a].next_down() };
             f64::from(c)
         });
-        let from_first = field.root.from_first_sample(near);
-        found.extend(NodeKey::deepest_holding(from_first).map(|key| field.leaves.covering(key)));
+        let from_first = root.from_first_sample(near);
+        found.extend(NodeKey::deepest_holding(from_first).map(|key| leaves.covering(key)));
     }
     found.sort_unstable();
     found.dedup();
     found
-}
-
-/// Joins the parts of nodes as their leaves come.
-struct Finder<'a> {
-    field: &'a Field<'a>,
-    tolerance: f64,
-    found: Across,
-    group: Group,
-    /// Nodes whose parents are not done, with their parts if they have any.
-    open: Vec<(NodeKey, Vec<Part>)>,
-}
-
-impl Finder<'_> {
-    /// Adds a leaf, which comes after all before it in Morton order.
-    fn add(&mut self, leaf: u32, mut parts: Vec<Part>) {
-        for (n, part) in parts.iter_mut().enumerate() {
-            part.pieces = vec![Piece::OfLeaf(leaf, n as u32)];
-        }
-        let mut key = self.field.leaves.get(leaf).key;
-        loop {
-            if !parts.is_empty() {
-                self.open.push((key, parts));
-            }
-            let Some(parent) = key.parent().filter(|_| key.octant().index() == 7) else { return };
-            let is_below = |(child, _): &(NodeKey, Vec<Part>)| child.ancestor(parent.level()) == Some(parent);
-            let first = self.open.iter().rposition(|node| !is_below(node)).map_or(0, |n| n + 1);
-            let children = self.open.split_off(first);
-            parts = self.join(parent, children);
-            key = parent;
-        }
-    }
-
-    /// The parts of a node from those of its children.
-    fn join(&mut self, node: NodeKey, children: Vec<(NodeKey, Vec<Part>)>) -> Vec<Part> {
-        let mut parts = Vec::new();
-        for (child, own) in children {
-            parts.extend(own.into_iter().map(|part| {
-                let sums = part.sums.within_parent(child.octant());
-                Part { sums, ..part }
-            }));
-        }
-        let mut sets = sets_of(node, &parts);
-        let mut joined: BTreeMap<usize, (Part, usize, bool)> = BTreeMap::new();
-        for (n, part) in (0..).zip(parts) {
-            let root = sets.root(n);
-            if !sets.is_disk(root) {
-                continue;
-            }
-            match joined.get_mut(&root) {
-                Some((whole, count, is_simple)) => {
-                    *is_simple = *is_simple && whole.take(part);
-                    *count += 1;
-                }
-                None => {
-                    joined.insert(root, (part, 1, true));
-                }
-            }
-        }
-        let mut kept = Vec::new();
-        for (mut part, count, is_simple) in joined.into_values() {
-            if !is_simple || !part.meets_border(width_bits(node, part.level)) {
-                continue;
-            }
-            if count == 1 || self.merge(node, &mut part) {
-                kept.push(part);
-            }
-        }
-        let crossings: usize = kept.iter().map(|part| part.crossings.len()).sum();
-        if crossings > MOST_CROSSINGS { Vec::new() } else { kept }
-    }
-
-    /// Makes one vertex of a part of a node. False if none fits.
-    fn merge(&mut self, node: NodeKey, part: &mut Part) -> bool {
-        let bits_wide = width_bits(node, part.level);
-        let size = f64::from(1u32 << bits_wide);
-        let frame = self.field.frame(node);
-        let share = size / BRICK_CELLS as f64;
-        let tolerance = self.tolerance / self.field.root.spacing(part.level);
-        let sums = std::slice::from_ref(&part.sums);
-        let best = fit::best_points(&mut self.group, sums, (size, frame.margin * share), tolerance);
-        let Some(at) = best[0] else { return false };
-        let first = node.first_sample();
-        let point = std::array::from_fn(|a| f64::from(first[a]) * share + at[a] * size);
-        if !fit::fits_planes(point, part.sums.normal_sum, &part.planes, tolerance) {
-            return false;
-        }
-        let position = frame.world([0; 3], at.map(|c| c * BRICK_CELLS as f64));
-        let number = self.found.all.len() as u32;
-        self.found.all.push(Wide { node, bits: bits_wide as u8, position, up: NONE, is_barred: false });
-        if let Some(normals) = &mut self.found.normals {
-            // All face one direction, so their sum is none that vanishes.
-            normals.push(direction(part.sums.normal_sum));
-        }
-        for piece in std::mem::replace(&mut part.pieces, vec![Piece::Merged(number)]) {
-            match piece {
-                Piece::OfLeaf(leaf, part) => {
-                    self.found.of_part.insert((leaf, part), number);
-                }
-                Piece::Merged(other) => self.found.all[other as usize].up = number,
-            }
-        }
-        true
-    }
-}
-
-/// How many cells of leaves of `level` a node is wide, as a power of 2.
-fn width_bits(node: NodeKey, level: u8) -> u32 {
-    BRICK_BITS + u32::from(level - node.level())
-}
-
-/// Which parts of a node's children hang together: joined where they meet on the planes between the children.
-fn sets_of(node: NodeKey, parts: &[Part]) -> Sets {
-    let mut crossings: Vec<(BorderCrossing, u32)> = Vec::new();
-    for (n, part) in (0..).zip(parts) {
-        let middle = width_bits(node, part.level) - 1;
-        let inner = part.crossings.iter().filter(|crossing| crossing.planes().contains(&middle));
-        crossings.extend(inner.map(|crossing| (*crossing, n)));
-    }
-    crossings.sort_unstable();
-    let mut sets = Sets::of(parts.len());
-    for edge in crossings.chunk_by(|(a, _), (b, _)| a.is_at_the_edge_of(b)) {
-        let (crossing, _) = edge[0];
-        let mut around = [None; 4];
-        edge.iter().for_each(|(crossing, part)| around[usize::from(crossing.quadrant)] = Some(*part));
-        sets.join_around(around, crossing.planes(), width_bits(node, crossing.level) - 1, |_| {});
-    }
-    sets
 }

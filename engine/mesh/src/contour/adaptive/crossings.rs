@@ -2,12 +2,11 @@
 
 use super::super::cells::BrickCells;
 use super::super::edges::{NO_VERTEX, Quad};
-use super::super::field::Field;
-use super::super::leaves::{Side, direction_index, directions};
+use super::super::leaves::{Leaves, Side, direction_index, directions};
 use super::super::qef::Vector;
 use super::super::surface::Changes;
 use super::super::topology::{SQUARE, cell_around, edge_index};
-use super::LEVELS;
+use super::names::LEVELS;
 use crate::lattice::{Axis, BRICK_CELLS};
 
 /// Stands for a cell beyond the leaf.
@@ -63,8 +62,8 @@ pub(super) struct Frozen {
 }
 
 impl Frozen {
-    pub(super) fn of(field: &Field, leaf: u32) -> Frozen {
-        let around = field.leaves.around(leaf);
+    pub(super) fn of(leaves: &Leaves, leaf: u32) -> Frozen {
+        let around = leaves.around(leaf);
         let is_coarser = |d: &[i32; 3]| matches!(around[direction_index(*d)], Side::Coarser(_));
         Frozen { coarser: directions().filter(is_coarser).collect() }
     }
@@ -87,8 +86,8 @@ impl Frozen {
 }
 
 impl Crossings {
-    pub(super) fn of(field: &Field, leaf: u32, changes: &Changes, cells: &BrickCells) -> Crossings {
-        let frozen = Frozen::of(field, leaf);
+    pub(super) fn of(leaves: &Leaves, leaf: u32, changes: &Changes, cells: &BrickCells) -> Crossings {
+        let frozen = Frozen::of(leaves, leaf);
         let is_any_frozen = frozen.is_any(cells);
         let quads = cells.quads();
         let mut all = Vec::with_capacity(changes.planes.len());

@@ -9,9 +9,10 @@
 //!
 //! Without the direction the planes would say little: all planes of a thin fin pass close to a vertex at its foot.
 
+use super::super::lanes::GROUP;
 use super::super::outliers::{cell, minimisers};
 use super::super::qef::{Qef, Vector};
-use super::super::solve::{GROUP, Group};
+use super::super::solve::Group;
 use super::super::symmetric::dot;
 use super::crossings::Crossing;
 use super::parts::Planes;

@@ -1,18 +1,15 @@
 //! The triangles of a leaf while it is found out which of them meet.
 
 use super::super::field::Field;
-use super::super::later::{Names, each_whole};
 use super::super::polygons::{Mark, named_facets};
+use super::super::triangle_names::{Names, each_whole};
 use super::super::vertices::LeafVertices;
-use super::NONE;
-use super::across::{Across, Taken};
+use super::across::{Across, Merge, Taken, is_wide};
 use super::bounds::{Bounds, bounds};
+use super::names::NONE;
 use super::room::Room;
 use super::wanted::Wanted;
 use crate::error::Result;
-
-/// What stands for several vertices, and the level of its node.
-pub(super) type Merge = (Taken, u8);
 
 /// Triangles of a leaf.
 #[derive(Default)]
@@ -122,12 +119,6 @@ impl Made {
     fn corners(&self, corners: &[u32; 3]) -> [[f32; 3]; 3] {
         corners.map(|corner| self.places[corner as usize])
     }
-}
-
-/// Whether it stands for vertices of several leaves.
-#[inline]
-pub(super) fn is_wide(merge: Option<Merge>) -> bool {
-    matches!(merge, Some((Taken::Wide(_), _)))
 }
 
 /// What has the larger node.

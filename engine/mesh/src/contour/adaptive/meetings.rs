@@ -19,14 +19,16 @@
 //! border, so they belong to leaves that meet it. What may meet them is about edges no farther away than the nodes there are
 //! wide: two cells, or in a larger node.
 
-use super::super::field::{Field, Frame};
+use super::super::field::Field;
+use super::super::frame::Frame;
 use super::super::order::in_order;
-use super::across::{Across, Taken};
+use super::across::{Across, Merge, Taken};
+use super::beside::edges_beside;
 use super::bounds::{Bounds, Corners, bounds, meets, wide};
-use super::made::{Made, Merge};
+use super::edge_box::{EdgeBox, common};
+use super::made::Made;
 use super::room::Room;
-use super::strays::edges_beside;
-use super::wanted::{EdgeBox, EdgesNear, Wanted, common, gathered};
+use super::wanted::{EdgesNear, Wanted, gathered};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
 use crate::progress::Progress;
@@ -139,7 +141,8 @@ impl MeetingSearch {
                     around(&frame, node.corner().map(|c| c as f64), node.size(), 1.0)
                 }
                 Taken::Wide(wide) => {
-                    let Some(([low, high], cell)) = field.across().map(|across| across.node(field, wide))
+                    let Some(([low, high], cell)) =
+                        field.across().map(|across| across.node(field.root, wide))
                     else {
                         continue;
                     };
@@ -426,6 +429,7 @@ fn leaves_met(field: &Field, is_met: impl Fn(&Bounds) -> bool) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contour::stages;
     use crate::contour::surface::Level;
     use crate::contour::tests::fields::{Implicit, Shape, random_divide, tree};
     use crate::contour::tests::{noise, uniform};
@@ -450,8 +454,8 @@ mod tests {
     /// the cubes of other leaves, and into small boxes from outside.
     fn misses_nothing(tree: &MemoryTree, tolerance: f64, follow_creases: bool) -> [usize; 2] {
         let options = ContourOptions { tolerance, follow_creases, ..ContourOptions::default() };
-        let mut field = Field::new(tree, Level { threshold: 1, iso: 0.5 }, &options).unwrap();
-        field.merge_across(false, &Silent).unwrap();
+        let mut field = stages::field(tree, Level { threshold: 1, iso: 0.5 }, &options).unwrap();
+        stages::merge_across(&mut field, false, &Silent).unwrap();
         let mut search = MeetingSearch::new(&field, field.across().unwrap(), true);
         assert_eq!(search.next(&field, &Silent).unwrap(), []);
         let (mut beside, mut small) = (0, 0);

@@ -37,101 +37,50 @@
 //! a face ([`super::faces`]) stays as long as neither cell at the face is merged, which both polygons at it know.
 
 mod across;
+mod beside;
 mod bounds;
 mod crossings;
 mod draft;
+mod drafting;
+mod edge;
+mod edge_box;
+mod find_across;
+mod find_folds;
 mod fit;
 mod folds;
 mod made;
 mod meetings;
+mod merged;
+mod names;
 mod parts;
 mod patches;
 mod room;
 mod strays;
 mod wanted;
 
-pub(super) use across::{Across, Shared};
+pub(super) use across::Across;
 pub(super) use draft::Draft;
-pub(super) use folds::{OWN, turns};
+pub(super) use drafting::draft;
+pub(super) use edge::{OWN, turns};
+pub(super) use find_across::find_across;
 pub(super) use meetings::MeetingSearch;
+pub(super) use merged::{Merged, Shared};
 pub(super) use wanted::{NumberedEdge, Wanted};
 
 use super::cells::BrickCells;
 use super::extras::{Extra, FACES, edge_key, face_key};
 use super::faces::FaceVertices;
-use super::field::{Field, Frame};
+use super::field::Field;
+use super::frame::Frame;
 use crate::error::Result;
-use crate::lattice::hash_bits;
-use crate::lattice::{BRICK_BITS, NodeKey};
+use crate::lattice::NodeKey;
 use crossings::FROZEN;
 use draft::Candidate;
-use fit::Node;
-use folds::Edge;
+use edge::Edge;
 use hashbrown::HashTable;
+use names::{NONE, Name, bits, hash};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-
-/// Nodes of a leaf's cells are 2 to the power of 1 up to this many cells wide.
-const LEVELS: u8 = BRICK_BITS as u8;
-
-/// Stands for a vertex that is not merged, or that is no more.
-const NONE: u32 = u32::MAX;
-
-/// What is merged of the vertices of a leaf: those of its cells and those on its faces.
-#[derive(Default)]
-pub(super) struct Merged {
-    /// By number as first made, the number of each vertex or [`Merged::NONE`]; empty if nothing is merged. From
-    /// `positions.len()` on they count in `shared`.
-    pub names: Vec<u32>,
-    /// World positions of the leaf's vertices by the new numbers.
-    pub positions: Vec<[f32; 3]>,
-    /// How many of them, the first ones, stand for vertices of several leaves.
-    several: u32,
-    /// The candidates, with their nodes, that the next ones are.
-    candidates: Vec<(u32, Node)>,
-    /// Vertices that other leaves have.
-    pub shared: Vec<Shared>,
-    /// Faces with extra vertices.
-    pub split_faces: u64,
-    /// Vertices on faces that are left.
-    pub face_vertices: usize,
-    /// A merged vertex made room for another one.
-    has_moved: bool,
-    /// Vertices of several leaves that are where one is that stays as it was: they are to be given up.
-    crowding: Vec<u32>,
-}
-
-impl Merged {
-    /// The number of an extra vertex that is no more.
-    pub(super) const NONE: u32 = NONE;
-
-    /// Whether one of the leaf's vertices, by its new number, stands for others.
-    #[inline]
-    pub(super) fn is_merged(&self, number: u32) -> bool {
-        number < self.several + self.candidates.len() as u32
-    }
-
-    /// Whether it does so for vertices of several leaves.
-    #[inline]
-    pub(super) fn is_wide(&self, number: u32) -> bool {
-        number < self.several
-    }
-
-    /// The candidate that a vertex is, by its new number, and the node of that.
-    fn candidate(&self, number: u32) -> Option<(u32, Node)> {
-        self.candidates.get(number.checked_sub(self.several)? as usize).copied()
-    }
-
-    /// Heap bytes.
-    pub(super) fn heap_bytes(&self) -> usize {
-        4 * self.names.capacity()
-            + self.positions.capacity() * size_of::<[f32; 3]>()
-            + self.candidates.capacity() * size_of::<(u32, Node)>()
-            + self.shared.capacity() * size_of::<Shared>()
-            + 4 * self.crowding.capacity()
-            + size_of::<Merged>()
-    }
-}
 
 /// Merges the vertices of a leaf's cells.
 pub(super) fn merged(field: &Field, leaf: u32, across: &Across) -> Result<Merged> {
@@ -178,17 +127,6 @@ fn beside_merged(
         lost.push([below, names[above as usize]] != [Name::Own; 2]);
     }
     Ok(lost)
-}
-
-/// What a vertex becomes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Name {
-    /// Itself.
-    Own,
-    /// One of the leaf's candidates.
-    Candidate(u32),
-    /// One of several leaves'.
-    Wide(u32),
 }
 
 /// For each extra vertex whether both cells at its face are merged with each other.
@@ -347,12 +285,4 @@ impl Places {
             }
         }
     }
-}
-
-fn hash(place: &[u32; 3]) -> u64 {
-    hash_bits(place.map(u64::from))
-}
-
-fn bits(position: &[f32; 3]) -> [u32; 3] {
-    position.map(|c| (c + 0.0).to_bits())
 }

@@ -4,8 +4,8 @@ use super::super::qef::{Qef, Vector};
 use super::super::symmetric::dot;
 use super::super::topology::{SQUARE, edge_index};
 use super::crossings::{Crossing, Crossings, FROZEN};
+use super::names::{LEVELS, NONE};
 use super::patches::{Patches, crosses_as_a_plane};
-use super::{LEVELS, NONE};
 use crate::lattice::{Axis, NodeKey};
 
 /// A part with more different normals than this stays what it is: it is curved, and each of them takes 40 bytes and a

@@ -3,8 +3,8 @@
 
 use super::super::qef::Qef;
 use super::super::topology::{SQUARE, edge_index, edge_lower};
-use super::LEVELS;
 use super::crossings::{Crossings, FROZEN};
+use super::names::LEVELS;
 use std::sync::LazyLock;
 
 /// By face, number `2·axis + side`, the edges of a cube that bound it.

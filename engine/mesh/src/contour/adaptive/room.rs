@@ -1,9 +1,8 @@
 //! The triangles in one cube, and which of them meet.
 
-use super::across::Taken;
-use super::bits;
+use super::across::{Merge, Taken, is_wide};
 use super::bounds::{Bounds, Corners, Sector, are_apart, is_fan, meets, normal, wide};
-use super::made::{Merge, is_wide};
+use super::names::{bits, hash as names_hash};
 use crate::predicates::{has_area, meet_by_place};
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x16, level};
 use glam::DVec3;
@@ -186,7 +185,7 @@ fn at(places: &[[f32; 3]], [a, b, c]: &[u32; 3]) -> Corners {
 }
 
 fn hash(place: &[f32; 3]) -> u64 {
-    super::hash(&bits(place))
+    names_hash(&bits(place))
 }
 
 /// Looks for triangles of a room that meet.

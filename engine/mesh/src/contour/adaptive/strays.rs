@@ -7,12 +7,10 @@
 //! ([`super::meetings`]).
 
 use super::super::cells::BrickCells;
-use super::super::field::Field;
-use super::super::leaves::directions;
-use super::across::Across;
+use super::super::leaves::{Leaves, directions};
 use super::bounds::Bounds;
-use super::wanted::{EdgeBox, EdgesNear, common};
-use crate::lattice::{BRICK_CELLS, NodeKey};
+use super::edge_box::{EdgeBox, common};
+use crate::lattice::BRICK_CELLS;
 use std::collections::HashMap;
 
 /// By leaf, boxes with the edges of the leaf at cells that have such a vertex.
@@ -21,8 +19,8 @@ pub(super) struct Strays(HashMap<u32, Vec<EdgeBox>>);
 
 impl Strays {
     /// Adds cells of a leaf.
-    pub(super) fn add(&mut self, field: &Field, leaf: u32, cells: &[[u8; 3]]) {
-        let key = field.leaves.get(leaf).key;
+    pub(super) fn add(&mut self, leaves: &Leaves, leaf: u32, cells: &[[u8; 3]]) {
+        let key = leaves.get(leaf).key;
         for &cell in cells {
             for direction in directions().chain([[0; 3]]) {
                 // From the first sample of the leaf there.
@@ -30,14 +28,14 @@ impl Strays {
                 let low = [0, 1, 2].map(place);
                 let all = [[0; 3], [BRICK_CELLS as i32; 3]];
                 let Some(edges) = common(&[low, low.map(|c| c + 1)], &all) else { continue };
-                if let Some(other) = key.neighbour(direction).and_then(|key| field.leaves.exact(key)) {
+                if let Some(other) = key.neighbour(direction).and_then(|key| leaves.exact(key)) {
                     self.0.entry(other).or_default().push(edges);
                 }
             }
         }
     }
 
-    fn of(&self, leaf: u32) -> &[EdgeBox] {
+    pub(super) fn of(&self, leaf: u32) -> &[EdgeBox] {
         self.0.get(&leaf).map_or(&[], |all| all)
     }
 }
@@ -65,29 +63,4 @@ pub(super) fn straying(cells: &BrickCells, [low, high]: &Bounds) -> Vec<[u8; 3]>
         }
     }
     found
-}
-
-/// Edges of a leaf about which are all its triangles that reach into the cube of another one that it touches: those in some
-/// boxes, and those with an end in another box.
-pub(super) fn edges_beside(
-    field: &Field,
-    across: &Across,
-    (leaf, cube): (u32, &Bounds),
-    other: u32,
-) -> Option<(Vec<EdgeBox>, Option<EdgeBox>)> {
-    // About an edge on its border, or next to one where a vertex has strayed.
-    let beside = EdgesNear::of(field, other).within(cube, 1)?;
-    let [own, there] = [leaf, other].map(|leaf| field.leaves.get(leaf).key);
-    if own.level() != there.level() || field.levels_up(other) > 0 {
-        return Some((vec![beside], None));
-    }
-    let near = across.strays().of(other).iter().filter_map(|edges| common(edges, &beside));
-    Some((near.collect(), shared(own, there)))
-}
-
-/// The samples of a leaf that another one of its level has, too.
-fn shared(own: NodeKey, other: NodeKey) -> Option<EdgeBox> {
-    let (own, other) = (own.first_sample(), other.first_sample());
-    let low = [0, 1, 2].map(|a| own[a] as i32 - other[a] as i32);
-    common(&[low, low.map(|c| c + BRICK_CELLS as i32)], &[[0; 3], [BRICK_CELLS as i32; 3]])
 }

@@ -1,14 +1,14 @@
 //! Which edges of a leaf polygons are made for while it is found out which triangles meet.
 
-use super::super::field::{Field, Frame};
+use super::super::field::Field;
+use super::super::frame::Frame;
+use super::super::frame::united;
 use super::super::surface::EdgeRanks;
 use super::bounds::Bounds;
+use super::edge_box::EdgeBox;
 use crate::brick::{Ranks, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use crate::wide::{dispatch, level};
-
-/// The least and the greatest lower samples of edges, by axis.
-pub(in super::super) type EdgeBox = [[i32; 3]; 2];
 
 /// A sign-changing edge: its place in the order of [`super::super::cells::BrickCells::take_quads`], its axis and its lower
 /// sample.
@@ -155,23 +155,16 @@ impl EdgesNear {
     }
 }
 
-/// What two boxes have in common.
-pub(super) fn common([low, high]: &EdgeBox, other: &EdgeBox) -> Option<EdgeBox> {
-    let low: [i32; 3] = std::array::from_fn(|a| low[a].max(other[0][a]));
-    let high = std::array::from_fn(|a| high[a].min(other[1][a]));
-    (0..3).all(|a| low[a] <= high[a]).then_some([low, high])
-}
-
 /// Boxes that hold all of these, less many: those that meet become one.
 pub(super) fn gathered(all: impl Iterator<Item = Bounds>) -> Vec<Bounds> {
     let mut found: Vec<Bounds> = Vec::new();
     for mut own in all {
         while let Some(n) = found.iter().position(|other| super::bounds::meets(&own, other)) {
-            own = super::super::united(own, found.swap_remove(n));
+            own = united(own, found.swap_remove(n));
         }
         found.push(own);
         if found.len() > MOST_BOXES {
-            found = found.into_iter().reduce(super::super::united).into_iter().collect();
+            found = found.into_iter().reduce(united).into_iter().collect();
         }
     }
     found

@@ -5,9 +5,8 @@
 //! the lines are known before any vertex is. Where cones meet, vertices go to others of some places until they do not; what none
 //! of these separates stays, and is counted.
 
-use super::Builder;
-use crate::contour::envelope::MinimalEdge;
-use crate::contour::mixed::MixedCell;
+use super::builder::Builder;
+use super::several::{Line, Point, Several};
 use crate::predicates::meet_by_place;
 
 /// Where a vertex may go: from the mean of points of its loop this share of the way to the middle of the cell, or, if they are
@@ -27,39 +26,7 @@ const ROUNDS: usize = 4;
 /// Pieces of lines in a cell at most of which vertices are moved: as many as noise four levels deeper has, some 0.1 s.
 const MOST_PIECES: usize = 1024;
 
-/// A mixed cell with several loops.
-pub(super) struct Several {
-    cell: [usize; 3],
-    /// Its first vertex.
-    first: usize,
-    /// By loop, the pieces of its line.
-    lines: Vec<Line>,
-}
-
-type Point = [f32; 3];
-type Line = Vec<Piece>;
-
-/// A piece of a line, from where it passes an edge to the vertex on a face.
-struct Piece {
-    edge: MinimalEdge,
-    on_edge: Point,
-    on_face: Point,
-}
-
 impl Several {
-    pub(super) fn of(cell: [usize; 3], first: usize, mixed: &MixedCell) -> Several {
-        let mut lines: Vec<Line> = (0..mixed.loops).map(|_| Line::new()).collect();
-        for cut in &mixed.cuts {
-            for crossing in mixed.ends(cut) {
-                if let Some(line) = lines.get_mut(crossing.in_loop as usize) {
-                    let edge = crossing.edge;
-                    line.push(Piece { edge, on_edge: edge.crossing(), on_face: cut.at });
-                }
-            }
-        }
-        Several { cell, first, lines }
-    }
-
     /// In how many places the cone of a loop, from this vertex, meets those of the others from theirs.
     fn meetings(&self, of: usize, vertex: Point, vertices: &[Point]) -> usize {
         let cone = |n: usize, from: Point| {

@@ -1,25 +1,14 @@
 //! Placing the vertices of loops, group by group, and what is noted of each group for creases and corners.
 
-use super::Builder;
+use super::builder::{Builder, Waiting};
 use super::special::apart;
-use crate::contour::annex::Crease;
-use crate::contour::corner::MISS;
+use crate::contour::crease::Crease;
+use crate::contour::lanes::GROUP;
 use crate::contour::outliers::{self, minimisers};
-use crate::contour::qef::PlaneSums;
-use crate::contour::solve::{GROUP, Solved};
+use crate::contour::qef::{MISS, PlaneSums};
+use crate::contour::solve::Solved;
 use crate::lattice::BRICK_CELLS;
 use crate::wide::{Simd, dispatch, level};
-
-/// A loop in a group.
-#[derive(Clone, Copy)]
-pub(super) struct Waiting {
-    cell: [u8; 3],
-    /// A plain cell with one loop.
-    is_lone: bool,
-    /// First vertex of the cell, and the loop's own.
-    first: u32,
-    vertex: u32,
-}
 
 impl Builder<'_> {
     /// Leaves the vertex of a loop, whose planes the group has, to it; `first` is the cell's first vertex.

@@ -1,9 +1,9 @@
 //! Plain cells with several loops, and those whose vertex lies beyond them: what must be seen to where the surface
 //! passes their faces ([`super::super::faces`]).
 
-use super::Builder;
+use super::builder::Builder;
 use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX};
-use crate::contour::field::{Frame, Lattice, along};
+use crate::contour::frame::{Frame, Lattice, along};
 use crate::contour::loops::tangled;
 use crate::contour::topology::{Kind, edge_lower};
 use crate::lattice::BRICK_CELLS;

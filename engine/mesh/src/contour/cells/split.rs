@@ -1,6 +1,6 @@
 //! Faces of plain cells that are cut twice.
 
-use super::Builder;
+use super::builder::Builder;
 use crate::contour::edges::EdgeStreams;
 use crate::contour::extras::{Face, SplitPlace, SplitVertex, face_key, middle, plain_edge_key};
 use crate::contour::joined;

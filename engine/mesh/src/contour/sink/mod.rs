@@ -7,8 +7,8 @@ mod ply;
 mod stl;
 mod three_mf;
 
+use super::cut::Facet;
 use super::cut::{Cuts, encoded};
-use super::polygons::Facet;
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;

@@ -3,8 +3,9 @@
 use super::meetings::{pairs, report};
 use super::*;
 use crate::contour::adaptive::Wanted;
-use crate::contour::later::each_whole;
 use crate::contour::polygons::{Mark, named_facets};
+use crate::contour::stages;
+use crate::contour::triangle_names::each_whole;
 
 /// Edge of a cell of a level of the tests' root.
 fn cell(level: u8) -> f64 {
@@ -241,8 +242,8 @@ fn what_meets_stays_where_it_is_not_looked_for() {
 fn polygons_with_merged_vertices_are_told_apart() {
     let tree = tree(&sphere(5.5), &uniform(1));
     let options = ContourOptions { tolerance: 0.2 * cell(1), ..Default::default() };
-    let mut field = Field::new(&tree, level(options.iso).unwrap(), &options).unwrap();
-    field.merge_across(false, &Silent).unwrap();
+    let mut field = stages::field(&tree, level(options.iso).unwrap(), &options).unwrap();
+    stages::merge_across(&mut field, false, &Silent).unwrap();
     let mut count = 0;
     for leaf in 0..field.leaves.len() as u32 {
         let (bytes, _) = named_facets(&field, leaf, &Wanted::default()).unwrap();
@@ -336,8 +337,8 @@ fn cuboid(half: [f64; 3]) -> impl Shape {
 /// How many leaves have cells whose vertices are those of other leaves.
 fn sharing_leaves(tree: &MemoryTree, tolerance: f64) -> usize {
     let options = ContourOptions { tolerance, ..Default::default() };
-    let mut field = Field::new(tree, level(options.iso).unwrap(), &options).unwrap();
-    field.merge_across(false, &Silent).unwrap();
+    let mut field = stages::field(tree, level(options.iso).unwrap(), &options).unwrap();
+    stages::merge_across(&mut field, false, &Silent).unwrap();
     let is_sharing = |leaf: &u32| {
         let vertices = field.vertices(*leaf).unwrap();
         let count = vertices.cells.len() as u32;

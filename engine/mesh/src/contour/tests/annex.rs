@@ -2,9 +2,10 @@
 
 use super::meetings::apart;
 use super::*;
-use crate::contour::annex::{Direction, neighbour};
 use crate::contour::extras::{face_key, plain_edge_key};
-use crate::contour::field::Lattice;
+use crate::contour::frame::Lattice;
+use crate::contour::places::{Direction, neighbour};
+use crate::contour::stages;
 use crate::contour::vertices::LeafVertices;
 use crate::lattice::BRICK_CELLS;
 use proptest::prelude::*;
@@ -35,7 +36,7 @@ struct Cells {
 impl Cells {
     fn of(tree: &MemoryTree) -> Cells {
         let options = following();
-        let field = Field::new(tree, level(options.iso).unwrap(), &options).unwrap();
+        let field = stages::field(tree, level(options.iso).unwrap(), &options).unwrap();
         let mut all = Cells { leaves: Vec::new(), cells: HashMap::new(), planes: Default::default() };
         for leaf in 0..field.leaves.len() as u32 {
             let key = field.leaves.get(leaf).key;

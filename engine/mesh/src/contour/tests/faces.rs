@@ -3,6 +3,7 @@
 use super::*;
 use crate::contour::envelope::MinimalEdge;
 use crate::contour::extras::Face;
+use crate::contour::stages;
 use crate::contour::topology::{corners_in_run, cut_runs};
 use crate::lattice::{RootCube, spacing_bits};
 use proptest::prelude::*;
@@ -102,7 +103,7 @@ fn plain_cells_have_the_edges_of_those_that_make_their_polygons() {
     for seed in 0..4 {
         let tree = tree(&noise(seed, 1, 4, 120, 0.0), &random_divide(seed, (0, 4), 100));
         let options = ContourOptions { level: Some(2), ..Default::default() };
-        let field = Field::new(&tree, level(options.iso).unwrap(), &options).unwrap();
+        let field = stages::field(&tree, level(options.iso).unwrap(), &options).unwrap();
         for leaf in 0..field.leaves.len() as u32 {
             let (key, surface) = (field.leaves.get(leaf).key, field.surface(leaf).unwrap());
             let (Some(changes), lattice) = (surface.changes(), field.frame(key).lattice()) else { continue };

@@ -513,3 +513,12 @@ fn noise_on_many_more_trees_is_manifold_and_meets_nowhere() {
     // In one cell two lines of 214 and 118 pieces go in and out of each other like combs.
     assert!(meeting.len() <= 1, "seeds, levels, pairs that meet, triangles without area: {meeting:?}");
 }
+
+impl super::qef::Qef {
+    /// Where the loop's vertex goes, alone in its group.
+    pub(super) fn solve(&self, margin: f64) -> super::qef::Vector {
+        let mut group = super::solve::Group::default();
+        group.set(0, self);
+        group.points(1, margin)[0]
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::meetings::pairs;
 use super::*;
-use crate::contour::field::Frame;
+use crate::contour::frame::Frame;
 use crate::lattice::{BRICK_CELLS, Octant, RootCube};
 
 /// Noise whose crossings stand at the ends of their edges or next to them, but for a sixteenth of them.
