@@ -39,10 +39,9 @@ class Paragraph:
         """The sentences, each as a list of words."""
         words, out = [], []
         for word in plain(self.text).split():
-            if not re.search(r"\w", word):
-                continue
-            words.append(word)
-            if re.search(r"[.!?][\"')\]*_]*$", word) and not ABBREVIATIONS.search(word) and "al." != word:
+            if re.search(r"\w", word):
+                words.append(word)
+            if words and re.search(r"[.!?][\"')\]*_]*$", word) and not ABBREVIATIONS.search(word) and "al." != word:
                 out.append(words)
                 words = []
         if words:
@@ -132,6 +131,12 @@ def of_help(text, name):
             continue
         if re.fullmatch(r"[A-Z][\w, ]*:", bare):
             finish()
+            continue
+        if re.match(r"  [^\s-]", line):
+            # A row of a table, or a line of a file.
+            finish()
+            if not re.search(r"^\[| = ", bare):
+                paragraphs.append(Paragraph(name, re.split(r"\s{2,}", bare, maxsplit=1)[-1], True))
             continue
         value = re.match(r"(?:- )?([\w-]+):?\s{1,}(.*)", bare)
         if bare.startswith("- ") and value:

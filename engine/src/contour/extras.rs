@@ -1,9 +1,9 @@
 //! Vertices on faces: where they may stand, and the names by which they are found.
 //!
-//! Both polygons at a cut of a face are fans about vertices on edges of the face, so one that stood on the face's border
-//! could stand where the middle of a fan does, and two cuts of a face need places on either side of the diagonal between
-//! the corners that they do not cut off. That has to be so of places as they are written, with 32 bits: the surface may
-//! cross edges at samples, or nearer to them than a step of such numbers.
+//! Both polygons at a cut of a face are fans about vertices on edges of the face, so one that stood on the face's
+//! border could stand where the middle of a fan does. And two cuts of a face need places on either side of the
+//! diagonal between the corners that they do not cut off. That has to be so of places as they are written, with 32
+//! bits: the surface may cross edges at samples, or nearer to them than a step of such numbers.
 
 use super::envelope::{MinimalEdge, step_at};
 use super::field::{Frame, Lattice};

@@ -122,9 +122,9 @@ pub struct ContourOptions {
     pub intersection_free: bool,
     /// How cells become triangles.
     pub method: Method,
-    /// Whether sharp edges are followed through cells that have no vertex of their own: they are nearer to the mesh by half
-    /// or more, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice the
-    /// time. Of meshes by dual contouring.
+    /// Whether sharp edges are followed through cells that have no vertex of their own. They come out nearer to the
+    /// part by half or more. It takes a tenth to a third more time, of beads a third to three quarters, with a
+    /// tolerance up to twice the time. Of meshes by dual contouring.
     pub follow_creases: bool,
     /// Folder in which triangles wait for the numbers of their vertices, if the sink writes a file; the file's own by default.
     pub temp_dir: Option<PathBuf>,
@@ -183,14 +183,15 @@ pub struct MeshSummary {
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
 /// finished; without the vertices if it does not share them. The same tree gives the same calls for any number of threads.
 ///
-/// Where the sink wants normals, that of a vertex is the direction of the sum of the unit normals of the Hermite edges that
-/// the vertex stands for, outward: one a vertex, so at a sharp edge of the part a mean of both sides.
+/// Where the sink wants normals, that of a vertex is the direction of the sum of the unit normals of the Hermite edges
+/// that the vertex stands for, outward. There is one a vertex, so at a sharp edge of the part it is a mean of both
+/// sides.
 ///
 /// # Errors
 ///
-/// [`Error::Setting`] if `iso` is not a finite number above 0, if the tolerance is below 0 or no finite number, if the
-/// tree contradicts itself or if there are more than 2^32 − 1 shared vertices; [`Error::Interrupted`] when `progress`
-/// says so; what reading the tree and writing to the sink give.
+/// [`Error::Setting`] if `iso` is not a finite number above 0, or if the tolerance is below 0 or no finite number.
+/// Also if the tree contradicts itself, or has more than 2^32 − 1 shared vertices. [`Error::Interrupted`] when
+/// `progress` says so; what reading the tree and writing to the sink give.
 pub fn contour(
     tree: &dyn BrickTree,
     options: &ContourOptions,

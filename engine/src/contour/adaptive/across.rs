@@ -9,8 +9,8 @@
 //! at most, and what is found.
 //!
 //! What is found counts for all leaves that have a part of it, so they must agree whether it folds the surface
-//! ([`super::folds`]): further walks over these leaves collect what does, given what each leaf and the walk before
-//! would merge, and it is given up for what it is made of, until nothing does or [`MOST_WALKS`] are done.
+//! ([`super::folds`]). Further walks over these leaves collect what does, given what each leaf and the walk before
+//! would merge. It is given up for what it is made of, until nothing folds or [`MOST_WALKS`] are done.
 
 use super::super::field::Field;
 use super::super::leaves::{Leaf, Side};

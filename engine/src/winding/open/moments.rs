@@ -127,7 +127,7 @@ impl From<&Moments> for Expansion {
 
 impl Expansion {
     /// Factors of the negative derivatives of 1/r of the first three orders, without those of second or third order in
-    /// z, which are sums of others: x, y, z; xx, yy, xy, yz, zx; xxx, yyy, xxy, xxz, yyx, yyz, xyz.
+    /// z, which are sums of others. They are x, y, z; xx, yy, xy, yz, zx; xxx, yyy, xxy, xxz, yyx, yyz, xyz.
     pub fn moments(&self) -> [f64; 15] {
         let (d, q, t) = (&self.dipole, &self.quadrupole, &self.octupole);
         let q = q.map(|v| v / -3.0);
