@@ -101,8 +101,8 @@ pub struct SliceArgs {
     #[arg(long)]
     pub json: bool,
     /// The unit of a toolpath whose program does not tell it, as in `build`, for --layer
-    #[arg(long, value_enum, requires = "layer")]
-    pub units: Option<Unit>,
+    #[arg(long, alias = "units", value_enum, requires = "layer")]
+    pub unit: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
     #[command(flatten)]
