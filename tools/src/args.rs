@@ -4,6 +4,7 @@ use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
+use crate::shell_args::{CompletionsArgs, ManArgs};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
@@ -112,11 +113,12 @@ pub struct BuildArgs {
     /// Keep a brick undivided if its samples deviate no more than this from their mean
     #[arg(long, value_name = "T", default_value_t = 0.0)]
     pub stddev: f64,
-    /// Keep a brick undivided if the boundary w = 0.5 in it is no farther than this from the mesh of its own cells, as in
-    /// 0.05mm: few bricks where the surface is flat [default: 0, which divides every brick that a facet touches]
+    /// Keep a brick undivided if the boundary w = 0.5 in it is no farther than this from the mesh of its own cells, as
+    /// in 0.05mm [default: 0, which divides every brick that a facet touches]
     ///
-    /// What lies inside of the boundary does not count, so overlaps may be left coarse. Walls, gaps, cavities and small
-    /// bodies are found however thin, except low bumps within this of the mesh.
+    /// So there are few bricks where the surface is flat. What lies inside of the boundary does not count, so overlaps
+    /// may be left coarse. Walls, gaps, cavities and small bodies are found however thin, except low bumps within this
+    /// of the mesh.
     ///
     /// The mesh is then within this and 0.1 cell of the boundary, both ways and at the 99.9th percentile; or it is at most that
     /// much farther than the mesh of the store without this. There is no bound on the maximum. Of closed meshes only, without
@@ -564,26 +566,6 @@ pub struct VerifyArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
-}
-
-/// Print a completion script for a shell
-#[derive(Args)]
-#[command(after_help = "Examples:
-  brickfield completions bash > ~/.local/share/bash-completion/completions/brickfield")]
-pub struct CompletionsArgs {
-    /// The shell
-    #[arg(value_enum)]
-    pub shell: clap_complete::Shell,
-}
-
-/// Print a manual page
-#[derive(Args)]
-#[command(after_help = "Examples:
-  brickfield man build | man -l -")]
-pub struct ManArgs {
-    /// The command to describe, as in `cache merge`; the program as a whole by default
-    #[arg(value_name = "COMMAND")]
-    pub command: Vec<String>,
 }
 
 #[cfg(test)]
