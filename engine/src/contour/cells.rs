@@ -1,14 +1,16 @@
 //! The active cells of one leaf, their loops and the vertices of these.
 //!
-//! Cells whose surroundings have their own level or a lower one are found by bit arithmetic on the sign rows
-//! and looped by a table; those next to finer leaves go to [`super::mixed`]. Vertices are numbered within the
-//! leaf: cells in the order x, y, z from fast to slow, the loops of a cell in the order of their first edge,
-//! then the extra vertices on split faces.
+//! Cells whose surroundings have their own level or a lower one are found by bit arithmetic on the sign rows and
+//! looped by a table; those next to finer leaves go to [`super::mixed`].
 //!
-//! *Split faces.* Where the same two loops meet across two cuts of one face, the mesh edge between their
-//! vertices would have four triangles, so each cut gets a vertex of its own on the face. Whether that happens
-//! is decided from the two cells where both are plain cells of one size; other faces that are cut twice are
-//! always split. A face belongs to the finer of its two cells, and to the upper one where they have the same
+//! Vertices are numbered within the leaf: cells in the order x, y, z from fast to slow, the loops of a cell in the
+//! order of their first edge, then the extra vertices on split faces.
+//!
+//! *Split faces.* Where the same two loops meet across two cuts of one face, the mesh edge between their vertices
+//! would have four triangles, so each cut gets a vertex of its own on the face.
+//!
+//! Whether that happens is decided from the two cells where both are plain cells of one size; other faces that are cut
+//! twice are always split. A face belongs to the finer of its two cells, and to the upper one where they have the same
 //! size; every leaf around asks the one that owns it.
 
 mod cones;
@@ -132,10 +134,11 @@ impl BrickCells {
         }
     }
 
-    /// For the leaf's own polygons, for each sign-changing edge of it, those along x first, the vertices of the four cells
-    /// around it in the order of [`super::topology::SQUARE`], [`NO_VERTEX`] for those that are not plain cells of this
-    /// leaf with one loop, its vertex within, and without ambiguous faces. They are handed over once, because the cells
-    /// stay for the leaves around.
+    /// For the leaf's own polygons, for each sign-changing edge of it, those along x first, the vertices of the four
+    /// cells around it in the order of [`super::topology::SQUARE`], [`NO_VERTEX`] for those that are not plain cells
+    /// of this leaf with one loop, its vertex within, and without ambiguous faces.
+    ///
+    /// They are handed over once, because the cells stay for the leaves around.
     pub(super) fn take_quads(&self) -> Vec<Quad> {
         std::mem::take(&mut *self.quads.write().unwrap_or_else(PoisonError::into_inner))
     }

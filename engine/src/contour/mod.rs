@@ -1,12 +1,14 @@
 //! Contouring: from the octree of winding numbers to a closed, oriented, manifold triangle mesh.
 //!
-//! Dual contouring (Ju, Losasso, Schaefer & Warren 2002) in its manifold form (Schaefer, Ju & Warren 2007),
-//! over leaves of any levels next to each other: one vertex per surface component in a leaf cell, one polygon
-//! per sign-changing *minimal* edge. Everything is derived from one sign per lattice point and one way to cut
-//! each face, known to both cells at it, so the mesh is closed, oriented, edge-manifold and vertex-manifold by
-//! construction, for any signs and any tree. One pass over the leaves in Morton order makes vertices and triangles; the
-//! latter wait outside of memory until the last vertex has its number, if a sink wants numbers. The mesh is never in
-//! memory as a whole.
+//! Dual contouring (Ju, Losasso, Schaefer & Warren 2002) in its manifold form (Schaefer, Ju & Warren 2007), over
+//! leaves of any levels next to each other: one vertex per surface component in a leaf cell, one polygon per
+//! sign-changing *minimal* edge.
+//!
+//! Everything is derived from one sign per lattice point and one way to cut each face, known to both cells at it, so
+//! the mesh is closed, oriented, edge-manifold and vertex-manifold by construction, for any signs and any tree.
+//!
+//! One pass over the leaves in Morton order makes vertices and triangles; the latter wait outside of memory until the
+//! last vertex has its number, if a sink wants numbers. The mesh is never in memory as a whole.
 //!
 //! | file | owns |
 //! |---|---|

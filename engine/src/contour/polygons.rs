@@ -10,7 +10,9 @@
 //!
 //! No mesh edge may be used by a second polygon unless it stands for a cut that both flank. So the diagonal of a
 //! quadrilateral ends in a finest cell: two coarser cells can face each other across several minimal edges of one
-//! line, while a finest cell has only this one. Polygons with a merged vertex have no vertices on edges; there
+//! line, while a finest cell has only this one.
+//!
+//! Polygons with a merged vertex have no vertices on edges; there
 //! - a polygon with an extra vertex on a face of a finest cell is a fan about that vertex: of the other
 //!   polygon at that cut only the two cells at the face are the same;
 //! - other polygons with extra vertices are fans about a finest cell's vertex.

@@ -68,9 +68,10 @@ impl VerifyReport {
 
 impl Store {
     /// Reads every record from the file, in parallel, and checks its checksum and content. The index must have the
-    /// range of its samples, and a leaf a Hermite edge wherever its samples change sign. Samples must be those of the
-    /// parent where they coincide, and aprons those of the neighbours. Nothing may stand beside the slots, nor behind
-    /// the commit. Damage is reported, not returned as an error.
+    /// range of its samples, and a leaf a Hermite edge wherever its samples change sign.
+    ///
+    /// Samples must be those of the parent where they coincide, and aprons those of the neighbours. Nothing may stand
+    /// beside the slots, nor behind the commit. Damage is reported, not returned as an error.
     ///
     /// # Errors
     /// [`Error::Interrupted`] if `progress` asks for it.

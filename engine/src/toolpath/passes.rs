@@ -12,6 +12,7 @@
 //!
 //! Lines of a raster, loops of a spiral or of concentric infill that hang together, and a line that is retraced, are
 //! passes. Segments are never cut. Where several short ones make a turn the new pass begins in the turn's middle.
+//!
 //! Where a loop goes on into the next, it begins at the place beside the pass's first point. It begins at most three
 //! widths before the place where the path was found to come back. Widths are means of the two stretches.
 //!

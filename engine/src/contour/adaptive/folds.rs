@@ -1,11 +1,14 @@
 //! Where merged vertices would fold the surface back onto itself, and which of them are given up for that.
 //!
-//! Seen along a sign-changing edge, the patches around it lie around a point, and the triangles between their
-//! vertices should run around it the same way. Vertices of cells always do, or can be cut so. Those of larger nodes
-//! may not, where only three meet: on the side of a large node, if its vertex is far along the side. Then the largest
-//! of the three is given up, and what it is made of takes its place. The rules of [`super`] hold whichever candidates
-//! are taken. A fold that meets nothing costs no more than a normal that points the wrong way, so the walks in search of
-//! folds may end before there are none; what meets is for [`super::meetings`].
+//! Seen along a sign-changing edge, the patches around it lie around a point, and the triangles between their vertices
+//! should run around it the same way. Vertices of cells always do, or can be cut so.
+//!
+//! Those of larger nodes may not, where only three meet: on the side of a large node, if its vertex is far along the
+//! side. Then the largest of the three is given up, and what it is made of takes its place.
+//!
+//! The rules of [`super`] hold whichever candidates are taken. A fold that meets nothing costs no more than a normal
+//! that points the wrong way, so the walks in search of folds may end before there are none; what meets is for
+//! [`super::meetings`].
 
 use super::super::cells::BrickCells;
 use super::super::field::Field;
@@ -86,9 +89,10 @@ impl Draft {
 }
 
 /// Bars candidates until no edge is left that would fold and has a candidate of the leaf among the largest there, and
-/// returns what stands for each vertex, and whether none is left; `of_vertex` is that at the beginning. `beyond` gives the
-/// corner in a cell beyond the leaf: the edge, its quadrant and the cell. Edges that are not `asked` are known to bar nothing
-/// as long as what stands for their vertices does not change.
+/// returns what stands for each vertex, and whether none is left; `of_vertex` is that at the beginning.
+///
+/// `beyond` gives the corner in a cell beyond the leaf: the edge, its quadrant and the cell. Edges that are not
+/// `asked` are known to bar nothing as long as what stands for their vertices does not change.
 pub(super) fn without(
     (draft, cells, wide): (&Draft, &BrickCells, &[Option<Corner>]),
     barred: &mut [bool],
