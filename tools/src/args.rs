@@ -377,8 +377,9 @@ pub struct MeshArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Of a mesh: area, volume, how many connected pieces there are, and which are inside out; whether it is closed. If not, it \
-tells how many open edges there are, into how many loops they fall, and how many patches face the wrong way. A patch has a \
-border along which facets run the same way; those of doubled sheets count.
+tells how many open edges there are, into how many loops they fall, and how many patches face the wrong way.
+
+Such a patch has a border along which facets run the same way; those of doubled sheets count.
 
 Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read.
 

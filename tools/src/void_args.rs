@@ -10,7 +10,9 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "\
 The largest void comes first. Void that touches the outside of the root is no void. Volumes and surfaces are those of the \
-mesh's polygons, with errors from chords between exact crossings; centroids are those of the chords. Values are in the \
+mesh's polygons, with errors from chords between exact crossings; centroids are those of the chords.
+
+Values are in the \
 store's unit, and empty where they are not known, as of voids of a cell or two. Lengths are told to a hundredth of a cell.
 
 Lines and features are of the beads around a void, by their share of its surface. Neighbours of a line that may be missing \
