@@ -35,7 +35,8 @@ fn undisturbed(write: Write<'_>) -> (SimDisk, Vec<u8>) {
 
 /// Lets each call go wrong in each way. Returns how many runs that were.
 ///
-/// # Panics If the name then stands for anything but the older file or the whole new one, or an error does not name
+/// # Panics
+/// If the name then stands for anything but the older file or the whole new one, or an error does not name
 /// the file in one line. Also if a program that was not killed leaves something else behind, or the next run does not
 /// do what it should.
 pub fn fail_everywhere(write: Write<'_>) -> usize {
@@ -71,7 +72,8 @@ pub fn fail_everywhere(write: Write<'_>) -> usize {
 /// Cuts the power at every call, `repeats` times where chance decides what is left. Returns how many images were looked
 /// at.
 ///
-/// # Panics If the name then stands for anything but the older file or the whole new one. Also if it stands for the
+/// # Panics
+/// If the name then stands for anything but the older file or the whole new one. Also if it stands for the
 /// older one after the writer said that the new one was finished, or if the next run does not do what it should.
 pub fn cut_everywhere(write: Write<'_>, repeats: usize) -> usize {
     let (disk, expected) = undisturbed(write);
