@@ -259,3 +259,31 @@ fn a_damaged_input_is_made_again() {
     measured(&dir, "mesh", "1", "a.json");
     assert_eq!(fs::metadata(input).unwrap().len(), 2_500_084);
 }
+
+/// Options of the lines of documents that begin with the harness's name.
+#[test]
+fn options_in_documents_exist() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut count = 0;
+    for page in ["README.md", "docs/guide/benchmark.md"] {
+        let text = fs::read_to_string(top.join(page)).expect("it is there");
+        for command in
+            text.split(['`', '\n']).map(str::trim).filter(|line| line.starts_with("brickfield-bench "))
+        {
+            let words: Vec<&str> = command.split_whitespace().collect();
+            let own = ["compare", "report", "instructions"].contains(&words[1]).then_some(words[1]);
+            let help: Vec<&str> = own.into_iter().chain(["--help"]).collect();
+            let help =
+                String::from_utf8(harness().args(help).output().expect("it runs").stdout).expect("text");
+            for word in &words[1..] {
+                let is_suite = own.is_none() && word.chars().all(|c| c.is_ascii_lowercase());
+                let is_option = word.starts_with("--");
+                assert!(!is_suite || help.contains(&format!("- {word}:")), "{page}: {command}");
+                let is_there = [" ", "[", "\n", "="].iter().any(|end| help.contains(&format!("{word}{end}")));
+                assert!(!is_option || is_there, "{page}: {command}");
+                count += u32::from(is_suite || is_option);
+            }
+        }
+    }
+    assert!(count >= 10);
+}

@@ -12,6 +12,7 @@ mod program {
     mod check;
     mod clouds;
     mod determinism;
+    mod documents;
     mod export;
     mod inputs;
     mod kills;

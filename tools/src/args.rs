@@ -4,6 +4,7 @@ use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
+use crate::shell_args::{CompletionsArgs, ManArgs};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
@@ -54,14 +55,16 @@ pub enum Command {
 #[derive(Args)]
 #[command(after_help = "\
 Without --depth and --cell the store gets depth 4: 512 cells along the longest side. Each level more has twice \
-the cells along a side and takes about four times the time and space. Of beads as solids the cells are then at most 0.4 of \
-the least bead height and width (that of which 1 % of the deposited length has less), and never in step with the layers. \
-What a build of toolpaths will take is told before it begins.
+the cells along a side and takes about four times the time and space. 
 
-Of point clouds (PLY without faces; text with a point a line, as .xyz, .pts, .asc, whose columns have names or are \
-understood by their numbers; with normals, or with --estimate-normals) every point \
-counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball. Without --depth and \
---cell the cells are about half as large as the points are apart.
+Of toolpaths the cells are then at most 0.4 of the least bead height and width, leaving out the least 1 % of the deposited \
+length. They are never in step with the layers. What a build of toolpaths will take is told before it begins.
+
+Point clouds are PLY without faces, or text with a point a line (.xyz, .pts, .asc). Their columns have names, or are \
+understood by their numbers. They need normals, or --estimate-normals. Every point counts as a dipole with the area that its \
+nearest neighbours leave it, spread over a small ball.
+
+Without --depth and --cell the cells are about half as large as the points are apart.
 
 A build that is interrupted, killed, or runs out of disk leaves PART.brf.part and PART.brf.journal. The same command \
 reads the input again and goes on from there, to the same bytes; `info` and `verify` read the unfinished file.
@@ -97,7 +100,9 @@ pub struct BuildArgs {
     #[arg(long, value_name = "LENGTH")]
     pub cell: Option<Length>,
     /// Divide bricks further, down to this depth, where a wall or a gap thinner than a cell hides between samples, and nowhere
-    /// else: a thin plate in a large part comes out whole for little more than its own area. Of closed meshes and toolpaths
+    /// else
+    ///
+    /// So a thin plate in a large part comes out whole for little more than its own area. Of closed meshes and toolpaths.
     #[arg(long, value_name = "M", conflicts_with_all = ["thin", "boundary_error", "stddev", "refine"],
           value_parser = clap::value_parser!(u8).range(0..=i64::from(brickfield_engine::lattice::MAX_LEVEL)))]
     pub max_depth: Option<u8>,
@@ -108,12 +113,16 @@ pub struct BuildArgs {
     /// Keep a brick undivided if its samples deviate no more than this from their mean
     #[arg(long, value_name = "T", default_value_t = 0.0)]
     pub stddev: f64,
-    /// Keep a brick undivided, too, if the boundary w = 0.5 within it is no farther than this from the mesh of the brick's
-    /// own cells, as in 0.05mm: few bricks where the surface is flat. What lies inside of the boundary does not count, so
-    /// overlaps may be left coarse. Walls, gaps, cavities and small bodies are found however thin, but for what lies
-    /// within this of the mesh, as low bumps. The mesh is then within this and 0.1 cell of the boundary, both ways and at
-    /// the 99.9th percentile, or by no more than that farther than the mesh of the store without it; that is no bound on
-    /// the maximum. Of closed meshes only, without --stddev and another --refine [default: 0, which divides every brick that a facet touches]
+    /// Keep a brick undivided if the boundary w = 0.5 in it is no farther than this from the mesh of its own cells, as
+    /// in 0.05mm [default: 0, which divides every brick that a facet touches]
+    ///
+    /// So there are few bricks where the surface is flat. What lies inside of the boundary does not count, so overlaps
+    /// may be left coarse. Walls, gaps, cavities and small bodies are found however thin, except low bumps within this
+    /// of the mesh.
+    ///
+    /// The mesh is then within this and 0.1 cell of the boundary, both ways and at the 99.9th percentile; or it is at most that
+    /// much farther than the mesh of the store without this. There is no bound on the maximum. Of closed meshes only, without
+    /// --stddev and another --refine.
     #[arg(long, alias = "tolerance", value_name = "LENGTH", default_value = "0", hide_default_value = true)]
     pub boundary_error: Tolerance,
     /// Largest error of the samples where the input is open or a point cloud; 2.5e-4 to 0.5. Those of closed input are
@@ -124,9 +133,10 @@ pub struct BuildArgs {
     #[arg(long)]
     pub estimate_normals: bool,
     /// Turn pieces that are inside out, connected ones as a whole: outward by their own signed volume, but for cavities,
-    /// which lie inside others. With `all`, for soups without any consistency, facets are first turned so that those of a
-    /// piece face one side, from edge to edge. Open pieces have no volume and are left. It takes some 80 bytes of memory
-    /// a facet
+    /// which lie inside others
+    ///
+    /// With `all`, for soups without any consistency, facets are first turned so that those of a piece face one side, from
+    /// edge to edge. Open pieces have no volume and are left. It takes some 80 bytes of memory a facet.
     #[arg(long, value_enum, value_name = "HOW", num_args = 0..=1, require_equals = true,
           default_missing_value = "pieces")]
     pub orient: Option<OrientArg>,
@@ -135,32 +145,37 @@ pub struct BuildArgs {
     pub refine: RefineArg,
     #[command(flatten)]
     pub backend: BackendArgs,
-    /// Which bricks of a device the processor computes as well, to compare them. After a difference the device is dropped,
-    /// and the build begins anew on the processor. `some` is one in 256 and the first of each kernel: a fault in 1,180
-    /// bricks or more escapes once in a hundred builds. With `all` no wrong brick is written, in a longer time than
-    /// without the device
+    /// Which bricks of a device the processor computes as well, to compare them
+    ///
+    /// After a difference the device is dropped, and the build begins anew on the processor. `some` is one in 256 and the first
+    /// of each kernel: a fault in 1,180 bricks or more escapes once in a hundred builds. With `all` no wrong brick is written,
+    /// in a longer time than without the device.
     #[arg(long, value_enum, value_name = "WHICH", default_value_t)]
     pub device_check: DeviceCheckArg,
     /// The unit of the input's coordinates [default: mm]. Of toolpaths, for programs without G20 or G21, in the place of what
     /// their header says; their store is in mm
     #[arg(long, alias = "units", value_enum)]
     pub unit: Option<Unit>,
-    /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has. Closed
-    /// meshes that do not fit go to a temporary file. A build whose index, 32 bytes a node, does not fit stops, and goes on
-    /// with more memory from there. Toolpaths as solids, open meshes, point clouds, and what --boundary-error, --stddev or another
-    /// --refine decides stay in memory, and are refused if they do not fit
+    /// Memory to stay within, as in 4GiB, maps of files not counted; by default half of what the machine has
+    ///
+    /// Closed meshes that do not fit go to a temporary file. Toolpaths as solids, open meshes and point clouds stay in memory,
+    /// and are refused if they do not fit. So does the input of --boundary-error, --stddev and another --refine. A build whose
+    /// index, 32 bytes a node, does not fit stops, and goes on with more memory from there.
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,
     /// Folder of the temporary files, which have no names there and vanish with the program; the output's own by default
     #[arg(long, value_name = "DIR")]
     pub temp_dir: Option<PathBuf>,
-    /// Build share I of N of the store, I from 1, to be joined with the others by `cache merge`: the same store, made on
-    /// several machines. Each reads the whole input. Shares have about the same work, foreseen from the input, and
-    /// some may be empty
+    /// Build share I of N of the store, I from 1, to be joined with the others by `cache merge`
+    ///
+    /// It is the same store, made on several machines. Each reads the whole input. Shares have about the same work, foreseen
+    /// from the input, and some may be empty.
     #[arg(long, value_name = "I/N", conflicts_with = "mesh")]
     pub shard: Option<Shard>,
-    /// How the bricks are compressed. The store has the bytes that `cache repack` with the same option makes of one with
-    /// another; shares take lz4, to be repacked when they are joined
+    /// How the bricks are compressed
+    ///
+    /// The store has the bytes that `cache repack` with the same option makes of one with another. Shares take lz4, to be
+    /// repacked when they are joined.
     #[arg(long, value_enum, default_value_t)]
     pub compression: CompressionArg,
     /// Seconds after which what there is of the store is made safe, again and again: what a crash may cost
@@ -280,10 +295,12 @@ impl From<CountArg> for Count {
 #[command(after_help = "\
 The mesh is closed, manifold and oriented: manifold dual contouring of w = ISO.
 
---check says of any mesh file how many edges and vertices are not those of a closed, oriented manifold, how many pairs \
-of triangles meet elsewhere than in common edges and vertices, and volume, area, shells and genus. All of it is exact, \
-without tolerance. Status 0 if nothing is wrong, 1 otherwise. It takes about 60 bytes of memory a triangle beside \
-what OBJ and PLY files hold.
+--check says of any mesh file how many edges and vertices are not those of a closed, oriented manifold. It counts pairs of \
+triangles that meet elsewhere than in common edges and vertices. It tells volume, area, shells and genus. All of it is exact, \
+without tolerance.
+
+Status 0 if nothing is wrong, 1 otherwise. --check takes about 60 bytes of memory a triangle beside what OBJ and PLY files \
+hold.
 
 Examples:
   brickfield mesh part.brf -o part.stl
@@ -312,9 +329,10 @@ pub struct MeshArgs {
     /// How far the surface may move for the sake of fewer triangles, as in 0.05mm; 0 keeps them all
     #[arg(long, value_name = "LEN", default_value = "0", requires = "output")]
     pub tolerance: Tolerance,
-    /// Whether triangles of a mesh with a tolerance that meet elsewhere than where they are joined are looked for and done
-    /// away with, in one and a half to two and a half times the time; without that one in some hundreds or thousands meets
-    /// another. Without a tolerance none meet in any case
+    /// Whether to remove triangles of a mesh with a tolerance that meet elsewhere than where they are joined
+    ///
+    /// It takes one and a half to two and a half times the time. With `no`, one triangle in some hundreds or thousands meets
+    /// another. Without a tolerance none meet in any case.
     #[arg(long, action = ArgAction::Set, value_name = "yes|no", default_value = "yes", requires = "output")]
     #[arg(value_parser = PossibleValuesParser::new(["yes", "no"]).map(|answer| answer == "yes"))]
     #[arg(hide_possible_values = true)]
@@ -323,20 +341,26 @@ pub struct MeshArgs {
     #[arg(long, value_enum, default_value_t, requires = "output")]
     pub method: MethodArg,
     /// Follow sharp edges through cells that have no vertex of their own: they come out twice to three times nearer to the
-    /// part, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice as long
+    /// part
+    ///
+    /// It takes a tenth to a third more time, of beads a third to three quarters, and with a tolerance up to twice as long.
     #[arg(long, requires = "output", conflicts_with = "method")]
     pub follow_creases: bool,
-    /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around
-    /// it, so at a sharp edge of the part one between both sides. Viewers shade smoothly by them, where they would show a
-    /// .glb without normals flat, facet by facet
+    /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around it
+    ///
+    /// At a sharp edge of the part it is one between both sides. Viewers shade smoothly by normals; they show a .glb without
+    /// them flat, facet by facet.
     #[arg(long, requires = "output")]
     pub normals: bool,
-    /// Memory to stay within, as in 512MiB, maps of files not counted; 160 MiB with two threads, 40 MiB more for each
-    /// further one, and 50 bytes a node are used in any case. The mesh itself passes through
+    /// Memory to stay within, as in 512MiB, maps of files not counted
+    ///
+    /// 160 MiB with two threads, 40 MiB more for each further one, and 50 bytes a node are used in any case. The mesh itself
+    /// passes through.
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
-    /// Folder of the temporary file in which triangles wait for the numbers of their vertices, 12 bytes each: it has no
-    /// name there and vanishes with the program; the output's own by default
+    /// Folder of the temporary file in which triangles wait for the numbers of their vertices; the output's own by default
+    ///
+    /// It takes 12 bytes a triangle, has no name there, and vanishes with the program.
     #[arg(long, value_name = "DIR", requires = "output")]
     pub temp_dir: Option<PathBuf>,
     /// How to read the store
@@ -352,14 +376,17 @@ pub struct MeshArgs {
 /// Say what is in a store, or in any input
 #[derive(Args)]
 #[command(after_help = "\
-Of a mesh: area, volume, how many connected pieces there are, and which are inside out; whether it is closed, and if not, \
-how many open edges there are, into how many loops they fall, and how many patches face the wrong way (borders along \
-which facets run the same way; those of doubled sheets count).
+Of a mesh: area, volume, how many connected pieces there are, and which are inside out; whether it is closed. If not, it \
+tells how many open edges there are, into how many loops they fall, and how many patches face the wrong way.
 
-Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read. Of a point \
-cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it. Of X3D: \
-the Extrusions, each with its DEF name, facets, bounds, and whether it is closed. Of 3MF: the unit, the objects and what \
-is built of them. Of any other file: what it is.
+Such a patch has a border along which facets run the same way; those of doubled sheets count.
+
+Of a toolpath: beads, layers, features, lengths, volumes, sizes, and by which firmware's rules it was read.
+
+Of a point cloud: what its columns hold, how far points are apart, its normals, and what `build` would make of it.
+
+Of X3D: the Extrusions, each with its DEF name, facets, bounds, and whether it is closed. Of 3MF: the unit, the objects and \
+what is built of them. Of any other file: what it is.
 
 Examples:
   brickfield info part.brf --volume
@@ -426,8 +453,8 @@ For closed meshes crossings are counted, and w is an exact integer. Open ones ar
 angles are then taken off again, with an error of at most --gwn-error. Facets and points are snapped to the \
 lattice that `build` uses.
 
-Of a point cloud (PLY without faces, or text with a point a line; with normals, or with --estimate-normals) every point \
-counts as a dipole with the area that its nearest neighbours leave it, spread over a small ball.
+A point cloud is PLY without faces, or text with a point a line. It needs normals, or --estimate-normals. Every point counts \
+as a dipole with the area that its nearest neighbours leave it, spread over a small ball.
 
 Examples:
   brickfield winding part.stl --points points.csv
@@ -453,9 +480,10 @@ pub struct WindingArgs {
     #[arg(long)]
     pub estimate_normals: bool,
     /// Turn pieces that are inside out, connected ones as a whole: outward by their own signed volume, but for cavities,
-    /// which lie inside others. With `all`, for soups without any consistency, facets are first turned so that those of a
-    /// piece face one side, from edge to edge. Open pieces have no volume and are left. It takes some 80 bytes of memory
-    /// a facet
+    /// which lie inside others
+    ///
+    /// With `all`, for soups without any consistency, facets are first turned so that those of a piece face one side, from
+    /// edge to edge. Open pieces have no volume and are left. It takes some 80 bytes of memory a facet.
     #[arg(long, value_enum, value_name = "HOW", num_args = 0..=1, require_equals = true,
           default_missing_value = "pieces")]
     pub orient: Option<OrientArg>,
@@ -539,26 +567,6 @@ pub struct VerifyArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
-}
-
-/// Print a completion script for a shell
-#[derive(Args)]
-#[command(after_help = "Examples:
-  brickfield completions bash > ~/.local/share/bash-completion/completions/brickfield")]
-pub struct CompletionsArgs {
-    /// The shell
-    #[arg(value_enum)]
-    pub shell: clap_complete::Shell,
-}
-
-/// Print a manual page
-#[derive(Args)]
-#[command(after_help = "Examples:
-  brickfield man build | man -l -")]
-pub struct ManArgs {
-    /// The command to describe, as in `cache merge`; the program as a whole by default
-    #[arg(value_name = "COMMAND")]
-    pub command: Vec<String>,
 }
 
 #[cfg(test)]

@@ -86,9 +86,13 @@ pub struct StatArgs {
 /// Print what one node of a store holds
 #[derive(Args)]
 #[command(after_help = "\
-Samples are the 33 along each axis that the brick holds, the last ones repeating its neighbours' first: as .npy, \
-indexed [z,y,x], 16-bit integers or, where samples have binary places, 64-bit floats; as .raw, 16-bit integers as stored, \
-little-endian, x fastest; as .csv, the lines i,j,k,w. Hermite edges are lines axis,i,j,k,offset,x,y,z,nx,ny,nz: the \
+Samples are the 33 along each axis that the brick holds, the last ones repeating its neighbours' first:
+
+  .npy   indexed [z,y,x]; 16-bit integers, or 64-bit floats where samples have binary places
+  .raw   16-bit integers as stored, little-endian, x fastest
+  .csv   the lines i,j,k,w
+
+Hermite edges are lines axis,i,j,k,offset,x,y,z,nx,ny,nz: the \
 lower sample, the place of the crossing on the edge (0 to 1) and in the world, and the outward normal.
 
 Examples:
@@ -159,15 +163,17 @@ pub struct CompactArgs {
 /// Cut a store down: to a level, to a box, to an error
 #[derive(Args)]
 #[command(after_help = "\
-What is left is a store as any other; samples keep their values. A node becomes a leaf as soon as one of the options \
-asks for it. Its Hermite edges are those crossings of the finer ones that lie on its own lattice: `mesh` of a store \
-cut at level L gives the bytes of `mesh --level L` of the whole. A build of depth L has the same samples, and of \
+What is left is a store as any other; samples keep their values. A node becomes a leaf as soon as one of the options asks for \
+it. Its Hermite edges are those crossings of the finer ones that lie on its own lattice.
+
+`mesh` of a store cut at level L gives the bytes of `mesh --level L` of the whole. A build of depth L has the same samples, and of \
 closed meshes the same tree; its crossings stand up to 1/65536 of an edge aside.
 
-With --error E, w interpolated anywhere (`sample`) is off by at most E from what the whole store gives. At a facet w \
-jumps by 1, which no interpolation follows to less than 0.5. So below that nothing through which a facet passes is cut, \
-and of a mesh built with the default --refine nothing at all: whatever is divided there has a facet. It is for smooth \
+With --error E, w interpolated anywhere (`sample`) is off by at most E from what the whole store gives. It is for smooth \
 fields, as those of point clouds.
+
+At a facet w jumps by 1, which no interpolation follows to less than 0.5. So below that nothing through which a facet passes \
+is cut. Of a mesh built with the default --refine that is nothing at all: whatever is divided there has a facet.
 
 Examples:
   brickfield cache prune part.brf -o preview.brf --level 3
@@ -233,9 +239,11 @@ pub struct RepackArgs {
 /// Join the shares that several runs of `build --shard` have made
 #[derive(Args)]
 #[command(after_help = "\
-The store has the same bytes as one that was built without --shard, whatever the order of the shares, the machines they \
-were built on, and the threads and memory these had. All shares must be given at once, and be of the same input, \
-named alike, built with the same settings by the same version; every record is checked before it is copied. The shares stay.
+The store has the same bytes as one that was built without --shard, whatever the order of the shares, the machines they were \
+built on, and the threads and memory these had.
+
+All shares must be given at once. They must be of the same input, named alike, built with the same settings by the same \
+version. Every record is checked before it is copied. The shares stay.
 
 Example:
   brickfield cache merge part-*.brf -o part.brf")]
@@ -260,8 +268,10 @@ pub struct MergeArgs {
 /// Compare two stores: their metadata, trees, samples, Hermite edges and lists of beads
 #[derive(Args)]
 #[command(after_help = "\
-How records are compressed and where they lie makes no difference. Samples of two nodes are compared where both stores \
-have the node; Hermite edges where it is a leaf of both and the same samples are inside. Exit status: 0 equal, 1 they \
+How records are compressed and where they lie makes no difference. Samples of two nodes are compared where both stores have \
+the node; Hermite edges where it is a leaf of both and the same samples are inside.
+
+Exit status: 0 equal, 1 they \
 differ (what differs on standard output, one line on standard error) or one of them cannot be read (standard error alone), \
 2 wrong usage.
 

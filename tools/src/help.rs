@@ -27,6 +27,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
         &[
             "unit",
             "beads_as",
+            "count",
             "orient",
             "estimate_normals",
             "gwn_error",
@@ -59,11 +60,14 @@ const HEADINGS: [(&str, &[&str]); 7] = [
             "x",
             "y",
             "z",
+            "layer",
+            "toolpath_file",
             "all",
             "pitch",
             "pixel",
             "side",
             "samples",
+            "merge_tolerance",
             "no_legend",
             "preview",
             "turntable",
@@ -98,7 +102,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
     ),
     (
         "Threads, memory, devices",
-        &["threads", "memory", "temp_dir", "backend", "device", "gpu_memory", "devices"],
+        &["threads", "memory", "temp_dir", "backend", "device", "device_check", "gpu_memory", "devices"],
     ),
     ("Interruption and shares", &["commit_every", "restart", "shard"]),
 ];

@@ -15,6 +15,7 @@ mod npy;
 mod picture_args;
 mod pieces;
 mod points;
+mod shell_args;
 mod space;
 mod style_file;
 mod toolpaths;

@@ -16,10 +16,11 @@ use std::str::FromStr;
 #[derive(Args)]
 #[command(group = ArgGroup::new("plane").required(true).args(["x", "y", "z", "layer", "all"]))]
 #[command(after_help = "\
-A picture (.png) shows w in colours, to the right and upward x and y, x and z, or y and z. Of closed input and of beads \
-each pixel shows the nearest sample of the finest level that is on its side of the boundary, with a colour for each whole \
-number; of open input and \
-point clouds w is interpolated. A pixel is a cell of the finest level or, where the longer side would have fewer than \
+A picture (.png) shows w in colours, to the right and upward x and y, x and z, or y and z. Of closed input and of beads each \
+pixel shows the nearest sample of the finest level on its side of the boundary, with a colour for each whole number. Of open \
+input and point clouds w is interpolated.
+
+A pixel is a cell of the finest level or, where the longer side would have fewer than \
 1,000 of them, a whole part of one. Larger pixels (--pixel, --side) average up to 4 × 4 samples.
 
 A drawing (.svg, .dxf) holds the boundary w = 0.5 as closed polylines in the part's coordinates, the inside to their \
@@ -55,8 +56,9 @@ pub struct SliceArgs {
     /// Where the toolpath is now, for --layer
     #[arg(long = "toolpath", value_name = "FILE", requires = "layer")]
     pub toolpath_file: Option<PathBuf>,
-    /// Sections all along an axis, as 0001.png and so on in the folder given by -o; the first half a pitch from the
-    /// part's lower end, or one in the middle of a part that is thinner than the pitch
+    /// Sections all along an axis, as 0001.png and so on in the folder given by -o
+    ///
+    /// The first is half a pitch from the part's lower end, or in the middle of a part that is thinner than the pitch.
     #[arg(long, value_name = "AXIS", value_enum, requires = "pitch")]
     pub all: Option<AxisArg>,
     /// Distance of the sections of --all
@@ -87,8 +89,9 @@ pub struct SliceArgs {
     /// Deepest level to use
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
-    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, 8 MiB more for each further
-    /// one, and 60 bytes a node of the store are used in any case
+    /// Memory to stay within, as in 256MiB, maps of files not counted
+    ///
+    /// 100 MiB with two threads, 8 MiB more for each further one, and 60 bytes a node of the store are used in any case.
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
     /// How to read the store
@@ -98,8 +101,8 @@ pub struct SliceArgs {
     #[arg(long)]
     pub json: bool,
     /// The unit of a toolpath whose program does not tell it, as in `build`, for --layer
-    #[arg(long, value_enum, requires = "layer")]
-    pub units: Option<Unit>,
+    #[arg(long, alias = "units", value_enum, requires = "layer")]
+    pub unit: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
     #[command(flatten)]
@@ -159,18 +162,22 @@ impl SliceFormat {
 /// Draw the part in space, by casting rays through the store
 #[derive(Args)]
 #[command(after_help = "\
-Rays go past what the index says is empty and read only the bricks that they meet, so a store may be larger than the \
-memory. The picture has the same bytes for any number of threads and any memory. With --backend vulkan rays are cast \
-on a device, to which bricks are brought as rays come to them; its pictures do not depend on its memory either.
+Rays go past what the index says is empty and read only the bricks that they meet, so a store may be larger than the memory. \
+The picture has the same bytes for any number of threads and any memory.
 
-Levels of detail: where the cells of a coarser level are smaller than --lod pixels they stand for what is below. They \
-are samples of the same field, so what is thinner than such a cell, that is, than --lod pixels, may be missing or \
-show holes; a node stands for nothing where the index says that a wall, a gap or an overlap below passes between all \
-of its samples. --lod 0 draws the finest cells everywhere.
+With --backend vulkan rays are cast on a device, to which bricks are brought as rays come to them. Its pictures do not depend \
+on its memory either.
 
-Styles: solid shows the boundary w = 0.5, and where a cut opens the part, how many pieces cover each point; boundary \
-shows w between 0 and 1 in rainbow colours, so that closed voids are seen within; overlap shows where w is 2 or more \
-within a faint boundary. A file that ends in .toml makes another, of surfaces where w passes a number above 0 (up to \
+Levels of detail: where the cells of a coarser level are smaller than --lod pixels they stand for what is below. They are samples of the same field, so what is thinner than --lod pixels may be missing or show holes.
+
+No node stands for others where the index says that a wall, a gap or an overlap below passes between all of its samples. \
+--lod 0 draws the finest cells everywhere.
+
+Styles: solid shows the boundary w = 0.5, and where a cut opens the part, how many pieces cover each point. boundary shows w \
+between 0 and 1 in rainbow colours, so that closed voids are seen within. overlap shows where w is 2 or more within a faint \
+boundary.
+
+A file that ends in .toml makes another, of surfaces where w passes a number above 0 (up to \
 4) and of haze where it lies between two. Of a surface w and colour must be given, of a volume opacity and colour:
 
   background = \"white\"         # --background goes first
@@ -248,9 +255,10 @@ pub struct RenderArgs {
     /// Deepest level to use; coarser is faster
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
-    /// Memory to stay within, as in 256MiB, maps of files not counted; 100 MiB with two threads, 8 MiB more for each further
-    /// one, 60 bytes a node of the store, 2 KiB a pixel of the width, and all pixels of one picture of an animation are used
-    /// in any case
+    /// Memory to stay within, as in 256MiB, maps of files not counted
+    ///
+    /// Used in any case: 100 MiB with two threads, 8 MiB more for each further one, 60 bytes a node of the store, 2 KiB a pixel of
+    /// the width, and all pixels of one picture of an animation.
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
     #[command(flatten)]

@@ -51,8 +51,10 @@ pub struct ToolpathArgs {
     /// M200
     #[arg(long, value_name = "NAME", value_parser = firmware)]
     pub firmware: Option<Firmware>,
-    /// Axis that carries layers beside Z: W, U, A ... if its position is added to Z, -W ... if it is taken off (a table
-    /// that goes down), -Z if Z itself points down, none if Z alone counts [default: as the file shows]
+    /// Axis that carries layers beside Z: W, U, A ... or -W, -U ..., -Z, none [default: as the file shows]
+    ///
+    /// The position of W is added to Z, that of -W taken off, as of a table that goes down. -Z is for a Z that points down, none
+    /// if Z alone counts.
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     pub layer_axis: Option<LayerAxis>,
     /// Axis that feeds, in the place of E: A, B, C, U, V or W

@@ -79,9 +79,10 @@ pub struct WindowArgs {
     /// Rays along each side of a pixel of the final picture, 1 to 8
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
     pub supersample: u32,
-    /// Memory to stay within, as in 256MiB, maps of files and the window's own 24 bytes a pixel not counted; 100 MiB with
-    /// two threads, 8 MiB more for each further one, 60 bytes a node of the store, and 2 KiB a pixel of the width are used
-    /// in any case
+    /// Memory to stay within, as in 256MiB, maps of files and the window's own 24 bytes a pixel not counted
+    ///
+    /// Used in any case: 100 MiB with two threads, 8 MiB more for each further one, 60 bytes a node of the store, and 2 KiB a
+    /// pixel of the width.
     #[arg(long, value_name = "SIZE", default_value = "512MiB")]
     pub memory: Size,
     #[command(flatten)]

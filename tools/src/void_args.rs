@@ -9,11 +9,15 @@ use std::path::PathBuf;
 /// List the voids of a part: regions of w = 0 that it encloses, one row each
 #[derive(Args)]
 #[command(after_help = "\
-The largest void comes first. Volumes and surfaces are those of the mesh's polygons, with errors from chords between \
-exact crossings; centroids are those of the chords. Void that touches the outside of the root is no void. Values are in the store's unit, and empty \
-where they are not known, as of voids of a cell or two. Lengths are told to a hundredth of a cell. Lines and features are of the beads around a void, by their share of its surface, but \
-neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is sealed as \
-far as samples tell (to_cell): a leak thinner than a cell may be hidden.
+The largest void comes first. Void that touches the outside of the root is no void. Volumes and surfaces are those of the \
+mesh's polygons, with errors from chords between exact crossings; centroids are those of the chords.
+
+Values are in the \
+store's unit, and empty where they are not known, as of voids of a cell or two. Lengths are told to a hundredth of a cell.
+
+Lines and features are of the beads around a void, by their share of its surface. Neighbours of a line that may be missing \
+come first. They need a store that was built with --identity. A void is sealed as far as samples tell (to_cell): a leak \
+thinner than a cell may be hidden.
 
 Example:
   brickfield voids part.brf -o voids.csv")]

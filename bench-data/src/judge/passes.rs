@@ -1,4 +1,4 @@
-//! Where passes of a bead begin, by the rule of `docs/inputs-toolpaths.md`.
+//! Where passes of a bead begin, by the rule of `docs/passes.md`.
 //!
 //! Two places of a bead have the ways s < t along it. They are a return if they are nearer than 0.99 widths, t − s is more
 //! than two widths and more than four times their distance. Each of these is a convex function of (s, t) below a limit, so

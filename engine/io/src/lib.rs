@@ -7,6 +7,6 @@ pub mod ingest;
 pub mod pieces;
 
 #[cfg(test)]
-use brickfield_core::{Error, Silent};
+use brickfield_core::Silent;
 use brickfield_core::{error, lattice, mmap, predicates, progress, soup};
 use brickfield_toolpath::{bead, toolpath, x3d};

@@ -12,8 +12,8 @@ use std::time::Instant;
 /// Root cube of the snapping: near enough that nothing overflows, whatever the input.
 pub const ROOT: RootCube = RootCube { origin: [-1024.0; 3], edge: 4096.0 };
 
-/// Seconds to stream a mesh once with all cores and to snap every vertex to a lattice, number by number in plain code
-/// that stays what it is when the engine's own becomes faster; of any other file, to read its bytes.
+/// Seconds to stream a mesh once with all cores and to snap every vertex to a lattice, number by number in plain code.
+/// That code stays what it is when the engine's own becomes faster. Of any other file: seconds to read its bytes.
 pub fn read_floor(path: &Path, is_mesh: bool) -> Result<f64, Error> {
     let start = Instant::now();
     let sum = if is_mesh { read_and_snap(path, snap_plainly)? } else { read_all(path)? };

@@ -1,8 +1,8 @@
 //! `brickfield-bench instructions`: what the kernels execute, counted by valgrind, beside what they executed when a
 //! file was written.
 //!
-//! Commands of the program itself are run, not benchmarks of the kernels: so nothing is compiled but what users run, the
-//! kernels are optimised as they are there, and a kernel is a function of the engine with all that it calls.
+//! Commands of the program itself are run, not benchmarks of the kernels. So nothing is compiled but what users run,
+//! the kernels are optimised as they are there, and a kernel is a function of the engine with all that it calls.
 
 use crate::args::BenchInstructionsArgs;
 use crate::inputs::Cache;

@@ -1,7 +1,8 @@
 //! `brickfield completions` and `brickfield man`: what a package installs beside the program.
 
-use crate::args::{Cli, CompletionsArgs, ManArgs};
+use crate::args::Cli;
 use crate::failure::Failure;
+use crate::shell_args::{CompletionsArgs, ManArgs};
 use clap::CommandFactory;
 use std::io::Write;
 

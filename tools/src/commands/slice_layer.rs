@@ -25,7 +25,7 @@ pub fn plane_of_layer(args: &SliceArgs, layer: u32, store: &Store, bars: &Bars) 
         let remedy = "say where it is with --toolpath";
         return Err(Error::store(store.path(), "metadata", what, remedy).into());
     }
-    let inputs = open_inputs(&paths, &[&args.output], &args.toolpath.options(args.units)?, bars)?;
+    let inputs = open_inputs(&paths, &[&args.output], &args.toolpath.options(args.unit)?, bars)?;
     let toolpaths = inputs.iter().map(|input| toolpath(input, store)).collect::<Result<Vec<_>, _>>()?;
     let extents = toolpaths.iter().filter_map(|path| path.extent_of_layer(layer.checked_sub(1)?));
     let extent = extents.reduce(|[a, b], [c, d]| [a.min(c), b.max(d)]);

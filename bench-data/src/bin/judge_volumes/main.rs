@@ -15,7 +15,7 @@ use std::process::ExitCode;
 ///
 /// Prints the volume of the union, the integral of w and the overlap, the integral of w - 1 where w is 1 or more, each
 /// with three standard errors. A G-code file has its beads as stadiums with round ends, and w counts passes by the rule of
-/// docs/inputs-toolpaths.md. The reader, the rule and the points are the judge's own: no code is brickfield's.
+/// docs/passes.md. The reader, the rule and the points are the judge's own: no code is brickfield's.
 #[derive(Parser)]
 #[command(version)]
 struct Cli {

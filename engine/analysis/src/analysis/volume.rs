@@ -225,12 +225,15 @@ pub fn negative_volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<
 /// The volumes of the tree's field. Reads every leaf that is not uniform, in parallel; sums are integers, so
 /// threads change nothing.
 ///
-/// The union is measured by chords between the exact crossings of lattice lines, along each axis; it is their mean. The
-/// bound has three parts: the difference of the largest and the smallest; what faces across the axes put off, see
-/// `of_faces`; and a cell for each wall or gap of a single sample, along the axis with most of them, since lines beside
-/// may hold twice as much of it, or nothing. Of overlap only samples tell: each edge between two of them may hold the
-/// change anywhere, which is the bound, over all three axes. Neither bound knows what lies between samples altogether:
-/// [`Volumes::not_nearer_than`] does, where the source has been integrated.
+/// The union is measured by chords between the exact crossings of lattice lines, along each axis; it is their mean.
+/// The bound has three parts. One is the difference of the largest and the smallest.
+///
+/// One is what faces across the axes put off, see `of_faces`. The last is a cell for each wall or gap of a single
+/// sample, along the axis with most of them: lines beside may hold twice as much of it, or nothing.
+///
+/// Of overlap only samples tell: each edge between two of them may hold the change anywhere, which is the bound, over
+/// all three axes. Neither bound knows what lies between samples altogether: [`Volumes::not_nearer_than`] does, where
+/// the source has been integrated.
 ///
 /// # Errors
 /// What reading the tree gives; [`crate::error::Error::Interrupted`].

@@ -8,8 +8,8 @@ use crate::lattice::{ROOT_BITS, RootCube};
 use crate::progress::Progress;
 
 /// The winding number at each point as the sum of the solid angles of every triangle, as [`crate::winding::brute_at`],
-/// but in single precision: off by some 1e-6 for each triangle that is seen large, and more where a point lies on a
-/// triangle. Time is triangles times points.
+/// but in single precision. It is off by some 1e-6 for each triangle that is seen large, and more where a point lies
+/// on a triangle. Time is triangles times points.
 ///
 /// # Errors
 /// If the user interrupts, or the device fails.

@@ -24,7 +24,7 @@ pub enum DeviceCheck {
     /// One in [`CHECKED_ONE_IN`], which a hash of the node's key decides, and the first ones of each kernel.
     ///
     /// A fault that strikes a share f of the bricks, whichever they are, is missed in n bricks with a probability of
-    /// (1 − f / 256)^n, or about e^(−f n / 256): 1 % for 1,180 wrong bricks, 37 % for 256, and 99.6 % for one.
+    /// (1 − f / 256)^n, or about e^(−f n / 256). That is 1 % for 1,180 wrong bricks, 37 % for 256, and 99.6 % for one.
     #[default]
     Some,
     /// None.

@@ -1,8 +1,8 @@
 //! Leaves of subtrees, evaluated ahead of their turn in batches on a device.
 //!
-//! What the device cannot do, or fails to do, the processor does with the same result: bricks with too many triangles
-//! or spans for the buffers, with jumps beyond 8 bits, or with too many crossings on an edge; winding numbers beyond 16
-//! bits, which end in an error; and everything after the device was lost.
+//! What the device cannot do, or fails to do, the processor does with the same result. These are bricks with too many
+//! triangles or spans for the buffers, with jumps beyond 8 bits, or with too many crossings on an edge. Winding
+//! numbers beyond 16 bits end in an error. After a device was lost, everything is the processor's.
 
 use super::batch::{Leaf, unpack};
 use super::check::{KernelSet, check};

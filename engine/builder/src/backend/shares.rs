@@ -1,9 +1,11 @@
 //! The sums over the caps of an open soup at the samples of bricks, on a device in single precision.
 //!
-//! What a device computes has a bound on its error, made of the bounds of this file for the far field and of the kernel's
-//! own for single caps (`angle.wgsl`). A sample that the processor might round to another number within that bound is
-//! settled by the processor: so bytes are the processor's. Bounds hold for every device that keeps to Vulkan's table of
-//! precisions: units below are its ULP, twice the error of rounding to the nearest.
+//! What a device computes has a bound on its error, made of the bounds of this file for the far field and of the
+//! kernel's own for single caps (`angle.wgsl`). A sample that the processor might round to another number within that
+//! bound is settled by the processor: so bytes are the processor's.
+//!
+//! Bounds hold for every device that keeps to Vulkan's table of precisions: units below are its ULP, twice the error
+//! of rounding to the nearest.
 
 use super::check::{Claim, KernelSet};
 use super::vulkan::Vulkan;
@@ -387,10 +389,11 @@ impl Sizes {
     /// a form of degree m consists of have squares that add up to at most |n|^2m = 1, so the sum of its terms'
     /// magnitudes is at most the length of the vector of its factors.
     ///
-    /// The length of r is at least 1, so r itself is off by 3.3 ULP of it; the part of degree m is homogeneous of degree
-    /// −(m + 1), with a gradient of at most (3m + 1) times its largest value over r, which makes 13, 23 and 33 ULP of
-    /// the three parts. Lengths (3.5 ULP), directions (4.5 ULP), factors, products and sums as the kernel has them make
-    /// 18, 33 and 42.
+    /// The length of r is at least 1, so r itself is off by 3.3 ULP of it; the part of degree m is homogeneous of
+    /// degree −(m + 1), with a gradient of at most (3m + 1) times its largest value over r, which makes 13, 23 and 33
+    /// ULP of the three parts.
+    ///
+    /// Lengths (3.5 ULP), directions (4.5 ULP), factors, products and sums as the kernel has them make 18, 33 and 42.
     fn bound(&self, low: [f64; 3], edge: f64) -> (f64, f64) {
         let away = |a: usize| (low[a] - self.center[a]).max(self.center[a] - low[a] - edge).max(0.0);
         let squared = (0..3).map(|a| away(a) * away(a)).sum::<f64>();

@@ -1,9 +1,11 @@
 //! Cells that suit beads: small enough for the least of them, and never in step with the layers.
 //!
-//! If layers are a whole number of cells apart, all of them are sampled at the same heights, and sums over samples err in
-//! every layer alike: at one sample a layer of 0.2 mm, unions by 5 %. Two numbers are in step if their ratio is near a
-//! fraction p/q with a small p: then each layer is met at one of p heights only. A ratio of n + 0.618, the golden section,
-//! is as far from all fractions as can be, so heights spread evenly (Weyl 1916; Niederreiter 1992, §3.1).
+//! If layers are a whole number of cells apart, all of them are sampled at the same heights, and sums over samples err
+//! in every layer alike: at one sample a layer of 0.2 mm, unions by 5 %.
+//!
+//! Two numbers are in step if their ratio is near a fraction p/q with a small p: then each layer is met at one of p
+//! heights only. A ratio of n + 0.618, the golden section, is as far from all fractions as can be, so heights spread
+//! evenly (Weyl 1916; Niederreiter 1992, §3.1).
 
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::toolpath::Toolpath;
@@ -96,9 +98,11 @@ fn usual(sizes: &[(f64, f64)]) -> Option<f64> {
     sums.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(size, _)| size)
 }
 
-/// Numerator of the fraction p/q, 1 to [`HEIGHTS_MAX`] over as much, with which layers and cells keep step throughout the
-/// part: of each p + 1 planes through q layers the last meets what the first met, and over all layers they drift by
-/// less than the distance of two such heights. `None` if they do not, or there are too few layers to tell.
+/// Numerator of the fraction p/q, 1 to [`HEIGHTS_MAX`] over as much, with which layers and cells keep step throughout
+/// the part: of each p + 1 planes through q layers the last meets what the first met, and over all layers they drift
+/// by less than the distance of two such heights.
+///
+/// `None` if they do not, or there are too few layers to tell.
 fn in_step(layer: f64, cell: f64, extent: f64) -> Option<u32> {
     let (layers, ratio) = (extent / layer, layer / cell);
     if layers < LAYERS_MIN {

@@ -103,8 +103,9 @@ pub(super) fn gather(field: &CloudBricks, pieces: &[CloudPiece]) -> SortedPieces
 /// [`crate::winding::CloudField`], with samples that are off by at most the options' `gwn_error`. With `estimate`,
 /// normals are those of [`estimate_normals`], whatever the inputs say.
 ///
-/// The file's bytes depend on the inputs, their paths as given, the order of the paths and the options; not on the
-/// threads, nor, but for the inputs' hashes in the metadata, on the order of points that do not coincide.
+/// The file's bytes depend on the inputs, their paths as given, the order of the paths and the options. They do not
+/// depend on the threads, nor, but for the inputs' hashes in the metadata, on the order of points that do not
+/// coincide.
 ///
 /// # Errors
 /// Points without normals or without area, settings that do not fit them, an output that cannot be written. Nothing

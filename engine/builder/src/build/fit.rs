@@ -5,12 +5,13 @@
 //! themselves. A node fits if one sheet passes each of its cells with a sign change, and if every triangle, in every
 //! cell that it has a part in,
 //! - passes the cell's vertex within the tolerance, as a plane, and faces as one of the cell's crossings does. All
-//!   vertices of a polygon of the mesh belong to cells around one crossing, hence to cells in which one facet has a part:
-//!   so the polygon, which is in the convex hull of its vertices, is within the tolerance of the plane of that facet,
-//!   whatever the levels of the cells are. And where all planes of a cell pass one point, the boundary there is the cone
-//!   from that point to where it leaves the cell, as the mesh is.
+//!   vertices of a polygon of the mesh belong to cells around one crossing, hence to cells in which one facet has a
+//!   part. The polygon is in the convex hull of its vertices. So it is within the tolerance of the plane of that
+//!   facet, whatever the levels of the cells are. And where all planes of a cell pass one point, the boundary there is
+//!   the cone from that point to where it leaves the cell, as the mesh is.
 //! - Or its part reaches no farther than the tolerance out of a neighbouring cell of which that holds, or out of the
-//!   node, or out of one of the cell's planes: what is cut off where a crease or a curved face passes between samples.
+//!   node, or out of one of the cell's planes. That is what is cut off where a crease or a curved face passes between
+//!   samples.
 //! - Or its part is none of the boundary: w ≥ 1 on both sides, or on neither. That is found by counting crossings from a
 //!   corner of the cell, after the part has been divided along all facets that pass through it. So overlaps inside do not
 //!   divide a node, and nothing that hides between samples is lost.

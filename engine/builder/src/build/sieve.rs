@@ -1,9 +1,10 @@
 //! Leaving out the triangles that no sample shows.
 //!
-//! What lies between the lines of the deepest lattice crosses none of them, nor any of the coarser lattices', which are
-//! among them: it changes no sample, no Hermite edge and no corner. It only tells that the tree is to be refined where
-//! it lies, and one triangle can tell that for all others in the same deepest brick. Of 45 million triangles, sides of
-//! beads as long as a cell of 128³ and an eighth as wide, one in six is left.
+//! What lies between the lines of the deepest lattice crosses none of them, nor any of the coarser lattices', which
+//! are among them: it changes no sample, no Hermite edge and no corner. It only tells that the tree is to be refined
+//! where it lies, and one triangle can tell that for all others in the same deepest brick.
+//!
+//! Of 45 million triangles, sides of beads as long as a cell of 128³ and an eighth as wide, one in six is left.
 
 use crate::lattice::{BRICK_BITS, Triangle, Units, bounds, spacing_bits};
 

@@ -90,9 +90,9 @@ impl RootCube {
         std::array::from_fn(|a| (world[a] - self.origin[a]) * (ROOT_UNITS / self.edge))
     }
 
-    /// Lattice position of a world position, counted from the root's first sample, which stands at (1, 1, 1), and resolved
-    /// to 2^-10 of a unit: a sample's own position, having gone through decimal or binary fractions of the world's unit, is
-    /// that sample again, and weights of interpolation between samples are exact.
+    /// Lattice position of a world position, counted from the root's first sample, which stands at (1, 1, 1), and
+    /// resolved to 2^-10 of a unit. So the position of a sample, after it went through decimal or binary fractions of
+    /// the world's unit, is that sample again. Weights of interpolation between samples are exact.
     pub fn from_first_sample(&self, world: [f64; 3]) -> [f64; 3] {
         const STEPS_PER_UNIT: f64 = 1024.0;
         self.to_units(world).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT)

@@ -36,8 +36,9 @@ fn undisturbed(write: Write<'_>) -> (SimDisk, Vec<u8>) {
 /// Lets each call go wrong in each way. Returns how many runs that were.
 ///
 /// # Panics
-/// If the name then stands for anything but the older file or the whole new one, an error does not name the file in
-/// one line, something else is left behind by a program that was not killed, or the next run does not do what it should.
+/// If the name then stands for anything but the older file or the whole new one, or an error does not name
+/// the file in one line. Also if a program that was not killed leaves something else behind, or the next run does not
+/// do what it should.
 pub fn fail_everywhere(write: Write<'_>) -> usize {
     let (sound, expected) = undisturbed(write);
     for at in 0..sound.calls() {
@@ -72,8 +73,8 @@ pub fn fail_everywhere(write: Write<'_>) -> usize {
 /// at.
 ///
 /// # Panics
-/// If the name then stands for anything but the older file or the whole new one, or for the older one after the writer
-/// said that the new one was finished, or if the next run does not do what it should.
+/// If the name then stands for anything but the older file or the whole new one. Also if it stands for the
+/// older one after the writer said that the new one was finished, or if the next run does not do what it should.
 pub fn cut_everywhere(write: Write<'_>, repeats: usize) -> usize {
     let (disk, expected) = undisturbed(write);
     disk.note(Op::Finished);

@@ -1,9 +1,11 @@
 //! Do two triangles meet elsewhere than they must? Decided exactly.
 //!
 //! Most pairs are neighbours in a nearly flat surface, for which signs of determinants in space are hard to tell. In a
-//! projection along an axis in which one of the triangles keeps an area they are far apart, and a line that separates them
-//! there settles it. Only what is left is decided in space: two triangles that do not lie in one plane meet exactly if an
-//! edge of one meets the other (as in Guigue & Devillers 2003, whose tests are on signs of the same determinants).
+//! projection along an axis in which one of the triangles keeps an area they are far apart, and a line that separates
+//! them there settles it.
+//!
+//! Only what is left is decided in space. Two triangles that do not lie in one plane meet exactly if an edge of one
+//! meets the other (as in Guigue & Devillers 2003, whose tests are on signs of the same determinants).
 
 use robust::{Coord, Coord3D};
 use serde::Serialize;

@@ -1,9 +1,12 @@
 //! The Vulkan device: what is there, memory on it, and kernels run on batches of bricks.
 //!
-//! The only room beside `mmap` with `unsafe`: Vulkan's functions have rules that no type holds. What the rules ask for is
-//! kept here, so that nothing outside can break them: buffers belong to a [`Lane`], a lane to one thread at a time, and
-//! every number that a kernel uses as an index is bounded by the batch that [`Lane::submit`] has checked. It knows
-//! nothing of trees and soups; `backend` decides what becomes a batch.
+//! The only room beside `mmap` with `unsafe`: Vulkan's functions have rules that no type holds. What the rules ask for
+//! is kept here, so that nothing outside can break them.
+//!
+//! Buffers belong to a [`Lane`], a lane to one thread at a time, and every number that a kernel uses as an index is
+//! bounded by the batch that [`Lane::submit`] has checked.
+//!
+//! It knows nothing of trees and soups; `backend` decides what becomes a batch.
 
 mod brute;
 mod context;

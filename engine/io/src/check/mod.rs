@@ -7,11 +7,13 @@
 //!
 //! # What counts as a self-intersection
 //!
-//! Triangles are closed sets, and two of them are a pair to report if they meet elsewhere than they must: with no
-//! vertex in common, if they meet at all; with one, if they meet elsewhere than there; with two, if they are folded
-//! onto each other; with three, always. Of such a pair it is said whether it is a [`Meeting::Crossing`], a
-//! [`Meeting::Overlapping`] or a [`Meeting::Touching`]. A triangle without area is folded onto itself: it is counted as
-//! flat and left out of the search.
+//! Triangles are closed sets, and two of them are a pair to report if they meet elsewhere than they must. With no
+//! vertex in common, that is if they meet at all; with one, if they meet elsewhere than there. With two, it is if they
+//! are folded onto each other; with three, always.
+//!
+//! Of such a pair it is said whether it is a [`Meeting::Crossing`], a [`Meeting::Overlapping`] or a
+//! [`Meeting::Touching`]. A triangle without area is folded onto itself: it is counted as flat and left out of the
+//! search.
 
 mod report;
 mod search;

@@ -1,9 +1,9 @@
 //! Inputs as they come: binary and ASCII STL, OBJ, PLY, G-code and the sweeps of X3D, each as a numbered list
 //! of triangles; point clouds; and what any other file is.
 //!
-//! A binary STL, the form that huge soups come in, stays mapped and is decoded a range at a time; the other
-//! formats are parsed into memory once, and the beads of a toolpath are swept a range at a time.
-//! [`Input::read`] hides the difference.
+//! A binary STL, the form that huge soups come in, stays mapped and is decoded a range at a time. The other formats
+//! are parsed into memory once, and the beads of a toolpath are swept a range at a time. [`Input::read`] hides the
+//! difference.
 
 mod beads;
 mod bounds;

@@ -1,9 +1,12 @@
 //! Polygons of more than three corners as triangles that do not lie over one another.
 //!
 //! A polygon is seen along the axis that its normal (Newell's) is nearest to, where its corners keep two of their own
-//! coordinates, unrounded; signs are those of exact arithmetic (Shewchuk 1997, by the crate `robust`). If the fan from
-//! the first corner has positive triangles only and turns by less than a full turn, it covers the polygon once and stays
-//! as it is. Otherwise ears are cut off (Meisters 1975): triangles of three corners in a row that hold no other corner.
+//! coordinates, unrounded; signs are those of exact arithmetic (Shewchuk 1997, by the crate `robust`).
+//!
+//! If the fan from the first corner has positive triangles only and turns by less than a full turn, it covers the
+//! polygon once and stays as it is. Otherwise ears are cut off (Meisters 1975): triangles of three corners in a row
+//! that hold no other corner.
+//!
 //! A simple polygon always has one of positive area, also with corners in the middle of its sides.
 
 use robust::{Coord, orient2d};

@@ -7,21 +7,27 @@
 //!
 //! Two facets that share an edge which no other facet has are of one piece (`edges`, `gather`). So pieces that share
 //! only a vertex are two. At an edge of more facets, those that are already of one piece and pair up among each other
-//! are done with; the others are matched as brackets are, by their order in the input: each with the nearest before it
-//! that runs the other way. So pieces that lie one behind the other in a file stay apart, also where they share edges
-//! or whole faces.
+//! are done with.
+//!
+//! The others are matched as brackets are, by their order in the input: each with the nearest before it that runs the
+//! other way. So pieces that lie one behind the other in a file stay apart, also where they share edges or whole
+//! faces.
 //!
 //! # Which pieces are turned
 //!
 //! A piece is closed if its facets cancel each other at every edge; then its volume has a sign. It is *reversed* if
-//! that is negative. A closed piece lies *inside* another if it is smaller, no facet of it passes through one of the
-//! other, and points of it are inside (`nesting`). Going from large pieces to small ones (`turn`):
+//! that is negative.
+//!
+//! A closed piece lies *inside* another if it is smaller, no facet of it passes through one of the other, and points
+//! of it are inside (`nesting`).
+//!
+//! Going from large pieces to small ones (`turn`):
 //!
 //! - a piece that lies in no other is turned outward;
 //! - a reversed piece inside others stays reversed, as a cavity, if the field of those, as they are turned by now, is at
 //!   least 1 there; otherwise it is turned outward;
-//! - a piece inside others that is not reversed stays as it is, but for this: in a file most of whose outermost pieces
-//!   are reversed, the file as a whole is inside out, so what faces outward directly inside a reversed piece is taken
+//! - a piece inside others that is not reversed stays as it is, with one exception. A file most of whose outermost
+//!   pieces are reversed is inside out as a whole. There what faces outward directly inside a reversed piece is taken
 //!   for a cavity of it, and treated as a reversed one.
 //!
 //! So a box in a cavity in a box comes out right whichever of the three were reversed, unless none shows to be.
@@ -30,9 +36,12 @@
 //! # Soups without consistency
 //!
 //! With [`Consistency::Sought`] two facets at an edge of theirs alone are made to run along it in opposite directions,
-//! whatever the file says, and facets at edges of more are matched in the order of the input whichever way they run.
+//! whatever the file says. Facets at edges of more are matched in the order of the input whichever way they run.
+//!
 //! Of the two ways in which that can be done piece by piece, fewer facets are turned; if as many, the first one stays.
-//! A piece of which no such way exists, as a Möbius strip, stays as it is. Open pieces are made consistent and no more.
+//! A piece of which no such way exists, as a Möbius strip, stays as it is.
+//!
+//! Open pieces are made consistent and no more.
 
 mod edges;
 mod gather;

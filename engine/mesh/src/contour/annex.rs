@@ -5,21 +5,30 @@
 //!
 //! *Annexed cells.* A cell with one loop may annex one cell without a sign change that shares a face with it, if its
 //! crease passes there. Its region is the box of the two, in which its vertex may lie. Regions have no inner point in
-//! common, and no sign-changing edge lies between the two cells of one. So where mesh edges pass through the
-//! rectangles that regions share, envelopes have no inner point in common either ([`super::envelope`]): seen from a vertex
-//! in its box, what belongs to different edges lies side by side on the surface of the box. Two regions share
-//! the face between their active cells, and that between their annexed ones too if both lie in one direction; where a mesh
-//! edge would pass elsewhere it gets a vertex on the face ([`super::faces`]). Who annexes a cell follows from the
-//! crossings of the cells around it alone, which all leaves see alike through [`super::halo`].
+//! common, and no sign-changing edge lies between the two cells of one.
 //!
-//! *Corners* come first. The vertex of a corner in a cell without a sign change comes from one of the cells around it, over
-//! the edge or corner between the two if need be, and no other region may be in its way ([`super::corner`]). So a cell that
-//! sees a corner ahead annexes nothing next to the cell that holds it, but that cell itself.
+//! So where mesh edges pass through the rectangles that regions share, envelopes have no inner point in common either
+//! ([`super::envelope`]). Seen from a vertex in its box, what belongs to different edges lies side by side on the
+//! surface of the box.
 //!
-//! *Gaps.* Where a crease goes on into a region that shares no mesh edge with this one, the mesh runs below it from the one
-//! vertex to the other. Along a crease a vertex is as good in one place as in another, so there it goes to the end of the
-//! region, and the gap is as short as it can be. The points of true edges of a part at 256³ are 0.018 cells from the mesh on
-//! average with annexed cells alone, 0.015 with shorter gaps alone, 0.009 with both, and 0.021 with none.
+//! Two regions share the face between their active cells, and that between their annexed ones too if both lie in one
+//! direction; where a mesh edge would pass elsewhere it gets a vertex on the face ([`super::faces`]). Who annexes a
+//! cell follows from the crossings of the cells around it alone, which all leaves see alike through [`super::halo`].
+//!
+//! *Corners* come first. The vertex of a corner in a cell without a sign change comes from one of the cells around it,
+//! over the edge or corner between the two if need be.
+//!
+//! No other region may be in its way ([`super::corner`]). So a cell that sees a corner ahead annexes nothing next to
+//! the cell that holds it, but that cell itself.
+//!
+//! *Gaps.* Where a crease goes on into a region that shares no mesh edge with this one, the mesh runs below it from
+//! the one vertex to the other.
+//!
+//! Along a crease a vertex is as good in one place as in another, so there it goes to the end of the region, and the
+//! gap is as short as it can be.
+//!
+//! The points of true edges of a part at 256³ are 0.018 cells from the mesh on average with annexed cells alone, 0.015
+//! with shorter gaps alone, 0.009 with both, and 0.021 with none.
 //!
 //! *With a tolerance* all of this is of cells' vertices before any are merged ([`super::adaptive`]). What stands for several
 //! is placed anew, within its node; the others stay where they are.

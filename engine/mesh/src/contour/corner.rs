@@ -1,17 +1,22 @@
 //! Corners that no single cell sees: a vertex for the point where the faces around a creased cell meet.
 //!
-//! A cell's vertex is placed from the crossings on its own edges. Where a corner of the surface lies in a cell
-//! whose edges meet only two of its faces, the vertex ends up somewhere on their crease; where it is a tip that
-//! reaches into a cell without a sign change, that cell has no vertex at all. Both show in the crossings of the
-//! cells around. So every cell that sees a crease looks at the crossings of the 27 cells about it: if all of
-//! their planes, however many there are, pass through one point, and no direction along which it could slide is
-//! left, that point is a corner, and a vertex goes there: the one of the cell that holds it or, if that cell is
-//! inactive, the nearest one of the cells around it, with nothing but inactive cells between.
+//! A cell's vertex is placed from the crossings on its own edges. Where a corner of the surface lies in a cell whose
+//! edges meet only two of its faces, the vertex ends up somewhere on their crease.
 //!
-//! Only positions change, never the triangles. They stay distinct: a vertex that moves does so within its own
-//! cell, or into an inactive one that gives room to no other. Across the border of two leaves that holds
-//! because a corner and its vertex follow from the crossings about the corner, which both leaves see alike
-//! through [`super::halo`]. A vertex moves if a creased cell of its own leaf finds the corner.
+//! Where it is a tip that reaches into a cell without a sign change, that cell has no vertex at all. Both show in the
+//! crossings of the cells around.
+//!
+//! So every cell that sees a crease looks at the crossings of the 27 cells about it. If all of their planes pass
+//! through one point, and no direction along which it could slide is left, that point is a corner.
+//!
+//! A vertex goes there: the one of the cell that holds it. If that cell is inactive, it is the nearest one of the
+//! cells around, with nothing but inactive cells between.
+//!
+//! Only positions change, never the triangles. They stay distinct: a vertex that moves does so within its own cell, or
+//! into an inactive one that gives room to no other. Across the border of two leaves that holds because a corner and
+//! its vertex follow from the crossings about the corner, which both leaves see alike through [`super::halo`].
+//!
+//! A vertex moves if a creased cell of its own leaf finds the corner.
 //!
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.

@@ -41,9 +41,9 @@ pub(super) type Vertex = (u32, [f32; 3]);
 /// How four corners become facets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Shape {
-    /// Two facets in the sense of the corners, along the diagonal of those allowed that meets the edge nearer to where the
-    /// surface does; if there is no edge, or they do about equally, along the shorter; from the first corner if these are
-    /// equal.
+    /// Two facets in the sense of the corners, along the diagonal of those allowed that meets the edge nearer to where
+    /// the surface does. If there is no edge, or they do about equally, along the shorter; from the first corner if
+    /// these are equal.
     #[default]
     Quad,
     /// The same two, turned over.

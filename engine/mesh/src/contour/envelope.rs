@@ -1,22 +1,28 @@
 //! Polygons that cannot meet each other but at shared edges.
 //!
-//! *Intersection-free Contouring on an Octree Grid*, Ju & Udeshi 2006: the envelope of the polygon around a minimal edge
-//! e is the union of the tetrahedra of e with each two vertices that follow each other. Where the mesh edges between
-//! vertices pass through the faces that their cells share, envelopes of different edges have no inner point in common,
-//! so triangles that stay within theirs do not meet. That is so by itself between cells of one size, each with one
-//! vertex strictly inside it: the segment between two of them lies within their common slab along both other axes. Elsewhere
-//! mesh edges get vertices on faces ([`super::faces`]).
+//! *Intersection-free Contouring on an Octree Grid*, Ju & Udeshi 2006: the envelope of the polygon around a minimal
+//! edge e is the union of the tetrahedra of e with each two vertices that follow each other.
 //!
-//! Of a quadrilateral a, b, c, d around e, seen along e, the diagonal ac passes e on one side, say that of b, and meets
-//! there the ray from e to b at a point q. The two triangles along this diagonal stay within the envelope exactly if q
-//! lies in the triangle of e and b: ac is then split into two parts in one tetrahedron each, and where the other
-//! triangle, a, c, d, meets e is a mean of the heights of its corners. If neither diagonal does, the polygon becomes a
-//! fan about a vertex on e.
+//! Where the mesh edges between vertices pass through the faces that their cells share, envelopes of different edges
+//! have no inner point in common, so triangles that stay within theirs do not meet.
 //!
-//! Cells are boxes between the planes of the lattice rounded to 32 bits, as vertices are: rounding keeps order, and
-//! vertices keep a distance of more than a step from their cell's faces, those on faces a step from the face's border
-//! ([`super::extras`]), and those on edges a step from the edge's ends. Everything is decided from these numbers; what
-//! rounding of 64-bit numbers could decide otherwise counts as not within, which costs triangles at worst.
+//! That is so by itself between cells of one size, each with one vertex strictly inside it: the segment between two of
+//! them lies within their common slab along both other axes. Elsewhere mesh edges get vertices on faces
+//! ([`super::faces`]).
+//!
+//! Of a quadrilateral a, b, c, d around e, seen along e, the diagonal ac passes e on one side, say that of b, and
+//! meets there the ray from e to b at a point q. The two triangles along this diagonal stay within the envelope
+//! exactly if q lies in the triangle of e and b.
+//!
+//! Then ac is split into two parts in one tetrahedron each, and where the other triangle, a, c, d, meets e is a mean
+//! of the heights of its corners. If neither diagonal does, the polygon becomes a fan about a vertex on e.
+//!
+//! Cells are boxes between the planes of the lattice rounded to 32 bits, as vertices are. Rounding keeps order.
+//! Vertices keep a distance of more than a step from their cell's faces, those on faces a step from the face's border
+//! ([`super::extras`]), and those on edges a step from the edge's ends.
+//!
+//! Everything is decided from these numbers; what rounding of 64-bit numbers could decide otherwise counts as not
+//! within, which costs triangles at worst.
 
 use crate::lattice::{Axis, BRICK_POINTS, RootCube, Units, spacing_bits};
 use crate::wide::{Select, Simd, SimdBase, f64x8, mask64x8};

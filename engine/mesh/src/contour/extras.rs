@@ -1,9 +1,11 @@
 //! Vertices on faces: where they may stand, and the names by which they are found.
 //!
-//! Both polygons at a cut of a face are fans about vertices on edges of the face, so one that stood on the face's border
-//! could stand where the middle of a fan does, and two cuts of a face need places on either side of the diagonal between
-//! the corners that they do not cut off. That has to be so of places as they are written, with 32 bits: the surface may
-//! cross edges at samples, or nearer to them than a step of such numbers.
+//! Both polygons at a cut of a face are fans about vertices on edges of the face, so one that stood on the face's
+//! border could stand where the middle of a fan does. And two cuts of a face need places on either side of the
+//! diagonal between the corners that they do not cut off.
+//!
+//! That has to be so of places as they are written, with 32 bits: the surface may cross edges at samples, or nearer to
+//! them than a step of such numbers.
 
 use super::envelope::{MinimalEdge, step_at};
 use super::frame::{Frame, Lattice};
@@ -105,10 +107,12 @@ impl Face {
         })
     }
 
-    /// Where a mesh edge through the cut between two minimal edges has a vertex, if it has one wherever its ends are: half way
-    /// between the crossings, off the ends of the edges by as much as rounding could move it; off the border, too, if both
-    /// edges are on one side of the face. All leaves have the same, and any lines from there to points of the two edges
-    /// meet none of another cut of the face, if no run that is cut off has more than two corners.
+    /// Where a mesh edge through the cut between two minimal edges has a vertex, if it has one wherever its ends are:
+    /// half way between the crossings, off the ends of the edges by as much as rounding could move it; off the border,
+    /// too, if both edges are on one side of the face.
+    ///
+    /// All leaves have the same, and any lines from there to points of the two edges meet none of another cut of the
+    /// face, if no run that is cut off has more than two corners.
     pub(super) fn half_way(&self, cut: [&MinimalEdge; 2]) -> [f32; 3] {
         let ends = cut.map(MinimalEdge::crossing_off_ends);
         let mut at: [f64; 3] = std::array::from_fn(|a| (ends[0][a] + ends[1][a]) / 2.0);
@@ -131,9 +135,12 @@ impl Face {
     }
 }
 
-/// The mean of the middles of the two edges that a cut of a face joins, numbered as a cell's own, in the cell's coordinates.
-/// In cells of at least seven steps of 32 bits it is where the cut may have its vertex however it is rounded: the hull of
-/// the edges is a triangle, of which it is a mean with no weight below a quarter, or the whole face, whose middle it is.
+/// The mean of the middles of the two edges that a cut of a face joins, numbered as a cell's own, in the cell's
+/// coordinates.
+///
+/// In cells of at least seven steps of 32 bits it is where the cut may have its vertex however it is rounded: the hull
+/// of the edges is a triangle, of which it is a mean with no weight below a quarter, or the whole face, whose middle
+/// it is.
 pub(super) fn middle(cut: [usize; 2]) -> [f64; 3] {
     let middles = cut.map(|edge| {
         let (along, low) = edge_lower(edge);

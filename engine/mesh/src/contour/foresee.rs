@@ -8,8 +8,9 @@ use crate::store::{BrickTree, IndexEntry, Store};
 /// Bricks that are looked at, evenly along the file: sums over 64 of them are within a tenth of the truth for piles of beads.
 const LOOKED_AT: usize = 64;
 
-/// Number of triangles that a mesh without a tolerance will have, estimated: two for each lattice edge whose ends are on
-/// both sides of `iso`, in some of the bricks in which there may be any, times how many such bricks there are.
+/// Number of triangles that a mesh without a tolerance will have, estimated. It is two for each lattice edge whose
+/// ends are on both sides of `iso`, in some of the bricks in which there may be any, times how many such bricks there
+/// are.
 ///
 /// # Errors
 /// If a brick cannot be read.

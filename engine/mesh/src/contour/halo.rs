@@ -1,9 +1,10 @@
 //! The crossings and signs about a leaf: its own, and those of the leaves of its level around it.
 //!
-//! Cells and samples are counted from the leaf's first one, so those below it are negative. What is said of a
-//! place is the same whichever leaf asks: [`super::corner`] rests on that, because two leaves must agree on
-//! whose vertex goes to a corner between them. Leaves of other levels are not looked into; of the border with
-//! them only the own apron is known.
+//! Cells and samples are counted from the leaf's first one, so those below it are negative. What is said of a place is
+//! the same whichever leaf asks: [`super::corner`] rests on that, because two leaves must agree on whose vertex goes
+//! to a corner between them.
+//!
+//! Leaves of other levels are not looked into; of the border with them only the own apron is known.
 
 use super::crease::Crease;
 use super::edges::{EDGE_PLACES, EdgeStreams};

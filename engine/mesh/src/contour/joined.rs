@@ -2,14 +2,18 @@
 //! outside ones do.
 //!
 //! The planes of the four crossings on a face's edges decide it, by the sum of their distances from its middle. Where
-//! the surface is a convex wedge there, whose inside lies on the inside of all planes, the middle is within all of them
-//! and the inside is joined, as it is in truth: a wedge holds the line between two of its points. Where it is a concave
-//! one the middle is outside of all, and the inside is taken apart. In between the greater distances win.
+//! the surface is a convex wedge there, whose inside lies on the inside of all planes, the middle is within all of
+//! them and the inside is joined.
 //!
-//! Both cells at a face must cut it alike, and leaves may differ in what they say of the edges between them: normals that
-//! are differences of samples are one-sided at a border. So the leaf of the upper cell is asked, as it owns the face.
-//! Faces of cells that touch finer leaves, and those towards coarser ones, are not joined ([`super::mixed`]), nor are those
-//! of cells all of whose faces are ambiguous ([`may_join`]).
+//! So it is in truth: a wedge holds the line between two of its points. Where it is a concave one the middle is
+//! outside of all, and the inside is taken apart. In between the greater distances win.
+//!
+//! Both cells at a face must cut it alike, and leaves may differ in what they say of the edges between them: normals
+//! that are differences of samples are one-sided at a border.
+//!
+//! So the leaf of the upper cell is asked, as it owns the face. Faces of cells that touch finer leaves, and those
+//! towards coarser ones, are not joined ([`super::mixed`]), nor are those of cells all of whose faces are ambiguous
+//! ([`may_join`]).
 
 use super::field::Field;
 use super::surface::{Changes, Surface};

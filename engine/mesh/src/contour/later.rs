@@ -1,11 +1,14 @@
 //! Triangles that wait until all vertices are numbered.
 //!
 //! A file with numbered vertices holds all of them before its first triangle, and the number of a leaf's first vertex
-//! is known when those of all leaves before it are counted. So a leaf's triangles name their corners by leaf at first,
-//! wait in a file without a name, 12 bytes each, and are numbered as they are read back. Contouring every leaf a second
-//! time instead, as before, took 1.3 times the processor's time while all cells fitted in memory (47 million triangles)
-//! and 2.8 times where they did not (210 million). A sink that takes triangles between vertices gets those of a leaf as soon
-//! as it has all that they name.
+//! is known when those of all leaves before it are counted.
+//!
+//! So a leaf's triangles name their corners by leaf at first, wait in a file without a name, 12 bytes each, and are
+//! numbered as they are read back.
+//!
+//! Contouring every leaf a second time instead, as before, took 1.3 times the processor's time while all cells fitted
+//! in memory (47 million triangles) and 2.8 times where they did not (210 million). A sink that takes triangles
+//! between vertices gets those of a leaf as soon as it has all that they name.
 
 use super::cut::Facet;
 use super::polygons::LeafFacets;

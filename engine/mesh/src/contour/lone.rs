@@ -1,5 +1,5 @@
-//! What contouring makes of a brick on its own, for a build that decides whether the brick is fine enough: the vertex of
-//! every cell that the surface passes, by the code that places it in the mesh of a tree.
+//! What contouring makes of a brick on its own, for a build that decides whether the brick is fine enough. It is the
+//! vertex of every cell that the surface passes, by the code that places it in the mesh of a tree.
 //!
 //! Only bricks are of use there in which one sheet passes each cell: the others are left alone.
 

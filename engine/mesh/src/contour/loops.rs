@@ -1,8 +1,10 @@
 //! Cells with several loops: planes that keep what belongs to one loop from what belongs to another.
 //!
-//! For any two loops of a cell there is a plane with the edges that one crosses on one side and those of the other on the
-//! other side. Where each vertex lies on the side of its own loop's edges, and so do the points where mesh edges leave
-//! the cell, the parts of the surface within the cell cannot meet, as those of one loop lie in the convex hull of these.
+//! For any two loops of a cell there is a plane with the edges that one crosses on one side and those of the other on
+//! the other side. Let each vertex lie on the side of its own loop's edges, and the points where mesh edges leave the
+//! cell, too.
+//!
+//! Then the parts of the surface within the cell cannot meet, as those of one loop lie in the convex hull of these.
 
 use super::topology::{KINDS, Kind, edge_lower};
 use std::sync::LazyLock;

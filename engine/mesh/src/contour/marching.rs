@@ -2,10 +2,14 @@
 //! lattice edges, polygons within cells.
 //!
 //! Cells are looped as for the dual method, ambiguous faces by their Hermite data ([`super::joined`]), where the
-//! asymptotic decider (Nielson & Hamann 1991) asks the four samples, which are whole numbers here and often do not tell. A
-//! loop is a ring of crossings, and becomes triangles without a diagonal between two edges of one face of the cell; where
-//! that is not possible, it becomes a fan about the middle of its crossings. So nothing lies in a face but its cuts, each of
-//! which has the two cells at it: the mesh is closed and manifold, as the dual one is.
+//! asymptotic decider (Nielson & Hamann 1991) asks the four samples, which are whole numbers here and often do not
+//! tell.
+//!
+//! A loop is a ring of crossings, and becomes triangles without a diagonal between two edges of one face of the cell;
+//! where that is not possible, it becomes a fan about the middle of its crossings.
+//!
+//! So nothing lies in a face but its cuts, each of which has the two cells at it: the mesh is closed and manifold, as
+//! the dual one is.
 //!
 //! A vertex knows one edge of the lattice, so edges of the part are cut off within cells, and triangles are as thin as
 //! crossings are near each other. Surfaces that pass from leaves of one level to those of another are refused.

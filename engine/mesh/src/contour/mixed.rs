@@ -1,11 +1,14 @@
 //! Cells next to finer leaves: the general form of the rules that the table of [`super::topology`] holds for
 //! plain cells.
 //!
-//! The boundary of such a cell consists of *minimal faces*: its own faces, each replaced by the neighbours'
-//! where these are finer. Minimal faces are bounded by *minimal edges*: a cell's edge is halved wherever a
-//! leaf around it is finer. Every lattice point has one sign, every face is cut by the one rule of
-//! [`cut_runs`], and every sign-changing minimal edge belongs to exactly two faces of the cell, so the cuts
-//! link into closed loops whatever the levels are; and both cells at a face cut it alike, so the mesh closes.
+//! The boundary of such a cell consists of *minimal faces*: its own faces, each replaced by the neighbours' where
+//! these are finer. Minimal faces are bounded by *minimal edges*: a cell's edge is halved wherever a leaf around it is
+//! finer.
+//!
+//! Every lattice point has one sign, and every face is cut by the one rule of [`cut_runs`]. Every sign-changing
+//! minimal edge belongs to exactly two faces of the cell. So the cuts link into closed loops whatever the levels are.
+//!
+//! And both cells at a face cut it alike, so the mesh closes.
 
 use super::cells::CellRow;
 use super::envelope::MinimalEdge;

@@ -1,16 +1,20 @@
 //! Normals of vertices, for the sinks that want them.
 //!
-//! The normal of a vertex is the direction of the sum of the unit normals of the Hermite edges that it stands for: those
-//! of its loop if it is a cell's, the two that the cut joins if it is on a face, its own if it is on an edge. A merged
-//! vertex stands for all that its parts do, as often as they do. Where a sum vanishes, as at the end of a wall thinner
-//! than a cell whose two sides are one loop, the first normal that went into it is taken.
+//! The normal of a vertex is the direction of the sum of the unit normals of the Hermite edges that it stands for.
+//! These are the edges of its loop if it is a cell's, the two that the cut joins if it is on a face, and its own if it
+//! is on an edge.
+//!
+//! A merged vertex stands for all that its parts do, as often as they do. Where a sum vanishes, as at the end of a
+//! wall thinner than a cell whose two sides are one loop, the first normal that went into it is taken.
 //!
 //! Sums are in double precision, of the normals as they were decoded, in a fixed order: cells as they are numbered, the
 //! edges of a plain cell by their numbers, those of a mixed one by their names. So bits depend on the tree alone.
 //!
-//! This is a pass of its own over the cells of a leaf, behind the one that places vertices, which knows nothing of it;
-//! the cells of no other leaf are asked, and nothing of it outlives the leaf's way to the sink. Only of what is merged
-//! across leaves ([`super::adaptive`]) are normals kept: what a leaf knows of that is its own part.
+//! This is a pass of its own over the cells of a leaf, behind the one that places vertices, which knows nothing of it.
+//! The cells of no other leaf are asked, and nothing of it outlives the leaf's way to the sink.
+//!
+//! Only of what is merged across leaves ([`super::adaptive`]) are normals kept: what a leaf knows of that is its own
+//! part.
 
 use super::cells::{BrickCells, CELL_ROWS};
 use super::edges::{EDGE_PLACES, EdgeStreams};

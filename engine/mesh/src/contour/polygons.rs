@@ -4,13 +4,15 @@
 //! the one of these that lies above it, in the order of [`quadrant_rank`]; so a leaf needs its own cells and
 //! those of neighbours of the same or a lower level, never a finer one's.
 //!
-//! *Triangles.* A polygon stays within the envelope of its edge ([`super::envelope`]): quadrilaterals are cut along a
-//! diagonal that does, of two that do along the one that meets the edge nearer to where the surface does; triangles stay
-//! what they are if they do; and all others, as those with extra vertices, become fans about a vertex on the edge.
+//! *Triangles.* A polygon stays within the envelope of its edge ([`super::envelope`]). Quadrilaterals are cut along a
+//! diagonal that does; of two, along the one that meets the edge nearer to where the surface does. Triangles stay what
+//! they are if they do. All others, as those with extra vertices, become fans about a vertex on the edge.
 //!
-//! No mesh edge may be used by a second polygon unless it stands for a cut that both flank: the diagonal of a
-//! quadrilateral ends in a finest cell, because two coarser cells can face each other across several minimal edges of
-//! one line, while a finest cell has only this one. Polygons with a merged vertex have no vertices on edges; there
+//! No mesh edge may be used by a second polygon unless it stands for a cut that both flank. So the diagonal of a
+//! quadrilateral ends in a finest cell: two coarser cells can face each other across several minimal edges of one
+//! line, while a finest cell has only this one.
+//!
+//! Polygons with a merged vertex have no vertices on edges; there
 //! - a polygon with an extra vertex on a face of a finest cell is a fan about that vertex: of the other
 //!   polygon at that cut only the two cells at the face are the same;
 //! - other polygons with extra vertices are fans about a finest cell's vertex.

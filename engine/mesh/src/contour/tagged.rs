@@ -56,10 +56,11 @@ fn facets(bytes: &[u8]) -> Vec<EdgeFacet> {
     bytes.as_chunks::<FACET_BYTES>().0.iter().map(facet).collect()
 }
 
-/// Contours the boundary w = 0.5 in the leaves that `is_wanted` picks, of those with a sign change. Calls `make` with the
-/// facets that each of them owns, on any thread, and `take` with what it gives, in Morton order of the leaves. Vertices are
-/// those of the mesh with followed creases, but where the surface is smooth they stand on it, so that area and volume have
-/// errors of fourth order.
+/// Contours the boundary w = 0.5 in the leaves that `is_wanted` picks, of those with a sign change. Calls `make` with
+/// the facets that each of them owns, on any thread, and `take` with what it gives, in Morton order of the leaves.
+///
+/// Vertices are those of the mesh with followed creases, but where the surface is smooth they stand on it, so that
+/// area and volume have errors of fourth order.
 ///
 /// # Errors
 /// As [`super::contour`].

@@ -1,5 +1,5 @@
-//! How the boundary of a cell is cut: the conventions for corners, edges and faces, how a face is cut, and the table of
-//! loops for every corner mask and every choice at its ambiguous faces, which is derived from that.
+//! How the boundary of a cell is cut: the conventions for corners, edges and faces, and how a face is cut. Also the
+//! table of loops for every corner mask and every choice at its ambiguous faces, which is derived from that.
 //!
 //! *Manifold Dual Contouring*, Schaefer, Ju & Warren 2007, has one vertex per surface component in a cell.
 //! Here a component is a loop of cuts on the cell's boundary.

@@ -11,10 +11,13 @@ impl Hermite {
     /// has no sign changes.
     ///
     /// An edge consists of two edges of the child that owns its lower end. Its ends differ in sign, so exactly one of
-    /// the two changes sign: the edge has its crossing, at half the distance, rounded down, and its normal. A build of
-    /// that depth finds the same crossing and normal, at a place that is at most one step of 1/65536 away, because it
-    /// rounds once and to the nearest. Only finer samples can tell otherwise: where the surface passes both
-    /// halves of an edge, a build of that depth takes the first passage, but the half that is passed twice keeps none.
+    /// the two changes sign: the edge has its crossing, at half the distance, rounded down, and its normal.
+    ///
+    /// A build of that depth finds the same crossing and normal, at a place that is at most one step of 1/65536 away,
+    /// because it rounds once and to the nearest.
+    ///
+    /// Only finer samples can tell otherwise: where the surface passes both halves of an edge, a build of that depth
+    /// takes the first passage, but the half that is passed twice keeps none.
     ///
     /// `None` if the edges of a child are not those of its signs, or its signs are not those of the parent.
     pub fn from_children(

@@ -1,10 +1,10 @@
 //! The stored form of a brick: what a record of the store holds, without knowing of files.
 //!
-//! A brick of counts is mostly runs: its samples change by one where a row crosses a facet and are constant
-//! elsewhere. So a row is stored as its first sample, a mask of the places where it changes, and the
-//! changes. Hermite edges follow as byte planes; how many there are is derived from the samples. LZ4 goes on
-//! top of each of the two parts where it helps. `range` codes either part in fewer bytes. The byte diagrams are in
-//! `FORMAT.md`.
+//! A brick of counts is mostly runs: its samples change by one where a row crosses a facet and are constant elsewhere.
+//! So a row is stored as its first sample, a mask of the places where it changes, and the changes.
+//!
+//! Hermite edges follow as byte planes; how many there are is derived from the samples. LZ4 goes on top of each of the
+//! two parts where it helps. `range` codes either part in fewer bytes. The byte diagrams are in `FORMAT.md`.
 //!
 //! Chosen by measurement (`cargo test --release -p brickfield-octree codec_variants -- --ignored
 //! --nocapture`): twelve bricks of balls, planes and crossing beads with 2,195 Hermite edges on average, one
@@ -17,10 +17,11 @@
 //! | rows as masks and changes, LZ4     | 1,078 | 19.8 µs | 13.0 µs |
 //! | with Hermite edges, words of normals | 5,586 | 41.4 µs | 24.0 µs |
 //!
-//! The first two lines leave out the range check and the sign classification that the others include. Normals
-//! as whole words take 1,962 bytes of LZ4, as four byte planes 2,949.
-//! The range coder makes 264 bytes of the samples and 1,386 with Hermite edges, in 20 times LZ4's time to write and 10 times
-//! to read, taken on a busy machine.
+//! The first two lines leave out the range check and the sign classification that the others include. Normals as whole
+//! words take 1,962 bytes of LZ4, as four byte planes 2,949.
+//!
+//! The range coder makes 264 bytes of the samples and 1,386 with Hermite edges, in 20 times LZ4's time to write and 10
+//! times to read, taken on a busy machine.
 
 use super::hermite_part::{self, EDGE_BYTES, Palette};
 use super::range::{self, Layers};

@@ -1,6 +1,6 @@
-//! Samples with binary places as bytes: the number of places, then the change from sample to sample along each
-//! row (of a row's first sample: from the row before) with its sign in the lowest bit, all low bytes before all
-//! high ones. The field is smooth between jumps, so most high bytes are 0 and LZ4 takes them away.
+//! Samples with binary places as bytes: the number of places, then the change from sample to sample along each row,
+//! with its sign in the lowest bit. A row's first sample changes from the row before. All low bytes before all high
+//! ones. The field is smooth between jumps, so most high bytes are 0 and LZ4 takes them away.
 
 use super::{POINTS, Samples};
 use crate::lattice::BRICK_POINTS;

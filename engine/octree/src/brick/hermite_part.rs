@@ -1,9 +1,10 @@
 //! The Hermite part of a payload before LZ4: how a brick's edges are laid out as bytes.
 //!
 //! Offsets come as two byte planes. A brick has few distinct normals, one a facet at most, where its edges lie on
-//! facets: then each edge has an index of one byte into a table of them, the *palette*. Of the pile of one million
-//! facets (`cargo bench --bench kernel`) that halves what LZ4 has to read, and takes a ninth off the store. Bricks with
-//! more normals, as curved solids have them, keep whole words.
+//! facets: then each edge has an index of one byte into a table of them, the *palette*.
+//!
+//! Of the pile of one million facets (`cargo bench --bench kernel`) that halves what LZ4 has to read, and takes a
+//! ninth off the store. Bricks with more normals, as curved solids have them, keep whole words.
 
 use super::{Hermite, HermiteEdge, OctNormal};
 use crate::wide::{Simd, dispatch, level};

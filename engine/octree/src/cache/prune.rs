@@ -37,9 +37,11 @@ pub struct Region {
     pub outside_level: u8,
 }
 
-/// Writes `store` to `output` without the nodes that the options leave out. Samples keep their values, and every leaf has
-/// a Hermite edge for each sign change; see [`Hermite::from_children`]. A store that is cut at a level has the depth of that
-/// level in its metadata, as if built so; of other cuts the metadata tell in the name of the program.
+/// Writes `store` to `output` without the nodes that the options leave out. Samples keep their values, and every leaf
+/// has a Hermite edge for each sign change; see [`Hermite::from_children`].
+///
+/// A store that is cut at a level has the depth of that level in its metadata, as if built so; of other cuts the
+/// metadata tell in the name of the program.
 ///
 /// # Errors
 /// As [`super::compact`]; [`Error::Setting`] for bounds that are none; [`Error::Store`] for a share of a store, and for a

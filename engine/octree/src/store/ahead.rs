@@ -1,8 +1,9 @@
 //! Reading ahead of a traversal whose way is known.
 //!
-//! All threads of a traversal decode, so there is nobody to decode ahead of them; what they wait for is the disk. So the
-//! system is told which records come next, and brings them into its memory meanwhile. What is told at a time is
-//! bounded; the memory is the page cache's, which takes it back from whoever does not come.
+//! All threads of a traversal decode, so there is nobody to decode ahead of them; what they wait for is the disk. So
+//! the system is told which records come next, and brings them into its memory meanwhile.
+//!
+//! What is told at a time is bounded; the memory is the page cache's, which takes it back from whoever does not come.
 
 use super::BrickTree;
 use super::cache::CacheStats;

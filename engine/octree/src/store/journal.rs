@@ -1,8 +1,9 @@
 //! The journal of an unfinished store: which records of `NAME.part` are durable.
 //!
-//! A file of its own, `NAME.journal`, so that the finished store has no trace of where its writing was interrupted.
-//! It is only ever appended to: a head, then one frame a commit, each with a checksum over what stands before it as
-//! well. So the frames up to the first that is damaged are the state, and nothing that was valid is ever overwritten.
+//! A file of its own, `NAME.journal`, so that the finished store has no trace of where its writing was interrupted. It
+//! is only ever appended to: a head, then one frame a commit, each with a checksum over what stands before it as well.
+//!
+//! So the frames up to the first that is damaged are the state, and nothing that was valid is ever overwritten.
 //! `FORMAT.md` shows the bytes.
 
 use super::identity::{Fields, IDENTITY_ENTRY_BYTES, IdentityEntry};

@@ -67,11 +67,11 @@ impl VerifyReport {
 }
 
 impl Store {
-    /// Reads every record from the file, in parallel, and checks its checksum and content: that the index has
-    /// the range of its samples, that a leaf has a Hermite edge wherever its samples change sign, that its
-    /// samples are those of its parent where they coincide, and that its apron repeats its neighbours'
-    /// samples. Also that nothing stands where nothing should: beside the slots, and behind the commit. Damage is
-    /// reported, not returned as an error.
+    /// Reads every record from the file, in parallel, and checks its checksum and content. The index must have the
+    /// range of its samples, and a leaf a Hermite edge wherever its samples change sign.
+    ///
+    /// Samples must be those of the parent where they coincide, and aprons those of the neighbours. Nothing may stand
+    /// beside the slots, nor behind the commit. Damage is reported, not returned as an error.
     ///
     /// # Errors
     /// [`Error::Interrupted`] if `progress` asks for it.

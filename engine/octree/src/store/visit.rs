@@ -1,9 +1,10 @@
 //! The visitor: one walk over the leaves of a tree, on which analyses are built.
 //!
-//! Leaves come in Morton order. Threads decode them and make something of each; what was made is taken one by one in that
-//! order, so that whoever takes it needs no lock and gives the same result for any number of threads. Uniform leaves are
-//! known from the index and not read. At most [`LEAVES_AHEAD`] leaves a thread are made ahead of the one that is taken, and no
-//! brick outlives what is made of it, so memory is that of the things made.
+//! Leaves come in Morton order. Threads decode them and make something of each; what was made is taken one by one in
+//! that order, so that whoever takes it needs no lock and gives the same result for any number of threads.
+//!
+//! Uniform leaves are known from the index and not read. At most [`LEAVES_AHEAD`] leaves a thread are made ahead of
+//! the one that is taken, and no brick outlives what is made of it, so memory is that of the things made.
 
 use super::{BrickTree, Walk};
 use crate::brick::Brick;

@@ -156,10 +156,12 @@ impl<'a> Caster<'a> {
         RenderSummary { found: self.past.found + now.found, made: self.past.made + now.made }
     }
 
-    /// Draws a picture as [`Frame::draw`] does, up to rounding: single precision moves a colour by a step here and there, and
-    /// decides otherwise where a ray grazes an edge. Pixels do not depend on the device's memory. Where they are smaller than
-    /// [`Caster::resolves`] says, the processor draws. What the device has of the last picture's scene stays if this one's is
-    /// made from it ([`Scene::with`]) in the same style; but bricks are brought anew as cuts begin to show what lies within.
+    /// Draws a picture as [`Frame::draw`] does, up to rounding: single precision moves a colour by a step here and
+    /// there, and decides otherwise where a ray grazes an edge. Pixels do not depend on the device's memory.
+    ///
+    /// Where they are smaller than [`Caster::resolves`] says, the processor draws. What the device has of the last
+    /// picture's scene stays if this one's is made from it ([`Scene::with`]) in the same style; but bricks are brought
+    /// anew as cuts begin to show what lies within.
     ///
     /// # Errors
     /// As [`Frame::draw`]; failures of the device are none.
@@ -175,10 +177,11 @@ impl<'a> Caster<'a> {
         self.draw_until(frame, None, progress, row).map(|_| ())
     }
 
-    /// Draws a picture in what time there is: from `deadline` on, coarser bricks that are there stand for those that are not,
-    /// or nothing does. Says whether the picture is complete; if not, the same again comes closer to it, as long as the device
-    /// has room for all bricks of it: some are brought by every call. Should the device fail, the processor completes the
-    /// picture, however long it takes.
+    /// Draws a picture in what time there is: from `deadline` on, coarser bricks that are there stand for those that
+    /// are not, or nothing does. Says whether the picture is complete; if not, the same again comes closer to it, as
+    /// long as the device has room for all bricks of it: some are brought by every call.
+    ///
+    /// Should the device fail, the processor completes the picture, however long it takes.
     ///
     /// # Errors
     /// As [`Frame::draw`].
@@ -349,9 +352,11 @@ impl<'a> Device<'a> {
         Ok((canvas.bands, is_complete))
     }
 
-    /// Follows the rays of some tiles, in rounds, to their ends. Every round brings at least one of the bricks that rays wait
-    /// for, if there are any, and a ray whose brick is there goes on beyond it: so there is an end. A device that asks for
-    /// nothing that can be brought, or for nothing while rays wait, for longer than any ray is, is at fault.
+    /// Follows the rays of some tiles, in rounds, to their ends. Every round brings at least one of the bricks that
+    /// rays wait for, if there are any, and a ray whose brick is there goes on beyond it: so there is an end.
+    ///
+    /// A device that asks for nothing that can be brought, or for nothing while rays wait, for longer than any ray is,
+    /// is at fault.
     fn cast(&mut self, order: &Order<'_>, sight: Sight, tiles: u32, report: &mut CasterReport) -> Cast<bool> {
         self.rays.begin(sight, tiles);
         let (mut is_draft, mut is_complete) = (false, true);

@@ -24,10 +24,12 @@ const COSINE_MIN: f32 = 0.05;
 impl Field {
     /// Signed distances, in cells, from the boundary w = 0.5 in the samples around it; `None` if all samples lie on one side.
     ///
-    /// Each Hermite edge says how far its two ends are from its tangent plane, and a sample takes the mean of what its edges
-    /// say, near crossings counting more. Samples farther off, of which cells that the boundary passes have some, go on
-    /// from those beside them along their gradients. So where the boundary is flat the field is its distance, and where it
-    /// is round the error is of the second order. Without Hermite edges, as in interior nodes, see [`Field::level`].
+    /// Each Hermite edge says how far its two ends are from its tangent plane, and a sample takes the mean of what its
+    /// edges say, near crossings counting more. Samples farther off, of which cells that the boundary passes have
+    /// some, go on from those beside them along their gradients.
+    ///
+    /// So where the boundary is flat the field is its distance, and where it is round the error is of the second
+    /// order. Without Hermite edges, as in interior nodes, see [`Field::level`].
     pub fn boundary(brick: &Brick, scratch: &mut Scratch) -> Option<Field> {
         let Brick::Counts { samples, hermite } = brick else { return None };
         let signs = SignChanges::of(samples);

@@ -1,9 +1,10 @@
 //! Pictures of a tree in space, by casting rays through its bricks, on the processor or on a device.
 //!
-//! A ray goes from node to node (the octree's planes cut it into stretches) and leaves out those of which the index says
-//! that there is nothing to be seen: so empty space and what lies within cost a few steps. In a brick it goes from cell to
-//! cell to where the field that the style asks for passes its level, and the place is refined within the cell. Bricks are
-//! read and prepared as rays come to them, and kept under a byte budget.
+//! A ray goes from node to node (the octree's planes cut it into stretches) and leaves out those of which the index
+//! says that there is nothing to be seen. So empty space and what lies within cost a few steps.
+//!
+//! In a brick it goes from cell to cell to where the field that the style asks for passes its level, and the place is
+//! refined within the cell. Bricks are read and prepared as rays come to them, and kept under a byte budget.
 //!
 //! | file | owns |
 //! |---|---|

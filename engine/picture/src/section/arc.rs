@@ -1,9 +1,10 @@
 //! How the boundary passes a square between two points of it whose normals are known.
 //!
-//! Where it bends one way it lies in the triangle of the chord and the two tangents. A smooth boundary is taken for the
-//! parabola in that triangle, which touches the tangents; one whose normals turn by a lot is taken for an edge of the part,
-//! and follows the tangents to the corner in which they meet. Both stay in the square, so that boundaries of different
-//! squares never cross.
+//! Where it bends one way it lies in the triangle of the chord and the two tangents. A smooth boundary is taken for
+//! the parabola in that triangle, which touches the tangents.
+//!
+//! One whose normals turn by a lot is taken for an edge of the part, and follows the tangents to the corner in which
+//! they meet. Both stay in the square, so that boundaries of different squares never cross.
 
 /// Cosine of the angle of normals beyond which they belong to two sides of an edge, not to one round face: some 40°.
 const COS_SHARP: f64 = 0.766;

@@ -1,9 +1,11 @@
 //! The boundary in a plane as closed polylines, by marching squares over the finest lattice.
 //!
-//! The plane is cut into tiles of 32 × 32 squares of the finest level. Every corner has one sign, that of the brick which
-//! owns it, and every edge one passage, so loops close whatever the levels of the bricks are: each passage is where one
-//! square's stretch of the boundary ends and the next one's begins. Within its square a stretch bends as the normals at its
-//! ends say. A brick of a coarser level is asked for the boundary in its own, larger squares.
+//! The plane is cut into tiles of 32 × 32 squares of the finest level. Every corner has one sign, that of the brick
+//! which owns it, and every edge one passage, so loops close whatever the levels of the bricks are.
+//!
+//! Each passage is where one square's stretch of the boundary ends and the next one's begins. Within its square a
+//! stretch bends as the normals at its ends say. A brick of a coarser level is asked for the boundary in its own,
+//! larger squares.
 
 use super::at_hand::{AtHand, Held};
 use super::cell::stretches;

@@ -1,8 +1,10 @@
 //! Where the boundary w = 0.5 meets a plane between two layers of samples, in a brick of any level.
 //!
-//! Signs come from the samples and, between layers, from the crossing on the edge across the plane, so they are those of
-//! the boundary that the Hermite edges describe. An edge in the plane is one side of a line through a face of four lattice
-//! edges: the boundary passes the face from crossing to crossing as their normals say ([`Arc`]).
+//! Signs come from the samples and, between layers, from the crossing on the edge across the plane, so they are those
+//! of the boundary that the Hermite edges describe.
+//!
+//! An edge in the plane is one side of a line through a face of four lattice edges: the boundary passes the face from
+//! crossing to crossing as their normals say ([`Arc`]).
 
 use super::arc::{Arc, End};
 use super::plane::Plane;

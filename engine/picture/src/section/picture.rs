@@ -60,9 +60,12 @@ struct Grid {
 }
 
 /// Writes a picture of w in a plane. Of closed input every pixel shows the sample nearest to its centre, of those that
-/// lie on its side of the boundary as [`super::contour()`] draws it, in the finest brick there, of open input w between the samples, trilinear. Pixels larger than a cell average up to 4 × 4 samples, of a level
-/// that is fine enough for them. Works in bands of tiles on all threads; memory is that of a band and of the bricks that the
-/// tree keeps. The bytes do not depend on the number of threads.
+/// lie on its side of the boundary as [`super::contour()`] draws it, in the finest brick there, of open input w
+/// between the samples, trilinear.
+///
+/// Pixels larger than a cell average up to 4 × 4 samples, of a level that is fine enough for them. Works in bands of
+/// tiles on all threads; memory is that of a band and of the bricks that the tree keeps. The bytes do not depend on
+/// the number of threads.
 ///
 /// # Errors
 /// [`Error::Setting`] if the window is empty or the picture too large; [`Error::Interrupted`]; what reading the tree and

@@ -1,8 +1,10 @@
 //! Straight runs of closed polylines merged within a tolerance (Douglas & Peucker 1973), free of crossings as they were.
 //!
-//! A run of points becomes one chord if each of them is within the tolerance of it; then the chord is within the tolerance
-//! of the run, too, since what runs from one end of it to the other is near each of its points. Chords that touch others
-//! are taken back, point by point, until none does, at the latest when all points are there again.
+//! A run of points becomes one chord if each of them is within the tolerance of it. Then the chord is within the
+//! tolerance of the run, too, since what runs from one end of it to the other is near each of its points.
+//!
+//! Chords that touch others are taken back, point by point, until none does, at the latest when all points are there
+//! again.
 
 use super::join::Contour;
 use std::collections::{HashMap, HashSet};

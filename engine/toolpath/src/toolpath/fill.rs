@@ -1,13 +1,16 @@
 //! Layers that have much less or much more material than room.
 //!
-//! The volume of beads agrees with what was fed whenever their width came from E, so it says nothing about the part. What
-//! does is the room: lines of a raster have their distance for a width, and a layer with an outline has its area. Lines
-//! are found by feature and layer ([`mod@raster`]); a layer's area is that of its closed outer perimeters and half a width
-//! around them ([`mod@outline`]).
+//! The volume of beads agrees with what was fed whenever their width came from E, so it says nothing about the part.
+//! What does is the room: lines of a raster have their distance for a width, and a layer with an outline has its area.
 //!
-//! Sparse infill is meant to be so, and slicers name it. A feature of such a name is told of only where the lines of most
-//! layers lie close and those of a few do not. Where nothing has a name, only layers of one raster and little else are
-//! judged. What lies between is silent: a warning that is none makes the next one unread.
+//! Lines are found by feature and layer ([`mod@raster`]); a layer's area is that of its closed outer perimeters and
+//! half a width around them ([`mod@outline`]).
+//!
+//! Sparse infill is meant to be so, and slicers name it. A feature of such a name is told of only where the lines of
+//! most layers lie close and those of a few do not.
+//!
+//! Where nothing has a name, only layers of one raster and little else are judged. What lies between is silent: a
+//! warning that is none makes the next one unread.
 
 mod outline;
 mod raster;

@@ -11,9 +11,10 @@
 //!   closes is one pass, and its end does not count as another.
 //!
 //! Lines of a raster, loops of a spiral or of concentric infill that hang together, and a line that is retraced, are
-//! passes. Segments are never cut. Where several short ones make a turn the new pass begins in the turn's middle, and
-//! where a loop goes on into the next, at the place beside the pass's first point: at most three widths before the place
-//! where the path was found to come back. Widths are means of the two stretches.
+//! passes. Segments are never cut. Where several short ones make a turn the new pass begins in the turn's middle.
+//!
+//! Where a loop goes on into the next, it begins at the place beside the pass's first point. It begins at most three
+//! widths before the place where the path was found to come back. Widths are means of the two stretches.
 //!
 //! All this follows from the toolpath alone, in world units: no lattice and no other bead has a part in it.
 

@@ -1,9 +1,10 @@
 //! Extrusions as triangles by number.
 //!
-//! Kept are the rings, not the triangles: where the cross-section's origin, X and Z axes come to lie at each
-//! spine point, with scale and orientation in them. A corner of a triangle is then `origin + x·X + z·Z` of one
-//! ring, the same bits in every triangle that has it, so a sweep with caps is closed exactly. An
-//! Extrusion that is shown several times is kept once.
+//! Kept are the rings, not the triangles: where the cross-section's origin, X and Z axes come to lie at each spine
+//! point, with scale and orientation in them. A corner of a triangle is then `origin + x·X + z·Z` of one ring, the
+//! same bits in every triangle that has it, so a sweep with caps is closed exactly.
+//!
+//! An Extrusion that is shown several times is kept once.
 //!
 //! Beyond the specification's text:
 //! - The first and last point of a cross-section up to [`scp::COINCIDENT`] apart are one, and so are those of

@@ -1,10 +1,11 @@
 //! Toolpaths as Extrusion nodes, with rounded ends fused into the sweep (Peelar et al. 2019, §5.2).
 //!
-//! A reader that follows the specification takes the chord for the direction of a sweep, turns its
-//! cross-section with every bend of the spine, also with one of a micrometre, and thins it by cos(θ/2) at a
-//! bend of θ. So every spine point gets the `orientation` that leads from the specification's plane to the
-//! bead's own, in the plane that bisects the bend, and the `scale` that keeps the full section up to it. The
-//! planes are taken from the coordinates as written, the way our reader and any other sees them.
+//! A reader that follows the specification takes the chord for the direction of a sweep, turns its cross-section with
+//! every bend of the spine, also with one of a micrometre, and thins it by cos(θ/2) at a bend of θ.
+//!
+//! So every spine point gets the `orientation` that leads from the specification's plane to the bead's own, in the
+//! plane that bisects the bend, and the `scale` that keeps the full section up to it. The planes are taken from the
+//! coordinates as written, the way our reader and any other sees them.
 //!
 //! The cross-section is drawn in a unit square, X pointing to the right of the path and Z up; `scale` holds
 //! width and height. A bead is split where it bends sharply, where its section changes by more than a tenth,

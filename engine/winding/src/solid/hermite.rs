@@ -1,8 +1,9 @@
 //! Hermite edges of a union of solids.
 //!
-//! Every sign-changing edge has one end inside. Of the solids that cover that end, the one that reaches
-//! farthest towards the other end bounds the union there; of several, the first of the toolpath. The place
-//! comes from the edge's own line; where rounding has that line miss a solid that covers the sample by its
+//! Every sign-changing edge has one end inside. Of the solids that cover that end, the one that reaches farthest
+//! towards the other end bounds the union there; of several, the first of the toolpath.
+//!
+//! The place comes from the edge's own line; where rounding has that line miss a solid that covers the sample by its
 //! row, the sample's own place stands in.
 
 use super::body::Body;

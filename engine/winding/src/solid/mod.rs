@@ -2,9 +2,10 @@
 //! 2019, §7.6).
 //!
 //! A segment of a bead is a convex solid with an exact formula (`body`), so every lattice line meets it in one
-//! interval. *One* rule decides whether a sample is inside: the interval of its x row, a pure function of
-//! integers and of the section. Everything else, the brick, its neighbours, all levels and threads, follows
-//! from that and agrees by construction.
+//! interval. *One* rule decides whether a sample is inside: the interval of its x row, a pure function of integers and
+//! of the section.
+//!
+//! Everything else, the brick, its neighbours, all levels and threads, follows from that and agrees by construction.
 
 mod body;
 mod evaluate;

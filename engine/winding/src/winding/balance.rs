@@ -1,9 +1,11 @@
 //! Is the soup closed? Every directed edge must be cancelled by its reverse.
 //!
 //! Every vertex is hashed to a vector of two 64-bit numbers, and the value of a directed edge is the determinant of
-//! its two vectors mod 2^64: its reverse has the negated value. The sum over all edges is zero for closed input and
-//! streams at memory speed, since that of a triangle's edges takes two multiplications and no branch. Where it is not
-//! zero, the edges themselves are matched, bucket by bucket (`open/boundary.rs`).
+//! its two vectors mod 2^64: its reverse has the negated value.
+//!
+//! The sum over all edges is zero for closed input and streams at memory speed, since that of a triangle's edges takes
+//! two multiplications and no branch. Where it is not zero, the edges themselves are matched, bucket by bucket
+//! (`open/boundary.rs`).
 
 use crate::lattice::{Triangle, Units};
 

@@ -65,7 +65,8 @@ impl EdgeMasks {
     }
 
     /// The lines of a row and of the [`ROWS`] − 1 after it, of equal u if `swap` and of equal v if not, on which an
-    /// edge lies that begins at one of the samples `lowers`, and perhaps some on which one begins close behind them.
+    /// edge lies. The edge begins at one of the samples `lowers`, and perhaps some on which one begins close behind
+    /// them.
     #[inline(always)]
     pub fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize, lowers: Lowers) -> u64x4<S> {
         let over = if swap { &self.over_v } else { &self.over_u };

@@ -2,8 +2,10 @@
 //!
 //! The edges are known before their crossings are found, so each has its place in the order in which Hermite edges are
 //! kept. A crossing goes there without a branch: it is counted, and the first one in the direction in which the facets
-//! are passed is kept. That one decides most edges, in most bricks all. For the others all crossings are listed, but
-//! only once a brick has such edges: its neighbours are alike.
+//! are passed is kept.
+//!
+//! That one decides most edges, in most bricks all. For the others all crossings are listed, but only once a brick has
+//! such edges: its neighbours are alike.
 
 use crate::brick::{HermiteEdge, OctNormal, POINTS, Samples};
 

@@ -9,10 +9,11 @@ use crate::soup::{Facet as WorldFacet, Facets, runs};
 use crate::wide::{dispatch, level};
 use rayon::prelude::*;
 
-/// The exact winding number of a closed soup at each point: the crossings of the line that reaches the point
-/// along x. Input and points are snapped to the lattice of `root` (vertices to the nearest even
-/// positions, points to the odd one of their pair of units), where the count is exact. The input is streamed once; memory goes with the number
-/// of points.
+/// The exact winding number of a closed soup at each point: the crossings of the line that reaches the point along x.
+/// Input and points are snapped to the lattice of `root` (vertices to the nearest even positions, points to the odd
+/// one of their pair of units), where the count is exact.
+///
+/// The input is streamed once; memory goes with the number of points.
 ///
 /// # Errors
 /// If the user interrupts.

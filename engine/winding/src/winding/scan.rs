@@ -1,9 +1,10 @@
 //! Crossings of one triangle with the axis-parallel lines of a lattice.
 //!
-//! Every sample p counts as p + (ε, ε², ε³) (simulation of simplicity, Edelsbrunner & Mücke 1990), so a line
-//! meets a triangle or does not, and a crossing lies before a sample or behind it, never on it. Both questions
-//! are answered in f64 under error bounds, row by row of lines, and settled in integers where a bound does not
-//! decide: by three edge functions in 64 bits the first, by a quotient in 128 bits the second.
+//! Every sample p counts as p + (ε, ε², ε³) (simulation of simplicity, Edelsbrunner & Mücke 1990), so a line meets a
+//! triangle or does not, and a crossing lies before a sample or behind it, never on it.
+//!
+//! Both questions are answered in f64 under error bounds, row by row of lines, and settled in integers where a bound
+//! does not decide. The first takes three edge functions in 64 bits, the second a quotient in 128 bits.
 
 use super::edges::{EdgeMasks, Lowers};
 use super::lines::{All, Choice, LINES_MAX, ROWS};

@@ -1,16 +1,20 @@
 //! Merging across the borders of bricks: nodes of 64, 128, … cells, which are nodes of the tree above its leaves.
 //!
 //! One walk over the leaves in Morton order, before any vertex is numbered. A leaf hands its [`Part`]s to its parent:
-//! the disks that meet its border as a plane may. A node whose eight children are done joins their parts where
-//! crossings on the planes between the children say so, by the rules of [`super::patches`], and hands on what is a
-//! disk again. What is missing (it was no disk, met the border otherwise, is next to a leaf of another level, or has
-//! too many normals) is as good as frozen, and so is what touches it. Only crossings on the border of a node are
-//! kept, so that what is in memory are those on the borders of up to seven nodes a level, [`MOST_CROSSINGS`] a node
-//! at most, and what is found.
+//! the disks that meet its border as a plane may.
+//!
+//! A node whose eight children are done joins their parts where crossings on the planes between the children say so,
+//! by the rules of [`super::patches`], and hands on what is a disk again.
+//!
+//! What is missing (it was no disk, met the border otherwise, is next to a leaf of another level, or has too many
+//! normals) is as good as frozen, and so is what touches it.
+//!
+//! Only crossings on the border of a node are kept, so that what is in memory are those on the borders of up to seven
+//! nodes a level, [`MOST_CROSSINGS`] a node at most, and what is found.
 //!
 //! What is found counts for all leaves that have a part of it, so they must agree whether it folds the surface
-//! ([`super::folds`]): further walks over these leaves collect what does, given what each leaf and the walk before
-//! would merge, and it is given up for what it is made of, until nothing does or [`MOST_WALKS`] are done.
+//! ([`super::folds`]). Further walks over these leaves collect what does, given what each leaf and the walk before
+//! would merge. It is given up for what it is made of, until nothing folds or [`MOST_WALKS`] are done.
 
 use super::super::frame::Frame;
 use super::super::leaves::Leaves;

@@ -1,10 +1,12 @@
 //! Bounds that keep two triangles apart, or all around a vertex, with less than exact arithmetic.
 //!
-//! Most triangles that are compared lie beside each other in a nearly flat surface. Triangles around a vertex meet only
-//! where they are joined if along some direction all of them are seen from the same side and go around the vertex once:
-//! each is a graph over its own sector. Two others have no point in common if a plane separates them; where it is enough to
-//! look, it is that of one of them or one upright on its edges. Both are decided in 64 bits with a margin above what
-//! rounding may change; what is not decided is for [`crate::check`].
+//! Most triangles that are compared lie beside each other in a nearly flat surface. Triangles around a vertex meet
+//! only where they are joined if along some direction all of them are seen from the same side and go around the vertex
+//! once: each is a graph over its own sector.
+//!
+//! Two others have no point in common if a plane separates them; where it is enough to look, it is that of one of them
+//! or one upright on its edges. Both are decided in 64 bits with a margin above what rounding may change; what is not
+//! decided is for [`crate::check`].
 
 use glam::DVec3;
 

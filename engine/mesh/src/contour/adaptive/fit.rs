@@ -1,11 +1,14 @@
 //! Where one vertex may stand for a part of the surface.
 //!
 //! The measure is a length. Let `d` be a direction that all normals of the part face, so that it is a height field
-//! along `d`. If along `d` the vertex is within τ of the tangent plane at every point of the part, then the part is
-//! within τ, along `d`, of the cone from the vertex over the part's border: with `g(r)` the height above the vertex
-//! along a ray and `|g − r·g'| ≤ τ`, the slope `g/r` changes by no more than `∫τ/r²` on the way from `r` to the
-//! border. What is left is the border, whose planes the vertices on both of its sides fit. The planes known are those
-//! at the crossings of the lattice; what the surface does within a cell is not seen.
+//! along `d`. Suppose that along `d` the vertex is within τ of the tangent plane at every point of the part.
+//!
+//! Then the part is within τ, along `d`, of the cone from the vertex over the part's border. For with `g(r)` the
+//! height above the vertex along a ray and `|g − r·g'| ≤ τ`, the slope `g/r` changes by no more than `∫τ/r²` on the
+//! way from `r` to the border.
+//!
+//! What is left is the border, whose planes the vertices on both of its sides fit. The planes known are those at the
+//! crossings of the lattice; what the surface does within a cell is not seen.
 //!
 //! Without the direction the planes would say little: all planes of a thin fin pass close to a vertex at its foot.
 

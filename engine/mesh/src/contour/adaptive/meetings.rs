@@ -1,16 +1,20 @@
 //! Where triangles at merged vertices meet others, and which vertices are given up for that.
 //!
 //! Triangles of polygons none of whose corners is merged are those of the mesh without a tolerance, which keep apart
-//! ([`super::super::envelope`]). All others, also those without a merged corner of their own, are compared with what is
-//! near them ([`super::room`]). Of a pair that meets elsewhere than in common corners the vertices of the largest nodes are
-//! given up for what they are made of, and what has changed is compared again, until no pair is left. There is an end,
-//! because each time something is given up, and if all were, the mesh would be the one without a tolerance. Which pairs
-//! there are follows from the mesh alone, so no thread and no memory decides anything.
+//! ([`super::super::envelope`]). All others, also those without a merged corner of their own, are compared with what
+//! is near them ([`super::room`]).
 //!
-//! A leaf looks at what is in its cube. A triangle lies between the leaves around the edge that it is for, since vertices
-//! are off the borders of their nodes by more than a step of coordinates, so two that meet in a leaf belong to it or to
-//! leaves that touch it. Only those at vertices of several leaves may lie elsewhere: they are kept in memory, and each
-//! leaf is told which of them pass through it.
+//! Of a pair that meets elsewhere than in common corners the vertices of the largest nodes are given up for what they
+//! are made of, and what has changed is compared again, until no pair is left.
+//!
+//! There is an end, because each time something is given up, and if all were, the mesh would be the one without a
+//! tolerance. Which pairs there are follows from the mesh alone, so no thread and no memory decides anything.
+//!
+//! A leaf looks at what is in its cube. A triangle lies between the leaves around the edge that it is for, since
+//! vertices are off the borders of their nodes by more than a step of coordinates.
+//!
+//! So two that meet in a leaf belong to it or to leaves that touch it. Only those at vertices of several leaves may
+//! lie elsewhere: they are kept in memory, and each leaf is told which of them pass through it.
 //!
 //! The triangles of a leaf beside it that reach into its cube are about edges on the cube's border, or a cell away where a
 //! vertex has strayed into the next cell ([`super::strays`]), so no others are made for it.

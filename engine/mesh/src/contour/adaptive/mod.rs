@@ -1,39 +1,50 @@
 //! Fewer vertices where the surface is flat: those of cells are merged, bottom-up, over the nodes of the octree
-//! (Schaefer, Ju & Warren 2007, *Manifold Dual Contouring*): 2, 4, 8, 16 and 32 cells wide within a leaf ([`draft`]),
-//! and above it over the nodes of the tree, 64, 128, … cells wide ([`across`]).
+//! (Schaefer, Ju & Warren 2007, *Manifold Dual Contouring*). Nodes are 2, 4, 8, 16 and 32 cells wide within a leaf
+//! ([`draft`]), and above it over the nodes of the tree, 64, 128, … cells wide ([`across`]).
 //!
 //! What hangs together within a node becomes one vertex if
 //! - it is a disk, by its Euler characteristic;
 //! - it crosses every edge of the node at most once and every face along at most one line that ends on edges of the
-//!   face (the paper's rule, for edges too), and no face of a cell on the node's border twice;
+//!   face (the paper's rule, for edges too). It crosses no face of a cell on the node's border twice;
 //! - the vertex fits its planes within the tolerance ([`fit`]);
 //! - no cell of it is next to a leaf of another level.
 //!
-//! *Why the mesh stays manifold.* Think of the uniform mesh's dual: the surface cut into patches, one a vertex, by
-//! the faces of cells. Merging joins patches to larger disks. The nodes of two neighbours lie beside each other,
-//! since within a node everything that hangs together is one patch, so they share a part of one face, which is a face
-//! of the smaller node. There the smaller patch has one line, and the larger patch has all of it or nothing:
-//! neighbours share one line, and there is one mesh edge between their vertices. The smaller node may be a cell whose
-//! face is cut twice; then its patch is on two lines, but the larger one is not, or both are cells, and extra
-//! vertices stand between them as ever. A patch has lines on three faces at least, beyond each of which lies another
-//! node, so three neighbours at least. Where four patches meet at an edge, opposite ones share but a part of an edge
-//! of the smaller node, which is crossed once, so there is one diagonal between them.
+//! *Why the mesh stays manifold.* Think of the uniform mesh's dual: the surface cut into patches, one a vertex, by the
+//! faces of cells. Merging joins patches to larger disks.
+//!
+//! The nodes of two neighbours lie beside each other, since within a node everything that hangs together is one patch,
+//! so they share a part of one face, which is a face of the smaller node.
+//!
+//! There the smaller patch has one line, and the larger patch has all of it or nothing: neighbours share one line, and
+//! there is one mesh edge between their vertices.
+//!
+//! The smaller node may be a cell whose face is cut twice; then its patch is on two lines, but the larger one is not,
+//! or both are cells, and extra vertices stand between them as ever. A patch has lines on three faces at least, beyond
+//! each of which lies another node, so three neighbours at least.
+//!
+//! Where four patches meet at an edge, opposite ones share but a part of an edge of the smaller node, which is crossed
+//! once, so there is one diagonal between them.
 //!
 //! *Across leaves* nothing of this changes, because the argument is about nodes of one octree: that of the cells of
-//! one level, of which leaves are nodes like others. Leaves of other levels have their own, and no vertex next to
-//! them is merged. Within a node above the leaves, too, everything that hangs together is one patch or none: what a
-//! child does not hand on as a disk of its own freezes all that touches it. That gives up some patches, since several
-//! parts, none of them a disk, may make one together; it never makes one of what is none. What a node knows of its
-//! children are the crossings on their borders, and an Euler characteristic needs no more: those of the parts, less
-//! the ends of the lines between them, and the edges in the inside where lines meet.
+//! one level, of which leaves are nodes like others. Leaves of other levels have their own, and no vertex next to them
+//! is merged.
+//!
+//! Within a node above the leaves, too, everything that hangs together is one patch or none: what a child does not
+//! hand on as a disk of its own freezes all that touches it. That gives up some patches, since several parts, none of
+//! them a disk, may make one together; it never makes one of what is none.
+//!
+//! What a node knows of its children are the crossings on their borders, and an Euler characteristic needs no more. It
+//! is those of the parts, less the ends of the lines between them, and the edges in the inside where lines meet.
 //!
 //! All within a leaf is a matter of the leaf and of the levels of those around it ([`Draft`]), all above it a matter
-//! of what leaves hand on, in the order of the tree; and the mesh is manifold whichever of the vertices that pass are
-//! taken. Some are given up because the surface would fold there ([`folds`]), others because triangles would meet where
-//! they are not joined ([`meetings`]). All of that is decided before any vertex is numbered; from then on what becomes of
-//! a leaf's vertices is a matter of its draft and of what was given up ([`Across::names`]).
+//! of what leaves hand on, in the order of the tree. The mesh is manifold whichever of the vertices that pass are
+//! taken.
 //!
-//! *What is not merged* is as without a tolerance: polygons without a merged vertex are cut the same way, and a vertex on
+//! Some are given up because the surface would fold there ([`folds`]), others because triangles would meet where they
+//! are not joined ([`meetings`]). All of that is decided before any vertex is numbered; from then on what becomes of a
+//! leaf's vertices is a matter of its draft and of what was given up ([`Across::names`]).
+//!
+//! *What is not merged* is as without a tolerance: polygons without a merged vertex are cut the same way. A vertex on
 //! a face ([`super::faces`]) stays as long as neither cell at the face is merged, which both polygons at it know.
 
 mod across;

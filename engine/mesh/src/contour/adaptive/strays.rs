@@ -1,9 +1,11 @@
 //! Vertices outside the cubes of their leaves, and what of a leaf may reach into the cube of another.
 //!
-//! The triangles around an edge lie between its leaves, which are in the box of two by two of them if all have one size: as
-//! long as their vertices are in their leaves' cubes, they meet the cube of another leaf only if the edge touches it. A
-//! vertex of a cell that went to a corner next to it ([`super::super::corner`]), or into a cell that this one has annexed
-//! ([`super::super::annex`]), may be outside. Those at vertices of several leaves are looked at elsewhere
+//! The triangles around an edge lie between its leaves, which are in the box of two by two of them if all have one
+//! size. So as long as their vertices are in their leaves' cubes, they meet the cube of another leaf only if the edge
+//! touches it.
+//!
+//! A vertex of a cell that went to a corner next to it ([`super::super::corner`]), or into a cell that this one has
+//! annexed ([`super::super::annex`]), may be outside. Those at vertices of several leaves are looked at elsewhere
 //! ([`super::meetings`]).
 
 use super::super::cells::BrickCells;

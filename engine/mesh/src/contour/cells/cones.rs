@@ -1,9 +1,11 @@
 //! Cells next to finer leaves with several loops, of which no table knows.
 //!
-//! What belongs to a loop within such a cell is the cone from its vertex over the line in which the surface passes the cell's
-//! boundary. All faces of these cells have vertices, whose places follow from the crossings alone, as do those on edges, so
-//! the lines are known before any vertex is. Where cones meet, vertices go to others of some places until they do not; what none
-//! of these separates stays, and is counted.
+//! What belongs to a loop within such a cell is the cone from its vertex over the line in which the surface passes the
+//! cell's boundary. All faces of these cells have vertices, whose places follow from the crossings alone, as do those
+//! on edges, so the lines are known before any vertex is.
+//!
+//! Where cones meet, vertices go to others of some places until they do not; what none of these separates stays, and
+//! is counted.
 
 use super::builder::Builder;
 use super::several::{Line, Point, Several};

@@ -233,8 +233,8 @@ const LENGTH_MAX: usize = 16;
 /// Bits below the first of a magnitude that are modelled; the rest are taken for noise.
 const MODELLED: u32 = 2;
 
-/// A number of 16 bits that is likely small: how many bits its magnitude has, in five decisions along a binary tree; its
-/// sign; the two bits below the first with probabilities that depend on the length; the rest as they are.
+/// A number of 16 bits that is likely small: how many bits its magnitude has, in five decisions along a binary tree;
+/// its sign. Then the two bits below the first with probabilities that depend on the length; the rest as they are.
 #[derive(Clone)]
 pub struct Number {
     lengths: [Bit; 32],

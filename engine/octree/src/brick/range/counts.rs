@@ -1,8 +1,9 @@
 //! Whole samples, each by whether it is that of its left neighbour, or of the row before, or of the layer before.
 //!
-//! Around a surface what the neighbours say of each other tells what comes: each of the 2^9 ways in which they equal the
-//! left neighbour or not has a probability of its own, as in the coding of bilevel pictures (JBIG). Where all neighbours
-//! agree, a row says once that nothing begins there, and most samples of a brick cost nothing.
+//! Around a surface what the neighbours say of each other tells what comes. Each of the 2^9 ways in which they equal
+//! the left neighbour or not has a probability of its own, as in the coding of bilevel pictures (JBIG).
+//!
+//! Where all neighbours agree, a row says once that nothing begins there, and most samples of a brick cost nothing.
 
 use super::coder::{Bit, Coder, Number};
 use crate::brick::POINTS;

@@ -1,8 +1,8 @@
 //! Samples with binary places, each by how far it is from what its neighbours foretell.
 //!
-//! Two predictions compete: the one that is right where the field is a sum of functions of two coordinates each (Ibarria
-//! et al. 2003), and the plainer one that is right where it is linear, which adds up less of the rounding of seven
-//! neighbours. Whichever was nearer at the neighbours is taken, and how near tells how far off to expect.
+//! Two predictions compete. One is right where the field is a sum of functions of two coordinates each (Ibarria et al.
+//! 2003). The plainer one is right where it is linear, which adds up less of the rounding of seven neighbours.
+//! Whichever was nearer at the neighbours is taken, and how near tells how far off to expect.
 
 use super::coder::{Coder, Number, bit_length};
 use crate::brick::POINTS;

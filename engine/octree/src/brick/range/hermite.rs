@@ -1,8 +1,8 @@
 //! Hermite edges, foretold from those around them: normals are copied from neighbours or near them, and the plane through a
 //! neighbour, under its normal or between two, says where the next edge is crossed.
 //!
-//! On a flat facet that leaves what rounding the neighbour's place and normal to 16 bits has left, two bits an edge; on
-//! round ones the mean of both normals is the direction across the chord, exactly so of a circle.
+//! On a flat facet that leaves what rounding the neighbour's place and normal to 16 bits has left, two bits an edge.
+//! On round ones the mean of both normals is the direction across the chord, exactly so of a circle.
 
 use super::coder::{Bit, Coder, Number, bit_length};
 use crate::brick::{Hermite, HermiteEdge, OctNormal, SignChanges};

@@ -12,9 +12,9 @@
 //! - What was retracted, standing or in a move, must be fed again before anything leaves the nozzle. A move that feeds
 //!   it again deposits from where it is made up, by the rest. Each tool has its own retraction, unless the slicer says
 //!   that all filaments share a nozzle. M600, M701 and M702 end it.
-//! - G92 renames the present position, as do G10 L20, G52, and Klipper's SET_GCODE_OFFSET and states in their ways;
-//!   points are given in the machine's coordinates, with work offsets (G54 to G59.3) as the file sets them by G10 L2, or
-//!   else zero. G28 goes to 0. G53 is travel to a place in the machine's coordinates, on its line alone.
+//! - G92 renames the present position, as do G10 L20, G52, and Klipper's SET_GCODE_OFFSET and states in their ways.
+//!   Points are given in the machine's coordinates, with work offsets (G54 to G59.3) as the file sets them by G10 L2,
+//!   or else zero. G28 goes to 0. G53 is travel to a place in the machine's coordinates, on its line alone.
 //! - A move deposits if E grows on it beyond what was retracted. In files where no move has an E, codes switch deposition:
 //!   M3, M4 and M5 with S, or those of [`GcodeOptions::deposit_on`] and of known machines; rapid moves (G0) never deposit.
 //! - A table's axis (W) is taken off Z, another axis is added by [`GcodeOptions::layer_axis`].

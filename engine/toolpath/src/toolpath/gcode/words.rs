@@ -6,8 +6,8 @@
 //!
 //! - It is e or E, a sign, and whole digits; the number before has one digit, not 0, in front of its point. All
 //!   programs print exponents so, and small ones from -4 on.
-//! - And one of these: the sign is plus; the digits begin with 0; e and the word's letter differ in case; the words of
-//!   the line are parted by spaces; the letter is E itself, or another E word stands in the line.
+//! - And one of these: the sign is plus; the digits begin with 0; e and the word's letter differ in case. Or the words
+//!   of the line are parted by spaces; the letter is E itself, or another E word stands in the line.
 //!
 //! Otherwise it is a word. What could be read both ways is told, see [`Exponent`]; `G1X10Y5E-2` could not.
 //!

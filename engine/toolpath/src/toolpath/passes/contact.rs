@@ -1,9 +1,11 @@
 //! Where two segments of a bead come near each other.
 //!
 //! Points of the two are given by their ways along the bead, s and t. That they are near, far enough apart along the
-//! path, and far enough for a corner, are conditions d < W, t − s > 2 W and d < (t − s) / 4, each of them convex in (s, t).
-//! For a given t − s the least d follows in closed form, and it is a convex function of t − s. So one search along t − s
-//! finds a point that meets all of them, if there is one.
+//! path, and far enough for a corner, are conditions d < W, t − s > 2 W and d < (t − s) / 4, each of them convex in
+//! (s, t).
+//!
+//! For a given t − s the least d follows in closed form, and it is a convex function of t − s. So one search along t −
+//! s finds a point that meets all of them, if there is one.
 
 use super::{BACK_WIDTHS, CLOSING_WIDTHS, difference, dot, norm};
 

@@ -13,9 +13,10 @@ use std::f64::consts::PI;
 ///   w = a·(x − p)/(4π) · { 1/r³ for r ≥ ρ;  (5 − 3 (r/ρ)²)/(2ρ³) for r < ρ }.
 ///
 /// A dipole spread over a ball acts outside it as if all of it were in the middle (Newton's shell theorem), so beyond
-/// ρ this is the dipole of Barill et al. 2018 itself, with the same expansions. Within, the share of the density at
-/// less than r, (5 (r/ρ)³ − 3 (r/ρ)⁵)/2, acts as if it were in the middle, and the rest not at all. w has a continuous
-/// gradient everywhere and is at most 0.099 a/ρ².
+/// ρ this is the dipole of Barill et al. 2018 itself, with the same expansions.
+///
+/// Within, the share of the density at less than r, (5 (r/ρ)³ − 3 (r/ρ)⁵)/2, acts as if it were in the middle, and the
+/// rest not at all. w has a continuous gradient everywhere and is at most 0.099 a/ρ².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dipole {
     position: [f64; 3],

@@ -21,9 +21,9 @@ pub use nearest::median_distance;
 pub use normals::estimate_normals;
 pub use surfels::{Surfel, Surfels};
 
-/// The field of an oriented point cloud (Barill et al. 2018): w = Σ a·(x − p)/(4π|x − p|³) over its points x, each
-/// spread over a ball that reaches about as far as its neighbours, within which that has no pole (the formula stands in
-/// `dipole.rs`).
+/// The field of an oriented point cloud (Barill et al. 2018): w = Σ a·(x − p)/(4π|x − p|³) over its points x. Each is
+/// spread over a ball that reaches about as far as its neighbours, within which there is no pole (the formula stands
+/// in `dipole.rs`).
 #[derive(Debug)]
 pub struct CloudField {
     tree: ClusterTree<Dipole>,

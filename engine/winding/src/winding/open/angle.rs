@@ -77,10 +77,12 @@ impl Cap {
     /// The signed solid angle of the cap over 4π, seen from p + (ε, ε², ε³) for an odd lattice position p
     /// within 2^26 units of the root, in the limit ε → 0. Positive from behind.
     ///
-    /// tan(Ω/2) = num/den (Van Oosterom & Strackee 1983, eq. 8), where num = n·(a − p) with the integer normal
-    /// n. The sign of num is that of an integer, and where that is 0 the perturbation decides, as it does for
-    /// a crossing at a sample. num² + den² is small, and the quotient ill-conditioned, only next to an edge;
-    /// there both are taken to twice the digits, and on an edge itself the limit is taken.
+    /// tan(Ω/2) = num/den (Van Oosterom & Strackee 1983, eq. 8), where num = n·(a − p) with the integer normal n. The
+    /// sign of num is that of an integer, and where that is 0 the perturbation decides, as it does for a crossing at a
+    /// sample.
+    ///
+    /// num² + den² is small, and the quotient ill-conditioned, only next to an edge; there both are taken to twice the
+    /// digits, and on an edge itself the limit is taken.
     #[inline(never)]
     pub fn share_at(&self, p: Units) -> f64 {
         // Exact, as are the scalar products of positions in the root.

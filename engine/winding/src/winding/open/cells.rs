@@ -1,10 +1,11 @@
 //! The sum over a cluster tree at many points, cell by cell: what is far as a polynomial, what is near one by one.
 //!
-//! Cells are the cubes of an octree over the lattice. A cell takes over its parent's polynomial, adds the clusters that
-//! have become far enough ([`Local`]), and hands the rest down to its children: the fast multipole method (Greengard &
-//! Rokhlin 1987), with the sum of all error bounds on the way as the criterion in place of an opening angle. What is
-//! left in a cell when points in it are asked for is seen through the clusters' own expansions, and through single
-//! elements where those are not exact enough.
+//! Cells are the cubes of an octree over the lattice. A cell takes over its parent's polynomial, adds the clusters
+//! that have become far enough ([`Local`]), and hands the rest down to its children.
+//!
+//! This is the fast multipole method (Greengard & Rokhlin 1987), with the sum of all error bounds on the way as the
+//! criterion in place of an opening angle. What is left in a cell when points in it are asked for is seen through the
+//! clusters' own expansions, and through single elements where those are not exact enough.
 //!
 //! Everything depends on the tree, the error and the cell, and not on who asks: cells are kept with the tree for the
 //! next time, whichever thread asks then.

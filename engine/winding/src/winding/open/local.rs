@@ -1,11 +1,12 @@
 //! Local expansions: the field of far clusters as a polynomial about a cell's centre.
 //!
 //! A cluster at r = c − b from the centre b of a cell gives, at b + t, w = −Σ_α M_α ∂^α φ(r − t) with φ = 1/(4π|r|)
-//! and the moments M_α of degree m = |α| from 1 to 3. Taylor's series in t, cut off where m + |β| exceeds
-//! [`DEGREE`], is Σ_β L_β t^β with L_β = −(−1)^|β|/β! Σ_α M_α ∂^{α+β} φ(r) (Greengard & Rokhlin 1987; in Cartesian
-//! form Duan & Krasny 2001, whose recurrence gives the derivatives). φ is harmonic, and so is the polynomial for
-//! each m and |β|: ∂_z² = −∂_x² − ∂_y² leaves 15 of the 19 moments, and only the coefficients with β_z ≤ 1 need
-//! to be summed.
+//! and the moments M_α of degree m = |α| from 1 to 3. Taylor's series in t, cut off where m + |β| exceeds [`DEGREE`],
+//! is Σ_β L_β t^β with L_β = −(−1)^|β|/β!
+//!
+//! Σ_α M_α ∂^{α+β} φ(r) (Greengard & Rokhlin 1987; in Cartesian form Duan & Krasny 2001, whose recurrence gives the
+//! derivatives). φ is harmonic, and so is the polynomial for each m and |β|: ∂_z² = −∂_x² − ∂_y² leaves 15 of the 19
+//! moments, and only the coefficients with β_z ≤ 1 need to be summed.
 
 use super::moments::{Expansion, Reach, error_bound};
 use super::wide::{Simd, SimdBase, SimdFloat, dispatch, each_of, f64x8, level};
@@ -44,11 +45,13 @@ impl Default for Local {
 /// cell's polynomial.
 ///
 /// With s the way from the cluster's centre to a source and t that from the cell's centre to a point, 1/|r + s − t|
-/// has in degree m of s and n − m of t a part C(n,m) H(s,…,s,t,…,t), H being the symmetric form of the solid
-/// harmonic |u|^n P_n/r^{n+1}. On a Euclidean space such a form is nowhere larger than its polynomial (Banach
-/// 1938), so a dipole of area A has there at most A C(n,m) m s^{m−1} t^{n−m}/r^{n+1}. All parts with m ≥ 4 together
-/// are the error of the cluster's own expansion at r − t. Those with m ≤ 3 and n > N are, with s̄ the root of the
-/// mean of s² and q = (s̄ + t)/r, at most A/r² Σ_{n>N} n q^{n−1} = A/r² · q^N ((N + 1) − N q)/(1 − q)².
+/// has in degree m of s and n − m of t a part C(n,m) H(s,…,s,t,…,t), H being the symmetric form of the solid harmonic
+/// |u|^n P_n/r^{n+1}. On a Euclidean space such a form is nowhere larger than its polynomial (Banach 1938), so a
+/// dipole of area A has there at most A C(n,m) m s^{m−1} t^{n−m}/r^{n+1}. All parts with m ≥ 4 together are the error
+/// of the cluster's own expansion at r − t.
+///
+/// Those with m ≤ 3 and n > N are, with s̄ the root of the mean of s² and q = (s̄ + t)/r, at most A/r² Σ_{n>N} n
+/// q^{n−1} = A/r² · q^N ((N + 1) − N q)/(1 − q)².
 pub(super) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
     let q = (reach.spread + radius) / distance;
     // Beyond, the sums of bounds would lose too many digits.

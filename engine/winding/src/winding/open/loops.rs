@@ -70,9 +70,9 @@ impl Graph {
 }
 
 impl Loops {
-    /// Splits a boundary, whose edges are sorted, into simple loops: first those of three edges, so that an
-    /// isolated facet is a loop of its own whatever vertices it shares; the others by walking until a vertex
-    /// comes back, which keeps loops short.
+    /// Splits a boundary, whose edges are sorted, into simple loops: first those of three edges, so that an isolated
+    /// facet is a loop of its own whatever vertices it shares. The others are found by walking until a vertex comes
+    /// back, which keeps loops short.
     pub fn trace(edges: &[OpenEdge]) -> Loops {
         let mut graph = Graph::new(edges);
         let mut loops = Loops::default();

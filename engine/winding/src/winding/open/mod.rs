@@ -1,10 +1,10 @@
 //! Open soups: the winding number as crossings of a closed soup less the solid angles of what closed it.
 //!
-//! Let S be the soup, ∂S the directed edges that do not cancel ([`Boundary`]) and C any surface with
-//! ∂C = −∂S (the *caps*). S ∪ C is closed, so its winding number is an exact count of crossings, and
-//! w_S = crossings(S ∪ C) − w_C. The caps are few, and w_C, a harmonic function away from them, comes from
-//! a tree of multipole expansions with a proven bound on its error ([`ClusterTree`]); near the caps from
-//! their solid angles one by one.
+//! Let S be the soup, ∂S the directed edges that do not cancel ([`Boundary`]) and C any surface with ∂C = −∂S (the
+//! *caps*). S ∪ C is closed, so its winding number is an exact count of crossings, and w_S = crossings(S ∪ C) − w_C.
+//!
+//! The caps are few, and w_C, a harmonic function away from them, comes from a tree of multipole expansions with a
+//! proven bound on its error ([`ClusterTree`]); near the caps from their solid angles one by one.
 //!
 //! Where a sample lies on a cap, the integer predicate and the tie rule that decide the crossing decide the
 //! side for the solid angle too, so that the difference does not jump there.

@@ -1,9 +1,10 @@
 //! Multipole expansion of the solid angle of oriented surface elements.
 //!
-//! An element with the area vector a at x contributes a·(x − p)/|x − p|³ to the solid angle seen from p. With
-//! r = c − p and d = x − c, and g(r) = r/|r|³ = −∇(1/|r|), Taylor's series about the centre c is
-//! a_i g_i + a_i d_j ∂_j g_i + ½ a_i d_j d_k ∂_j ∂_k g_i + … (Barill et al. 2018, eq. 16 to 20). The derivatives of
-//! 1/|r| are symmetric and without trace, so only that part of each moment counts:
+//! An element with the area vector a at x contributes a·(x − p)/|x − p|³ to the solid angle seen from p. With r = c −
+//! p and d = x − c, and g(r) = r/|r|³ = −∇(1/|r|), Taylor's series about the centre c is a_i g_i + a_i d_j ∂_j g_i + ½
+//! a_i d_j d_k ∂_j ∂_k g_i + … (Barill et al. 2018, eq. 16 to 20).
+//!
+//! The derivatives of 1/|r| are symmetric and without trace, so only that part of each moment counts:
 //!
 //!   w = [ D·r − 3 Q(r,r)/r² + 15 T(r,r,r)/r⁴ ] / (4π |r|³).
 
@@ -127,7 +128,7 @@ impl From<&Moments> for Expansion {
 
 impl Expansion {
     /// Factors of the negative derivatives of 1/r of the first three orders, without those of second or third order in
-    /// z, which are sums of others: x, y, z; xx, yy, xy, yz, zx; xxx, yyy, xxy, xxz, yyx, yyz, xyz.
+    /// z, which are sums of others. They are x, y, z; xx, yy, xy, yz, zx; xxx, yyy, xxy, xxz, yyx, yyz, xyz.
     pub fn moments(&self) -> [f64; 15] {
         let (d, q, t) = (&self.dipole, &self.quadrupole, &self.octupole);
         let q = q.map(|v| v / -3.0);

@@ -1,11 +1,14 @@
 //! Faces of cells next to leaves of other levels.
 //!
-//! Such a cell is bounded by minimal faces and edges, its own or those of finer leaves ([`super::super::mixed`]), and what
-//! [`super::super::envelope`] says of cells of one size holds of it as well: it is convex, and its vertex is strictly inside,
-//! so the triangles between that vertex and the line in which the surface passes the cell's boundary meet nowhere if the line
-//! does not meet itself. On a minimal face the line goes from a point of one minimal edge to where the mesh edge passes the
-//! face, and on to a point of another. Between cells of two sizes the mesh edge may well pass beside the face, though; then
-//! it gets a vertex on it.
+//! Such a cell is bounded by minimal faces and edges, its own or those of finer leaves ([`super::super::mixed`]), and
+//! what [`super::super::envelope`] says of cells of one size holds of it as well. It is convex, and its vertex is
+//! strictly inside.
+//!
+//! So the triangles between that vertex and the line in which the surface passes the cell's boundary meet nowhere if
+//! the line does not meet itself. On a minimal face the line goes from a point of one minimal edge to where the mesh
+//! edge passes the face, and on to a point of another.
+//!
+//! Between cells of two sizes the mesh edge may well pass beside the face, though; then it gets a vertex on it.
 //!
 //! Faces of cells with several loops that are next to finer leaves have vertices in any case (`cells/cones`).
 

@@ -1,0 +1,266 @@
+//! Documents: every command in them runs, every picture is drawn by a documented command, every message is one of the
+//! program's.
+
+use crate::support::*;
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Words of commands that need what a test has not: a window, a device, a batch system, another program.
+const NOT_RUN: [&str; 4] = ["brickfield view", "--backend vulkan", "sbatch ", "parallel "];
+/// Words with which commands begin.
+const BEGINNINGS: [&str; 6] = ["brickfield ", "echo ", "seq ", "timeout ", "parallel ", "sbatch "];
+
+/// The top of the repository.
+fn top() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn text_of(page: &str) -> String {
+    fs::read_to_string(top().join(page)).unwrap_or_else(|error| panic!("{page}: {error}"))
+}
+
+/// The pages of a folder of documents, not of those below it.
+fn pages(folder: &str) -> Vec<String> {
+    let entries = fs::read_dir(top().join(folder)).expect("it can be listed");
+    let names = entries.map(|entry| entry.expect("it is there").file_name().into_string().expect("text"));
+    let mut names: Vec<String> = names.filter(|name| name.ends_with(".md")).collect();
+    names.sort();
+    names.iter().map(|name| format!("{folder}/{name}")).collect()
+}
+
+/// Lines of indented blocks, and code spans in tables, that are commands.
+fn commands(text: &str) -> Vec<String> {
+    let mut commands = Vec::new();
+    let (mut is_fenced, mut is_block, mut was_blank) = (false, false, true);
+    for line in text.lines() {
+        let bare = line.trim();
+        if bare.starts_with("```") {
+            is_fenced = !is_fenced;
+        }
+        is_block = !is_fenced && line.starts_with("    ") && (was_blank || is_block);
+        was_blank = bare.is_empty();
+        let spans = bare.split('`').skip(1).step_by(2).filter(|_| bare.starts_with('|') && !is_fenced);
+        let lines = spans.chain(is_block.then_some(bare));
+        commands.extend(
+            lines.filter(|line| BEGINNINGS.iter().any(|begin| line.starts_with(begin))).map(str::to_owned),
+        );
+    }
+    commands
+}
+
+fn is_run(command: &str) -> bool {
+    NOT_RUN.iter().all(|words| !command.contains(words))
+}
+
+/// What documents take for the user's own files.
+fn with_inputs() -> Scratch {
+    let dir = Scratch::new();
+    dir.file("part.gcode", toolpath());
+    let wall = "G20\n(PERIMETER-0.25)\n(LAYER 1)\nG0 X0 Y0 Z0.2 W0\nM64 P8\nG1 X1 F60\nM64 P9\n(LAYER 2)\n\
+                G0 X1 Y0 Z0.2 W-0.1\nM64 P8\nG1 X0\nM64 P9\n";
+    dir.file("wall.nc", wall);
+    let rods = [cuboid([0.0; 3], [8.0, 0.5, 0.5]), cuboid([4.0, 0.1, 0.1], [9.0, 0.4, 0.9])];
+    dir.file("body.stl", binary_stl(12, &rods[0]));
+    dir.file("lid.stl", binary_stl(12, &rods[1]));
+    dir.file("part.stl", binary_stl(24, &rods.concat()));
+    let (names, points) = ("xyz", sphere());
+    let rows = |with_normals: bool| -> String {
+        let row = |n: &[f64; 3]| {
+            let [x, y, z] = n.map(|c| 5.0 * c);
+            let normal = if with_normals { format!(" {} {} {}", n[0], n[1], n[2]) } else { String::new() };
+            format!("{x} {y} {z}{normal}\n")
+        };
+        points.iter().map(row).collect()
+    };
+    let columns: String = ["", "n"]
+        .iter()
+        .flat_map(|n| names.chars().map(move |c| format!("property float {n}{c}\n")))
+        .collect();
+    dir.file("scan.xyz", rows(false));
+    let head = format!("ply\nformat ascii 1.0\nelement vertex {}\n{columns}end_header\n", points.len());
+    dir.file("scan.ply", head + &rows(true));
+    dir.file("points.csv", "x,y,z\n1,1,0.1\n4.5,0.25,0.25\n");
+    dir.file("my.csv", "-0.5,-0.5\n0.5,-0.5\n0.5,0.5\n-0.5,0.5\n");
+    let style = text_of("docs/guide/pictures.md");
+    let style = style.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a style");
+    dir.file("mine.toml", style);
+    symlink(fs::canonicalize(example("")).expect("it is there"), dir.path("bench-data")).expect("a link");
+    for (store, more) in [("part.brf", "--identity"), ("print.brf", "--quiet")] {
+        run(&[&"build", &dir.path("part.gcode"), &"-o", &dir.path(store), &more]).ok();
+    }
+    dir
+}
+
+/// Three layers of two loops each, and a skirt.
+fn toolpath() -> String {
+    let layer = |n: u32| {
+        let z = 0.2 * f64::from(n);
+        let skirt = match n {
+            1 => ";TYPE:Skirt/Brim\n;WIDTH:0.6\nG1 X-1 Y-1\nG1 X9 Y-1 E0.4632\n",
+            _ => "",
+        };
+        format!(
+            ";LAYER_CHANGE\n;Z:{z:.1}\n;HEIGHT:0.2\nG1 Z{z:.1} F600\n{skirt};TYPE:Perimeter\n;WIDTH:0.6\nG1 X0.5 Y0.5\n\
+             G1 X8 Y0.5 E0.3474\nG1 X8 Y2.9 E0.1112\nG1 X0.5 Y2.9 E0.3474\nG1 X0.5 Y0.5 E0.1112\n;TYPE:Support material\n\
+             ;WIDTH:0.6\nG1 X1 Y1.0\nG1 X7.5 Y1.0 E0.3011\nG1 X7.5 Y2.2 E0.0556\nG1 X1 Y2.2 E0.3011\n"
+        )
+    };
+    let head = "; filament_diameter = 1.75\n; layer_height = 0.2\nG21\nG90\nM83\n".to_owned();
+    head + &(1..=3).map(layer).collect::<String>()
+}
+
+/// Points spread evenly over the unit sphere, which are their own normals.
+fn sphere() -> Vec<[f64; 3]> {
+    let count = 300;
+    let point = |n: i32| {
+        let z = 1.0 - (2.0 * f64::from(n) + 1.0) / f64::from(count);
+        let (radius, angle) = ((1.0 - z * z).sqrt(), f64::from(n) * 2.399_963);
+        [radius * angle.cos(), radius * angle.sin(), z]
+    };
+    (0..count).map(point).collect()
+}
+
+/// Runs the commands of a page from top to bottom in a folder of its own.
+#[track_caller]
+fn run_page(page: &str) -> Scratch {
+    let dir = with_inputs();
+    let folder = Path::new(program().get_program()).parent().expect("a folder").to_owned();
+    let path = std::env::join_paths(
+        std::iter::once(folder).chain(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())),
+    );
+    let path = path.expect("paths");
+    for command in commands(&text_of(page)).iter().filter(|command| is_run(command)) {
+        let mut shell = Command::new("bash");
+        shell.arg("-c").arg(command).current_dir(dir.path("")).env("PATH", &path).stdin(Stdio::null());
+        let output = shell.output().expect("bash is there");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{page}: {command}\n{told}");
+    }
+    dir
+}
+
+#[test]
+fn commands_are_found() {
+    let text = "    brickfield build a.stl -o a.brf\n\nword\n    brickfield is no block\n\n| `brickfield info a` | `w` |\n\n```\n    \
+                brickfield fenced\n```\n";
+    assert_eq!(commands(text), ["brickfield build a.stl -o a.brf", "brickfield info a"]);
+    assert!(commands(&text_of("README.md")).len() >= 12);
+}
+
+#[test]
+fn commands_of_the_readme_run() {
+    run_page("README.md");
+}
+
+#[test]
+fn commands_of_guides_run() {
+    let pages = pages("docs/guide");
+    assert!(pages.len() >= 13);
+    for page in pages.iter().filter(|page| !page.ends_with("/pictures.md")) {
+        run_page(page);
+    }
+}
+
+#[test]
+fn commands_of_other_pages_run() {
+    pages("docs").iter().for_each(|page| drop(run_page(page)));
+}
+
+#[test]
+fn pictures_are_those_that_documented_commands_draw() {
+    let dir = run_page("docs/guide/pictures.md");
+    let folder = example("pictures");
+    let names =
+        fs::read_dir(&folder).expect("it can be listed").map(|entry| entry.expect("it is there").file_name());
+    let names: Vec<_> = names.filter(|name| Path::new(name).extension() == Some(OsStr::new("png"))).collect();
+    assert!(names.len() >= 3);
+    for name in names {
+        let drawn = fs::read(dir.path(name.to_str().expect("text")));
+        let drawn = drawn.unwrap_or_else(|_| panic!("no command of docs/guide/pictures.md draws {name:?}"));
+        assert!(
+            drawn == fs::read(folder.join(&name)).expect("it is there"),
+            "{name:?} is drawn otherwise now"
+        );
+    }
+}
+
+#[test]
+fn options_of_commands_that_are_not_run_exist() {
+    let all = ["README.md".to_owned()].into_iter().chain(pages("docs")).chain(pages("docs/guide"));
+    let mut count = 0;
+    for page in all {
+        for command in commands(&text_of(&page)).iter().filter(|command| !is_run(command)) {
+            let words = command[command.find("brickfield ").expect("the program")..].split([' ', '=', '\'']);
+            let words: Vec<&str> = words.collect();
+            let name = words[1];
+            // Its window may have been left out of the program.
+            let help = run(&[&name, &"--help"]).ok();
+            for option in words.iter().filter(|word| word.starts_with("--")) {
+                assert!(
+                    help.contains(&format!("{option} ")) || help.contains(&format!("{option}\n")),
+                    "{page}: {command}"
+                );
+                count += 1;
+            }
+        }
+    }
+    assert!(count >= 10);
+}
+
+/// Sources of the engine and the program, without the breaks of strings.
+fn sources(folder: &Path, text: &mut String) {
+    for entry in fs::read_dir(folder).expect("it can be listed") {
+        let path = entry.expect("it is there").path();
+        if path.is_dir() && path.file_name() != Some(OsStr::new("target")) {
+            sources(&path, text);
+        } else if path.extension() == Some(OsStr::new("rs")) {
+            let lines = fs::read_to_string(&path).expect("text");
+            let mut is_broken = false;
+            for line in lines.lines() {
+                let line = if is_broken { line.trim_start() } else { line };
+                is_broken = line.ends_with('\\');
+                *text += line.trim_end_matches('\\');
+                *text += if is_broken { "" } else { "\n" };
+            }
+        }
+    }
+}
+
+#[test]
+fn messages_of_troubleshooting_are_those_of_the_program() {
+    let page = text_of("docs/guide/troubleshooting.md");
+    let mut text = String::new();
+    ["engine", "tools"].iter().for_each(|folder| sources(&top().join(folder), &mut text));
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split('`').next());
+    let messages: BTreeSet<&str> = rows.collect();
+    assert!(messages.len() >= 30);
+    for message in messages {
+        for part in message.split("...").map(str::trim).filter(|part| !part.is_empty()) {
+            assert!(text.contains(part), "no message of the program has the words {part:?}");
+        }
+    }
+}
+
+#[test]
+fn the_snippet_for_numpy_runs() {
+    let page = text_of("docs/guide/numbers.md");
+    let snippet =
+        page.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a snippet");
+    let python = |code: &str, dir: &Scratch| {
+        let output = Command::new("python3").arg("-c").arg(code).current_dir(dir.path("")).output();
+        output.ok().filter(|output| output.status.success())
+    };
+    let dir = with_inputs();
+    if python("import numpy", &dir).is_none() {
+        eprintln!("NOT RUN: python3 has no numpy");
+        return;
+    }
+    run(&[&"export", &dir.path("part.brf"), &"--level", &"2", &"-o", &dir.path("w.npy")]).ok();
+    let told = String::from_utf8(python(snippet, &dir).expect("it runs").stdout).expect("text");
+    let count = told.split(' ').next().and_then(|word| word.parse::<u32>().ok());
+    assert!(count.is_some_and(|count| count > 1000) && told.contains("samples inside, mm"), "{told}");
+}
