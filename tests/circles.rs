@@ -1,0 +1,215 @@
+//! No two files of a crate import each other, directly or through others: what a file needs can be read before it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Crates with circles that are still to be cut, with the files of the largest one. The test of a crate that has fewer
+/// fails too, so that the number here goes down.
+const KNOWN: [(&str, usize); 7] = [
+    ("analysis", 2),
+    ("builder", 5),
+    ("gpu", 3),
+    ("octree", 2),
+    ("picture", 2),
+    ("toolpath", 14),
+    ("winding", 3),
+];
+
+/// A module of a crate, as its path from the root.
+type Module = Vec<String>;
+
+/// The modules that a file imports.
+type Graph = BTreeMap<Module, BTreeSet<Module>>;
+
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+        let path = entry.expect("an entry").path();
+        match path.is_dir() {
+            true => found.extend(sources(&path)),
+            false => found.extend(Some(path).filter(|path| path.extension().is_some_and(|e| e == "rs"))),
+        }
+    }
+    found
+}
+
+/// The module of a file below `src`; `None` of one with tests.
+fn module_of(file: &Path) -> Option<Module> {
+    let stem = file.with_extension("");
+    let mut parts: Module = stem.iter().map(|part| part.to_str().expect("UTF-8").to_owned()).collect();
+    if parts.iter().any(|part| part == "tests" || part.ends_with("_tests")) {
+        return None;
+    }
+    if parts.last().is_some_and(|last| last == "mod" || last == "lib") {
+        parts.pop();
+    }
+    Some(parts)
+}
+
+/// The code of a file without comments and unit tests.
+fn code_of(text: &str) -> String {
+    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+    let mut code = String::new();
+    let mut is_test = false;
+    for line in lines {
+        if is_test && line.starts_with("mod ") && line.ends_with('{') {
+            break;
+        }
+        is_test = line == "#[cfg(test)]";
+        code.push_str(line);
+        code.push('\n');
+    }
+    code
+}
+
+/// The `use` declarations of some code: whether they are public, and each path with its groups spelled out.
+fn uses(code: &str) -> Vec<(bool, String)> {
+    let mut found = Vec::new();
+    for statement in code.split([';', '}']).map(str::trim_start).chain(code.split(';').map(str::trim_start)) {
+        let Some(at) = statement.find("use ").filter(|&at| at == 0 || statement.starts_with("pub")) else {
+            continue;
+        };
+        let Some(path) = statement.get(at + 4..) else { continue };
+        let is_public = at > 0;
+        if path.matches('{').count() == path.matches('}').count() {
+            let path: String = path.split_whitespace().collect();
+            expand(&path, &mut |path| found.push((is_public, path)));
+        }
+    }
+    found
+}
+
+/// Calls `each` with the paths that `a::{b, c::{d, e}}` stands for.
+fn expand(path: &str, each: &mut dyn FnMut(String)) {
+    let Some(open) = path.find('{') else { return each(path.to_owned()) };
+    let (head, group) = (&path[..open], &path[open + 1..path.len() - 1]);
+    let (mut depth, mut start) = (0, 0);
+    for (at, c) in group.char_indices().chain([(group.len(), ',')]) {
+        match c {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                if start < at {
+                    expand(&format!("{head}{}", &group[start..at]), each);
+                }
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// A path as seen from the crate's root; `None` if it is another crate's.
+fn absolute(module: &Module, path: &str, files: &BTreeMap<Module, String>) -> Option<Module> {
+    let parts: Vec<String> = path.split("::").map(str::to_owned).collect();
+    let ups = parts.iter().take_while(|part| *part == "super").count();
+    match parts[0].as_str() {
+        "crate" => Some(parts[1..].to_vec()),
+        "self" => Some([module, &parts[1..]].concat()),
+        _ if ups > 0 => Some([&module[..module.len().checked_sub(ups)?], &parts[ups..]].concat()),
+        _ => {
+            let child = [module, &parts[..1]].concat();
+            files.contains_key(&child).then(|| [module, &parts[..]].concat())
+        }
+    }
+}
+
+/// Which files of a crate import which.
+fn graph_of(name: &str) -> Graph {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(name).join("src");
+    let mut files = BTreeMap::new();
+    for path in sources(&root) {
+        if let Some(module) = module_of(path.strip_prefix(&root).expect("below the root")) {
+            files.insert(module, code_of(&fs::read_to_string(&path).expect("readable")));
+        }
+    }
+    // What a module passes on of others, by the name that it has there.
+    let mut passed_on: BTreeMap<Module, Module> = BTreeMap::new();
+    for (module, code) in &files {
+        for (_, path) in uses(code).into_iter().filter(|(is_public, _)| *is_public) {
+            if let Some(target) = absolute(module, &path, &files) {
+                let name = path.rsplit("::").next().unwrap_or_default().to_owned();
+                passed_on.insert([&module[..], &[name]].concat(), target);
+            }
+        }
+    }
+    let file_of = |mut path: Module| {
+        for _ in 0..8 {
+            let known = (1..=path.len())
+                .rev()
+                .find(|&n| passed_on.contains_key(&path[..n]) && !files.contains_key(&path[..n]));
+            let Some(n) = known else { break };
+            path = [&passed_on[&path[..n]][..], &path[n..]].concat();
+        }
+        while !files.contains_key(&path) && path.pop().is_some() {}
+        path
+    };
+    let mut graph = Graph::new();
+    for (module, code) in &files {
+        let private = uses(code).into_iter().filter(|(is_public, _)| !is_public);
+        let targets = private.filter_map(|(_, path)| absolute(module, &path, &files)).map(file_of);
+        graph.insert(module.clone(), targets.filter(|target| target != module).collect());
+    }
+    graph
+}
+
+/// The files that can be reached from one.
+fn reached<'a>(graph: &'a Graph, from: &'a Module) -> BTreeSet<&'a Module> {
+    let (mut found, mut open) = (BTreeSet::new(), vec![from]);
+    while let Some(module) = open.pop() {
+        open.extend(graph.get(module).into_iter().flatten().filter(|next| found.insert(*next)));
+    }
+    found
+}
+
+/// The files of the largest circle.
+fn largest_circle(graph: &Graph) -> Vec<String> {
+    let all: BTreeMap<&Module, BTreeSet<&Module>> =
+        graph.keys().map(|module| (module, reached(graph, module))).collect();
+    let circle = |module: &&Module| -> Vec<String> {
+        let own =
+            all[*module].iter().filter(|other| all.get(**other).is_some_and(|back| back.contains(*module)));
+        own.map(|other| other.join("/")).collect()
+    };
+    all.keys().map(circle).max_by_key(Vec::len).unwrap_or_default()
+}
+
+#[test]
+fn no_files_form_a_circle() {
+    let folders = fs::read_dir(env!("CARGO_MANIFEST_DIR")).expect("the engine");
+    let mut names: Vec<String> = folders
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.join("Cargo.toml").exists())
+        .map(|path| path.file_name().expect("a name").to_str().expect("UTF-8").to_owned())
+        .collect();
+    names.sort();
+    assert!(names.len() >= 10, "{names:?}");
+    for name in names {
+        let circle = largest_circle(&graph_of(&name));
+        let known = KNOWN.iter().find(|(known, _)| *known == name).map_or(0, |(_, files)| *files);
+        assert_eq!(circle.len(), known, "engine/{name}: {circle:?} import each other");
+    }
+}
+
+#[test]
+fn imports_are_found_in_every_form() {
+    let code = code_of(
+        "//! use super::a;\nuse super::{b::{C, D}, e};\npub(super) use f::G;\nfn h() {\n    use crate::i;\n}\n#[cfg(test)]\nmod tests {\n    use super::j;\n}\n",
+    );
+    let found: BTreeSet<(bool, String)> = uses(&code).into_iter().collect();
+    let expected = [
+        (false, "crate::i"),
+        (false, "super::b::C"),
+        (false, "super::b::D"),
+        (false, "super::e"),
+        (true, "f::G"),
+    ];
+    assert_eq!(
+        found.into_iter().collect::<Vec<_>>(),
+        expected.map(|(public, path)| (public, path.to_owned()))
+    );
+    let circle = [("a", "b"), ("b", "c"), ("c", "b")]
+        .map(|(a, b)| (vec![a.to_owned()], BTreeSet::from([vec![b.to_owned()]])));
+    assert_eq!(largest_circle(&Graph::from(circle)), ["b", "c"]);
+}
