@@ -15,8 +15,9 @@ use std::ops::Range;
 
 /// Most lines, which have numbers of 32 bits.
 const LINES_MAX: usize = 1 << 30;
-/// Thickness of a stratum, in heights of beads: where beads lie beside each other, what they have in common depends on the
-/// height within the layer.
+/// Thickness of a stratum, in heights of layers: where beads lie beside each other, what they have in common depends on the
+/// height within the layer. Half as thick there are fewer, longer cells for as many intervals: ± of overlap 12 % less for
+/// spot300, and 12 % more for the clover.
 const THICKNESS: f64 = 0.5;
 /// Directions that lines may have, evenly over a half turn.
 const DIRECTIONS: usize = 24;
@@ -68,31 +69,20 @@ pub fn bead_volumes(
     let scene = Scene { solids: &solids, segments: &segments, turn };
     let known = scene.known();
     let (low, high) = scene.bounds(root, bounds);
-    let env = |name: &str, d: f64| std::env::var(name).map_or(d, |v| v.parse::<f64>().unwrap());
-    let wanted = (segments.len() as f64 * env("BF_PER", INTERVALS_A_SEGMENT))
-        .clamp(env("BF_MIN", INTERVALS.0), env("BF_MAX", INTERVALS.1));
-    let thickness = env("BF_THICK", THICKNESS) * known.boxes / known.plan;
+    let tops: Vec<f64> = tops(paths).iter().map(|top| (top - root.origin[2]) / unit).collect();
+    let sheet = sheet(&tops).unwrap_or((THICKNESS * known.boxes / known.plan, f64::from(low[0])));
+    let wanted = (segments.len() as f64 * INTERVALS_A_SEGMENT).clamp(INTERVALS.0, INTERVALS.1);
     let mut lines = LINES_MAX;
-    let mut strata = Strata::sheets(low, high, thickness, lines);
+    let mut strata = Strata::sheets(low, high, sheet, lines);
     while lines > 4 * LINES && known.intervals(&strata) > wanted {
         lines = lines / 10 * 9;
-        strata = Strata::sheets(low, high, thickness, lines);
+        strata = Strata::sheets(low, high, sheet, lines);
     }
-    let tops: Vec<f64> = tops(paths).iter().map(|top| (top - root.origin[2]) / unit).collect();
     let mut sums = Sums::new(tops.len());
     let bytes = known.intervals(&strata) * 2.0 * size_of::<Interval>() as f64;
     for numbers in strata.parts(bytes, memory, STRATA_AT_ONCE) {
         let first = numbers.start;
         let found = scene.intervals(&strata, numbers, progress)?;
-        if std::env::var("BF_PER").is_ok() {
-            eprintln!(
-                "intervals {} of {wanted} expected {} lines {} cell {:?} turn {turn:?}",
-                found.len(),
-                known.intervals(&strata),
-                strata.len(),
-                strata.cell().map(|c| c * unit)
-            );
-        }
         sums.add_strata(&strata, first, &found, &tops);
     }
     let scale =
@@ -126,6 +116,14 @@ fn tops(paths: &[(&Toolpath, &Passes)]) -> Vec<f64> {
     let tops: Vec<f64> = tops.into_iter().map(|(_, top)| top).collect();
     let is_stack = tops.windows(2).all(|pair| pair[0] < pair[1]) && tops.len() <= LAYERS_MAX;
     if is_stack { tops } else { Vec::new() }
+}
+
+/// The thickness of strata, so that none lies in two layers where all layers are as high, and where one of them begins; `None`
+/// without several layers.
+fn sheet(tops: &[f64]) -> Option<(f64, f64)> {
+    let mut heights: Vec<f64> = tops.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    heights.sort_unstable_by(f64::total_cmp);
+    Some((THICKNESS * heights.get(heights.len() / 2)?, tops[0]))
 }
 
 /// What is known of all segments, in cubic units.

@@ -17,15 +17,22 @@ pub(super) struct Strata {
 }
 
 impl Strata {
-    /// About `lines` lines in cells that are as thin as `thickness` along the first axis and about square along the others.
-    pub fn sheets(low: Units, high: Units, thickness: f64, lines: usize) -> Strata {
-        let extent = extent(low, high);
+    /// About `lines` lines in sheets of this thickness along the first axis, of which one begins at `edge`; their cells are
+    /// about square along the others.
+    pub fn sheets(low: Units, high: Units, (thickness, edge): (f64, f64), lines: usize) -> Strata {
         let strata = (lines / LINES).max(1) as f64;
-        let sheets = (extent[0] / thickness).clamp(1.0, strata).round();
+        let thickness = if thickness > 0.0 { thickness } else { f64::from(high[0] - low[0]) };
+        let below = ((edge - f64::from(low[0])) / thickness).ceil().max(0.0);
+        let extent = extent(low, high);
+        let begin = edge - below * thickness;
+        let sheets = ((f64::from(low[0]) + extent[0] - begin) / thickness).ceil().clamp(1.0, strata);
         let of_sheet = strata / sheets;
-        let aspect = std::env::var("BF_ASPECT").map_or(1.0, |v| v.parse::<f64>().unwrap());
-        let across = (aspect * of_sheet * extent[1] / extent[2]).sqrt().clamp(1.0, of_sheet.max(1.0)).round();
-        Strata::new(low, extent, [sheets, across, (of_sheet / across).round().max(1.0)])
+        let across = (of_sheet * extent[1] / extent[2]).sqrt().clamp(1.0, of_sheet.max(1.0)).round();
+        let counts = [sheets, across, (of_sheet / across).round().max(1.0)];
+        let mut strata = Strata::new(low, extent, counts);
+        strata.low[0] = begin;
+        strata.cell[0] = thickness.max((f64::from(high[0]) - begin) / sheets);
+        strata
     }
 
     /// About `lines` lines from one end of the box to the other.
