@@ -162,7 +162,9 @@ pub fn thin_walls_that_are_divided_give_the_same_store(backend: &Backend) {
         assert!(store == expected, "{}, {thin:?}: {:?}", input.path().display(), summary.device);
         assert_eq!((summary.thin, summary.leaves), (alone.thin, alone.leaves));
         if let Some(report) = summary.device {
-            assert!(report.bricks > 0 && report.failure.is_none() && report.wrong.is_none(), "{report:?}");
+            // What a brick below the common depth holds is known only when its parent is: the processor does them all.
+            assert!(report.bricks == 0 && report.cpu_bricks > 0, "{report:?}");
+            assert!(report.failure.is_none() && report.wrong.is_none(), "{report:?}");
         }
     }
 }
