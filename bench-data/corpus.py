@@ -35,7 +35,7 @@ def arguments():
     parser.add_argument("--program", default="brickfield", help="the program to run [default: brickfield]")
     parser.add_argument("--seconds", type=float, default=60.0, help="limit of each command [default: 60]")
     parser.add_argument("--mib", type=int, default=4096, help="limit of its address space [default: 4096]")
-    parser.add_argument("--depth", default="3", help="depth of the stores [default: 3]")
+    parser.add_argument("--depth", default="3", help="depth of the stores, or auto for the program's choice [default: 3]")
     parser.add_argument("--endings", help="only files with these endings, as in stl,ply,gcode")
     parser.add_argument("--check", action="store_true", help="also run `mesh --check` on meshes")
     parser.add_argument("--no-build", action="store_true", help="run `info` alone")
@@ -148,7 +148,8 @@ def rows_of(args, path, folder):
         return
     if not args.no_build:
         store = os.path.join(folder, "part.brf")
-        yield Ran(args, ["build", path, "-o", store, "--depth", args.depth, "--quiet"]).row(path, kind, "build")
+        depth = [] if args.depth == "auto" else ["--depth", args.depth]
+        yield Ran(args, ["build", path, "-o", store, *depth, "--quiet"]).row(path, kind, "build")
         for name in os.listdir(folder):
             os.remove(os.path.join(folder, name))
     if args.check and kind.startswith(("STL", "OBJ", "PLY")) and "points" not in kind:

@@ -59,6 +59,12 @@ macro_rules! instance {
 
             $(#[$attribute])*
             #[test]
+            fn thin_walls_that_are_divided_give_the_same_store() {
+                backend::$name(suite::thin_walls_that_are_divided_give_the_same_store);
+            }
+
+            $(#[$attribute])*
+            #[test]
             fn interrupted_builds_go_on_to_the_same_store() {
                 backend::$name(suite::interrupted_builds_go_on_to_the_same_store);
             }

@@ -88,13 +88,36 @@ fn nobody_need_listen() {
 }
 
 #[test]
+fn a_second_signal_ends_at_once_and_says_so() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 1);
+    let points = dir.file("p.csv", "1,2,3\n".repeat(300_000));
+    for (signal, number) in [("-INT", 2), ("-TERM", 15)] {
+        let mut command = program();
+        command.arg("sample").arg(&store).arg("--points").arg(&points);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        // Nobody reads on: the program waits for room in the pipe, where the first signal cannot stop it.
+        let mut answers = child.stdout.take().unwrap();
+        answers.read_exact(&mut [0; 8]).unwrap();
+        let send = || Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        for _ in 0..2 {
+            std::thread::sleep(Duration::from_millis(300));
+            assert!(send().success());
+        }
+        let line = Run::from(child.wait_with_output().unwrap()).ended_by(number);
+        assert!(line.contains("stopped at once by a second signal") && line.contains(".part"), "{line}");
+        drop(answers);
+    }
+}
+
+#[test]
 fn waiting_for_points_ends_at_the_first_signal() {
     let dir = Scratch::new();
     let store = dir.store("overlap_boxes", 1);
     let mut command = program();
     command.arg("sample").arg(store).args(["--points", "-"]);
     let mut child =
-        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let kept_open = child.stdin.take();
     // Time to reach the read; a signal that comes earlier ends the program as well.
     std::thread::sleep(Duration::from_millis(300));
@@ -109,5 +132,7 @@ fn waiting_for_points_ends_at_the_first_signal() {
         std::thread::sleep(Duration::from_millis(5));
     };
     assert_eq!(status.code(), Some(130));
+    let ran = Run::from(child.wait_with_output().unwrap());
+    assert_eq!(ran.stderr, "brickfield: interrupted\n");
     drop(kept_open);
 }

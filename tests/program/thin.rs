@@ -139,6 +139,47 @@ fn ordinary_parts_have_no_thin_walls() {
     assert!((105.0..155.0).contains(&area), "{area}");
 }
 
+/// Rods of a tenth of a cell on a plate, along an axis between all lattice lines, and askew; and a body without any line.
+#[test]
+fn rods_and_bodies_that_no_sample_shows_are_told() {
+    let dir = Scratch::new();
+    let plate = || shapes::cuboid([0.0; 3], [10.0, 10.0, 2.0]);
+    let along = shapes::cuboid([6.03, 6.03, 1.0], [6.038, 6.038, 10.0]);
+    let askew = shapes::cuboid([-0.004, -0.004, -4.0], [0.004, 0.004, 4.0])
+        .rotated([1.0, 0.4, 0.2], 0.5)
+        .translated([4.2, 4.3, 5.1]);
+    let body = shapes::cuboid([6.035, 6.035, 6.1], [6.045, 6.045, 6.11]);
+    for (name, piece, top) in [("along", along, 10.0), ("askew", askew, 8.5), ("body", body, 6.11)] {
+        let input = written(&dir, &format!("{name}.stl"), &[plate(), piece]);
+        let (store, mesh) = (dir.path("a.brf"), dir.path("a.stl"));
+        let (warning, json) = warned(&input, &["--depth", "2"], &store);
+        let warning = warning.unwrap_or_else(|| panic!("{name}: {json}"));
+        assert!(warning.contains("unseen: ") && warning.contains("--max-depth 5"), "{warning}");
+        assert!((1..8).contains(&json["thin"]["unseen_bricks"].as_u64().unwrap()), "{json}");
+        // Cells of 0.005 show it.
+        let deep = ["--depth", "2", "--max-depth", "6", "--restart", "--mesh", mesh.to_str().unwrap()];
+        let (warning, json) = warned(&input, &deep, &store);
+        assert!(warning.is_none_or(|warning| !warning.contains("unseen")), "{name}");
+        assert!(json["leaves"].as_u64().unwrap() < 5000, "{json}");
+        let bounds = serde_json::from_str::<serde_json::Value>(&run(&[&"info", &mesh, &"--json"]).ok());
+        let highest = bounds.unwrap()["bounds"][1][2].as_f64().unwrap();
+        assert!((highest - top).abs() < 0.6, "{name}: {highest}");
+    }
+    // A wedge that reaches into a brick by less than a cell, faces that coincide and pieces within others hide nothing.
+    let wedge = shapes::cuboid([0.0; 3], [4.0, 4.0, 10.0]).rotated([0.0, 0.0, 1.0], 0.7853981633974483);
+    let beside = shapes::cuboid([10.0, 0.0, 0.0], [20.0, 10.0, 2.0]);
+    let within = shapes::cuboid([1.0; 3], [1.01, 1.01, 1.5]);
+    for (name, pieces) in
+        [("wedge", vec![wedge]), ("faces", vec![plate(), beside]), ("within", vec![plate(), within])]
+    {
+        for depth in ["1", "2", "3"] {
+            let input = written(&dir, &format!("{name}.stl"), &pieces);
+            let (warning, json) = warned(&input, &["--depth", depth], &dir.path("b.brf"));
+            assert_eq!(warning, None, "{name}, depth {depth}: {json}");
+        }
+    }
+}
+
 #[test]
 fn what_thin_walls_do_not_go_with_is_refused() {
     let dir = Scratch::new();

@@ -104,6 +104,42 @@ fn what_was_committed_before_is_given_up() {
     assert_eq!(names, ["part.brf"]);
 }
 
+/// A wrong brick that an unchecked run has made durable goes with all others of the device, once that is caught.
+#[test]
+#[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
+fn a_wrong_brick_that_was_committed_does_not_stay() {
+    let input = open_data("clover.gcode");
+    let expected = reference(&input, 4);
+    let mut options = options(4);
+    options.keeping.pace = std::time::Duration::ZERO;
+    let processor = Backend { device: None, threads: 2 };
+    // Some planted samples contradict their brick and are caught without a check; early on nothing is committed.
+    let is_replaced = |after: u32| {
+        let directory = tempfile::tempdir().unwrap();
+        let out = directory.path().join("part.brf");
+        let first = on(open(0), DeviceCheck::None, Some(WrongAnswer::OneSample { after }));
+        let stopped = first.build_at(&input, &out, &options, &Stop::after(40)).unwrap_err();
+        if !matches!(stopped, Error::Suspended { nodes: 1.., .. }) {
+            return false;
+        }
+        // Gone on with by the processor, which believes what stands there, a copy shows whether it is wrong.
+        let copies = tempfile::tempdir().unwrap();
+        for entry in std::fs::read_dir(directory.path()).unwrap() {
+            let entry = entry.unwrap();
+            std::fs::copy(entry.path(), copies.path().join(entry.file_name())).unwrap();
+        }
+        let copy = copies.path().join("part.brf");
+        processor.build_at(&input, &copy, &options, &Silent).unwrap();
+        let is_wrong = std::fs::read(&copy).unwrap() != expected;
+        let second = on(open(0), DeviceCheck::Some, Some(WrongAnswer::Zeros));
+        let summary = second.build_at(&input, &out, &options, &Silent).unwrap();
+        assert!(summary.device.unwrap().wrong.is_some());
+        assert!(std::fs::read(&out).unwrap() == expected);
+        is_wrong
+    };
+    assert!((0..12).any(is_replaced), "no run has committed the wrong brick");
+}
+
 /// The wait for it is a real one, of the driver's; only patience is shorter.
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]

@@ -51,6 +51,12 @@ impl FileKind {
     }
 }
 
+/// Whether the name is that of a mesh whose triangles are read, there or not.
+pub fn is_mesh_name(path: &Path) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
+    ending.is_some_and(|ending| ["stl", "obj", "ply"].contains(&ending.as_str()))
+}
+
 /// What to do with a file of which there is nothing more to say.
 const GIVE_AN_INPUT: &str =
     "give a mesh as STL, OBJ or PLY, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";

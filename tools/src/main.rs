@@ -38,7 +38,7 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<(), Failure> {
-    interrupt::install()?;
+    interrupt::install("brickfield")?;
     match cli.command {
         Command::Build(args) => commands::build::run(args),
         Command::Beads(args) => commands::beads::run(&args),

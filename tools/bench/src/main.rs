@@ -42,7 +42,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: BenchArgs) -> Result<(), Failure> {
-    interrupt::install()?;
+    interrupt::install("brickfield-bench")?;
     if let Some(program) = args.program {
         child::measure_program(program);
     }

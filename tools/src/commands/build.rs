@@ -54,57 +54,67 @@ pub(super) struct Plan {
     work: WorkArgs,
 }
 
+/// Refuses options that contradict each other.
+fn require_compatible(args: &BuildArgs, units: Unit) -> Result<(), Failure> {
+    if !(args.stddev >= 0.0 && args.stddev.is_finite()) {
+        return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
+    }
+    let decides_otherwise = args.stddev > 0.0 || !matches!(args.refine, RefineArg::Hidden);
+    if args.boundary_error.in_unit(units) > 0.0 && decides_otherwise {
+        let what = "--boundary-error: it decides which bricks are divided; leave --stddev and --refine out";
+        return Err(Failure::Usage(what.to_owned()));
+    }
+    if args.shard.is_some() && args.compression != CompressionArg::Lz4 {
+        let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
+        return Err(Failure::Usage(what.to_owned()));
+    }
+    Ok(())
+}
+
+/// What the engine is told; what follows from the inputs comes later.
+fn build_options(args: &BuildArgs, units: Unit, open: &OpenOptions) -> Result<BuildOptions, Failure> {
+    let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
+        return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
+    };
+    Ok(BuildOptions {
+        resolution: match args.cell {
+            Some(cell) => Resolution::Cell(cell.in_unit(units)),
+            None => args.depth.map_or(Resolution::Auto, Resolution::Depth),
+        },
+        refine: match args.refine {
+            RefineArg::Hidden => Refine::Hidden,
+            RefineArg::Stddev => Refine::Stddev,
+            RefineArg::Surface => Refine::Surface,
+        },
+        stddev: args.stddev,
+        tolerance: args.boundary_error.in_unit(units),
+        thin: match (args.max_depth, args.thin) {
+            (Some(level), _) => ThinDepth::Level(level),
+            (None, Some(levels)) => ThinDepth::Deeper(levels),
+            (None, None) => ThinDepth::None,
+        },
+        gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
+        unit: units.symbol().to_owned(),
+        solids: None,
+        count: args.count.map(Into::into).unwrap_or_default(),
+        orient: args.orient.map(Into::into),
+        share: args.shard.map(|shard| shard.0),
+        compression: args.compression.into(),
+        resources: Resources { temp_dir: args.temp_dir.clone(), ..Resources::default() },
+        keeping: Keeping { pace, restart: args.restart, settings: args.toolpath.settings(open) },
+        identity: args.identity,
+        program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
+    })
+}
+
 impl TryFrom<BuildArgs> for Plan {
     type Error = Failure;
 
     fn try_from(args: BuildArgs) -> Result<Plan, Failure> {
-        if !(args.stddev >= 0.0 && args.stddev.is_finite()) {
-            return Err(Failure::Usage("--stddev takes a number of 0 or more".to_owned()));
-        }
-        let decides_otherwise = args.stddev > 0.0 || !matches!(args.refine, RefineArg::Hidden);
         let units = args.unit.unwrap_or(Unit::Mm);
-        if args.boundary_error.in_unit(units) > 0.0 && decides_otherwise {
-            let what =
-                "--boundary-error: it decides which bricks are divided; leave --stddev and --refine out";
-            return Err(Failure::Usage(what.to_owned()));
-        }
-        if args.shard.is_some() && args.compression != CompressionArg::Lz4 {
-            let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
-            return Err(Failure::Usage(what.to_owned()));
-        }
+        require_compatible(&args, units)?;
         let open = args.toolpath.options(args.unit)?;
-        let Ok(pace) = Duration::try_from_secs_f64(args.commit_every) else {
-            return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
-        };
-        let options = BuildOptions {
-            resolution: match args.cell {
-                Some(cell) => Resolution::Cell(cell.in_unit(units)),
-                None => args.depth.map_or(Resolution::Auto, Resolution::Depth),
-            },
-            refine: match args.refine {
-                RefineArg::Hidden => Refine::Hidden,
-                RefineArg::Stddev => Refine::Stddev,
-                RefineArg::Surface => Refine::Surface,
-            },
-            stddev: args.stddev,
-            tolerance: args.boundary_error.in_unit(units),
-            thin: match (args.max_depth, args.thin) {
-                (Some(level), _) => ThinDepth::Level(level),
-                (None, Some(levels)) => ThinDepth::Deeper(levels),
-                (None, None) => ThinDepth::None,
-            },
-            gwn_error: args.gwn_error.map_or(OPEN_ERROR, |error| error.0),
-            unit: units.symbol().to_owned(),
-            solids: None,
-            count: args.count.map(Into::into).unwrap_or_default(),
-            orient: args.orient.map(Into::into),
-            share: args.shard.map(|shard| shard.0),
-            compression: args.compression.into(),
-            resources: Resources { temp_dir: args.temp_dir, ..Resources::default() },
-            keeping: Keeping { pace, restart: args.restart, settings: args.toolpath.settings(&open) },
-            identity: args.identity,
-            program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
-        };
+        let options = build_options(&args, units, &open)?;
         let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
         let BuildArgs {
             inputs,

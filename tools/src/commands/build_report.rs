@@ -15,6 +15,7 @@ use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::{Count, POINTS};
 use brickfield_engine::build::{Resumed, ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
 use brickfield_engine::ingest::CloudInput;
+use brickfield_engine::lattice::MAX_LEVEL;
 use brickfield_engine::store::{BeadsMeta, Store};
 use serde::Serialize;
 
@@ -122,6 +123,7 @@ impl Report {
             mesh,
         };
         report.warnings.extend(report.thin_warning());
+        report.warnings.extend(report.unseen_warning());
         report
     }
 
@@ -143,7 +145,8 @@ impl Report {
         }
         if let Some(Resumed { nodes, part }) = &self.summary.resumed {
             let of = format!("{nodes} nodes of an earlier run, about {:.0}% of the tree", 100.0 * part);
-            lines.push(format!("  resumed  from {of}"));
+            let alone = "walls, gaps and bodies that no sample shows are told of the bricks since then alone";
+            lines.push(format!("  resumed  from {of}; {alone}"));
         }
         self.add_input(&mut lines);
         self.add_field(&mut lines);
@@ -201,11 +204,12 @@ impl Report {
             false => String::new(),
         };
         lines.push(format!("  depth    {base}{depth}, cells of {cell:.6} {}", self.unit));
-        if let Some(ThinSummary { walls, gaps }) = &self.summary.thin {
+        if let Some(ThinSummary { walls, gaps, .. }) = &self.summary.thin {
             for (name, sheets) in [("walls", walls), ("gaps", gaps)] {
                 lines.extend(sheets.iter().map(|sheets| format!("  {name:<8} {}", self.thin_text(sheets))));
             }
         }
+        lines.extend(self.unseen_text().map(|text| format!("  unseen   {text}")));
         if let (Some(min), Some(max)) = (self.winding_min, self.winding_max) {
             lines.push(format!("  winding  {min} to {max}"));
         }
@@ -268,6 +272,26 @@ impl Report {
             None => "no depth shows them all".to_owned(),
         };
         (!are_slivers).then(|| format!("walls: {}; {remedy}", self.thin_text(walls)))
+    }
+
+    /// Bodies that no sample shows.
+    fn unseen_text(&self) -> Option<String> {
+        let bricks = self.summary.thin.as_ref()?.unseen_bricks;
+        let (s, holds) = if bricks == 1 { ("", "holds") } else { ("s", "hold") };
+        (bricks > 0).then(|| {
+            format!(
+                "{bricks} brick{s} {holds} something thinner than a cell that no sample shows, as a rod is"
+            )
+        })
+    }
+
+    /// The warning of bodies that no sample shows. How thin they are is not known.
+    fn unseen_warning(&self) -> Option<String> {
+        let depth = (self.summary.depth + 3).min(MAX_LEVEL);
+        let text = self.unseen_text()?;
+        Some(format!(
+            "unseen: {text}; --max-depth {depth}, or more, divides these bricks alone, a greater --depth all"
+        ))
     }
 
     /// What evaluated the bricks, where it was a device or might have been.

@@ -16,7 +16,7 @@ use crate::work::ProgressArg;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::ingest::Kind;
 use brickfield_engine::store::{
-    Accept, BeadsMeta, LayerVolumes, Meta, Source, SourceVolumes, Store, Summary,
+    Accept, BeadsMeta, LayerVolumes, LevelSummary, Meta, NodeNumbers, Source, SourceVolumes, Store, Summary,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -164,7 +164,6 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let meta = store.meta();
     let unit = unit_of(meta);
     let Summary { levels, total, file_bytes, dense_bytes, dense_ratio } = store.summary();
-    let kind = if meta.holds_points() { "points" } else { "facets" };
     let mut text = String::new();
     let mut line = |line: String| text += &format!("{line}\n");
     line(format!("{}: brick store, written by {}", in_line(store.path()), meta.program));
@@ -176,29 +175,7 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
         let cubes = format!("cubes {} to {} of {all} of level {}", cubes.start, cubes.end, share.level);
         line(format!("  share    {} of a store, to be joined by `cache merge`: {cubes}", share.id));
     }
-    for Source { path, bytes, facets, format, blake3 } in &meta.sources {
-        let hash = &hex(blake3)[..16];
-        let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} {kind}, ") };
-        let path = one_line(path);
-        line(format!("  source   {path}: {format}, {pieces}{}, blake3 {hash}…", Size(*bytes)));
-    }
-    let degenerate = meta.numbers.degenerate_facets;
-    match &meta.beads {
-        // Counted in the end.
-        _ if store.is_unfinished() => {}
-        None => line(format!("  {kind}   {} ({degenerate} without area)", meta.numbers.facets)),
-        Some(BeadsMeta { section, beads, segments, identity, passes }) => {
-            let identity = match identity {
-                Some(_) => format!("told apart, {}", Size(identity_bytes(store))),
-                None => "not told apart".to_owned(),
-            };
-            let passes = passes.map_or(String::new(), |passes| format!(" in {passes} passes"));
-            let counted = meta.beads.as_ref().map_or(String::new(), |beads| beads.count().to_string());
-            line(format!(
-                "  beads    {beads}{passes} as solids, {section} section, {segments} segments, {identity}; w counts {counted}"
-            ));
-        }
-    }
+    pieces_lines(store).into_iter().for_each(&mut line);
     line(format!("  units    {unit}"));
     line(format!("  bounds   {} to {}", point(meta.bounds_min), point(meta.bounds_max)));
     line(format!("  root     {} with an edge of {}", point(meta.root.origin), meta.root.edge));
@@ -225,21 +202,60 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
         Size(file_bytes),
         dense_bytes as f64 / f64::from(1u32 << 20)
     ));
+    text + &levels_table(&levels, &total)
+}
+
+/// The sources, and how many pieces they have.
+fn pieces_lines(store: &Store) -> Vec<String> {
+    let meta = store.meta();
+    let kind = if meta.holds_points() { "points" } else { "facets" };
+    let mut lines = Vec::new();
+    let mut line = |line: String| lines.push(line);
+    for Source { path, bytes, facets, format, blake3 } in &meta.sources {
+        let hash = &hex(blake3)[..16];
+        let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} {kind}, ") };
+        let path = one_line(path);
+        line(format!("  source   {path}: {format}, {pieces}{}, blake3 {hash}…", Size(*bytes)));
+    }
+    let degenerate = meta.numbers.degenerate_facets;
+    match &meta.beads {
+        // Counted in the end.
+        _ if store.is_unfinished() => {}
+        None => line(format!("  {kind}   {} ({degenerate} without area)", meta.numbers.facets)),
+        Some(BeadsMeta { section, beads, segments, identity, passes }) => {
+            let identity = match identity {
+                Some(_) => format!("told apart, {}", Size(identity_bytes(store))),
+                None => "not told apart".to_owned(),
+            };
+            let passes = passes.map_or(String::new(), |passes| format!(" in {passes} passes"));
+            let counted = meta.beads.as_ref().map_or(String::new(), |beads| beads.count().to_string());
+            line(format!(
+                "  beads    {beads}{passes} as solids, {section} section, {segments} segments, {identity}; w counts {counted}"
+            ));
+        }
+    }
+    lines
+}
+
+/// The nodes of each level, and of all.
+fn levels_table(levels: &[LevelSummary], total: &NodeNumbers) -> String {
+    let mut text = String::new();
+    let mut line = |line: String| text += &format!("{line}\n");
     line(format!(
         "  {:>5} {:>12} {:>9} {:>9} {:>9} {:>9} {:>9} {:>10}",
         "level", "cell", "bricks", "leaves", "uniform", "counts", "hermite", "payload"
     ));
-    let row = |name: String, cell: String, n: &brickfield_engine::store::NodeNumbers| {
+    let row = |name: String, cell: String, n: &NodeNumbers| {
         let payload = Size(n.counts_bytes + n.hermite_bytes).to_string();
         format!(
             "  {name:>5} {cell:>12} {:>9} {:>9} {:>9} {:>9} {:>9} {payload:>10}",
             n.nodes, n.leaves, n.uniform, n.counts, n.hermite
         )
     };
-    for level in &levels {
+    for level in levels {
         line(row(level.level.to_string(), format!("{:.6}", level.spacing), &level.numbers));
     }
-    line(row("all".to_owned(), String::new(), &total));
+    line(row("all".to_owned(), String::new(), total));
     text
 }
 

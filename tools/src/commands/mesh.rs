@@ -1,11 +1,10 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
-use super::info_mesh::is_mesh;
 use super::mesh_check::{Checked, require_sound};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
-use crate::kinds::not_a_store;
+use crate::kinds::{is_mesh_name, not_a_store};
 use crate::measured::measured;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
@@ -35,7 +34,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
-    if args.check && !is_mesh(output) {
+    if args.check && !is_mesh_name(output) {
         let what = "--check reads .stl, .obj and .ply only; choose such a name or leave --check out";
         return Err(Failure::Usage(format!("{}: {what}", output.display())));
     }

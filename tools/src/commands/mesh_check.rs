@@ -1,10 +1,9 @@
 //! `brickfield mesh --check`: whether a mesh is the border of a solid.
 
 use super::info::point;
-use super::info_mesh::is_mesh;
 use crate::args::MeshArgs;
 use crate::failure::Failure;
-use crate::kinds::FileKind;
+use crate::kinds::{FileKind, is_mesh_name};
 use crate::output::{one_line, print, print_json};
 use crate::units::Size;
 use brickfield_engine::check::{Defect, Report, check};
@@ -19,7 +18,7 @@ use std::time::Instant;
 /// Checks the mesh that was given in place of a store.
 pub fn run(args: &MeshArgs, progress: &crate::progress::Bars) -> Result<(), Failure> {
     let kind = FileKind::of(&args.file);
-    if !is_mesh(&args.file) && !kind.is_some_and(FileKind::is_mesh) {
+    if !is_mesh_name(&args.file) && !kind.is_some_and(FileKind::is_mesh) {
         let what = "--check takes a mesh, STL, OBJ or PLY, or a store and -o";
         let is = kind.and_then(FileKind::name).map_or_else(String::new, |name| format!("is {name}; "));
         return Err(Failure::Usage(format!("{}: {is}{what}", args.file.display())));

@@ -86,7 +86,7 @@ impl LeafQueue {
                 }
                 return match found {
                     // The processor looks where something may hide.
-                    Some(found) if found.has_hidden_crossings() => {
+                    Some(found) if found.may_hide() => {
                         let thin = leaves[number].evaluate(evaluator)?.thin(ThinLines::Sixteenth);
                         Ok((found.into_leaf(), thin))
                     }

@@ -44,6 +44,12 @@ impl NodeBrick {
         self.samples.variation() != u64::from(self.crossings)
     }
 
+    /// Whether something may lie between its samples: crossings that cancel, or, where all samples are equal, something that
+    /// has no crossing.
+    pub fn may_hide(&self) -> bool {
+        self.hermite.is_none() || self.has_hidden_crossings()
+    }
+
     /// Whether the node as a leaf would be this brick.
     pub(super) fn is_brick(&self, brick: &Brick) -> bool {
         match (brick, &self.hermite) {

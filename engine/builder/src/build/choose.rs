@@ -15,7 +15,8 @@ use std::f64::consts::FRAC_PI_4;
 const CELL_OF_LEAST: f64 = 0.4;
 /// A larger cell against the least height or width loses overlaps and gaps.
 pub(super) const COARSE_OF_LEAST: f64 = 0.5;
-/// Part of the deposited length that may be lower or narrower than what counts as the least: outliers.
+/// Part of the deposited volume that may be lower or narrower than what counts as the least: outliers, and ironing, whose
+/// long lines hold next to nothing.
 const OUTLIERS: f64 = 0.01;
 /// The part of the ratio that stays: (√5 − 1)/2.
 const GOLDEN: f64 = 0.618_033_988_749_895;
@@ -29,11 +30,11 @@ const GROWTH: f64 = 1.0 / 1024.0;
 /// Sizes of beads, in mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct BeadSizes {
-    /// Least height: that of which 1 % of the deposited length is lower.
+    /// Least height: that of which 1 % of the deposited volume is lower.
     pub height: f64,
     /// Least width, likewise.
     pub width: f64,
-    /// The height of most of the length: how far layers are apart.
+    /// The height of most of the volume: how far layers are apart.
     pub layer: f64,
 }
 
@@ -46,12 +47,14 @@ impl BeadSizes {
                 for (number, ends) in path.points(bead).windows(2).enumerate() {
                     let length = (0..3).map(|a| (ends[1][a] - ends[0][a]).powi(2)).sum::<f64>().sqrt();
                     let section = path.section(bead, number);
-                    add(&mut heights, section.height, length);
-                    add(&mut widths, section.width, length);
+                    // About: what matters is which sizes hold little.
+                    let volume = length * section.height * section.width;
+                    add(&mut heights, section.height, volume);
+                    add(&mut widths, section.width, volume);
                 }
             }
         }
-        // In an order that the files' does not change where lengths are equal.
+        // In an order that the files' does not change where volumes are equal.
         heights.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         widths.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         Some(BeadSizes { height: least(&heights)?, width: least(&widths)?, layer: usual(&heights)? })
@@ -70,31 +73,31 @@ impl BeadSizes {
     }
 }
 
-/// Adds a length with a size; runs of the same size are one.
-fn add(sizes: &mut Vec<(f64, f64)>, size: f64, length: f64) {
+/// Adds a volume with a size; runs of the same size are one.
+fn add(sizes: &mut Vec<(f64, f64)>, size: f64, volume: f64) {
     match sizes.last_mut() {
-        Some((last, sum)) if *last == size => *sum += length,
-        _ if size > 0.0 && length > 0.0 => sizes.push((size, length)),
+        Some((last, sum)) if *last == size => *sum += volume,
+        _ if size > 0.0 && volume > 0.0 => sizes.push((size, volume)),
         _ => {}
     }
 }
 
-/// The size of which [`OUTLIERS`] of the length are smaller, sizes being sorted.
+/// The size of which [`OUTLIERS`] of the volume are smaller, sizes being sorted.
 fn least(sizes: &[(f64, f64)]) -> Option<f64> {
-    let outliers = OUTLIERS * sizes.iter().map(|(_, length)| length).sum::<f64>();
+    let outliers = OUTLIERS * sizes.iter().map(|(_, volume)| volume).sum::<f64>();
     let mut sum = 0.0;
-    let found = sizes.iter().find(|(_, length)| {
-        sum += length;
+    let found = sizes.iter().find(|(_, volume)| {
+        sum += volume;
         sum >= outliers
     });
     found.map(|(size, _)| *size)
 }
 
-/// The size, to a micrometre, that most of the length has.
+/// The size, to a micrometre, that most of the volume has.
 fn usual(sizes: &[(f64, f64)]) -> Option<f64> {
     let step = |size: f64| (size * 1000.0).round();
     let runs = sizes.chunk_by(|a, b| step(a.0) == step(b.0));
-    let sums = runs.map(|run| (run[0].0, run.iter().map(|(_, length)| length).sum::<f64>()));
+    let sums = runs.map(|run| (run[0].0, run.iter().map(|(_, volume)| volume).sum::<f64>()));
     sums.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(size, _)| size)
 }
 
@@ -203,7 +206,10 @@ mod tests {
         let path = wall(&[(0.45, 0.2, 100.0), (0.02, 0.01, 0.5), (0.5, 0.3, 20.0)]);
         let sizes = BeadSizes::of(&[&path]).unwrap();
         assert_eq!((sizes.height, sizes.width, sizes.layer), (0.2, 0.45, 0.2));
-        assert_eq!(BeadSizes::of(&[&path, &wall(&[(0.1, 0.2, 3.0)])]).unwrap().width, 0.1);
+        assert_eq!(BeadSizes::of(&[&path, &wall(&[(0.1, 0.2, 10.0)])]).unwrap().width, 0.1);
+        // Ironing: a fifth of the length, and a hundredth of a layer high.
+        let sizes = BeadSizes::of(&[&path, &wall(&[(0.45, 0.002, 30.0)])]).unwrap();
+        assert_eq!((sizes.height, sizes.layer), (0.2, 0.2));
         assert_eq!(BeadSizes::of(&[]), None);
     }
 

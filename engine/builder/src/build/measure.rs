@@ -1,7 +1,7 @@
 //! Area, volume, bounds and closedness of some of an input's facets.
 
 use crate::error::Result;
-use crate::ingest::{Facet, Input};
+use crate::ingest::{Facet, Facets, Input};
 use crate::lattice::RootCube;
 use crate::progress::Progress;
 use crate::winding::EdgeBalance;
@@ -34,15 +34,7 @@ pub fn measure(
     root: RootCube,
     progress: &dyn Progress,
 ) -> Result<Measures> {
-    let starts: Vec<u64> = range.clone().step_by(RUN_FACETS as usize).collect();
-    let of_run = |facets: &mut Vec<Facet>, start: u64| {
-        progress.check()?;
-        input.read(start..range.end.min(start + RUN_FACETS), facets);
-        progress.advance(facets.len() as u64);
-        Ok(of_facets(facets, root))
-    };
-    let runs: Vec<(Measures, EdgeBalance)> =
-        starts.into_par_iter().map_init(Vec::new, of_run).collect::<Result<_>>()?;
+    let runs = of_runs(input, range, progress, |facets| of_facets(facets, root))?;
     let mut balance = EdgeBalance::default();
     let mut all = NONE;
     for (run, edges) in runs {
@@ -55,6 +47,26 @@ pub fn measure(
         }
     }
     Ok(Measures { closed: balance.is_closed(), ..all })
+}
+
+/// What runs of facets amount to, in their order, on all threads.
+///
+/// # Errors
+/// If the user interrupts.
+pub(super) fn of_runs<T: Send>(
+    source: &dyn Facets,
+    range: Range<u64>,
+    progress: &dyn Progress,
+    of_run: impl Fn(&[Facet]) -> T + Sync,
+) -> Result<Vec<T>> {
+    let starts: Vec<u64> = range.clone().step_by(RUN_FACETS as usize).collect();
+    let of_start = |facets: &mut Vec<Facet>, start: u64| {
+        progress.check()?;
+        source.read(start..range.end.min(start + RUN_FACETS), facets);
+        progress.advance(facets.len() as u64);
+        Ok(of_run(facets))
+    };
+    starts.into_par_iter().map_init(Vec::new, of_start).collect()
 }
 
 /// Of no facets.

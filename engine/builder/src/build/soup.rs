@@ -168,7 +168,7 @@ impl DeviceEvaluation<'_> {
 
     /// As [`DeviceEvaluation::has_hidden_boundary`]: the processor looks where one may be.
     fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
-        if !self.found.has_hidden_crossings() {
+        if !self.found.may_hide() {
             return Ok(Thin::default());
         }
         Ok(self.node.evaluate(self.evaluator)?.thin(lines))

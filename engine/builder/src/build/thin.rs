@@ -60,6 +60,8 @@ pub struct ThinSummary {
     pub walls: Option<ThinSheetsSummary>,
     /// Outside between two faces.
     pub gaps: Option<ThinSheetsSummary>,
+    /// Bricks without a sample inside that hold a piece of solid which is no wall: a rod, or a small body.
+    pub unseen_bricks: u64,
 }
 
 /// All walls, or all gaps, that no sample shows: estimates from the lattice edges that hold both faces.
@@ -95,7 +97,7 @@ impl ThinSummary {
             }
         };
         let some = |sheets: &ThinSheets| (sheets.edges > 0).then(|| summary(sheets));
-        ThinSummary { walls: some(&thin.walls), gaps: some(&thin.gaps) }
+        ThinSummary { walls: some(&thin.walls), gaps: some(&thin.gaps), unseen_bricks: thin.unseen }
     }
 }
 

@@ -4,11 +4,12 @@ use super::estimate::Moments;
 use super::strata::{LINES, Shape, Strata};
 use super::tally::{Crossing, Lengths, walk};
 use crate::error::Result;
-use crate::lattice::{RootCube, Triangle, Units, bounds};
+use crate::lattice::{RootCube, Triangle, Units, bounds, normal};
 use crate::progress::Progress;
-use crate::soup::{Facets, runs};
+use crate::soup::{Facet, Facets, runs};
 use crate::store::SourceVolumes;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Most lines.
 const LINES_MAX: f64 = (1 << 16) as f64;
@@ -23,19 +24,11 @@ const FRACTION_BITS: u32 = 12;
 /// Where the number of a crossing's line begins.
 const LINE_SHIFT: u32 = 40;
 
-/// What the whole soup amounts to, in units.
-#[derive(Clone, Copy)]
-struct Whole {
-    /// Six times ∫ w, exact.
-    volume: i128,
-    /// Twice the area of the shadows that facets cast along z.
-    shadow: u128,
-    low: Units,
-    high: Units,
-}
+/// Runs of facets that are asked how far they spread along z, at most.
+const RUNS_ASKED: usize = 64;
 
-/// Volumes of a closed soup within the box `bounds`. It is read twice. Crossings take 8 bytes each, 4 million or so at
-/// most; where `memory` has no room for them, the soup is read once more for each part of the lines.
+/// Volumes of a closed soup within the box `bounds`. It is read once. Crossings take 8 bytes each, 4 million or so at
+/// most; where `memory` has no room for them, the soup is read once more for each further part of the lines.
 ///
 /// # Errors
 /// If the user interrupts.
@@ -47,20 +40,26 @@ pub fn facet_volumes(
 ) -> Result<Option<SourceVolumes>> {
     // A cube of its own: that of the tree may follow from its cells.
     let Some(root) = RootCube::around(bounds.0, bounds.1) else { return Ok(None) };
-    let whole = whole(sources, root, progress)?;
-    let extent = [0, 1].map(|a| f64::from((whole.high[a] - whole.low[a]).max(2)));
+    // Vertices are snapped to even units.
+    let low = root.to_units(bounds.0).map(|c| c.floor() as i32 - 1);
+    let high = root.to_units(bounds.1).map(|c| c.ceil() as i32 + 1);
+    let extent = [0, 1].map(|a| f64::from(high[a] - low[a]));
     let facets: u64 = sources.iter().map(|source| source.facets()).sum();
     let wanted = (facets as f64 * CROSSINGS_A_FACET).clamp(CROSSINGS.0, CROSSINGS.1);
-    let on_a_line = (whole.shadow as f64 / 2.0 / (extent[0] * extent[1])).max(1.0);
+    let on_a_line = (shadow(sources, root, progress)? / (extent[0] * extent[1])).max(1.0);
     let lines = (wanted / on_a_line).clamp(2.0 * LINES as f64, LINES_MAX) as usize;
-    let strata = Strata::columns(whole.low, whole.high, lines);
+    let strata = Strata::columns(low, high, lines);
     let expected = strata.len() as f64 * on_a_line * 16.0;
     let mut moments = Moments::default();
+    // Six times ∫ w, exact.
+    let mut volume = 0;
     for numbers in strata.parts(expected, memory, STRATA_AT_ONCE) {
-        add(&crossings(sources, root, &strata, numbers, progress)?, &mut moments);
+        let found;
+        (found, volume) = crossings(sources, root, &strata, numbers, progress)?;
+        add(&found, &mut moments);
     }
     let unit = root.unit();
-    let known = whole.volume as f64 / 6.0;
+    let known = volume as f64 / 6.0;
     let area = strata.area_of_line();
     let world = |i| moments.controlled(i, (3, known), area).scaled(unit.powi(3));
     let [union, overlap, negative] = [0, 1, 2].map(world);
@@ -68,56 +67,52 @@ pub fn facet_volumes(
     Ok(Some(SourceVolumes { union, overlap, negative, lines, swept: None, layers: Vec::new() }))
 }
 
-/// Exact sums over all facets.
-fn whole(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> Result<Whole> {
+/// About the area of the shadows that facets cast along z, in square units: that of some runs stands for all.
+fn shadow(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> Result<f64> {
     let snapper = root.snapper();
-    let none = Whole { volume: 0, shadow: 0, low: [i32::MAX; 3], high: [i32::MIN; 3] };
-    let and = |a: Whole, b: Whole| Whole {
-        volume: a.volume + b.volume,
-        shadow: a.shadow + b.shadow,
-        low: [0, 1, 2].map(|i| a.low[i].min(b.low[i])),
-        high: [0, 1, 2].map(|i| a.high[i].max(b.high[i])),
+    let all = runs(sources);
+    let asked = all.iter().cloned().step_by(all.len().div_ceil(RUNS_ASKED).max(1));
+    let of_run = |world: &mut Vec<Facet>, (source, range): (usize, Range<u64>)| {
+        progress.check()?;
+        sources[source].read(range, world);
+        let twice = |facet: &Facet| u128::from(normal(&facet.map(snapper))[2].unsigned_abs());
+        Ok((world.iter().map(twice).sum::<u128>(), world.len() as u64))
     };
-    runs(sources)
-        .into_par_iter()
-        .map_init(Vec::new, |world, (source, range)| {
-            progress.check()?;
-            sources[source].read(range, world);
-            Ok(world.iter().map(|facet| of_facet(&facet.map(snapper))).fold(none, and))
-        })
-        .try_reduce(|| none, |a, b| Ok(and(a, b)))
+    let asked: Vec<(u128, u64)> =
+        asked.collect::<Vec<_>>().into_par_iter().map_init(Vec::new, of_run).collect::<Result<_>>()?;
+    let (twice, seen) = asked.into_iter().fold((0, 0), |(a, b), (twice, seen)| (a + twice, b + seen));
+    let facets: u64 = sources.iter().map(|source| source.facets()).sum();
+    Ok(0.5 * twice as f64 * facets as f64 / seen.max(1) as f64)
 }
 
-fn of_facet(t: &Triangle) -> Whole {
-    let edge = |to: usize| [0, 1, 2].map(|i| i64::from(t[to][i] - t[0][i]));
-    let (u, v) = (edge(1), edge(2));
-    let normal = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| u[i] * v[j] - u[j] * v[i]);
-    let volume = (0..3).map(|i| i128::from(normal[i]) * i128::from(t[0][i])).sum();
-    let (low, high) = bounds(t);
-    Whole { volume, shadow: normal[2].unsigned_abs().into(), low, high }
+/// Six times the volume of the tetrahedron between a triangle and the lattice's first corner.
+fn sixfold_volume(t: &Triangle) -> i128 {
+    let n = normal(t);
+    (0..3).map(|i| i128::from(n[i]) * i128::from(t[0][i])).sum()
 }
 
-/// All crossings of some lines, sorted by line and height. Each is packed: 24 bits of the line's number within
+/// All crossings of some lines, sorted by line and height, and six times ∫ w of the soup. Each is packed: 24 bits of the line's number within
 /// `numbers`, the height, and a bit that tells leaving from entering.
 fn crossings(
     sources: &[&dyn Facets],
     root: RootCube,
     strata: &Strata,
-    numbers: std::ops::Range<u32>,
+    numbers: Range<u32>,
     progress: &dyn Progress,
-) -> Result<Vec<u64>> {
+) -> Result<(Vec<u64>, i128)> {
     let snapper = root.snapper();
-    let parts: Vec<Vec<u64>> = runs(sources)
+    let parts: Vec<(Vec<u64>, i128)> = runs(sources)
         .into_par_iter()
         .fold(
-            || (Vec::new(), Vec::new()),
-            |(mut world, mut found), (source, range)| {
+            || (Vec::new(), Vec::new(), 0),
+            |(mut world, mut found, mut volume), (source, range)| {
                 if !progress.cancelled() {
                     sources[source].read(range, &mut world);
                     for facet in &world {
                         let t = facet.map(snapper);
+                        volume += sixfold_volume(&t);
                         let corners = t.map(|v| [f64::from(v[0]), f64::from(v[1])]);
-                        let shape = Shape { bounds: bounds(&t), corners: &corners, reach: 0.0 };
+                        let shape = Shape { bounds: bounds(&t), axis: 0, corners: &corners, reach: 0.0 };
                         strata.near(&shape, &numbers, |number, at| {
                             if let Some(crossing) = crossing(&t, at) {
                                 found.push(packed(number - numbers.start, crossing));
@@ -125,16 +120,18 @@ fn crossings(
                         });
                     }
                 }
-                (world, found)
+                (world, found, volume)
             },
         )
-        .map(|(_, found)| found)
+        .map(|(_, found, volume)| (found, volume))
         .collect();
     progress.check()?;
-    let mut all = parts.concat();
+    let volume = parts.iter().map(|(_, volume)| volume).sum();
+    let mut all = Vec::with_capacity(parts.iter().map(|(found, _)| found.len()).sum());
+    parts.iter().for_each(|(found, _)| all.extend_from_slice(found));
     drop(parts);
     all.par_sort_unstable();
-    Ok(all)
+    Ok((all, volume))
 }
 
 fn packed(line: u32, Crossing { at, jump }: Crossing) -> u64 {

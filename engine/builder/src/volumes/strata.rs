@@ -17,23 +17,22 @@ pub(super) struct Strata {
 }
 
 impl Strata {
-    /// About `lines` lines in cells that are about cubes.
-    pub fn cubes(low: Units, high: Units, lines: usize) -> Strata {
-        let extent = extent(low, high);
-        let mut counts = [1.0; 3];
-        // Thin boxes have one cell across; the others' extents share what is left.
-        let mut left: Vec<usize> = vec![0, 1, 2];
+    /// About `lines` lines in sheets of this thickness along the first axis, of which one begins at `edge`; their cells are
+    /// about square along the others.
+    pub fn sheets(low: Units, high: Units, (thickness, edge): (f64, f64), lines: usize) -> Strata {
         let strata = (lines / LINES).max(1) as f64;
-        while !left.is_empty() {
-            let side =
-                (left.iter().map(|&a| extent[a]).product::<f64>() / strata).powf(1.0 / left.len() as f64);
-            let Some(at) = left.iter().position(|&a| extent[a] < side) else {
-                left.iter().for_each(|&a| counts[a] = (extent[a] / side).round().max(1.0));
-                break;
-            };
-            left.swap_remove(at);
-        }
-        Strata::new(low, extent, counts)
+        let thickness = if thickness > 0.0 { thickness } else { f64::from(high[0] - low[0]) };
+        let below = ((edge - f64::from(low[0])) / thickness).ceil().max(0.0);
+        let extent = extent(low, high);
+        let begin = edge - below * thickness;
+        let sheets = ((f64::from(low[0]) + extent[0] - begin) / thickness).ceil().clamp(1.0, strata);
+        let of_sheet = strata / sheets;
+        let across = (of_sheet * extent[1] / extent[2]).sqrt().clamp(1.0, of_sheet.max(1.0)).round();
+        let counts = [sheets, across, (of_sheet / across).round().max(1.0)];
+        let mut strata = Strata::new(low, extent, counts);
+        strata.low[0] = begin;
+        strata.cell[0] = thickness.max((f64::from(high[0]) - begin) / sheets);
+        strata
     }
 
     /// About `lines` lines from one end of the box to the other.
@@ -56,7 +55,7 @@ impl Strata {
 
     /// Position of a line.
     #[inline]
-    fn position(&self, line: u32) -> [i32; 2] {
+    pub fn position(&self, line: u32) -> [i32; 2] {
         let stratum = line / LINES as u32;
         let at = [stratum % self.counts[0], stratum / self.counts[0] % self.counts[1]];
         // Odd, as samples are: no line passes through a vertex.
@@ -100,9 +99,13 @@ impl Strata {
         let rows = self.cells(1, f64::from(min[1]), f64::from(max[1]));
         for row in rows {
             let low = self.low[1] + f64::from(row) * self.cell[1];
-            let Some((from, to)) = shape.extent(low, low + self.cell[1]) else { continue };
-            let columns = self.cells(0, from.max(f64::from(min[0])), to.min(f64::from(max[0])));
-            for slab in self.cells(2, f64::from(min[2]), f64::from(max[2])) {
+            let Some(extent) = shape.extent(low, low + self.cell[1]) else { continue };
+            let [columns, _, slabs] = [0, 1, 2].map(|a| {
+                let (low, high) = (f64::from(min[a]), f64::from(max[a]));
+                let (from, to) = if a == shape.axis { extent } else { (low, high) };
+                self.cells(a, from.max(low), to.min(high))
+            });
+            for slab in slabs {
                 let first = (slab * self.counts[1] + row) * self.counts[0];
                 let [start, end] = [columns.start, columns.end].map(|c| (first + c) * LINES as u32);
                 for number in start.max(numbers.start)..end.min(numbers.end) {
@@ -125,15 +128,17 @@ impl Strata {
     }
 }
 
-/// What lines are sought for: within a box, and no farther than `reach` from the hull of some corners.
+/// What lines are sought for: within a box, and, along its `axis` and the second one, no farther than `reach` from the hull
+/// of some corners.
 pub(super) struct Shape<'a> {
     pub bounds: (Units, Units),
+    pub axis: usize,
     pub corners: &'a [[f64; 2]],
     pub reach: f64,
 }
 
 impl Shape<'_> {
-    /// The stretch along x of what lies between two ordinates.
+    /// The stretch along its axis of what lies between two places along the second axis.
     #[inline]
     fn extent(&self, low: f64, high: f64) -> Option<(f64, f64)> {
         let (low, high) = (low - self.reach - 1.0, high + self.reach + 1.0);

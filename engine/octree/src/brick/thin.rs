@@ -81,18 +81,21 @@ pub struct Thin {
     pub walls: ThinSheets,
     /// Outside between two faces.
     pub gaps: ThinSheets,
+    /// Bricks without a sample inside that hold a piece of solid which is no such wall: a rod, or a small body.
+    pub unseen: u64,
 }
 
 impl Thin {
-    /// Whether there is neither a wall nor a gap.
+    /// Whether nothing hides.
     pub fn is_empty(&self) -> bool {
-        self.walls.edges == 0 && self.gaps.edges == 0
+        self.walls.edges == 0 && self.gaps.edges == 0 && self.unseen == 0
     }
 
     /// Adds those of other leaves.
     pub fn add(&mut self, other: &Thin) {
         self.walls.add(&other.walls);
         self.gaps.add(&other.gaps);
+        self.unseen += other.unseen;
     }
 
     /// What was found on some lines, for all of them.
@@ -207,7 +210,7 @@ mod tests {
         for _ in 0..1000 {
             thin.add_pair(&pair([[s, 0.0, -c], [-s, 0.0, c]], 16384));
         }
-        let Thin { walls, gaps } = thin;
+        let Thin { walls, gaps, .. } = thin;
         assert_eq!((walls.edges, gaps), (1000, ThinSheets::default()));
         let spacing = 1024.0;
         assert!((walls.area(1.0) / (1000.0 * spacing * spacing / c) - 1.0).abs() < 1e-6);

@@ -36,13 +36,29 @@ impl Body {
         let is_upright = profile.axis[0] == 0.0 && profile.axis[1] == 0.0;
         let is_flat = is_upright && segment.a[2] == segment.b[2];
         let (frame, length) = frame(end, profile.axis, is_flat);
+        Body { profile: *profile, end, length, frame, extent: Default::default(), is_flat }.with_extent()
+    }
+
+    /// The same solid turned about z through its first end, by the angle that has this cosine and sine.
+    pub fn turned(&self, [cosine, sine]: [f64; 2]) -> Body {
+        let turn = |v: [f64; 3]| [cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1], v[2]];
+        Body { end: turn(self.end), frame: self.frame.map(turn), ..*self }.with_extent()
+    }
+
+    fn with_extent(self) -> Body {
+        let Body { profile, end, frame, is_flat, .. } = self;
         let reach = match is_flat {
             true => [profile.half_width, profile.half_width, profile.half_height],
             false => frame[2].map(|cosine| profile.reach(cosine)),
         };
         let low = [0, 1, 2].map(|a| if end[a] < 0.0 { end[a] - reach[a] } else { -reach[a] });
         let high = [0, 1, 2].map(|a| if end[a] > 0.0 { end[a] + reach[a] } else { reach[a] });
-        Body { profile: *profile, end, length, frame, extent: (low, high), is_flat }
+        Body { extent: (low, high), ..self }
+    }
+
+    /// The other end.
+    pub fn end(&self) -> [f64; 3] {
+        self.end
     }
 
     /// The interval in which the line through `at` along `axis` meets the solid, as coordinates along that

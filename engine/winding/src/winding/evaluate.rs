@@ -66,6 +66,7 @@ pub struct Evaluation<'a> {
     /// Where they are inside.
     pub signs: SignChanges,
     pub(super) key: NodeKey,
+    pub(super) list: Triangles<'a>,
     pub(super) evaluator: &'a mut Evaluator,
 }
 
@@ -113,7 +114,7 @@ impl Evaluator {
             ));
         };
         let signs = SignChanges::of(&samples);
-        Ok(Evaluation { samples, signs, key, evaluator: self })
+        Ok(Evaluation { samples, signs, key, list, evaluator: self })
     }
 
     /// Finds the crossings that the walk needs.
@@ -288,7 +289,7 @@ impl Evaluator {
     }
 
     /// All crossings with edges along an axis, by edge and offset.
-    fn all_hits(&self, axis: Axis, key: NodeKey) -> Vec<Hit> {
+    pub(super) fn all_hits(&self, axis: Axis, key: NodeKey) -> Vec<Hit> {
         let mut hits = Vec::new();
         self.add_hits(axis, key, ThinLines::All, |_, _| true, &mut hits);
         hits.sort_unstable_by_key(|hit| (hit.lower, hit.offset));
@@ -396,7 +397,7 @@ impl Evaluation<'_> {
         if self.is_uniform() {
             return Ok(Brick::Uniform(self.samples.0[0]));
         }
-        let Evaluation { samples, signs, key, evaluator } = self;
+        let Evaluation { samples, signs, key, evaluator, .. } = self;
         let mut edges: [Vec<HermiteEdge>; 3] = Default::default();
         evaluator.normals.begin(evaluator.facets.len());
         for axis in Axis::ALL {

@@ -1,6 +1,5 @@
 //! Which lines of a block a scan looks at.
 
-use crate::brick::ThinLines;
 use crate::wide::{Simd, SimdBase, u64x4};
 
 /// Rows that are looked at together: as many words as are a vector of most processors.
@@ -25,14 +24,14 @@ impl Choice for All {
     }
 }
 
-/// Rows of equal v, a bit for every u of [`ThinLines::Sixteenth`].
+/// Rows of equal v, a bit for every u of [`ThinLines::Sixteenth`](crate::brick::ThinLines::Sixteenth).
 const SOME_OF_V: [u64; PADDED] = some_lines(false);
 /// Rows of equal u, a bit for every v.
 const SOME_OF_U: [u64; PADDED] = some_lines(true);
 /// All rows of a block, and more for those who look at [`ROWS`] at once.
 const PADDED: usize = LINES_MAX as usize + ROWS;
 
-/// The lines of [`ThinLines::holds`]; rows have equal u if `swap`.
+/// The lines of [`ThinLines::holds`](crate::brick::ThinLines::holds); rows have equal u if `swap`.
 const fn some_lines(swap: bool) -> [u64; PADDED] {
     let mut rows = [0; PADDED];
     let mut row = 0;
@@ -50,20 +49,21 @@ const fn some_lines(swap: bool) -> [u64; PADDED] {
     rows
 }
 
-impl Choice for ThinLines {
+/// The edges on the lines of [`ThinLines::Sixteenth`](crate::brick::ThinLines::Sixteenth).
+pub(super) struct Sixteenth;
+
+impl Choice for Sixteenth {
     #[inline(always)]
     fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S> {
         let rows = if swap { &SOME_OF_U } else { &SOME_OF_V };
-        match self {
-            ThinLines::All => u64x4::splat(simd, u64::MAX),
-            ThinLines::Sixteenth => u64x4::from_slice(simd, &rows[row..row + ROWS]),
-        }
+        u64x4::from_slice(simd, &rows[row..row + ROWS])
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brick::ThinLines;
 
     #[test]
     fn one_line_in_each_block_of_sixteen() {

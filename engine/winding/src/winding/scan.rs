@@ -7,7 +7,7 @@
 //! does not decide. The first takes three edge functions in 64 bits, the second a quotient in 128 bits.
 
 use super::edges::{EdgeMasks, Lowers};
-use super::lines::{All, Choice, LINES_MAX, ROWS};
+use super::lines::{All, Choice, LINES_MAX, ROWS, Sixteenth};
 use crate::brick::ThinLines;
 use crate::lattice::{Triangle, normal};
 use crate::wide::{
@@ -157,7 +157,11 @@ impl Facet {
         lines: ThinLines,
         hit: impl FnMut(Crossing),
     ) {
-        self.scan_chosen::<S, A>(simd, block, [block.last; 2], &lines, hit);
+        let limit = [block.last; 2];
+        match lines {
+            ThinLines::All => self.scan_chosen::<S, A>(simd, block, limit, &All, hit),
+            ThinLines::Sixteenth => self.scan_chosen::<S, A>(simd, block, limit, &Sixteenth, hit),
+        }
     }
 
     /// Calls `hit` for every crossing along axis `A` of one of the edges, and for some others: those close to such
