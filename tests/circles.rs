@@ -12,7 +12,7 @@ const KNOWN: [(&str, usize); 7] = [
     ("gpu", 3),
     ("octree", 2),
     ("picture", 2),
-    ("toolpath", 14),
+    ("toolpath", 7),
     ("winding", 3),
 ];
 
@@ -66,16 +66,17 @@ fn code_of(text: &str) -> String {
 /// The `use` declarations of some code: whether they are public, and each path with its groups spelled out.
 fn uses(code: &str) -> Vec<(bool, String)> {
     let mut found = Vec::new();
-    for statement in code.split([';', '}']).map(str::trim_start).chain(code.split(';').map(str::trim_start)) {
-        let Some(at) = statement.find("use ").filter(|&at| at == 0 || statement.starts_with("pub")) else {
+    for statement in code.split(';') {
+        // What stands before a declaration ends a line.
+        let Some(at) = statement.match_indices("use ").map(|(at, _)| at).find(|&at| {
+            let before = statement[..at].rsplit('\n').next().unwrap_or_default().trim();
+            before.is_empty() || before.starts_with("pub")
+        }) else {
             continue;
         };
-        let Some(path) = statement.get(at + 4..) else { continue };
-        let is_public = at > 0;
-        if path.matches('{').count() == path.matches('}').count() {
-            let path: String = path.split_whitespace().collect();
-            expand(&path, &mut |path| found.push((is_public, path)));
-        }
+        let is_public = statement[..at].rsplit('\n').next().is_some_and(|line| line.contains("pub"));
+        let path: String = statement[at + 4..].split_whitespace().collect();
+        expand(&path, &mut |path| found.push((is_public, path)));
     }
     found
 }
