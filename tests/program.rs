@@ -15,6 +15,7 @@ mod program {
     mod export;
     mod inputs;
     mod kills;
+    mod layers;
     mod large_format;
     mod mesh;
     mod open;

@@ -2,6 +2,7 @@
 
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
+use crate::layer_args::{LayersArgs, OverlapArgs};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
 use crate::toolpaths::ToolpathArgs;
@@ -41,6 +42,8 @@ pub enum Command {
     Winding(WindingArgs),
     Export(ExportArgs),
     Voids(VoidsArgs),
+    Layers(LayersArgs),
+    Overlap(OverlapArgs),
     Slice(SliceArgs),
     Render(RenderArgs),
     View(WindowArgs),

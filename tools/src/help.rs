@@ -15,7 +15,7 @@ const TOP_TEMPLATE: &str =
 const TASKS: [(&str, &[&str]); 5] = [
     ("Make stores", &["build", "cache", "verify"]),
     ("Write meshes and arrays", &["mesh", "beads", "export"]),
-    ("Ask for numbers", &["info", "sample", "winding"]),
+    ("Ask for numbers", &["info", "sample", "winding", "voids", "layers", "overlap"]),
     ("See", &["slice", "render", "view"]),
     ("The program itself", &["completions", "man", "help"]),
 ];

@@ -9,6 +9,7 @@ mod commands;
 mod devices;
 mod help;
 mod kinds;
+mod layer_args;
 mod measured;
 mod memory;
 mod npy;
@@ -17,6 +18,7 @@ mod pieces;
 mod points;
 mod space;
 mod style_file;
+mod table;
 mod toolpaths;
 #[cfg(feature = "view")]
 mod view;
@@ -47,6 +49,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Winding(args) => commands::winding::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Voids(args) => commands::voids::run(&args),
+        Command::Layers(args) => commands::layers::run(&args),
+        Command::Overlap(args) => commands::overlap::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),
         #[cfg(feature = "view")]

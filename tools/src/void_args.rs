@@ -62,7 +62,7 @@ pub enum VoidConnectivityArg {
 }
 
 /// A finite number that is not negative.
-fn not_negative(text: &str) -> Result<f64, String> {
+pub fn not_negative(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0);
     number.ok_or_else(|| "is no number, or less than 0".to_owned())
 }

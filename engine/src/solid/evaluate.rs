@@ -296,6 +296,42 @@ fn for_rows(solids: &Solids, lattice: Lattice, segment: &Segment, mut each: impl
     }
 }
 
+/// Calls `each` with the rows (j, k) of a brick's samples that a segment's solid covers, and these samples as bits.
+pub fn for_samples(solids: &Solids, key: NodeKey, segment: &Segment, mut each: impl FnMut([usize; 2], u64)) {
+    let lattice = Lattice::of(key);
+    for_rows(solids, lattice, segment, |row, interval| {
+        if let Some((first, end)) = samples_of(lattice, segment, interval) {
+            each([row % P, row / P], (1 << end) - (1 << first));
+        }
+    });
+}
+
+/// Calls `each` with the lines along an axis through samples that a segment's solid meets, numbered k·33 + j by the other two
+/// axes in their order, and where it begins and ends there, in units from the root's corner.
+pub fn for_lines(
+    solids: &Solids,
+    key: NodeKey,
+    segment: &Segment,
+    axis: Axis,
+    mut each: impl FnMut(usize, (f64, f64)),
+) {
+    let lattice = Lattice::of(key);
+    let (body, bounds) = (solids.body(segment), solids.bounds(segment));
+    let a = axis.index();
+    let [u, v] = if a == 0 { [1, 2] } else { [0, 3 - a] };
+    let from = f64::from(segment.a[a]);
+    for k in lattice.within(v, bounds) {
+        for j in lattice.within(u, bounds) {
+            let mut at = [0.0; 3];
+            at[u] = lattice.offset(segment.a, u, j);
+            at[v] = lattice.offset(segment.a, v, k);
+            if let Some((first, last)) = body.line(a, at) {
+                each(k * P + j, (from + first, from + last));
+            }
+        }
+    }
+}
+
 /// The first sample of a row in an interval relative to the segment's first end, and the first one beyond.
 #[inline]
 fn samples_of(lattice: Lattice, segment: &Segment, interval: (f64, f64)) -> Option<(u8, u8)> {

@@ -8,6 +8,7 @@
 //! | `surface` | area from the polygons of the contour |
 //! | `boundary` | crossings around voids |
 //! | `points` | distances between them |
+//! | `slabs` | volumes by layer |
 //! | `trace` | the beads around a void |
 //! | `find` | all of it |
 
@@ -17,6 +18,7 @@ mod find;
 mod labelling;
 mod measure;
 mod points;
+mod slabs;
 mod surface;
 mod trace;
 
@@ -24,6 +26,7 @@ pub use components::Connectivity;
 pub use find::{Void, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};
 pub use measure::Sums;
+pub use slabs::{Slab, slabs};
 pub use trace::{Trace, TracedLine};
 
 #[cfg(test)]

@@ -1,15 +1,16 @@
 //! `brickfield voids`: a table of the regions that a part encloses.
 
-use super::{has_fractions, no_unit, open_store, start, unit_of};
+use super::{no_unit, open_store, require_whole_samples, start, unit_of};
 use crate::failure::Failure;
 use crate::measured::measured;
 use crate::output::{in_line, note, print, print_json, require_distinct};
+use crate::table::{Table, TableKind, to_place};
 use crate::void_args::{VoidConnectivityArg, VoidsArgs};
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, Store};
 use brickfield_engine::voids::{Connectivity, Void, VoidOptions, Voids, find};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 /// Memory for bricks and boundaries.
 const MEMORY_BYTES: u64 = 1 << 30;
@@ -52,28 +53,11 @@ const COLUMNS: [&str; 30] = [
 
 /// Runs the command.
 pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
-    let is_json = match args.output.extension().map(|e| e.to_string_lossy().to_lowercase()) {
-        Some(ending) if ending == "csv" => false,
-        Some(ending) if ending == "json" => true,
-        _ => {
-            return Err(Failure::Usage(format!(
-                "{}: the name must end in .csv or .json",
-                in_line(&args.output)
-            )));
-        }
-    };
+    let kind = TableKind::of(&args.output)?;
     let bars = start(args.work)?;
     let store = open_store(&args.store, MEMORY_BYTES / 4, args.io, Accept::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
-    if has_fractions(&store) {
-        let what = "it was made from open input or a point cloud, whose samples are not exact";
-        let remedy = "close the input, or build it from the toolpath";
-        return Err(anyhow!(
-            "{}: {what}, so what is enclosed cannot be told; {remedy}",
-            in_line(&args.store)
-        )
-        .into());
-    }
+    require_whole_samples(&store, "what is enclosed cannot be told")?;
     let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
     if args.lines && !has_identity {
         let what = "the store does not tell beads apart, so voids have no lines";
@@ -91,13 +75,9 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
     };
     let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: MEMORY_BYTES };
     let found = find(&store, &options, &bars)?;
-    let document = document(&store, &found);
-    if is_json {
-        let text = serde_json::to_string_pretty(&document).context("cannot write JSON")?;
-        file.append(format!("{text}\n").as_bytes())?;
-    } else {
-        file.append(table(&found, cell_of(&store)).as_bytes())?;
-    }
+    let table = table(&found, cell_of(&store));
+    let document = document(&store, &found, &table);
+    file.append(table.text(kind, &document)?.as_bytes())?;
     file.finish()?;
     bars.clear();
     if args.json {
@@ -153,20 +133,10 @@ fn cell_of(store: &Store) -> f64 {
     store.root().spacing(store.meta().depth)
 }
 
-fn document(store: &Store, found: &Voids) -> Value {
-    let cell = cell_of(store);
-    let rows: Vec<Value> = found
-        .voids
-        .iter()
-        .map(|void| {
-            Value::Object(
-                COLUMNS.iter().map(|c| (*c).to_owned()).zip(cells(void, cell)).collect::<Map<_, _>>(),
-            )
-        })
-        .collect();
+fn document(store: &Store, found: &Voids, table: &Table<'_>) -> Value {
     json!({
         "unit": store.meta().unit,
-        "cell": cell,
+        "cell": cell_of(store),
         "count": found.voids.len(),
         "left_out": found.left_out,
         "void_volume": found.void_volume,
@@ -174,18 +144,8 @@ fn document(store: &Store, found: &Voids) -> Value {
         "solid_volume": found.solid_volume,
         "solids": found.solids,
         "porosity": found.porosity(),
-        "voids": rows,
+        "voids": table.objects(),
     })
-}
-
-/// A number rounded to the decimal place of a step, so that it has no more digits than it deserves.
-fn to_place(value: f64, step: f64) -> Value {
-    if !(value.is_finite() && step > 0.0) {
-        return json!(value);
-    }
-    let place = step.log10().floor() as i32;
-    let power = 10f64.powi(place.abs());
-    json!(if place < 0 { (value * power).round() / power } else { (value / power).round() * power })
 }
 
 /// A void's values in the order of [`COLUMNS`]; null where one is not known. Lengths are told to a hundredth of a `cell`,
@@ -221,19 +181,6 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     cells
 }
 
-fn table(found: &Voids, cell_size: f64) -> String {
-    let mut text = COLUMNS.join(",") + "\n";
-    for void in &found.voids {
-        let cell = |value: Value| match value {
-            Value::Null => String::new(),
-            Value::String(text) if text.contains([',', '"', '\n']) => {
-                format!("\"{}\"", text.replace('"', "\"\""))
-            }
-            Value::String(text) => text,
-            value => value.to_string(),
-        };
-        text += &cells(void, cell_size).into_iter().map(cell).collect::<Vec<_>>().join(",");
-        text.push('\n');
-    }
-    text
+fn table(found: &Voids, cell: f64) -> Table<'static> {
+    Table { columns: &COLUMNS, rows: found.voids.iter().map(|void| cells(void, cell)).collect() }
 }
