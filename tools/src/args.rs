@@ -99,6 +99,10 @@ pub struct BuildArgs {
     /// Size of the finest cells instead, as in 0.05mm; a bare number is in the input's own unit
     #[arg(long, value_name = "LENGTH")]
     pub cell: Option<Length>,
+    /// Lay the lattice of another store under this one, with its depth, so that the two can be compared sample by sample, as
+    /// by `voids --cad`
+    #[arg(long, value_name = "PART.brf", conflicts_with_all = ["depth", "cell"])]
+    pub like: Option<PathBuf>,
     /// Divide bricks further, down to this depth, where a wall or a gap thinner than a cell hides between samples, and nowhere
     /// else: a thin plate in a large part comes out whole for little more than its own area. Of closed meshes and toolpaths
     #[arg(long, value_name = "M", conflicts_with_all = ["thin", "boundary_error", "stddev", "refine"],

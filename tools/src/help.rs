@@ -42,6 +42,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
         &[
             "depth",
             "cell",
+            "like",
             "max_depth",
             "thin",
             "stddev",

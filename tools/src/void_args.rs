@@ -15,6 +15,8 @@ where they are not known, as of voids of a cell or two. Lengths are told to a hu
 neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is sealed as \
 far as samples tell (to_cell): a leak thinner than a cell may be hidden.
 
+The class of a void is pocket, infill or flaw. With --cad a void of which most lies outside the CAD part is a pocket. Of others the features of the beads around tell: sparse infill makes it infill; outer walls around a void that is wider than the beads and spans four layers or more make it a pocket; what is left is a flaw.
+
 Example:
   brickfield voids part.brf -o voids.csv")]
 pub struct VoidsArgs {
@@ -39,6 +41,10 @@ pub struct VoidsArgs {
     /// Require the lines of the toolpath around each void: fail if the store does not tell beads apart
     #[arg(long)]
     pub lines: bool,
+    /// The store of the CAD part on the same lattice, to tell voids that it has from those that it has not: build it with
+    /// --like PART.brf
+    #[arg(long, value_name = "CAD.brf")]
+    pub cad: Option<PathBuf>,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

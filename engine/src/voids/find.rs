@@ -1,11 +1,14 @@
 //! The voids of a store, one by one.
 
 use super::boundary::{Boundaries, boundaries};
+use super::cad::cad_shares;
+use super::class::{Class, class_of};
 use super::components::Connectivity;
 use super::labelling::{Component, Labelling, label};
 use super::points::{OUTER, Point, PointTree, distance, inscribed};
+use super::sealed::sealed;
 use super::surface::{Surface, surfaces};
-use super::trace::{Trace, Tracer};
+use super::trace::{Trace, Tracer, has_sparse_infill};
 use crate::error::Result;
 use crate::lattice::RootCube;
 use crate::progress::Progress;
@@ -18,14 +21,16 @@ use std::f64::consts::PI;
 const POINT_BYTES: u64 = 64;
 
 /// What to look for.
-#[derive(Clone, Copy, Debug)]
-pub struct VoidOptions {
+#[derive(Clone, Copy)]
+pub struct VoidOptions<'a> {
     /// Which samples are neighbours.
     pub connectivity: Connectivity,
     /// Smaller voids are left out, in the cube of the store's unit.
     pub min_volume: f64,
     /// Bytes for bricks and for points of boundaries.
     pub memory: u64,
+    /// The CAD part on the same lattice, to tell what of a void lies inside it.
+    pub cad: Option<&'a Store>,
 }
 
 /// A region of w = 0 that the part encloses. Lengths are in the store's unit; what is not known is `None`.
@@ -33,6 +38,12 @@ pub struct VoidOptions {
 pub struct Void {
     /// By volume, from 1.
     pub id: usize,
+    /// What it is taken for, where something tells.
+    pub class: Option<Class>,
+    /// Whether it is sealed whatever lies between samples, and not only as far as these tell.
+    pub is_sealed_for_certain: bool,
+    /// The share of its samples at which the CAD part is solid.
+    pub cad_share: Option<f64>,
     /// Volume within the contour's polygons; where these do not close, the mean over the chords along three axes.
     pub volume: f64,
     /// The spread of chords, twice their mean's distance from the number of samples, as `analysis::volume` has it, and what
@@ -107,7 +118,7 @@ impl Voids {
 ///
 /// # Errors
 /// What reading the store gives; [`crate::Error::Interrupted`].
-pub fn find(store: &Store, options: &VoidOptions, progress: &dyn Progress) -> Result<Voids> {
+pub fn find(store: &Store, options: &VoidOptions<'_>, progress: &dyn Progress) -> Result<Voids> {
     let labelling = label(store, options.connectivity, progress)?;
     let root = store.root();
     let mut found = Voids {
@@ -160,9 +171,17 @@ pub fn find(store: &Store, options: &VoidOptions, progress: &dyn Progress) -> Re
         void.id = number;
         found.voids.push(void);
     }
+    let is_sparse = tracer.as_ref().is_some_and(|tracer| has_sparse_infill(around.values(), tracer));
+    if let Some(cad) = options.cad {
+        let shares = cad_shares(store, cad, &labelling, &is_void, progress)?;
+        found.voids.iter_mut().for_each(|void| void.cad_share = shares.get(&void.id).copied());
+    }
+    let certain = sealed(store, &labelling, &is_void, tracer.as_ref(), progress)?;
+    found.voids.iter_mut().for_each(|void| void.is_sealed_for_certain = certain.contains(&void.id));
     if let Some(points) = points {
         measure_distances(&mut found.voids, points, store, progress)?;
     }
+    found.voids.iter_mut().for_each(|void| void.class = class_of(void, is_sparse));
     // Components are in Morton order of their first leaves, which settles ties.
     found.voids.sort_by(|a, b| b.volume.total_cmp(&a.volume).then(a.id.cmp(&b.id)));
     found.voids.iter_mut().enumerate().for_each(|(n, void)| void.id = n + 1);
@@ -208,6 +227,9 @@ fn void_of(
     ];
     Void {
         id: 0,
+        class: None,
+        is_sealed_for_certain: false,
+        cad_share: None,
         volume,
         volume_error,
         surface: surface.area,

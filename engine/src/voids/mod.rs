@@ -8,20 +8,27 @@
 //! | `surface` | area from the polygons of the contour |
 //! | `boundary` | crossings around voids |
 //! | `points` | distances between them |
+//! | `sealed` | which voids are sealed for certain |
 //! | `slabs` | volumes by layer |
 //! | `trace` | the beads around a void |
+//! | `cad` | what of a void lies within another tree |
+//! | `class` | whether a void is meant to be |
 //! | `find` | all of it |
 
 mod boundary;
+mod cad;
+mod class;
 mod components;
 mod find;
 mod labelling;
 mod measure;
 mod points;
+mod sealed;
 mod slabs;
 mod surface;
 mod trace;
 
+pub use class::Class;
 pub use components::Connectivity;
 pub use find::{Void, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};

@@ -9,8 +9,9 @@ use crate::void_args::{VoidConnectivityArg, VoidsArgs};
 use anyhow::anyhow;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, Store};
-use brickfield_engine::voids::{Connectivity, Void, VoidOptions, Voids, find};
+use brickfield_engine::voids::{Class, Connectivity, Void, VoidOptions, Voids, find};
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// Memory for bricks and boundaries.
 const MEMORY_BYTES: u64 = 1 << 30;
@@ -18,7 +19,7 @@ const MEMORY_BYTES: u64 = 1 << 30;
 const MOST_LINES: usize = 64;
 
 /// Names of the columns, in order.
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 31] = [
     "id",
     "class",
     "volume",
@@ -49,6 +50,7 @@ const COLUMNS: [&str; 30] = [
     "features",
     "line_shares",
     "missing_between",
+    "cad_share",
 ];
 
 /// Runs the command.
@@ -65,6 +67,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
             anyhow!("{}: {what}; build it from toolpaths with --identity", in_line(&args.store)).into()
         );
     }
+    let cad = args.cad.as_deref().map(|cad| open_cad(cad, &store, args)).transpose()?;
     let mut file = PartFile::create(&args.output)?;
     let most =
         args.max_equivalent_diameter.map(|most| most.in_unit_of(&store.meta().unit).ok_or_else(no_unit));
@@ -73,7 +76,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         VoidConnectivityArg::Six => Connectivity::VoidSix,
         VoidConnectivityArg::TwentySix => Connectivity::VoidTwentySix,
     };
-    let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: MEMORY_BYTES };
+    let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: MEMORY_BYTES, cad: cad.as_ref() };
     let found = find(&store, &options, &bars)?;
     let table = table(&found, cell_of(&store));
     let document = document(&store, &found, &table);
@@ -91,6 +94,19 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         );
     }
     require_limits(args, &found, most)
+}
+
+/// The store of the CAD part, which must have the part's lattice.
+fn open_cad(path: &Path, store: &Store, args: &VoidsArgs) -> Result<Store, Failure> {
+    let cad = open_store(path, MEMORY_BYTES / 8, args.io, Accept::Whole)?;
+    require_distinct(&[&args.output], &[path])?;
+    require_whole_samples(&cad, "what lies inside cannot be told")?;
+    if cad.root() != store.root() || cad.meta().unit != store.meta().unit {
+        let (cad, part) = (in_line(path), in_line(&args.store));
+        let what = format!("its samples do not stand where those of {part} do");
+        return Err(anyhow!("{cad}: {what}; build it with --like {part}").into());
+    }
+    Ok(cad)
 }
 
 /// The limits that make a flaw a defect.
@@ -155,17 +171,18 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     let length = |value: f64| to_place(value, cell / 100.0);
     let known = |value: Option<f64>| value.map_or(Value::Null, length);
     let ratio = |value: Option<f64>| value.map_or(Value::Null, |value| to_place(value, 1e-3));
-    let mut cells = vec![json!(void.id), Value::Null, to_place(void.volume, void.volume_error / 10.0)];
+    let mut cells = vec![json!(void.id), json!(void.class.map(Class::name)), to_place(void.volume, void.volume_error / 10.0)];
     cells.push(to_place(void.surface, void.surface / 1e3));
     cells.extend([length(void.equivalent_diameter()), known(void.inner_diameter), length(void.diameter)]);
     cells.extend([ratio(void.sphericity()), ratio(void.compactness())]);
     cells.extend(void.centroid.iter().chain(&low).chain(&high).map(|&c| length(c)));
-    // Between samples there may be a leak that no sample shows.
+    let sealed = if void.is_sealed_for_certain { "certain" } else { "to_cell" };
     let error = to_place(void.volume_error * 1.05, void.volume_error / 10.0);
-    cells.extend([Value::Null, json!("to_cell"), error, json!(void.euler)]);
+    cells.extend([Value::Null, json!(sealed), error, json!(void.euler)]);
     cells.extend([known(void.gap), known(void.edge_distance)]);
     let Some(trace) = &void.trace else {
-        cells.extend(vec![Value::Null; COLUMNS.len() - cells.len()]);
+        cells.extend(vec![Value::Null; COLUMNS.len() - 1 - cells.len()]);
+        cells.push(ratio(void.cad_share));
         return cells;
     };
     cells.extend([json!(trace.layers.0), json!(trace.layers.1)]);
@@ -178,6 +195,7 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     cells.push(joined(trace.features.iter().map(|(name, _)| name.replace(';', ",")).collect()));
     cells.push(joined(lines.iter().map(|line| format!("{:.4}", line.share)).collect()));
     cells.push(joined(trace.missing.iter().map(|&(a, b)| format!("{a}-{b}")).collect()));
+    cells.push(ratio(void.cad_share));
     cells
 }
 
