@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// The clover, with beads told apart.
 fn clover(dir: &Scratch) -> PathBuf {
     let part = dir.path("clover.brf");
-    run(&[&"build", &data().join("clover.gcode"), &"-o", &part, &"--identity", &"-q"]).ok_but_for("empty");
+    run(&[&"build", &example("clover.gcode"), &"-o", &part, &"--identity", &"-q"]).ok_but_for("empty");
     part
 }
 
@@ -74,7 +74,7 @@ fn pairs_of_beads_add_up_to_the_samples_exactly() {
     let dir = Scratch::new();
     for count in ["passes", "beads"] {
         let (part, out) = (dir.path("clover.brf"), dir.path("o.json"));
-        let gcode = data().join("clover.gcode");
+        let gcode = example("clover.gcode");
         run(&[&"build", &gcode, &"-o", &part, &"--identity", &"--count", &count, &"-q"]).ok_but_for("empty");
         run(&[&"overlap", &part, &"-o", &out, &"-q", &"--threads", &"2"]).ok();
         let found = json(&out);

@@ -87,6 +87,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
         &[
             "output",
             "mesh",
+            "labels",
             "format",
             "dtype",
             "compression",

@@ -1,7 +1,7 @@
 //! What the user types for voids.
 
 use crate::args::IoArg;
-use crate::units::Length;
+use crate::units::{Length, Size};
 use crate::work::WorkArgs;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -12,8 +12,11 @@ use std::path::PathBuf;
 The largest void comes first. Volumes and surfaces are those of the mesh's polygons, with errors from chords between \
 exact crossings; centroids are those of the chords. Void that touches the outside of the root is no void. Values are in the store's unit, and empty \
 where they are not known, as of voids of a cell or two. Lengths are told to a hundredth of a cell. Lines and features are of the beads around a void, by their share of its surface, but \
-neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is sealed as \
-far as samples tell (to_cell): a leak thinner than a cell may be hidden.
+neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is \
+sealed for certain if it stays closed when void is connected through every cell that no bead covers for certain, and the \
+same in cells of a quarter of the size (stores with --identity), or through every leaf at the depth limit (others); else as far as samples tell \
+(to_cell): a leak thinner than a cell may be hidden. With --closing voids are listed that open (no) through a throat: the diameter of the \
+largest ball that can leave, to a cell.
 
 The class of a void is pocket, infill or flaw. With --cad a void of which most lies outside the CAD part is a pocket. Of others the features of the beads around tell: sparse infill makes it infill; outer walls around a void that is wider than the beads and spans four layers or more make it a pocket; what is left is a flaw.
 
@@ -45,6 +48,20 @@ pub struct VoidsArgs {
     /// --like PART.brf
     #[arg(long, value_name = "CAD.brf")]
     pub cad: Option<PathBuf>,
+    /// List voids, too, that open to the outside only through throats narrower than this, as in 0.8mm
+    #[arg(long, value_name = "LEN")]
+    pub closing: Option<Length>,
+    /// Also write the voids as meshes, largest first: .ply, whose faces have the property void, or .obj, a group each
+    #[arg(long = "mesh", value_name = "OUT.ply|.obj")]
+    pub mesh: Option<PathBuf>,
+    /// Also write the number of the void at each sample of the deepest level, 0 at all others, as an array indexed
+    /// [z,y,x] of 32-bit integers, with a description beside it; voids that open through a throat are left out
+    #[arg(long, value_name = "OUT.npy")]
+    pub labels: Option<PathBuf>,
+    /// Memory for bricks, boundaries and the grid of --closing, as in 512MiB. With less the grid is coarser, and some distances stay
+    /// empty
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

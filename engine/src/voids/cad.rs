@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A brick of the other tree for the samples of a node: of the node itself, or of a leaf above it.
-struct Held {
+pub(super) struct Held {
     brick: Arc<Brick>,
     /// Levels between the two.
     up: u32,
@@ -21,7 +21,7 @@ struct Held {
 
 impl Held {
     /// The brick for a node's samples; `None` outside the tree, which does not happen.
-    fn of(tree: &dyn BrickTree, key: NodeKey) -> Result<Option<Held>> {
+    pub fn of(tree: &dyn BrickTree, key: NodeKey) -> Result<Option<Held>> {
         let above = (0..=key.level()).rev().filter_map(|level| key.ancestor(level));
         let Some(node) = above.into_iter().find(|above| tree.node(*above).is_some()) else { return Ok(None) };
         let bits = key.spacing_bits();
@@ -29,7 +29,7 @@ impl Held {
         Ok(Some(Held { brick: tree.brick(node)?, up: u32::from(key.level() - node.level()), first }))
     }
 
-    fn is_solid(&self, at: [usize; 3]) -> bool {
+    pub fn is_solid(&self, at: [usize; 3]) -> bool {
         self.brick.sample([0, 1, 2].map(|a| (self.first[a] + at[a]) >> self.up)) >= 1
     }
 }

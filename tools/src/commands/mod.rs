@@ -25,6 +25,7 @@ mod slice_layer;
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;
+mod void_outputs;
 pub mod voids;
 pub mod winding;
 

@@ -1,5 +1,6 @@
 //! `brickfield voids`: a table of the regions that a part encloses.
 
+use super::void_outputs::VoidOutputs;
 use super::{no_unit, open_store, require_whole_samples, start, unit_of};
 use crate::failure::Failure;
 use crate::measured::measured;
@@ -9,17 +10,15 @@ use crate::void_args::{VoidConnectivityArg, VoidsArgs};
 use anyhow::anyhow;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, Store};
-use brickfield_engine::voids::{Class, Connectivity, Void, VoidOptions, Voids, find};
+use brickfield_engine::voids::{Class, Connectivity, Seal, Void, VoidOptions, Voids, find};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Memory for bricks and boundaries.
-const MEMORY_BYTES: u64 = 1 << 30;
 /// Lines of a toolpath that are named of a void.
 const MOST_LINES: usize = 64;
 
 /// Names of the columns, in order.
-const COLUMNS: [&str; 31] = [
+const COLUMNS: [&str; 35] = [
     "id",
     "class",
     "volume",
@@ -51,13 +50,17 @@ const COLUMNS: [&str; 31] = [
     "line_shares",
     "missing_between",
     "cad_share",
+    "elongation",
+    "area_x",
+    "area_y",
+    "area_z",
 ];
 
 /// Runs the command.
 pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
     let kind = TableKind::of(&args.output)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, MEMORY_BYTES / 4, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.memory.0 / 4, args.io, Accept::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
     require_whole_samples(&store, "what is enclosed cannot be told")?;
     let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
@@ -76,12 +79,15 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         VoidConnectivityArg::Six => Connectivity::VoidSix,
         VoidConnectivityArg::TwentySix => Connectivity::VoidTwentySix,
     };
-    let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: MEMORY_BYTES, cad: cad.as_ref() };
+    let closing = args.closing.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
+    let outputs = VoidOutputs::create(args, &store)?;
+    let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: args.memory.0, cad: cad.as_ref(), closing, meshes: args.mesh.is_some() };
     let found = find(&store, &options, &bars)?;
     let table = table(&found, cell_of(&store));
     let document = document(&store, &found, &table);
     file.append(table.text(kind, &document)?.as_bytes())?;
     file.finish()?;
+    outputs.write(&store, &found, &bars)?;
     bars.clear();
     if args.json {
         print_json(&document)?;
@@ -98,7 +104,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
 
 /// The store of the CAD part, which must have the part's lattice.
 fn open_cad(path: &Path, store: &Store, args: &VoidsArgs) -> Result<Store, Failure> {
-    let cad = open_store(path, MEMORY_BYTES / 8, args.io, Accept::Whole)?;
+    let cad = open_store(path, args.memory.0 / 8, args.io, Accept::Whole)?;
     require_distinct(&[&args.output], &[path])?;
     require_whole_samples(&cad, "what lies inside cannot be told")?;
     if cad.root() != store.root() || cad.meta().unit != store.meta().unit {
@@ -160,6 +166,7 @@ fn document(store: &Store, found: &Voids, table: &Table<'_>) -> Value {
         "solid_volume": found.solid_volume,
         "solids": found.solids,
         "porosity": found.porosity(),
+        "throat_cell": found.throat_cell,
         "voids": table.objects(),
     })
 }
@@ -176,13 +183,17 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     cells.extend([length(void.equivalent_diameter()), known(void.inner_diameter), length(void.diameter)]);
     cells.extend([ratio(void.sphericity()), ratio(void.compactness())]);
     cells.extend(void.centroid.iter().chain(&low).chain(&high).map(|&c| length(c)));
-    let sealed = if void.is_sealed_for_certain { "certain" } else { "to_cell" };
+    let sealed = match void.seal {
+        Seal::Certain => "certain",
+        Seal::ToCell => "to_cell",
+        Seal::Open => "no",
+    };
     let error = to_place(void.volume_error * 1.05, void.volume_error / 10.0);
-    cells.extend([Value::Null, json!(sealed), error, json!(void.euler)]);
+    cells.extend([length(void.throat), json!(sealed), error, json!(void.euler)]);
     cells.extend([known(void.gap), known(void.edge_distance)]);
     let Some(trace) = &void.trace else {
-        cells.extend(vec![Value::Null; COLUMNS.len() - 1 - cells.len()]);
-        cells.push(ratio(void.cad_share));
+        cells.extend(vec![Value::Null; COLUMNS.len() - 5 - cells.len()]);
+        cells.extend(shape(void));
         return cells;
     };
     cells.extend([json!(trace.layers.0), json!(trace.layers.1)]);
@@ -195,7 +206,18 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     cells.push(joined(trace.features.iter().map(|(name, _)| name.replace(';', ",")).collect()));
     cells.push(joined(lines.iter().map(|line| format!("{:.4}", line.share)).collect()));
     cells.push(joined(trace.missing.iter().map(|&(a, b)| format!("{a}-{b}")).collect()));
-    cells.push(ratio(void.cad_share));
+    cells.extend(shape(void));
+    cells
+}
+
+/// The share inside the CAD part, elongation, and the areas of shadows.
+fn shape(void: &Void) -> Vec<Value> {
+    let ratio = |value: Option<f64>| value.map_or(Value::Null, |value| to_place(value, 1e-3));
+    let mut cells = vec![ratio(void.cad_share), ratio(void.elongation)];
+    let areas = void.projected.map_or([Value::Null, Value::Null, Value::Null], |areas| {
+        areas.map(|area| to_place(area, area / 1e3))
+    });
+    cells.extend(areas);
     cells
 }
 
