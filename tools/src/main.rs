@@ -24,6 +24,7 @@ mod toolpaths;
 mod view;
 mod view_args;
 mod void_args;
+mod void_table;
 
 use args::{Cli, Command};
 use brickfield_terminal::{failure, interrupt, output, progress, units, work};
