@@ -14,7 +14,7 @@ exact crossings; centroids are those of the chords. Void that touches the outsid
 where they are not known, as of voids of a cell or two. Lengths are told to a hundredth of a cell. Lines and features are of the beads around a void, by their share of its surface, but \
 neighbours of a line that may be missing come first; they need a store that was built with --identity. A void is \
 sealed for certain if it stays closed when void is connected through every cell that no bead covers for certain, and the \
-same in cells of a quarter of the size (stores with --identity), or through every leaf at the depth limit (others); else as far as samples tell \
+same in cells of half the size where few are in dispute (stores with --identity), or through every leaf at the depth limit (others); else as far as samples tell \
 (to_cell): a leak thinner than a cell may be hidden. With --closing voids are listed that open (no) through a throat: the diameter of the \
 largest ball that can leave, to a cell.
 

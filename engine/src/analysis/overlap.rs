@@ -2,9 +2,9 @@
 //!
 //! The record of a leaf lists the segments that touch it, so their solids give again the samples and the chords of every
 //! pass there, by the rule that the store was built by. Samples of pairs add up to Σ w(w − 1)/2 exactly, which is checked
-//! against the store's own samples; chords are nearer to the volume.
+//! against the store's own samples; chords along lines beside them are nearer to the volume.
 
-use super::overlap_leaf::{PairSums, of_leaf};
+use super::overlap_leaf::{LINES, PairSums, of_leaf};
 use super::solids_of;
 use crate::error::{Error, Result};
 use crate::lattice::{MAX_LEVEL, NodeKey, RootCube};
@@ -26,7 +26,7 @@ pub struct PairOverlap {
     pub numbers: [u32; 2],
     /// Mean over chords along the three axes, in the cube of the store's unit.
     pub volume: f64,
-    /// The spread of these, and twice their mean's distance from the number of samples.
+    /// The spread of these, and half the root of the number of cells.
     pub volume_error: f64,
     /// Volume of the cells of the samples that both cover.
     pub sampled: f64,
@@ -67,7 +67,8 @@ pub fn overlaps(store: &Store, progress: &dyn Progress) -> Result<Overlaps> {
     };
     let solids = solids_of(store, &tables)?;
     let order = LeafOrder::new(store)?;
-    let overlaps = |key: &NodeKey| store.node(*key).is_some_and(|node| node.max >= 2);
+    // Two beads may have a sliver in common that holds no sample.
+    let overlaps = |key: &NodeKey| store.node(*key).is_some_and(|n| n.max >= 2 || n.min != n.max);
     let keys: Vec<NodeKey> = order.keys().iter().copied().filter(overlaps).collect();
     progress.phase("overlaps", Some(keys.len() as u64), "bricks");
     let mut pairs: BTreeMap<[u32; 2], PairSums> = BTreeMap::new();
@@ -90,13 +91,13 @@ pub fn overlaps(store: &Store, progress: &dyn Progress) -> Result<Overlaps> {
     let root = store.root();
     let cell = root.spacing(store.meta().depth).powi(3);
     let is_real = |pair: &PairOverlap| pair.sampled > 0.0 || pair.volume > TOUCHING * cell;
-    let pairs = pairs.into_iter().map(|(numbers, sums)| pair(numbers, &sums, root)).filter(is_real).collect();
+    let pairs = pairs.into_iter().map(|(numbers, sums)| pair(numbers, &sums, root, cell)).filter(is_real).collect();
     Ok(Overlaps { pairs, pair_samples, field_samples, unexplained })
 }
 
-fn pair(numbers: [u32; 2], sums: &PairSums, root: RootCube) -> PairOverlap {
+fn pair(numbers: [u32; 2], sums: &PairSums, root: RootCube, cell: f64) -> PairOverlap {
     let unit = root.unit().powi(3);
-    let chords = sums.chords.map(|chords| chords as f64 / PARTS * unit);
+    let chords = sums.chords.map(|chords| chords as f64 / PARTS / LINES as f64 * unit);
     let [low, high] = [f64::min, f64::max].map(|f| chords.into_iter().reduce(f).unwrap_or_default());
     let volume = chords.iter().sum::<f64>() / 3.0;
     let sampled = sums.samples as f64 * unit;
@@ -105,7 +106,8 @@ fn pair(numbers: [u32; 2], sums: &PairSums, root: RootCube) -> PairOverlap {
     PairOverlap {
         numbers,
         volume,
-        volume_error: high - low + 2.0 * (sampled - volume).abs(),
+        // Of lines that are drawn, the spread of three means, and what so many cells may be off by.
+        volume_error: high - low + 0.5 * (volume * cell).sqrt(),
         sampled,
         centroid: root.to_world(centroid),
         lines: sums.lines,

@@ -2,13 +2,16 @@
 
 use super::overlap::PART_BITS;
 use crate::brick::Brick;
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, GOLDEN, NodeKey, mix};
 use crate::solid::{Segment, Solids, for_lines, for_samples};
 use crate::store::{BeadSegment, Leaf};
 use std::collections::BTreeMap;
 
 /// Rows of samples that a brick owns.
 const ROWS: usize = BRICK_CELLS * BRICK_CELLS;
+/// Lines along an axis that a cell has, and parts of each of its sides that they stand in.
+pub(super) const LINES: usize = SIDE * SIDE;
+const SIDE: usize = 2;
 /// The samples of a row that a brick owns.
 const OWN: u64 = (1 << BRICK_CELLS) - 1;
 
@@ -17,7 +20,7 @@ const OWN: u64 = (1 << BRICK_CELLS) - 1;
 pub(super) struct PairSums {
     /// In cubic units.
     pub samples: u128,
-    /// By axis, in square units times parts.
+    /// By axis, in square units times parts, of all [`LINES`] lines.
     pub chords: [i128; 3],
     /// Twice the first moments of all of these, with another side in parts.
     pub moments: [i128; 3],
@@ -96,8 +99,9 @@ pub(super) fn of_leaf(
             }
         }
     }
-    for axis in Axis::ALL {
-        add_chords(leaf.key, solids, &passes, axis, &mut found.pairs);
+    for (axis, line) in Axis::ALL.into_iter().flat_map(|axis| (0..LINES).map(move |line| (axis, line))) {
+        let lines = Lines { key: leaf.key, axis, number: line };
+        lines.add_chords(solids, &passes, &mut found.pairs);
     }
     found
 }
@@ -168,84 +172,114 @@ struct Stretch {
     source_line: u64,
 }
 
-/// Adds the chords that passes have in common along an axis.
-fn add_chords(
+/// One of the [`LINES`] lines of each cell along an axis. They stand anywhere in their part of the cell, by a fixed draw, since lines through
+/// samples would all meet a bead that is in step with the cells in the same way.
+#[derive(Clone, Copy)]
+struct Lines {
     key: NodeKey,
-    solids: &Solids,
-    passes: &[Pass<'_>],
     axis: Axis,
-    pairs: &mut BTreeMap<[u32; 2], PairSums>,
-) {
-    let first = i64::from(key.base()[axis.index()]) << PART_BITS;
-    let last = first + ((BRICK_CELLS as i64) << (key.spacing_bits() + PART_BITS));
-    let mut stretches = Vec::new();
-    for (pass, Pass { segments, joint, .. }) in passes.iter().enumerate() {
-        let mut put = |s: &Segment, is_joint: bool, source_line: u64| {
-            for_lines(solids, key, s, axis, |line, ends| {
-                // The root's first sample stands at (1, 1, 1).
-                let part = |c: f64| (((c - 1.0) * f64::from(1u32 << PART_BITS)).round() as i64).clamp(first, last);
-                let (from, to) = (part(ends.0), part(ends.1));
-                let is_own = line % BRICK_POINTS < BRICK_CELLS && line / BRICK_POINTS < BRICK_CELLS;
-                if from < to && is_own {
-                    let (line, pass) = (line as u32, pass as u32);
-                    stretches.push(Stretch { line, pass, is_joint, from, to, source_line });
-                }
-            });
-        };
-        segments.iter().for_each(|s| put(&segment(s), false, s.line));
-        joint.iter().for_each(|s| put(s, true, 0));
-    }
-    stretches.sort_unstable_by_key(|s| (s.line, s.pass, s.is_joint, s.from, s.to, s.source_line));
-    for line in stretches.chunk_by(|a, b| a.line == b.line) {
-        let of_passes: Vec<&[Stretch]> = line.chunk_by(|a, b| a.pass == b.pass).collect();
-        if of_passes.len() > 1 {
-            on_line(key, axis, passes, &of_passes, pairs);
-        }
-    }
+    number: usize,
 }
 
-/// Adds what passes have in common on one line.
-fn on_line(
-    key: NodeKey,
-    axis: Axis,
-    passes: &[Pass<'_>],
-    of_passes: &[&[Stretch]],
-    pairs: &mut BTreeMap<[u32; 2], PairSums>,
-) {
-    let bits = key.spacing_bits();
-    let place = of_passes[0][0].line as usize;
-    let others = [place % BRICK_POINTS, place / BRICK_POINTS];
-    let mut at = [0i64; 3];
-    let crossing = (0..3).filter(|&a| a != axis.index());
-    for (a, index) in crossing.zip(others) {
-        at[a] = (i64::from(key.base()[a]) + ((index as i64) << bits)) << PART_BITS;
+impl Lines {
+    /// How far beyond the sample (j, k) a line stands, in 256ths of a cell.
+    fn beside(self, j: usize, k: usize) -> [u64; 2] {
+        let [first, second] = self.others().map(|a| u64::from(self.key.first_sample()[a]));
+        let cell = (first + j as u64) << 32 | (second + k as u64);
+        let place = (self.axis.index() * LINES + self.number) as u64;
+        let drawn = mix(mix(cell) ^ place.wrapping_mul(GOLDEN));
+        let part = [self.number % SIDE, self.number / SIDE];
+        [0, 1].map(|n| (256 / SIDE) as u64 * part[n] as u64 + (drawn >> (8 * n)) % (256 / SIDE as u64))
     }
-    let merged: Vec<Vec<(i64, i64)>> = of_passes.iter().map(|s| merge(s)).collect();
-    let whole = |n: usize| {
-        // What the joint has in common with the pass before counts once.
-        let joint: Vec<(i64, i64)> = of_passes[n].iter().filter(|s| s.is_joint).map(|s| (s.from, s.to)).collect();
-        match n.checked_sub(1).filter(|b| of_passes[*b][0].pass + 1 == of_passes[n][0].pass && !joint.is_empty()) {
-            Some(before) => without(&merged[n], &common(&joint, &merged[before])),
-            None => merged[n].clone(),
+
+    /// The other two axes.
+    fn others(self) -> [usize; 2] {
+        let a = self.axis.index();
+        if a == 0 { [1, 2] } else { [0, 3 - a] }
+    }
+
+    /// Adds the chords that passes have in common.
+    fn add_chords(self, solids: &Solids, passes: &[Pass<'_>], pairs: &mut BTreeMap<[u32; 2], PairSums>) {
+        let Lines { key, axis, .. } = self;
+        let first = i64::from(key.base()[axis.index()]) << PART_BITS;
+        let last = first + ((BRICK_CELLS as i64) << (key.spacing_bits() + PART_BITS));
+        let beside = |j: usize, k: usize| self.beside(j, k).map(|part| part as f64 / 256.0);
+        let mut stretches = Vec::new();
+        for (pass, Pass { segments, joint, .. }) in passes.iter().enumerate() {
+            let mut put = |s: &Segment, is_joint: bool, source_line: u64| {
+                for_lines(solids, key, s, axis, beside, |line, ends| {
+                    // The root's first sample stands at (1, 1, 1).
+                    let part =
+                        |c: f64| (((c - 1.0) * f64::from(1u32 << PART_BITS)).round() as i64).clamp(first, last);
+                    let (from, to) = (part(ends.0), part(ends.1));
+                    let is_own = line % BRICK_POINTS < BRICK_CELLS && line / BRICK_POINTS < BRICK_CELLS;
+                    if from < to && is_own {
+                        let (line, pass) = (line as u32, pass as u32);
+                        stretches.push(Stretch { line, pass, is_joint, from, to, source_line });
+                    }
+                });
+            };
+            segments.iter().for_each(|s| put(&segment(s), false, s.line));
+            joint.iter().for_each(|s| put(s, true, 0));
         }
-    };
-    let whole: Vec<Vec<(i64, i64)>> = (0..merged.len()).map(whole).collect();
-    for (n, one) in whole.iter().enumerate() {
-        for (m, other) in whole.iter().enumerate().skip(n + 1) {
-            for (from, to) in common(one, other) {
-                let numbers = [n, m].map(|n| passes[of_passes[n][0].pass as usize].number);
-                let pair = pairs.entry(numbers).or_default();
-                add_chord(pair, axis, (from, to), at, 1i128 << (2 * bits));
-                for (side, n) in [n, m].into_iter().enumerate() {
-                    let meets = of_passes[n].iter().filter(|s| !s.is_joint && s.from < to && from < s.to);
-                    for s in meets {
-                        let lines = &mut pair.lines[side];
-                        *lines = (lines.0.min(s.source_line), lines.1.max(s.source_line));
+        stretches.sort_unstable_by_key(|s| (s.line, s.pass, s.is_joint, s.from, s.to, s.source_line));
+        for line in stretches.chunk_by(|a, b| a.line == b.line) {
+            let of_passes: Vec<&[Stretch]> = line.chunk_by(|a, b| a.pass == b.pass).collect();
+            if of_passes.len() > 1 {
+                self.on_line(passes, &of_passes, pairs);
+            }
+        }
+    }
+
+    /// Adds what passes have in common on one line.
+    fn on_line(
+        self,
+        passes: &[Pass<'_>],
+        of_passes: &[&[Stretch]],
+        pairs: &mut BTreeMap<[u32; 2], PairSums>,
+    ) {
+        let bits = self.key.spacing_bits();
+        let place = of_passes[0][0].line as usize;
+        let index = [place % BRICK_POINTS, place / BRICK_POINTS];
+        let beside = self.beside(index[0], index[1]);
+        let mut at = [0i64; 3];
+        for (n, a) in self.others().into_iter().enumerate() {
+            let sample = i64::from(self.key.base()[a]) + ((index[n] as i64) << bits);
+            at[a] = (sample << PART_BITS) + ((beside[n] as i64) << (bits + PART_BITS - 8));
+        }
+        let whole = without_joints(of_passes);
+        for (n, one) in whole.iter().enumerate() {
+            for (m, other) in whole.iter().enumerate().skip(n + 1) {
+                for (from, to) in common(one, other) {
+                    let numbers = [n, m].map(|n| passes[of_passes[n][0].pass as usize].number);
+                    let pair = pairs.entry(numbers).or_default();
+                    add_chord(pair, self.axis, (from, to), at, 1i128 << (2 * bits));
+                    for (side, n) in [n, m].into_iter().enumerate() {
+                        let meets = of_passes[n].iter().filter(|s| !s.is_joint && s.from < to && from < s.to);
+                        for s in meets {
+                            let lines = &mut pair.lines[side];
+                            *lines = (lines.0.min(s.source_line), lines.1.max(s.source_line));
+                        }
                     }
                 }
             }
         }
     }
+}
+
+/// The unions of the stretches of passes on a line. What a joint has in common with the pass before counts once.
+fn without_joints(of_passes: &[&[Stretch]]) -> Vec<Vec<(i64, i64)>> {
+    let merged: Vec<Vec<(i64, i64)>> = of_passes.iter().map(|s| merge(s)).collect();
+    let whole = |n: usize| {
+        let joint = of_passes[n].iter().filter(|s| s.is_joint);
+        let joint: Vec<(i64, i64)> = joint.map(|s| (s.from, s.to)).collect();
+        let follows = |before: &usize| of_passes[*before][0].pass + 1 == of_passes[n][0].pass;
+        match n.checked_sub(1).filter(|before| follows(before) && !joint.is_empty()) {
+            Some(before) => without(&merged[n], &common(&joint, &merged[before])),
+            None => merged[n].clone(),
+        }
+    };
+    (0..merged.len()).map(whole).collect()
 }
 
 fn add_chord(pair: &mut PairSums, axis: Axis, (from, to): (i64, i64), at: [i64; 3], area: i128) {
@@ -340,7 +374,7 @@ mod tests {
             let pair = &found.pairs[&[0, 1]];
             let unit = f64::from(STEP).powi(3);
             assert_eq!(pair.samples, found.field_samples << 57);
-            let volume = pair.chords.iter().sum::<i128>() as f64 / 3.0 / f64::from(1u32 << PART_BITS) / unit;
+            let volume = pair.chords.iter().sum::<i128>() as f64 / (3 * LINES) as f64 / f64::from(1u32 << PART_BITS) / unit;
             let exact = 16.0 / 3.0 * half.powi(3);
             assert!((volume / exact - 1.0).abs() < error, "{half}: {volume} {exact}");
             assert_eq!(pair.lines, [(10, 10), (11, 11)]);

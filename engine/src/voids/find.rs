@@ -68,7 +68,7 @@ pub struct Void {
     pub centroid: [f64; 3],
     /// Least and greatest coordinates.
     pub bounds: [[f64; 3]; 2],
-    /// Samples less edges, plus faces, less cells; of 6-connected voids.
+    /// Samples less edges, plus faces, less cells; of 6-connected voids whose leaves match sample by sample.
     pub euler: Option<i64>,
     /// Least distance to another void.
     pub gap: Option<f64>,
@@ -278,7 +278,7 @@ fn void_of_pore(pores: &Pores, pore: &Pore, component: usize) -> Void {
         // Of the cells beside others any part may be the pore's.
         volume_error: pore.border as f64 * cell.powi(3),
         surface: 0.0,
-        inner_diameter: Some(pore.inner(cell)),
+        inner_diameter: pores.inner(pore),
         diameter: (0..3).map(|a| (bounds[1][a] - bounds[0][a]).powi(2)).sum::<f64>().sqrt(),
         centroid: pores.centroid(pore),
         bounds,
@@ -343,7 +343,8 @@ fn void_of(
         diameter: surface.diameter(),
         centroid,
         bounds,
-        euler: (labelling.connectivity == Connectivity::VoidSix).then_some(sums.euler),
+        euler: (labelling.connectivity == Connectivity::VoidSix && !labelling.components[number].uneven)
+            .then_some(sums.euler),
         gap: None,
         edge_distance: None,
         trace: None,

@@ -45,6 +45,8 @@ pub(super) struct Pores {
     root: RootCube,
     first: [usize; 3],
     size: [usize; 3],
+    /// The largest squared clearance that is told.
+    most: u16,
     /// By sample: pore, from 1, or 0.
     of: Vec<u32>,
 }
@@ -53,13 +55,6 @@ impl Pore {
     /// The diameter of the largest ball that can leave, to a cell, in the unit of `cell`.
     pub fn throat(&self, cell: f64) -> f64 {
         2.0 * clearance(self.throat) * cell
-    }
-}
-
-impl Pore {
-    /// The diameter of the largest ball inside, to a cell.
-    pub fn inner(&self, cell: f64) -> f64 {
-        2.0 * clearance(self.peak) * cell
     }
 }
 
@@ -85,6 +80,11 @@ impl Pores {
             index = index * self.size[a] + at;
         }
         (self.of[index] as usize).checked_sub(1)
+    }
+
+    /// The diameter of the largest ball inside a pore, to a cell; `None` if it is wider than clearances were told apart.
+    pub fn inner(&self, pore: &Pore) -> Option<f64> {
+        (pore.peak < self.most).then(|| 2.0 * clearance(pore.peak) * self.cell())
     }
 
     fn world(&self, at: [f64; 3]) -> [f64; 3] {
@@ -132,7 +132,7 @@ pub(super) fn pores(store: &Store, closing: f64, memory: u64, progress: &dyn Pro
     let most = (radius + 0.5).powi(2);
     let (pores, of) = flood(&squared, size, cap, most);
     progress.advance(2);
-    Ok(Pores { pores, level, root, first, size, of })
+    Ok(Pores { pores, level, root, first, size, most: cap * cap, of })
 }
 
 /// The first sample and the number of samples of a level around the part.

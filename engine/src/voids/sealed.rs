@@ -18,9 +18,9 @@ use crate::store::{LeafOrder, Refine, Store, visit};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Levels below the leaves to which disputes are followed.
-const DEEPER: u8 = 2;
+const DEEPER: u8 = 1;
 /// Bricks that are asked again in one round; more stay in dispute.
-const BRICKS_MOST: usize = 40_000;
+const BRICKS_MOST: usize = 8_000;
 /// Rows of samples of a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 /// Stands for a cell that is solid for certain.
@@ -131,7 +131,7 @@ fn by_two(
     // By line, the segments there and where these begin and end, in units from the root's corner.
     let mut lines: Vec<(u32, u32, f64, f64)> = Vec::new();
     for (number, segment) in segments.iter().enumerate() {
-        for_lines(solids, key, segment, axis, |line, (from, to)| {
+        for_lines(solids, key, segment, axis, |_, _| [0.0; 2], |line, (from, to)| {
             lines.push((line as u32, number as u32, from, to));
         });
     }
