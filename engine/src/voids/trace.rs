@@ -247,6 +247,8 @@ pub(super) fn has_sparse_infill<'b>(all: impl Iterator<Item = &'b Around>, trace
 fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
     /// Lines laid at their width stand a little nearer than that; one missing between makes it twice.
     const APART: f64 = 1.25;
+    /// Lines farther apart than this are on two sides of the part, as those of a loop, and not of a line that is missing.
+    const FAR: f64 = 3.5;
     let tables = tracer.tables();
     let mut pairs = Vec::new();
     let entries: Vec<&(u128, BeadSegment)> = around.segments.values().collect();
@@ -257,7 +259,7 @@ fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
             continue;
         }
         let width = tracer.width(one).max(tracer.width(other));
-        if apart(one, other) > APART * width {
+        if (APART * width..FAR * width).contains(&apart(one, other)) {
             pairs.push((one.line, other.line));
         }
     }
