@@ -15,8 +15,8 @@ mod program {
     mod export;
     mod inputs;
     mod kills;
-    mod layers;
     mod large_format;
+    mod layers;
     mod mesh;
     mod open;
     mod orient;

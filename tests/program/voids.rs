@@ -125,7 +125,10 @@ fn a_void_behind_a_throat_is_listed_if_that_is_narrow_enough() {
     assert!((number("throat") - 1.2).abs() <= 0.25, "{row}");
     // Clearances are told apart only as far as is needed.
     assert!(row["inner_diameter"].is_null(), "{row}");
-    assert!((number("volume") - 216.0).abs() <= number("volume_error") && number("volume_error") < 80.0, "{row}");
+    assert!(
+        (number("volume") - 216.0).abs() <= number("volume_error") && number("volume_error") < 80.0,
+        "{row}"
+    );
     assert!((number("x") - 10.1).abs() < 0.6 && (number("y") - 10.1).abs() < 0.3, "{row}");
     let text = std::fs::read_to_string(&out).unwrap();
     for threads in ["1", "3"] {
@@ -141,7 +144,8 @@ fn a_void_behind_a_throat_is_listed_if_that_is_narrow_enough() {
 #[test]
 fn voids_are_written_as_meshes_and_labels() {
     let dir = Scratch::new();
-    let (part, out, mesh, labels) = (dir.path("a.brf"), dir.path("v.json"), dir.path("v.ply"), dir.path("l.npy"));
+    let (part, out, mesh, labels) =
+        (dir.path("a.brf"), dir.path("v.json"), dir.path("v.ply"), dir.path("l.npy"));
     run(&[&"build", &block(&dir), &"-o", &part, &"--depth", &"2", &"-q"]).ok();
     run(&[&"voids", &part, &"-o", &out, &"--mesh", &mesh, &"--labels", &labels, &"-q"]).ok();
     let rows = json(&out)["voids"].clone();
@@ -190,8 +194,13 @@ fn without_a_line(dir: &Scratch) -> (std::path::PathBuf, [usize; 2]) {
     let mut beside = [0; 2];
     for layer in 0..3 {
         let z = 0.5 * f64::from(layer + 1);
-        text.push(format!(";LAYER_CHANGE\n;Z:{z}\n;HEIGHT:0.5\nG1 Z{z} F600\n;TYPE:External perimeter\n;WIDTH:1\nG0 X0 Y0"));
-        text.push("G1 X20 Y0 E1\nG1 X20 Y9.4 E1\nG1 X0 Y9.4 E1\nG1 X0 Y0 E1\n;TYPE:Solid infill\n;WIDTH:1".to_owned());
+        text.push(format!(
+            ";LAYER_CHANGE\n;Z:{z}\n;HEIGHT:0.5\nG1 Z{z} F600\n;TYPE:External perimeter\n;WIDTH:1\nG0 X0 Y0"
+        ));
+        text.push(
+            "G1 X20 Y0 E1\nG1 X20 Y9.4 E1\nG1 X0 Y9.4 E1\nG1 X0 Y0 E1\n;TYPE:Solid infill\n;WIDTH:1"
+                .to_owned(),
+        );
         for line in 0..10 {
             let y = 0.83 + 0.86 * f64::from(line);
             if layer == 1 && line == 4 {
@@ -229,12 +238,10 @@ fn voids_in_bricks_of_mixed_levels_have_no_wrong_euler_number() {
     let dir = Scratch::new();
     let (part, out) = (dir.path("a.brf"), dir.path("v.json"));
     let gap = shapes::cuboid([-4.0, -4.0, -0.05], [4.0, 4.0, 0.05]).rotated([1.0, 0.3, 0.2], 0.3);
-    let cavity = shapes::cuboid([-2.0; 3], [2.0; 3]).rotated([1.0, 2.0, 3.0], 0.7).translated([5.0, 5.0, 15.0]);
-    let pieces = [
-        shapes::cuboid([0.0; 3], [20.0; 3]),
-        gap.translated([10.2, 10.1, 7.3]).flipped(),
-        cavity.flipped(),
-    ];
+    let cavity =
+        shapes::cuboid([-2.0; 3], [2.0; 3]).rotated([1.0, 2.0, 3.0], 0.7).translated([5.0, 5.0, 15.0]);
+    let pieces =
+        [shapes::cuboid([0.0; 3], [20.0; 3]), gap.translated([10.2, 10.1, 7.3]).flipped(), cavity.flipped()];
     let model = written(dir.path("a.stl"), &pieces);
     let built = run(&[&"build", &model, &"-o", &part, &"--depth", &"1", &"--thin", &"4", &"-q"]);
     assert_eq!(built.status, Some(0), "{}", built.stderr);

@@ -59,7 +59,8 @@ impl Table<'_> {
     /// One object a row.
     pub fn objects(&self) -> Value {
         let names = || self.columns.iter().map(|c| (*c).to_owned());
-        let object = |row: &Vec<Value>| Value::Object(names().zip(row.iter().cloned()).collect::<Map<_, _>>());
+        let object =
+            |row: &Vec<Value>| Value::Object(names().zip(row.iter().cloned()).collect::<Map<_, _>>());
         self.rows.iter().map(object).collect()
     }
 

@@ -24,7 +24,8 @@ const COLUMNS: [&str; 10] = ["id", "x", "y", "z", "xmin", "ymin", "zmin", "xmax"
 /// If it cannot be read, or is no table of voids.
 pub fn read(path: &Path) -> Result<Vec<VoidPlace>, Failure> {
     let name = in_line(path);
-    let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot read the table of voids"))?;
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("{name}: cannot read the table of voids"))?;
     let is_json = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
     let rows = if is_json { of_json(&text) } else { of_csv(&text) };
     let wrong = |what: String| anyhow!("{name}: {what}; give a table that `brickfield voids` wrote").into();
@@ -42,7 +43,9 @@ fn of_json(text: &str) -> Result<Vec<VoidPlace>, String> {
     let row = |(number, row): (usize, &Value)| {
         let mut values = [0.0; COLUMNS.len()];
         for (value, column) in values.iter_mut().zip(COLUMNS) {
-            *value = row[column].as_f64().ok_or(format!("void {} of the list has no number `{column}`", number + 1))?;
+            *value = row[column]
+                .as_f64()
+                .ok_or(format!("void {} of the list has no number `{column}`", number + 1))?;
         }
         Ok(place(values))
     };
@@ -54,13 +57,15 @@ fn of_csv(text: &str) -> Result<Vec<VoidPlace>, String> {
     let header = cells(lines.next().ok_or("it is empty")?.1);
     let mut columns = [0; COLUMNS.len()];
     for (place, column) in columns.iter_mut().zip(COLUMNS) {
-        *place = header.iter().position(|name| name == column).ok_or(format!("it has no column `{column}`"))?;
+        *place =
+            header.iter().position(|name| name == column).ok_or(format!("it has no column `{column}`"))?;
     }
     let row = |line: &str| {
         let cells = cells(line);
         let mut values = [0.0; COLUMNS.len()];
         for (value, (column, name)) in values.iter_mut().zip(columns.iter().zip(COLUMNS)) {
-            let number = cells.get(*column).and_then(|cell| cell.parse::<f64>().ok()).filter(|v| v.is_finite());
+            let number =
+                cells.get(*column).and_then(|cell| cell.parse::<f64>().ok()).filter(|v| v.is_finite());
             *value = number.ok_or(format!("`{name}` is no number"))?;
         }
         Ok(place(values))
@@ -92,9 +97,11 @@ mod tests {
     #[test]
     fn tables_are_read_or_refused_in_a_line() {
         let csv = "id,class,x,y,z,xmin,ymin,zmin,xmax,ymax,zmax\n1,\"a,b\",1,2,3,0,1,2,2,3,4\n";
-        let expected = VoidPlace { id: 1, centre: [1.0, 2.0, 3.0], low: [0.0, 1.0, 2.0], high: [2.0, 3.0, 4.0] };
+        let expected =
+            VoidPlace { id: 1, centre: [1.0, 2.0, 3.0], low: [0.0, 1.0, 2.0], high: [2.0, 3.0, 4.0] };
         assert_eq!(of_csv(csv), Ok(vec![expected]));
-        let json = r#"{"voids":[{"id":1,"x":1,"y":2,"z":3,"xmin":0,"ymin":1,"zmin":2,"xmax":2,"ymax":3,"zmax":4}]}"#;
+        let json =
+            r#"{"voids":[{"id":1,"x":1,"y":2,"z":3,"xmin":0,"ymin":1,"zmin":2,"xmax":2,"ymax":3,"zmax":4}]}"#;
         assert_eq!(of_json(json), Ok(vec![expected]));
         assert!(of_csv("a,b\n1,2\n").unwrap_err().contains("column `id`"));
         assert!(of_csv("id,x,y,z,xmin,ymin,zmin,xmax,ymax,zmax\n1,2\n").unwrap_err().contains("line 2"));

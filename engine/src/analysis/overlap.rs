@@ -87,11 +87,13 @@ pub fn overlaps(store: &Store, progress: &dyn Progress) -> Result<Overlaps> {
         }
         Ok(())
     })?;
-    let pair_samples = pairs.values().map(|sums| sums.samples).sum::<u128>() >> (3 * (19 - u32::from(MAX_LEVEL)));
+    let pair_samples =
+        pairs.values().map(|sums| sums.samples).sum::<u128>() >> (3 * (19 - u32::from(MAX_LEVEL)));
     let root = store.root();
     let cell = root.spacing(store.meta().depth).powi(3);
     let is_real = |pair: &PairOverlap| pair.sampled > 0.0 || pair.volume > TOUCHING * cell;
-    let pairs = pairs.into_iter().map(|(numbers, sums)| pair(numbers, &sums, root, cell)).filter(is_real).collect();
+    let pairs =
+        pairs.into_iter().map(|(numbers, sums)| pair(numbers, &sums, root, cell)).filter(is_real).collect();
     Ok(Overlaps { pairs, pair_samples, field_samples, unexplained })
 }
 

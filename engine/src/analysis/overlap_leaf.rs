@@ -83,7 +83,9 @@ pub(super) fn of_leaf(
         let number = segments[0].pass;
         let before = passes.last().filter(|before| follows(number) && before.number + 1 == number);
         let meets = |before: &Pass<'_>| before.segments.iter().any(|s| s.b == segments[0].a);
-        let joint = before.filter(|before| meets(before)).map(|_| Segment { b: segments[0].a, ..segment(&segments[0]) });
+        let joint = before
+            .filter(|before| meets(before))
+            .map(|_| Segment { b: segments[0].a, ..segment(&segments[0]) });
         passes.push(Pass { number, segments, joint, rows: rows(leaf.key, solids, segments) });
     }
     let mut found = Found::default();
@@ -209,8 +211,9 @@ impl Lines {
             let mut put = |s: &Segment, is_joint: bool, source_line: u64| {
                 for_lines(solids, key, s, axis, beside, |line, ends| {
                     // The root's first sample stands at (1, 1, 1).
-                    let part =
-                        |c: f64| (((c - 1.0) * f64::from(1u32 << PART_BITS)).round() as i64).clamp(first, last);
+                    let part = |c: f64| {
+                        (((c - 1.0) * f64::from(1u32 << PART_BITS)).round() as i64).clamp(first, last)
+                    };
                     let (from, to) = (part(ends.0), part(ends.1));
                     let is_own = line % BRICK_POINTS < BRICK_CELLS && line / BRICK_POINTS < BRICK_CELLS;
                     if from < to && is_own {
@@ -286,7 +289,8 @@ fn add_chord(pair: &mut PairSums, axis: Axis, (from, to): (i64, i64), at: [i64; 
     let length = i128::from(to - from);
     pair.chords[axis.index()] += length * area;
     for b in 0..3 {
-        let doubled = if b == axis.index() { i128::from(from) + i128::from(to) } else { 2 * i128::from(at[b]) };
+        let doubled =
+            if b == axis.index() { i128::from(from) + i128::from(to) } else { 2 * i128::from(at[b]) };
         pair.moments[b] += length * doubled * area;
     }
 }
@@ -374,7 +378,10 @@ mod tests {
             let pair = &found.pairs[&[0, 1]];
             let unit = f64::from(STEP).powi(3);
             assert_eq!(pair.samples, found.field_samples << 57);
-            let volume = pair.chords.iter().sum::<i128>() as f64 / (3 * LINES) as f64 / f64::from(1u32 << PART_BITS) / unit;
+            let volume = pair.chords.iter().sum::<i128>() as f64
+                / (3 * LINES) as f64
+                / f64::from(1u32 << PART_BITS)
+                / unit;
             let exact = 16.0 / 3.0 * half.powi(3);
             assert!((volume / exact - 1.0).abs() < error, "{half}: {volume} {exact}");
             assert_eq!(pair.lines, [(10, 10), (11, 11)]);

@@ -490,11 +490,15 @@ pub(super) fn place_by(
     if let Resolution::Like(root, depth) = resolution {
         // Samples on the root's own faces must lie outside the input.
         let cell = root.spacing(depth);
-        let fits = |a: usize| min[a] >= root.origin[a] + cell && max[a] + 2.0 * cell <= root.origin[a] + root.edge;
+        let fits =
+            |a: usize| min[a] >= root.origin[a] + cell && max[a] + 2.0 * cell <= root.origin[a] + root.edge;
         if !(0..3).all(fits) {
             let far = root.origin.map(|c| c + root.edge);
             return Err(Error::setting(
-                format!("the input spans {min:?} to {max:?}, and the lattice of --like {:?} to {far:?}", root.origin),
+                format!(
+                    "the input spans {min:?} to {max:?}, and the lattice of --like {:?} to {far:?}",
+                    root.origin
+                ),
                 "build the larger part first, and the other one like it",
             ));
         }

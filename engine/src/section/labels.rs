@@ -71,7 +71,8 @@ mod tests {
     #[test]
     fn words_stand_in_the_picture_and_cover_no_others() {
         let label = |x: f64, y: f64, text: &str| SectionLabel { at: [x, y], text: text.to_owned() };
-        let labels = [label(20.0, 15.0, "7"), label(24.0, 16.0, "8"), label(1.0, 1.0, "9"), label(-5.0, 3.0, "1")];
+        let labels =
+            [label(20.0, 15.0, "7"), label(24.0, 16.0, "8"), label(1.0, 1.0, "9"), label(-5.0, 3.0, "1")];
         let found = marks(&labels, [60, 40], |at| at);
         assert_eq!(found.len(), 2);
         assert_eq!(found[1].at, [0, 0]);

@@ -97,7 +97,9 @@ mod tests {
 
     #[test]
     fn features_of_all_slicers_have_their_roles() {
-        for name in ["External perimeter", "WALL-OUTER", "Outer wall", "outer_perimeter", "Overhang perimeter"] {
+        for name in
+            ["External perimeter", "WALL-OUTER", "Outer wall", "outer_perimeter", "Overhang perimeter"]
+        {
             assert!(role(name) == Role::OuterWall, "{name}");
         }
         for name in ["Internal infill", "FILL", "Sparse infill", "Sparse Infill Path", "infill"] {

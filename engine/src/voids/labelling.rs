@@ -221,7 +221,8 @@ impl<'a> Joiner<'a> {
             let coarse = if is_finer { there } else { own };
             let is_plain = |solid: bool| coarse.uniform && coarse.solid[0] == solid;
             let labels = |first: u32, face: &FaceLabels, solid: &[bool]| -> Vec<u32> {
-                let uneven = labels_of(face).into_iter().filter(|label| !is_plain(solid[usize::from(*label)]));
+                let uneven =
+                    labels_of(face).into_iter().filter(|label| !is_plain(solid[usize::from(*label)]));
                 uneven.map(|label| first + u32::from(label)).collect()
             };
             let mut uneven = labels(mine, own_face, &own.solid);

@@ -158,7 +158,8 @@ fn solid_at(store: &Store, level: u8, first: [usize; 3], size: [usize; 3]) -> Re
                     let brick = [bx, by, bz];
                     let Some(key) = NodeKey::new(level, brick.map(|b| b as u32)) else { continue };
                     let Some(held) = Held::of(store, key)? else { continue };
-                    let low = [0, 1, 2].map(|a| (brick[a] * BRICK_CELLS).max(if a == 2 { zs.start } else { first[a] }));
+                    let low = [0, 1, 2]
+                        .map(|a| (brick[a] * BRICK_CELLS).max(if a == 2 { zs.start } else { first[a] }));
                     let ends = [first[0] + size[0], first[1] + size[1], zs.end];
                     let high = [0, 1, 2].map(|a| ((brick[a] + 1) * BRICK_CELLS).min(ends[a]));
                     for (y, z) in (low[2]..high[2]).flat_map(|z| (low[1]..high[1]).map(move |y| (y, z))) {
@@ -272,8 +273,8 @@ impl Basins {
             (a_is_out, _) => {
                 let (out, basin) = if a_is_out { (a, b) } else { (b, a) };
                 // Without a place that is wider by a cell than where it opens it is no pore but a part of what it opens to.
-                let is_pore = f64::from(at) < most
-                    && clearance(self.0[basin as usize].peak) >= clearance(at) + 1.0;
+                let is_pore =
+                    f64::from(at) < most && clearance(self.0[basin as usize].peak) >= clearance(at) + 1.0;
                 if is_pore {
                     self.0[basin as usize].throat = Some(at);
                 } else {
@@ -304,7 +305,9 @@ fn flood(squared: &[u16], size: [usize; 3], cap: u16, most: f64) -> (Vec<Pore>, 
         let at = place(index);
         let mut own = (0..3).any(|a| at[a] == 0 || at[a] + 1 == size[a]).then_some(OUTSIDE);
         for a in 0..3 {
-            for other in [(at[a] > 0).then(|| index - steps[a]), (at[a] + 1 < size[a]).then(|| index + steps[a])] {
+            for other in
+                [(at[a] > 0).then(|| index - steps[a]), (at[a] + 1 < size[a]).then(|| index + steps[a])]
+            {
                 let Some(other) = other.filter(|&other| of[other] != UNSET) else { continue };
                 match own {
                     Some(own) => basins.meet(own, of[other], squared[index], most),
@@ -369,7 +372,8 @@ mod tests {
         let is_solid = |n: usize| {
             let at = [n % 44, n / 44 % 44, n / 44 / 44];
             let is_box = at.iter().all(|c| (15..25).contains(c));
-            let is_channel = at[0] >= 20 && (18..18 + width).contains(&at[1]) && (18..18 + width).contains(&at[2]);
+            let is_channel =
+                at[0] >= 20 && (18..18 + width).contains(&at[1]) && (18..18 + width).contains(&at[2]);
             at.iter().all(|c| (2..42).contains(c)) && !is_box && !is_channel
         };
         ((0..44usize.pow(3)).map(|n| if is_solid(n) { 0 } else { u16::MAX }).collect(), size)
@@ -377,7 +381,9 @@ mod tests {
 
     #[test]
     fn a_box_with_a_channel_is_a_pore_if_the_ball_is_wider_than_the_channel() {
-        for (width, radius, is_pore) in [(1, 2.0, true), (3, 3.0, true), (3, 1.2, false), (5, 4.0, true), (5, 2.2, false)] {
+        for (width, radius, is_pore) in
+            [(1, 2.0, true), (3, 3.0, true), (3, 1.2, false), (5, 4.0, true), (5, 2.2, false)]
+        {
             let (mut squared, size) = grid(width);
             distances(&mut squared, size, 6);
             let (pores, of) = flood(&squared, size, 6, (radius + 0.5f64).powi(2));

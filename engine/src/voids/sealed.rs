@@ -43,7 +43,12 @@ impl Cells {
     /// All cells of a node are one group, to which the components belong that are void.
     fn whole(components: impl Iterator<Item = u16>, hides: bool) -> Cells {
         let face = || [vec![0], vec![0]];
-        Cells { groups: 1, faces: [face(), face(), face()], components: components.map(|c| (c, 0)).collect(), hides }
+        Cells {
+            groups: 1,
+            faces: [face(), face(), face()],
+            components: components.map(|c| (c, 0)).collect(),
+            hides,
+        }
     }
 
     /// The group of a cell on a face.
@@ -131,9 +136,16 @@ fn by_two(
     // By line, the segments there and where these begin and end, in units from the root's corner.
     let mut lines: Vec<(u32, u32, f64, f64)> = Vec::new();
     for (number, segment) in segments.iter().enumerate() {
-        for_lines(solids, key, segment, axis, |_, _| [0.0; 2], |line, (from, to)| {
-            lines.push((line as u32, number as u32, from, to));
-        });
+        for_lines(
+            solids,
+            key,
+            segment,
+            axis,
+            |_, _| [0.0; 2],
+            |line, (from, to)| {
+                lines.push((line as u32, number as u32, from, to));
+            },
+        );
     }
     lines.sort_unstable_by_key(|&(line, number, ..)| (line, number));
     let mut starts = vec![0usize; ROWS + 1];
@@ -146,7 +158,10 @@ fn by_two(
     for k in 0..BRICK_CELLS {
         for j in 0..BRICK_CELLS {
             let row = k * BRICK_POINTS + j;
-            let all = samples[row] & samples[row + 1] & samples[row + BRICK_POINTS] & samples[row + BRICK_POINTS + 1];
+            let all = samples[row]
+                & samples[row + 1]
+                & samples[row + BRICK_POINTS]
+                & samples[row + BRICK_POINTS + 1];
             let mut open = all & all >> 1 & !solid[row] & ((1 << BRICK_CELLS) - 1);
             while open != 0 {
                 let i = open.trailing_zeros() as usize;
@@ -270,9 +285,8 @@ pub(super) fn sealed(
         Refine::Hidden | Refine::Surface => meta.depth,
     };
     let judge = Judge { store, labelling, tracer, limit };
-    let voids: Vec<usize> = (0..labelling.components.len())
-        .filter(|&c| is_void(c) && !labelling.components[c].solid)
-        .collect();
+    let voids: Vec<usize> =
+        (0..labelling.components.len()).filter(|&c| is_void(c) && !labelling.components[c].solid).collect();
     let mut keys: Vec<NodeKey> = labelling.order.keys().to_vec();
     for round in 0..=DEEPER {
         let order = LeafOrder::of(std::mem::take(&mut keys))?;
@@ -293,7 +307,11 @@ pub(super) fn sealed(
 
 /// Connects what is not solid for certain. Also gives the nodes through which the outside may reach farther than samples
 /// tell.
-fn connect(judge: &Judge<'_>, order: &LeafOrder, progress: &dyn Progress) -> Result<(Sets, BTreeSet<NodeKey>)> {
+fn connect(
+    judge: &Judge<'_>,
+    order: &LeafOrder,
+    progress: &dyn Progress,
+) -> Result<(Sets, BTreeSet<NodeKey>)> {
     let labelling = judge.labelling;
     let count = labelling.components.len() as u32 + 1;
     let mut sets = Sets((0..count).collect());

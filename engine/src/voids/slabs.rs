@@ -179,7 +179,8 @@ fn chords(
             while rest != 0 {
                 let i = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                let offset = edges.as_mut().and_then(Iterator::next).map_or(1 << (STEP_BITS - 1), |e| e.offset);
+                let offset =
+                    edges.as_mut().and_then(Iterator::next).map_or(1 << (STEP_BITS - 1), |e| e.offset);
                 if i < BRICK_CELLS && j < BRICK_CELLS {
                     let crossing = ends[0] + (i64::from(offset) << shift);
                     let [below, above] = [k, k + 1].map(|k| classes[usize::from(components.at([i, j, k]))]);
@@ -249,7 +250,8 @@ mod tests {
             signs.for_edges(axis, |_| edges.push(HermiteEdge { offset: 1 << 14, normal: OctNormal(0) }));
             edges
         });
-        let mut tree = MemoryTree::new(RootCube { origin: [0.0, 0.0, -1.0 / f64::from(1 << 19)], edge: 32.0 });
+        let mut tree =
+            MemoryTree::new(RootCube { origin: [0.0, 0.0, -1.0 / f64::from(1 << 19)], edge: 32.0 });
         tree.insert(NodeKey::ROOT, true, Brick::Counts { samples, hermite: Hermite { edges } });
         tree
     }

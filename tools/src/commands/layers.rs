@@ -87,7 +87,10 @@ pub fn run(args: &LayersArgs) -> Result<(), Failure> {
         let unit = unit_of(store.meta());
         let name = in_line(output);
         let volume: f64 = rows.iter().map(|row| row.slab.solid).sum();
-        print(&format!("{name}: {} layers, {volume:.6} {unit}³ of union, porosity {porosity:.4} %", rows.len()))?;
+        print(&format!(
+            "{name}: {} layers, {volume:.6} {unit}³ of union, porosity {porosity:.4} %",
+            rows.len()
+        ))?;
     }
     Ok(())
 }
@@ -125,7 +128,10 @@ fn fed(args: &LayersArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<f64>>
     };
     let missing = |why: &str| {
         if !args.work.quiet {
-            note(&format!("{}: {why}, so fed_volume is empty; say where it is with --toolpath", in_line(&path)));
+            note(&format!(
+                "{}: {why}, so fed_volume is empty; say where it is with --toolpath",
+                in_line(&path)
+            ));
         }
         Ok(None)
     };
@@ -133,7 +139,8 @@ fn fed(args: &LayersArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<f64>>
         return missing("the toolpath is not there any more");
     }
     let outputs: Vec<_> = args.output.iter().map(PathBuf::as_path).collect();
-    let inputs = open_inputs(std::slice::from_ref(&path), &outputs, &args.toolpath.options(args.units)?, bars);
+    let inputs =
+        open_inputs(std::slice::from_ref(&path), &outputs, &args.toolpath.options(args.units)?, bars);
     let toolpath = match inputs.as_deref() {
         Ok([input]) => match toolpath(input, store) {
             Err(_) if args.toolpath_file.is_none() => return missing("the toolpath has been changed"),
@@ -156,7 +163,8 @@ fn fed(args: &LayersArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<f64>>
     let all: f64 = layers.iter().map(|(_, fed)| fed).sum();
     let count = store.meta().volumes.as_ref().map_or(0, |volumes| volumes.layers.len());
     if layers.len() != count || (all - known).abs() > 1e-6 * known.abs() {
-        let what = "the toolpath was read with other options than the store was built with, so fed_volume is empty";
+        let what =
+            "the toolpath was read with other options than the store was built with, so fed_volume is empty";
         note(&format!("{}: {what}; give those options", in_line(&path)));
         return Ok(None);
     }

@@ -85,7 +85,11 @@ pub fn run(args: &OverlapArgs) -> Result<(), Failure> {
     if let (false, false, Some(output)) = (args.json, args.work.quiet, &args.output) {
         let volume: f64 = found.pairs.iter().map(|pair| pair.volume).sum();
         let (name, unit) = (in_line(output), unit_of(store.meta()));
-        print(&format!("{name}: {} rows; {} pairs, {volume:.6} {unit}³", table.rows.len(), found.pairs.len()))?;
+        print(&format!(
+            "{name}: {} rows; {} pairs, {volume:.6} {unit}³",
+            table.rows.len(),
+            found.pairs.len()
+        ))?;
     }
     Ok(())
 }
@@ -117,7 +121,8 @@ fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlap
         let of_pair = |value: Value| if is_pair { value } else { Value::Null };
         let span = |side: usize| {
             let lines = if tables.count() == Count::Beads { rows[side].lines } else { pair.lines[side] };
-            let text = if lines.0 == lines.1 { format!("{}", lines.0) } else { format!("{}-{}", lines.0, lines.1) };
+            let text =
+                if lines.0 == lines.1 { format!("{}", lines.0) } else { format!("{}-{}", lines.0, lines.1) };
             of_pair(if lines.0 > lines.1 { Value::Null } else { json!(text) })
         };
         let layer = |side: usize| match args.by {

@@ -13,8 +13,8 @@ use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::section::{
-    Contour, ContourLimits, Drawing, Plane, SectionLabel, SectionPicture, SectionSummary, contour, plain, straighten,
-    write_drawing, write_picture,
+    Contour, ContourLimits, Drawing, Plane, SectionLabel, SectionPicture, SectionSummary, contour, plain,
+    straighten, write_drawing, write_picture,
 };
 use brickfield_engine::store::{Accept, BrickTree, Store};
 use serde_json::{Value, json};

@@ -79,9 +79,17 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         VoidConnectivityArg::Six => Connectivity::VoidSix,
         VoidConnectivityArg::TwentySix => Connectivity::VoidTwentySix,
     };
-    let closing = args.closing.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
+    let closing =
+        args.closing.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
     let outputs = VoidOutputs::create(args, &store)?;
-    let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: args.memory.0, cad: cad.as_ref(), closing, meshes: args.mesh.is_some() };
+    let options = VoidOptions {
+        connectivity,
+        min_volume: args.min_volume,
+        memory: args.memory.0,
+        cad: cad.as_ref(),
+        closing,
+        meshes: args.mesh.is_some(),
+    };
     let found = find(&store, &options, &bars)?;
     let table = table(&found, cell_of(&store));
     let document = document(&store, &found, &table);
@@ -178,7 +186,11 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     let length = |value: f64| to_place(value, cell / 100.0);
     let known = |value: Option<f64>| value.map_or(Value::Null, length);
     let ratio = |value: Option<f64>| value.map_or(Value::Null, |value| to_place(value, 1e-3));
-    let mut cells = vec![json!(void.id), json!(void.class.map(Class::name)), to_place(void.volume, void.volume_error / 10.0)];
+    let mut cells = vec![
+        json!(void.id),
+        json!(void.class.map(Class::name)),
+        to_place(void.volume, void.volume_error / 10.0),
+    ];
     cells.push(to_place(void.surface, void.surface / 1e3));
     cells.extend([length(void.equivalent_diameter()), known(void.inner_diameter), length(void.diameter)]);
     cells.extend([ratio(void.sphericity()), ratio(void.compactness())]);
