@@ -489,11 +489,10 @@ pub(super) fn place_by(
     }
     if let Resolution::Like(root, depth) = resolution {
         // Samples on the root's own faces must lie outside the input.
-        let cell = root.spacing(depth);
-        let fits =
-            |a: usize| min[a] >= root.origin[a] + cell && max[a] + 2.0 * cell <= root.origin[a] + root.edge;
+        let margin = root.spacing(depth) / 4.0;
+        let far = root.origin.map(|c| c + root.edge);
+        let fits = |a: usize| min[a] >= root.origin[a] + margin && max[a] <= far[a] - margin;
         if !(0..3).all(fits) {
-            let far = root.origin.map(|c| c + root.edge);
             return Err(Error::setting(
                 format!(
                     "the input spans {min:?} to {max:?}, and the lattice of --like {:?} to {far:?}",
