@@ -17,6 +17,7 @@ mod program {
     mod inputs;
     mod kills;
     mod large_format;
+    mod layers;
     mod mesh;
     mod open;
     mod orient;

@@ -68,3 +68,191 @@ fn a_part_without_voids_is_an_empty_table() {
         run(&[&"voids", &part, &"-o", &out, &option, &value]).misused();
     }
 }
+
+fn json(path: &std::path::Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// Writes meshes to one file.
+fn written(path: std::path::PathBuf, pieces: &[Mesh]) -> std::path::PathBuf {
+    let mut bytes = Vec::new();
+    write::stl(&mut bytes, &Mesh::merged(pieces)).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+#[test]
+fn voids_that_the_cad_part_has_are_pockets() {
+    let dir = Scratch::new();
+    let (part, cad, out) = (dir.path("a.brf"), dir.path("cad.brf"), dir.path("v.json"));
+    run(&[&"build", &block(&dir), &"-o", &part, &"--depth", &"2", &"-q"]).ok();
+    let large = shapes::cuboid([-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]).rotated([0.3, -1.0, 0.5], 0.4);
+    let pieces = [shapes::cuboid([0.0; 3], [20.0; 3]), large.translated([13.3, 12.7, 11.9]).flipped()];
+    let model = written(dir.path("cad.stl"), &pieces);
+    run(&[&"build", &model, &"-o", &cad, &"--like", &part, &"-q"]).ok();
+    run(&[&"voids", &part, &"-o", &out, &"--cad", &cad, &"-q"]).ok();
+    let rows = json(&out)["voids"].clone();
+    let told = |row: usize| (rows[row]["class"].as_str(), rows[row]["cad_share"].as_f64());
+    assert_eq!((told(0), told(1)), ((Some("pocket"), Some(0.0)), (Some("flaw"), Some(1.0))));
+    // On a lattice of its own.
+    run(&[&"build", &model, &"-o", &cad, &"--cell", &"0.31", &"-q"]).ok();
+    let refused = run(&[&"voids", &part, &"-o", &out, &"--cad", &cad, &"-q"]).failed();
+    assert!(refused.contains("--like"), "{refused}");
+    let moved = written(dir.path("far.stl"), &[shapes::cuboid([5.0; 3], [40.0; 3])]);
+    let refused = run(&[&"build", &moved, &"-o", &cad, &"--like", &part, &"-q", &"--restart"]).failed();
+    assert!(refused.contains("--like"), "{refused}");
+}
+
+#[test]
+fn a_void_behind_a_throat_is_listed_if_that_is_narrow_enough() {
+    let dir = Scratch::new();
+    let cavity = shapes::cuboid([7.1; 3], [13.1; 3]);
+    let channel = shapes::cuboid([12.0, 9.6, 9.6], [21.0, 10.8, 10.8]);
+    let pieces = [shapes::cuboid([0.0; 3], [20.0; 3]), cavity.flipped(), channel.flipped()];
+    let (part, out) = (dir.path("a.brf"), dir.path("v.json"));
+    let model = written(dir.path("a.stl"), &pieces);
+    run(&[&"build", &model, &"-o", &part, &"--cell", &"0.25", &"-q"]).ok_but_for("inside out");
+    run(&[&"voids", &part, &"-o", &out, &"-q"]).ok();
+    assert_eq!(json(&out)["count"], 0);
+    run(&[&"voids", &part, &"-o", &out, &"--closing", &"1", &"-q"]).ok();
+    assert_eq!(json(&out)["count"], 0);
+    run(&[&"voids", &part, &"-o", &out, &"--closing", &"2", &"-q", &"--threads", &"2"]).ok();
+    let found = json(&out);
+    assert_eq!(found["count"], 1);
+    let row = &found["voids"][0];
+    let number = |name: &str| row[name].as_f64().unwrap();
+    assert_eq!(row["sealed"], "no");
+    assert!((number("throat") - 1.2).abs() <= 0.25, "{row}");
+    // Clearances are told apart only as far as is needed.
+    assert!(row["inner_diameter"].is_null(), "{row}");
+    assert!(
+        (number("volume") - 216.0).abs() <= number("volume_error") && number("volume_error") < 80.0,
+        "{row}"
+    );
+    assert!((number("x") - 10.1).abs() < 0.6 && (number("y") - 10.1).abs() < 0.3, "{row}");
+    let text = std::fs::read_to_string(&out).unwrap();
+    for threads in ["1", "3"] {
+        run(&[&"voids", &part, &"-o", &out, &"--closing", &"2", &"-q", &"--threads", &threads]).ok();
+        assert_eq!(std::fs::read_to_string(&out).unwrap(), text);
+    }
+    // With little memory the grid is coarser.
+    let little = [&"voids" as &dyn AsRef<std::ffi::OsStr>, &part, &"-o", &out, &"--closing", &"2", &"-q"];
+    run(&[&little[..], &[&"--memory", &"2MiB"]].concat()).ok();
+    assert!(json(&out)["throat_cell"].as_f64() > found["throat_cell"].as_f64());
+}
+
+#[test]
+fn voids_are_written_as_meshes_and_labels() {
+    let dir = Scratch::new();
+    let (part, out, mesh, labels) =
+        (dir.path("a.brf"), dir.path("v.json"), dir.path("v.ply"), dir.path("l.npy"));
+    run(&[&"build", &block(&dir), &"-o", &part, &"--depth", &"2", &"-q"]).ok();
+    run(&[&"voids", &part, &"-o", &out, &"--mesh", &mesh, &"--labels", &labels, &"-q"]).ok();
+    let rows = json(&out)["voids"].clone();
+    run(&[&"mesh", &mesh, &"--check", &"-q"]).ok();
+    let bytes = std::fs::read(&labels).unwrap();
+    let data = &bytes[bytes.len() - 4 * 128usize.pow(3)..];
+    let mut counts = [0usize; 3];
+    let word = |b: &[u8; 4]| u32::from_le_bytes(*b) as usize;
+    data.as_chunks::<4>().0.iter().for_each(|bytes| counts[word(bytes)] += 1);
+    let spacing = json(&dir.path("l.json"))["spacing"].as_f64().unwrap();
+    for row in 0..2 {
+        let counted = counts[row + 1] as f64 * spacing.powi(3);
+        let volume = rows[row]["volume"].as_f64().unwrap();
+        assert!((counted / volume - 1.0).abs() < 0.02, "{counted} {volume}");
+    }
+    let elongation = rows[0]["elongation"].as_f64().unwrap();
+    assert!(elongation > 1.8 && elongation < 3.0, "{elongation}");
+    let cube = rows[1]["elongation"].as_f64().unwrap();
+    assert!((cube - 1.0).abs() < 0.02, "{cube}");
+    let obj = dir.path("v.obj");
+    run(&[&"voids", &part, &"-o", &out, &"--mesh", &obj, &"-q"]).ok();
+    let text = std::fs::read_to_string(&obj).unwrap();
+    assert_eq!(text.lines().filter(|line| line.starts_with("g void_")).count(), 2);
+    run(&[&"voids", &part, &"-o", &out, &"--mesh", &dir.path("v.stl")]).misused();
+    run(&[&"voids", &part, &"-o", &out, &"--labels", &dir.path("v.csv")]).misused();
+    let bad = run(&[&"voids", &part, &"-o", &out, &"--mesh", &dir.path("no/v.ply"), &"-q"]).failed();
+    assert!(bad.contains("check the path"), "{bad}");
+}
+
+#[test]
+fn walls_of_undivided_bricks_seal_for_certain() {
+    let dir = Scratch::new();
+    let (part, out) = (dir.path("a.brf"), dir.path("v.json"));
+    let cavity = shapes::cuboid([8.6; 3], [11.4; 3]).flipped();
+    let model = written(dir.path("a.stl"), &[shapes::cuboid([0.0; 3], [20.0; 3]), cavity]);
+    for (depth, sealed) in [("1", "to_cell"), ("4", "certain")] {
+        run(&[&"build", &model, &"-o", &part, &"--depth", &depth, &"-q"]).ok();
+        run(&[&"voids", &part, &"-o", &out, &"-q"]).ok();
+        assert_eq!(json(&out)["voids"][0]["sealed"], sealed, "{depth}");
+    }
+}
+
+/// Three layers of lines within a loop; one line of the middle layer is missing. Also the numbers of the lines beside it.
+fn without_a_line(dir: &Scratch) -> (std::path::PathBuf, [usize; 2]) {
+    let mut text = vec!["; generated by PrusaSlicer".to_owned(), "G21\nG90\nM83".to_owned()];
+    let mut beside = [0; 2];
+    for layer in 0..3 {
+        let z = 0.5 * f64::from(layer + 1);
+        text.push(format!(
+            ";LAYER_CHANGE\n;Z:{z}\n;HEIGHT:0.5\nG1 Z{z} F600\n;TYPE:External perimeter\n;WIDTH:1\nG0 X0 Y0"
+        ));
+        text.push(
+            "G1 X20 Y0 E1\nG1 X20 Y9.4 E1\nG1 X0 Y9.4 E1\nG1 X0 Y0 E1\n;TYPE:Solid infill\n;WIDTH:1"
+                .to_owned(),
+        );
+        for line in 0..10 {
+            let y = 0.83 + 0.86 * f64::from(line);
+            if layer == 1 && line == 4 {
+                continue;
+            }
+            text.push(format!("G0 X0.6 Y{y:.3}"));
+            text.push(format!("G1 X19.4 Y{y:.3} E1"));
+            if layer == 1 && (line == 3 || line == 5) {
+                beside[usize::from(line == 5)] = text.join("\n").lines().count();
+            }
+        }
+    }
+    (dir.file("lines.gcode", text.join("\n") + "\n"), beside)
+}
+
+#[test]
+fn the_lines_beside_a_missing_one_are_named_first() {
+    let dir = Scratch::new();
+    let (part, out) = (dir.path("a.brf"), dir.path("v.json"));
+    let (gcode, beside) = without_a_line(&dir);
+    let build = run(&[&"build", &gcode, &"-o", &part, &"--identity", &"--cell", &"0.1", &"-q"]);
+    assert_eq!(build.status, Some(0), "{}", build.stderr);
+    run(&[&"voids", &part, &"-o", &out, &"--lines", &"-q"]).ok();
+    let found = json(&out);
+    let row = &found["voids"][0];
+    assert_eq!(row["missing_between"], format!("{}-{}", beside[0], beside[1]), "{row}");
+    let lines: Vec<&str> = row["lines"].as_str().unwrap().split(';').collect();
+    let expected = beside.map(|line| line.to_string());
+    assert!(lines[..2].iter().all(|line| expected.contains(&(*line).to_owned())), "{row}");
+    assert_eq!(row["class"], "flaw", "{row}");
+}
+
+#[test]
+fn voids_in_bricks_of_mixed_levels_have_no_wrong_euler_number() {
+    let dir = Scratch::new();
+    let (part, out) = (dir.path("a.brf"), dir.path("v.json"));
+    let gap = shapes::cuboid([-4.0, -4.0, -0.05], [4.0, 4.0, 0.05]).rotated([1.0, 0.3, 0.2], 0.3);
+    let cavity =
+        shapes::cuboid([-2.0; 3], [2.0; 3]).rotated([1.0, 2.0, 3.0], 0.7).translated([5.0, 5.0, 15.0]);
+    let pieces =
+        [shapes::cuboid([0.0; 3], [20.0; 3]), gap.translated([10.2, 10.1, 7.3]).flipped(), cavity.flipped()];
+    let model = written(dir.path("a.stl"), &pieces);
+    let built = run(&[&"build", &model, &"-o", &part, &"--depth", &"1", &"--thin", &"4", &"-q"]);
+    assert_eq!(built.status, Some(0), "{}", built.stderr);
+    run(&[&"voids", &part, &"-o", &out, &"-q"]).ok();
+    let found = json(&out);
+    assert_eq!((found["count"].as_u64(), found["solids"].as_u64()), (Some(2), Some(1)), "{found}");
+    for (row, volume) in [(0, 64.0), (1, 6.4)] {
+        let row = &found["voids"][row];
+        // Unknown where the faces of bricks do not match.
+        assert!(row["euler"].is_null() || row["euler"] == 1, "{row}");
+        let [found, error] = ["volume", "volume_error"].map(|name| row[name].as_f64().unwrap());
+        assert!((found - volume).abs() <= error && (found / volume - 1.0).abs() < 0.05, "{row}");
+    }
+}

@@ -2,6 +2,7 @@
 
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
+use crate::layer_args::{LayersArgs, OverlapArgs};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
 use crate::shell_args::{CompletionsArgs, ManArgs};
@@ -42,6 +43,8 @@ pub enum Command {
     Winding(WindingArgs),
     Export(ExportArgs),
     Voids(VoidsArgs),
+    Layers(LayersArgs),
+    Overlap(OverlapArgs),
     Slice(SliceArgs),
     Render(RenderArgs),
     View(WindowArgs),
@@ -99,6 +102,10 @@ pub struct BuildArgs {
     /// Size of the finest cells instead, as in 0.05mm; a bare number is in the input's own unit
     #[arg(long, value_name = "LENGTH")]
     pub cell: Option<Length>,
+    /// Lay the lattice of another store under this one, with its depth, so that the two can be compared sample by sample, as
+    /// by `voids --cad`
+    #[arg(long, value_name = "PART.brf", conflicts_with_all = ["depth", "cell"])]
+    pub like: Option<PathBuf>,
     /// Divide bricks further, down to this depth, where a wall or a gap thinner than a cell hides between samples, and nowhere
     /// else
     ///

@@ -15,7 +15,7 @@ const TOP_TEMPLATE: &str =
 const TASKS: [(&str, &[&str]); 5] = [
     ("Make stores", &["build", "cache", "verify"]),
     ("Write meshes and arrays", &["mesh", "beads", "export"]),
-    ("Ask for numbers", &["info", "sample", "winding"]),
+    ("Ask for numbers", &["info", "sample", "winding", "voids", "layers", "overlap"]),
     ("See", &["slice", "render", "view"]),
     ("The program itself", &["completions", "man", "help"]),
 ];
@@ -43,6 +43,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
         &[
             "depth",
             "cell",
+            "like",
             "max_depth",
             "thin",
             "stddev",
@@ -90,6 +91,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
         &[
             "output",
             "mesh",
+            "labels",
             "format",
             "dtype",
             "compression",

@@ -9,6 +9,7 @@ mod commands;
 mod devices;
 mod help;
 mod kinds;
+mod layer_args;
 mod measured;
 mod memory;
 mod npy;
@@ -18,11 +19,13 @@ mod points;
 mod shell_args;
 mod space;
 mod style_file;
+mod table;
 mod toolpaths;
 #[cfg(feature = "view")]
 mod view;
 mod view_args;
 mod void_args;
+mod void_table;
 
 use args::{Cli, Command};
 use brickfield_terminal::{failure, interrupt, output, progress, units, work};
@@ -48,6 +51,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Winding(args) => commands::winding::run(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Voids(args) => commands::voids::run(&args),
+        Command::Layers(args) => commands::layers::run(&args),
+        Command::Overlap(args) => commands::overlap::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),
         #[cfg(feature = "view")]

@@ -86,6 +86,10 @@ pub struct SliceArgs {
     /// Leave out title, legend and scale bar: the samples alone
     #[arg(long)]
     pub no_legend: bool,
+    /// Write the numbers of the voids that the section meets, from a table that `voids` wrote; where they would cover each other
+    /// the larger void's
+    #[arg(long, value_name = "VOIDS.csv|.json")]
+    pub voids: Option<PathBuf>,
     /// Deepest level to use
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,

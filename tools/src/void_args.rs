@@ -1,7 +1,7 @@
 //! What the user types for voids.
 
 use crate::args::IoArg;
-use crate::units::Length;
+use crate::units::{Length, Size};
 use crate::work::WorkArgs;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -12,12 +12,22 @@ use std::path::PathBuf;
 The largest void comes first. Void that touches the outside of the root is no void. Volumes and surfaces are those of the \
 mesh's polygons, with errors from chords between exact crossings; centroids are those of the chords.
 
-Values are in the \
-store's unit, and empty where they are not known, as of voids of a cell or two. Lengths are told to a hundredth of a cell.
+Values are in the store's unit, and empty where they are not known, as of voids of a cell or two. Lengths are told to a \
+hundredth of a cell.
 
 Lines and features are of the beads around a void, by their share of its surface. Neighbours of a line that may be missing \
-come first. They need a store that was built with --identity. A void is sealed as far as samples tell (to_cell): a leak \
-thinner than a cell may be hidden.
+come first. They need a store that was built with --identity.
+
+A void is sealed for certain if it stays closed when void is connected through every cell that no bead covers for \
+certain (stores with --identity). Where few cells are in dispute, they are halved and asked again. Of other stores \
+every leaf at the depth limit connects.
+
+Else it is sealed as far as samples tell (to_cell): a leak thinner than a cell may be hidden. With --closing, voids are \
+listed that open (no) through a throat: the diameter of the largest ball that can leave, to a cell.
+
+The class of a void is pocket, infill or flaw. With --cad a void of which most lies outside the CAD part is a pocket. \
+Of others the features of the beads around tell: sparse infill makes it infill. Outer walls around a void that is wider \
+than the beads and spans four layers or more make it a pocket. What is left is a flaw.
 
 Example:
   brickfield voids part.brf -o voids.csv")]
@@ -43,6 +53,24 @@ pub struct VoidsArgs {
     /// Require the lines of the toolpath around each void: fail if the store does not tell beads apart
     #[arg(long)]
     pub lines: bool,
+    /// The store of the CAD part on the same lattice, to tell voids that it has from those that it has not: build it with
+    /// --like PART.brf
+    #[arg(long, value_name = "CAD.brf")]
+    pub cad: Option<PathBuf>,
+    /// List voids, too, that open to the outside only through throats narrower than this, as in 0.8mm
+    #[arg(long, value_name = "LEN")]
+    pub closing: Option<Length>,
+    /// Also write the voids as meshes, largest first: .ply, whose faces have the property void, or .obj, a group each
+    #[arg(long = "mesh", value_name = "OUT.ply|.obj")]
+    pub mesh: Option<PathBuf>,
+    /// Also write the number of the void at each sample of the deepest level, 0 at all others, as an array indexed
+    /// [z,y,x] of 32-bit integers, with a description beside it; voids that open through a throat are left out
+    #[arg(long, value_name = "OUT.npy")]
+    pub labels: Option<PathBuf>,
+    /// Memory for bricks, boundaries and the grid of --closing, as in 512MiB. With less the grid is coarser, and some distances stay
+    /// empty
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,
@@ -66,7 +94,7 @@ pub enum VoidConnectivityArg {
 }
 
 /// A finite number that is not negative.
-fn not_negative(text: &str) -> Result<f64, String> {
+pub fn not_negative(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0);
     number.ok_or_else(|| "is no number, or less than 0".to_owned())
 }

@@ -2,8 +2,8 @@
 
 use super::build_report::{CloudText, Report};
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
-use super::{features_of, open_inputs, start};
-use crate::args::{BeadsArg, BuildArgs, CountArg, RefineArg};
+use super::{features_of, open_inputs, open_store, start};
+use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, RefineArg};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{BackendArgs, Chosen, DeviceCheckArg, choose};
@@ -22,7 +22,7 @@ use brickfield_engine::build::{
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
 use brickfield_engine::ingest::{Input, OpenOptions};
-use brickfield_engine::store::{Refine, Store};
+use brickfield_engine::store::{Accept, BrickTree, Refine, Store};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -77,9 +77,10 @@ fn build_options(args: &BuildArgs, units: Unit, open: &OpenOptions) -> Result<Bu
         return Err(Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()));
     };
     Ok(BuildOptions {
-        resolution: match args.cell {
-            Some(cell) => Resolution::Cell(cell.in_unit(units)),
-            None => args.depth.map_or(Resolution::Auto, Resolution::Depth),
+        resolution: match (args.cell, &args.like) {
+            (Some(cell), _) => Resolution::Cell(cell.in_unit(units)),
+            (None, Some(like)) => like_store(like)?,
+            (None, None) => args.depth.map_or(Resolution::Auto, Resolution::Depth),
         },
         refine: match args.refine {
             RefineArg::Hidden => Refine::Hidden,
@@ -159,6 +160,12 @@ impl Plan {
     fn cache_bytes(&self) -> u64 {
         self.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4)
     }
+}
+
+/// The lattice of another store.
+fn like_store(path: &Path) -> Result<Resolution, Failure> {
+    let store = open_store(path, 0, IoArg::default(), Accept::Unfinished)?;
+    Ok(Resolution::Like(store.root(), store.meta().depth))
 }
 
 /// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells.

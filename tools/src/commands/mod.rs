@@ -13,8 +13,10 @@ mod info_mesh;
 mod info_three_mf;
 mod info_toolpath;
 mod info_x3d;
+pub mod layers;
 pub mod mesh;
 mod mesh_check;
+pub mod overlap;
 pub mod render;
 pub mod sample;
 pub mod shell;
@@ -23,6 +25,7 @@ mod slice_layer;
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;
+mod void_outputs;
 pub mod voids;
 pub mod winding;
 
@@ -69,6 +72,16 @@ fn features_of(inputs: &[Input]) -> impl Iterator<Item = (&Path, &GcodeReport)> 
 /// Whether samples of a store are fractions, as of open input and point clouds.
 fn has_fractions(store: &Store) -> bool {
     store.keys().into_iter().filter_map(|key| store.node(key)).any(|node| node.fractions)
+}
+
+/// Refuses a store whose samples are fractions, of which `cannot` be told.
+fn require_whole_samples(store: &Store, cannot: &str) -> Result<(), Failure> {
+    if !has_fractions(store) {
+        return Ok(());
+    }
+    let what = "it was made from open input or a point cloud, whose samples are not exact";
+    let name = crate::output::in_line(store.path());
+    Err(anyhow::anyhow!("{name}: {what}, so {cannot}; close the input, or build it from the toolpath").into())
 }
 
 /// Opens a store; of any other file says what it is and which command wants it.

@@ -8,12 +8,13 @@ use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::picture_args::{SliceArgs, SliceFormat};
 use crate::progress::Bars;
+use crate::void_table::{self, VoidPlace};
 use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::section::{
-    Contour, ContourLimits, Drawing, Plane, SectionPicture, SectionSummary, contour, plain, straighten,
-    write_drawing, write_picture,
+    Contour, ContourLimits, Drawing, Plane, SectionLabel, SectionPicture, SectionSummary, contour, plain,
+    straighten, write_drawing, write_picture,
 };
 use brickfield_engine::store::{Accept, BrickTree, Store};
 use serde_json::{Value, json};
@@ -52,9 +53,13 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
             Failure::Usage(format!("{name}: the section's name must end in .png, .svg or .dxf"))
         })?;
         if format != SliceFormat::Png
-            && (args.pixel.is_some() || args.side.is_some() || args.samples || args.no_legend)
+            && (args.pixel.is_some()
+                || args.side.is_some()
+                || args.samples
+                || args.no_legend
+                || args.voids.is_some())
         {
-            let what = "--pixel, --side, --samples and --no-legend belong to pictures; drawings have the finest lattice's corners";
+            let what = "--pixel, --side, --samples, --no-legend and --voids belong to pictures; drawings have the finest lattice's corners";
             return Err(Failure::Usage(what.to_owned()));
         }
         if format == SliceFormat::Png && args.merge_tolerance.is_some() {
@@ -180,7 +185,8 @@ impl Plan<'_> {
             }
         };
         let legend = (!args.no_legend).then(|| unit_of(store.meta()).to_owned());
-        Ok(SectionPicture { plane, window, pixel, level: args.level, legend })
+        let labels = args.voids.as_deref().map(|table| labels(table, plane)).transpose()?.unwrap_or_default();
+        Ok(SectionPicture { plane, window, pixel, level: args.level, legend, labels })
     }
 
     fn say_picture(
@@ -238,6 +244,17 @@ fn within(store: &Store, plane: Plane) -> Result<Plane, Failure> {
         return Err(Error::store(store.path(), "section", what, remedy).into());
     }
     Ok(plane)
+}
+
+/// The numbers of the voids that a plane meets, where their centroids lie in it.
+fn labels(table: &Path, plane: Plane) -> Result<Vec<SectionLabel>, Failure> {
+    let a = plane.axis.index();
+    let meets = |void: &VoidPlace| void.low[a] <= plane.at && plane.at <= void.high[a];
+    let label = |void: VoidPlace| SectionLabel {
+        at: plane.sides().map(|side| void.centre[side.index()]),
+        text: void.id.to_string(),
+    };
+    Ok(void_table::read(table)?.into_iter().filter(meets).map(label).collect())
 }
 
 /// What of a plane is seen: the part and a margin.

@@ -39,7 +39,7 @@ pub fn plane_of_layer(args: &SliceArgs, layer: u32, store: &Store, bars: &Bars) 
 }
 
 /// The toolpath of an input, which must be one of the store's.
-fn toolpath<'a>(input: &'a Input, store: &Store) -> Result<&'a Toolpath, Failure> {
+pub fn toolpath<'a>(input: &'a Input, store: &Store) -> Result<&'a Toolpath, Failure> {
     let path = input.path();
     let Some(beads) = input.beads() else {
         let what = "is no toolpath, and has no layers";

@@ -1,23 +1,24 @@
 //! `brickfield voids`: a table of the regions that a part encloses.
 
-use super::{has_fractions, no_unit, open_store, start, unit_of};
+use super::void_outputs::VoidOutputs;
+use super::{no_unit, open_store, require_whole_samples, start, unit_of};
 use crate::failure::Failure;
 use crate::measured::measured;
 use crate::output::{in_line, note, print, print_json, require_distinct};
+use crate::table::{Table, TableKind, to_place};
 use crate::void_args::{VoidConnectivityArg, VoidsArgs};
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, Store};
-use brickfield_engine::voids::{Connectivity, Void, VoidOptions, Voids, find};
-use serde_json::{Map, Value, json};
+use brickfield_engine::voids::{Class, Connectivity, Seal, Void, VoidOptions, Voids, find};
+use serde_json::{Value, json};
+use std::path::Path;
 
-/// Memory for bricks and boundaries.
-const MEMORY_BYTES: u64 = 1 << 30;
 /// Lines of a toolpath that are named of a void.
 const MOST_LINES: usize = 64;
 
 /// Names of the columns, in order.
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 35] = [
     "id",
     "class",
     "volume",
@@ -48,32 +49,20 @@ const COLUMNS: [&str; 30] = [
     "features",
     "line_shares",
     "missing_between",
+    "cad_share",
+    "elongation",
+    "area_x",
+    "area_y",
+    "area_z",
 ];
 
 /// Runs the command.
 pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
-    let is_json = match args.output.extension().map(|e| e.to_string_lossy().to_lowercase()) {
-        Some(ending) if ending == "csv" => false,
-        Some(ending) if ending == "json" => true,
-        _ => {
-            return Err(Failure::Usage(format!(
-                "{}: the name must end in .csv or .json",
-                in_line(&args.output)
-            )));
-        }
-    };
+    let kind = TableKind::of(&args.output)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, MEMORY_BYTES / 4, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.memory.0 / 4, args.io, Accept::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
-    if has_fractions(&store) {
-        let what = "it was made from open input or a point cloud, whose samples are not exact";
-        let remedy = "close the input, or build it from the toolpath";
-        return Err(anyhow!(
-            "{}: {what}, so what is enclosed cannot be told; {remedy}",
-            in_line(&args.store)
-        )
-        .into());
-    }
+    require_whole_samples(&store, "what is enclosed cannot be told")?;
     let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
     if args.lines && !has_identity {
         let what = "the store does not tell beads apart, so voids have no lines";
@@ -81,6 +70,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
             anyhow!("{}: {what}; build it from toolpaths with --identity", in_line(&args.store)).into()
         );
     }
+    let cad = args.cad.as_deref().map(|cad| open_cad(cad, &store, args)).transpose()?;
     let mut file = PartFile::create(&args.output)?;
     let most =
         args.max_equivalent_diameter.map(|most| most.in_unit_of(&store.meta().unit).ok_or_else(no_unit));
@@ -89,16 +79,23 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         VoidConnectivityArg::Six => Connectivity::VoidSix,
         VoidConnectivityArg::TwentySix => Connectivity::VoidTwentySix,
     };
-    let options = VoidOptions { connectivity, min_volume: args.min_volume, memory: MEMORY_BYTES };
+    let closing =
+        args.closing.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
+    let outputs = VoidOutputs::create(args, &store)?;
+    let options = VoidOptions {
+        connectivity,
+        min_volume: args.min_volume,
+        memory: args.memory.0,
+        cad: cad.as_ref(),
+        closing,
+        meshes: args.mesh.is_some(),
+    };
     let found = find(&store, &options, &bars)?;
-    let document = document(&store, &found);
-    if is_json {
-        let text = serde_json::to_string_pretty(&document).context("cannot write JSON")?;
-        file.append(format!("{text}\n").as_bytes())?;
-    } else {
-        file.append(table(&found, cell_of(&store)).as_bytes())?;
-    }
+    let table = table(&found, cell_of(&store));
+    let document = document(&store, &found, &table);
+    file.append(table.text(kind, &document)?.as_bytes())?;
     file.finish()?;
+    outputs.write(&store, &found, &bars)?;
     bars.clear();
     if args.json {
         print_json(&document)?;
@@ -111,6 +108,19 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         );
     }
     require_limits(args, &found, most)
+}
+
+/// The store of the CAD part, which must have the part's lattice.
+fn open_cad(path: &Path, store: &Store, args: &VoidsArgs) -> Result<Store, Failure> {
+    let cad = open_store(path, args.memory.0 / 8, args.io, Accept::Whole)?;
+    require_distinct(&[&args.output], &[path])?;
+    require_whole_samples(&cad, "what lies inside cannot be told")?;
+    if cad.root() != store.root() || cad.meta().unit != store.meta().unit {
+        let (cad, part) = (in_line(path), in_line(&args.store));
+        let what = format!("its samples do not stand where those of {part} do");
+        return Err(anyhow!("{cad}: {what}; build it with --like {part}").into());
+    }
+    Ok(cad)
 }
 
 /// The limits that make a flaw a defect.
@@ -153,20 +163,10 @@ fn cell_of(store: &Store) -> f64 {
     store.root().spacing(store.meta().depth)
 }
 
-fn document(store: &Store, found: &Voids) -> Value {
-    let cell = cell_of(store);
-    let rows: Vec<Value> = found
-        .voids
-        .iter()
-        .map(|void| {
-            Value::Object(
-                COLUMNS.iter().map(|c| (*c).to_owned()).zip(cells(void, cell)).collect::<Map<_, _>>(),
-            )
-        })
-        .collect();
+fn document(store: &Store, found: &Voids, table: &Table<'_>) -> Value {
     json!({
         "unit": store.meta().unit,
-        "cell": cell,
+        "cell": cell_of(store),
         "count": found.voids.len(),
         "left_out": found.left_out,
         "void_volume": found.void_volume,
@@ -174,18 +174,9 @@ fn document(store: &Store, found: &Voids) -> Value {
         "solid_volume": found.solid_volume,
         "solids": found.solids,
         "porosity": found.porosity(),
-        "voids": rows,
+        "throat_cell": found.throat_cell,
+        "voids": table.objects(),
     })
-}
-
-/// A number rounded to the decimal place of a step, so that it has no more digits than it deserves.
-fn to_place(value: f64, step: f64) -> Value {
-    if !(value.is_finite() && step > 0.0) {
-        return json!(value);
-    }
-    let place = step.log10().floor() as i32;
-    let power = 10f64.powi(place.abs());
-    json!(if place < 0 { (value * power).round() / power } else { (value / power).round() * power })
 }
 
 /// A void's values in the order of [`COLUMNS`]; null where one is not known. Lengths are told to a hundredth of a `cell`,
@@ -195,17 +186,26 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     let length = |value: f64| to_place(value, cell / 100.0);
     let known = |value: Option<f64>| value.map_or(Value::Null, length);
     let ratio = |value: Option<f64>| value.map_or(Value::Null, |value| to_place(value, 1e-3));
-    let mut cells = vec![json!(void.id), Value::Null, to_place(void.volume, void.volume_error / 10.0)];
+    let mut cells = vec![
+        json!(void.id),
+        json!(void.class.map(Class::name)),
+        to_place(void.volume, void.volume_error / 10.0),
+    ];
     cells.push(to_place(void.surface, void.surface / 1e3));
     cells.extend([length(void.equivalent_diameter()), known(void.inner_diameter), length(void.diameter)]);
     cells.extend([ratio(void.sphericity()), ratio(void.compactness())]);
     cells.extend(void.centroid.iter().chain(&low).chain(&high).map(|&c| length(c)));
-    // Between samples there may be a leak that no sample shows.
+    let sealed = match void.seal {
+        Seal::Certain => "certain",
+        Seal::ToCell => "to_cell",
+        Seal::Open => "no",
+    };
     let error = to_place(void.volume_error * 1.05, void.volume_error / 10.0);
-    cells.extend([Value::Null, json!("to_cell"), error, json!(void.euler)]);
+    cells.extend([length(void.throat), json!(sealed), error, json!(void.euler)]);
     cells.extend([known(void.gap), known(void.edge_distance)]);
     let Some(trace) = &void.trace else {
-        cells.extend(vec![Value::Null; COLUMNS.len() - cells.len()]);
+        cells.extend(vec![Value::Null; COLUMNS.len() - 5 - cells.len()]);
+        cells.extend(shape(void));
         return cells;
     };
     cells.extend([json!(trace.layers.0), json!(trace.layers.1)]);
@@ -218,22 +218,21 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
     cells.push(joined(trace.features.iter().map(|(name, _)| name.replace(';', ",")).collect()));
     cells.push(joined(lines.iter().map(|line| format!("{:.4}", line.share)).collect()));
     cells.push(joined(trace.missing.iter().map(|&(a, b)| format!("{a}-{b}")).collect()));
+    cells.extend(shape(void));
     cells
 }
 
-fn table(found: &Voids, cell_size: f64) -> String {
-    let mut text = COLUMNS.join(",") + "\n";
-    for void in &found.voids {
-        let cell = |value: Value| match value {
-            Value::Null => String::new(),
-            Value::String(text) if text.contains([',', '"', '\n']) => {
-                format!("\"{}\"", text.replace('"', "\"\""))
-            }
-            Value::String(text) => text,
-            value => value.to_string(),
-        };
-        text += &cells(void, cell_size).into_iter().map(cell).collect::<Vec<_>>().join(",");
-        text.push('\n');
-    }
-    text
+/// The share inside the CAD part, elongation, and the areas of shadows.
+fn shape(void: &Void) -> Vec<Value> {
+    let ratio = |value: Option<f64>| value.map_or(Value::Null, |value| to_place(value, 1e-3));
+    let mut cells = vec![ratio(void.cad_share), ratio(void.elongation)];
+    let areas = void.projected.map_or([Value::Null, Value::Null, Value::Null], |areas| {
+        areas.map(|area| to_place(area, area / 1e3))
+    });
+    cells.extend(areas);
+    cells
+}
+
+fn table(found: &Voids, cell: f64) -> Table<'static> {
+    Table { columns: &COLUMNS, rows: found.voids.iter().map(|void| cells(void, cell)).collect() }
 }

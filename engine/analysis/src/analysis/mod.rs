@@ -3,6 +3,8 @@
 
 mod beads;
 mod export;
+mod overlap;
+mod overlap_leaf;
 mod sample;
 #[cfg(test)]
 mod tests;
@@ -11,5 +13,6 @@ mod volume;
 pub use beads::solids_of;
 pub use beads::{Covering, beads_at_points};
 pub use export::{Dense, Element};
+pub use overlap::{Overlaps, PairOverlap, overlaps};
 pub use sample::{sample_at, winding_range};
 pub use volume::{Volumes, negative_volume, volume};

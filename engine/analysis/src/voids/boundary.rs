@@ -3,6 +3,7 @@
 use super::components::Components;
 use super::labelling::Labelling;
 use super::points::{OUTER, Point};
+use super::pores::Pores;
 use super::trace::{Around, Tracer};
 use crate::brick::{Brick, HermiteEdge};
 use crate::error::Result;
@@ -35,7 +36,7 @@ pub(super) struct Boundaries {
     pub around: BTreeMap<usize, Around>,
 }
 
-/// Gathers them. `is_void` picks components; at most `most_points` points are kept.
+/// Gathers them. `is_void` picks components, behind which pores are numbered; at most `most_points` points are kept.
 ///
 /// # Errors
 /// What reading the tree gives; [`crate::error::Error::Interrupted`].
@@ -43,6 +44,7 @@ pub(super) fn boundaries(
     tree: &dyn BrickTree,
     labelling: &Labelling,
     is_void: &(dyn Fn(usize) -> bool + Sync),
+    pores: Option<&Pores>,
     tracer: Option<&Tracer<'_>>,
     most_points: usize,
     progress: &dyn Progress,
@@ -60,15 +62,19 @@ pub(super) fn boundaries(
         let mut points = Vec::new();
         let mut around: BTreeMap<usize, Around> = BTreeMap::new();
         let segments = match tracer {
-            Some(tracer) if has_void(number) => Some(tracer.segments(leaf.key)?),
+            Some(tracer) if has_void(number) || pores.is_some() => Some(tracer.segments(leaf.key)?),
             _ => None,
         };
         let components = Components::of(leaf.brick, labelling.connectivity).0;
         each_crossing(leaf.key, leaf.brick, |crossing| {
             let mut outer = crossing.low;
             outer[crossing.axis.index()] += usize::from(crossing.low_is_inside);
-            let component = labelling.of(number, components.at(outer));
-            if component.is_some_and(|component| !is_void(component)) {
+            let component = labelling.of(number, components.at(outer)).or_else(|| {
+                let step = f64::from(1u32 << leaf.key.spacing_bits());
+                let at = [0, 1, 2].map(|a| f64::from(leaf.key.base()[a]) + outer[a] as f64 * step);
+                Some(labelling.components.len() + pores?.at(at)?)
+            });
+            if component.is_some_and(|c| c < labelling.components.len() && !is_void(c)) {
                 return;
             }
             points.push(Point {

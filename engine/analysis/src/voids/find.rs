@@ -1,11 +1,15 @@
 //! The voids of a store, one by one.
 
 use super::boundary::{Boundaries, boundaries};
+use super::cad::cad_shares;
+use super::class::{Class, class_of};
 use super::components::Connectivity;
 use super::labelling::{Component, Labelling, label};
 use super::points::{OUTER, Point, PointTree, distance, inscribed};
+use super::pores::{Pore, Pores, pores};
+use super::sealed::sealed;
 use super::surface::{Surface, surfaces};
-use super::trace::{Trace, Tracer};
+use super::trace::{Trace, Tracer, has_sparse_infill};
 use crate::error::Result;
 use crate::lattice::RootCube;
 use crate::progress::Progress;
@@ -18,14 +22,20 @@ use std::f64::consts::PI;
 const POINT_BYTES: u64 = 64;
 
 /// What to look for.
-#[derive(Clone, Copy, Debug)]
-pub struct VoidOptions {
+#[derive(Clone, Copy)]
+pub struct VoidOptions<'a> {
     /// Which samples are neighbours.
     pub connectivity: Connectivity,
     /// Smaller voids are left out, in the cube of the store's unit.
     pub min_volume: f64,
     /// Bytes for bricks and for points of boundaries.
     pub memory: u64,
+    /// The CAD part on the same lattice, to tell what of a void lies inside it.
+    pub cad: Option<&'a Store>,
+    /// Voids count, too, that open to the outside only through throats narrower than this, in the store's unit.
+    pub closing: Option<f64>,
+    /// Whether voids keep their triangles.
+    pub meshes: bool,
 }
 
 /// A region of w = 0 that the part encloses. Lengths are in the store's unit; what is not known is `None`.
@@ -33,6 +43,16 @@ pub struct VoidOptions {
 pub struct Void {
     /// By volume, from 1.
     pub id: usize,
+    /// What it is taken for, where something tells.
+    pub class: Option<Class>,
+    /// Whether it opens to the outside.
+    pub seal: Seal,
+    /// The diameter of the largest ball that can leave it, to a cell of the grid that was flooded; 0 of a void that is sealed.
+    pub throat: f64,
+    /// The component, or behind all components the pore.
+    pub(super) component: usize,
+    /// The share of its samples at which the CAD part is solid.
+    pub cad_share: Option<f64>,
     /// Volume within the contour's polygons; where these do not close, the mean over the chords along three axes.
     pub volume: f64,
     /// The spread of chords, twice their mean's distance from the number of samples, as `analysis::volume` has it, and what
@@ -48,7 +68,7 @@ pub struct Void {
     pub centroid: [f64; 3],
     /// Least and greatest coordinates.
     pub bounds: [[f64; 3]; 2],
-    /// Samples less edges, plus faces, less cells; of 6-connected voids.
+    /// Samples less edges, plus faces, less cells; of 6-connected voids whose leaves match sample by sample.
     pub euler: Option<i64>,
     /// Least distance to another void.
     pub gap: Option<f64>,
@@ -56,6 +76,12 @@ pub struct Void {
     pub edge_distance: Option<f64>,
     /// The beads around it, where the store tells them apart.
     pub trace: Option<Trace>,
+    /// Longest over shortest side of the box along the principal axes of its surface.
+    pub elongation: Option<f64>,
+    /// Areas of the shadows along x, y and z, of which parts that lie behind others count as well.
+    pub projected: Option<[f64; 3]>,
+    /// The triangles of its boundary, if they were asked for: counter-clockwise seen from outside of the void.
+    pub mesh: Vec<[[f32; 3]; 3]>,
 }
 
 impl Void {
@@ -78,9 +104,23 @@ impl Void {
     }
 }
 
+/// Whether a void opens to the outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seal {
+    /// It does not, whatever lies between samples.
+    Certain,
+    /// It does not as far as samples tell.
+    ToCell,
+    /// It does, through a throat.
+    Open,
+}
+
 /// The voids of a store.
-#[derive(Clone, Debug)]
 pub struct Voids {
+    /// All leaves, and the components of these.
+    pub(super) labelling: Labelling,
+    /// Pores, if they were asked for.
+    pub(super) pores: Option<Pores>,
     /// Largest first.
     pub voids: Vec<Void>,
     /// Volume of the solid.
@@ -93,6 +133,8 @@ pub struct Voids {
     pub void_volume_error: f64,
     /// How many were left out as too small.
     pub left_out: usize,
+    /// The cell of the grid on which throats were measured.
+    pub throat_cell: Option<f64>,
 }
 
 impl Voids {
@@ -107,10 +149,14 @@ impl Voids {
 ///
 /// # Errors
 /// What reading the store gives; [`crate::error::Error::Interrupted`].
-pub fn find(store: &Store, options: &VoidOptions, progress: &dyn Progress) -> Result<Voids> {
+pub fn find(store: &Store, options: &VoidOptions<'_>, progress: &dyn Progress) -> Result<Voids> {
     let labelling = label(store, options.connectivity, progress)?;
-    let root = store.root();
+    let memory = options.memory / 2;
+    let pores = options.closing.map(|closing| pores(store, closing, memory, progress)).transpose()?;
     let mut found = Voids {
+        throat_cell: pores.as_ref().map(Pores::cell),
+        labelling,
+        pores,
         voids: Vec::new(),
         solid_volume: 0.0,
         solids: 0,
@@ -118,55 +164,132 @@ pub fn find(store: &Store, options: &VoidOptions, progress: &dyn Progress) -> Re
         void_volume_error: 0.0,
         left_out: 0,
     };
-    let mut measured = vec![false; labelling.components.len()];
-    for (number, component) in labelling.components.iter().enumerate() {
-        let (volume, error) = volume_of(component, root);
-        if component.solid {
-            found.solids += 1;
-            found.solid_volume += volume;
-            continue;
-        }
-        found.void_volume += volume;
-        found.void_volume_error += error;
-        measured[number] = volume >= options.min_volume;
-        found.left_out += usize::from(!measured[number]);
-    }
-    if !measured.contains(&true) {
-        return Ok(found);
-    }
-    let is_void = |component: usize| measured[component];
-    let centre = |component: usize| {
-        let centroid = labelling.components[component].sums.centroid()?;
-        is_void(component).then(|| root.to_world(centroid))
-    };
-    let cache_bytes = usize::try_from(options.memory / 2).unwrap_or(usize::MAX);
-    let mut surfaces = surfaces(store, &labelling, &centre, cache_bytes, progress)?;
-    let tracer = Tracer::new(store)?;
-    let most = usize::try_from(options.memory / 2 / POINT_BYTES).unwrap_or(usize::MAX);
-    let Boundaries { points, around } =
-        boundaries(store, &labelling, &is_void, tracer.as_ref(), most, progress)?;
-    for number in (0..measured.len()).filter(|&number| measured[number]) {
-        let surface = surfaces.remove(&number).unwrap_or_default();
-        let trace = match (around.get(&number), &tracer) {
-            (Some(around), Some(tracer)) => Trace::of(around, tracer),
-            _ => None,
-        };
-        let (chords, chords_error) = volume_of(&labelling.components[number], root);
-        let mut void = void_of(&labelling, number, &surface, (chords, chords_error), root);
-        found.void_volume += void.volume - chords;
-        found.void_volume_error += void.volume_error - chords_error;
-        void.trace = trace;
-        // The component, until they are sorted.
-        void.id = number;
-        found.voids.push(void);
-    }
-    if let Some(points) = points {
-        measure_distances(&mut found.voids, points, store, progress)?;
+    let measured = found.count(store, options);
+    if measured.contains(&true) || !found.voids.is_empty() {
+        found.measure(store, options, &measured, progress)?;
     }
     // Components are in Morton order of their first leaves, which settles ties.
-    found.voids.sort_by(|a, b| b.volume.total_cmp(&a.volume).then(a.id.cmp(&b.id)));
+    found.voids.sort_by(|a, b| b.volume.total_cmp(&a.volume).then(a.component.cmp(&b.component)));
     found.voids.iter_mut().enumerate().for_each(|(n, void)| void.id = n + 1);
     Ok(found)
+}
+
+impl Voids {
+    /// Sums over all components; gives those that are to be measured, and makes voids of pores.
+    fn count(&mut self, store: &Store, options: &VoidOptions<'_>) -> Vec<bool> {
+        let root = store.root();
+        let mut measured = vec![false; self.labelling.components.len()];
+        for (number, component) in self.labelling.components.iter().enumerate() {
+            let (volume, error) = volume_of(component, root);
+            if component.solid {
+                self.solids += 1;
+                self.solid_volume += volume;
+                continue;
+            }
+            self.void_volume += volume;
+            self.void_volume_error += error;
+            measured[number] = volume >= options.min_volume;
+            self.left_out += usize::from(!measured[number]);
+        }
+        let Some(pores) = &self.pores else { return measured };
+        for (number, pore) in pores.pores.iter().enumerate() {
+            let void = void_of_pore(pores, pore, self.labelling.components.len() + number);
+            self.void_volume += void.volume;
+            self.void_volume_error += void.volume_error;
+            if void.volume >= options.min_volume {
+                self.voids.push(void);
+            } else {
+                self.left_out += 1;
+            }
+        }
+        measured
+    }
+
+    /// Measures all that are to be.
+    fn measure(
+        &mut self,
+        store: &Store,
+        options: &VoidOptions<'_>,
+        measured: &[bool],
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let root = store.root();
+        let labelling = &self.labelling;
+        let is_void = |component: usize| measured[component];
+        let centre = |component: usize| {
+            let centroid = labelling.components[component].sums.centroid()?;
+            is_void(component).then(|| root.to_world(centroid))
+        };
+        let cache_bytes = usize::try_from(options.memory / 2).unwrap_or(usize::MAX);
+        let mut surfaces = surfaces(store, labelling, &centre, (cache_bytes, options.meshes), progress)?;
+        let tracer = Tracer::new(store)?;
+        let most = usize::try_from(options.memory / 2 / POINT_BYTES).unwrap_or(usize::MAX);
+        let pores = self.pores.as_ref();
+        let Boundaries { points, around } =
+            boundaries(store, labelling, &is_void, pores, tracer.as_ref(), most, progress)?;
+        for number in (0..measured.len()).filter(|&number| measured[number]) {
+            let surface = surfaces.remove(&number).unwrap_or_default();
+            let (chords, chords_error) = volume_of(&labelling.components[number], root);
+            let void = void_of(labelling, number, surface, (chords, chords_error), root);
+            self.void_volume += void.volume - chords;
+            self.void_volume_error += void.volume_error - chords_error;
+            self.voids.push(void);
+        }
+        if let Some(tracer) = &tracer {
+            let trace = |component: usize| Trace::of(around.get(&component)?, tracer);
+            self.voids.iter_mut().for_each(|void| void.trace = trace(void.component));
+        }
+        let is_sparse = tracer.as_ref().is_some_and(|tracer| has_sparse_infill(around.values(), tracer));
+        if let Some(cad) = options.cad {
+            let shares = cad_shares(store, cad, labelling, &is_void, progress)?;
+            self.voids.iter_mut().for_each(|void| void.cad_share = shares.get(&void.component).copied());
+        }
+        let certain = sealed(store, labelling, &is_void, tracer.as_ref(), progress)?;
+        for void in self.voids.iter_mut().filter(|void| certain.contains(&void.component)) {
+            void.seal = Seal::Certain;
+        }
+        if let Some(points) = points {
+            measure_distances(&mut self.voids, points, store, progress)?;
+        }
+        self.voids.iter_mut().for_each(|void| void.class = class_of(void, is_sparse));
+        Ok(())
+    }
+
+    /// The numbers of the voids, from 1, by component and pore; 0 of all that are none.
+    pub(super) fn numbers(&self) -> Vec<u32> {
+        let pores = self.pores.as_ref().map_or(0, |pores| pores.pores.len());
+        let mut numbers = vec![0; self.labelling.components.len() + pores];
+        self.voids.iter().for_each(|void| numbers[void.component] = void.id as u32);
+        numbers
+    }
+}
+
+fn void_of_pore(pores: &Pores, pore: &Pore, component: usize) -> Void {
+    let cell = pores.cell();
+    let bounds = pores.bounds(pore);
+    Void {
+        id: 0,
+        class: None,
+        seal: Seal::Open,
+        throat: pore.throat(cell),
+        component,
+        cad_share: None,
+        volume: pore.samples as f64 * cell.powi(3),
+        // Of the cells beside others any part may be the pore's.
+        volume_error: pore.border as f64 * cell.powi(3),
+        surface: 0.0,
+        inner_diameter: pores.inner(pore),
+        diameter: (0..3).map(|a| (bounds[1][a] - bounds[0][a]).powi(2)).sum::<f64>().sqrt(),
+        centroid: pores.centroid(pore),
+        bounds,
+        euler: None,
+        gap: None,
+        edge_distance: None,
+        trace: None,
+        elongation: None,
+        projected: None,
+        mesh: Vec::new(),
+    }
 }
 
 fn volume_of(component: &Component, root: RootCube) -> (f64, f64) {
@@ -193,11 +316,11 @@ fn by_polygons(surface: &Surface, chords: f64, error: f64) -> (f64, f64) {
 fn void_of(
     labelling: &Labelling,
     number: usize,
-    surface: &Surface,
+    surface: Surface,
     (chords, chords_error): (f64, f64),
     root: RootCube,
 ) -> Void {
-    let (volume, volume_error) = by_polygons(surface, chords, chords_error);
+    let (volume, volume_error) = by_polygons(&surface, chords, chords_error);
     let sums = &labelling.components[number].sums;
     let centroid = sums.centroid().map_or([f64::NAN; 3], |units| root.to_world(units));
     let corner = |parts: &[i64; 3]| root.to_world(parts.map(|p| p as f64 / super::measure::PARTS + 1.0));
@@ -208,6 +331,11 @@ fn void_of(
     ];
     Void {
         id: 0,
+        class: None,
+        seal: Seal::ToCell,
+        throat: 0.0,
+        component: number,
+        cad_share: None,
         volume,
         volume_error,
         surface: surface.area,
@@ -215,10 +343,14 @@ fn void_of(
         diameter: surface.diameter(),
         centroid,
         bounds,
-        euler: (labelling.connectivity == Connectivity::VoidSix).then_some(sums.euler),
+        euler: (labelling.connectivity == Connectivity::VoidSix && !labelling.components[number].uneven)
+            .then_some(sums.euler),
         gap: None,
         edge_distance: None,
         trace: None,
+        elongation: surface.elongation(),
+        projected: Some(surface.projected),
+        mesh: surface.mesh,
     }
 }
 
@@ -239,7 +371,7 @@ fn measure_distances(
     progress.phase("distances between voids", Some(voids.len() as u64), "voids");
     voids.par_iter_mut().try_for_each(|void| {
         progress.check()?;
-        let component = void.id as u32;
+        let component = void.component as u32;
         let tree = PointTree::new(own.get(&component).cloned().unwrap_or_default());
         let nearest = |others: &PointTree, counts: &dyn Fn(&Point) -> bool| {
             let mut best = f64::INFINITY;
@@ -253,12 +385,16 @@ fn measure_distances(
         };
         void.edge_distance = nearest(&outer, &|_| true);
         void.gap = nearest(&inner, &|p| p.component != component);
+        progress.advance(1);
+        if void.seal == Seal::Open {
+            // The grid has told; its boundary is open.
+            return Ok(());
+        }
         let largest = void.diameter / unit;
         let ball = inscribed(&tree, largest.max(reach)) * unit;
         // A ball that is larger than the void says that the void is too small for its cells.
         let most = void.equivalent_diameter() * 1.001;
         void.inner_diameter = (ball > 0.0 && ball <= most).then(|| ball.min(void.equivalent_diameter()));
-        progress.advance(1);
         Ok(())
     })
 }

@@ -24,6 +24,9 @@ pub struct Component {
     pub solid: bool,
     /// What was summed of it.
     pub sums: Sums,
+    /// Whether it lies in leaves of different levels that meet where it ends or passes: their faces do not match sample by
+    /// sample, so its Euler number is not known.
+    pub uneven: bool,
 }
 
 /// The components of a tree.
@@ -123,7 +126,7 @@ struct Joiner<'a> {
 
 impl<'a> Joiner<'a> {
     fn new(order: &'a LeafOrder) -> Joiner<'a> {
-        let outside = Component { solid: false, sums: Sums::default() };
+        let outside = Component { solid: false, sums: Sums::default(), uneven: false };
         Joiner {
             order,
             parents: vec![OUTSIDE],
@@ -142,7 +145,7 @@ impl<'a> Joiner<'a> {
         for (label, sums) in made.sums.into_iter().enumerate() {
             let number = first + label as u32;
             self.parents.push(number);
-            let component = Component { solid: made.solid[label], sums };
+            let component = Component { solid: made.solid[label], sums, uneven: false };
             self.sums.insert(number, component);
         }
         let own = Waiting { first, uniform: made.uniform, solid: made.solid, faces: made.faces };
@@ -213,6 +216,22 @@ impl<'a> Joiner<'a> {
         let is_alike = |&(a, b): &(u16, u16)| own.solid[usize::from(a)] == there.solid[usize::from(b)];
         let (mine, theirs) = (own.first, there.first);
         let pairs: Vec<(u16, u16)> = pairs.into_iter().filter(is_alike).collect();
+        if keys[leaf].level() != keys[other].level() {
+            // One class all over the coarser face leaves no doubt to the components of that class.
+            let coarse = if is_finer { there } else { own };
+            let is_plain = |solid: bool| coarse.uniform && coarse.solid[0] == solid;
+            let labels = |first: u32, face: &FaceLabels, solid: &[bool]| -> Vec<u32> {
+                let uneven =
+                    labels_of(face).into_iter().filter(|label| !is_plain(solid[usize::from(*label)]));
+                uneven.map(|label| first + u32::from(label)).collect()
+            };
+            let mut uneven = labels(mine, own_face, &own.solid);
+            uneven.extend(labels(theirs, their_face, &there.solid));
+            for number in uneven {
+                let first = self.find(number);
+                self.sums.get_mut(&first).into_iter().for_each(|component| component.uneven = true);
+            }
+        }
         for (a, b) in pairs {
             self.unite(mine + u32::from(a), theirs + u32::from(b));
         }
@@ -238,6 +257,7 @@ impl<'a> Joiner<'a> {
             && let Some(kept) = self.sums.get_mut(&first)
         {
             kept.sums.add(&joined.sums);
+            kept.uneven |= joined.uneven;
         }
     }
 

@@ -8,22 +8,37 @@
 //! | `surface` | area from the polygons of the contour |
 //! | `boundary` | crossings around voids |
 //! | `points` | distances between them |
+//! | `pores` | voids that open through a throat |
+//! | `sealed` | which voids are sealed for certain |
+//! | `slabs` | volumes by layer |
 //! | `trace` | the beads around a void |
+//! | `cad` | what of a void lies within another tree |
+//! | `class` | whether a void is meant to be |
 //! | `find` | all of it |
+//! | `labels` | numbers of voids as a dense grid |
 
 mod boundary;
+mod cad;
+mod class;
 mod components;
 mod find;
 mod labelling;
+mod labels;
 mod measure;
 mod points;
+mod pores;
+mod sealed;
+mod slabs;
 mod surface;
 mod trace;
 
+pub use class::Class;
 pub use components::Connectivity;
-pub use find::{Void, VoidOptions, Voids, find};
+pub use find::{Seal, Void, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};
+pub use labels::write_labels;
 pub use measure::Sums;
+pub use slabs::{Slab, slabs};
 pub use trace::{Trace, TracedLine};
 
 #[cfg(test)]

@@ -30,6 +30,14 @@ pub struct Surface {
     pub open: [f64; 3],
     /// Least and greatest coordinates of vertices.
     pub bounds: [[f64; 3]; 2],
+    /// Areas of its shadows along x, y and z, each from one side.
+    pub projected: [f64; 3],
+    /// Moments of second order of its area about the point that it is measured from, by pairs of axes.
+    second: [[f64; 3]; 3],
+    /// Those of first order.
+    first: [f64; 3],
+    /// Its triangles, if they were asked for, turned to face out of the void.
+    pub mesh: Vec<[[f32; 3]; 3]>,
     /// The farthest vertices in some directions.
     farthest: Box<[(f64, [f64; 3]); DIRECTIONS]>,
 }
@@ -41,13 +49,23 @@ impl Default for Surface {
             volume: 0.0,
             open: [0.0; 3],
             bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
+            projected: [0.0; 3],
+            second: [[0.0; 3]; 3],
+            first: [0.0; 3],
+            mesh: Vec::new(),
             farthest: Box::new([(f64::NEG_INFINITY, [0.0; 3]); DIRECTIONS]),
         }
     }
 }
 
 impl Surface {
-    fn add(&mut self, other: &Surface) {
+    fn add(&mut self, other: Surface) {
+        self.mesh.extend(&other.mesh);
+        for a in 0..3 {
+            self.projected[a] += other.projected[a];
+            self.first[a] += other.first[a];
+            (0..3).for_each(|b| self.second[a][b] += other.second[a][b]);
+        }
         self.area += other.area;
         self.volume += other.volume;
         for a in 0..3 {
@@ -76,6 +94,19 @@ impl Surface {
         }
     }
 
+    /// Longest over shortest extent, by the spread of the area along its principal axes.
+    pub fn elongation(&self) -> Option<f64> {
+        if self.area <= 0.0 {
+            return None;
+        }
+        let mean = self.first.map(|m| m / self.area);
+        let entry = |a: usize, b: usize| self.second[a][b] / self.area - mean[a] * mean[b];
+        let spread = spreads(std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b))));
+        let least = spread.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = spread.iter().copied().fold(0.0, f64::max);
+        (least > 1e-9 * most).then(|| (most / least).sqrt())
+    }
+
     /// The diameter of the smallest ball around the farthest vertices.
     pub fn diameter(&self) -> f64 {
         let points: Vec<[f64; 3]> =
@@ -92,7 +123,7 @@ pub(super) fn surfaces(
     tree: &dyn BrickTree,
     labelling: &Labelling,
     centre: &(dyn Fn(usize) -> Option<[f64; 3]> + Sync),
-    cache_bytes: usize,
+    (cache_bytes, meshes): (usize, bool),
     progress: &dyn Progress,
 ) -> Result<BTreeMap<usize, Surface>> {
     let root = tree.root();
@@ -114,6 +145,12 @@ pub(super) fn surfaces(
             let Some(component) = labelling.of(leaf, components.at(outer)) else { continue };
             let Some(centre) = centre(component) else { continue };
             let surface = surfaces.entry(component).or_default();
+            if meshes {
+                surface.mesh.extend(polygon.iter().map(|facet| {
+                    let [a, b, c] = facet.corners;
+                    [a, c, b]
+                }));
+            }
             add_polygon(surface, polygon, crossing(root, key, edge), centre, &directions);
         }
         Ok(surfaces)
@@ -121,7 +158,7 @@ pub(super) fn surfaces(
     let mut all: BTreeMap<usize, Surface> = BTreeMap::new();
     edge_facets(tree, cache_bytes, is_wanted, progress, make, |surfaces| {
         for (component, surface) in surfaces {
-            all.entry(component).or_default().add(&surface);
+            all.entry(component).or_default().add(surface);
         }
         Ok(())
     })?;
@@ -149,7 +186,15 @@ fn add_polygon(
     for facet in polygon {
         let [a, b, c] = facet.corners.map(|corner| corner.map(f64::from));
         let doubled = cross(minus(b, a), minus(c, a));
-        area += 0.5 * dot(doubled, doubled).sqrt();
+        let own = 0.5 * dot(doubled, doubled).sqrt();
+        area += own;
+        let middle = [0, 1, 2].map(|n| (a[n] + b[n] + c[n]) / 3.0 - centre[n]);
+        for n in 0..3 {
+            // Both sides of a closed surface cast the same shadow.
+            surface.projected[n] += 0.25 * doubled[n].abs();
+            surface.first[n] += own * middle[n];
+            (0..3).for_each(|m| surface.second[n][m] += own * middle[n] * middle[m]);
+        }
         // Seen from the void the part's outside is inward.
         surface.volume -= dot(minus(a, centre), doubled) / 6.0;
         vector = [0, 1, 2].map(|n| vector[n] + 0.5 * doubled[n]);
@@ -181,6 +226,29 @@ fn height(axis: usize, corners: [[f64; 3]; 3], at: [f64; 3]) -> Option<f64> {
     let is_within = weights.iter().all(|&w| w * whole.signum() >= -1e-9 * whole.abs());
     (whole != 0.0 && is_within)
         .then(|| at[axis] - (0..3).map(|n| weights[n] * corners[n][axis]).sum::<f64>() / whole)
+}
+
+/// The eigenvalues of a symmetric matrix, by Jacobi's rotations.
+fn spreads(mut m: [[f64; 3]; 3]) -> [f64; 3] {
+    const SWEEPS: usize = 12;
+    for (p, q) in (0..SWEEPS).flat_map(|_| [(0, 1), (0, 2), (1, 2)]) {
+        if m[p][q] == 0.0 {
+            continue;
+        }
+        let theta = (m[q][q] - m[p][p]) / (2.0 * m[p][q]);
+        let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+        let t = if theta == 0.0 { 1.0 } else { t };
+        let c = 1.0 / (t * t + 1.0).sqrt();
+        let s = t * c;
+        for row in &mut m {
+            (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+        }
+        let (one, other) = (m[p], m[q]);
+        for n in 0..3 {
+            (m[p][n], m[q][n]) = (c * one[n] - s * other[n], s * one[n] + c * other[n]);
+        }
+    }
+    [m[0][0], m[1][1], m[2][2]]
 }
 
 /// Directions all round, evenly, on a spiral; and the axes, both ways.

@@ -5,12 +5,13 @@
 //! to be kept of it beside the crossing itself.
 
 use super::boundary::Crossing;
+use super::class::may_be_sparse;
 use crate::analysis::solids_of;
 use crate::brick::Count;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
 use crate::solid::{Body, Segment, Solids};
-use crate::store::{BeadSegment, BeadTables, Store};
+use crate::store::{BeadSegment, BeadTables, BrickTree, Store};
 use std::collections::BTreeMap;
 
 /// Steps of a square unit in which shares of surfaces are added up.
@@ -47,6 +48,17 @@ impl<'a> Tracer<'a> {
             Listed { segment: *s, body: self.solids.body(&segment), bounds: self.solids.bounds(&segment) }
         };
         Ok(Segments(stored.iter().map(of).collect()))
+    }
+
+    /// The solids of all segments.
+    pub(super) fn solids(&self) -> &Solids {
+        &self.solids
+    }
+
+    /// The segments that touch a leaf, to be asked through [`Tracer::solids`].
+    pub(super) fn listed(&self, key: NodeKey) -> Result<Vec<Segment>> {
+        let of = |s: &BeadSegment| Segment { a: s.a, b: s.b, profile: s.section, pass: s.pass };
+        Ok(self.store.segments(key, &self.tables)?.iter().map(of).collect())
     }
 
     /// Width of a segment's section, in lattice units.
@@ -154,6 +166,8 @@ pub struct Trace {
     pub missing: Vec<(u64, u64)>,
     /// The share of the surface that belongs to no bead of the record.
     pub unknown: f64,
+    /// The largest width of a bead around, in the store's unit.
+    pub width: f64,
 }
 
 impl Trace {
@@ -180,6 +194,8 @@ impl Trace {
         trace.beads = beads.len();
         let part = |share: u128| share as f64 / total as f64;
         trace.unknown = part(around.unknown);
+        let widths = around.segments.values().map(|(_, segment)| tracer.width(segment));
+        trace.width = widths.fold(0.0, f64::max) * tracer.store.root().unit();
         let mut features: Vec<(u16, u128)> = features.into_iter().collect();
         features.sort_by_key(|&(feature, share)| (std::cmp::Reverse(share), feature));
         trace.features = features
@@ -201,10 +217,38 @@ impl Trace {
     }
 }
 
+/// Whether infill that may be sparse is: of its lines that follow each other beside voids most lie farther apart than half their
+/// width more than they are wide. The lines of dense infill touch.
+pub(super) fn has_sparse_infill<'b>(all: impl Iterator<Item = &'b Around>, tracer: &Tracer<'_>) -> bool {
+    const SPARSE: f64 = 1.5;
+    /// Lines nearer than this share of their width are joined end to end.
+    const JOINED: f64 = 0.25;
+    let tables = tracer.tables();
+    let mut lines: BTreeMap<(u32, u64), BeadSegment> = BTreeMap::new();
+    for around in all {
+        lines.extend(around.segments.iter().map(|(name, (_, segment))| (*name, *segment)));
+    }
+    let bead = |segment: &BeadSegment| tables.beads[tables.bead_of(segment.pass).0 as usize];
+    let is_infill = |s: &&BeadSegment| may_be_sparse(&tables.features[usize::from(bead(s).feature)]);
+    let infill: Vec<&BeadSegment> = lines.values().filter(is_infill).collect();
+    let mut distances: Vec<f64> = Vec::new();
+    for pair in infill.windows(2) {
+        let (first, second) = (bead(pair[0]), bead(pair[1]));
+        let widths = apart(pair[0], pair[1]) / tracer.width(pair[0]).max(tracer.width(pair[1]));
+        if (first.source, first.layer) == (second.source, second.layer) && widths > JOINED {
+            distances.push(widths);
+        }
+    }
+    distances.sort_unstable_by(f64::total_cmp);
+    distances.get(distances.len() / 2).is_some_and(|median| *median > SPARSE)
+}
+
 /// Pairs of lines that follow each other around the void, in one layer, whose centre lines are farther apart than wide.
 fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
     /// Lines laid at their width stand a little nearer than that; one missing between makes it twice.
     const APART: f64 = 1.25;
+    /// Lines farther apart than this are on two sides of the part, as those of a loop, and not of a line that is missing.
+    const FAR: f64 = 3.5;
     let tables = tracer.tables();
     let mut pairs = Vec::new();
     let entries: Vec<&(u128, BeadSegment)> = around.segments.values().collect();
@@ -215,7 +259,7 @@ fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
             continue;
         }
         let width = tracer.width(one).max(tracer.width(other));
-        if apart(one, other) > APART * width {
+        if (APART * width..FAR * width).contains(&apart(one, other)) {
             pairs.push((one.line, other.line));
         }
     }

@@ -46,6 +46,8 @@ pub enum Resolution {
     Depth(u8),
     /// Edge of the deepest cells in the input's unit; the root cube is grown to fit.
     Cell(f64),
+    /// The root cube of another tree and its deepest level, so that samples of both stand at the same places.
+    Like(RootCube, u8),
 }
 
 /// [`Resolution::Auto`] of all but point clouds.
@@ -461,6 +463,7 @@ pub(super) fn place(
         Resolution::Auto => RootCube::around(min, max).map(|root| (root, AUTO_DEPTH)),
         Resolution::Depth(depth) => RootCube::around(min, max).map(|root| (root, depth)),
         Resolution::Cell(cell) => RootCube::with_cell(min, max, cell),
+        Resolution::Like(root, depth) => Some((root, depth)),
     })
 }
 
@@ -481,6 +484,21 @@ pub(super) fn place_by(
             return Err(Error::setting(
                 format!("a cell of {cell} is too small for a part of {extent}"),
                 format!("use a cell of at least {:.3e}", finest * 1.1),
+            ));
+        }
+    }
+    if let Resolution::Like(root, depth) = resolution {
+        // Samples on the root's own faces must lie outside the input.
+        let margin = root.spacing(depth) / 4.0;
+        let far = root.origin.map(|c| c + root.edge);
+        let fits = |a: usize| min[a] >= root.origin[a] + margin && max[a] <= far[a] - margin;
+        if !(0..3).all(fits) {
+            return Err(Error::setting(
+                format!(
+                    "the input spans {min:?} to {max:?}, and the lattice of --like {:?} to {far:?}",
+                    root.origin
+                ),
+                "build the larger part first, and the other one like it",
             ));
         }
     }

@@ -122,6 +122,7 @@ fn place_beads(
         Resolution::Auto => RootCube::with_cell(bounds.0, bounds.1, sizes.cell()),
         Resolution::Depth(depth) => with_depth(bounds, depth, sizes),
         Resolution::Cell(cell) => with_cell(bounds, cell, sizes),
+        Resolution::Like(root, depth) => Some((root, depth)),
     })
 }
 

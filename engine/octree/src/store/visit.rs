@@ -55,7 +55,14 @@ impl LeafOrder {
     /// [`Error::Setting`] if they do not cover the root without gap and overlap.
     pub fn new(tree: &dyn BrickTree) -> Result<LeafOrder> {
         let is_leaf = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.leaf);
-        let mut keys: Vec<NodeKey> = tree.keys().into_iter().filter(is_leaf).collect();
+        LeafOrder::of(tree.keys().into_iter().filter(is_leaf).collect())
+    }
+
+    /// Nodes in the place of leaves.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if they do not cover the root without gap and overlap.
+    pub fn of(mut keys: Vec<NodeKey>) -> Result<LeafOrder> {
         keys.sort_unstable_by_key(|key| key.post_order());
         let last = keys.iter().map(|key| key.post_order().0).collect();
         let order = LeafOrder { keys, last };

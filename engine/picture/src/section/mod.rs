@@ -5,6 +5,7 @@
 //! | `plane` | where a section lies, and its two axes |
 //! | `at_hand` | the bricks that a thread looks at |
 //! | `picture` | w as pixels |
+//! | `labels` | words within them |
 //! | `legend` | what stands below them |
 //! | `arc` | how the boundary passes a square between two points of it |
 //! | `face` | where the boundary passes a lattice edge in a plane between two layers of samples |
@@ -21,6 +22,7 @@ mod contour;
 mod drawing;
 mod face;
 mod join;
+mod labels;
 mod legend;
 mod picture;
 mod plane;
@@ -29,6 +31,7 @@ mod straighten;
 pub use contour::{ContourLimits, contour};
 pub use drawing::{Drawing, write_drawing};
 pub use join::Contour;
+pub use labels::SectionLabel;
 pub use picture::{SectionPicture, SectionSummary, plain, write_picture};
 pub use plane::Plane;
 pub use straighten::straighten;

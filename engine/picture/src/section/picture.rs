@@ -1,6 +1,7 @@
 //! w in a plane as a picture.
 
 use super::at_hand::{AtHand, nearest, trilinear};
+use super::labels::{Mark, SectionLabel, marks};
 use super::legend::Legend;
 use super::plane::Plane;
 use crate::error::{Error, Result};
@@ -29,6 +30,8 @@ pub struct SectionPicture {
     pub level: Option<u8>,
     /// The unit of length for legend and scale bar below the picture; `None` for the samples alone.
     pub legend: Option<String>,
+    /// Words to be written into it, the most important first.
+    pub labels: Vec<SectionLabel>,
 }
 
 /// What was drawn.
@@ -85,11 +88,16 @@ pub fn write_picture(
         let title = format!("{} = {} {unit}", what.plane.letter(), plain(what.plane.at));
         Legend { title, scale, range, pixel, unit }.draw(grid.size[0])
     });
+    let marks = marks(&what.labels, grid.size, |uv| {
+        let at = grid.plane.within(root.from_first_sample(grid.plane.point(uv, grid.plane.at)));
+        let [right, up] = [0, 1].map(|a| (at[a] - grid.first[a]) / grid.pixel);
+        [right, grid.size[1] as f64 - 1.0 - up]
+    });
     let width = legend.as_ref().map_or(0, |legend| legend.width()).max(grid.size[0]);
     let height = grid.size[1] + legend.as_ref().map_or(0, |legend| legend.rows().count());
     let size = [width as u32, height as u32];
     write_png(path, size, true, |rows| {
-        grid.draw(tree, width, rows, progress)?;
+        grid.draw(tree, width, (rows, &marks), progress)?;
         legend.iter().flat_map(|legend| legend.rows()).try_for_each(|row| {
             let mut row = row.to_vec();
             row.resize(width, WHITE);
@@ -151,7 +159,7 @@ impl Grid {
         &self,
         tree: &dyn BrickTree,
         width: usize,
-        rows: &mut PngRows<'_>,
+        (rows, marks): (&mut PngRows<'_>, &[Mark]),
         progress: &dyn Progress,
     ) -> Result<()> {
         let bands = self.size[1].div_ceil(TILE);
@@ -172,6 +180,7 @@ impl Grid {
                 let mut row: Vec<Rgba> =
                     tiles.iter().flat_map(|tile| &tile[y * TILE..(y + 1) * TILE]).copied().collect();
                 row.truncate(self.size[0]);
+                marks.iter().for_each(|mark| mark.put(band * TILE + y, &mut row));
                 row.resize(width, WHITE);
                 rows.row(&row)?;
             }

@@ -18,7 +18,7 @@ mod segments;
 mod tests;
 
 pub use body::Body;
-pub use evaluate::{SegmentList, SolidEvaluation, SolidEvaluator};
+pub use evaluate::{SegmentList, SolidEvaluation, SolidEvaluator, for_lines, for_samples};
 pub use points::{beads_at, brute_beads_at};
 pub use profile::{Outline, Profile};
 pub use segments::{Segment, Solids, bounds_of_beads, passes_of};

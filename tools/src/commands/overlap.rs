@@ -1,0 +1,173 @@
+//! `brickfield overlap`: a table of the beads that overlap.
+
+use super::{open_store, start, unit_of};
+use crate::failure::Failure;
+use crate::layer_args::{OverlapArgs, OverlapByArg};
+use crate::output::{in_line, print, require_distinct};
+use crate::table::{Table, TableKind, six_digits, to_place};
+use anyhow::anyhow;
+use brickfield_engine::analysis::{Overlaps, PairOverlap, overlaps};
+use brickfield_engine::brick::Count;
+use brickfield_engine::part::PartFile;
+use brickfield_engine::store::{Accept, BeadTables, BrickTree, Store};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// Decoded bricks that are kept; each is read once.
+const CACHE_BYTES: u64 = 64 << 20;
+
+/// Names of the columns, in order.
+const COLUMNS: [&str; 17] = [
+    "bead_a",
+    "bead_b",
+    "volume",
+    "x",
+    "y",
+    "z",
+    "layer_a",
+    "layer_b",
+    "lines_a",
+    "lines_b",
+    "feature_a",
+    "feature_b",
+    "pass_a",
+    "pass_b",
+    "volume_error",
+    "sampled_volume",
+    "pairs",
+];
+
+/// Pairs added up to one row.
+#[derive(Default)]
+struct Row {
+    volume: f64,
+    error: f64,
+    sampled: f64,
+    /// Volume times place.
+    moment: [f64; 3],
+    pairs: usize,
+}
+
+impl Row {
+    fn add(&mut self, pair: &PairOverlap) {
+        self.volume += pair.volume;
+        self.error += pair.volume_error;
+        self.sampled += pair.sampled;
+        for (moment, at) in self.moment.iter_mut().zip(pair.centroid) {
+            *moment += pair.volume * at;
+        }
+        self.pairs += 1;
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &OverlapArgs) -> Result<(), Failure> {
+    let kind = args.output.as_deref().map(TableKind::of).transpose()?;
+    let bars = start(args.work)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    if let Some(output) = &args.output {
+        require_distinct(&[output], &[&args.store])?;
+    }
+    let Some(tables) = store.bead_tables()? else {
+        let what = "the store does not tell beads apart, so overlaps have no beads";
+        let name = in_line(&args.store);
+        return Err(anyhow!("{name}: {what}; build it from toolpaths with --identity").into());
+    };
+    let file = match (&args.output, kind) {
+        (Some(output), Some(kind)) => Some((PartFile::create(output)?, kind)),
+        _ => None,
+    };
+    let found = overlaps(&store, &bars)?;
+    let table = table(args, &store, &tables, &found);
+    let document = document(args, &store, &tables, &found, &table);
+    bars.clear();
+    table.deliver(file, &document, args.json)?;
+    if let (false, false, Some(output)) = (args.json, args.work.quiet, &args.output) {
+        let volume: f64 = found.pairs.iter().map(|pair| pair.volume).sum();
+        let (name, unit) = (in_line(output), unit_of(store.meta()));
+        print(&format!(
+            "{name}: {} rows; {} pairs, {volume:.6} {unit}³",
+            table.rows.len(),
+            found.pairs.len()
+        ))?;
+    }
+    Ok(())
+}
+
+/// What a row stands for: bead and pass of each side, layers, features.
+fn key_of(by: OverlapByArg, tables: &BeadTables, pair: &PairOverlap) -> [u32; 2] {
+    let rows = pair.numbers.map(|number| tables.beads[tables.bead_of(number).0 as usize]);
+    let mut key = match by {
+        OverlapByArg::Pair => pair.numbers,
+        OverlapByArg::Feature => rows.map(|row| u32::from(row.feature)),
+        OverlapByArg::Layer => rows.map(|row| row.layer),
+    };
+    key.sort_unstable();
+    key
+}
+
+fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlaps) -> Table<'static> {
+    let cell = store.root().spacing(store.meta().depth);
+    let mut rows: BTreeMap<[u32; 2], (Row, &PairOverlap)> = BTreeMap::new();
+    for pair in &found.pairs {
+        rows.entry(key_of(args.by, tables, pair)).or_insert((Row::default(), pair)).0.add(pair);
+    }
+    let mut rows: Vec<_> = rows.into_iter().filter(|(_, (row, _))| row.volume >= args.min_volume).collect();
+    rows.sort_by(|a, b| b.1.0.volume.total_cmp(&a.1.0.volume).then(a.0.cmp(&b.0)));
+    let values = |(key, (row, pair)): ([u32; 2], (Row, &PairOverlap))| {
+        let beads = pair.numbers.map(|number| tables.bead_of(number));
+        let rows = beads.map(|(bead, _)| tables.beads[bead as usize]);
+        let is_pair = args.by == OverlapByArg::Pair;
+        let of_pair = |value: Value| if is_pair { value } else { Value::Null };
+        let span = |side: usize| {
+            let lines = if tables.count() == Count::Beads { rows[side].lines } else { pair.lines[side] };
+            let text =
+                if lines.0 == lines.1 { format!("{}", lines.0) } else { format!("{}-{}", lines.0, lines.1) };
+            of_pair(if lines.0 > lines.1 { Value::Null } else { json!(text) })
+        };
+        let layer = |side: usize| match args.by {
+            OverlapByArg::Layer => json!(key[side] + 1),
+            OverlapByArg::Pair => json!(rows[side].layer + 1),
+            OverlapByArg::Feature => Value::Null,
+        };
+        let feature = |side: usize| match args.by {
+            OverlapByArg::Feature => json!(tables.features[key[side] as usize]),
+            OverlapByArg::Pair => json!(tables.features[usize::from(rows[side].feature)]),
+            OverlapByArg::Layer => Value::Null,
+        };
+        let mut cells = vec![of_pair(json!(beads[0].0)), of_pair(json!(beads[1].0)), six_digits(row.volume)];
+        cells.extend(row.moment.map(|m| to_place(m / row.volume.max(f64::MIN_POSITIVE), cell / 100.0)));
+        cells.extend([layer(0), layer(1), span(0), span(1), feature(0), feature(1)]);
+        cells.extend(beads.map(|(_, pass)| of_pair(json!(pass))));
+        cells.extend([six_digits(row.error), six_digits(row.sampled), json!(row.pairs)]);
+        cells
+    };
+    Table { columns: &COLUMNS, rows: rows.into_iter().map(values).collect() }
+}
+
+fn document(
+    args: &OverlapArgs,
+    store: &Store,
+    tables: &BeadTables,
+    found: &Overlaps,
+    table: &Table<'_>,
+) -> Value {
+    let volume: f64 = found.pairs.iter().map(|pair| pair.volume).sum();
+    json!({
+        "unit": store.meta().unit,
+        "cell": store.root().spacing(store.meta().depth),
+        "by": match args.by {
+            OverlapByArg::Pair => "pair",
+            OverlapByArg::Feature => "feature",
+            OverlapByArg::Layer => "layer",
+        },
+        "counted": if tables.count() == Count::Beads { "beads" } else { "passes" },
+        "pairs": found.pairs.len(),
+        "volume": volume,
+        "pair_samples": found.pair_samples.to_string(),
+        "field_samples": found.field_samples.to_string(),
+        "unexplained_samples": found.unexplained.to_string(),
+        "sampled_volume": Overlaps::volume_of(store.root(), found.field_samples),
+        "overlaps": table.objects(),
+    })
+}
