@@ -166,7 +166,8 @@ fn rods_and_bodies_that_no_sample_shows_are_told() {
         assert!((highest - top).abs() < 0.6, "{name}: {highest}");
     }
     // A wedge that reaches into a brick by less than a cell, faces that coincide and pieces within others hide nothing.
-    let wedge = shapes::cuboid([0.0; 3], [4.0, 4.0, 10.0]).rotated([0.0, 0.0, 1.0], 0.7853981633974483);
+    let wedge =
+        shapes::cuboid([0.0; 3], [4.0, 4.0, 10.0]).rotated([0.0, 0.0, 1.0], std::f64::consts::FRAC_PI_4);
     let beside = shapes::cuboid([10.0, 0.0, 0.0], [20.0, 10.0, 2.0]);
     let within = shapes::cuboid([1.0; 3], [1.01, 1.01, 1.5]);
     for (name, pieces) in

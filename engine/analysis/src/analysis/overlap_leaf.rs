@@ -288,10 +288,9 @@ fn without_joints(of_passes: &[&[Stretch]]) -> Vec<Vec<(i64, i64)>> {
 fn add_chord(pair: &mut PairSums, axis: Axis, (from, to): (i64, i64), at: [i64; 3], area: i128) {
     let length = i128::from(to - from);
     pair.chords[axis.index()] += length * area;
-    for b in 0..3 {
-        let doubled =
-            if b == axis.index() { i128::from(from) + i128::from(to) } else { 2 * i128::from(at[b]) };
-        pair.moments[b] += length * doubled * area;
+    for (b, (moment, at)) in pair.moments.iter_mut().zip(at).enumerate() {
+        let doubled = if b == axis.index() { i128::from(from) + i128::from(to) } else { 2 * i128::from(at) };
+        *moment += length * doubled * area;
     }
 }
 

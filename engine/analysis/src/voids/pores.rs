@@ -328,10 +328,10 @@ fn flood(squared: &[u16], size: [usize; 3], cap: u16, most: f64) -> (Vec<Pore>, 
 fn gather(mut of: Vec<u32>, basins: &mut Basins, size: [usize; 3]) -> (Vec<Pore>, Vec<u32>) {
     let mut numbers = vec![0u32; basins.0.len()];
     let mut pores: Vec<Pore> = Vec::new();
-    for index in 0..of.len() {
-        let basin = if of[index] == UNSET { OUTSIDE } else { basins.find(of[index]) };
+    for (index, of) in of.iter_mut().enumerate() {
+        let basin = if *of == UNSET { OUTSIDE } else { basins.find(*of) };
         let Some(throat) = basins.0[basin as usize].throat else {
-            of[index] = 0;
+            *of = 0;
             continue;
         };
         let number = &mut numbers[basin as usize];
@@ -340,14 +340,14 @@ fn gather(mut of: Vec<u32>, basins: &mut Basins, size: [usize; 3]) -> (Vec<Pore>
             pores.push(Pore { throat, peak, low: [usize::MAX; 3], ..Pore::default() });
             *number = pores.len() as u32;
         }
-        of[index] = *number;
+        *of = *number;
         let at = [index % size[0], index / size[0] % size[1], index / (size[0] * size[1])];
         let pore = &mut pores[*number as usize - 1];
         pore.samples += 1;
-        for a in 0..3 {
-            pore.sums[a] += at[a] as u64;
-            pore.low[a] = pore.low[a].min(at[a]);
-            pore.high[a] = pore.high[a].max(at[a]);
+        for (a, at) in at.into_iter().enumerate() {
+            pore.sums[a] += at as u64;
+            pore.low[a] = pore.low[a].min(at);
+            pore.high[a] = pore.high[a].max(at);
         }
     }
     let steps = [1, size[0], size[0] * size[1]];

@@ -10,6 +10,7 @@ pub struct Octant(u8);
 
 impl Octant {
     /// All eight, in Morton order.
+    #[inline]
     pub fn all() -> impl Iterator<Item = Octant> {
         (0..8).map(Octant)
     }
@@ -38,6 +39,7 @@ impl NodeKey {
     pub const ROOT: NodeKey = NodeKey(1);
 
     /// The node of `level` at brick coordinates `position`, each below 2^level; `None` outside the tree.
+    #[inline]
     pub fn new(level: u8, position: [u32; 3]) -> Option<NodeKey> {
         if level > MAX_LEVEL || position.iter().any(|&p| p >> level != 0) {
             return None;
@@ -46,6 +48,7 @@ impl NodeKey {
     }
 
     /// Reads a code as stored in a file; `None` unless it is a node no deeper than [`MAX_LEVEL`].
+    #[inline]
     pub fn from_code(code: u64) -> Option<NodeKey> {
         if code == 0 {
             return None;
@@ -67,17 +70,20 @@ impl NodeKey {
     }
 
     /// Brick coordinates within the level.
+    #[inline]
     pub fn position(self) -> [u32; 3] {
         let morton = self.0 ^ (1 << (3 * self.level() as u32));
         [compact(morton), compact(morton >> 1), compact(morton >> 2)]
     }
 
     /// `None` for the root.
+    #[inline]
     pub fn parent(self) -> Option<NodeKey> {
         (self != NodeKey::ROOT).then_some(NodeKey(self.0 >> 3))
     }
 
     /// The ancestor at `level`, the node itself at its own level; `None` below it.
+    #[inline]
     pub fn ancestor(self, level: u8) -> Option<NodeKey> {
         (level <= self.level()).then(|| NodeKey(self.0 >> (3 * (self.level() - level) as u32)))
     }
@@ -96,6 +102,7 @@ impl NodeKey {
     }
 
     /// The node of the same level `delta` bricks away; `None` outside the root.
+    #[inline]
     pub fn neighbour(self, delta: [i32; 3]) -> Option<NodeKey> {
         let level = self.level();
         let mut position = self.position();
@@ -123,6 +130,7 @@ impl NodeKey {
     }
 
     /// Lower corner in units; sample `i` along an axis is at `base + i·spacing + 1`.
+    #[inline]
     pub fn base(self) -> Units {
         let shift = ROOT_BITS - self.level() as u32;
         self.position().map(|p| (p << shift) as i32)
@@ -135,11 +143,13 @@ impl NodeKey {
     }
 
     /// Index of the brick's first sample on its level's lattice, per axis.
+    #[inline]
     pub fn first_sample(self) -> [u32; 3] {
         self.position().map(|p| p * BRICK_CELLS as u32)
     }
 
     /// The order of a depth-first walk that visits children before their parent.
+    #[inline]
     pub fn post_order(self) -> (u64, std::cmp::Reverse<u8>) {
         let down = 3 * (MAX_LEVEL - self.level()) as u32;
         let last = (self.0 << down) | ((1u64 << down) - 1);

@@ -4,6 +4,7 @@
 pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// A number of which every bit depends on every bit of `z`: the finalizer of SplitMix64 (Steele, Lea & Flood 2014).
+#[inline]
 pub fn mix(z: u64) -> u64 {
     let z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -12,6 +13,7 @@ pub fn mix(z: u64) -> u64 {
 
 /// A hash of three coordinates by their bits. Each is multiplied into all bits before the next is added: the low half of
 /// an f64 that was an f32 is zero. Multiplier: 2^64 divided by the golden ratio.
+#[inline]
 pub fn hash_bits(bits: [u64; 3]) -> u64 {
     bits.into_iter().fold(0, |hash: u64, bits| {
         let mixed = u128::from(hash ^ bits ^ 0x5851_f42d_4c95_7f2d) * 0x9e37_79b9_7f4a_7c15;

@@ -21,6 +21,7 @@ impl RootCube {
     ///
     /// `None` if the box is empty, not finite, or so small against its distance from the origin that the
     /// lattice could not tell its positions apart in f64.
+    #[inline]
     pub fn around(min: [f64; 3], max: [f64; 3]) -> Option<RootCube> {
         let extent = longest(min, max)?;
         RootCube::centred(min, max, extent * (32.0 / 31.0))
@@ -29,6 +30,7 @@ impl RootCube {
     /// The cube around `min..max` with cells of exactly `cell` at the returned level: the smallest level
     /// whose cube has room for the box and its margin. `None` as for [`RootCube::around`], or if that would
     /// be deeper than [`super::MAX_LEVEL`].
+    #[inline]
     pub fn with_cell(min: [f64; 3], max: [f64; 3], cell: f64) -> Option<(RootCube, u8)> {
         let needed = longest(min, max)? * (32.0 / 31.0);
         if !(cell.is_finite() && cell > 0.0) {
@@ -93,12 +95,14 @@ impl RootCube {
     /// Lattice position of a world position, counted from the root's first sample, which stands at (1, 1, 1), and
     /// resolved to 2^-10 of a unit. So the position of a sample, after it went through decimal or binary fractions of
     /// the world's unit, is that sample again. Weights of interpolation between samples are exact.
+    #[inline]
     pub fn from_first_sample(&self, world: [f64; 3]) -> [f64; 3] {
         const STEPS_PER_UNIT: f64 = 1024.0;
         self.to_units(world).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT)
     }
 
     /// World distance of two samples of `level`, the cell size there.
+    #[inline]
     pub fn spacing(&self, level: u8) -> f64 {
         self.edge / f64::from(super::BRICK_CELLS as u32) / f64::from(1u32 << level)
     }

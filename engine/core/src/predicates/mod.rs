@@ -40,6 +40,7 @@ pub struct Triangle {
 
 impl Triangle {
     /// The triangle of a face with these vertices and corners, unless its corners are on a line.
+    #[inline]
     pub fn of_face(face: u32, vertices: [u32; 3], corners: [Point; 3]) -> Option<Triangle> {
         Some(Triangle { face, vertices, corners, axis: axis(&corners)? })
     }
@@ -81,6 +82,7 @@ fn side_of_line(p: Flat, q: Flat, r: Flat) -> i8 {
 }
 
 /// On which side of the plane of three points the fourth is; 0 if on it, or if there is no such plane.
+#[inline]
 pub fn side_of_plane(p: Point, q: Point, r: Point, s: Point) -> i8 {
     let [p, q, r, s] = [p, q, r, s].map(|[x, y, z]| Coord3D { x, y, z });
     sign(robust::orient3d(p, q, r, s))
@@ -108,17 +110,20 @@ pub fn meeting(a: &Triangle, b: &Triangle) -> Option<Meeting> {
 }
 
 /// Whether the corners of a triangle are not on a line.
+#[inline]
 pub fn has_area(corners: &[[f32; 3]; 3]) -> bool {
     Triangle::placed(corners).is_some()
 }
 
 /// Whether two triangles meet elsewhere than they must; corners at the same place are one vertex, and what has no area
 /// meets nothing.
+#[inline]
 pub fn meet_by_place(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> bool {
     meeting_by_place(a, b).is_some()
 }
 
 /// How two triangles meet elsewhere than they must, as [`meet_by_place`] has it.
+#[inline]
 pub fn meeting_by_place(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> Option<Meeting> {
     let (a, b) = (Triangle::placed(a)?, Triangle::placed(b)?);
     let vertex =

@@ -9,6 +9,7 @@ use crate::lattice::BRICK_POINTS;
 pub(super) const BITS_MAX: u8 = 14;
 
 /// Replaces the content of `plain` by the samples' bytes.
+#[inline]
 pub(super) fn to_plain(samples: &Samples, plain: &mut Vec<u8>) {
     plain.clear();
     plain.resize(1 + 2 * POINTS, samples.1);
@@ -32,6 +33,7 @@ fn before(samples: &[i16; POINTS], index: usize) -> i16 {
 
 /// Inverse of [`to_plain`], in the memory of samples that nobody needs; `None` if the bytes are too few or too many, or the
 /// number of places is none.
+#[inline]
 pub(super) fn from_plain(plain: &[u8], spare: Option<Samples>) -> Option<Samples> {
     let (&bits, changes) = plain.split_first()?;
     if changes.len() != 2 * POINTS || !(1..=BITS_MAX).contains(&bits) {

@@ -36,6 +36,7 @@ impl OctNormal {
     }
 
     /// The unit vector.
+    #[inline]
     pub fn to_vector(self) -> [f64; 3] {
         let u = f64::from(self.0 as u16 as i16) / 32767.0;
         let v = f64::from((self.0 >> 16) as u16 as i16) / 32767.0;
@@ -75,16 +76,19 @@ pub struct Hermite {
 
 impl Hermite {
     /// Number of edges along all axes.
+    #[inline]
     pub fn len(&self) -> usize {
         self.edges.iter().map(Vec::len).sum()
     }
 
     /// True on interior nodes and on leaves without a boundary.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Heap bytes.
+    #[inline]
     pub fn heap_bytes(&self) -> usize {
         self.edges.iter().map(|e| e.capacity() * size_of::<HermiteEdge>()).sum()
     }
@@ -118,6 +122,7 @@ pub type Ranks = [u32; ROWS + 1];
 
 impl SignChanges {
     /// Classifies samples against 0.5; of whole ones those of 1 and more are inside.
+    #[inline]
     pub fn of(samples: &Samples) -> SignChanges {
         dispatch!(level(), simd => SignChanges::of_with(simd, samples))
     }
@@ -137,11 +142,13 @@ impl SignChanges {
     }
 
     /// Every sample outside.
+    #[inline]
     pub fn outside() -> SignChanges {
         SignChanges { inside: vec![0; ROWS].into_boxed_slice().try_into().expect("the length is ROWS") }
     }
 
     /// From a predicate on the linear sample index.
+    #[inline]
     pub fn from_fn(inside: impl Fn(usize) -> bool) -> SignChanges {
         let mut out = SignChanges::outside();
         for index in (0..POINTS).filter(|&index| inside(index)) {
@@ -183,6 +190,7 @@ impl SignChanges {
 
     /// Whether two samples across the diagonal of a lattice face are inside, and the other two are not: two sheets pass
     /// the face, and a wall or a gap between them is thinner than its diagonal.
+    #[inline]
     pub fn has_ambiguous_face(&self) -> bool {
         let layer = |k: usize| &self.inside[k * BRICK_POINTS..][..BRICK_POINTS];
         // Two rows of samples beside each other: faces along x, whose other direction is from one row to the other.
@@ -221,6 +229,7 @@ impl SignChanges {
 
     /// For each row k·33 + j, how many sign-changing edges along `axis` the rows before it hold; the last
     /// entry is the number of all.
+    #[inline]
     pub fn ranks(&self, axis: Axis) -> Box<Ranks> {
         let mut ranks = vec![0u32; ROWS + 1];
         for row in 0..ROWS {
@@ -239,6 +248,7 @@ impl SignChanges {
     }
 
     /// Number of sign-changing edges along each axis.
+    #[inline]
     pub fn counts(&self) -> [usize; 3] {
         // Plain loops over slices are vectorized, which counts bits in a third of the instructions.
         let count = |rows: &[u64], next: &[u64]| -> u64 {

@@ -35,6 +35,7 @@ pub enum Brick {
 
 impl Brick {
     /// A brick of these samples: uniform if all are the same whole number.
+    #[inline]
     pub fn from_samples(samples: Samples, hermite: Hermite) -> Brick {
         let (min, max) = samples.range();
         let whole = samples.whole(min);
@@ -45,6 +46,7 @@ impl Brick {
     }
 
     /// Its samples alone.
+    #[inline]
     pub fn into_samples(self) -> Samples {
         match self {
             Brick::Uniform(w) => Samples::filled(w),
@@ -72,6 +74,7 @@ impl Brick {
     }
 
     /// Smallest and largest of [`Brick::sample`], apron included.
+    #[inline]
     pub fn range(&self) -> (i16, i16) {
         match self {
             Brick::Uniform(w) => (*w, *w),
@@ -83,11 +86,13 @@ impl Brick {
     }
 
     /// Whether samples have binary places.
+    #[inline]
     pub fn has_fractions(&self) -> bool {
         matches!(self, Brick::Counts { samples, .. } if samples.1 > 0)
     }
 
     /// Heap bytes, for caches with a byte budget.
+    #[inline]
     pub fn heap_bytes(&self) -> usize {
         match self {
             Brick::Uniform(_) => 0,

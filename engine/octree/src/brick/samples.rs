@@ -20,16 +20,19 @@ pub struct Samples(pub Box<[i16; POINTS]>, pub u8);
 
 impl Samples {
     /// All samples equal to `w`.
+    #[inline]
     pub fn filled(w: i16) -> Samples {
         Samples(vec![w; POINTS].into_boxed_slice().try_into().expect("the length is POINTS"), 0)
     }
 
     /// All samples 0, with binary places.
+    #[inline]
     pub fn fractions(bits: u8) -> Samples {
         Samples::zeroed(None, bits)
     }
 
     /// As [`Samples::fractions`], in the memory of samples that nobody needs any more.
+    #[inline]
     pub fn zeroed(spare: Option<Samples>, bits: u8) -> Samples {
         let Some(Samples(mut samples, _)) = spare else { return Samples(Samples::filled(0).0, bits) };
         samples.fill(0);
@@ -55,6 +58,7 @@ impl Samples {
     }
 
     /// The samples at the corners of the node's children, by octant, as stored.
+    #[inline]
     pub fn child_corners(&self) -> [i16; 8] {
         let mut corners = [0; 8];
         for octant in Octant::all() {
@@ -64,6 +68,7 @@ impl Samples {
     }
 
     /// Smallest and largest sample as stored, apron included.
+    #[inline]
     pub fn range(&self) -> (i16, i16) {
         dispatch!(level(), simd => self.range_with(simd))
     }
@@ -75,6 +80,7 @@ impl Samples {
     }
 
     /// Calls `row` with each of the 32² rows of owned samples.
+    #[inline]
     pub fn for_owned_rows(&self, mut row: impl FnMut(&[i16])) {
         for k in 0..BRICK_CELLS {
             for j in 0..BRICK_CELLS {
@@ -84,6 +90,7 @@ impl Samples {
     }
 
     /// Σw and Σw² over the 32³ owned samples; the sums are exact.
+    #[inline]
     pub fn moments(&self) -> (i64, u64) {
         let (mut sum, mut squares) = (0i64, 0u64);
         self.for_owned_rows(|row| {
@@ -95,6 +102,7 @@ impl Samples {
 
     /// By how much the samples at the ends of the brick's lattice edges, those of the apron included, differ, added up over
     /// all edges.
+    #[inline]
     pub fn variation(&self) -> u64 {
         const LAYER: usize = BRICK_POINTS * BRICK_POINTS;
         // Of 33 x 33 x 32 differences of 16 bits at most, so 32 bits suffice.
@@ -114,6 +122,7 @@ pub struct SamplesInOrder(Vec<i16>);
 
 impl SamplesInOrder {
     /// None yet; they will lie in the memory of samples that nobody needs any more.
+    #[inline]
     pub fn new(spare: Option<Samples>) -> SamplesInOrder {
         let Some(Samples(samples, _)) = spare else { return SamplesInOrder(Vec::with_capacity(POINTS)) };
         let mut samples = (samples as Box<[i16]>).into_vec();
@@ -135,6 +144,7 @@ impl SamplesInOrder {
     }
 
     /// The samples, of which all must be set.
+    #[inline]
     pub fn finish(self) -> Samples {
         Samples(self.0.into_boxed_slice().try_into().expect("all samples are set"), 0)
     }

@@ -87,11 +87,13 @@ pub struct Thin {
 
 impl Thin {
     /// Whether nothing hides.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.walls.edges == 0 && self.gaps.edges == 0 && self.unseen == 0
     }
 
     /// Adds those of other leaves.
+    #[inline]
     pub fn add(&mut self, other: &Thin) {
         self.walls.add(&other.walls);
         self.gaps.add(&other.gaps);
@@ -99,6 +101,7 @@ impl Thin {
     }
 
     /// What was found on some lines, for all of them.
+    #[inline]
     pub fn of_all(mut self, lines: ThinLines) -> Thin {
         self.walls.scale(lines.each());
         self.gaps.scale(lines.each());
@@ -167,21 +170,25 @@ impl ThinSheets {
     }
 
     /// The area of their mid-surfaces, given the length of a lattice unit.
+    #[inline]
     pub fn area(&self, unit: f64) -> f64 {
         self.area as f64 / 16.0 * unit * unit
     }
 
     /// What they enclose, given the length of a lattice unit.
+    #[inline]
     pub fn volume(&self, unit: f64) -> f64 {
         self.volume as f64 / EDGE * unit * unit * unit
     }
 
     /// The least distance of two faces, given the length of a lattice unit.
+    #[inline]
     pub fn thinnest(&self, unit: f64) -> f64 {
         self.thinnest as f64 / EDGE * unit
     }
 
     /// Levels below the leaves on which the lattice would show 99% of their area without holes.
+    #[inline]
     pub fn levels_needed(&self) -> u8 {
         let mut left = self.area;
         for (levels, area) in self.area_by_levels.iter().enumerate() {

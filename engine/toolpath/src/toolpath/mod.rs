@@ -31,6 +31,7 @@ pub struct Section {
 impl Section {
     /// Area of a stadium of these outer sizes: a rectangle between two half circles, which stand at the sides
     /// of a wide bead, and at top and bottom of one that is higher than wide.
+    #[inline]
     pub fn stadium_area(&self) -> f64 {
         let (long, short) = (self.width.max(self.height), self.width.min(self.height));
         short * (long - short) + FRAC_PI_4 * short * short
@@ -123,21 +124,25 @@ impl Toolpath {
     }
 
     /// Number of beads.
+    #[inline]
     pub fn len(&self) -> usize {
         self.beads.len()
     }
 
     /// Whether there is no bead.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.beads.is_empty()
     }
 
     /// What is known of a bead.
+    #[inline]
     pub fn attributes(&self, bead: usize) -> &Attributes {
         &self.beads[bead].1
     }
 
     /// The bead's points, as in [`BeadView::points`].
+    #[inline]
     pub fn points(&self, bead: usize) -> &[[f64; 3]] {
         &self.points[self.beads[bead].0.clone()]
     }
@@ -152,16 +157,19 @@ impl Toolpath {
     }
 
     /// The tool's axis at a bead's point.
+    #[inline]
     pub fn axis(&self, bead: usize, point: usize) -> [f64; 3] {
         self.axes.get(self.beads[bead].0.start + point).copied().unwrap_or(UP)
     }
 
     /// Cross-section of a bead's segment.
+    #[inline]
     pub fn section(&self, bead: usize, segment: usize) -> Section {
         self.sections[self.section_of[self.beads[bead].0.start + segment] as usize]
     }
 
     /// The line of the source that deposits a bead's segment, from 1; the bead's first where no more is known.
+    #[inline]
     pub fn line(&self, bead: usize, segment: usize) -> u64 {
         let (points, attributes) = &self.beads[bead];
         let after = self.line_of.get(points.start + segment).copied().unwrap_or(0);
@@ -169,6 +177,7 @@ impl Toolpath {
     }
 
     /// Memory taken.
+    #[inline]
     pub fn heap_bytes(&self) -> u64 {
         let bytes = size_of_val(self.points.as_slice())
             + size_of_val(self.axes.as_slice())

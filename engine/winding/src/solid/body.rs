@@ -31,6 +31,7 @@ const STEPS: usize = 64;
 
 impl Body {
     /// The solid of a segment with its profile.
+    #[inline]
     pub fn new(segment: &Segment, profile: &Profile) -> Body {
         let end = [0, 1, 2].map(|a| f64::from(segment.b[a] - segment.a[a]));
         let is_upright = profile.axis[0] == 0.0 && profile.axis[1] == 0.0;
@@ -40,6 +41,7 @@ impl Body {
     }
 
     /// The same solid turned about z through its first end, by the angle that has this cosine and sine.
+    #[inline]
     pub fn turned(&self, [cosine, sine]: [f64; 2]) -> Body {
         let turn = |v: [f64; 3]| [cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1], v[2]];
         Body { end: turn(self.end), frame: self.frame.map(turn), ..*self }.with_extent()
@@ -57,6 +59,7 @@ impl Body {
     }
 
     /// The other end.
+    #[inline]
     pub fn end(&self) -> [f64; 3] {
         self.end
     }
@@ -64,6 +67,7 @@ impl Body {
     /// The interval in which the line through `at` along `axis` meets the solid, as coordinates along that
     /// axis; the coordinate of `at` itself does not matter. `None` if the line misses the solid or only
     /// touches it.
+    #[inline]
     pub fn line(&self, axis: usize, at: [f64; 3]) -> Option<(f64, f64)> {
         if !self.is_flat {
             return self.tilted_line(axis, at);
@@ -76,6 +80,7 @@ impl Body {
     }
 
     /// No point of the solid is farther than this from the segment.
+    #[inline]
     pub fn reach(&self) -> f64 {
         let Profile { half_width, half_height, .. } = self.profile;
         if self.is_flat { half_width } else { half_width + half_height }
@@ -83,6 +88,7 @@ impl Body {
 
     /// What of an interval of the line through `at` along `axis` lies between the planes in which the segment ends; empty
     /// ones end before they begin.
+    #[inline]
     pub fn between_ends(&self, axis: usize, mut at: [f64; 3], (from, to): (f64, f64)) -> (f64, f64) {
         at[axis] = 0.0;
         let (slope, along) = (self.frame[0][axis], dot(self.frame[0], at));
@@ -227,17 +233,20 @@ impl Body {
     }
 
     /// The formula in units²: negative inside.
+    #[inline]
     pub fn value(&self, at: [f64; 3]) -> f64 {
         self.formula(at).0
     }
 
     /// The direction of the formula's steepest ascent, in space; zero deep inside.
+    #[inline]
     pub fn gradient(&self, at: [f64; 3]) -> [f64; 3] {
         let (_, g) = self.formula(at);
         [0, 1, 2].map(|a| g[0] * self.frame[0][a] + g[1] * self.frame[1][a] + g[2] * self.frame[2][a])
     }
 
     /// Whether the whole cube lies inside, with a margin far above rounding.
+    #[inline]
     pub fn covers_cube(&self, low: [f64; 3], size: f64) -> bool {
         let margin = self.profile.radius * self.profile.radius * 1e-6;
         (0..3).all(|a| {
@@ -251,6 +260,7 @@ impl Body {
     }
 
     /// Whether one of the frame's directions separates the cube from the solid, by more than rounding.
+    #[inline]
     pub fn misses_cube(&self, low: [f64; 3], size: f64) -> bool {
         let half = 0.5 * size;
         let centre = self.local(low.map(|c| c + half));

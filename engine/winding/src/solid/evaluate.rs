@@ -28,6 +28,7 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
+    #[inline]
     pub fn of(key: NodeKey) -> Lattice {
         Lattice { origin: key.base().map(|b| b + 1), shift: key.spacing_bits() }
     }
@@ -297,6 +298,7 @@ fn for_rows(solids: &Solids, lattice: Lattice, segment: &Segment, mut each: impl
 }
 
 /// Calls `each` with the rows (j, k) of a brick's samples that a segment's solid covers, and these samples as bits.
+#[inline]
 pub fn for_samples(solids: &Solids, key: NodeKey, segment: &Segment, mut each: impl FnMut([usize; 2], u64)) {
     let lattice = Lattice::of(key);
     for_rows(solids, lattice, segment, |row, interval| {
@@ -350,17 +352,20 @@ fn samples_of(lattice: Lattice, segment: &Segment, interval: (f64, f64)) -> Opti
 
 impl SolidEvaluation<'_> {
     /// Whether a pass or a gap between passes lies between two samples of a lattice edge.
+    #[inline]
     pub fn has_hidden_crossings(&mut self) -> bool {
         Axis::ALL.iter().any(|axis| hidden::crossings(self.solids, self.lattice, self.list, axis.index()))
     }
 
     /// Whether the boundary of the union crosses a lattice edge more than once.
+    #[inline]
     pub fn has_hidden_boundary(&mut self) -> bool {
         Axis::ALL.iter().any(|axis| hidden::boundary(self.solids, self.lattice, self.list, axis.index()))
     }
 
     /// The walls and gaps of the union that lie between two samples: on all lines those of the apron too, else on the edges
     /// that the brick owns.
+    #[inline]
     pub fn thin(&self, lines: ThinLines) -> Thin {
         let mut thin = Thin::default();
         for axis in Axis::ALL {
@@ -370,6 +375,7 @@ impl SolidEvaluation<'_> {
     }
 
     /// Turns the samples into a leaf's brick with its Hermite edges.
+    #[inline]
     pub fn into_leaf(self) -> Brick {
         let SolidEvaluation { samples, signs, lattice, solids, list, evaluator } = self;
         let first = samples.0[0];

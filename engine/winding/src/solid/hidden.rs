@@ -83,6 +83,7 @@ fn edge_before(sample: u8) -> u64 {
 }
 
 /// Whether a lattice edge along `axis` holds both an entry into a pass and an exit from one.
+#[inline]
 pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
     let mut all = reaches(solids, lattice, list, axis, ThinLines::All);
     all.sort_unstable_by(|p, q| (p.line, p.pass).cmp(&(q.line, q.pass)).then(p.from.total_cmp(&q.from)));
@@ -99,6 +100,7 @@ pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>
 }
 
 /// Whether an edge along `axis` holds a wall of the union with both faces, or a gap.
+#[inline]
 pub(super) fn boundary(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
     let mut all = reaches(solids, lattice, list, axis, ThinLines::All);
     all.sort_unstable_by(|p, q| p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)));

@@ -18,6 +18,7 @@ const GRID_BITS: u32 = 9;
 ///
 /// # Errors
 /// If the user interrupts.
+#[inline]
 pub fn beads_at(
     solids: &Solids,
     segments: &[Segment],
@@ -38,6 +39,7 @@ pub fn beads_at(
 ///
 /// # Errors
 /// If the user interrupts.
+#[inline]
 pub fn brute_beads_at(
     solids: &Solids,
     segments: &[Segment],

@@ -14,6 +14,7 @@ pub enum Outline {
 
 impl Outline {
     /// As stores and the command line have it.
+    #[inline]
     pub fn name(self) -> &'static str {
         match self {
             Outline::Stadium => "stadium",
@@ -22,6 +23,7 @@ impl Outline {
     }
 
     /// Inverse of [`Outline::name`].
+    #[inline]
     pub fn from_name(name: &str) -> Option<Outline> {
         [Outline::Stadium, Outline::Ellipse].into_iter().find(|outline| outline.name() == name)
     }
@@ -53,6 +55,7 @@ pub struct Profile {
 
 impl Profile {
     /// The section with these half extents.
+    #[inline]
     pub fn new(outline: Outline, half_width: f64, half_height: f64, axis: [f64; 3]) -> Profile {
         let (radius, aspect) = match outline {
             Outline::Stadium => (if half_width < half_height { half_width } else { half_height }, 1.0),
@@ -66,11 +69,13 @@ impl Profile {
     }
 
     /// Whether the section has an area.
+    #[inline]
     pub fn is_solid(&self) -> bool {
         self.half_width > 0.0 && self.half_height > 0.0
     }
 
     /// Area of the section, in square units.
+    #[inline]
     pub fn area(&self) -> f64 {
         let Profile { flat_side, flat_top, aspect, radius, .. } = *self;
         let round = 1.0 / aspect.sqrt();
@@ -79,6 +84,7 @@ impl Profile {
     }
 
     /// Volume of both round ends of a segment, in cubic units: of the section's half, turned about n.
+    #[inline]
     pub fn end_volume(&self) -> f64 {
         let Profile { flat_side, flat_top, aspect, radius, .. } = *self;
         let round = 1.0 / aspect.sqrt();
@@ -91,6 +97,7 @@ impl Profile {
 
     /// How far the section reaches from the centre line along a direction whose cosine with n is `cosine`,
     /// its round ends included.
+    #[inline]
     pub fn reach(&self, cosine: f64) -> f64 {
         let along_n = cosine * cosine;
         let across = if along_n < 1.0 { 1.0 - along_n } else { 0.0 };

@@ -23,6 +23,7 @@ pub struct Segment {
 
 impl Segment {
     /// Length of the centre line, in units.
+    #[inline]
     pub fn length(&self) -> f64 {
         let along = [0, 1, 2].map(|i| f64::from(self.b[i] - self.a[i]));
         (along[0] * along[0] + along[1] * along[1] + along[2] * along[2]).sqrt()
@@ -43,6 +44,7 @@ impl Solids {
     ///
     /// # Errors
     /// [`Error::Setting`] if there are more passes than 32 bits count.
+    #[inline]
     pub fn new(
         paths: &[&Toolpath],
         root: RootCube,
@@ -82,6 +84,7 @@ impl Solids {
     }
 
     /// With these cross-sections.
+    #[inline]
     pub fn of_profiles(profiles: Vec<Profile>) -> Solids {
         Solids { profiles, joints: Vec::new() }
     }
@@ -99,6 +102,7 @@ impl Solids {
     }
 
     /// All cross-sections.
+    #[inline]
     pub fn profiles(&self) -> &[Profile] {
         &self.profiles
     }
@@ -112,6 +116,7 @@ impl Solids {
     }
 
     /// All of them, by pass.
+    #[inline]
     pub fn joints(&self) -> &[Segment] {
         &self.joints
     }
@@ -133,18 +138,21 @@ impl Solids {
     }
 
     /// Whether the segment may touch the closed cube `low..low + size`.
+    #[inline]
     pub fn touches_cube(&self, segment: &Segment, low: Units, size: i32) -> bool {
         let from_a = [0, 1, 2].map(|i| f64::from(low[i] - segment.a[i]));
         !self.body(segment).misses_cube(from_a, f64::from(size))
     }
 
     /// Whether the segment's solid covers a lattice position, by the rule of the samples.
+    #[inline]
     pub fn covers(&self, segment: &Segment, p: Units) -> bool {
         let at = [0, 1, 2].map(|i| f64::from(p[i] - segment.a[i]));
         self.body(segment).line(0, at).is_some_and(|(from, to)| from <= at[0] && at[0] < to)
     }
 
     /// Whether the cube lies inside the segment's solid as a whole, by a margin.
+    #[inline]
     pub fn covers_cube(&self, segment: &Segment, low: Units, size: i32) -> bool {
         let from_a = [0, 1, 2].map(|i| f64::from(low[i] - segment.a[i]));
         self.body(segment).covers_cube(from_a, f64::from(size))
@@ -152,6 +160,7 @@ impl Solids {
 }
 
 /// What is counted of the beads of toolpaths.
+#[inline]
 pub fn passes_of(paths: &[&Toolpath], count: Count) -> Vec<Passes> {
     let of_path = |path: &&Toolpath| match count {
         Count::Passes => Passes::new(path),
