@@ -307,13 +307,16 @@ impl Shares {
 /// with their linear indices.
 pub(super) fn for_blocks(key: NodeKey, mut block: impl FnMut(u32, &[(Units, u16)])) {
     let mut samples = Vec::new();
+    let (base, bits) = (key.base(), key.spacing_bits());
     for up in 0..=u32::from(key.level()) {
         let axes = key.first_sample().map(|first| blocks_along(first, up));
         for z in &axes[2] {
             for y in &axes[1] {
                 for x in &axes[0] {
                     samples.clear();
-                    for_own(key, up, [x, y, z], |index| samples.push((position(key, index), index as u16)));
+                    for_own(key, up, [x, y, z], |index| {
+                        samples.push((position(base, bits, index), index as u16))
+                    });
                     block(key.spacing_bits() + up, &samples);
                 }
             }
@@ -346,11 +349,11 @@ fn for_own(key: NodeKey, up: u32, [xs, ys, zs]: [&[u32]; 3], mut sample: impl Fn
     }
 }
 
-/// Lattice position of a sample by its linear index.
-fn position(key: NodeKey, index: usize) -> Units {
+/// Lattice position of a sample by its linear index, in a brick with this lower corner and log₂ of the spacing.
+#[inline]
+fn position(base: Units, bits: u32, index: usize) -> Units {
     let ijk = [index % P, index / P % P, index / (P * P)];
-    let base = key.base();
-    std::array::from_fn(|a| base[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)
+    std::array::from_fn(|a| base[a] + ((ijk[a] as i32) << bits) + 1)
 }
 
 /// The largest whole number not above `x`, within 32 bits.
