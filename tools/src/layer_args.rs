@@ -8,12 +8,16 @@ use crate::work::WorkArgs;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
-/// List the layers of a part: area, perimeter, volume, voids, overlap and material fed, one row each
+/// List the layers of a part: area, volumes, porosity and material fed, one row each
 #[derive(Args)]
 #[command(after_help = "\
 Layers are those of the toolpath that the store was built from, or steps of --pitch. Area and perimeter are those of the \
-section at half the layer's height. Volumes are sums of chords along z between exact crossings, cut where the layer \
-begins and ends, so they do not depend on how layers stand to the cells. The overlap, and the union again \
+section at half the layer's height.
+
+Volumes are sums of chords along z between exact crossings, cut where the layer \
+begins and ends, so they do not depend on how layers stand to the cells.
+
+The overlap, and the union again \
 (source_volume), are integrals over the source, where the store has them by layer; else the overlap is counted in \
 samples. Porosity is the share of enclosed voids in solid and voids.
 
@@ -54,7 +58,8 @@ pub struct LayersArgs {
 #[derive(Args)]
 #[command(after_help = "\
 Beads are compared as the store counts them: pass by pass, or bead by bead with --count beads of `build`. Samples of \
-all pairs add up to the sum of w(w - 1)/2 over the store's samples, exactly; where three beads lie, three pairs count. \
+all pairs add up to the sum of w(w - 1)/2 over the store's samples, exactly; where three beads lie, three pairs count.
+
 Volumes are means over chords along x, y and z, which are nearer than samples; the JSON has both sums. The store must \
 have been built from toolpaths with --identity. Values are in the store's unit.
 

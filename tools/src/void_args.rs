@@ -26,7 +26,9 @@ Else it is sealed as far as samples tell (to_cell): a leak thinner than a cell m
 listed that open (no) through a throat: the diameter of the largest ball that can leave, to a cell.
 
 The class of a void is pocket, infill or flaw. With --cad a void of which most lies outside the CAD part is a pocket. \
-Of others the features of the beads around tell: sparse infill makes it infill. Outer walls around a void that is wider \
+Of others the features of the beads around tell.
+
+Sparse infill makes it infill. Outer walls around a void that is wider \
 than the beads and spans four layers or more make it a pocket. What is left is a flaw.
 
 Example:
@@ -64,7 +66,7 @@ pub struct VoidsArgs {
     #[arg(long = "mesh", value_name = "OUT.ply|.obj")]
     pub mesh: Option<PathBuf>,
     /// Also write the number of the void at each sample of the deepest level, 0 at all others, as an array indexed
-    /// [z,y,x] of 32-bit integers, with a description beside it; voids that open through a throat are left out
+    /// (z, y, x) of 32-bit integers, with a description beside it; voids that open through a throat are left out
     #[arg(long, value_name = "OUT.npy")]
     pub labels: Option<PathBuf>,
     /// Memory for bricks, boundaries and the grid of --closing, as in 512MiB. With less the grid is coarser, and some distances stay

@@ -38,7 +38,7 @@ impl Held {
 /// nearest sample that is not above along any axis counts.
 ///
 /// # Errors
-/// What reading the trees gives; [`crate::Error::Interrupted`].
+/// What reading the trees gives; [`crate::error::Error::Interrupted`].
 pub(super) fn cad_shares(
     tree: &dyn BrickTree,
     cad: &dyn BrickTree,

@@ -10,12 +10,12 @@ use crate::store::{BrickTree, Leaf, visit};
 /// Bytes of a label.
 const LABEL_BYTES: usize = 4;
 
-/// Writes the number of the void at each sample of the deepest level, 4 bytes, little-endian, indexed [z][y][x], except zeros, which
+/// Writes the number of the void at each sample of the deepest level, 4 bytes, little-endian, indexed `[z][y][x]`, except zeros, which
 /// whoever takes the bytes must have put there. `write_at` gets byte offsets from the first sample, from any thread. Samples of leaves above the
 /// deepest level stand for their cells. Voids that open through a throat are left out.
 ///
 /// # Errors
-/// What reading the tree and `write_at` give; [`crate::Error::Interrupted`].
+/// What reading the tree and `write_at` give; [`crate::error::Error::Interrupted`].
 pub fn write_labels(
     tree: &dyn BrickTree,
     found: &Voids,

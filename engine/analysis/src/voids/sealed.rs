@@ -269,7 +269,7 @@ const OUTSIDE: u32 = 0;
 /// The voids that are sealed for certain, of those that `is_void` picks.
 ///
 /// # Errors
-/// What reading the store gives; [`crate::Error::Interrupted`].
+/// What reading the store gives; [`crate::error::Error::Interrupted`].
 pub(super) fn sealed(
     store: &Store,
     labelling: &Labelling,

@@ -82,7 +82,7 @@ impl Slabs<'_> {
 /// The volumes between planes at these heights, in the world and ascending: one fewer than planes.
 ///
 /// # Errors
-/// What reading the tree gives; [`crate::Error::Interrupted`].
+/// What reading the tree gives; [`crate::error::Error::Interrupted`].
 pub fn slabs(
     tree: &dyn BrickTree,
     labelling: &Labelling,
