@@ -180,6 +180,7 @@ fn a_tolerance_keeps_manifolds_and_their_topology() {
 }
 
 #[test]
+#[ignore = "a sweep of half a minute and more: .ci/run has it"]
 fn volumes_are_true_and_better_as_cells_shrink() {
     let truth = [
         ("overlap_boxes", 1600.0),
@@ -394,11 +395,13 @@ impl Sharpness {
 }
 
 #[test]
+#[ignore = "a sweep of half a minute and more: .ci/run has it"]
 fn turned_solids_keep_their_edges_and_corners() {
     hold_edges_and_corners(false);
 }
 
 #[test]
+#[ignore = "a sweep of half a minute and more: .ci/run has it"]
 fn turned_solids_keep_their_edges_and_corners_where_creases_are_followed() {
     hold_edges_and_corners(true);
 }

@@ -176,7 +176,7 @@ fn voids_are_written_as_meshes_and_labels() {
 }
 
 #[test]
-#[ignore = "a minute"]
+#[ignore = "a sweep of half a minute and more: .ci/run has it"]
 fn walls_of_undivided_bricks_seal_for_certain() {
     let dir = Scratch::new();
     let (part, out) = (dir.path("a.brf"), dir.path("v.json"));

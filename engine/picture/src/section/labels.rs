@@ -72,12 +72,12 @@ mod tests {
     fn words_stand_in_the_picture_and_cover_no_others() {
         let label = |x: f64, y: f64, text: &str| SectionLabel { at: [x, y], text: text.to_owned() };
         let labels =
-            [label(20.0, 15.0, "7"), label(24.0, 16.0, "8"), label(1.0, 1.0, "9"), label(-5.0, 3.0, "1")];
+            [label(30.0, 25.0, "7"), label(34.0, 26.0, "8"), label(1.0, 1.0, "9"), label(-5.0, 3.0, "1")];
         let found = marks(&labels, [60, 40], |at| at);
         assert_eq!(found.len(), 2);
         assert_eq!(found[1].at, [0, 0]);
         let mut row = vec![BLACK; 60];
-        found[0].put(15, &mut row);
+        found[0].put(25, &mut row);
         let white = row.iter().filter(|pixel| **pixel == WHITE).count();
         assert!(white > 4 && white < 14, "{white}");
         let before = row.clone();

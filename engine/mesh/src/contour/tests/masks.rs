@@ -148,6 +148,7 @@ fn cells_at_an_edge(normals: Normals) {
 }
 
 #[test]
+#[ignore = "a sweep of half a minute and more: .ci/run has it"]
 fn every_pair_of_cells_at_an_edge_is_manifold() {
     cells_at_an_edge(Normals::Either);
 }
@@ -184,6 +185,7 @@ fn cells_across_leaves(normals: Normals) {
 }
 
 #[test]
+#[ignore = "a sweep of half a minute and more: .ci/run has it"]
 fn every_pair_of_cells_across_leaves_is_manifold() {
     cells_across_leaves(Normals::Either);
 }
@@ -241,6 +243,7 @@ fn cells_of_two_sizes_at_an_edge(stride: usize) {
 }
 
 #[test]
+#[ignore = "a sweep of half a minute and more: .ci/run has it"]
 fn cells_of_two_sizes_are_manifold() {
     cells_of_two_sizes_at_a_face(101);
     cells_of_two_sizes_at_an_edge(1009);
