@@ -65,8 +65,8 @@ pub struct VoidsArgs {
     /// Also write the voids as meshes, largest first: .ply, whose faces have the property void, or .obj, a group each
     #[arg(long = "mesh", value_name = "OUT.ply|.obj")]
     pub mesh: Option<PathBuf>,
-    /// Also write the number of the void at each sample of the deepest level, 0 at all others, as an array indexed
-    /// (z, y, x) of 32-bit integers, with a description beside it; voids that open through a throat are left out
+    /// Also write the number of the void at each sample of the deepest level, 0 at all others: an array (z, y, x) of
+    /// 32-bit integers, with a description beside it. Voids that open through a throat are left out
     #[arg(long, value_name = "OUT.npy")]
     pub labels: Option<PathBuf>,
     /// Memory for bricks, boundaries and the grid of --closing, as in 512MiB. With less the grid is coarser, and some distances stay
