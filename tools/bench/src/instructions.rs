@@ -137,14 +137,14 @@ fn cases(bench: &mut Bench<'_>) -> Result<Vec<Case>, Failure> {
             line: quiet(line!["mesh", "closed.brf", "-o", "mesh.stl"]),
             kernels: &[
                 ("decode", "brick::codec::decode"),
-                ("vertices", "contour::cells::BrickCells::build"),
+                ("vertices", "contour::cells::builder::build"),
                 ("facets", "contour::polygons::leaf_facets"),
             ],
         },
         Case {
             name: "mesh --tolerance 0.05mm",
             line: quiet(line!["mesh", "closed.brf", "-o", "merged.stl", "--tolerance", "0.05mm"]),
-            kernels: &[("merge vertices", "contour::adaptive::draft::Draft::of")],
+            kernels: &[("merge vertices", "contour::adaptive::drafting::draft")],
         },
         Case {
             name: "cache repack --compression range",
