@@ -1,8 +1,7 @@
 //! No two files of a crate import each other, directly or through others: what a file needs can be read before it.
 
+use super::{CRATES, files_of};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::{Path, PathBuf};
 
 /// Crates with circles that are still to be cut, with the files of the largest one. The test of a crate that has fewer
 /// fails too, so that the number here goes down.
@@ -22,42 +21,16 @@ type Module = Vec<String>;
 /// The modules that a file imports.
 type Graph = BTreeMap<Module, BTreeSet<Module>>;
 
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
-        let path = entry.expect("an entry").path();
-        match path.is_dir() {
-            true => found.extend(sources(&path)),
-            false => found.extend(Some(path).filter(|path| path.extension().is_some_and(|e| e == "rs"))),
-        }
-    }
-    found
-}
-
-/// The module of a file below `src`; `None` of one with tests.
-fn module_of(file: &Path) -> Option<Module> {
-    let stem = file.with_extension("");
-    let mut parts: Module = stem.iter().map(|part| part.to_str().expect("UTF-8").to_owned()).collect();
-    if parts.iter().any(|part| part == "tests" || part.ends_with("_tests")) {
-        return None;
-    }
-    if parts.last().is_some_and(|last| last == "mod" || last == "lib") {
-        parts.pop();
-    }
-    Some(parts)
-}
-
 /// The code of a file without comments and unit tests.
 fn code_of(text: &str) -> String {
-    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
     let mut code = String::new();
     let mut is_test = false;
-    for line in lines {
+    for line in text.lines().map(super::code_of) {
         if is_test && line.starts_with("mod ") && line.ends_with('{') {
             break;
         }
         is_test = line == "#[cfg(test)]";
-        code.push_str(line);
+        code.push_str(&line);
         code.push('\n');
     }
     code
@@ -118,13 +91,9 @@ fn absolute(module: &Module, path: &str, files: &BTreeMap<Module, String>) -> Op
 
 /// Which files of a crate import which.
 fn graph_of(name: &str) -> Graph {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(name).join("src");
-    let mut files = BTreeMap::new();
-    for path in sources(&root) {
-        if let Some(module) = module_of(path.strip_prefix(&root).expect("below the root")) {
-            files.insert(module, code_of(&fs::read_to_string(&path).expect("readable")));
-        }
-    }
+    let is_test = |module: &Module| module.iter().any(|part| part == "tests" || part.ends_with("_tests"));
+    let all = files_of(name).into_iter().map(|(file, text)| (super::module_of(&file), code_of(&text)));
+    let files: BTreeMap<Module, String> = all.filter(|(module, _)| !is_test(module)).collect();
     // What a module passes on of others, by the name that it has there.
     let mut passed_on: BTreeMap<Module, Module> = BTreeMap::new();
     for (module, code) in &files {
@@ -178,17 +147,11 @@ fn largest_circle(graph: &Graph) -> Vec<String> {
 
 #[test]
 fn no_files_form_a_circle() {
-    let folders = fs::read_dir(env!("CARGO_MANIFEST_DIR")).expect("the engine");
-    let mut names: Vec<String> = folders
-        .map(|entry| entry.expect("an entry").path())
-        .filter(|path| path.join("Cargo.toml").exists())
-        .map(|path| path.file_name().expect("a name").to_str().expect("UTF-8").to_owned())
-        .collect();
-    names.sort();
-    assert!(names.len() >= 10, "{names:?}");
-    for name in names {
-        let circle = largest_circle(&graph_of(&name));
-        let known = KNOWN.iter().find(|(known, _)| *known == name).map_or(0, |(_, files)| *files);
+    for (name, _) in CRATES.iter().filter(|(name, _)| !name.is_empty()) {
+        let graph = graph_of(name);
+        assert!(!graph.is_empty(), "engine/{name}");
+        let circle = largest_circle(&graph);
+        let known = KNOWN.iter().find(|(known, _)| known == name).map_or(0, |(_, files)| *files);
         assert_eq!(circle.len(), known, "engine/{name}: {circle:?} import each other");
     }
 }

@@ -1,5 +1,7 @@
 //! The order of the rooms, and a few other promises about the source text.
 
+mod circles;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};

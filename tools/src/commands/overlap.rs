@@ -77,7 +77,7 @@ pub fn run(args: &OverlapArgs) -> Result<(), Failure> {
         (Some(output), Some(kind)) => Some((PartFile::create(output)?, kind)),
         _ => None,
     };
-    let found = overlaps(&store, &bars)?;
+    let found = overlaps(&store, &tables, &bars)?;
     let table = table(args, &store, &tables, &found);
     let document = document(args, &store, &tables, &found, &table);
     bars.clear();

@@ -6,10 +6,10 @@
 
 use super::overlap_leaf::{LINES, PairSums, of_leaf};
 use super::solids_of;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey, RootCube};
 use crate::progress::Progress;
-use crate::store::{BrickTree, Leaf, LeafOrder, Store, visit};
+use crate::store::{BeadTables, BrickTree, Leaf, LeafOrder, Store, visit};
 use std::collections::BTreeMap;
 
 /// log₂ of the parts of a unit in which chords count.
@@ -56,16 +56,12 @@ impl Overlaps {
     }
 }
 
-/// The overlaps of a store's passes, or of its beads where it counts those.
+/// The overlaps of a store's passes, or of its beads where it counts those; `tables` are the store's own.
 ///
 /// # Errors
-/// [`Error::Store`] if the store does not tell beads apart or is damaged; [`Error::Interrupted`].
-pub fn overlaps(store: &Store, progress: &dyn Progress) -> Result<Overlaps> {
-    let Some(tables) = store.bead_tables()? else {
-        let what = "the store does not tell beads apart, so overlaps have no beads";
-        return Err(Error::store(store.path(), "metadata", what, "build it from toolpaths with --identity"));
-    };
-    let solids = solids_of(store, &tables)?;
+/// [`crate::error::Error::Store`] if the store is damaged; [`crate::error::Error::Interrupted`].
+pub fn overlaps(store: &Store, tables: &BeadTables, progress: &dyn Progress) -> Result<Overlaps> {
+    let solids = solids_of(store, tables)?;
     let order = LeafOrder::new(store)?;
     // Two beads may have a sliver in common that holds no sample.
     let overlaps = |key: &NodeKey| store.node(*key).is_some_and(|n| n.max >= 2 || n.min != n.max);
@@ -74,7 +70,7 @@ pub fn overlaps(store: &Store, progress: &dyn Progress) -> Result<Overlaps> {
     let mut pairs: BTreeMap<[u32; 2], PairSums> = BTreeMap::new();
     let (mut field_samples, mut unexplained) = (0u128, 0u128);
     let make = |leaf: &Leaf<'_>| {
-        let segments = store.segments(leaf.key, &tables)?;
+        let segments = store.segments(leaf.key, tables)?;
         let follows = |pass: u32| tables.bead_of(pass).1.is_some_and(|number| number > 0);
         Ok(of_leaf(leaf, &solids, &segments, &follows))
     };

@@ -196,8 +196,7 @@ impl Lines {
 
     /// The other two axes.
     fn others(self) -> [usize; 2] {
-        let a = self.axis.index();
-        if a == 0 { [1, 2] } else { [0, 3 - a] }
+        self.axis.others_in_order().map(Axis::index)
     }
 
     /// Adds the chords that passes have in common.

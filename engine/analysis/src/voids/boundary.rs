@@ -9,7 +9,7 @@ use crate::brick::{Brick, HermiteEdge};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
-use crate::store::{BrickTree, Leaf, visit};
+use crate::store::{BrickTree, Leaf};
 use std::collections::BTreeMap;
 
 /// A crossing of a lattice edge whose end outside belongs to a void, or to the outside.
@@ -53,19 +53,14 @@ pub(super) fn boundaries(
     let has_outer = |leaf: usize| labelling.in_leaf(leaf).any(|c| c.is_none());
     let has_void = |leaf: usize| labelling.in_leaf(leaf).flatten().any(is_void);
     let changes = |key: NodeKey| tree.node(key).is_some_and(|node| node.min != node.max || node.fractions);
-    let wanted: Vec<usize> =
-        (0..keys.len()).filter(|&leaf| changes(keys[leaf]) && (has_void(leaf) || has_outer(leaf))).collect();
-    let wanted_keys: Vec<NodeKey> = wanted.iter().map(|&leaf| keys[leaf]).collect();
-    progress.phase("boundaries of voids", Some(wanted.len() as u64), "bricks");
-    let make = |leaf: &Leaf<'_>| {
-        let number = wanted[leaf.number];
+    let is_wanted = |leaf: usize| changes(keys[leaf]) && (has_void(leaf) || has_outer(leaf));
+    let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
         let mut points = Vec::new();
         let mut around: BTreeMap<usize, Around> = BTreeMap::new();
         let segments = match tracer {
             Some(tracer) if has_void(number) || pores.is_some() => Some(tracer.segments(leaf.key)?),
             _ => None,
         };
-        let components = Components::of(leaf.brick, labelling.connectivity).0;
         each_crossing(leaf.key, leaf.brick, |crossing| {
             let mut outer = crossing.low;
             outer[crossing.axis.index()] += usize::from(crossing.low_is_inside);
@@ -89,7 +84,7 @@ pub(super) fn boundaries(
         Ok((points, around))
     };
     let mut found = Boundaries { points: Some(Vec::new()), around: BTreeMap::new() };
-    visit(tree, &wanted_keys, progress, make, |_, (points, around)| {
+    labelling.visit_some(tree, is_wanted, ("boundaries of voids", progress), make, |(points, around)| {
         if let Some(all) = &mut found.points
             && all.len() + points.len() <= most_points
         {

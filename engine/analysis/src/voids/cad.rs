@@ -6,7 +6,7 @@ use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
-use crate::store::{BrickTree, Leaf, visit};
+use crate::store::{BrickTree, Leaf};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -46,16 +46,10 @@ pub(super) fn cad_shares(
     is_void: &(dyn Fn(usize) -> bool + Sync),
     progress: &dyn Progress,
 ) -> Result<BTreeMap<usize, f64>> {
-    let keys = labelling.order.keys();
-    let wanted: Vec<usize> =
-        (0..keys.len()).filter(|&leaf| labelling.in_leaf(leaf).flatten().any(is_void)).collect();
-    let wanted_keys: Vec<NodeKey> = wanted.iter().map(|&leaf| keys[leaf]).collect();
-    progress.phase("voids in the CAD part", Some(wanted.len() as u64), "bricks");
-    let make = |leaf: &Leaf<'_>| {
-        let number = wanted[leaf.number];
+    let is_wanted = |leaf: usize| labelling.in_leaf(leaf).flatten().any(is_void);
+    let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
         let mut counts: BTreeMap<usize, [u128; 2]> = BTreeMap::new();
         let Some(held) = Held::of(cad, leaf.key)? else { return Ok(counts) };
-        let components = Components::of(leaf.brick, labelling.connectivity).0;
         let cells = 3 * leaf.key.spacing_bits();
         for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
             for run in components.row(j, k) {
@@ -71,7 +65,7 @@ pub(super) fn cad_shares(
         Ok(counts)
     };
     let mut all: BTreeMap<usize, [u128; 2]> = BTreeMap::new();
-    visit(tree, &wanted_keys, progress, make, |_, counts| {
+    labelling.visit_some(tree, is_wanted, ("voids in the CAD part", progress), make, |counts| {
         for (component, [inside, samples]) in counts {
             let count = all.entry(component).or_default();
             *count = [count[0] + inside, count[1] + samples];

@@ -6,13 +6,14 @@
 //! leaf joins whatever of its class touches it. Kept are the labels of faces beyond which leaves are still to come: the
 //! border (Isenburg & Shewchuk 2009), and four bytes for each component of a leaf.
 
+use super::border::{Border, Face, Sets};
 use super::components::{Components, Connectivity, FaceLabels};
 use super::measure::{Sums, sums_of};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::progress::Progress;
-use crate::store::{Across, BrickTree, Leaf, LeafOrder, visit};
-use std::collections::{BTreeMap, HashMap};
+use crate::store::{BrickTree, Leaf, LeafOrder, visit};
+use std::collections::HashMap;
 
 /// The component that touches the outside of the root, through all leaves.
 const OUTSIDE: u32 = 0;
@@ -103,6 +104,29 @@ impl Labelling {
         Ok(Components::of(&brick, self.connectivity).0)
     }
 
+    /// Visits the leaves that `is_wanted` picks, each with its number and its components, as [`visit`]. The phase of the
+    /// progress has this name.
+    ///
+    /// # Errors
+    /// As [`visit`].
+    pub(super) fn visit_some<T: Send>(
+        &self,
+        tree: &dyn BrickTree,
+        is_wanted: impl Fn(usize) -> bool,
+        (phase, progress): (&str, &dyn Progress),
+        make: impl Fn(usize, &Leaf<'_>, &Components) -> Result<T> + Sync,
+        mut take: impl FnMut(T) -> Result<()> + Send,
+    ) -> Result<()> {
+        let keys = self.order.keys();
+        let wanted: Vec<usize> = (0..keys.len()).filter(|&leaf| is_wanted(leaf)).collect();
+        let wanted_keys: Vec<NodeKey> = wanted.iter().map(|&leaf| keys[leaf]).collect();
+        progress.phase(phase, Some(wanted.len() as u64), "bricks");
+        let make = |leaf: &Leaf<'_>| {
+            make(wanted[leaf.number], leaf, &Components::of(leaf.brick, self.connectivity).0)
+        };
+        visit(tree, &wanted_keys, progress, make, |_, made| take(made))
+    }
+
     /// The components of the tree that have a part in a leaf, by component of the leaf.
     pub fn in_leaf(&self, leaf: usize) -> impl Iterator<Item = Option<usize>> {
         let to = self.first.get(leaf + 1).map_or(self.of.len(), |&to| to as usize);
@@ -113,80 +137,48 @@ impl Labelling {
 
 struct Joiner<'a> {
     order: &'a LeafOrder,
-    /// By component of a leaf one that it hangs together with, itself if that is the first.
-    parents: Vec<u32>,
+    /// Of the outside and the components of leaves.
+    sets: Sets,
     first: Vec<u32>,
     /// Of the first components of sets.
     sums: HashMap<u32, Component>,
-    border: HashMap<usize, Waiting>,
-    /// By leaf, those for which it is the last neighbour to come.
-    leaving: BTreeMap<usize, Vec<usize>>,
-    touching: Vec<usize>,
+    border: Border<Waiting>,
 }
 
 impl<'a> Joiner<'a> {
     fn new(order: &'a LeafOrder) -> Joiner<'a> {
         let outside = Component { solid: false, sums: Sums::default(), uneven: false };
+        let mut sets = Sets::default();
+        sets.extend(1);
         Joiner {
             order,
-            parents: vec![OUTSIDE],
+            sets,
             first: Vec::with_capacity(order.keys().len()),
             sums: HashMap::from([(OUTSIDE, outside)]),
-            border: HashMap::new(),
-            leaving: BTreeMap::new(),
-            touching: Vec::new(),
+            border: Border::default(),
         }
     }
 
     fn add(&mut self, leaf: usize, made: Made) -> Result<()> {
-        let first = u32::try_from(self.parents.len() + made.sums.len()).map_err(|_| too_many())?
-            - made.sums.len() as u32;
+        let count = made.sums.len();
+        let first = u32::try_from(self.sets.len() + count).map_err(|_| too_many())? - count as u32;
         self.first.push(first);
+        self.sets.extend(count);
         for (label, sums) in made.sums.into_iter().enumerate() {
-            let number = first + label as u32;
-            self.parents.push(number);
             let component = Component { solid: made.solid[label], sums, uneven: false };
-            self.sums.insert(number, component);
+            self.sums.insert(first + label as u32, component);
         }
         let own = Waiting { first, uniform: made.uniform, solid: made.solid, faces: made.faces };
-        let last = self.join(leaf, &own);
-        if last > leaf {
-            self.border.insert(leaf, own);
-            self.leaving.entry(last).or_default().push(leaf);
-        }
-        for done in self.leaving.remove(&leaf).into_iter().flatten() {
-            self.border.remove(&done);
-        }
+        let mut border = std::mem::take(&mut self.border);
+        border.add(self.order, leaf, own, |own, face, there| match there {
+            None => self.join_outside(own, face),
+            Some((other, there)) => self.join_leaves((leaf, own), (other, there), face),
+        });
+        self.border = border;
         Ok(())
     }
 
-    /// Joins a leaf to the outside and to those neighbours that have come; returns the last of those that have not, or the
-    /// leaf itself.
-    fn join(&mut self, leaf: usize, own: &Waiting) -> usize {
-        let mut last = leaf;
-        for axis in Axis::ALL {
-            for upper in [false, true] {
-                let mut touching = std::mem::take(&mut self.touching);
-                touching.clear();
-                match self.order.across(leaf, axis, upper) {
-                    Across::Outside => self.join_outside(own, axis, upper),
-                    Across::One(other) => touching.push(other),
-                    Across::Finer => self.order.touching(leaf, axis, upper, &mut touching),
-                }
-                for &other in &touching {
-                    if other > leaf {
-                        last = last.max(other);
-                    } else {
-                        self.join_leaves((leaf, own), other, axis, upper);
-                    }
-                }
-                self.touching = touching;
-            }
-        }
-        last
-    }
-
-    fn join_outside(&mut self, own: &Waiting, axis: Axis, upper: bool) {
+    fn join_outside(&mut self, own: &Waiting, (axis, upper): Face) {
         for &(_, label) in &own.faces[axis.index()][usize::from(upper)] {
             if !own.solid[usize::from(label)] {
                 self.unite(OUTSIDE, own.first + u32::from(label));
@@ -195,9 +187,12 @@ impl<'a> Joiner<'a> {
     }
 
     /// Joins a leaf to one that came before, which lies across its lower or upper face.
-    fn join_leaves(&mut self, (leaf, own): (usize, &Waiting), other: usize, axis: Axis, upper: bool) {
-        // One that is missing has no neighbour to come, so it is none of this leaf.
-        let Some(there) = self.border.get(&other) else { return };
+    fn join_leaves(
+        &mut self,
+        (leaf, own): (usize, &Waiting),
+        (other, there): (usize, &Waiting),
+        (axis, upper): Face,
+    ) {
         let own_face = &own.faces[axis.index()][usize::from(upper)];
         let their_face = &there.faces[axis.index()][usize::from(!upper)];
         let keys = self.order.keys();
@@ -228,7 +223,7 @@ impl<'a> Joiner<'a> {
             let mut uneven = labels(mine, own_face, &own.solid);
             uneven.extend(labels(theirs, their_face, &there.solid));
             for number in uneven {
-                let first = self.find(number);
+                let first = self.sets.find(number);
                 self.sums.get_mut(&first).into_iter().for_each(|component| component.uneven = true);
             }
         }
@@ -237,23 +232,9 @@ impl<'a> Joiner<'a> {
         }
     }
 
-    fn find(&mut self, mut number: u32) -> u32 {
-        while self.parents[number as usize] != number {
-            let above = self.parents[self.parents[number as usize] as usize];
-            self.parents[number as usize] = above;
-            number = above;
-        }
-        number
-    }
-
     fn unite(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        if a == b {
-            return;
-        }
-        let (first, second) = (a.min(b), a.max(b));
-        self.parents[second as usize] = first;
-        if let Some(joined) = self.sums.remove(&second)
+        if let Some((first, second)) = self.sets.unite(a, b)
+            && let Some(joined) = self.sums.remove(&second)
             && let Some(kept) = self.sums.get_mut(&first)
         {
             kept.sums.add(&joined.sums);
@@ -264,10 +245,10 @@ impl<'a> Joiner<'a> {
     /// First components of leaves, components of the tree by those of leaves, all of them, and the outside.
     fn finish(mut self) -> (Vec<u32>, Vec<u32>, Vec<Component>, Sums) {
         let outside = self.sums.remove(&OUTSIDE).map(|outside| outside.sums).unwrap_or_default();
-        let mut of = Vec::with_capacity(self.parents.len());
+        let mut of = Vec::with_capacity(self.sets.len());
         let mut components = Vec::with_capacity(self.sums.len());
-        for number in 0..self.parents.len() as u32 {
-            let root = self.find(number);
+        for number in 0..self.sets.len() as u32 {
+            let root = self.sets.find(number);
             of.push(if root == OUTSIDE {
                 u32::MAX
             } else if root == number {
@@ -322,7 +303,7 @@ fn mixed(
         false => ((keys[other], theirs), (keys[leaf], own)),
     };
     let step = 1usize << (fine.level() - coarse.level());
-    let [u, v] = [0, 1, 2].into_iter().filter(|&a| a != axis.index()).collect::<Vec<_>>()[..] else { return };
+    let [u, v] = axis.others_in_order().map(Axis::index);
     // The coarse sample where the fine leaf begins.
     let from = |a: usize| (fine.base()[a] - coarse.base()[a]) as usize >> coarse.spacing_bits();
     let label = |face: &FaceLabels, at: usize| {

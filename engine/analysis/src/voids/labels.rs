@@ -3,16 +3,16 @@
 use super::components::Components;
 use super::find::Voids;
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, NodeKey};
+use crate::lattice::BRICK_CELLS;
 use crate::progress::Progress;
-use crate::store::{BrickTree, Leaf, visit};
+use crate::store::{BrickTree, Leaf};
 
 /// Bytes of a label.
 const LABEL_BYTES: usize = 4;
 
-/// Writes the number of the void at each sample of the deepest level, 4 bytes, little-endian, indexed `[z][y][x]`, except zeros, which
-/// whoever takes the bytes must have put there. `write_at` gets byte offsets from the first sample, from any thread. Samples of leaves above the
-/// deepest level stand for their cells. Voids that open through a throat are left out.
+/// Writes the number of the void at each sample of the deepest level, 4 bytes, little-endian, indexed `[z][y][x]`, except
+/// zeros, which whoever takes the bytes must have put there. `write_at` gets byte offsets from the first sample, from any
+/// thread. Samples of leaves above the deepest level stand for their cells. Voids that open through a throat are left out.
 ///
 /// # Errors
 /// What reading the tree and `write_at` give; [`crate::error::Error::Interrupted`].
@@ -27,20 +27,16 @@ pub fn write_labels(
     let keys = labelling.order.keys();
     let deepest = keys.iter().map(|key| key.level()).max().unwrap_or(0);
     let is_void = |leaf: usize| labelling.in_leaf(leaf).flatten().any(|component| numbers[component] > 0);
-    let wanted: Vec<usize> = (0..keys.len()).filter(|&leaf| is_void(leaf)).collect();
-    let wanted_keys: Vec<NodeKey> = wanted.iter().map(|&leaf| keys[leaf]).collect();
-    progress.phase("labels of voids", Some(wanted.len() as u64), "bricks");
     let axis = (BRICK_CELLS as u64) << deepest;
-    let make = |leaf: &Leaf<'_>| {
-        let components = Components::of(leaf.brick, labelling.connectivity).0;
+    let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
         let step = 1usize << (deepest - leaf.key.level());
         let first = leaf.key.position().map(|p| u64::from(p) * (BRICK_CELLS * step) as u64);
         for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
             let mut row: Vec<u8> = Vec::with_capacity(BRICK_CELLS * step * LABEL_BYTES);
             for run in components.row(j, k) {
-                let number = labelling.of(wanted[leaf.number], run.label).map_or(0, |c| numbers[c]);
+                let void = labelling.of(number, run.label).map_or(0, |c| numbers[c]);
                 let own = usize::from(run.to).min(BRICK_CELLS).saturating_sub(usize::from(run.from));
-                row.extend(number.to_le_bytes().repeat(own * step));
+                row.extend(void.to_le_bytes().repeat(own * step));
             }
             if row.iter().all(|byte| *byte == 0) {
                 continue;
@@ -52,5 +48,5 @@ pub fn write_labels(
         }
         Ok(())
     };
-    visit(tree, &wanted_keys, progress, make, |_, ()| Ok(()))
+    labelling.visit_some(tree, is_void, ("labels of voids", progress), make, |()| Ok(()))
 }

@@ -5,6 +5,7 @@
 //! | `components` | connected components of one brick |
 //! | `measure` | what is summed of a component |
 //! | `labelling` | components of the tree, joined across leaves |
+//! | `border` | leaves beyond which others are to come, and disjoint sets |
 //! | `surface` | area from the polygons of the contour |
 //! | `boundary` | crossings around voids |
 //! | `points` | distances between them |
@@ -17,6 +18,7 @@
 //! | `find` | all of it |
 //! | `labels` | numbers of voids as a dense grid |
 
+mod border;
 mod boundary;
 mod cad;
 mod class;

@@ -6,6 +6,7 @@
 //! the depth limit, because nothing touches it. A void that hangs together with the outside neither way is sealed for certain. Where the two differ, the
 //! leaves in dispute are divided, and their solids asked again for smaller cells.
 
+use super::border::{Border, Face, Sets};
 use super::components::{Components, Connectivity};
 use super::labelling::Labelling;
 use super::trace::Tracer;
@@ -15,7 +16,7 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant
 use crate::progress::Progress;
 use crate::solid::{Segment, Solids, for_lines, for_samples};
 use crate::store::{LeafOrder, Refine, Store, visit};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::BTreeSet;
 
 /// Levels below the leaves to which disputes are followed.
 const DEEPER: u8 = 1;
@@ -154,7 +155,7 @@ fn by_two(
     let on = |line: usize| &lines[starts[line]..starts[line + 1]];
     let step = f64::from(1u32 << key.spacing_bits());
     let (a, base) = (axis.index(), f64::from(key.base()[axis.index()]) + 1.0);
-    let [u, v] = if a == 0 { [1, 2] } else { [0, 3 - a] };
+    let [u, v] = axis.others_in_order().map(Axis::index);
     for k in 0..BRICK_CELLS {
         for j in 0..BRICK_CELLS {
             let row = k * BRICK_POINTS + j;
@@ -245,24 +246,6 @@ fn grouped(solid: &[u64], sample: impl Fn([usize; 3]) -> Option<u16>) -> Cells {
     cells
 }
 
-/// Sets of groups, of all nodes, with the components of the tree and the outside.
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn find(&mut self, mut n: u32) -> u32 {
-        while self.0[n as usize] != n {
-            self.0[n as usize] = self.0[self.0[n as usize] as usize];
-            n = self.0[n as usize];
-        }
-        n
-    }
-
-    fn unite(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
 /// The outside among the sets; component n is n + 1.
 const OUTSIDE: u32 = 0;
 
@@ -313,13 +296,14 @@ fn connect(
     progress: &dyn Progress,
 ) -> Result<(Sets, BTreeSet<NodeKey>)> {
     let labelling = judge.labelling;
-    let count = labelling.components.len() as u32 + 1;
-    let mut sets = Sets((0..count).collect());
+    let count = labelling.components.len() + 1;
+    // The outside, the components of the tree, and the groups of all nodes.
+    let mut sets = Sets::default();
+    sets.extend(count);
     let leaf_of = |key: NodeKey| labelling.order.covering(key);
     let leaves: Vec<NodeKey> = order.keys().iter().map(|key| labelling.order.keys()[leaf_of(*key)]).collect();
     progress.phase("seals of voids", Some(leaves.len() as u64), "bricks");
-    let mut waiting: HashMap<usize, (u32, Cells)> = HashMap::new();
-    let mut leaving: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    let mut border = Border::default();
     // Nodes that hide something, with their groups.
     let mut hiding: Vec<(usize, u32, usize)> = Vec::new();
     let make = |leaf: &crate::store::Leaf<'_>| {
@@ -327,8 +311,8 @@ fn connect(
         judge.cells(key, leaf_of(key), leaf.brick)
     };
     visit(judge.store, &leaves, progress, make, |number, cells| {
-        let first = sets.0.len() as u32;
-        sets.0.extend(first..first + cells.groups as u32);
+        let first = sets.len() as u32;
+        sets.extend(cells.groups);
         for &(label, group) in &cells.components {
             let component = labelling.of(leaf_of(order.keys()[number]), label);
             sets.unite(component.map_or(OUTSIDE, |c| c as u32 + 1), first + u32::from(group));
@@ -336,31 +320,12 @@ fn connect(
         if cells.hides {
             hiding.push((number, first, cells.groups));
         }
-        let mut last = number;
-        let mut touching = Vec::new();
-        for (axis, upper) in Axis::ALL.into_iter().flat_map(|axis| [(axis, false), (axis, true)]) {
-            touching.clear();
-            match order.across(number, axis, upper) {
-                crate::store::Across::Outside => {}
-                crate::store::Across::One(other) => touching.push(other),
-                crate::store::Across::Finer => order.touching(number, axis, upper, &mut touching),
+        border.add(order, number, (first, cells), |own, face, there| {
+            if let Some((other, theirs)) = there {
+                let keys = [order.keys()[number], order.keys()[other]];
+                join(own, theirs, keys, face, &mut sets);
             }
-            for &other in &touching {
-                if other > number {
-                    last = last.max(other);
-                } else if let Some((other_first, theirs)) = waiting.get(&other) {
-                    let keys = [order.keys()[number], order.keys()[other]];
-                    join((first, &cells), (*other_first, theirs), keys, axis, upper, &mut sets);
-                }
-            }
-        }
-        if last > number {
-            leaving.entry(last).or_default().push(number);
-            waiting.insert(number, (first, cells));
-        }
-        for done in leaving.remove(&number).into_iter().flatten() {
-            waiting.remove(&done);
-        }
+        });
         Ok(())
     })?;
     let outside = sets.find(OUTSIDE);
@@ -375,11 +340,10 @@ fn connect(
 
 /// Joins the groups of two nodes that touch: of the first one's face along an axis, and the other's.
 fn join(
-    (first, own): (u32, &Cells),
-    (other_first, theirs): (u32, &Cells),
+    (first, own): &(u32, Cells),
+    (other_first, theirs): &(u32, Cells),
     [key, other]: [NodeKey; 2],
-    axis: Axis,
-    upper: bool,
+    (axis, upper): Face,
     sets: &mut Sets,
 ) {
     if own.faces[axis.index()][usize::from(upper)].is_empty()
@@ -389,8 +353,7 @@ fn join(
     }
     // Cells of the finer of the two.
     let bits = key.spacing_bits().min(other.spacing_bits());
-    let a = axis.index();
-    let [u, v] = if a == 0 { [1, 2] } else { [0, 3 - a] };
+    let [u, v] = axis.others_in_order().map(Axis::index);
     let fine = if key.spacing_bits() == bits { key } else { other };
     let place = |of: NodeKey, n: [usize; 2]| {
         let at = |side: usize, c: usize| {

@@ -65,6 +65,16 @@ impl Axis {
             Axis::Z => (Axis::X, Axis::Y),
         }
     }
+
+    /// The other two axes in their order: (y, z), (x, z) or (x, y).
+    #[inline]
+    pub const fn others_in_order(self) -> [Axis; 2] {
+        match self {
+            Axis::X => [Axis::Y, Axis::Z],
+            Axis::Y => [Axis::X, Axis::Z],
+            Axis::Z => [Axis::X, Axis::Y],
+        }
+    }
 }
 
 /// log₂ of the sample spacing of `level`, in units.

@@ -42,7 +42,7 @@ pub use source::Io;
 pub use summary::{LevelSummary, NodeNumbers, Summary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};
-pub use visit::{Across, LEAVES_AHEAD, Leaf, LeafOrder, visit};
+pub use visit::{LEAVES_AHEAD, Leaf, LeafOrder, visit};
 pub use volumes::{Estimate, LayerVolumes, SourceVolumes, SweptVolumes};
 pub use writer::{Stats, StoreWriter, check_target};
 

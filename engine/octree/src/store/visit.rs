@@ -29,17 +29,6 @@ pub struct Leaf<'a> {
     pub brick: &'a Brick,
 }
 
-/// Leaves next to a leaf across one of its faces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Across {
-    /// None: the root ends here.
-    Outside,
-    /// One leaf of the same level or of a lower one, by number.
-    One(usize),
-    /// Leaves of higher levels; [`LeafOrder::touching`] lists them.
-    Finer,
-}
-
 /// All leaves of a tree in Morton order, found by place.
 #[derive(Clone, Debug)]
 pub struct LeafOrder {
@@ -92,15 +81,8 @@ impl LeafOrder {
         self.last.partition_point(|&last| last < code)
     }
 
-    /// What lies across the lower or the upper face of a leaf, along an axis.
-    pub fn across(&self, leaf: usize, axis: Axis, upper: bool) -> Across {
-        let key = self.keys[leaf];
-        let Some(neighbour) = key.neighbour(direction(axis, upper)) else { return Across::Outside };
-        let other = self.covering(neighbour);
-        if self.keys[other].level() <= key.level() { Across::One(other) } else { Across::Finer }
-    }
-
-    /// The leaves across a face of a leaf, whatever their levels, in Morton order.
+    /// Adds the leaves across the lower or the upper face of a leaf, along an axis, whatever their levels, in Morton order;
+    /// none where the root ends.
     pub fn touching(&self, leaf: usize, axis: Axis, upper: bool, found: &mut Vec<usize>) {
         if let Some(neighbour) = self.keys[leaf].neighbour(direction(axis, upper)) {
             self.descend(neighbour, axis, upper, found);
@@ -227,17 +209,17 @@ mod tests {
     #[test]
     fn leaves_know_what_lies_across_their_faces() {
         let order = LeafOrder::new(&uneven()).unwrap();
-        assert_eq!(order.across(0, Axis::X, false), Across::Outside);
-        assert_eq!(order.across(0, Axis::X, true), Across::One(1));
+        let touching = |leaf: usize, upper: bool| {
+            let mut found = Vec::new();
+            order.touching(leaf, Axis::X, upper, &mut found);
+            found
+        };
+        assert_eq!(touching(0, false), [0usize; 0]);
+        assert_eq!(touching(0, true), [1]);
         // The last small leaf in x, and the large one beside all of these.
-        assert_eq!(order.across(1, Axis::X, true), Across::One(8));
-        assert_eq!(order.across(8, Axis::X, false), Across::Finer);
-        let mut found = Vec::new();
-        order.touching(8, Axis::X, false, &mut found);
-        assert_eq!(found, [1, 3, 5, 7]);
-        found.clear();
-        order.touching(8, Axis::X, true, &mut found);
-        assert_eq!(found, [0usize; 0]);
+        assert_eq!(touching(1, true), [8]);
+        assert_eq!(touching(8, false), [1, 3, 5, 7]);
+        assert_eq!(touching(8, true), [0usize; 0]);
     }
 
     #[test]

@@ -14,11 +14,7 @@ pub struct Plane {
 impl Plane {
     /// The axes of the picture: to the right, and upward. (x, y), (x, z) or (y, z).
     pub fn sides(self) -> [Axis; 2] {
-        match self.axis {
-            Axis::X => [Axis::Y, Axis::Z],
-            Axis::Y => [Axis::X, Axis::Z],
-            Axis::Z => [Axis::X, Axis::Y],
-        }
+        self.axis.others_in_order()
     }
 
     /// The axis as a letter.

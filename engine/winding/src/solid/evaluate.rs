@@ -322,7 +322,7 @@ pub fn for_lines(
     let lattice = Lattice::of(key);
     let (body, bounds) = (solids.body(segment), solids.bounds(segment));
     let a = axis.index();
-    let [u, v] = if a == 0 { [1, 2] } else { [0, 3 - a] };
+    let [u, v] = axis.others_in_order().map(Axis::index);
     let (from, step) = (f64::from(segment.a[a]), f64::from(1u32 << lattice.shift));
     // A line may stand almost a cell beyond its sample.
     let near = |axis: usize| {
