@@ -37,7 +37,7 @@ const CRATES: [(&str, &[Room]); 11] = [
     ("analysis", &[("analysis", &[]), ("voids", &["analysis"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
-    ("", &[("fuzz", &[])]),
+    ("", &[("fuzz", &[]), ("octree", &[]), ("builder", &["octree"])]),
 ];
 
 /// Names at the root of `core`, with the file that each stands in.

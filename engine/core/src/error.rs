@@ -1,6 +1,6 @@
 //! The library's error type: what went wrong, in which file and where, and what to do.
 
-use std::io::ErrorKind;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Result with [`Error`].
@@ -8,6 +8,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 /// Everything that can fail. The display form is one line fit for an end user.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The operating system refused something.
     #[error("{path}: cannot {action}: {source}; {remedy}", path = path.display(), remedy = remedy(source.kind()))]
@@ -79,26 +80,56 @@ pub enum Error {
     },
 }
 
+/// What kind of failure an [`Error`] is, for programs that go on in different ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// The operating system refused something: a missing file, a full disk.
+    Io,
+    /// An input is damaged, or not of a kind that is read.
+    Input,
+    /// A store is damaged or of another kind.
+    Store,
+    /// A setting makes no sense, or does not fit the input.
+    Setting,
+    /// A device computes otherwise than the processor.
+    Device,
+    /// The caller asked to stop.
+    Interrupted,
+}
+
 /// What the user can do where the system refuses something.
-fn remedy(kind: ErrorKind) -> &'static str {
+fn remedy(kind: io::ErrorKind) -> &'static str {
     match kind {
-        ErrorKind::NotFound | ErrorKind::NotADirectory => {
+        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
             "check the path: a file or a folder of it is not there"
         }
-        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
             "choose another place, or see to it that this one may be used"
         }
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
             "make room there, or choose another disk"
         }
-        ErrorKind::IsADirectory | ErrorKind::InvalidFilename => "name a file",
-        ErrorKind::BrokenPipe => "nobody reads what is written",
-        ErrorKind::OutOfMemory => "leave the system more memory",
+        io::ErrorKind::IsADirectory | io::ErrorKind::InvalidFilename => "name a file",
+        io::ErrorKind::BrokenPipe => "nobody reads what is written",
+        io::ErrorKind::OutOfMemory => "leave the system more memory",
         _ => "check the disk, or the network behind it, and try again",
     }
 }
 
 impl Error {
+    /// The kind of failure.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Error::Io { .. } => ErrorKind::Io,
+            Error::Input { .. } => ErrorKind::Input,
+            Error::Store { .. } => ErrorKind::Store,
+            Error::Setting { .. } => ErrorKind::Setting,
+            Error::Distrusted { .. } => ErrorKind::Device,
+            Error::Interrupted | Error::Suspended { .. } => ErrorKind::Interrupted,
+        }
+    }
+
     /// For `map_err` on I/O results.
     pub fn io(path: &Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Error {
         let path = path.to_owned();
@@ -126,7 +157,6 @@ impl Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io;
 
     #[test]
     fn what_the_system_refuses_comes_with_a_remedy() {

@@ -15,5 +15,5 @@ pub mod schedule;
 pub mod soup;
 pub mod wide;
 
-pub use error::{Error, Result};
+pub use error::{Error, ErrorKind, Result};
 pub use progress::{Progress, Silent};

@@ -65,10 +65,81 @@ struct Sums {
     chords: [u128; 3],
     /// Samples of the union.
     inside: u128,
+    /// What faces add that chords along an axis do not see, as they run along these; see [`Faces`].
+    faces: Faces,
     /// Samples unlike both neighbours along an axis, by axis.
     lone: [u128; 3],
     overlap: Count,
     negative: Count,
+}
+
+/// Up to which part along an axis of its unit normal a face counts as one that runs along it.
+const ALONG: f64 = 0.02;
+/// Up to which it may be off as such a face is: places of its crossings repeat slowly, and need not cancel.
+const NEARLY_ALONG: f64 = 0.2;
+
+/// What chords of a union miss where a face runs along them, in [`STEPS`] of a cell.
+///
+/// A chord stands for a whole cell around its lattice line, so such a face counts as if it lay half way between two
+/// lines. A crossing of it by an edge across says where it lies; the squares of the normal's parts share out what several
+/// edges tell of one place.
+#[derive(Clone, Copy, Default)]
+struct Faces {
+    /// To be added to chords along each axis.
+    beside: [i128; 3],
+    /// What faces that nearly run along an axis would add, by the axis of their crossings.
+    nearly: [i128; 3],
+    /// Squares of the cells with crossings of all faces but those that are put right.
+    scatter: u128,
+    /// Magnitudes of what crossings along each axis add.
+    size: [u128; 3],
+    /// Crossings of all faces, each known to a step.
+    crossings: u128,
+}
+
+impl Faces {
+    fn and(self, other: Faces) -> Faces {
+        Faces {
+            beside: [0, 1, 2].map(|a| self.beside[a] + other.beside[a]),
+            nearly: [0, 1, 2].map(|a| self.nearly[a] + other.nearly[a]),
+            scatter: self.scatter + other.scatter,
+            size: [0, 1, 2].map(|a| self.size[a] + other.size[a]),
+            crossings: self.crossings + other.crossings,
+        }
+    }
+
+    fn scaled(self, by: u128) -> Faces {
+        Faces {
+            beside: self.beside.map(|sum| sum * by.cast_signed()),
+            nearly: self.nearly.map(|sum| sum * by.cast_signed()),
+            scatter: self.scatter * by * by,
+            size: self.size.map(|sum| sum * by),
+            crossings: self.crossings * by,
+        }
+    }
+
+    /// Adds the crossing of an edge along `axis`, from a sample that is inside or not.
+    fn add(&mut self, axis: usize, edge: &HermiteEdge, inside: bool) {
+        self.crossings += 1;
+        let normal = edge.normal.to_vector();
+        let others = [(axis + 1) % 3, (axis + 2) % 3];
+        let most = others.iter().map(|&other| normal[other].abs()).fold(1.0, f64::min);
+        if most >= NEARLY_ALONG {
+            self.scatter += 1;
+            return;
+        }
+        let beyond = (edge.fraction() - 0.5) * if inside { 1.0 } else { -1.0 };
+        let part = (normal[axis] * normal[axis] * beyond * STEPS as f64).round() as i64;
+        if most >= ALONG {
+            self.scatter += 1;
+            self.nearly[axis] += i128::from(part);
+            return;
+        }
+        self.size[axis] += u128::from(part.unsigned_abs());
+        for other in others.into_iter().filter(|&other| normal[other].abs() < ALONG) {
+            self.beside[other] += i128::from(part);
+        }
+    }
 }
 
 /// A quantity of which samples alone tell.
@@ -117,6 +188,7 @@ impl Sums {
         Sums {
             chords: [0, 1, 2].map(|a| self.chords[a] + other.chords[a]),
             inside: self.inside + other.inside,
+            faces: self.faces.and(other.faces),
             lone: [0, 1, 2].map(|a| self.lone[a] + other.lone[a]),
             overlap: self.overlap.and(other.overlap),
             negative: self.negative.and(other.negative),
@@ -138,20 +210,22 @@ impl Sums {
             Brick::Counts { samples, hermite } => (samples, hermite),
         };
         let signs = SignChanges::of(samples);
-        let chords = Axis::ALL.map(|axis| chords(&signs, &hermite.edges[axis.index()], axis));
+        let mut faces = Faces::default();
+        let chords = Axis::ALL.map(|axis| chords(&signs, &hermite.edges[axis.index()], axis, &mut faces));
         let own = |row: usize| signs.row(row % BRICK_CELLS, row / BRICK_CELLS) & OWN;
         let inside = (0..BRICK_CELLS * BRICK_CELLS).map(|row| u128::from(own(row).count_ones())).sum();
         let (min, max) = samples.range();
         let count = |there: bool, part| if there { Count::of(samples, part) } else { Count::default() };
         let overlap = count(samples.whole(max) > 1, |w| w - 1);
         let negative = count(samples.whole(min) < 0, |w| -w);
-        Sums { chords, inside, lone: lone(&signs), overlap, negative }
+        Sums { chords, inside, faces, lone: lone(&signs), overlap, negative }
     }
 
     fn scaled(self, by: u128) -> Sums {
         Sums {
             chords: self.chords.map(|c| c * by),
             inside: self.inside * by,
+            faces: self.faces.scaled(by),
             lone: self.lone.map(|l| l * by),
             overlap: self.overlap.scaled(by),
             negative: self.negative.scaled(by),
@@ -159,8 +233,8 @@ impl Sums {
     }
 }
 
-/// What lies inside of the edges along `axis` that a brick owns, in [`STEPS`].
-fn chords(signs: &SignChanges, edges: &[HermiteEdge], axis: Axis) -> u128 {
+/// What lies inside of the edges along `axis` that a brick owns, in [`STEPS`]. Their crossings are added to `faces`.
+fn chords(signs: &SignChanges, edges: &[HermiteEdge], axis: Axis, faces: &mut Faces) -> u128 {
     let mut whole = 0u64;
     for k in 0..BRICK_CELLS {
         for j in 0..BRICK_CELLS {
@@ -175,9 +249,13 @@ fn chords(signs: &SignChanges, edges: &[HermiteEdge], axis: Axis) -> u128 {
     }
     let (mut parts, mut edges) = (0u64, edges.iter());
     signs.for_edges(axis, |from| {
-        let offset = edges.next().map_or(0, |edge| u64::from(edge.offset));
+        let edge = edges.next();
         if from.iter().all(|&c| c < BRICK_CELLS) {
-            parts += if signs.is_inside(from) { offset } else { STEPS as u64 - offset };
+            let (inside, offset) = (signs.is_inside(from), edge.map_or(0, |edge| u64::from(edge.offset)));
+            parts += if inside { offset } else { STEPS as u64 - offset };
+            if let Some(edge) = edge {
+                faces.add(axis.index(), edge, inside);
+            }
         }
     });
     u128::from(whole) * STEPS + u128::from(parts)
@@ -225,11 +303,16 @@ pub fn negative_volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<
 /// The volumes of the tree's field. Reads every leaf that is not uniform, in parallel; sums are integers, so
 /// threads change nothing.
 ///
-/// The union is measured by chords between the exact crossings of lattice lines, along each axis; it is their mean.
-/// The bound has three parts. One is the difference of the largest and the smallest.
+/// The union is measured by chords between the exact crossings of lattice lines, along each axis, with what faces along
+/// them add (see `Faces`); it is their mean. The bound adds up
 ///
-/// One is what faces across the axes put off, see `of_faces`. The last is a cell for each wall or gap of a single
-/// sample, along the axis with most of them: lines beside may hold twice as much of it, or nothing.
+/// - the difference of the largest and the smallest;
+/// - what is left at the edges between two faces along the axes, at most the product of what they add;
+/// - what faces that nearly run along an axis would add, as the places of their crossings repeat slowly;
+/// - the root of the number of all other crossings, in cells, as if each were off by one and the signs were random;
+/// - a cell for each wall or gap of a single sample, along the axis with most of them: lines beside may hold twice as much
+///   of it, or nothing;
+/// - for each crossing a step of 1/65536 of a cell, to which it is known.
 ///
 /// Of overlap only samples tell: each edge between two of them may hold the change anywhere, which is the bound, over
 /// all three axes. Neither bound knows what lies between samples altogether: [`Volumes::not_nearer_than`] does, where
@@ -254,14 +337,19 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
         Ok(())
     })?;
     let cell = tree.root().spacing(MAX_LEVEL).powi(3);
-    let chords = sums.chords.map(|chords| chords as f64 / STEPS as f64 * cell);
+    let in_steps = |steps: f64| steps / STEPS as f64 * cell;
+    let Faces { beside, nearly, scatter, size, crossings } = sums.faces;
+    let chords = [0, 1, 2].map(|a| in_steps(sums.chords[a] as f64 + beside[a] as f64));
     let [low, high] = [f64::min, f64::max].map(|f| chords.into_iter().reduce(f).unwrap_or_default());
     let bound = |count: Count| count.changes.iter().sum::<u128>() as f64 * 0.5 * cell;
     let union = chords.iter().sum::<f64>() / 3.0;
+    let at_edges = at_edges(sums.inside as f64 * cell, size.map(|sum| in_steps(sum as f64)));
+    let nearly = nearly.iter().map(|sum| in_steps(sum.unsigned_abs() as f64)).sum::<f64>();
+    let scatter = (scatter as f64).sqrt() * cell;
     let lone = sums.lone.into_iter().max().unwrap_or_default() as f64 * cell;
     Ok(Volumes {
         union,
-        union_error: high - low + of_faces(union, sums.inside as f64 * cell) + lone,
+        union_error: high - low + at_edges + nearly + scatter + lone + in_steps(crossings as f64),
         overlap: sums.overlap.sum as f64 * cell,
         overlap_error: bound(sums.overlap),
         negative: sums.negative.sum as f64 * cell,
@@ -269,14 +357,11 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
     })
 }
 
-/// What chords of a union are off by where faces lie across the axes: `count` is its volume by the number of samples.
-///
-/// Chords put right what one of three axes is off by, by the factor 1 + d from the count, and the same is left along the
-/// other two: (1 + d)². More of it than of rounding, which would leave it a hair too small.
-fn of_faces(union: f64, count: f64) -> f64 {
+/// What is left at edges and corners, where faces across two or three axes meet that add so much each to a number of
+/// samples, `count`: each adds to what the others add, and no more than if all met all others, as in a box.
+fn at_edges(count: f64, [x, y, z]: [f64; 3]) -> f64 {
     if count <= 0.0 {
-        return union;
+        return 0.0;
     }
-    let off = (union / count - 1.0).abs() * 1.01;
-    union * (2.0 + off) * off
+    ((x * y + y * z + z * x) / count + x * y * z / (count * count)) * 1.01
 }

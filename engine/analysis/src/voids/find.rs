@@ -38,6 +38,20 @@ pub struct VoidOptions<'a> {
     pub meshes: bool,
 }
 
+impl Default for VoidOptions<'_> {
+    /// All voids that are sealed from the outside between samples, within 256 MiB.
+    fn default() -> Self {
+        VoidOptions {
+            connectivity: Connectivity::VoidSix,
+            min_volume: 0.0,
+            memory: 256 << 20,
+            cad: None,
+            closing: None,
+            meshes: false,
+        }
+    }
+}
+
 /// A region of w = 0 that the part encloses. Lengths are in the store's unit; what is not known is `None`.
 #[derive(Clone, Debug)]
 pub struct Void {

@@ -17,6 +17,7 @@ mod faults;
 mod field;
 mod fit;
 mod foresee;
+mod in_memory;
 mod identity;
 mod jobs;
 mod measure;
@@ -45,6 +46,7 @@ mod weigh;
 
 pub use closed::is_closed;
 pub use cloud::{build_clouds, cloud_cells, surfels};
+pub use in_memory::{TreeInMemory, build_clouds_in_memory, build_inputs_in_memory};
 pub use measure::{Measures, measure};
 pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use merge::{MergeSummary, merge};

@@ -111,7 +111,7 @@ fn first_passes(paths: &[(&Toolpath, &Passes)]) -> Vec<u32> {
 }
 
 /// The root cube and the deepest level, never in step with the layers.
-fn place_beads(
+pub(super) fn place_beads(
     first: Option<&Path>,
     bounds: ([f64; 3], [f64; 3]),
     resolution: Resolution,

@@ -1,7 +1,7 @@
 //! Point clouds: PLY without faces, and text with a point a line.
 
 use super::columns::{CloudColumns, Lengths, short};
-use super::survey::identity_of;
+use super::origin::Origin;
 use super::{Kind, cloud_text, detect, ply};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
@@ -9,11 +9,11 @@ use crate::progress::Progress;
 use crate::soup::PointCloud;
 use std::path::{Path, PathBuf};
 
-/// An opened file that holds a point cloud.
+/// A point cloud, opened or in memory.
 #[derive(Debug)]
 pub struct CloudInput {
     path: PathBuf,
-    file: MappedFile,
+    origin: Origin,
     format: &'static str,
     /// Its points.
     pub cloud: PointCloud,
@@ -52,7 +52,28 @@ impl CloudInput {
         file.check()?;
         let (cloud, columns) = read?;
         check(&cloud, path)?;
-        Ok(CloudInput { path: path.to_owned(), file, format, cloud, columns })
+        Ok(CloudInput { path: path.to_owned(), origin: Origin::File(file), format, cloud, columns })
+    }
+
+    /// A point cloud in memory, with an outward normal of any length for each point, or with none. Messages and stores call
+    /// it `name`, which may be any text.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there are no points, or not as many normals, or if a coordinate is not finite.
+    pub fn of_points(name: &str, cloud: PointCloud) -> Result<CloudInput> {
+        let path = PathBuf::from(name);
+        let (points, normals) = (cloud.points.len(), cloud.normals.len());
+        if normals != 0 && normals != points {
+            let what = format!("there are {normals} of them for {points} points");
+            return Err(Error::input(&path, "normals", what, "hand over one for each point, or none"));
+        }
+        check(&cloud, &path)?;
+        let origin = Origin::memory(|add| {
+            let all = cloud.points.iter().chain(&cloud.normals);
+            all.for_each(|vector| add(vector.map(f64::to_le_bytes).as_flattened()));
+        });
+        let columns = CloudColumns::default();
+        Ok(CloudInput { path, origin, format: "points in memory", cloud, columns })
     }
 
     /// How long the normals are, if there are any.
@@ -100,14 +121,14 @@ impl CloudInput {
         &self.path
     }
 
-    /// The format: "PLY points" or "XYZ points".
+    /// The format: "PLY points", "XYZ points" or "points in memory".
     pub fn describe(&self) -> &'static str {
         self.format
     }
 
-    /// Size of the file in bytes.
+    /// Size of the file, or of the arrays, in bytes.
     pub fn bytes(&self) -> u64 {
-        self.file.len()
+        self.origin.len()
     }
 
     /// As [`super::Input::identity`].
@@ -115,7 +136,7 @@ impl CloudInput {
     /// # Errors
     /// As there.
     pub fn identity(&self) -> Result<[u8; 32]> {
-        identity_of(&self.file)
+        self.origin.identity()
     }
 
     /// The points of some files as one cloud.

@@ -17,6 +17,7 @@ mod foreign;
 #[doc(hidden)]
 pub mod fuzz;
 mod obj;
+mod origin;
 mod ply;
 mod polygons;
 mod stl;
@@ -43,6 +44,7 @@ pub use three_mf::{ThreeMf, ThreeMfItem, ThreeMfObject};
 
 use bounds::Extent;
 use detect::Family;
+use origin::Origin;
 use polygons::Polygons;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -50,12 +52,12 @@ use std::path::{Path, PathBuf};
 /// Positions of vertices, and triangles that name their corners by number.
 pub type Indexed<'a> = (&'a [[f64; 3]], &'a [[u32; 3]]);
 
-/// An opened mesh or toolpath. Any number of threads may read it at once. A file that is cut short or changed while it is
+/// A mesh or toolpath, opened or in memory. Any number of threads may read it at once. A file that is cut short or changed while it is
 /// open is an error, not a crash: of what reads it here where that says so, else of [`Input::check`].
 #[derive(Debug)]
 pub struct Input {
     path: PathBuf,
-    file: MappedFile,
+    origin: Origin,
     format: &'static str,
     facets: u64,
     soup: Soup,
@@ -106,7 +108,32 @@ impl Input {
         let parsed = Input::parse(path, &file, options, progress);
         file.check()?;
         let (format, facets, soup) = parsed?;
-        Ok(Input { path: path.to_owned(), file, format, facets, soup })
+        Ok(Input { path: path.to_owned(), origin: Origin::File(file), format, facets, soup })
+    }
+
+    /// A mesh in memory: `triangles` name their corners among `vertices`, counter-clockwise seen from outside. Messages and
+    /// stores call it `name`, which may be any text.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a triangle names a vertex that is not there.
+    pub fn of_triangles(name: &str, vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Result<Input> {
+        let path = PathBuf::from(name);
+        let is_bad = |triangle: &[u32; 3]| triangle.iter().any(|&corner| corner as usize >= vertices.len());
+        if let Some(number) = triangles.iter().position(is_bad) {
+            let [a, b, c] = triangles[number];
+            let what = format!("names the vertices {a}, {b} and {c} of {}", vertices.len());
+            let place = format!("triangle {number}");
+            return Err(Error::input(&path, place, what, "number vertices from 0, and hand over all of them"));
+        }
+        let origin = Origin::memory(|add| {
+            vertices.iter().for_each(|vertex| add(vertex.map(f64::to_le_bytes).as_flattened()));
+            triangles.iter().for_each(|triangle| add(triangle.map(u32::to_le_bytes).as_flattened()));
+        });
+        let facets = triangles.len() as u64;
+        let mut polygons = Polygons::default();
+        (polygons.vertices, polygons.triangles) = (vertices, triangles);
+        let soup = Soup::Polygons(polygons);
+        Ok(Input { path, origin, format: "triangles in memory", facets, soup })
     }
 
     /// What is in a file: the name of its format, how many facets, and those.
@@ -153,7 +180,7 @@ impl Input {
     /// # Errors
     /// If the file has been cut short or changed, or cannot be read any more.
     pub fn check(&self) -> Result<()> {
-        self.file.check()
+        self.origin.check()
     }
 
     /// Where it was opened.
@@ -162,14 +189,14 @@ impl Input {
     }
 
     /// The format, as in "STL binary", "STL ASCII", "OBJ", "PLY binary little-endian", "G-code",
-    /// "X3D".
+    /// "X3D", "triangles in memory".
     pub fn describe(&self) -> &'static str {
         self.format
     }
 
-    /// Size of the file in bytes.
+    /// Size of the file, or of the arrays, in bytes.
     pub fn bytes(&self) -> u64 {
-        self.file.len()
+        self.origin.len()
     }
 
     /// Number of triangles, polygons having been split.
@@ -255,7 +282,7 @@ impl Input {
         let from = (range.start as usize).min(to);
         match &self.soup {
             Soup::Mapped => {
-                out.extend(stl::records(self.file.bytes(), from, to).iter().map(stl::corners));
+                out.extend(stl::records(self.origin.bytes(), from, to).iter().map(stl::corners));
             }
             Soup::Facets(facets) => {
                 out.extend_from_slice(&facets.all[from..to]);
@@ -288,7 +315,7 @@ impl Input {
     fn extent(&self, range: Range<u64>) -> Extent {
         let (from, to) = (range.start as usize, range.end as usize);
         match &self.soup {
-            Soup::Mapped => stl::extent(stl::records(self.file.bytes(), from, to)),
+            Soup::Mapped => stl::extent(stl::records(self.origin.bytes(), from, to)),
             Soup::Facets(facets) => Extent::of(facets.all[from..to].iter().copied()),
             Soup::Polygons(polygons) => Extent::of(
                 polygons.triangles[from..to].iter().map(|t| t.map(|v| polygons.vertices[v as usize])),

@@ -2,14 +2,12 @@
 //! take all of the file, and are found in one pass over it where the facets are read in place.
 
 use super::bounds::Extent;
+use super::origin::{CHUNK_BYTES, hash_of_chunks};
 use super::{Input, Soup, bounds_of, stl};
 use crate::error::Result;
-use crate::mmap::MappedFile;
 use crate::progress::Progress;
 use rayon::prelude::*;
 
-/// Bytes that are hashed at a time.
-const CHUNK_BYTES: usize = 4 << 20;
 /// Bytes of a chunk that are hashed and then measured, while they are in the second cache.
 const PART_BYTES: usize = 128 << 10;
 
@@ -39,7 +37,7 @@ impl Input {
             return Ok(Survey { bounds: self.bounds(progress)?, identity: self.identity()? });
         }
         progress.phase("measuring", Some(self.facets), "triangles");
-        let chunks = self.file.bytes().chunks(CHUNK_BYTES).enumerate().par_bridge();
+        let chunks = self.origin.bytes().chunks(CHUNK_BYTES).enumerate().par_bridge();
         let of_chunk = |(number, chunk)| {
             progress.check()?;
             let (hash, extent, facets) = self.survey_chunk(number * CHUNK_BYTES, chunk);
@@ -57,7 +55,7 @@ impl Input {
     /// The hash of a chunk of a binary STL, which begins at byte `start`, and the extent of the facets that begin in
     /// it, with their number.
     fn survey_chunk(&self, start: usize, chunk: &[u8]) -> ([u8; 32], Extent, u64) {
-        let bytes = self.file.bytes();
+        let bytes = self.origin.bytes();
         let mut hasher = blake3::Hasher::new();
         let (mut extent, mut facets) = (Extent::EMPTY, 0);
         let mut from = start;
@@ -77,30 +75,13 @@ impl Input {
 
     /// Tells the content of the file from any other, to recognise the source of a store: the BLAKE3 hash of
     /// the concatenated BLAKE3 hashes of its 4 MiB chunks in order, the last one being shorter. Reads the
-    /// whole file on all threads.
+    /// whole file on all threads. Of arrays in memory, the BLAKE3 hash of their numbers, little-endian.
     ///
     /// # Errors
     /// If the file has been cut short or changed since it was opened.
     pub fn identity(&self) -> Result<[u8; 32]> {
-        identity_of(&self.file)
+        self.origin.identity()
     }
-}
-
-/// See [`Input::identity`].
-pub(super) fn identity_of(file: &MappedFile) -> Result<[u8; 32]> {
-    // Handed out in order, so that all threads together read the file from front to back.
-    let chunks = file.bytes().chunks(CHUNK_BYTES).enumerate().par_bridge();
-    let hash = |(number, chunk): (usize, &[u8])| (number, *blake3::hash(chunk).as_bytes());
-    let identity = hash_of_chunks(chunks.map(hash).collect());
-    file.check()?;
-    Ok(identity)
-}
-
-/// The hash of the chunks' hashes in the order of their numbers.
-fn hash_of_chunks(mut hashes: Vec<(usize, [u8; 32])>) -> [u8; 32] {
-    hashes.sort_unstable_by_key(|(number, _)| *number);
-    let hashes: Vec<[u8; 32]> = hashes.into_iter().map(|(_, hash)| hash).collect();
-    *blake3::hash(hashes.as_flattened()).as_bytes()
 }
 
 #[cfg(test)]
