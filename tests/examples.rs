@@ -12,7 +12,11 @@ fn built(name: &str) -> PathBuf {
     let test = std::env::current_exe().expect("this test");
     let folder = test.parent().and_then(Path::parent).expect("the folder of the profile");
     let path = folder.join("examples").join(name);
-    assert!(path.is_file(), "{} is not there: `cargo build --profile test --examples` builds it", path.display());
+    assert!(
+        path.is_file(),
+        "{} is not there: `cargo build --profile test --examples` builds it",
+        path.display()
+    );
     path
 }
 
@@ -45,7 +49,10 @@ fn examples_do_what_they_say() {
     assert!(at.join("part.stl").is_file());
 
     let said = run(at, "triangles", &[]);
-    assert!(said.contains("[0.5, 0.5, 0.5] lies within 1 of 10") && said.contains("within 2 of 10"), "{said}");
+    assert!(
+        said.contains("[0.5, 0.5, 0.5] lies within 1 of 10") && said.contains("within 2 of 10"),
+        "{said}"
+    );
     assert!(said.contains("[9.0, 9.0, 9.0] lies within 0 of 10"), "{said}");
 
     // A ball of radius 10: π/6 · 20³ = 4189, π · 20² = 1257.
@@ -66,7 +73,10 @@ fn examples_do_what_they_say() {
     let said = run(at, "voids", &["overlaps.brf"]);
     assert!(said.contains(" voids, porosity "), "{said}");
     let said = run(at, "dense", &["overlaps.brf", "1"]);
-    assert!(number(&said, "w = 0: ") + number(&said, "w = 1: ") + number(&said, "w = 2: ") >= 262_144.0, "{said}");
+    assert!(
+        number(&said, "w = 0: ") + number(&said, "w = 1: ") + number(&said, "w = 2: ") >= 262_144.0,
+        "{said}"
+    );
 
     let said = run(at, "progress", &["part.gcode"]);
     assert!(said.contains("done: "), "{said}");

@@ -29,6 +29,9 @@ fn main() -> Result<()> {
     };
     let mesh = arguments.next().unwrap_or_else(|| "scan.stl".to_owned());
     let summary = builder.in_memory()?.write_mesh(&mesh)?;
-    println!("{mesh}: {} triangles, area {:.1}, volume {:.1}", summary.triangles, summary.area, summary.volume);
+    println!(
+        "{mesh}: {} triangles, area {:.1}, volume {:.1}",
+        summary.triangles, summary.area, summary.volume
+    );
     Ok(())
 }

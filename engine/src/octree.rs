@@ -173,8 +173,9 @@ impl Octree {
     /// # Errors
     /// A view of another name, an empty part, a path that cannot be written.
     pub fn write_picture(&self, path: impl AsRef<Path>, view: &str) -> Result<()> {
-        let view = View::named(view)
-            .ok_or_else(|| Error::setting(format!("no view is called {view:?}"), "choose iso, top or front"))?;
+        let view = View::named(view).ok_or_else(|| {
+            Error::setting(format!("no view is called {view:?}"), "choose iso, top or front")
+        })?;
         let options = RenderOptions {
             style: Style::solid(),
             view,

@@ -174,7 +174,11 @@ pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress)
 
 /// The root cube and the deepest level: if none is asked for, the one whose cells are nearest to half the spacing.
 /// Finer cells would show how single points are spread, coarser ones less than the points tell.
-pub(super) fn place_cloud(surfels: &Surfels, first: Option<&Path>, resolution: Resolution) -> Result<(RootCube, u8)> {
+pub(super) fn place_cloud(
+    surfels: &Surfels,
+    first: Option<&Path>,
+    resolution: Resolution,
+) -> Result<(RootCube, u8)> {
     let (min, max) = surfels.bounds();
     if resolution != Resolution::Auto {
         return place(first, min, max, resolution);

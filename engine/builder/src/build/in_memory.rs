@@ -37,7 +37,11 @@ fn tree_options(depth: u8, options: &BuildOptions) -> TreeOptions {
 ///
 /// # Errors
 /// As [`super::build_opened`]; [`Error::Setting`](crate::error::Error::Setting) where walls thinner than a cell are asked for.
-pub fn build_inputs_in_memory(inputs: &[Input], options: &BuildOptions, progress: &dyn Progress) -> Result<TreeInMemory> {
+pub fn build_inputs_in_memory(
+    inputs: &[Input],
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<TreeInMemory> {
     options.thin.require_none(IN_MEMORY)?;
     if options.solids.is_some() {
         return beads_in_memory(inputs, options);

@@ -123,7 +123,12 @@ impl Input {
             let [a, b, c] = triangles[number];
             let what = format!("names the vertices {a}, {b} and {c} of {}", vertices.len());
             let place = format!("triangle {number}");
-            return Err(Error::input(&path, place, what, "number vertices from 0, and hand over all of them"));
+            return Err(Error::input(
+                &path,
+                place,
+                what,
+                "number vertices from 0, and hand over all of them",
+            ));
         }
         let origin = Origin::memory(|add| {
             vertices.iter().for_each(|vertex| add(vertex.map(f64::to_le_bytes).as_flattened()));
