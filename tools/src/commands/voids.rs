@@ -127,17 +127,19 @@ fn open_cad(path: &Path, store: &Store, args: &VoidsArgs) -> Result<Store, Failu
 fn require_limits(args: &VoidsArgs, found: &Voids, most: Option<f64>) -> Result<(), Failure> {
     let porosity = found.porosity();
     if let Some(limit) = args.max_porosity
-        && porosity > limit
+        && porosity.value > limit
     {
         let name = in_line(&args.store);
-        return Err(anyhow!("{name}: porosity {porosity:.6} is above --max-porosity {limit}").into());
+        let porosity = measured(porosity.value, porosity.error);
+        return Err(anyhow!("{name}: porosity {porosity} is above --max-porosity {limit}").into());
     }
-    let largest = found.voids.first().map_or(0.0, Void::equivalent_diameter);
     if let Some(limit) = most
-        && largest > limit
+        && let Some(void) = found.voids.first()
+        && void.equivalent_diameter() > limit
     {
+        let largest = measured(void.equivalent_diameter(), void.equivalent_diameter_error());
         let name = in_line(&args.store);
-        let what = format!("void 1 has an equivalent diameter of {largest:.6}");
+        let what = format!("void 1 has an equivalent diameter of {largest}");
         return Err(anyhow!("{name}: {what}, above --max-equivalent-diameter {limit}").into());
     }
     Ok(())
@@ -145,15 +147,16 @@ fn require_limits(args: &VoidsArgs, found: &Voids, most: Option<f64>) -> Result<
 
 fn summary(store: &Store, found: &Voids, args: &VoidsArgs) -> String {
     let unit = unit_of(store.meta());
-    let volume = measured(found.void_volume, found.void_volume_error);
-    let percent = 100.0 * found.porosity();
+    let volume = measured(found.void_volume.value, found.void_volume.error);
+    let porosity = found.porosity();
+    let percent = measured(100.0 * porosity.value, 100.0 * porosity.error);
     let left_out = match found.left_out {
         0 => String::new(),
         count => format!(", {count} smaller ones left out"),
     };
     let name = in_line(&args.output);
     format!(
-        "{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent:.4} %",
+        "{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent} %",
         found.voids.len()
     )
 }
@@ -164,16 +167,19 @@ fn cell_of(store: &Store) -> f64 {
 }
 
 fn document(store: &Store, found: &Voids, table: &Table<'_>) -> Value {
+    let porosity = found.porosity();
     json!({
         "unit": store.meta().unit,
         "cell": cell_of(store),
         "count": found.voids.len(),
         "left_out": found.left_out,
-        "void_volume": found.void_volume,
-        "void_volume_error": found.void_volume_error,
-        "solid_volume": found.solid_volume,
+        "void_volume": found.void_volume.value,
+        "void_volume_error": found.void_volume.error,
+        "solid_volume": found.solid_volume.value,
+        "solid_volume_error": found.solid_volume.error,
         "solids": found.solids,
-        "porosity": found.porosity(),
+        "porosity": porosity.value,
+        "porosity_error": porosity.error,
         "throat_cell": found.throat_cell,
         "voids": table.objects(),
     })

@@ -4,11 +4,12 @@ use super::boundary::{Boundaries, boundaries};
 use super::cad::cad_shares;
 use super::class::{Class, class_of};
 use super::components::Connectivity;
-use super::labelling::{Component, Labelling, label};
+use super::labelling::{Labelling, label};
 use super::points::{OUTER, Point, PointTree, distance, inscribed};
 use super::pores::{Pore, Pores, pores};
 use super::sealed::sealed;
 use super::surface::{Surface, surfaces};
+use super::totals::Total;
 use super::trace::{Trace, Tracer, has_sparse_infill};
 use crate::error::Result;
 use crate::lattice::RootCube;
@@ -90,6 +91,13 @@ impl Void {
         (6.0 * self.volume / PI).cbrt()
     }
 
+    /// Bound on the error of that.
+    pub fn equivalent_diameter_error(&self) -> f64 {
+        // Of the cube root; a volume that may be nothing has no diameter either.
+        let low = (6.0 * (self.volume - self.volume_error).max(0.0) / PI).cbrt();
+        self.equivalent_diameter() - low
+    }
+
     /// Area of the ball of its volume over its own (Wadell 1932); `None` without a surface, and where volume and surface are
     /// so uncertain that the ball would have the larger one, as of voids of a cell or two.
     pub fn sphericity(&self) -> Option<f64> {
@@ -124,13 +132,11 @@ pub struct Voids {
     /// Largest first.
     pub voids: Vec<Void>,
     /// Volume of the solid.
-    pub solid_volume: f64,
+    pub solid_volume: Total,
     /// Pieces of solid that do not hang together.
     pub solids: usize,
     /// Volume of all voids, those left out as well.
-    pub void_volume: f64,
-    /// Bound on its error.
-    pub void_volume_error: f64,
+    pub void_volume: Total,
     /// How many were left out as too small.
     pub left_out: usize,
     /// The cell of the grid on which throats were measured.
@@ -139,9 +145,8 @@ pub struct Voids {
 
 impl Voids {
     /// Volume of voids over that of solid and voids.
-    pub fn porosity(&self) -> f64 {
-        let whole = self.void_volume + self.solid_volume;
-        if whole > 0.0 { self.void_volume / whole } else { 0.0 }
+    pub fn porosity(&self) -> Total {
+        self.void_volume.share_beside(self.solid_volume)
     }
 }
 
@@ -158,10 +163,9 @@ pub fn find(store: &Store, options: &VoidOptions<'_>, progress: &dyn Progress) -
         labelling,
         pores,
         voids: Vec::new(),
-        solid_volume: 0.0,
+        solid_volume: Total::default(),
         solids: 0,
-        void_volume: 0.0,
-        void_volume_error: 0.0,
+        void_volume: Total::default(),
         left_out: 0,
     };
     let measured = found.count(store, options);
@@ -180,22 +184,24 @@ impl Voids {
         let root = store.root();
         let mut measured = vec![false; self.labelling.components.len()];
         for (number, component) in self.labelling.components.iter().enumerate() {
-            let (volume, error) = volume_of(component, root);
             if component.solid {
                 self.solids += 1;
-                self.solid_volume += volume;
                 continue;
             }
-            self.void_volume += volume;
-            self.void_volume_error += error;
-            measured[number] = volume >= options.min_volume;
+            measured[number] = Total::of(&component.sums, root).value >= options.min_volume;
             self.left_out += usize::from(!measured[number]);
+        }
+        [self.solid_volume, self.void_volume] =
+            [true, false].map(|solid| self.labelling.total(root, solid));
+        if let Some(source) = &store.meta().volumes {
+            let source = Total { value: source.union.value, error: source.union.bound() };
+            self.solid_volume = self.solid_volume.not_nearer_than(source);
         }
         let Some(pores) = &self.pores else { return measured };
         for (number, pore) in pores.pores.iter().enumerate() {
             let void = void_of_pore(pores, pore, self.labelling.components.len() + number);
-            self.void_volume += void.volume;
-            self.void_volume_error += void.volume_error;
+            self.void_volume.value += void.volume;
+            self.void_volume.error += void.volume_error;
             if void.volume >= options.min_volume {
                 self.voids.push(void);
             } else {
@@ -227,14 +233,16 @@ impl Voids {
         let pores = self.pores.as_ref();
         let Boundaries { points, around } =
             boundaries(store, labelling, &is_void, pores, tracer.as_ref(), most, progress)?;
+        let mut apart = 0.0;
         for number in (0..measured.len()).filter(|&number| measured[number]) {
             let surface = surfaces.remove(&number).unwrap_or_default();
-            let (chords, chords_error) = volume_of(&labelling.components[number], root);
-            let void = void_of(labelling, number, surface, (chords, chords_error), root);
-            self.void_volume += void.volume - chords;
-            self.void_volume_error += void.volume_error - chords_error;
+            let chords = Total::of(&labelling.components[number].sums, root);
+            let void = void_of(labelling, number, surface, chords, root);
+            apart += void.volume - chords.value;
             self.voids.push(void);
         }
+        self.void_volume.value += apart;
+        self.void_volume.error += apart.abs();
         if let Some(tracer) = &tracer {
             let trace = |component: usize| Trace::of(around.get(&component)?, tracer);
             self.voids.iter_mut().for_each(|void| void.trace = trace(void.component));
@@ -292,24 +300,17 @@ fn void_of_pore(pores: &Pores, pore: &Pore, component: usize) -> Void {
     }
 }
 
-fn volume_of(component: &Component, root: RootCube) -> (f64, f64) {
-    let volumes = component.sums.volumes(root);
-    let [low, high] = [f64::min, f64::max].map(|f| volumes.into_iter().reduce(f).unwrap_or_default());
-    let mean = volumes.iter().sum::<f64>() / 3.0;
-    (mean, high - low + 2.0 * (component.sums.counted(root) - mean).abs())
-}
-
 /// The volume within the polygons, if these are closed, else that of the chords. Chords are off where
 /// faces are in step with the cells; polygons are not, but the bound is that of the chords, and what the two differ by.
-fn by_polygons(surface: &Surface, chords: f64, error: f64) -> (f64, f64) {
+fn by_polygons(surface: &Surface, chords: Total) -> (f64, f64) {
     /// A surface is closed if its vectors of area add up to nothing but rounding.
     const OPEN_MOST: f64 = 1e-4;
     let open = surface.open.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let apart = (surface.volume - chords).abs();
+    let apart = (surface.volume - chords.value).abs();
     if surface.volume > 0.0 && open <= OPEN_MOST * surface.area {
-        (surface.volume, error + apart)
+        (surface.volume, chords.error + apart)
     } else {
-        (chords, error)
+        (chords.value, chords.error)
     }
 }
 
@@ -317,10 +318,10 @@ fn void_of(
     labelling: &Labelling,
     number: usize,
     surface: Surface,
-    (chords, chords_error): (f64, f64),
+    chords: Total,
     root: RootCube,
 ) -> Void {
-    let (volume, volume_error) = by_polygons(&surface, chords, chords_error);
+    let (volume, volume_error) = by_polygons(&surface, chords);
     let sums = &labelling.components[number].sums;
     let centroid = sums.centroid().map_or([f64::NAN; 3], |units| root.to_world(units));
     let corner = |parts: &[i64; 3]| root.to_world(parts.map(|p| p as f64 / super::measure::PARTS + 1.0));

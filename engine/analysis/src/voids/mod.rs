@@ -12,6 +12,7 @@
 //! | `pores` | voids that open through a throat |
 //! | `sealed` | which voids are sealed for certain |
 //! | `slabs` | volumes by layer |
+//! | `totals` | volumes of all together, and the errors of these |
 //! | `trace` | the beads around a void |
 //! | `cad` | what of a void lies within another tree |
 //! | `class` | whether a void is meant to be |
@@ -32,6 +33,7 @@ mod pores;
 mod sealed;
 mod slabs;
 mod surface;
+mod totals;
 mod trace;
 
 pub use class::Class;
@@ -41,6 +43,7 @@ pub use labelling::{Component, Labelling, label};
 pub use labels::write_labels;
 pub use measure::Sums;
 pub use slabs::{Slab, slabs};
+pub use totals::Total;
 pub use trace::{Trace, TracedLine};
 
 #[cfg(test)]
