@@ -296,21 +296,23 @@ def leaks(args, folder):
     stl, store = folder / "k.stl", folder / "k.brf"
     write_stl(stl, parts)
     run(args.program, "build", stl, "-o", store, "--cell", "1", "-q")
-    found, _ = voids(args.program, store, folder)
-    rows = found["voids"]
-    places = np.array([[row[a] for a in "xyz"] for row in rows]).reshape(-1, 3)
-    wrong = open_kept = sealed_open = undecided = 0
-    for leaks_out, centre, _ in truth:
-        near = np.linalg.norm(places - centre, axis=1) < pitch / 3 if len(places) else np.array([])
-        mine = [rows[i] for i in np.flatnonzero(near)]
-        certain = any(row["sealed"] == "certain" for row in mine)
-        undecided += bool(mine) and not certain
-        wrong += leaks_out and certain
-        open_kept += leaks_out and bool(mine)
-        sealed_open += not leaks_out and not mine
-    print(f"{len(truth)} cavities: {wrong} wrong among certain, {undecided} to_cell, {open_kept} leaks that samples miss, "
-          f"{sealed_open} walls that samples miss")
-    return wrong
+    bad = 0
+    for source in ((), ("--source", stl)):
+        found, seconds = voids(args.program, store, folder, *source)
+        rows = found["voids"]
+        places = np.array([[row[a] for a in "xyz"] for row in rows]).reshape(-1, 3)
+        wrong = open_kept = sealed_open = undecided = 0
+        for leaks_out, centre, width in truth:
+            near = np.linalg.norm(places - centre, axis=1) < pitch / 3 if len(places) else np.array([])
+            mine = [rows[i]["sealed"] for i in np.flatnonzero(near)]
+            undecided += "to_cell" in mine
+            wrong += ("certain" if leaks_out else "no") in mine
+            open_kept += leaks_out and bool(mine)
+            sealed_open += not leaks_out and not mine
+        print(f"{'with' if source else 'without'} the source: {len(truth)} cavities in {seconds:.1f} s: {wrong} wrong, {undecided} to_cell; "
+              f"{open_kept} leaks that samples miss, {sealed_open} walls that samples miss")
+        bad += wrong
+    return bad
 
 
 def lens(radius, distance):

@@ -7,13 +7,14 @@ use super::components::Connectivity;
 use super::labelling::{Labelling, label};
 use super::points::{OUTER, Point, PointTree, distance, inscribed};
 use super::pores::{Pore, Pores, pores};
-use super::sealed::sealed;
+use super::sealed::{Source, sealed};
 use super::surface::{Surface, surfaces};
 use super::totals::Total;
 use super::trace::{Trace, Tracer, has_sparse_infill};
 use crate::error::Result;
 use crate::lattice::RootCube;
 use crate::progress::Progress;
+use crate::soup::Facets;
 use crate::store::{BrickTree, Store};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -37,6 +38,8 @@ pub struct VoidOptions<'a> {
     pub closing: Option<f64>,
     /// Whether voids keep their triangles.
     pub meshes: bool,
+    /// The closed meshes that the store was built from, to tell what lies between samples.
+    pub source: Option<&'a [&'a dyn Facets]>,
 }
 
 /// A region of w = 0 that the part encloses. Lengths are in the store's unit; what is not known is `None`.
@@ -48,7 +51,8 @@ pub struct Void {
     pub class: Option<Class>,
     /// Whether it opens to the outside.
     pub seal: Seal,
-    /// The diameter of the largest ball that can leave it, to a cell of the grid that was flooded; 0 of a void that is sealed.
+    /// The diameter of the largest ball that can leave it, to a cell of the grid that was flooded; 0 of a void that is sealed,
+    /// NaN of one that opens through what no sample shows.
     pub throat: f64,
     /// The component, or behind all components the pore.
     pub(super) component: usize,
@@ -119,7 +123,7 @@ pub enum Seal {
     Certain,
     /// It does not as far as samples tell.
     ToCell,
-    /// It does, through a throat.
+    /// It does: through a throat, or through what no sample shows.
     Open,
 }
 
@@ -141,6 +145,8 @@ pub struct Voids {
     pub left_out: usize,
     /// The cell of the grid on which throats were measured.
     pub throat_cell: Option<f64>,
+    /// The source that was given has other samples than the store, so it was not asked.
+    pub source_differs: bool,
 }
 
 impl Voids {
@@ -167,6 +173,7 @@ pub fn find(store: &Store, options: &VoidOptions<'_>, progress: &dyn Progress) -
         solids: 0,
         void_volume: Total::default(),
         left_out: 0,
+        source_differs: false,
     };
     let measured = found.count(store, options);
     if measured.contains(&true) || !found.voids.is_empty() {
@@ -252,12 +259,23 @@ impl Voids {
             let shares = cad_shares(store, cad, labelling, &is_void, progress)?;
             self.voids.iter_mut().for_each(|void| void.cad_share = shares.get(&void.component).copied());
         }
-        let certain = sealed(store, labelling, &is_void, tracer.as_ref(), progress)?;
-        for void in self.voids.iter_mut().filter(|void| certain.contains(&void.component)) {
-            void.seal = Seal::Certain;
+        let source = match (&tracer, options.source) {
+            (Some(tracer), _) => Source::Beads(tracer),
+            (None, Some(meshes)) => Source::Meshes(meshes),
+            (None, None) => Source::Samples,
+        };
+        let sealed = sealed(store, labelling, &is_void, source, progress)?;
+        self.source_differs = sealed.source_differs;
+        for void in &mut self.voids {
+            if sealed.certain.contains(&void.component) {
+                void.seal = Seal::Certain;
+            } else if sealed.open.contains(&void.component) {
+                (void.seal, void.throat) = (Seal::Open, f64::NAN);
+            }
         }
+        let components = self.labelling.components.len();
         if let Some(points) = points {
-            measure_distances(&mut self.voids, points, store, progress)?;
+            measure_distances(&mut self.voids, points, store, components, progress)?;
         }
         self.voids.iter_mut().for_each(|void| void.class = class_of(void, is_sparse));
         Ok(())
@@ -360,6 +378,7 @@ fn measure_distances(
     voids: &mut [Void],
     points: Vec<Point>,
     store: &Store,
+    components: usize,
     progress: &dyn Progress,
 ) -> Result<()> {
     let root = store.root();
@@ -387,7 +406,7 @@ fn measure_distances(
         void.edge_distance = nearest(&outer, &|_| true);
         void.gap = nearest(&inner, &|p| p.component != component);
         progress.advance(1);
-        if void.seal == Seal::Open {
+        if void.component >= components {
             // The grid has told; its boundary is open.
             return Ok(());
         }

@@ -10,7 +10,10 @@
 //! | `boundary` | crossings around voids |
 //! | `points` | distances between them |
 //! | `pores` | voids that open through a throat |
-//! | `sealed` | which voids are sealed for certain |
+//! | `sealed` | which voids are sealed for certain, and which open |
+//! | `cells` | cells of a node by what is known of them, in groups |
+//! | `matter` | what the source has within a node |
+//! | `covered` | cells that beads cover for certain |
 //! | `slabs` | volumes by layer |
 //! | `totals` | volumes of all together, and the errors of these |
 //! | `trace` | the beads around a void |
@@ -22,11 +25,14 @@
 mod border;
 mod boundary;
 mod cad;
+mod cells;
 mod class;
 mod components;
+mod covered;
 mod find;
 mod labelling;
 mod labels;
+mod matter;
 mod measure;
 mod points;
 mod pores;
