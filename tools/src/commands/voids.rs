@@ -114,7 +114,8 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         );
     }
     if found.source_differs {
-        let what = "the store has other samples than --source, as after --orient, so seals were not asked of it";
+        let what =
+            "the store has other samples than --source, as after --orient, so seals were not asked of it";
         warn(&format!("{}: {what}; give --source for stores of meshes as they are", in_line(&args.store)));
     }
     require_limits(args, &found, most)
@@ -188,10 +189,7 @@ fn summary(store: &Store, found: &Voids, args: &VoidsArgs) -> String {
         count => format!(", {count} smaller ones left out"),
     };
     let name = in_line(&args.output);
-    format!(
-        "{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent} %",
-        found.voids.len()
-    )
+    format!("{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent} %", found.voids.len())
 }
 
 /// The edge of a cell of the finest level.

@@ -198,8 +198,7 @@ impl Voids {
             measured[number] = Total::of(&component.sums, root).value >= options.min_volume;
             self.left_out += usize::from(!measured[number]);
         }
-        [self.solid_volume, self.void_volume] =
-            [true, false].map(|solid| self.labelling.total(root, solid));
+        [self.solid_volume, self.void_volume] = [true, false].map(|solid| self.labelling.total(root, solid));
         if let Some(source) = &store.meta().volumes {
             let source = Total { value: source.union.value, error: source.union.bound() };
             self.solid_volume = self.solid_volume.not_nearer_than(source);
@@ -332,13 +331,7 @@ fn by_polygons(surface: &Surface, chords: Total) -> (f64, f64) {
     }
 }
 
-fn void_of(
-    labelling: &Labelling,
-    number: usize,
-    surface: Surface,
-    chords: Total,
-    root: RootCube,
-) -> Void {
+fn void_of(labelling: &Labelling, number: usize, surface: Surface, chords: Total, root: RootCube) -> Void {
     let (volume, volume_error) = by_polygons(&surface, chords);
     let sums = &labelling.components[number].sums;
     let centroid = sums.centroid().map_or([f64::NAN; 3], |units| root.to_world(units));

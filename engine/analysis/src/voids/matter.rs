@@ -5,7 +5,8 @@ use super::covered::{ROWS, solid_cells};
 use crate::brick::{Brick, Hermite, point_index};
 use crate::error::Result;
 use crate::lattice::{
-    BRICK_CELLS, BRICK_POINTS, CubeTest, MAX_LEVEL, NodeKey, RootCube, Triangle, Units, bounds, has_area, normal,
+    BRICK_CELLS, BRICK_POINTS, CubeTest, MAX_LEVEL, NodeKey, RootCube, Triangle, Units, bounds, has_area,
+    normal,
 };
 use crate::progress::Progress;
 use crate::solid::{Segment, Solids};
@@ -39,7 +40,12 @@ impl Matter {
     }
 
     /// What is known of a node's cells; of triangles also the samples, from that at the node's corner on.
-    pub fn evaluate(&self, key: NodeKey, corner: i16, solids: Option<&Solids>) -> Result<(Known, Option<Brick>)> {
+    pub fn evaluate(
+        &self,
+        key: NodeKey,
+        corner: i16,
+        solids: Option<&Solids>,
+    ) -> Result<(Known, Option<Brick>)> {
         match (self, solids) {
             (Matter::Segments(segments), Some(solids)) => Ok((of_segments(key, solids, segments), None)),
             (Matter::Segments(_), None) => Ok((Known::void(), None)),
@@ -219,7 +225,8 @@ pub(super) fn gather(
     progress: &dyn Progress,
 ) -> Result<Vec<Vec<Triangle>>> {
     let places: HashMap<NodeKey, usize> = keys.iter().enumerate().map(|(n, key)| (*key, n)).collect();
-    let levels: Vec<u8> = (0..=MAX_LEVEL).filter(|level| keys.iter().any(|key| key.level() == *level)).collect();
+    let levels: Vec<u8> =
+        (0..=MAX_LEVEL).filter(|level| keys.iter().any(|key| key.level() == *level)).collect();
     let snap = root.snapper();
     let of_run = |(source, range): &(usize, std::ops::Range<u64>)| {
         let mut facets = Vec::new();
@@ -254,7 +261,8 @@ fn for_nodes(
     for &level in levels {
         let bits = crate::lattice::spacing_bits(level) + CELL_BITS as u32;
         // Nodes reach from one unit above their base to one unit above the next one's, so both count at such a place.
-        let ends = [0, 1, 2].map(|a| [(min[a] - 2).max(0) as u32 >> bits, (max[a].max(1) - 1) as u32 >> bits]);
+        let ends =
+            [0, 1, 2].map(|a| [(min[a] - 2).max(0) as u32 >> bits, (max[a].max(1) - 1) as u32 >> bits]);
         let count: u64 = ends.iter().map(|[from, to]| u64::from(to - from + 1)).product();
         if count > keys.len() as u64 {
             for (n, key) in keys.iter().enumerate().filter(|(_, key)| key.level() == level) {

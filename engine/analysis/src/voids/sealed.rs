@@ -26,8 +26,10 @@ use std::sync::Arc;
 
 /// Levels below the leaves to which the source is followed.
 const DEEPER: u8 = 11;
-/// Nodes that are asked of the source in all.
-const NODES_MOST: usize = 12_000;
+/// Nodes that meshes are asked for in all.
+const NODES_OF_MESHES: usize = 12_000;
+/// Nodes that beads are asked for beside all leaves: they take longer, and where prints are in dispute they are so everywhere.
+const NODES_OF_BEADS: usize = 150;
 /// Farther than any path.
 const FAR: u32 = u32::MAX;
 /// The outside among the vertices; component n is n + 1.
@@ -79,7 +81,7 @@ pub(super) fn sealed(
     let mut judge = Judge::new(store, labelling, source);
     let mut nodes = judge.leaves();
     let mut faces = Faces::new();
-    let mut budget = NODES_MOST;
+    let mut budget = judge.budget(&nodes);
     progress.phase("seals of voids", None, "bricks");
     while !left.is_empty() {
         progress.check()?;
@@ -91,8 +93,7 @@ pub(super) fn sealed(
             _ => true,
         });
         let keys = judge.worth_asking(&graph, &nodes, &left, &from_outside);
-        eprintln!("DBG nodes {} left {} keys {} budget {} best {:?} levels {:?} open {} certain {}", nodes.len(), left.len(), keys.len(), budget, left.iter().take(12).map(|v| from_outside[v+1]).collect::<Vec<_>>(), (0..20).map(|l| keys.iter().filter(|k| k.level()==l).count()).collect::<Vec<_>>(), found.open.len(), found.certain.len());
-        if keys.is_empty() || budget == 0 {
+        if keys.is_empty() || keys.len() > budget {
             break;
         }
         let Some(asked) = judge.ask(&mut nodes, &keys, progress)? else {
@@ -128,10 +129,12 @@ impl<'a> Judge<'a> {
     /// All leaves, of which nothing was asked.
     fn leaves(&self) -> BTreeMap<NodeKey, Node> {
         let node = |(leaf, &key): (usize, &NodeKey)| {
-            let uniform = self.store.node(key).filter(|node| node.min == node.max && key.level() < self.limit);
+            let uniform =
+                self.store.node(key).filter(|node| node.min == node.max && key.level() < self.limit);
             let voids = || {
                 let all = self.labelling.in_leaf(leaf).enumerate();
-                all.filter(|(_, c)| c.is_none_or(|c| !self.labelling.components[c].solid)).map(|(n, _)| n as u16)
+                all.filter(|(_, c)| c.is_none_or(|c| !self.labelling.components[c].solid))
+                    .map(|(n, _)| n as u16)
             };
             let cells = match uniform {
                 Some(node) if node.min >= 1 => Cells::default(),
@@ -143,7 +146,19 @@ impl<'a> Judge<'a> {
         self.labelling.order.keys().iter().enumerate().map(node).collect()
     }
 
-    /// The nodes on the shortest paths from the outside to voids, each with whether it is to be divided.
+    /// How many nodes may be asked for.
+    fn budget(&self, nodes: &BTreeMap<NodeKey, Node>) -> usize {
+        match self.source {
+            Source::Samples => 0,
+            Source::Meshes(_) => NODES_OF_MESHES,
+            // All leaves, and about as many below them.
+            Source::Beads(_) => {
+                NODES_OF_BEADS + 2 * nodes.values().filter(|node| node.cells.either == [true]).count()
+            }
+        }
+    }
+
+    /// The nodes on the shortest paths from the outside to voids that can be asked for, or divided.
     fn worth_asking(
         &self,
         graph: &Graph,
@@ -199,7 +214,9 @@ impl<'a> Judge<'a> {
             tasks.push((*key, leaf, bricks[&leaf].0.sample([0; 3]), matter));
         }
         for key in divided {
-            let Some(Node { leaf, asked: Some((matter, corners)), .. }) = nodes.remove(&key) else { continue };
+            let Some(Node { leaf, asked: Some((matter, corners)), .. }) = nodes.remove(&key) else {
+                continue;
+            };
             for octant in Octant::all() {
                 let child = key.child(octant);
                 let [x, y, z] = octant.offset().map(|c| c as usize);
