@@ -19,9 +19,10 @@ Lines and features are of the beads around a void, by their share of its surface
 come first. They need a store that was built with --identity.
 
 A void is sealed for certain if it stays closed when void is connected through every cell that may be void. Beads tell \
-(stores with --identity), or the meshes that the store was built from (--source): where cells decide, they are halved and \
-asked again. What opens through such cells is no more sealed (no), and its throat is empty. Without a source every leaf at the \
-depth limit connects.
+(stores with --identity), or the meshes that the store was built from (--source). Without either, every leaf at the depth \
+limit connects.
+
+Where cells decide they are halved and asked again. What opens through them is no more sealed (no), and its throat is empty.
 
 Else it is sealed as far as samples tell (to_cell): a leak thinner than a cell may be hidden. With --closing, voids are \
 listed that open (no) through a throat: the diameter of the largest ball that can leave, to a cell.

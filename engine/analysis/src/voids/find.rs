@@ -386,18 +386,18 @@ fn measure_distances(
         progress.check()?;
         let component = void.component as u32;
         let tree = PointTree::new(own.get(&component).cloned().unwrap_or_default());
-        let nearest = |others: &PointTree, counts: &dyn Fn(&Point) -> bool| {
+        let nearest = |others: &PointTree| {
             let mut best = f64::INFINITY;
             for point in tree.points() {
                 let at = point.at.map(f64::from);
-                if let Some((_, other)) = others.nearest(at, best + reach, &|p| counts(p)) {
+                if let Some((_, other)) = others.nearest_beside(at, best + reach, component) {
                     best = best.min(distance(at, other, reach));
                 }
             }
             best.is_finite().then_some(best * unit)
         };
-        void.edge_distance = nearest(&outer, &|_| true);
-        void.gap = nearest(&inner, &|p| p.component != component);
+        void.edge_distance = nearest(&outer);
+        void.gap = nearest(&inner);
         progress.advance(1);
         if void.component >= components {
             // The grid has told; its boundary is open.

@@ -219,7 +219,7 @@ impl<'a> Judge<'a> {
             };
             for octant in Octant::all() {
                 let child = key.child(octant);
-                let [x, y, z] = octant.offset().map(|c| c as usize);
+                let [x, y, z] = octant.offset();
                 tasks.push((child, leaf, corners[x][y][z], matter.of_child(child, self.solids())));
             }
         }
