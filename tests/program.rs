@@ -29,6 +29,7 @@ mod program {
     mod shell;
     mod signals;
     mod store;
+    mod summaries;
     mod thin;
     mod toolpaths;
     mod traps;

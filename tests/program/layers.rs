@@ -28,7 +28,8 @@ fn layers_add_up_to_the_part_for_any_number_of_threads() {
     let rows = found["layers"].as_array().unwrap();
     assert_eq!(rows.len(), 17);
     let sum = |name: &str| rows.iter().map(|row| number(row, name)).sum::<f64>();
-    assert!((sum("volume") / number(&found, "volume") - 1.0).abs() < 1e-5);
+    // Rows have the digits that their errors leave.
+    assert!((sum("volume") / number(&found, "volume") - 1.0).abs() < 1e-3);
     // The source's own integrals are another method.
     assert!((sum("volume") / sum("source_volume") - 1.0).abs() < 0.02, "{found}");
     assert!((sum("overlap_volume") / number(&found, "overlap_of_samples") - 1.0).abs() < 0.05);
@@ -37,7 +38,7 @@ fn layers_add_up_to_the_part_for_any_number_of_threads() {
         let [area, volume] = ["area", "volume"].map(|name| number(row, name));
         assert!(area > 0.9 * volume / 1.5 && area < 1.1 * volume / 1.5, "{row}");
         let fed = number(row, "fed_volume") - number(row, "source_volume");
-        assert!((number(row, "fed_minus_union") - fed).abs() < 0.01, "{row}");
+        assert!((number(row, "fed_minus_union") - fed).abs() < number(row, "source_volume_error"), "{row}");
     }
     let text = std::fs::read_to_string(&out).unwrap();
     for threads in ["1", "3"] {
@@ -49,6 +50,7 @@ fn layers_add_up_to_the_part_for_any_number_of_threads() {
     run(&[&"layers", &part, &"-o", &out, &"-q", &"--pitch", &"0.7mm"]).ok();
     let steps = json(&out);
     assert!((number(&steps, "volume") / number(&found, "volume") - 1.0).abs() < 1e-6);
+    assert!(number(&steps, "porosity") < number(&steps, "porosity_error"), "{steps}");
     assert!(steps["layers"][0]["fed_volume"].is_null());
 }
 

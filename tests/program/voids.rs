@@ -257,3 +257,62 @@ fn voids_in_bricks_of_mixed_levels_have_no_wrong_euler_number() {
         assert!((found - volume).abs() <= error && (found / volume - 1.0).abs() < 0.05, "{row}");
     }
 }
+
+/// A block of 40³ with three cavities of 6³, which boxes lead out of to just below the top (`wall` from it), or through it with a
+/// width of `hole`; the third has none.
+fn cavities(dir: &Scratch, wall: f64, hole: f64) -> std::path::PathBuf {
+    let path = dir.path("cavities.stl");
+    let box_of = |low: [f64; 3], high: [f64; 3]| shapes::cuboid(low, high).flipped();
+    let mut pieces = vec![shapes::cuboid([0.0; 3], [40.0; 3])];
+    for x in [8.3, 20.3, 32.3] {
+        pieces.push(box_of([x - 3.0, 17.0, 17.0], [x + 3.0, 23.0, 23.0]));
+    }
+    pieces.push(box_of([7.1, 19.2, 22.4], [9.4, 21.3, 40.0 - wall]));
+    pieces.push(box_of([20.17, 20.13, 22.4], [20.17 + hole, 20.13 + hole, 41.0]));
+    let mut bytes = Vec::new();
+    write::stl(&mut bytes, &Mesh::merged(&pieces)).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+#[test]
+fn meshes_tell_walls_and_leaks_that_no_sample_shows() {
+    let dir = Scratch::new();
+    let (part, out) = (dir.path("a.brf"), dir.path("v.json"));
+    // Cells of 1: a wall that samples see, with cells beside it that both surfaces touch, and a hole of a twentieth.
+    let input = cavities(&dir, 1.3, 0.05);
+    run(&[&"build", &input, &"-o", &part, &"--cell", &"1", &"-q"]).ok_but_for("inside out");
+    let seals = |options: &[&dyn AsRef<std::ffi::OsStr>]| {
+        let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"voids", &part, &"-o", &out, &"-q"];
+        args.extend(options);
+        run(&args).ok();
+        let found = json(&out);
+        let mut rows: Vec<(i64, String, serde_json::Value)> = found["voids"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| {
+                let x = row["x"].as_f64().unwrap() as i64;
+                (x, row["sealed"].as_str().unwrap().to_owned(), row["throat"].clone())
+            })
+            .collect();
+        rows.sort_by_key(|row| row.0);
+        rows
+    };
+    let without: Vec<String> = seals(&[]).into_iter().map(|row| row.1).collect();
+    assert_eq!(without, ["to_cell"; 3]);
+    let with = seals(&[&"--source", &input]);
+    let told: Vec<&str> = with.iter().map(|row| row.1.as_str()).collect();
+    assert_eq!(told, ["certain", "no", "certain"]);
+    // How wide the leak is no sample tells; nothing leaves the others.
+    assert!(with[1].2.is_null() && with[0].2 == 0.0, "{with:?}");
+    let text = std::fs::read(&out).unwrap();
+    seals(&[&"--source", &input, &"--threads", &"3"]);
+    assert_eq!(std::fs::read(&out).unwrap(), text);
+    // Only the file that the store was built from is asked.
+    let other = run(&[&"voids", &part, &"-o", &out, &"-q", &"--source", &stl("overlap_boxes.stl")]).failed();
+    assert!(other.contains("it was built from") && other.lines().count() == 1, "{other}");
+    let twice =
+        run(&[&"voids", &part, &"-o", &out, &"-q", &"--source", &input, &"--source", &input]).failed();
+    assert!(twice.contains("each file once"), "{twice}");
+}

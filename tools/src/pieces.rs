@@ -1,5 +1,6 @@
 //! How pieces are turned outward, as people type it, and what they are told of pieces that are inside out.
 
+use crate::measured::measured;
 use brickfield_engine::analysis::{negative_volume, winding_range};
 use brickfield_engine::pieces::{Consistency, InsideOut, Report};
 use brickfield_engine::store::Store;
@@ -100,22 +101,26 @@ pub fn left_text(report: &Report, asked: OrientArg) -> Vec<String> {
     lines
 }
 
-/// What the field of a store of closed meshes is below zero, or `None` if that is nowhere. Reads only what is negative.
+/// What the field of a store of closed meshes is below zero, with a bound on its error, or `None` if that is nowhere. Reads only what is negative.
 ///
 /// # Errors
 /// What reading the store gives, and if the user interrupts.
-pub fn negative(store: &Store, progress: &dyn Progress) -> Result<Option<f64>> {
+pub fn negative(store: &Store, progress: &dyn Progress) -> Result<Option<(f64, f64)>> {
     let is_negative = winding_range(store).is_some_and(|(lowest, _)| lowest < 0);
     if !is_negative || store.meta().share.is_some() || store.is_unfinished() || store.meta().holds_points() {
         return Ok(None);
     }
-    negative_volume(store, progress).map(|volume| volume.filter(|volume| *volume > 0.0))
+    let negative = negative_volume(store, progress)?.filter(|(volume, _)| *volume > 0.0);
+    // Lines through the source are nearer than samples.
+    let source = store.meta().volumes.as_ref().map(|volumes| volumes.negative).filter(|n| n.value > 0.0);
+    Ok(negative.map(|negative| source.map_or(negative, |source| (source.value, source.bound()))))
 }
 
 /// The line about it.
-pub fn negative_text(volume: f64, unit: &str) -> String {
+pub fn negative_text((volume, error): (f64, f64), unit: &str) -> String {
+    let volume = measured(volume, error);
     format!(
-        "w is negative in {volume:.3} {unit}³: pieces of the input are inside out there; build it again with --orient"
+        "w is negative in {volume} {unit}³: pieces of the input are inside out there; build it again with --orient"
     )
 }
 

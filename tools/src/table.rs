@@ -113,3 +113,9 @@ pub fn to_place(value: f64, step: f64) -> Value {
 pub fn six_digits(value: f64) -> Value {
     to_place(value, value.abs() * 1e-6)
 }
+
+/// The length of an outline in the digits that it is told in: no bound on its error is known, and it changes by a few
+/// thousandths with the cells.
+pub fn length_told(length: f64) -> Value {
+    to_place(length, length * 1e-3)
+}

@@ -18,9 +18,11 @@ hundredth of a cell.
 Lines and features are of the beads around a void, by their share of its surface. Neighbours of a line that may be missing \
 come first. They need a store that was built with --identity.
 
-A void is sealed for certain if it stays closed when void is connected through every cell that no bead covers for \
-certain (stores with --identity). Where few cells are in dispute, they are halved and asked again. Of other stores \
-every leaf at the depth limit connects.
+A void is sealed for certain if it stays closed when void is connected through every cell that may be void. Beads tell \
+(stores with --identity), or the meshes that the store was built from (--source). Without either, every leaf at the depth \
+limit connects.
+
+Where cells decide they are halved and asked again. What opens through them is no more sealed (no), and its throat is empty.
 
 Else it is sealed as far as samples tell (to_cell): a leak thinner than a cell may be hidden. With --closing, voids are \
 listed that open (no) through a throat: the diameter of the largest ball that can leave, to a cell.
@@ -59,6 +61,10 @@ pub struct VoidsArgs {
     /// --like PART.brf
     #[arg(long, value_name = "CAD.brf")]
     pub cad: Option<PathBuf>,
+    /// A mesh that the store was built from, as it was then: tells seals apart that hide between samples. Give it again for each
+    /// of several
+    #[arg(long, value_name = "MESH")]
+    pub source: Vec<PathBuf>,
     /// List voids, too, that open to the outside only through throats narrower than this, as in 0.8mm
     #[arg(long, value_name = "LEN")]
     pub closing: Option<Length>,

@@ -50,7 +50,8 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     warning.iter().for_each(|warning| warn(&format!("{}: {warning}", file.display())));
     if args.json {
         let mut json = as_json(&store, volumes);
-        json["negative_volume"] = negative.into();
+        json["negative_volume"] = negative.map(|(volume, _)| volume).into();
+        json["negative_volume_error"] = negative.map(|(_, error)| error).into();
         return print_json(&json);
     }
     let warning = warning.map_or(String::new(), |warning| format!("  warning  {warning}\n"));

@@ -4,15 +4,17 @@ use super::slice_layer::toolpath;
 use super::{no_unit, of_store, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::failure::Failure;
 use crate::layer_args::LayersArgs;
+use crate::measured::measured;
 use crate::output::{in_line, note, print, require_distinct};
 use crate::progress::Bars;
-use crate::table::{Table, TableKind, six_digits, to_place};
+use crate::table::{Table, TableKind, length_told, six_digits, to_place};
 use anyhow::anyhow;
+use brickfield_engine::analysis::volume;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::section::{Contour, ContourLimits, Plane, contour};
-use brickfield_engine::store::{Accept, BrickTree, LayerVolumes, Store};
-use brickfield_engine::voids::{Connectivity, Slab, label, slabs};
+use brickfield_engine::store::{Accept, BrickTree, Estimate, LayerVolumes, Store};
+use brickfield_engine::voids::{Connectivity, Labelling, Slab, Total, label, slabs};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -24,7 +26,7 @@ const SECTION_BYTES: u64 = 1 << 30;
 const STEPS_MAX: f64 = 100_000.0;
 
 /// Names of the columns, in order.
-const COLUMNS: [&str; 13] = [
+const COLUMNS: [&str; 18] = [
     "layer",
     "z_bottom",
     "z_top",
@@ -38,6 +40,11 @@ const COLUMNS: [&str; 13] = [
     "fed_minus_union",
     "source_volume",
     "source_volume_error",
+    "area_error",
+    "volume_error",
+    "void_volume_error",
+    "porosity_error",
+    "overlap_volume_error",
 ];
 
 /// What is known of one layer.
@@ -77,20 +84,14 @@ pub fn run(args: &LayersArgs) -> Result<(), Failure> {
         let fed = fed.as_ref().and_then(|fed| fed.get(n).copied());
         rows.push(Row { slab, section, source, fed });
     }
-    let table = table(&rows, &heights, store.root().spacing(store.meta().depth));
-    let document = document(&store, &rows, &table);
+    let totals = Totals::of(&store, &labelling, &rows, &bars)?;
+    let table = table(&rows, &totals, &heights, store.root().spacing(store.meta().depth));
+    let document = document(&store, &rows, &totals, &table);
     bars.clear();
     let is_file = file.is_some();
     table.deliver(file, &document, args.json)?;
     if let (true, false, false, Some(output)) = (is_file, args.json, args.work.quiet, &args.output) {
-        let porosity = 100.0 * document["porosity"].as_f64().unwrap_or_default();
-        let unit = unit_of(store.meta());
-        let name = in_line(output);
-        let volume: f64 = rows.iter().map(|row| row.slab.solid).sum();
-        print(&format!(
-            "{name}: {} layers, {volume:.6} {unit}³ of union, porosity {porosity:.4} %",
-            rows.len()
-        ))?;
+        print(&format!("{}: {}", in_line(output), totals.text(rows.len(), unit_of(store.meta()))))?;
     }
     Ok(())
 }
@@ -171,47 +172,126 @@ fn fed(args: &LayersArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<f64>>
     Ok(Some(layers.into_iter().map(|(_, fed)| fed).collect()))
 }
 
-fn porosity(void: f64, solid: f64) -> f64 {
-    if void + solid > 0.0 { void / (void + solid) } else { 0.0 }
+/// What the whole part has, by chords along z.
+struct Totals {
+    solid: Total,
+    void: Total,
+    /// The union by lines through the source, which is nearer.
+    source: Option<Total>,
+    /// Of samples alone an error is not known.
+    overlap: (f64, Option<f64>),
 }
 
-fn table(rows: &[Row], heights: &[f64], cell: f64) -> Table<'static> {
-    let known = |value: Option<f64>| value.map_or(Value::Null, six_digits);
+impl Totals {
+    fn of(store: &Store, labelling: &Labelling, rows: &[Row], bars: &Bars) -> Result<Totals, Failure> {
+        let sum = |of: fn(&Slab) -> f64| rows.iter().map(|row| of(&row.slab)).sum::<f64>();
+        let by_axes = |solid: bool| labelling.total(store.root(), solid);
+        let volumes = store.meta().volumes.as_ref();
+        let source = volumes.map(|v| Total { value: v.union.value, error: v.union.bound() });
+        let nearest = match source {
+            Some(source) => source,
+            None => {
+                let of_store = volume(store, bars)?;
+                Total { value: of_store.union, error: of_store.union_error }
+            }
+        };
+        let z = |value: f64| Total { value, error: 0.0 };
+        let overlap = match volumes {
+            Some(volumes) => (volumes.overlap.value, Some(volumes.overlap.bound())),
+            None => (sum(|slab| slab.overlap), None),
+        };
+        Ok(Totals {
+            solid: z(sum(|slab| slab.solid)).not_nearer_than(nearest),
+            void: z(sum(|slab| slab.void)).not_nearer_than(by_axes(false)),
+            source,
+            overlap,
+        })
+    }
+
+    fn union(&self) -> Total {
+        self.source.unwrap_or(self.solid)
+    }
+
+    fn porosity(&self) -> Total {
+        self.void.share_beside(self.solid)
+    }
+
+    fn text(&self, layers: usize, unit: &str) -> String {
+        let volume = |total: Total| measured(total.value, total.error);
+        let (union, void) = (volume(self.union()), volume(self.void));
+        let Total { value, error } = self.porosity();
+        let percent = measured(100.0 * value, 100.0 * error);
+        format!("{layers} layers, {union} {unit}³ of union, {void} {unit}³ of void, porosity {percent} %")
+    }
+}
+
+/// A part of a volume. Errors of parts are independent, so the whole's is theirs by the root of their number.
+fn part(value: f64, whole: Total) -> Total {
+    let share = if whole.value > 0.0 { (value / whole.value).clamp(0.0, 1.0) } else { 0.0 };
+    Total { value, error: whole.error * share.sqrt() }
+}
+
+fn table(rows: &[Row], totals: &Totals, heights: &[f64], cell: f64) -> Table<'static> {
     let row = |(n, row): (usize, &Row)| {
         let Slab { solid, void, overlap } = row.slab;
-        let source = row.source;
+        let source = row.source.map(|source| {
+            let total = |estimate: Estimate| Total { value: estimate.value, error: estimate.bound() };
+            [total(source.union), total(source.overlap)]
+        });
+        let solid = match source {
+            Some([union, _]) => Total { value: solid, error: 0.0 }.not_nearer_than(union),
+            None => part(solid, totals.solid),
+        };
+        let void = part(void, totals.void);
+        let porosity = void.share_beside(solid);
+        let value = |total: Total| to_place(total.value, total.error / 10.0);
+        let error = |total: Total| to_place(total.error * 1.05, total.error / 10.0);
+        let known = |total: Option<Total>, of: &dyn Fn(Total) -> Value| total.map_or(Value::Null, of);
+        let [union, own_overlap] = [0, 1].map(|n| source.map(|source| source[n]));
+        let area = Total { value: row.section.area, error: row.section.area_error };
+        let less = |fed: f64| Total { value: fed - union.unwrap_or(solid).value, ..union.unwrap_or(solid) };
         vec![
             json!(n + 1),
             to_place(heights[n], cell / 1e4),
             to_place(heights[n + 1], cell / 1e4),
-            six_digits(row.section.area),
-            six_digits(solid),
-            six_digits(void),
-            six_digits(porosity(void, solid)),
-            six_digits(source.map_or(overlap, |source| source.overlap.value)),
-            known(row.fed),
-            six_digits(row.section.length),
-            known(row.fed.map(|fed| fed - source.map_or(solid, |source| source.union.value))),
-            known(source.map(|source| source.union.value)),
-            known(source.map(|source| source.union.bound())),
+            value(area),
+            value(solid),
+            value(void),
+            value(porosity),
+            own_overlap.map_or_else(|| to_place(overlap, overlap * 1e-2), value),
+            row.fed.map_or(Value::Null, six_digits),
+            length_told(row.section.length),
+            known(row.fed.map(less), &value),
+            known(union, &value),
+            known(union, &error),
+            error(area),
+            error(solid),
+            error(void),
+            error(porosity),
+            known(own_overlap, &error),
         ]
     };
     Table { columns: &COLUMNS, rows: rows.iter().enumerate().map(row).collect() }
 }
 
-fn document(store: &Store, rows: &[Row], table: &Table<'_>) -> Value {
-    let sum = |of: fn(&Row) -> f64| rows.iter().map(of).sum::<f64>();
-    let (solid, void) = (sum(|row| row.slab.solid), sum(|row| row.slab.void));
+fn document(store: &Store, rows: &[Row], totals: &Totals, table: &Table<'_>) -> Value {
     let fed: Option<f64> = rows.iter().map(|row| row.fed).sum();
+    let porosity = totals.porosity();
     json!({
         "unit": store.meta().unit,
         "cell": store.root().spacing(store.meta().depth),
         "count": rows.len(),
-        "volume": solid,
-        "void_volume": void,
-        "porosity": porosity(void, solid),
-        "overlap_volume": sum(|row| row.source.map_or(row.slab.overlap, |source| source.overlap.value)),
-        "overlap_of_samples": sum(|row| row.slab.overlap),
+        "volume": totals.solid.value,
+        "volume_error": totals.solid.error,
+        "source_volume": totals.source.map(|source| source.value),
+        "source_volume_error": totals.source.map(|source| source.error),
+        "void_volume": totals.void.value,
+        "void_volume_error": totals.void.error,
+        "porosity": porosity.value,
+        "porosity_error": porosity.error,
+        "overlap_volume": totals.overlap.0,
+        "overlap_volume_error": totals.overlap.1,
+        "overlap_of_samples": rows.iter().map(|row| row.slab.overlap).sum::<f64>(),
         "fed_volume": fed.filter(|_| !rows.is_empty()),
         "layers": table.objects(),
     })

@@ -70,14 +70,16 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
     report.compare(&store, &options, &bars)?;
-    report.negative_volume = negative(&store, &bars)?;
+    let negative = negative(&store, &bars)?;
+    report.negative_volume = negative.map(|(volume, _)| volume);
+    report.negative_volume_error = negative.map(|(_, error)| error);
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
         report.check = Some(Checked::of(output, args.weld, args.memory, &bars)?);
     }
     bars.clear();
-    if let Some(volume) = report.negative_volume {
-        warn(&format!("{}: {}", args.file.display(), negative_text(volume, &report.unit)));
+    if let Some(negative) = negative {
+        warn(&format!("{}: {}", args.file.display(), negative_text(negative, &report.unit)));
     }
     if args.json {
         print_json(&report)?;
@@ -170,6 +172,8 @@ pub struct MeshReport {
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    negative_volume_error: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     check: Option<Checked>,
 }
@@ -299,6 +303,7 @@ pub fn write_mesh(
         expected: None,
         cell: 0.0,
         negative_volume: None,
+        negative_volume_error: None,
         check: None,
     })
 }

@@ -3,10 +3,11 @@
 use super::{open_store, start, unit_of};
 use crate::failure::Failure;
 use crate::layer_args::{OverlapArgs, OverlapByArg};
+use crate::measured::measured;
 use crate::output::{in_line, print, require_distinct};
 use crate::table::{Table, TableKind, six_digits, to_place};
 use anyhow::anyhow;
-use brickfield_engine::analysis::{Overlaps, PairOverlap, overlaps};
+use brickfield_engine::analysis::{OverlapSum, Overlaps, PairOverlap, overlaps};
 use brickfield_engine::brick::Count;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BeadTables, BrickTree, Store};
@@ -37,29 +38,6 @@ const COLUMNS: [&str; 17] = [
     "pairs",
 ];
 
-/// Pairs added up to one row.
-#[derive(Default)]
-struct Row {
-    volume: f64,
-    error: f64,
-    sampled: f64,
-    /// Volume times place.
-    moment: [f64; 3],
-    pairs: usize,
-}
-
-impl Row {
-    fn add(&mut self, pair: &PairOverlap) {
-        self.volume += pair.volume;
-        self.error += pair.volume_error;
-        self.sampled += pair.sampled;
-        for (moment, at) in self.moment.iter_mut().zip(pair.centroid) {
-            *moment += pair.volume * at;
-        }
-        self.pairs += 1;
-    }
-}
-
 /// Runs the command.
 pub fn run(args: &OverlapArgs) -> Result<(), Failure> {
     let kind = args.output.as_deref().map(TableKind::of).transpose()?;
@@ -83,15 +61,19 @@ pub fn run(args: &OverlapArgs) -> Result<(), Failure> {
     bars.clear();
     table.deliver(file, &document, args.json)?;
     if let (false, false, Some(output)) = (args.json, args.work.quiet, &args.output) {
-        let volume: f64 = found.pairs.iter().map(|pair| pair.volume).sum();
+        let sum = sum(&found);
         let (name, unit) = (in_line(output), unit_of(store.meta()));
-        print(&format!(
-            "{name}: {} rows; {} pairs, {volume:.6} {unit}³",
-            table.rows.len(),
-            found.pairs.len()
-        ))?;
+        let volume = measured(sum.volume, sum.error());
+        print(&format!("{name}: {} rows; {} pairs, {volume} {unit}³", table.rows.len(), sum.pairs))?;
     }
     Ok(())
+}
+
+/// All pairs together.
+fn sum(found: &Overlaps) -> OverlapSum {
+    let mut sum = OverlapSum::default();
+    found.pairs.iter().for_each(|pair| sum.add(pair));
+    sum
 }
 
 /// What a row stands for: bead and pass of each side, layers, features.
@@ -108,14 +90,16 @@ fn key_of(by: OverlapByArg, tables: &BeadTables, pair: &PairOverlap) -> [u32; 2]
 
 fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlaps) -> Table<'static> {
     let cell = store.root().spacing(store.meta().depth);
-    let mut rows: BTreeMap<[u32; 2], (Row, &PairOverlap)> = BTreeMap::new();
+    let mut rows: BTreeMap<[u32; 2], (OverlapSum, &PairOverlap)> = BTreeMap::new();
     for pair in &found.pairs {
-        rows.entry(key_of(args.by, tables, pair)).or_insert((Row::default(), pair)).0.add(pair);
+        rows.entry(key_of(args.by, tables, pair)).or_insert((OverlapSum::default(), pair)).0.add(pair);
     }
     let mut rows: Vec<_> = rows.into_iter().filter(|(_, (row, _))| row.volume >= args.min_volume).collect();
     rows.sort_by(|a, b| b.1.0.volume.total_cmp(&a.1.0.volume).then(a.0.cmp(&b.0)));
-    let values = |(key, (row, pair)): ([u32; 2], (Row, &PairOverlap))| {
+    let values = |(key, (row, pair)): ([u32; 2], (OverlapSum, &PairOverlap))| {
         let beads = pair.numbers.map(|number| tables.bead_of(number));
+        let error = row.error();
+        let digits = |value: f64| to_place(value, error.min(row.volume) / 10.0);
         let rows = beads.map(|(bead, _)| tables.beads[bead as usize]);
         let is_pair = args.by == OverlapByArg::Pair;
         let of_pair = |value: Value| if is_pair { value } else { Value::Null };
@@ -135,11 +119,11 @@ fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlap
             OverlapByArg::Pair => json!(tables.features[usize::from(rows[side].feature)]),
             OverlapByArg::Layer => Value::Null,
         };
-        let mut cells = vec![of_pair(json!(beads[0].0)), of_pair(json!(beads[1].0)), six_digits(row.volume)];
+        let mut cells = vec![of_pair(json!(beads[0].0)), of_pair(json!(beads[1].0)), digits(row.volume)];
         cells.extend(row.moment.map(|m| to_place(m / row.volume.max(f64::MIN_POSITIVE), cell / 100.0)));
         cells.extend([layer(0), layer(1), span(0), span(1), feature(0), feature(1)]);
         cells.extend(beads.map(|(_, pass)| of_pair(json!(pass))));
-        cells.extend([six_digits(row.error), six_digits(row.sampled), json!(row.pairs)]);
+        cells.extend([digits(error * 1.05), six_digits(row.sampled), json!(row.pairs)]);
         cells
     };
     Table { columns: &COLUMNS, rows: rows.into_iter().map(values).collect() }
@@ -152,7 +136,7 @@ fn document(
     found: &Overlaps,
     table: &Table<'_>,
 ) -> Value {
-    let volume: f64 = found.pairs.iter().map(|pair| pair.volume).sum();
+    let sum = sum(found);
     json!({
         "unit": store.meta().unit,
         "cell": store.root().spacing(store.meta().depth),
@@ -162,8 +146,9 @@ fn document(
             OverlapByArg::Layer => "layer",
         },
         "counted": if tables.count() == Count::Beads { "beads" } else { "passes" },
-        "pairs": found.pairs.len(),
-        "volume": volume,
+        "pairs": sum.pairs,
+        "volume": sum.volume,
+        "volume_error": sum.error(),
         "pair_samples": found.pair_samples.to_string(),
         "field_samples": found.field_samples.to_string(),
         "unexplained_samples": found.unexplained.to_string(),

@@ -8,6 +8,7 @@ use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::picture_args::{SliceArgs, SliceFormat};
 use crate::progress::Bars;
+use crate::table::length_told;
 use crate::void_table::{self, VoidPlace};
 use anyhow::anyhow;
 use brickfield_engine::Error;
@@ -220,10 +221,11 @@ impl Plan<'_> {
         let points: usize = loops.iter().map(Vec::len).sum();
         let (letter, unit) = (plane.letter(), unit_of(store.meta()));
         let text = format!(
-            "{letter} = {} {unit}, {} loops of {points} points, area {} {unit}², length {length:.6} {unit}",
+            "{letter} = {} {unit}, {} loops of {points} points, area {} {unit}², length about {} {unit}",
             plain(plane.at),
             loops.len(),
-            measured(*area, *area_error)
+            measured(*area, *area_error),
+            plain(length_told(*length).as_f64().unwrap_or(*length))
         );
         let json = json!({
             "output": path.display().to_string(), "unit": unit, "axis": letter, "at": plane.at,

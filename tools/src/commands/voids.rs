@@ -1,13 +1,15 @@
 //! `brickfield voids`: a table of the regions that a part encloses.
 
 use super::void_outputs::VoidOutputs;
-use super::{no_unit, open_store, require_whole_samples, start, unit_of};
+use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::failure::Failure;
 use crate::measured::measured;
-use crate::output::{in_line, note, print, print_json, require_distinct};
+use crate::output::{in_line, note, print, print_json, require_distinct, warn};
+use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use crate::void_args::{VoidConnectivityArg, VoidsArgs};
 use anyhow::anyhow;
+use brickfield_engine::ingest::{Facets, Input, OpenOptions};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, Store};
 use brickfield_engine::voids::{Class, Connectivity, Seal, Void, VoidOptions, Voids, find};
@@ -82,6 +84,9 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
     let closing =
         args.closing.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
     let outputs = VoidOutputs::create(args, &store)?;
+    let source = source(args, &store, &bars)?;
+    let source: Option<Vec<&dyn Facets>> =
+        source.as_ref().map(|inputs| inputs.iter().map(|input| input as &dyn Facets).collect());
     let options = VoidOptions {
         connectivity,
         min_volume: args.min_volume,
@@ -89,6 +94,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         cad: cad.as_ref(),
         closing,
         meshes: args.mesh.is_some(),
+        source: source.as_deref(),
     };
     let found = find(&store, &options, &bars)?;
     let table = table(&found, cell_of(&store));
@@ -107,7 +113,35 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
             "the store does not tell beads apart, so lines and features are empty; build it with --identity",
         );
     }
+    if found.source_differs {
+        let what =
+            "the store has other samples than --source, as after --orient, so seals were not asked of it";
+        warn(&format!("{}: {what}; give --source for stores of meshes as they are", in_line(&args.store)));
+    }
     require_limits(args, &found, most)
+}
+
+/// The meshes that the store was built from, all of them and no others.
+fn source(args: &VoidsArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<Input>>, Failure> {
+    if args.source.is_empty() {
+        return Ok(None);
+    }
+    let (name, known) = (in_line(&args.store), &store.meta().sources);
+    if store.meta().beads.is_some() {
+        let what = "the store was built from toolpaths, whose seals it tells by itself with --identity";
+        return Err(anyhow!("{name}: {what}; leave --source out").into());
+    }
+    let inputs = open_inputs(&args.source, &[&args.output], &OpenOptions::default(), bars)?;
+    let mut given = inputs.iter().map(Input::identity).collect::<Result<Vec<_>, _>>()?;
+    let mut built: Vec<_> = known.iter().map(|source| source.blake3).collect();
+    given.sort_unstable();
+    built.sort_unstable();
+    if given != built {
+        let names: Vec<_> = known.iter().map(|source| source.path.as_str()).collect();
+        let what = format!("it was built from {}, as that was then", names.join(", "));
+        return Err(anyhow!("{name}: {what}; give that with --source, each file once").into());
+    }
+    Ok(Some(inputs))
 }
 
 /// The store of the CAD part, which must have the part's lattice.
@@ -127,17 +161,19 @@ fn open_cad(path: &Path, store: &Store, args: &VoidsArgs) -> Result<Store, Failu
 fn require_limits(args: &VoidsArgs, found: &Voids, most: Option<f64>) -> Result<(), Failure> {
     let porosity = found.porosity();
     if let Some(limit) = args.max_porosity
-        && porosity > limit
+        && porosity.value > limit
     {
         let name = in_line(&args.store);
-        return Err(anyhow!("{name}: porosity {porosity:.6} is above --max-porosity {limit}").into());
+        let porosity = measured(porosity.value, porosity.error);
+        return Err(anyhow!("{name}: porosity {porosity} is above --max-porosity {limit}").into());
     }
-    let largest = found.voids.first().map_or(0.0, Void::equivalent_diameter);
     if let Some(limit) = most
-        && largest > limit
+        && let Some(void) = found.voids.first()
+        && void.equivalent_diameter() > limit
     {
+        let largest = measured(void.equivalent_diameter(), void.equivalent_diameter_error());
         let name = in_line(&args.store);
-        let what = format!("void 1 has an equivalent diameter of {largest:.6}");
+        let what = format!("void 1 has an equivalent diameter of {largest}");
         return Err(anyhow!("{name}: {what}, above --max-equivalent-diameter {limit}").into());
     }
     Ok(())
@@ -145,17 +181,15 @@ fn require_limits(args: &VoidsArgs, found: &Voids, most: Option<f64>) -> Result<
 
 fn summary(store: &Store, found: &Voids, args: &VoidsArgs) -> String {
     let unit = unit_of(store.meta());
-    let volume = measured(found.void_volume, found.void_volume_error);
-    let percent = 100.0 * found.porosity();
+    let volume = measured(found.void_volume.value, found.void_volume.error);
+    let porosity = found.porosity();
+    let percent = measured(100.0 * porosity.value, 100.0 * porosity.error);
     let left_out = match found.left_out {
         0 => String::new(),
         count => format!(", {count} smaller ones left out"),
     };
     let name = in_line(&args.output);
-    format!(
-        "{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent:.4} %",
-        found.voids.len()
-    )
+    format!("{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent} %", found.voids.len())
 }
 
 /// The edge of a cell of the finest level.
@@ -164,16 +198,19 @@ fn cell_of(store: &Store) -> f64 {
 }
 
 fn document(store: &Store, found: &Voids, table: &Table<'_>) -> Value {
+    let porosity = found.porosity();
     json!({
         "unit": store.meta().unit,
         "cell": cell_of(store),
         "count": found.voids.len(),
         "left_out": found.left_out,
-        "void_volume": found.void_volume,
-        "void_volume_error": found.void_volume_error,
-        "solid_volume": found.solid_volume,
+        "void_volume": found.void_volume.value,
+        "void_volume_error": found.void_volume.error,
+        "solid_volume": found.solid_volume.value,
+        "solid_volume_error": found.solid_volume.error,
         "solids": found.solids,
-        "porosity": found.porosity(),
+        "porosity": porosity.value,
+        "porosity_error": porosity.error,
         "throat_cell": found.throat_cell,
         "voids": table.objects(),
     })

@@ -13,6 +13,6 @@ mod volume;
 pub use beads::solids_of;
 pub use beads::{Covering, beads_at_points};
 pub use export::{Dense, Element};
-pub use overlap::{Overlaps, PairOverlap, overlaps};
+pub use overlap::{OverlapSum, Overlaps, PairOverlap, overlaps};
 pub use sample::{sample_at, winding_range};
 pub use volume::{Volumes, negative_volume, volume};

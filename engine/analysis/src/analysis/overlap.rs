@@ -28,6 +28,8 @@ pub struct PairOverlap {
     pub volume: f64,
     /// The spread of these, and half the root of the number of cells.
     pub volume_error: f64,
+    /// By the chords along each axis.
+    pub by_axis: [f64; 3],
     /// Volume of the cells of the samples that both cover.
     pub sampled: f64,
     /// Centroid of the chords, in the world.
@@ -96,7 +98,6 @@ pub fn overlaps(store: &Store, tables: &BeadTables, progress: &dyn Progress) -> 
 fn pair(numbers: [u32; 2], sums: &PairSums, root: RootCube, cell: f64) -> PairOverlap {
     let unit = root.unit().powi(3);
     let chords = sums.chords.map(|chords| chords as f64 / PARTS / LINES as f64 * unit);
-    let [low, high] = [f64::min, f64::max].map(|f| chords.into_iter().reduce(f).unwrap_or_default());
     let volume = chords.iter().sum::<f64>() / 3.0;
     let sampled = sums.samples as f64 * unit;
     let total: i128 = sums.chords.iter().sum();
@@ -105,9 +106,50 @@ fn pair(numbers: [u32; 2], sums: &PairSums, root: RootCube, cell: f64) -> PairOv
         numbers,
         volume,
         // Of lines that are drawn, the spread of three means, and what so many cells may be off by.
-        volume_error: high - low + 0.5 * (volume * cell).sqrt(),
+        volume_error: spread(chords) + 0.5 * (volume * cell).sqrt(),
+        by_axis: chords,
         sampled,
         centroid: root.to_world(centroid),
         lines: sums.lines,
+    }
+}
+
+fn spread(of: [f64; 3]) -> f64 {
+    let [low, high] = [f64::min, f64::max].map(|f| of.into_iter().reduce(f).unwrap_or_default());
+    high - low
+}
+
+/// Pairs added up.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OverlapSum {
+    /// How many pairs.
+    pub pairs: usize,
+    /// Their volumes, in the cube of the store's unit.
+    pub volume: f64,
+    /// Those of the samples.
+    pub sampled: f64,
+    /// Volumes times centroids.
+    pub moment: [f64; 3],
+    by_axis: [f64; 3],
+    squares: f64,
+}
+
+impl OverlapSum {
+    /// Adds a pair.
+    pub fn add(&mut self, pair: &PairOverlap) {
+        self.pairs += 1;
+        self.volume += pair.volume;
+        self.sampled += pair.sampled;
+        self.squares += pair.volume_error * pair.volume_error;
+        for a in 0..3 {
+            self.moment[a] += pair.volume * pair.centroid[a];
+            self.by_axis[a] += pair.by_axis[a];
+        }
+    }
+
+    /// Bound on the error of the volume. Lines are drawn for each cell anew, so errors of pairs add up as their squares do;
+    /// what they share would show as a spread of the sums along the axes.
+    pub fn error(&self) -> f64 {
+        self.squares.sqrt().max(spread(self.by_axis))
     }
 }

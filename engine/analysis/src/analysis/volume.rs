@@ -284,12 +284,12 @@ fn lone(signs: &SignChanges) -> [u128; 3] {
     found
 }
 
-/// The part of [`Volumes::negative`] of a tree whose samples are whole numbers; `None` if some are not, as where the input
+/// [`Volumes::negative`] and the bound on its error, of a tree whose samples are whole numbers; `None` if some are not, as where the input
 /// is open. Reads only leaves in which w is negative somewhere.
 ///
 /// # Errors
 /// As [`volume`].
-pub fn negative_volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<Option<f64>> {
+pub fn negative_volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<Option<(f64, f64)>> {
     let nodes: Vec<(NodeKey, NodeInfo)> =
         tree.keys().into_iter().filter_map(|key| Some((key, tree.node(key)?))).collect();
     if nodes.iter().any(|(_, node)| node.fractions) {
@@ -297,7 +297,8 @@ pub fn negative_volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<
     }
     let leaves: Vec<NodeKey> =
         nodes.into_iter().filter(|(_, node)| node.leaf && node.min < 0).map(|(key, _)| key).collect();
-    Ok(Some(volumes_of(tree, &leaves, progress)?.negative))
+    let volumes = volumes_of(tree, &leaves, progress)?;
+    Ok(Some((volumes.negative, volumes.negative_error)))
 }
 
 /// The volumes of the tree's field. Reads every leaf that is not uniform, in parallel; sums are integers, so

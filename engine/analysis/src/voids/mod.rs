@@ -10,8 +10,12 @@
 //! | `boundary` | crossings around voids |
 //! | `points` | distances between them |
 //! | `pores` | voids that open through a throat |
-//! | `sealed` | which voids are sealed for certain |
+//! | `sealed` | which voids are sealed for certain, and which open |
+//! | `cells` | cells of a node by what is known of them, in groups |
+//! | `matter` | what the source has within a node |
+//! | `covered` | cells that beads cover for certain |
 //! | `slabs` | volumes by layer |
+//! | `totals` | volumes of all together, and the errors of these |
 //! | `trace` | the beads around a void |
 //! | `cad` | what of a void lies within another tree |
 //! | `class` | whether a void is meant to be |
@@ -21,17 +25,21 @@
 mod border;
 mod boundary;
 mod cad;
+mod cells;
 mod class;
 mod components;
+mod covered;
 mod find;
 mod labelling;
 mod labels;
+mod matter;
 mod measure;
 mod points;
 mod pores;
 mod sealed;
 mod slabs;
 mod surface;
+mod totals;
 mod trace;
 
 pub use class::Class;
@@ -41,6 +49,7 @@ pub use labelling::{Component, Labelling, label};
 pub use labels::write_labels;
 pub use measure::Sums;
 pub use slabs::{Slab, slabs};
+pub use totals::Total;
 pub use trace::{Trace, TracedLine};
 
 #[cfg(test)]

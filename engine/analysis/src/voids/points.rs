@@ -22,16 +22,34 @@ const LEAF_POINTS: usize = 16;
 /// A k-d tree of points (Bentley 1975), in the order of the slice that it takes: each node splits its part in the middle.
 pub(super) struct PointTree {
     points: Vec<Point>,
-    /// By place of a splitting point, the axis that it splits.
-    axes: Vec<u8>,
+    /// By place of a splitting point, how it splits.
+    splits: Vec<Split>,
+}
+
+/// How a node of the tree is split, at the place of its middle point.
+#[derive(Clone, Copy, Default)]
+struct Split {
+    axis: u8,
+    /// The component of all its points, if they have one.
+    only: Option<u32>,
+}
+
+/// What is sought: the nearest point that counts, and nearer than the best one so far.
+struct Search<'a, F> {
+    from: [f64; 3],
+    counts: F,
+    /// Points of this component do not count, so nodes of it alone are not searched.
+    without: Option<u32>,
+    /// The square of its distance, and the point.
+    best: (f64, Option<&'a Point>),
 }
 
 impl PointTree {
     /// Of some points, at best sorted so that neighbours are near.
     pub fn new(mut points: Vec<Point>) -> PointTree {
-        let mut axes = vec![0; points.len()];
-        arrange(&mut points, &mut axes);
-        PointTree { points, axes }
+        let mut splits = vec![Split::default(); points.len()];
+        arrange(&mut points, &mut splits);
+        PointTree { points, splits }
     }
 
     /// All points.
@@ -44,11 +62,17 @@ impl PointTree {
         &self,
         from: [f64; 3],
         within: f64,
-        counts: &impl Fn(&Point) -> bool,
+        counts: impl Fn(&Point) -> bool,
     ) -> Option<(f64, &Point)> {
-        let mut best = (within * within, None);
-        search((&self.points, &self.axes), from, counts, &mut best);
-        best.1.map(|point| (best.0.sqrt(), point))
+        let search = Search { from, counts, without: None, best: (within * within, None) };
+        search.run((&self.points, &self.splits))
+    }
+
+    /// The nearest point to `from` of other components than this one, likewise.
+    pub fn nearest_beside(&self, from: [f64; 3], within: f64, component: u32) -> Option<(f64, &Point)> {
+        let counts = |point: &Point| point.component != component;
+        let search = Search { from, counts, without: Some(component), best: (within * within, None) };
+        search.run((&self.points, &self.splits))
     }
 }
 
@@ -63,48 +87,61 @@ fn longest(points: &[Point]) -> usize {
 }
 
 /// Brings the median along the longest axis into the middle, and so on with both halves.
-fn arrange(points: &mut [Point], axes: &mut [u8]) {
+fn arrange(points: &mut [Point], splits: &mut [Split]) {
     if points.len() <= LEAF_POINTS {
         return;
     }
+    let component = points[0].component;
+    let only = points.iter().all(|point| point.component == component).then_some(component);
     let (axis, middle) = (longest(points), points.len() / 2);
     points.select_nth_unstable_by(middle, |a, b| {
         let places = a.at.iter().zip(&b.at).map(|(a, b)| a.total_cmp(b));
         places.fold(a.at[axis].total_cmp(&b.at[axis]), std::cmp::Ordering::then)
     });
-    axes[middle] = axis as u8;
-    let ((low, high), (low_axes, high_axes)) = (points.split_at_mut(middle), axes.split_at_mut(middle));
-    arrange(low, low_axes);
-    arrange(&mut high[1..], &mut high_axes[1..]);
+    splits[middle] = Split { axis: axis as u8, only };
+    let ((low, high), (low_splits, high_splits)) = (points.split_at_mut(middle), splits.split_at_mut(middle));
+    arrange(low, low_splits);
+    arrange(&mut high[1..], &mut high_splits[1..]);
 }
 
-fn search<'a>(
-    (points, axes): (&'a [Point], &[u8]),
-    from: [f64; 3],
-    counts: &impl Fn(&Point) -> bool,
-    best: &mut (f64, Option<&'a Point>),
-) {
-    let look = |point: &'a Point, best: &mut (f64, Option<&'a Point>)| {
-        let away = minus(point.at.map(f64::from), from);
-        let squared = dot(away, away);
-        if squared < best.0 && counts(point) {
-            *best = (squared, Some(point));
-        }
-    };
-    if points.len() <= LEAF_POINTS {
-        points.iter().for_each(|point| look(point, best));
-        return;
+impl<'a, F: Fn(&Point) -> bool> Search<'a, F> {
+    fn run(mut self, tree: (&'a [Point], &[Split])) -> Option<(f64, &'a Point)> {
+        self.node(tree, [0.0; 3]);
+        self.best.1.map(|point| (self.best.0.sqrt(), point))
     }
-    let middle = points.len() / 2;
-    let axis = usize::from(axes[middle]);
-    look(&points[middle], best);
-    let beyond = from[axis] - f64::from(points[middle].at[axis]);
-    let low = (&points[..middle], &axes[..middle]);
-    let high = (&points[middle + 1..], &axes[middle + 1..]);
-    let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
-    search(near, from, counts, best);
-    if beyond * beyond < best.0 {
-        search(far, from, counts, best);
+
+    fn look(&mut self, point: &'a Point) {
+        let away = minus(point.at.map(f64::from), self.from);
+        let squared = dot(away, away);
+        if squared < self.best.0 && (self.counts)(point) {
+            self.best = (squared, Some(point));
+        }
+    }
+
+    /// `aside` is how far the node lies from the place along each axis, by the planes that were crossed to come to it (Arya &
+    /// Mount 1993).
+    fn node(&mut self, (points, splits): (&'a [Point], &[Split]), aside: [f64; 3]) {
+        if points.len() <= LEAF_POINTS {
+            points.iter().for_each(|point| self.look(point));
+            return;
+        }
+        let middle = points.len() / 2;
+        let Split { axis, only } = splits[middle];
+        if only.is_some() && only == self.without {
+            return;
+        }
+        let axis = usize::from(axis);
+        self.look(&points[middle]);
+        let beyond = self.from[axis] - f64::from(points[middle].at[axis]);
+        let low = (&points[..middle], &splits[..middle]);
+        let high = (&points[middle + 1..], &splits[middle + 1..]);
+        let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
+        self.node(near, aside);
+        let mut aside = aside;
+        aside[axis] = beyond;
+        if dot(aside, aside) < self.best.0 {
+            self.node(far, aside);
+        }
     }
 }
 
@@ -121,11 +158,11 @@ pub(super) fn inscribed(tree: &PointTree, largest: f64) -> f64 {
         let centre = |radius: f64| [0, 1, 2].map(|a| at[a] + radius * normal[a]);
         let mut radius = largest;
         // One that cannot become the largest is soon told.
-        if best > 0.0 && tree.nearest(centre(best), best * (1.0 - 1e-6), &|_| true).is_some() {
+        if best > 0.0 && tree.nearest(centre(best), best * (1.0 - 1e-6), |_| true).is_some() {
             continue;
         }
         for _ in 0..STEPS {
-            let Some((_, other)) = tree.nearest(centre(radius), radius * (1.0 - 1e-9), &|p| p.at != point.at)
+            let Some((_, other)) = tree.nearest(centre(radius), radius * (1.0 - 1e-9), |p| p.at != point.at)
             else {
                 break;
             };
@@ -161,9 +198,10 @@ mod tests {
     #[test]
     fn the_nearest_point_is_that_of_a_search_of_all() {
         let point = |n: u64| Point {
-            at: [0, 1, 2].map(|a| (100.0 * random(3 * n + a)) as f32),
+            at: [0, 1, 2].map(|a| (if n < 1000 { 20.0 } else { 100.0 } * random(3 * n + a)) as f32),
             normal: [0.0; 3],
-            component: (n % 3) as u32,
+            // Parts of the tree have one component alone.
+            component: if n < 1000 { 1 } else { (n % 3) as u32 },
         };
         let points: Vec<Point> = (0..2000).map(point).collect();
         let tree = PointTree::new(points.clone());
@@ -174,9 +212,10 @@ mod tests {
                 dot(away, away).sqrt()
             };
             let expected = points.iter().filter(|p| p.component != 1).map(far).fold(f64::INFINITY, f64::min);
-            let found = tree.nearest(from, f64::INFINITY, &|p| p.component != 1).unwrap();
+            let found = tree.nearest(from, f64::INFINITY, |p| p.component != 1).unwrap();
             assert!((found.0 - expected).abs() < 1e-9);
-            assert!(tree.nearest(from, 0.9 * expected, &|p| p.component != 1).is_none());
+            assert!(tree.nearest(from, 0.9 * expected, |p| p.component != 1).is_none());
+            assert_eq!(tree.nearest_beside(from, f64::INFINITY, 1), Some(found));
         }
     }
 

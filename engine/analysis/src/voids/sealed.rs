@@ -1,255 +1,70 @@
-//! Whether a void is sealed for certain, or only as far as samples tell.
+//! Whether a void is sealed for certain, opens for certain, or neither as far as is known.
 //!
-//! Samples connect void that they see; a wall may have a hole that none of them meets. So void is connected once more,
-//! through every cell that is not solid for certain. A cell is, if one convex segment of a bead covers its eight corners, or
-//! two of them do so on both sides of a plane across an axis; and every cell of a leaf that the build left undivided above
-//! the depth limit, because nothing touches it. A void that hangs together with the outside neither way is sealed for certain. Where the two differ, the
-//! leaves in dispute are divided, and their solids asked again for smaller cells.
+//! Samples connect void that they see; a wall may have a hole that none of them meets, and two samples of void a wall between
+//! them. So void is connected once more, through every cell that is not solid for certain. A void that hangs together with
+//! the outside not even so is sealed for certain. One that does so through cells that are void for certain opens.
+//!
+//! At first each leaf is one cell that may be either, but where the build left it undivided above the depth limit, because
+//! nothing touches it. Then the source is asked (`matter`), only where it decides something: on the paths from the outside to
+//! voids that lead through the fewest groups of cells that may be either. The nodes there are divided, and those below them,
+//! until a path is open or shut, or the bound on such nodes is reached.
 
-use super::border::{Border, Face, Sets};
-use super::components::{Components, Connectivity};
+use super::cells::{Cells, NONE};
+use super::components::Components;
 use super::labelling::Labelling;
+use super::matter::{Corners, Matter, corners, gather};
 use super::trace::Tracer;
-use crate::brick::{Brick, SignChanges};
+use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant};
 use crate::progress::Progress;
-use crate::solid::{Segment, Solids, for_lines, for_samples};
-use crate::store::{LeafOrder, Refine, Store, visit};
-use std::collections::BTreeSet;
+use crate::soup::Facets;
+use crate::store::{BrickTree, LeafOrder, Refine, Store};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
+use std::sync::Arc;
 
-/// Levels below the leaves to which disputes are followed.
-const DEEPER: u8 = 1;
-/// Bricks that are asked again in one round; more stay in dispute.
-const BRICKS_MOST: usize = 8_000;
-/// Rows of samples of a brick.
-const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
-/// Stands for a cell that is solid for certain.
-const NONE: u16 = u16::MAX;
-
-/// Cells of a node that may be void, as groups that hang together within it.
-#[derive(Clone, Debug, Default)]
-struct Cells {
-    /// How many groups there are.
-    groups: usize,
-    /// By axis and side: the groups of the cells on a face, or the only one of a node that is one group as a whole.
-    faces: [[Vec<u16>; 2]; 3],
-    /// Components of the store's leaf that have samples here, and the groups of these.
-    components: BTreeSet<(u16, u16)>,
-    /// Groups that have more cells than those around samples of void.
-    hides: bool,
-}
-
-impl Cells {
-    /// All cells of a node are one group, to which the components belong that are void.
-    fn whole(components: impl Iterator<Item = u16>, hides: bool) -> Cells {
-        let face = || [vec![0], vec![0]];
-        Cells {
-            groups: 1,
-            faces: [face(), face(), face()],
-            components: components.map(|c| (c, 0)).collect(),
-            hides,
-        }
-    }
-
-    /// The group of a cell on a face.
-    fn at(&self, axis: Axis, upper: bool, [p, q]: [usize; 2]) -> u16 {
-        let face = &self.faces[axis.index()][usize::from(upper)];
-        match face.len() {
-            0 => NONE,
-            1 => face[0],
-            _ => face[q * BRICK_CELLS + p],
-        }
-    }
-}
-
-/// What decides which cells are solid for certain.
-struct Judge<'a> {
-    store: &'a Store,
-    labelling: &'a Labelling,
-    tracer: Option<&'a Tracer<'a>>,
-    /// Leaves of lower levels are uniform because nothing touches them.
-    limit: u8,
-}
-
-impl Judge<'_> {
-    /// The cells of a node, which is a leaf of the store or below one.
-    fn cells(&self, key: NodeKey, leaf: usize, brick: &Brick) -> Result<Cells> {
-        let leaf_key = self.labelling.order.keys()[leaf];
-        if let Brick::Uniform(w) = brick
-            && leaf_key.level() < self.limit
-        {
-            return Ok(if *w >= 1 { Cells::default() } else { Cells::whole([0].into_iter(), false) });
-        }
-        let components = Components::of(brick, self.labelling.connectivity).0;
-        let voids = || (0..components.len() as u16).filter(|&c| !components.solid[usize::from(c)]);
-        let Some(tracer) = self.tracer else { return Ok(Cells::whole(voids(), true)) };
-        let segments = tracer.listed(leaf_key)?;
-        let solid = solid_cells(tracer.solids(), key, &segments);
-        Ok(grouped(&solid, |at| {
-            // The leaf's own sample here, if there is one.
-            let up = key.level() - leaf_key.level();
-            let bits = key.spacing_bits();
-            let place = [0, 1, 2].map(|a| ((key.base()[a] - leaf_key.base()[a]) >> bits) as usize + at[a]);
-            let is_sample = place.iter().all(|c| c & ((1 << up) - 1) == 0);
-            let label = is_sample.then(|| components.at(place.map(|c| c >> up)))?;
-            (!components.solid[usize::from(label)]).then_some(label)
-        }))
-    }
-}
-
-/// The cells that are solid for certain, as bits by row k·33 + j; those with an index of 32 are none and count as solid.
-fn solid_cells(solids: &Solids, key: NodeKey, segments: &[Segment]) -> Vec<u64> {
-    let mut solid = vec![0u64; ROWS];
-    let mut samples = vec![0u64; ROWS];
-    let mut rows = vec![0u64; ROWS];
-    for segment in segments {
-        let mut touched = Vec::new();
-        for_samples(solids, key, segment, |[j, k], bits| {
-            rows[k * BRICK_POINTS + j] = bits;
-            touched.push((j, k));
-        });
-        for &(j, k) in &touched {
-            samples[k * BRICK_POINTS + j] |= rows[k * BRICK_POINTS + j];
-            if j < BRICK_CELLS && k < BRICK_CELLS {
-                let row = k * BRICK_POINTS + j;
-                let all = rows[row] & rows[row + 1] & rows[row + BRICK_POINTS] & rows[row + BRICK_POINTS + 1];
-                solid[row] |= all & all >> 1;
-            }
-        }
-        touched.iter().for_each(|(j, k)| rows[k * BRICK_POINTS + j] = 0);
-    }
-    for axis in [Axis::Z, Axis::X, Axis::Y] {
-        by_two(solids, key, segments, axis, &samples, &mut solid);
-    }
-    solid
-}
-
-/// Adds cells that two segments cover on both sides of a plane across an axis.
-fn by_two(
-    solids: &Solids,
-    key: NodeKey,
-    segments: &[Segment],
-    axis: Axis,
-    samples: &[u64],
-    solid: &mut [u64],
-) {
-    // By line, the segments there and where these begin and end, in units from the root's corner.
-    let mut lines: Vec<(u32, u32, f64, f64)> = Vec::new();
-    for (number, segment) in segments.iter().enumerate() {
-        for_lines(
-            solids,
-            key,
-            segment,
-            axis,
-            |_, _| [0.0; 2],
-            |line, (from, to)| {
-                lines.push((line as u32, number as u32, from, to));
-            },
-        );
-    }
-    lines.sort_unstable_by_key(|&(line, number, ..)| (line, number));
-    let mut starts = vec![0usize; ROWS + 1];
-    lines.iter().for_each(|(line, ..)| starts[*line as usize + 1] += 1);
-    (1..starts.len()).for_each(|n| starts[n] += starts[n - 1]);
-    let on = |line: usize| &lines[starts[line]..starts[line + 1]];
-    let step = f64::from(1u32 << key.spacing_bits());
-    let (a, base) = (axis.index(), f64::from(key.base()[axis.index()]) + 1.0);
-    let [u, v] = axis.others_in_order().map(Axis::index);
-    for k in 0..BRICK_CELLS {
-        for j in 0..BRICK_CELLS {
-            let row = k * BRICK_POINTS + j;
-            let all = samples[row]
-                & samples[row + 1]
-                & samples[row + BRICK_POINTS]
-                & samples[row + BRICK_POINTS + 1];
-            let mut open = all & all >> 1 & !solid[row] & ((1 << BRICK_CELLS) - 1);
-            while open != 0 {
-                let i = open.trailing_zeros() as usize;
-                open &= open - 1;
-                let at = [i, j, k];
-                let line = |p: usize, q: usize| (at[v] + q) * BRICK_POINTS + at[u] + p;
-                let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(p, q)| on(line(p, q)));
-                let low = base + at[a] as f64 * step;
-                if is_covered(four, low, low + step) {
-                    solid[row] |= 1 << i;
-                }
-            }
-        }
-    }
-}
-
-/// Whether one segment holds the lower ends of four lines and another one the upper ones, and they meet at some plane.
-fn is_covered(four: [&[(u32, u32, f64, f64)]; 4], low: f64, high: f64) -> bool {
-    let of = |line: &[(u32, u32, f64, f64)], number: u32| {
-        let at = line.binary_search_by_key(&number, |entry| entry.1).ok()?;
-        Some((line[at].2, line[at].3))
-    };
-    let mut below = f64::NEG_INFINITY;
-    for &(_, number, ..) in four[0] {
-        let ends = four.map(|line| of(line, number).filter(|(from, to)| *from <= low && *to > low));
-        if ends.iter().all(Option::is_some) {
-            below = below.max(ends.iter().flatten().map(|(_, to)| *to).fold(f64::INFINITY, f64::min));
-        }
-    }
-    if below == f64::NEG_INFINITY {
-        return false;
-    }
-    four[0].iter().any(|&(_, number, ..)| {
-        let ends = four.map(|line| of(line, number).filter(|(from, to)| *from <= high && *to > high));
-        ends.iter().all(Option::is_some)
-            && ends.iter().flatten().map(|(from, _)| *from).fold(f64::NEG_INFINITY, f64::max) <= below
-    })
-}
-
-/// Groups of the cells that are not solid. `sample` tells of which component the sample at a cell's lower corner is, if it is
-/// void.
-fn grouped(solid: &[u64], sample: impl Fn([usize; 3]) -> Option<u16>) -> Cells {
-    let signs = SignChanges::from_fn(|n| {
-        let at = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
-        at.contains(&BRICK_CELLS) || solid[at[2] * BRICK_POINTS + at[1]] >> at[0] & 1 == 1
-    });
-    let components = Components::of_signs(&signs, Connectivity::VoidSix);
-    let mut cells = Cells { groups: components.len(), ..Cells::default() };
-    let group = |at: [usize; 3]| {
-        let label = components.at(at);
-        if components.solid[usize::from(label)] { NONE } else { label }
-    };
-    let mut seen = vec![false; components.len()];
-    for n in 0..BRICK_CELLS.pow(3) {
-        let at = [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS / BRICK_CELLS];
-        let own = group(at);
-        if own == NONE {
-            continue;
-        }
-        match sample(at) {
-            Some(component) => drop(cells.components.insert((component, own))),
-            None => cells.hides = true,
-        }
-        seen[usize::from(own)] = true;
-    }
-    for axis in Axis::ALL {
-        for upper in [false, true] {
-            let at = |p: usize, q: usize| match (axis, if upper { BRICK_CELLS - 1 } else { 0 }) {
-                (Axis::X, w) => [w, p, q],
-                (Axis::Y, w) => [p, w, q],
-                (Axis::Z, w) => [p, q, w],
-            };
-            let places = (0..BRICK_CELLS * BRICK_CELLS).map(|n| (n % BRICK_CELLS, n / BRICK_CELLS));
-            let face: Vec<u16> = places.map(|(p, q)| group(at(p, q))).collect();
-            // Most faces are solid as a whole.
-            if face.iter().any(|&group| group != NONE) {
-                cells.faces[axis.index()][usize::from(upper)] = face;
-            }
-        }
-    }
-    cells
-}
-
-/// The outside among the sets; component n is n + 1.
+/// Levels below the leaves to which the source is followed.
+const DEEPER: u8 = 11;
+/// Nodes that meshes are asked for in all.
+const NODES_OF_MESHES: usize = 12_000;
+/// Nodes that beads are asked for beside all leaves: they take longer, and where prints are in dispute they are so everywhere.
+const NODES_OF_BEADS: usize = 150;
+/// Farther than any path.
+const FAR: u32 = u32::MAX;
+/// The outside among the vertices; component n is n + 1.
 const OUTSIDE: u32 = 0;
 
-/// The voids that are sealed for certain, of those that `is_void` picks.
+/// What can be asked of what lies between samples.
+#[derive(Clone, Copy)]
+pub(super) enum Source<'a> {
+    /// Nothing.
+    Samples,
+    /// The segments of beads that the store keeps.
+    Beads(&'a Tracer<'a>),
+    /// The closed meshes that the store was built from.
+    Meshes(&'a [&'a dyn Facets]),
+}
+
+/// What was found of voids, by component; those in neither list are sealed as far as samples tell.
+#[derive(Debug, Default)]
+pub(super) struct Sealed {
+    pub certain: BTreeSet<usize>,
+    pub open: BTreeSet<usize>,
+    /// The source has other samples than the store, so it was not believed.
+    pub source_differs: bool,
+}
+
+/// A leaf, or a node below one.
+struct Node {
+    /// The leaf that it belongs to.
+    leaf: usize,
+    cells: Cells,
+    /// What touches it, and w at the corners of its children, once it has been asked for.
+    asked: Option<(Matter, Corners)>,
+}
+
+/// The voids that are sealed for certain and those that open for certain, of those that `is_void` picks.
 ///
 /// # Errors
 /// What reading the store gives; [`crate::error::Error::Interrupted`].
@@ -257,99 +72,363 @@ pub(super) fn sealed(
     store: &Store,
     labelling: &Labelling,
     is_void: &(dyn Fn(usize) -> bool + Sync),
-    tracer: Option<&Tracer<'_>>,
+    source: Source<'_>,
     progress: &dyn Progress,
-) -> Result<BTreeSet<usize>> {
-    let meta = store.meta();
-    let limit = match meta.refine {
-        _ if meta.stddev > 0.0 || meta.tolerance.is_some_and(|t| t > 0.0) => 0,
-        Refine::Stddev => 0,
-        Refine::Thin { base } => base,
-        Refine::Hidden | Refine::Surface => meta.depth,
-    };
-    let judge = Judge { store, labelling, tracer, limit };
-    let voids: Vec<usize> =
-        (0..labelling.components.len()).filter(|&c| is_void(c) && !labelling.components[c].solid).collect();
-    let mut keys: Vec<NodeKey> = labelling.order.keys().to_vec();
-    for round in 0..=DEEPER {
-        let order = LeafOrder::of(std::mem::take(&mut keys))?;
-        let (mut sets, disputed) = connect(&judge, &order, progress)?;
-        let outside = sets.find(OUTSIDE);
-        let certain: BTreeSet<usize> =
-            voids.iter().copied().filter(|&c| sets.find(c as u32 + 1) != outside).collect();
-        let can_go_on = tracer.is_some() && round < DEEPER && disputed.len() * 8 <= BRICKS_MOST;
-        let is_deepest = disputed.iter().any(|key| key.level() == MAX_LEVEL);
-        if certain.len() == voids.len() || !can_go_on || is_deepest || disputed.is_empty() {
-            return Ok(certain);
-        }
-        keys = order.keys().iter().copied().filter(|key| !disputed.contains(key)).collect();
-        keys.extend(disputed.iter().flat_map(|key| Octant::all().map(|octant| key.child(octant))));
-    }
-    Ok(BTreeSet::new())
-}
-
-/// Connects what is not solid for certain. Also gives the nodes through which the outside may reach farther than samples
-/// tell.
-fn connect(
-    judge: &Judge<'_>,
-    order: &LeafOrder,
-    progress: &dyn Progress,
-) -> Result<(Sets, BTreeSet<NodeKey>)> {
-    let labelling = judge.labelling;
-    let count = labelling.components.len() + 1;
-    // The outside, the components of the tree, and the groups of all nodes.
-    let mut sets = Sets::default();
-    sets.extend(count);
-    let leaf_of = |key: NodeKey| labelling.order.covering(key);
-    let leaves: Vec<NodeKey> = order.keys().iter().map(|key| labelling.order.keys()[leaf_of(*key)]).collect();
-    progress.phase("seals of voids", Some(leaves.len() as u64), "bricks");
-    let mut border = Border::default();
-    // Nodes that hide something, with their groups.
-    let mut hiding: Vec<(usize, u32, usize)> = Vec::new();
-    let make = |leaf: &crate::store::Leaf<'_>| {
-        let key = order.keys()[leaf.number];
-        judge.cells(key, leaf_of(key), leaf.brick)
-    };
-    visit(judge.store, &leaves, progress, make, |number, cells| {
-        let first = sets.len() as u32;
-        sets.extend(cells.groups);
-        for &(label, group) in &cells.components {
-            let component = labelling.of(leaf_of(order.keys()[number]), label);
-            sets.unite(component.map_or(OUTSIDE, |c| c as u32 + 1), first + u32::from(group));
-        }
-        if cells.hides {
-            hiding.push((number, first, cells.groups));
-        }
-        border.add(order, number, (first, cells), |own, face, there| {
-            if let Some((other, theirs)) = there {
-                let keys = [order.keys()[number], order.keys()[other]];
-                join(own, theirs, keys, face, &mut sets);
-            }
+) -> Result<Sealed> {
+    let mut found = Sealed::default();
+    let count = labelling.components.len();
+    let mut left: Vec<usize> = (0..count).filter(|&c| is_void(c) && !labelling.components[c].solid).collect();
+    let mut judge = Judge::new(store, labelling, source);
+    let mut nodes = judge.leaves();
+    let mut faces = Faces::new();
+    let mut budget = judge.budget(&nodes);
+    progress.phase("seals of voids", None, "bricks");
+    while !left.is_empty() {
+        progress.check()?;
+        let graph = Graph::of(&nodes, labelling, &mut faces)?;
+        let from_outside = graph.distances(&[OUTSIDE]).0;
+        left.retain(|&void| match from_outside[void + 1] {
+            FAR => !found.certain.insert(void),
+            0 => !found.open.insert(void),
+            _ => true,
         });
-        Ok(())
-    })?;
-    let outside = sets.find(OUTSIDE);
-    let mut disputed = BTreeSet::new();
-    for (number, first, groups) in hiding {
-        if (first..first + groups as u32).any(|group| sets.find(group) == outside) {
-            disputed.insert(order.keys()[number]);
+        let keys = judge.worth_asking(&graph, &nodes, &left, &from_outside);
+        if keys.is_empty() || keys.len() > budget {
+            break;
         }
+        let Some(asked) = judge.ask(&mut nodes, &keys, progress)? else {
+            return Ok(Sealed { source_differs: true, ..Sealed::default() });
+        };
+        budget = budget.saturating_sub(asked);
+        progress.advance(asked as u64);
     }
-    Ok((sets, disputed))
+    Ok(found)
 }
 
-/// Joins the groups of two nodes that touch: of the first one's face along an axis, and the other's.
-fn join(
-    (first, own): &(u32, Cells),
-    (other_first, theirs): &(u32, Cells),
-    [key, other]: [NodeKey; 2],
-    (axis, upper): Face,
-    sets: &mut Sets,
-) {
-    if own.faces[axis.index()][usize::from(upper)].is_empty()
-        || theirs.faces[axis.index()][usize::from(!upper)].is_empty()
-    {
-        return;
+/// What decides which cells are solid for certain.
+struct Judge<'a> {
+    store: &'a Store,
+    labelling: &'a Labelling,
+    source: Source<'a>,
+    /// Leaves of lower levels are uniform because nothing touches them.
+    limit: u8,
+}
+
+impl<'a> Judge<'a> {
+    fn new(store: &'a Store, labelling: &'a Labelling, source: Source<'a>) -> Judge<'a> {
+        let meta = store.meta();
+        let limit = match meta.refine {
+            _ if meta.stddev > 0.0 || meta.tolerance.is_some_and(|t| t > 0.0) => 0,
+            Refine::Stddev => 0,
+            Refine::Thin { base } => base,
+            Refine::Hidden | Refine::Surface => meta.depth,
+        };
+        Judge { store, labelling, source, limit }
+    }
+
+    /// All leaves, of which nothing was asked.
+    fn leaves(&self) -> BTreeMap<NodeKey, Node> {
+        let node = |(leaf, &key): (usize, &NodeKey)| {
+            let uniform =
+                self.store.node(key).filter(|node| node.min == node.max && key.level() < self.limit);
+            let voids = || {
+                let all = self.labelling.in_leaf(leaf).enumerate();
+                all.filter(|(_, c)| c.is_none_or(|c| !self.labelling.components[c].solid))
+                    .map(|(n, _)| n as u16)
+            };
+            let cells = match uniform {
+                Some(node) if node.min >= 1 => Cells::default(),
+                Some(_) => Cells::whole(voids(), false),
+                None => Cells::whole(voids(), true),
+            };
+            (key, Node { leaf, cells, asked: None })
+        };
+        self.labelling.order.keys().iter().enumerate().map(node).collect()
+    }
+
+    /// How many nodes may be asked for.
+    fn budget(&self, nodes: &BTreeMap<NodeKey, Node>) -> usize {
+        match self.source {
+            Source::Samples => 0,
+            Source::Meshes(_) => NODES_OF_MESHES,
+            // All leaves, and about as many below them.
+            Source::Beads(_) => {
+                NODES_OF_BEADS + 2 * nodes.values().filter(|node| node.cells.either == [true]).count()
+            }
+        }
+    }
+
+    /// The nodes on the shortest paths from the outside to voids that can be asked for, or divided.
+    fn worth_asking(
+        &self,
+        graph: &Graph,
+        nodes: &BTreeMap<NodeKey, Node>,
+        left: &[usize],
+        from_outside: &[u32],
+    ) -> Vec<NodeKey> {
+        if matches!(self.source, Source::Samples) || left.is_empty() {
+            return Vec::new();
+        }
+        let voids: Vec<u32> = left.iter().map(|&void| void as u32 + 1).collect();
+        let (from_voids, nearest) = graph.distances(&voids);
+        let is_on_path = |group: usize| {
+            let (one, other) = (from_outside[group], from_voids[group]);
+            // Both ends count the group itself.
+            one != FAR && other != FAR && one + other - 1 == from_outside[nearest[group] as usize]
+        };
+        let mut keys = Vec::new();
+        for (number, key) in graph.order.keys().iter().enumerate() {
+            let node = &nodes[key];
+            let deepest = (self.labelling.order.keys()[node.leaf].level() + DEEPER).min(MAX_LEVEL);
+            let can_be_asked = node.asked.is_none() || key.level() < deepest;
+            let first = graph.first[number] as usize;
+            let groups = node.cells.either.iter().enumerate();
+            if can_be_asked && groups.filter(|(_, either)| **either).any(|(n, _)| is_on_path(first + n)) {
+                keys.push(*key);
+            }
+        }
+        keys
+    }
+
+    /// Asks the source for leaves, and for the children of nodes that it has been asked for. Gives how many of these something
+    /// touches, or `None` if the source has other samples than the store.
+    fn ask(
+        &mut self,
+        nodes: &mut BTreeMap<NodeKey, Node>,
+        keys: &[NodeKey],
+        progress: &dyn Progress,
+    ) -> Result<Option<usize>> {
+        let (leaves, divided): (Vec<NodeKey>, Vec<NodeKey>) =
+            keys.iter().copied().partition(|key| nodes[key].asked.is_none());
+        let bricks: BTreeSet<usize> = keys.iter().map(|key| nodes[key].leaf).collect();
+        let read = |leaf: usize| {
+            let brick = self.store.brick_once(self.labelling.order.keys()[leaf])?;
+            let components = Components::of(&brick, self.labelling.connectivity).0;
+            Ok((leaf, (brick, components)))
+        };
+        let bricks: HashMap<usize, (Arc<Brick>, Components)> =
+            bricks.into_par_iter().map(read).collect::<Result<_>>()?;
+        let mut tasks: Vec<(NodeKey, usize, i16, Matter)> = Vec::new();
+        for (key, matter) in leaves.iter().zip(self.matter(&leaves, progress)?) {
+            let leaf = nodes[key].leaf;
+            tasks.push((*key, leaf, bricks[&leaf].0.sample([0; 3]), matter));
+        }
+        for key in divided {
+            let Some(Node { leaf, asked: Some((matter, corners)), .. }) = nodes.remove(&key) else {
+                continue;
+            };
+            for octant in Octant::all() {
+                let child = key.child(octant);
+                let [x, y, z] = octant.offset();
+                tasks.push((child, leaf, corners[x][y][z], matter.of_child(child, self.solids())));
+            }
+        }
+        let made: Vec<(NodeKey, Option<Node>)> = tasks
+            .into_par_iter()
+            .map(|(key, leaf, corner, matter)| {
+                progress.check()?;
+                let (brick, components) = &bricks[&leaf];
+                Ok((key, self.node(key, (leaf, brick, components), corner, matter)?))
+            })
+            .collect::<Result<_>>()?;
+        let asked = made.iter().flat_map(|(_, node)| node).flat_map(|node| &node.asked);
+        let asked = asked.filter(|(matter, _)| !matter.is_empty()).count();
+        for (key, node) in made {
+            let Some(node) = node else { return Ok(None) };
+            nodes.insert(key, node);
+        }
+        Ok(Some(asked))
+    }
+
+    fn solids(&self) -> Option<&crate::solid::Solids> {
+        match self.source {
+            Source::Beads(tracer) => Some(tracer.solids()),
+            _ => None,
+        }
+    }
+
+    /// What touches some leaves.
+    fn matter(&self, leaves: &[NodeKey], progress: &dyn Progress) -> Result<Vec<Matter>> {
+        match self.source {
+            Source::Samples => Ok(Vec::new()),
+            Source::Beads(tracer) => {
+                leaves.par_iter().map(|leaf| Ok(Matter::Segments(tracer.listed(*leaf)?))).collect()
+            }
+            Source::Meshes(sources) => {
+                let lists = gather(sources, self.store.root(), leaves, progress)?;
+                Ok(lists.into_iter().map(Matter::Triangles).collect())
+            }
+        }
+    }
+
+    /// A node with its cells as the source has them; `None` if the source has other samples than the leaf itself.
+    fn node(
+        &self,
+        key: NodeKey,
+        (leaf, brick, components): (usize, &Brick, &Components),
+        corner: i16,
+        matter: Matter,
+    ) -> Result<Option<Node>> {
+        let leaf_key = self.labelling.order.keys()[leaf];
+        if key != leaf_key && matter.is_empty() {
+            return Ok(Some(self.empty(key, (leaf, leaf_key, components), corner, matter)));
+        }
+        let (known, own) = matter.evaluate(key, corner, self.solids())?;
+        if let (Some(own), true) = (&own, key == leaf_key) {
+            let points = 0..BRICK_POINTS.pow(3);
+            let at = |n: usize| [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS.pow(2)];
+            if points.into_iter().any(|n| own.sample(at(n)) != brick.sample(at(n))) {
+                return Ok(None);
+            }
+        }
+        let cells = Cells::grouped(&known, void_at(key, leaf_key, components));
+        let corners = own.as_ref().map_or_else(Corners::default, corners);
+        Ok(Some(Node { leaf, cells, asked: Some((matter, corners)) }))
+    }
+
+    /// A node that nothing touches.
+    fn empty(
+        &self,
+        key: NodeKey,
+        (leaf, leaf_key, components): (usize, NodeKey, &Components),
+        corner: i16,
+        matter: Matter,
+    ) -> Node {
+        let is_solid = corner >= 1 && matches!(matter, Matter::Triangles(_));
+        let cells = if is_solid {
+            Cells::default()
+        } else {
+            let sample = void_at(key, leaf_key, components);
+            let cells = 0..BRICK_CELLS.pow(3);
+            let at = |n: usize| [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS.pow(2)];
+            let labels: BTreeSet<u16> = cells.filter_map(|n| sample(at(n))).collect();
+            Cells::whole(labels.into_iter(), false)
+        };
+        Node { leaf, cells, asked: Some((matter, [[[corner; 3]; 3]; 3])) }
+    }
+}
+
+/// Tells of which component of the leaf a cell's lower corner is a sample, if it is one of void.
+fn void_at<'a>(
+    key: NodeKey,
+    leaf: NodeKey,
+    components: &'a Components,
+) -> impl Fn([usize; 3]) -> Option<u16> + 'a {
+    let (up, bits) = (key.level() - leaf.level(), key.spacing_bits());
+    let offset = [0, 1, 2].map(|a| ((key.base()[a] - leaf.base()[a]) >> bits) as usize);
+    move |at| {
+        let place = [0, 1, 2].map(|a| offset[a] + at[a]);
+        let is_sample = place.iter().all(|c| c & ((1 << up) - 1) == 0);
+        let label = is_sample.then(|| components.at(place.map(|c| c >> up)))?;
+        (!components.solid[usize::from(label)]).then_some(label)
+    }
+}
+
+/// Two nodes that touch across the upper face of the first, each with whether it has been asked for, and the axis.
+type FaceName = ([(NodeKey, bool); 2], Axis);
+/// The groups that touch there, which stay while others are divided.
+type Faces = HashMap<FaceName, Vec<(u16, u16)>>;
+
+/// What hangs together with what: the outside, the components of the tree, and the groups of all nodes.
+struct Graph {
+    order: LeafOrder,
+    /// By node, the vertex of its first group.
+    first: Vec<u32>,
+    /// By vertex, where its neighbours begin.
+    begin: Vec<u32>,
+    neighbours: Vec<u32>,
+    /// By vertex, whether it may be solid as well.
+    either: Vec<bool>,
+}
+
+impl Graph {
+    fn of(nodes: &BTreeMap<NodeKey, Node>, labelling: &Labelling, faces: &mut Faces) -> Result<Graph> {
+        let order = LeafOrder::of(nodes.keys().copied().collect())?;
+        let mut either = vec![false; labelling.components.len() + 1];
+        let mut first = Vec::with_capacity(nodes.len());
+        for key in order.keys() {
+            first.push(either.len() as u32);
+            either.extend(&nodes[key].cells.either);
+        }
+        let of_node = |number: usize| {
+            let key = order.keys()[number];
+            let (node, own) = (&nodes[&key], first[number]);
+            let mut edges: Vec<(u32, u32)> = Vec::new();
+            for &(label, group) in &node.cells.components {
+                let component = labelling.of(node.leaf, label).map_or(OUTSIDE, |c| c as u32 + 1);
+                edges.push((component, own + u32::from(group)));
+            }
+            edges.extend(node.cells.beside.iter().map(|&(a, b)| (own + u32::from(a), own + u32::from(b))));
+            let (mut touching, mut new) = (Vec::new(), Vec::new());
+            for axis in Axis::ALL {
+                touching.clear();
+                order.touching(number, axis, true, &mut touching);
+                for &other in &touching {
+                    let there = order.keys()[other];
+                    let next = &nodes[&there];
+                    let name = ([(key, node.asked.is_some()), (there, next.asked.is_some())], axis);
+                    let mut put = |pairs: &[(u16, u16)]| {
+                        let edge = |&(a, b): &(u16, u16)| (own + u32::from(a), first[other] + u32::from(b));
+                        edges.extend(pairs.iter().map(edge));
+                    };
+                    if let Some(pairs) = faces.get(&name) {
+                        put(pairs);
+                    } else {
+                        let pairs = joined((&node.cells, key), (&next.cells, there), axis);
+                        put(&pairs);
+                        new.push((name, pairs));
+                    }
+                }
+            }
+            (edges, new)
+        };
+        let (edges, new): (Vec<_>, Vec<_>) = (0..order.keys().len()).into_par_iter().map(of_node).unzip();
+        let edges: Vec<(u32, u32)> = edges.concat();
+        faces.extend(new.into_iter().flatten());
+        let mut begin = vec![0u32; either.len() + 1];
+        edges.iter().flat_map(|&(a, b)| [a, b]).for_each(|vertex| begin[vertex as usize + 1] += 1);
+        (1..begin.len()).for_each(|n| begin[n] += begin[n - 1]);
+        let mut next = begin.clone();
+        let mut neighbours = vec![0; 2 * edges.len()];
+        for (a, b) in edges.into_iter().flat_map(|(a, b)| [(a, b), (b, a)]) {
+            neighbours[next[a as usize] as usize] = b;
+            next[a as usize] += 1;
+        }
+        Ok(Graph { order, first, begin, neighbours, either })
+    }
+
+    /// By vertex, through how many groups that may be solid the way from one of some vertices leads at least, and which one of
+    /// these is nearest; [`FAR`] where there is no way.
+    fn distances(&self, from: &[u32]) -> (Vec<u32>, Vec<u32>) {
+        let mut distance = vec![FAR; self.either.len()];
+        let mut nearest = vec![FAR; self.either.len()];
+        let mut waiting: VecDeque<u32> = from.iter().copied().collect();
+        for &vertex in from {
+            (distance[vertex as usize], nearest[vertex as usize]) = (0, vertex);
+        }
+        while let Some(vertex) = waiting.pop_front() {
+            let here = vertex as usize;
+            for &next in &self.neighbours[self.begin[here] as usize..self.begin[here + 1] as usize] {
+                let step = u32::from(self.either[next as usize]);
+                let far = distance[here] + step;
+                if far < distance[next as usize] {
+                    (distance[next as usize], nearest[next as usize]) = (far, nearest[here]);
+                    if step == 0 { waiting.push_front(next) } else { waiting.push_back(next) }
+                }
+            }
+        }
+        (distance, nearest)
+    }
+}
+
+/// The pairs of groups that touch across the upper face of one node along an axis.
+fn joined((own, key): (&Cells, NodeKey), (theirs, other): (&Cells, NodeKey), axis: Axis) -> Vec<(u16, u16)> {
+    let (one, two) = (own.face(axis, true), theirs.face(axis, false));
+    if one.is_empty() || two.is_empty() {
+        return Vec::new();
+    }
+    if let ([one], [two]) = (one, two) {
+        return vec![(*one, *two)];
     }
     // Cells of the finer of the two.
     let bits = key.spacing_bits().min(other.spacing_bits());
@@ -362,12 +441,15 @@ fn join(
         };
         [at(u, n[0]), at(v, n[1])]
     };
+    let mut pairs = Vec::new();
     for n in 0..BRICK_CELLS * BRICK_CELLS {
         let n = [n % BRICK_CELLS, n / BRICK_CELLS];
-        let one = own.at(axis, upper, place(key, n));
-        let two = theirs.at(axis, !upper, place(other, n));
-        if one != NONE && two != NONE {
-            sets.unite(first + u32::from(one), other_first + u32::from(two));
+        let pair = (own.at(axis, true, place(key, n)), theirs.at(axis, false, place(other, n)));
+        if pair.0 != NONE && pair.1 != NONE && pairs.last() != Some(&pair) {
+            pairs.push(pair);
         }
     }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
 }

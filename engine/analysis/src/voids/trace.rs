@@ -243,29 +243,51 @@ pub(super) fn has_sparse_infill<'b>(all: impl Iterator<Item = &'b Around>, trace
     distances.get(distances.len() / 2).is_some_and(|median| *median > SPARSE)
 }
 
-/// Pairs of lines that follow each other around the void, in one layer, whose centre lines are farther apart than wide.
+/// Pairs of lines that follow each other around the void, in one layer, whose centre lines are farther apart than wide. Lines of
+/// a raster follow each other with turns between them, so each is also compared with the next one that runs along it.
 fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
     /// Lines laid at their width stand a little nearer than that; one missing between makes it twice.
     const APART: f64 = 1.25;
     /// Lines farther apart than this are on two sides of the part, as those of a loop, and not of a line that is missing.
     const FAR: f64 = 3.5;
+    /// Lines at the void after a line, and those of the program, among which the next one that runs along it is sought.
+    const AHEAD: usize = 12;
+    const LINES: u64 = 32;
     let tables = tracer.tables();
     let mut pairs = Vec::new();
     let entries: Vec<&(u128, BeadSegment)> = around.segments.values().collect();
-    for pair in entries.windows(2) {
-        let [one, other] = [&pair[0].1, &pair[1].1];
-        let [first, second] = [one, other].map(|s| tables.beads[tables.bead_of(s.pass).0 as usize]);
-        if (first.source, first.layer) != (second.source, second.layer) || one.line == 0 {
-            continue;
-        }
-        let width = tracer.width(one).max(tracer.width(other));
-        if (APART * width..FAR * width).contains(&apart(one, other)) {
-            pairs.push((one.line, other.line));
+    for (n, (_, one)) in entries.iter().enumerate().filter(|(_, (_, one))| one.line > 0) {
+        let layer = |s: &BeadSegment| {
+            let bead = tables.beads[tables.bead_of(s.pass).0 as usize];
+            (bead.source, bead.layer)
+        };
+        let after = entries[n + 1..].iter().map(|(_, other)| other).take(AHEAD);
+        let mut after =
+            after.take_while(|other| layer(other) == layer(one) && other.line.abs_diff(one.line) <= LINES);
+        let next = after.clone().next();
+        let beside = after.find(|other| runs_along(one, other, tracer));
+        for other in next.into_iter().chain(beside) {
+            let width = tracer.width(one).max(tracer.width(other));
+            if (APART * width..FAR * width).contains(&apart(one, other)) {
+                pairs.push((one.line, other.line));
+            }
         }
     }
     pairs.sort_unstable();
     pairs.dedup();
     pairs
+}
+
+/// Whether two segments are longer than wide and almost parallel, either way round.
+fn runs_along(one: &BeadSegment, other: &BeadSegment, tracer: &Tracer<'_>) -> bool {
+    /// Of the angle between them.
+    const COSINE: f64 = 0.9;
+    let along = |s: &BeadSegment| [0, 1, 2].map(|a| f64::from(s.b[a] - s.a[a]));
+    let dot = |p: [f64; 3], q: [f64; 3]| (0..3).map(|a| p[a] * q[a]).sum::<f64>();
+    let (p, q) = (along(one), along(other));
+    let lengths = [dot(p, p).sqrt(), dot(q, q).sqrt()];
+    let is_long = lengths.iter().zip([one, other]).all(|(length, s)| *length > 2.0 * tracer.width(s));
+    is_long && dot(p, q).abs() > COSINE * lengths[0] * lengths[1]
 }
 
 /// The least distance of two segments' centre lines.
