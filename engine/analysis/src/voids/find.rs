@@ -50,6 +50,7 @@ impl Default for VoidOptions<'_> {
             min_volume: 0.0,
             memory: 256 << 20,
             cad: None,
+            source: None,
             closing: None,
             meshes: false,
         }
