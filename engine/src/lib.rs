@@ -4,6 +4,7 @@
 //! Rooms, from the bottom up; no module uses one that stands above it:
 //! [`lattice`], [`mmap`], [`gpu`] → [`toolpath`] → [`bead`] → [`x3d`] → [`ingest`], [`brick`] → [`winding`], [`solid`],
 //! [`check`], [`pieces`], [`store`] → [`backend`], [`volumes`] → [`build`] → [`cache`], [`contour`], [`analysis`],
+//! [`fraction`],
 //! [`section`], [`render`], which draw with [`picture`].
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
@@ -12,7 +13,7 @@
 #[doc(hidden)]
 pub mod fuzz;
 
-pub use brickfield_analysis::{analysis, voids};
+pub use brickfield_analysis::{analysis, fraction, voids};
 pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_core::{Error, Progress, Result, Silent, lattice, mmap, part};
 pub use brickfield_gpu::gpu;

@@ -312,6 +312,7 @@ hold.
 Examples:
   brickfield mesh part.brf -o part.stl
   brickfield mesh part.brf -o part.stl --check
+  brickfield mesh part.brf -o light.stl --triangles 100000
   brickfield mesh --check part.stl")]
 pub struct MeshArgs {
     /// The store; with --check and without -o the mesh to check: STL, OBJ, PLY
@@ -327,9 +328,24 @@ pub struct MeshArgs {
     #[arg(long, requires = "check")]
     pub weld: bool,
     /// Winding number at the surface: 0.5 is the boundary, 1.5 that of where two bodies overlap. In stores of
-    /// open input one of 0.5, 1.5, 2.5 and so on
-    #[arg(long, value_name = "W", default_value_t = 0.5, requires = "output", allow_negative_numbers = true)]
-    pub iso: f64,
+    /// open input one of 0.5, 1.5, 2.5 and so on [default: 0.5]
+    ///
+    /// With --detail, --triangles or --max-size it is the fraction of solid at the surface, between 0 and 1, and by default
+    /// the one that keeps the volume.
+    #[arg(long, value_name = "W", requires = "output", allow_negative_numbers = true)]
+    pub iso: Option<f64>,
+    /// Draw what is larger than this, as in 0.5mm, and average what is smaller, so that the volume is kept
+    ///
+    /// The surface lies where a fraction of the space around it is solid, in cells of about LEN. Channels between beads, and
+    /// voids and walls thinner than a cell, are averaged away.
+    #[arg(long, value_name = "LEN", requires = "output", conflicts_with_all = ["level", "method", "triangles", "max_size"])]
+    pub detail: Option<Length>,
+    /// Choose the detail so that there are at most so many triangles, and at least nine tenths of them
+    #[arg(long, value_name = "N", requires = "output", conflicts_with_all = ["level", "method", "tolerance", "iso"])]
+    pub triangles: Option<u64>,
+    /// Choose the detail so that the file is at most so large, as in 200MB
+    #[arg(long, value_name = "SIZE", requires = "output", conflicts_with_all = ["level", "method", "tolerance", "iso"])]
+    pub max_size: Option<Size>,
     /// Deepest level to use; a coarser mesh
     #[arg(long, value_name = "L", requires = "output")]
     pub level: Option<u8>,

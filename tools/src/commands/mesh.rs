@@ -1,6 +1,7 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
 use super::mesh_check::{Checked, require_sound};
+use super::mesh_detail::{self, Detail};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
@@ -9,6 +10,7 @@ use crate::measured::measured;
 use crate::memory;
 use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::pieces::{negative, negative_text};
+use crate::progress::Bars;
 use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
@@ -16,8 +18,9 @@ use brickfield_engine::contour::{
     ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
     foresee_triangles,
 };
+use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
-use brickfield_engine::store::{Accept, CacheStats, Store, is_store};
+use brickfield_engine::store::{Accept, BrickTree, CacheStats, Store, is_store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -26,11 +29,19 @@ use std::time::Instant;
 /// Most for decoded bricks, some sixty.
 const BRICK_CACHE_BYTES: u64 = 8 << 20;
 
+/// The winding number at the boundary.
+const BOUNDARY: f64 = 0.5;
+
 /// Runs the command.
 pub fn run(args: MeshArgs) -> Result<(), Failure> {
-    if !(args.iso > 0.0 && args.iso <= f64::from(i16::MAX)) {
+    let iso = args.iso.unwrap_or(BOUNDARY);
+    if !(iso > 0.0 && iso <= f64::from(i16::MAX)) {
         let what = "surfaces are where w rises above a number greater than 0, such as 0.5 or 1.5";
-        return Err(Failure::Usage(format!("--iso {}: {what}", args.iso)));
+        return Err(Failure::Usage(format!("--iso {iso}: {what}")));
+    }
+    let is_coarse = mesh_detail::is_asked(&args);
+    if is_coarse {
+        mesh_detail::check(&args)?;
     }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
@@ -54,26 +65,79 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
-    if args.tolerance.in_unit(Unit::Mm) == 0.0 {
-        require_mesh_space(&store, output, args.iso, args.level)?;
+    if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
+        require_mesh_space(&store, output, iso, args.level)?;
     }
     let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
+    if is_coarse {
+        return run_coarse(&args, &store, output, sink.as_mut(), (cache_bytes, brick_bytes), &bars);
+    }
     let options = ContourOptions {
-        iso: args.iso,
+        iso,
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
         tolerance: tolerance_in(args.tolerance, &store)?,
         intersection_free: args.intersection_free,
         method: args.method.into(),
         follow_creases: args.follow_creases,
-        temp_dir: args.temp_dir,
+        temp_dir: args.temp_dir.clone(),
     };
     let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
     report.compare(&store, &options, &bars)?;
-    report.negative_volume = negative(&store, &bars)?;
+    finish(&args, &store, output, report, &bars)
+}
+
+/// Writes a mesh of the fractions of solid in coarse cells.
+fn run_coarse(
+    args: &MeshArgs,
+    store: &Store,
+    output: &Path,
+    sink: &mut dyn MeshSink,
+    (cache_bytes, brick_bytes): (u64, u64),
+    bars: &Bars,
+) -> Result<(), Failure> {
+    let started = Instant::now();
+    // Fractions take what contouring leaves.
+    let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
+    let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
+    let source = if store.meta().share.is_none() { Some(Expected::of(store, bars)?) } else { None };
+    let made = mesh_detail::find(args, store, output, (&options, memory), source.as_ref(), bars)?;
+    if made.kept.summary.triangles == 0 {
+        let (path, cell, unit) = (store.path().display(), made.lattice.cell(), super::unit_of(store.meta()));
+        return Err(anyhow::anyhow!("{path}: nothing is left in cells of {cell:.6} {unit}; choose a smaller --detail").into());
+    }
+    let options = ContourOptions { tolerance: made.tolerance, ..options };
+    let tree = FractionTree::new(&made.lattice, made.kept.depth);
+    let mut report = write_tree(store, &tree, &options, output, sink, bars)?;
+    let detail = Detail::of(&made, store, bars)?;
+    let unit = &report.unit;
+    if let Some(expected) = source {
+        if args.iso.is_none()
+            && let Some(lost) = mesh_detail::lost_volume(&made, &expected, unit)
+        {
+            warn(&format!("{}: {lost}", report.output));
+        }
+        report.expected = Some(expected);
+    }
+    report.iso = made.kept.fraction;
+    report.cell = made.lattice.cell();
+    report.detail = Some(detail);
+    report.seconds = started.elapsed().as_secs_f64();
+    finish(args, store, output, report, bars)
+}
+
+/// Checks what was written, and tells of it.
+fn finish(
+    args: &MeshArgs,
+    store: &Store,
+    output: &Path,
+    mut report: MeshReport,
+    bars: &Bars,
+) -> Result<(), Failure> {
+    report.negative_volume = negative(store, bars)?;
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
-        report.check = Some(Checked::of(output, args.weld, args.memory, &bars)?);
+        report.check = Some(Checked::of(output, args.weld, args.memory, bars)?);
     }
     bars.clear();
     if let Some(volume) = report.negative_volume {
@@ -97,7 +161,7 @@ impl From<MethodArg> for Method {
 }
 
 /// The tolerance in the store's unit.
-fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
+pub fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
     tolerance.in_unit_of(&store.meta().unit).ok_or_else(|| {
         Failure::Usage("the store has no unit of length; give --tolerance as a number alone".to_owned())
     })
@@ -108,7 +172,7 @@ fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
 const TRIANGLES_A_BRICK: u64 = 3 * 2 * 32 * 32;
 
 /// Bytes of a mesh file for each triangle, of which there are two for each vertex.
-fn bytes_a_triangle(path: &Path) -> u64 {
+pub fn bytes_a_triangle(path: &Path) -> u64 {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         Some("stl") => 50,
@@ -167,6 +231,9 @@ pub struct MeshReport {
     /// Edge of the largest cells that the boundary passes; 0 where nothing is expected.
     #[serde(skip)]
     cell: f64,
+    /// Of a mesh of fractions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    detail: Option<Detail>,
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
@@ -176,12 +243,23 @@ pub struct MeshReport {
 
 /// The volume of the union.
 #[derive(Serialize)]
-struct Expected {
+pub struct Expected {
     /// Whose: "source", or "samples", by chords between their crossings.
     whose: &'static str,
-    volume: f64,
+    pub volume: f64,
     /// Bound on its error.
-    error: f64,
+    pub error: f64,
+}
+
+impl Expected {
+    /// Of a whole store: the source's, which the store knows where that was closed, or else by the store's own chords.
+    fn of(store: &Store, progress: &dyn Progress) -> Result<Expected, Failure> {
+        let (whose, volumes) = match &store.meta().volumes {
+            Some(source) => ("source", Volumes::from(source)),
+            None => ("samples", volume(store, progress)?),
+        };
+        Ok(Expected { whose, volume: volumes.union, error: volumes.union_error })
+    }
 }
 
 /// How often the store's decoded bricks were asked for again; and how many records the system was asked for ahead of
@@ -207,11 +285,8 @@ impl MeshReport {
         if options.iso != 0.5 || options.level.is_some() || store.meta().share.is_some() {
             return Ok(());
         }
-        let (whose, volumes) = match &store.meta().volumes {
-            Some(source) => ("source", Volumes::from(source)),
-            None => ("samples", volume(store, progress)?),
-        };
-        let expected = Expected { whose, volume: volumes.union, error: volumes.union_error };
+        let expected = Expected::of(store, progress)?;
+        let whose = expected.whose;
         // The mesh may cut off half a cell all over the boundary.
         let crossed = store.entries().iter().filter(|entry| entry.leaf && !entry.head.kind.is_uniform());
         let cell = crossed.map(|entry| store.meta().root.spacing(entry.key.level())).fold(0.0, f64::max);
@@ -242,6 +317,7 @@ impl MeshReport {
              {unit}³, {seconds:.2} s"
         );
         text.extend(self.expected_text());
+        text.extend(self.detail.iter().map(|detail| detail.text(unit)));
         if let Some(check) = &self.check {
             text += &format!("\n{}", check.text());
         }
@@ -275,9 +351,21 @@ pub fn write_mesh(
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
 ) -> Result<MeshReport, Failure> {
+    write_tree(store, store, options, path, sink, progress)
+}
+
+/// Contours a tree that was made of the store.
+fn write_tree(
+    store: &Store,
+    tree: &dyn BrickTree,
+    options: &ContourOptions,
+    path: &Path,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+) -> Result<MeshReport, Failure> {
     let started = Instant::now();
     let MeshSummary { vertices, triangles, area, volume, bounds, unseparated_cells, .. } =
-        contour(store, options, sink, progress).map_err(|error| of_store(store, "settings", error))?;
+        contour(tree, options, sink, progress).map_err(|error| of_store(store, "settings", error))?;
     if unseparated_cells > 0 {
         warn(&format!(
             "{}: triangles may meet in {unseparated_cells} cells next to finer bricks (mesh --check counts them)",
@@ -298,6 +386,7 @@ pub fn write_mesh(
         seconds: started.elapsed().as_secs_f64(),
         expected: None,
         cell: 0.0,
+        detail: None,
         negative_volume: None,
         check: None,
     })

@@ -16,6 +16,7 @@ mod info_x3d;
 pub mod layers;
 pub mod mesh;
 mod mesh_check;
+mod mesh_detail;
 pub mod overlap;
 pub mod render;
 pub mod sample;

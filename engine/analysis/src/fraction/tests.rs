@@ -1,0 +1,1 @@
+//! Fractions against formulas and against sums of small cells.

@@ -1,0 +1,234 @@
+//! A mesh of a detail or a size: the part as fractions of solid in coarse cells.
+
+use super::mesh::{Expected, bytes_a_triangle, tolerance_in};
+use super::{of_store, unit_of};
+use crate::args::MeshArgs;
+use crate::failure::Failure;
+use crate::measured::measured;
+use crate::units::{Length, Size};
+use anyhow::anyhow;
+use brickfield_engine::contour::{ContourOptions, foresee_triangles};
+use brickfield_engine::fraction::{
+    FractionTree, Kept, Lattice, Request, Sized, factor_of, finest_cell, fractions, keep_volume, of_triangles, surface,
+};
+use brickfield_engine::store::{BrickTree, Store};
+use brickfield_engine::voids::{Connectivity, Labelling, label};
+use brickfield_engine::{Error, Progress};
+use serde::Serialize;
+use std::path::Path;
+
+/// Fewest triangles of a closed surface.
+const LEAST_TRIANGLES: u64 = 4;
+
+/// Whether a mesh of fractions is asked for.
+pub fn is_asked(args: &MeshArgs) -> bool {
+    args.detail.is_some() || args.triangles.is_some() || args.max_size.is_some()
+}
+
+/// What of the command line is wrong for such a mesh.
+///
+/// # Errors
+/// Wrong usage.
+pub fn check(args: &MeshArgs) -> Result<(), Failure> {
+    let what = match (args.iso, args.triangles) {
+        (Some(iso), _) if !(iso > 0.0 && iso < 1.0) => {
+            format!("--iso {iso}: with --detail it is the fraction of solid at the surface, between 0 and 1")
+        }
+        (_, Some(most)) if most < LEAST_TRIANGLES => {
+            format!("--triangles {most}: a closed surface has {LEAST_TRIANGLES} at least")
+        }
+        _ => return Ok(()),
+    };
+    Err(Failure::Usage(what))
+}
+
+/// The mesh that is asked for, not written yet. `expected` is the volume of the source, where it is known.
+///
+/// # Errors
+/// A detail below the store's cells, or one at which nothing is left; too few triangles; what reading gives.
+pub fn find(
+    args: &MeshArgs,
+    store: &Store,
+    output: &Path,
+    (options, memory): (&ContourOptions, u64),
+    expected: Option<&Expected>,
+    bars: &dyn Progress,
+) -> Result<Sized, Failure> {
+    let told = |error: Error| of_store(store, "detail", error);
+    if let Some(detail) = args.detail {
+        let lattice = lattice_of(detail, store, memory, bars)?;
+        let volume = expected.map_or(lattice.volume(), |expected| expected.volume);
+        let kept = kept(args, &lattice, volume, options, bars).map_err(told)?;
+        return Ok(Sized { lattice, kept, tolerance: options.tolerance });
+    }
+    let most = most_triangles(args, output)?;
+    let of_all = foresee_triangles(store, 0.5, None).map_err(told)?;
+    let volume = expected.map(|expected| expected.volume);
+    let request = Request { most, of_all, volume, options, memory };
+    Ok(of_triangles(store, request, bars).map_err(told)?)
+}
+
+/// The most triangles that are asked for.
+fn most_triangles(args: &MeshArgs, output: &Path) -> Result<u64, Failure> {
+    let of_size = args.max_size.map(|Size(bytes)| {
+        let most = bytes.saturating_sub(HEADER_BYTES) / bytes_a_triangle(output);
+        if most < LEAST_TRIANGLES {
+            return Err(Failure::Usage(format!("--max-size {}: no mesh is so small", Size(bytes))));
+        }
+        Ok(most)
+    });
+    let of_size = of_size.transpose()?.unwrap_or(u64::MAX);
+    Ok(args.triangles.unwrap_or(u64::MAX).min(of_size))
+}
+
+/// What a mesh file has beside its triangles.
+const HEADER_BYTES: u64 = 1024;
+
+/// The fractions at a detail.
+fn lattice_of(detail: Length, store: &Store, memory: u64, bars: &dyn Progress) -> Result<Lattice, Failure> {
+    let unit = unit_of(store.meta());
+    let length = detail.in_unit_of(&store.meta().unit).ok_or_else(super::no_unit)?;
+    let Some(factor) = factor_of(store, length) else {
+        let (path, cell) = (store.path().display(), finest_cell(store));
+        return Err(anyhow!(
+            "{path}: a detail of {length} {unit} is smaller than the store's cells of {cell:.6} {unit}; leave --detail out or \
+             build with --cell"
+        )
+        .into());
+    };
+    let mut lattices = fractions(store, &[factor], memory, bars).map_err(|error| of_store(store, "detail", error))?;
+    Ok(lattices.pop().expect("one factor gives one lattice"))
+}
+
+/// The surface of fractions: that of a fraction given, or the one that keeps the volume.
+fn kept(
+    args: &MeshArgs,
+    lattice: &Lattice,
+    volume: f64,
+    options: &ContourOptions,
+    bars: &dyn Progress,
+) -> Result<Kept, Error> {
+    if let Some(fraction) = args.iso {
+        return surface(lattice, fraction, options, bars);
+    }
+    let plain = ContourOptions { tolerance: 0.0, ..options.clone() };
+    let kept = keep_volume(lattice, volume, 0.0, &plain, bars)?;
+    if options.tolerance == 0.0 {
+        return Ok(kept);
+    }
+    keep_volume(lattice, volume, kept.depth, options, bars)
+}
+
+/// Options of a mesh of fractions: those of the command line, with what of them counts for its lattice.
+///
+/// # Errors
+/// A tolerance with a unit, of a store without.
+pub fn options_of(args: &MeshArgs, store: &Store, cache_bytes: usize) -> Result<ContourOptions, Failure> {
+    Ok(ContourOptions {
+        cache_bytes,
+        tolerance: tolerance_in(args.tolerance, store)?,
+        intersection_free: args.intersection_free,
+        follow_creases: args.follow_creases,
+        temp_dir: args.temp_dir.clone(),
+        ..ContourOptions::default()
+    })
+}
+
+/// What a mesh of fractions is.
+#[derive(Serialize)]
+pub struct Detail {
+    /// Edge of the coarse cells.
+    pub cell: f64,
+    /// The store's cells in one of them, along an axis.
+    pub factor: u32,
+    /// The fraction of solid at the surface.
+    pub fraction: f64,
+    /// How far the surface was moved for the sake of fewer triangles.
+    pub tolerance: f64,
+    /// Whether its volume is the one asked for.
+    #[serde(skip)]
+    pub keeps_volume: bool,
+    /// Enclosed voids of the store and of the mesh.
+    pub voids: [Regions; 2],
+    /// Solid pieces of the store and of the mesh.
+    pub pieces: [Regions; 2],
+}
+
+/// Connected regions.
+#[derive(Clone, Copy, Default, Serialize)]
+pub struct Regions {
+    count: usize,
+    volume: f64,
+}
+
+impl Detail {
+    /// Of a mesh and the store that it is of.
+    ///
+    /// # Errors
+    /// What reading the store gives.
+    pub fn of(made: &Sized, store: &Store, bars: &dyn Progress) -> Result<Detail, Failure> {
+        let coarse = FractionTree::new(&made.lattice, made.kept.depth);
+        let [fine, coarse] = [store as &dyn BrickTree, &coarse].map(|tree| {
+            let labelling = label(tree, Connectivity::default(), bars);
+            labelling.map(|labelling| [false, true].map(|solid| regions(tree, &labelling, solid)))
+        });
+        let (fine, coarse) = (fine.map_err(|error| of_store(store, "detail", error))?, coarse?);
+        Ok(Detail {
+            cell: made.lattice.cell(),
+            factor: made.lattice.factor(),
+            fraction: made.kept.fraction,
+            tolerance: made.tolerance,
+            keeps_volume: made.kept.is_near,
+            voids: [fine[0], coarse[0]],
+            pieces: [fine[1], coarse[1]],
+        })
+    }
+
+    /// For people.
+    pub fn text(&self, unit: &str) -> String {
+        let Detail { cell, factor, fraction, tolerance, voids, pieces, .. } = self;
+        let mut text = format!(
+            "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis; the surface is where {:.1}% is solid",
+            100.0 * fraction
+        );
+        if *tolerance > 0.0 {
+            text += &format!("; tolerance {tolerance:.6} {unit}");
+        }
+        text += &format!("\n  voids    {}", compared(voids, unit, "enclosed"));
+        text += &format!("\n  pieces   {}", compared(pieces, unit, "solid"));
+        text
+    }
+}
+
+/// Regions of the store and what is left of them.
+fn compared([fine, coarse]: &[Regions; 2], unit: &str, kind: &str) -> String {
+    let all = format!("{} {kind} in the store, {:.6} {unit}³", fine.count, fine.volume);
+    if fine.count == coarse.count {
+        return format!("{all}; as many in the mesh, {:.6} {unit}³", coarse.volume);
+    }
+    let what = if coarse.count < fine.count { "the others are smaller than cells" } else { "cells divide some" };
+    format!("{all}; {} in the mesh, {:.6} {unit}³: {what}", coarse.count, coarse.volume)
+}
+
+/// Solid or void regions of a tree.
+fn regions(tree: &dyn BrickTree, labelling: &Labelling, solid: bool) -> Regions {
+    let mut found = Regions::default();
+    for component in labelling.components.iter().filter(|component| component.solid == solid) {
+        found.count += 1;
+        found.volume += component.sums.volumes(tree.root()).iter().sum::<f64>() / 3.0;
+    }
+    found
+}
+
+/// A warning that a mesh does not hold the volume, where it could not.
+pub fn lost_volume(made: &Sized, expected: &Expected, unit: &str) -> Option<String> {
+    if made.kept.is_near || made.kept.summary.triangles == 0 {
+        return None;
+    }
+    let (volume, there) = (made.kept.summary.volume, measured(expected.volume, expected.error));
+    Some(format!(
+        "the mesh holds {volume:.3} {unit}³ of {there} {unit}³: lines closer than cells of {:.6} {unit} are solid at one fraction \
+         and void at the next; choose a smaller --detail or more --triangles",
+        made.lattice.cell()
+    ))
+}
