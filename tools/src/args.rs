@@ -360,6 +360,17 @@ pub struct MeshArgs {
     #[arg(value_parser = PossibleValuesParser::new(["yes", "no"]).map(|answer| answer == "yes"))]
     #[arg(hide_possible_values = true)]
     pub intersection_free: bool,
+    /// Leave out what the part encloses: the boundaries of voids, and pieces that lie in them
+    ///
+    /// The surface is made first, so the volume that is kept is the one with voids.
+    #[arg(long, requires = "output")]
+    pub outer: bool,
+    /// Leave out all solid pieces but the one of the largest volume, with what these enclose
+    #[arg(long, requires = "output")]
+    pub keep_largest: bool,
+    /// Leave out shells, of voids and of pieces, that enclose less, in the cube of the store's unit
+    #[arg(long, value_name = "VOLUME", requires = "output")]
+    pub min_shell_volume: Option<f64>,
     /// How cells become triangles
     #[arg(long, value_enum, default_value_t, requires = "output")]
     pub method: MethodArg,

@@ -2,6 +2,7 @@
 
 use super::mesh_check::{Checked, require_sound};
 use super::mesh_detail::{self, Detail};
+use super::mesh_shells::{self, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
@@ -15,7 +16,7 @@ use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
+    ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
     foresee_triangles,
 };
 use brickfield_engine::fraction::FractionTree;
@@ -43,6 +44,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     if is_coarse {
         mesh_detail::check(&args)?;
     }
+    mesh_shells::check(&args)?;
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
     if args.check && !is_mesh_name(output) {
@@ -82,8 +84,13 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         follow_creases: args.follow_creases,
         temp_dir: args.temp_dir.clone(),
     };
-    let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
-    report.compare(&store, &options, &bars)?;
+    let report = if mesh_shells::is_asked(&args) {
+        write_shells(&args, (&store, &store), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
+    } else {
+        let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
+        report.compare(&store, &options, &bars)?;
+        report
+    };
     finish(&args, &store, output, report, &bars)
 }
 
@@ -108,7 +115,7 @@ fn run_coarse(
     }
     let options = ContourOptions { tolerance: made.tolerance, ..options };
     let tree = FractionTree::new(&made.lattice, made.kept.depth);
-    let mut report = write_tree(store, &tree, &options, output, sink, bars)?;
+    let mut report = write_shells(args, (store, &tree), &options, (output, sink), memory, bars)?;
     let detail = Detail::of(&made, store, bars)?;
     let unit = &report.unit;
     if let Some(expected) = source {
@@ -124,6 +131,34 @@ fn run_coarse(
     report.detail = Some(detail);
     report.seconds = started.elapsed().as_secs_f64();
     finish(args, store, output, report, bars)
+}
+
+/// Contours a tree that was made of the store, without the shells that are not wanted.
+fn write_shells(
+    args: &MeshArgs,
+    (store, tree): (&Store, &dyn BrickTree),
+    options: &ContourOptions,
+    (output, sink): (&Path, &mut dyn MeshSink),
+    memory: u64,
+    bars: &Bars,
+) -> Result<MeshReport, Failure> {
+    let chosen = mesh_shells::choose(args, tree, options, memory, bars)
+        .map_err(|error| of_store(store, "shells", error))?;
+    if !chosen.kept.is_empty() && !chosen.kept.contains(&true) {
+        let (path, count) = (store.path().display(), chosen.kept.len());
+        let what = format!("{path}: none of {count} shells is left; choose a smaller --min-shell-volume");
+        return Err(anyhow::anyhow!(what).into());
+    }
+    let mut some = KeptShells::new(sink, &chosen.kept, &chosen.of);
+    let mut report = write_tree(store, tree, options, output, &mut some, bars)?;
+    if chosen.kept.contains(&false) {
+        let counted = some.counted();
+        (report.vertices, report.triangles) = (counted.vertices, counted.triangles);
+        (report.area, report.bounds) = (counted.area, counted.bounds);
+        report.volume = chosen.told.pieces.volume - chosen.told.voids.volume;
+    }
+    report.shells = Some(chosen.told);
+    Ok(report)
 }
 
 /// Checks what was written, and tells of it.
@@ -234,6 +269,9 @@ pub struct MeshReport {
     /// Of a mesh of fractions.
     #[serde(skip_serializing_if = "Option::is_none")]
     detail: Option<Detail>,
+    /// What was kept and left out, where shells were told apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shells: Option<Shells>,
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
@@ -317,7 +355,9 @@ impl MeshReport {
              {unit}³, {seconds:.2} s"
         );
         text.extend(self.expected_text());
-        text.extend(self.detail.iter().map(|detail| detail.text(unit)));
+        let shells = self.shells.unwrap_or_default();
+        text.extend(self.detail.iter().map(|detail| detail.text(&shells, unit)));
+        text.extend(shells.text(unit));
         if let Some(check) = &self.check {
             text += &format!("\n{}", check.text());
         }
@@ -387,6 +427,7 @@ fn write_tree(
         expected: None,
         cell: 0.0,
         detail: None,
+        shells: None,
         negative_volume: None,
         check: None,
     })

@@ -1,6 +1,7 @@
 //! A mesh of a detail or a size: the part as fractions of solid in coarse cells.
 
 use super::mesh::{Expected, bytes_a_triangle, tolerance_in};
+use super::mesh_shells::{Regions, Shells};
 use super::{of_store, unit_of};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
@@ -9,10 +10,10 @@ use crate::units::{Length, Size};
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, foresee_triangles};
 use brickfield_engine::fraction::{
-    FractionTree, Kept, Lattice, Request, Sized, factor_of, finest_cell, fractions, keep_volume, of_triangles, surface,
+    Kept, Lattice, Request, Sized, factor_of, finest_cell, fractions, keep_volume, of_triangles, surface,
 };
 use brickfield_engine::store::{BrickTree, Store};
-use brickfield_engine::voids::{Connectivity, Labelling, label};
+use brickfield_engine::voids::{Connectivity, label};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -112,11 +113,11 @@ fn kept(
         return surface(lattice, fraction, options, bars);
     }
     let plain = ContourOptions { tolerance: 0.0, ..options.clone() };
-    let kept = keep_volume(lattice, volume, 0.0, &plain, bars)?;
+    let kept = keep_volume(lattice, volume, None, &plain, bars)?;
     if options.tolerance == 0.0 {
         return Ok(kept);
     }
-    keep_volume(lattice, volume, kept.depth, options, bars)
+    keep_volume(lattice, volume, Some(kept.depth), options, bars)
 }
 
 /// Options of a mesh of fractions: those of the command line, with what of them counts for its lattice.
@@ -145,20 +146,10 @@ pub struct Detail {
     pub fraction: f64,
     /// How far the surface was moved for the sake of fewer triangles.
     pub tolerance: f64,
-    /// Whether its volume is the one asked for.
-    #[serde(skip)]
-    pub keeps_volume: bool,
-    /// Enclosed voids of the store and of the mesh.
-    pub voids: [Regions; 2],
-    /// Solid pieces of the store and of the mesh.
-    pub pieces: [Regions; 2],
-}
-
-/// Connected regions.
-#[derive(Clone, Copy, Default, Serialize)]
-pub struct Regions {
-    count: usize,
-    volume: f64,
+    /// Enclosed voids of the store.
+    pub voids: Regions,
+    /// Solid pieces of the store.
+    pub pieces: Regions,
 }
 
 impl Detail {
@@ -167,26 +158,29 @@ impl Detail {
     /// # Errors
     /// What reading the store gives.
     pub fn of(made: &Sized, store: &Store, bars: &dyn Progress) -> Result<Detail, Failure> {
-        let coarse = FractionTree::new(&made.lattice, made.kept.depth);
-        let [fine, coarse] = [store as &dyn BrickTree, &coarse].map(|tree| {
-            let labelling = label(tree, Connectivity::default(), bars);
-            labelling.map(|labelling| [false, true].map(|solid| regions(tree, &labelling, solid)))
-        });
-        let (fine, coarse) = (fine.map_err(|error| of_store(store, "detail", error))?, coarse?);
+        let fine = label(store, Connectivity::default(), bars).map_err(|error| of_store(store, "detail", error))?;
+        let of = |solid: bool| {
+            let mut found = Regions::default();
+            for component in fine.components.iter().filter(|component| component.solid == solid) {
+                found.count += 1;
+                found.volume += component.sums.volumes(store.root()).iter().sum::<f64>() / 3.0;
+            }
+            found
+        };
         Ok(Detail {
             cell: made.lattice.cell(),
             factor: made.lattice.factor(),
             fraction: made.kept.fraction,
             tolerance: made.tolerance,
-            keeps_volume: made.kept.is_near,
-            voids: [fine[0], coarse[0]],
-            pieces: [fine[1], coarse[1]],
+            voids: of(false),
+            pieces: of(true),
         })
     }
 
     /// For people.
-    pub fn text(&self, unit: &str) -> String {
-        let Detail { cell, factor, fraction, tolerance, voids, pieces, .. } = self;
+    pub fn text(&self, shells: &Shells, unit: &str) -> String {
+        let Detail { cell, factor, fraction, tolerance, voids, pieces } = self;
+        let [of_voids, of_pieces] = [&shells.all_voids(), &shells.all_pieces()];
         let mut text = format!(
             "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis; the surface is where {:.1}% is solid",
             100.0 * fraction
@@ -194,30 +188,24 @@ impl Detail {
         if *tolerance > 0.0 {
             text += &format!("; tolerance {tolerance:.6} {unit}");
         }
-        text += &format!("\n  voids    {}", compared(voids, unit, "enclosed"));
-        text += &format!("\n  pieces   {}", compared(pieces, unit, "solid"));
+        text += &format!("\n  voids    {}", compared((voids, of_voids), unit, "enclosed"));
+        text += &format!("\n  pieces   {}", compared((pieces, of_pieces), unit, "solid"));
         text
     }
 }
 
-/// Regions of the store and what is left of them.
-fn compared([fine, coarse]: &[Regions; 2], unit: &str, kind: &str) -> String {
+/// Regions of the store and what of them is in the mesh.
+fn compared((fine, coarse): (&Regions, &Regions), unit: &str, kind: &str) -> String {
     let all = format!("{} {kind} in the store, {:.6} {unit}³", fine.count, fine.volume);
     if fine.count == coarse.count {
         return format!("{all}; as many in the mesh, {:.6} {unit}³", coarse.volume);
     }
-    let what = if coarse.count < fine.count { "the others are smaller than cells" } else { "cells divide some" };
+    let what = if coarse.count < fine.count {
+        "the others are smaller than cells and averaged away"
+    } else {
+        "what narrows below a cell is cut apart there"
+    };
     format!("{all}; {} in the mesh, {:.6} {unit}³: {what}", coarse.count, coarse.volume)
-}
-
-/// Solid or void regions of a tree.
-fn regions(tree: &dyn BrickTree, labelling: &Labelling, solid: bool) -> Regions {
-    let mut found = Regions::default();
-    for component in labelling.components.iter().filter(|component| component.solid == solid) {
-        found.count += 1;
-        found.volume += component.sums.volumes(tree.root()).iter().sum::<f64>() / 3.0;
-    }
-    found
 }
 
 /// A warning that a mesh does not hold the volume, where it could not.

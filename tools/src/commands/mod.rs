@@ -17,6 +17,7 @@ pub mod layers;
 pub mod mesh;
 mod mesh_check;
 mod mesh_detail;
+mod mesh_shells;
 pub mod overlap;
 pub mod render;
 pub mod sample;

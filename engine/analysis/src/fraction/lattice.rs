@@ -45,6 +45,8 @@ pub struct Lattice {
     sum: f64,
     /// By fraction as stored, [`depth`].
     depths: Box<[f32]>,
+    /// By fraction as stored, how many samples have it.
+    counts: Box<[u64]>,
 }
 
 impl Lattice {
@@ -62,7 +64,8 @@ impl Lattice {
         let origin = first.map(|c| c - BEFORE as f64 * cell - unit);
         let depths = (0..=u16::MAX).map(|f| depth(f64::from(f) / f64::from(FULL)) as f32).collect();
         let root = RootCube { origin, edge };
-        Ok(Lattice { factor, root, level, bricks: BTreeMap::new(), open: BTreeSet::new(), sum: 0.0, depths })
+        let counts = vec![0; usize::from(FULL) + 1].into();
+        Ok(Lattice { factor, root, level, bricks: BTreeMap::new(), open: BTreeSet::new(), sum: 0.0, depths, counts })
     }
 
     /// How many of the finest cells an axis are one coarse cell.
@@ -122,6 +125,14 @@ impl Lattice {
         depths
     }
 
+    /// About the volume within the surface at a depth, in the cube of the tree's unit: each sample stands for a cell, or for
+    /// part of one at the surface.
+    pub(super) fn volume_within(&self, at: f64) -> f64 {
+        let part = |depth: f32| (f64::from(depth) - at + 0.5).clamp(0.0, 1.0);
+        let samples = self.depths.iter().zip(&self.counts).map(|(&depth, &count)| part(depth) * count as f64);
+        samples.sum::<f64>() * self.cell().powi(3)
+    }
+
     /// Heap bytes of all bricks.
     fn bytes(&self) -> u64 {
         let mixed = self.mixed().count() as u64;
@@ -160,6 +171,7 @@ impl Lattice {
             let Some(Coarse::Open(sums)) = self.bricks.remove(&key) else { continue };
             self.sum += sums.iter().sum::<f64>();
             let fractions: Box<[u16]> = sums.iter().map(|&sum| stored(sum)).collect();
+            fractions.iter().for_each(|&f| self.counts[usize::from(f)] += 1);
             if fractions.iter().all(|&f| f == FULL) {
                 self.bricks.insert(key, Coarse::Full);
             } else if fractions.iter().any(|&f| f > 0) {

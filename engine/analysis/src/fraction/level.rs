@@ -7,11 +7,13 @@ use crate::error::Result;
 use crate::progress::Progress;
 
 /// How near to the volume a surface is to be, as a share of it.
-const NEAR: f64 = 5e-5;
+const NEAR: f64 = 1e-4;
 /// Surfaces that are measured at most.
 const TRIES: usize = 10;
 /// The farthest from the surface of one half, in coarse cells: beyond a cell nothing is known.
 const FARTHEST: f64 = 0.98;
+/// How often the interval of depths is halved to begin with: to less than a ten-thousandth of a cell.
+const HALVINGS: usize = 15;
 
 /// A surface of the fractions.
 #[derive(Clone, Copy, Debug)]
@@ -61,20 +63,20 @@ pub fn surface(
 }
 
 /// The surface whose mesh, made with these options, holds `volume`; the nearest that is found where none does, as of infill
-/// whose lines are closer than cells: all of it is solid at one fraction and void at the next. `first` is where the search
-/// begins, 0 if nothing is known.
+/// whose lines are closer than cells: all of it is solid at one fraction and void at the next. `first` is a surface whose
+/// volume is about right, if one is known.
 ///
 /// # Errors
 /// As [`contour`].
 pub fn keep_volume(
     lattice: &Lattice,
     volume: f64,
-    first: f64,
+    first: Option<f64>,
     options: &ContourOptions,
     progress: &dyn Progress,
 ) -> Result<Kept> {
-    let mut search = Search { inside: -FARTHEST, outside: FARTHEST, measured: Vec::new() };
-    let mut next = first;
+    let mut search = Search::new();
+    let mut next = first.unwrap_or_else(|| depth_of(lattice, volume));
     let mut best: Option<Kept> = None;
     for _ in 0..TRIES {
         let summary = measure(&FractionTree::new(lattice, next), options, progress)?;
@@ -83,35 +85,48 @@ pub fn keep_volume(
         if best.is_none_or(|best| off.abs() < (best.summary.volume - volume).abs()) {
             best = Some(Kept { depth: next, fraction: fraction_at(next), summary, is_near });
         }
-        if is_near || search.outside - search.inside < 1e-6 {
+        if is_near || search.is_over() {
             break;
         }
-        next = search.next(next, off, summary.area * lattice.cell());
+        // By how much cells and the mesh differ changes little from one surface to the next.
+        let guess = depth_of(lattice, lattice.volume_within(next) - off);
+        next = search.next(next, off, guess);
     }
     Ok(best.expect("one is measured at least"))
+}
+
+/// The surface within which cells hold about this volume.
+pub(super) fn depth_of(lattice: &Lattice, volume: f64) -> f64 {
+    let (mut inside, mut outside) = (-FARTHEST, FARTHEST);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (inside + outside);
+        if lattice.volume_within(middle) > volume { inside = middle } else { outside = middle }
+    }
+    0.5 * (inside + outside)
 }
 
 /// The search for a depth, between one whose volume is too large and one whose is too small.
 struct Search {
     inside: f64,
     outside: f64,
-    /// Depths and by how much their volumes are too large.
-    measured: Vec<(f64, f64)>,
+    steps: usize,
 }
 
 impl Search {
-    /// The depth to try after one, whose volume is `off` too large and shrinks by `slope` a cell.
-    fn next(&mut self, depth: f64, off: f64, slope: f64) -> f64 {
+    fn new() -> Search {
+        Search { inside: -FARTHEST, outside: FARTHEST, steps: 0 }
+    }
+
+    fn is_over(&self) -> bool {
+        self.outside - self.inside < 1e-6
+    }
+
+    /// The depth to try after one whose volume is `off` too large.
+    fn next(&mut self, depth: f64, off: f64, guess: f64) -> f64 {
         if off > 0.0 { self.inside = self.inside.max(depth) } else { self.outside = self.outside.min(depth) }
-        let slope = match self.measured.last() {
-            Some(&(before, then)) if before != depth && then != off => (then - off) / (depth - before),
-            _ => slope,
-        };
-        self.measured.push((depth, off));
-        let middle = 0.5 * (self.inside + self.outside);
-        let next = depth + off / slope;
-        // Every third step halves what is left, whatever slopes say.
-        let is_within = next > self.inside && next < self.outside;
-        if is_within && !self.measured.len().is_multiple_of(4) { next } else { middle }
+        self.steps += 1;
+        // Guesses that do not come nearer soon are worth less than halves.
+        let is_within = guess > self.inside && guess < self.outside;
+        if is_within && self.steps < 4 { guess } else { 0.5 * (self.inside + self.outside) }
     }
 }

@@ -1,7 +1,7 @@
 //! The detail at which a mesh has so many triangles.
 
 use super::lattice::{Lattice, fractions};
-use super::level::{Kept, keep_volume, measure};
+use super::level::{Kept, depth_of, keep_volume, measure};
 use super::{FractionTree, factor_of};
 use crate::contour::ContourOptions;
 use crate::error::{Error, Result};
@@ -89,7 +89,10 @@ fn first_lattice(
         largest = largest.min(most);
         let factors = factors(largest);
         let mut lattices = fractions(tree, &factors, request.memory, progress)?;
-        let has_enough = |lattice: &Lattice| FractionTree::new(lattice, 0.0).triangles() >= request.most;
+        let has_enough = |lattice: &Lattice| {
+            let depth = depth_of(lattice, request.volume.unwrap_or(lattice.volume()));
+            FractionTree::new(lattice, depth).triangles() as f64 >= LEAST_SHARE * request.most as f64
+        };
         // From the coarsest on.
         let found = (0..lattices.len()).rev().find(|&n| has_enough(&lattices[n]));
         match found {
@@ -147,7 +150,7 @@ fn fitted(
 ) -> Result<Option<Sized>> {
     let volume = request.volume.unwrap_or(lattice.volume());
     let mut options = ContourOptions { tolerance: 0.0, ..request.options.clone() };
-    let kept = keep_volume(&lattice, volume, 0.0, &options, progress)?;
+    let kept = keep_volume(&lattice, volume, None, &options, progress)?;
     let most = request.most as f64;
     let mut note = |triangles: u64| *least = (*least).min(if triangles > 0 { triangles } else { u64::MAX });
     note(kept.summary.triangles);
@@ -161,10 +164,12 @@ fn fitted(
     options.tolerance = 0.02 * lattice.cell();
     for _ in 0..TRIES {
         let tree = FractionTree::new(&lattice, kept.depth);
-        let triangles = measure(&tree, &options, progress)?.triangles;
+        // Few merges are taken back because triangles meet.
+        let quick = ContourOptions { intersection_free: false, ..options.clone() };
+        let triangles = measure(&tree, &quick, progress)?.triangles;
         note(triangles);
         let share = triangles as f64 / most;
-        if (LEAST_SHARE + 0.01..=AIM + 0.02).contains(&share) {
+        if (LEAST_SHARE + 0.005..=AIM + 0.02).contains(&share) {
             break;
         }
         match search.next(options.tolerance, share) {
@@ -174,7 +179,7 @@ fn fitted(
     }
     // The volume is kept by the mesh that is written.
     for _ in 0..4 {
-        let kept = keep_volume(&lattice, volume, kept.depth, &options, progress)?;
+        let kept = keep_volume(&lattice, volume, Some(kept.depth), &options, progress)?;
         if kept.summary.triangles as f64 <= most {
             return Ok(Some(Sized { lattice, kept, tolerance: options.tolerance }));
         }
