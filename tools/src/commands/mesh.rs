@@ -9,11 +9,11 @@ use crate::failure::Failure;
 use crate::kinds::{is_mesh_name, not_a_store};
 use crate::measured::measured;
 use crate::memory;
-use crate::output::{one_line, print, print_json, require_distinct, warn};
+use crate::output::{note, one_line, print, print_json, require_distinct, warn};
 use crate::pieces::{negative, negative_text};
 use crate::progress::Bars;
 use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
-use crate::units::{Tolerance, Unit};
+use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
     ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
@@ -68,7 +68,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
     if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
-        require_mesh_space(&store, output, iso, args.level)?;
+        require_mesh_space(&store, output, (iso, args.level), args.work.quiet)?;
     }
     let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
     if is_coarse {
@@ -116,7 +116,8 @@ fn run_coarse(
     let options = ContourOptions { tolerance: made.tolerance, ..options };
     let tree = FractionTree::new(&made.lattice, made.kept.depth);
     let mut report = write_shells(args, (store, &tree), &options, (output, sink), memory, bars)?;
-    let detail = Detail::of(&made, store, bars)?;
+    let mut detail = Detail::of(&made, store, bars)?;
+    detail.measure(&made, (&options, memory), store, bars)?;
     let unit = &report.unit;
     if let Some(expected) = source {
         if args.iso.is_none()
@@ -218,21 +219,46 @@ pub fn bytes_a_triangle(path: &Path) -> u64 {
     }
 }
 
-/// Fails if a mesh without a tolerance will be larger than what its disk has free.
+/// Smaller meshes are written before anyone could read how large they will be.
+const TOLD_BYTES: u64 = 10_000_000;
+
+/// Tells how large a mesh without a tolerance will be, warns of one of more than a gigabyte, and fails if its disk has no room
+/// for it.
 ///
 /// # Errors
-/// Both numbers; what reading the store gives.
-pub fn require_mesh_space(store: &Store, path: &Path, iso: f64, level: Option<u8>) -> Result<(), Failure> {
+/// Size and room; what reading the store gives.
+pub fn require_mesh_space(
+    store: &Store,
+    path: &Path,
+    (iso, level): (f64, Option<u8>),
+    quiet: bool,
+) -> Result<(), Failure> {
     let a_triangle = bytes_a_triangle(path);
     let bricks = store.entries().iter().filter(|entry| !entry.head.kind.is_uniform()).count() as u64;
     let most = bricks.saturating_mul(TRIANGLES_A_BRICK * a_triangle);
     // Nothing is read where it cannot matter.
-    if most < LARGE_BYTES || free_beside(path).is_none_or(|free| most <= free) {
+    if most < TOLD_BYTES {
         return Ok(());
     }
     let triangles = foresee_triangles(store, iso, level)?;
-    require_space(path, triangles.saturating_mul(a_triangle), "use --tolerance or a lower --level")
+    let bytes = triangles.saturating_mul(a_triangle);
+    require_space(path, bytes, SMALLER)?;
+    if quiet || bytes < TOLD_BYTES {
+        return Ok(());
+    }
+    let free = free_beside(path).map_or(String::new(), |free| format!(", {} free there", Size(free)));
+    let millions = triangles as f64 / 1e6;
+    let told = format!("{}: about {millions:.1} million triangles, {}{free}", path.display(), Size(bytes));
+    if bytes > LARGE_BYTES {
+        warn(&format!("{told}; {SMALLER}"));
+    } else {
+        note(&told);
+    }
+    Ok(())
 }
+
+/// What makes a mesh smaller.
+const SMALLER: &str = "use --triangles 1000000, --max-size 200MB or --detail LEN, which keep the volume";
 
 /// The file for a mesh in this unit, with normals or not; a name whose format is unknown or has none is wrong usage.
 pub fn mesh_sink(path: &Path, unit: Option<Unit>, normals: bool) -> Result<Box<dyn MeshSink>, Failure> {
@@ -375,9 +401,11 @@ impl MeshReport {
         if off.abs() > error.max(5e-5 * volume) {
             let percent = 100.0 * off.abs() / volume;
             let more = if off > 0.0 { "more" } else { "less" };
-            text += &format!(
-                "; the mesh {percent:.2}% {more}, as cells of {cell:.6} {unit} round off what is smaller"
-            );
+            text += &format!("; the mesh {percent:.2}% {more}");
+            text += &match self.shells {
+                Some(shells) if shells.has_dropped() => ", with what is left out".to_owned(),
+                _ => format!(", as cells of {cell:.6} {unit} round off what is smaller"),
+            };
         }
         Some(text)
     }

@@ -8,9 +8,9 @@ use crate::failure::Failure;
 use crate::measured::measured;
 use crate::units::{Length, Size};
 use anyhow::anyhow;
-use brickfield_engine::contour::{ContourOptions, foresee_triangles};
+use brickfield_engine::contour::{ContourOptions, MeshArrays, contour, foresee_triangles};
 use brickfield_engine::fraction::{
-    Kept, Lattice, Request, Sized, factor_of, finest_cell, fractions, keep_volume, of_triangles, surface,
+    Distances, FractionTree, Kept, Lattice, Request, Sized, distances, factor_of, finest_cell, fractions, keep_volume, of_triangles, surface,
 };
 use brickfield_engine::store::{BrickTree, Store};
 use brickfield_engine::voids::{Connectivity, label};
@@ -18,6 +18,12 @@ use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
 
+/// A triangle in memory with its share of vertices and of the grid by which it is found.
+const DISTANCE_BYTES_A_TRIANGLE: u64 = 60;
+/// How far around points of the mesh the store's surface is looked for, in coarse cells.
+const REACH: f64 = 2.0;
+/// Farther from the mesh, in coarse cells, is what was averaged away.
+const FAR: f64 = 1.5;
 /// Fewest triangles of a closed surface.
 const LEAST_TRIANGLES: u64 = 4;
 
@@ -150,6 +156,9 @@ pub struct Detail {
     pub voids: Regions,
     /// Solid pieces of the store.
     pub pieces: Regions,
+    /// Distances of points of the mesh from the store's surface, and of points of that from the mesh; `None` of meshes that do
+    /// not fit the memory.
+    pub distances: Option<[Distances; 2]>,
 }
 
 impl Detail {
@@ -174,12 +183,36 @@ impl Detail {
             tolerance: made.tolerance,
             voids: of(false),
             pieces: of(true),
+            distances: None,
         })
+    }
+
+    /// Measures distances, if the mesh fits the memory.
+    ///
+    /// # Errors
+    /// What reading the store gives.
+    pub fn measure(
+        &mut self,
+        made: &Sized,
+        (options, memory): (&ContourOptions, u64),
+        store: &Store,
+        bars: &dyn Progress,
+    ) -> Result<(), Failure> {
+        if made.kept.summary.triangles.saturating_mul(DISTANCE_BYTES_A_TRIANGLE) > memory {
+            return Ok(());
+        }
+        let mut mesh = MeshArrays::default();
+        let tree = FractionTree::new(&made.lattice, made.kept.depth);
+        contour(&tree, options, &mut mesh, bars)?;
+        let reach = REACH * self.cell + self.tolerance;
+        let found = distances(store, &mesh, (FAR * self.cell, reach), bars).map_err(|error| of_store(store, "distances", error))?;
+        self.distances = Some(found);
+        Ok(())
     }
 
     /// For people.
     pub fn text(&self, shells: &Shells, unit: &str) -> String {
-        let Detail { cell, factor, fraction, tolerance, voids, pieces } = self;
+        let Detail { cell, factor, fraction, tolerance, voids, pieces, distances } = self;
         let [of_voids, of_pieces] = [&shells.all_voids(), &shells.all_pieces()];
         let mut text = format!(
             "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis; the surface is where {:.1}% is solid",
@@ -190,6 +223,20 @@ impl Detail {
         }
         text += &format!("\n  voids    {}", compared((voids, of_voids), unit, "enclosed"));
         text += &format!("\n  pieces   {}", compared((pieces, of_pieces), unit, "solid"));
+        if let Some([of_mesh, of_store]) = distances {
+            let error = 0.5 * cell / f64::from(*factor);
+            let told = |distances: &Distances| {
+                let Distances { mean, of_999, largest, .. } = *distances;
+                let [mean, of_999, largest] = [mean, of_999, largest].map(|length| measured(length, error));
+                format!("mean {mean} {unit}, 99.9% within {of_999}, all within {largest}")
+            };
+            text += &format!("\n  distance of the mesh from the store's surface at {} points: {}", of_mesh.points, told(of_mesh));
+            text += &format!("\n  distance of that surface from the mesh at {} points: {}", of_store.points, told(of_store));
+            if of_store.beyond > 0.0 {
+                let percent = 100.0 * of_store.beyond;
+                text += &format!("; {percent:.1}% of them are farther than {:.6}: averaged away", FAR * cell);
+            }
+        }
         text
     }
 }
@@ -208,9 +255,13 @@ fn compared((fine, coarse): (&Regions, &Regions), unit: &str, kind: &str) -> Str
     format!("{all}; {} in the mesh, {:.6} {unit}³: {what}", coarse.count, coarse.volume)
 }
 
+/// By how much of its volume a mesh may be off before a warning says so.
+const MOST_OFF: f64 = 1e-3;
+
 /// A warning that a mesh does not hold the volume, where it could not.
 pub fn lost_volume(made: &Sized, expected: &Expected, unit: &str) -> Option<String> {
-    if made.kept.is_near || made.kept.summary.triangles == 0 {
+    let off = (made.kept.summary.volume - expected.volume).abs();
+    if off <= expected.error.max(MOST_OFF * expected.volume) {
         return None;
     }
     let (volume, there) = (made.kept.summary.volume, measured(expected.volume, expected.error));

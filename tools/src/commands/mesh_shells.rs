@@ -134,10 +134,15 @@ impl Shells {
         self.pieces.and(self.dropped_pieces)
     }
 
+    /// Whether anything was left out.
+    pub fn has_dropped(&self) -> bool {
+        self.dropped_pieces.count + self.dropped_voids.count > 0
+    }
+
     /// What was left out, for people; `None` if it is nothing.
     pub fn text(&self, unit: &str) -> Option<String> {
         let Shells { dropped_pieces: pieces, dropped_voids: voids, .. } = self;
-        if pieces.count + voids.count == 0 {
+        if !self.has_dropped() {
             return None;
         }
         let of = |regions: &Regions, kind: &str| {

@@ -9,7 +9,7 @@ use crate::progress::Progress;
 /// How near to the volume a surface is to be, as a share of it.
 const NEAR: f64 = 1e-4;
 /// Surfaces that are measured at most.
-const TRIES: usize = 10;
+const TRIES: usize = 8;
 /// The farthest from the surface of one half, in coarse cells: beyond a cell nothing is known.
 const FARTHEST: f64 = 0.98;
 /// How often the interval of depths is halved to begin with: to less than a ten-thousandth of a cell.
@@ -109,12 +109,11 @@ pub(super) fn depth_of(lattice: &Lattice, volume: f64) -> f64 {
 struct Search {
     inside: f64,
     outside: f64,
-    steps: usize,
 }
 
 impl Search {
     fn new() -> Search {
-        Search { inside: -FARTHEST, outside: FARTHEST, steps: 0 }
+        Search { inside: -FARTHEST, outside: FARTHEST }
     }
 
     fn is_over(&self) -> bool {
@@ -124,9 +123,8 @@ impl Search {
     /// The depth to try after one whose volume is `off` too large.
     fn next(&mut self, depth: f64, off: f64, guess: f64) -> f64 {
         if off > 0.0 { self.inside = self.inside.max(depth) } else { self.outside = self.outside.min(depth) }
-        self.steps += 1;
-        // Guesses that do not come nearer soon are worth less than halves.
+        // A guess beyond what is known already is worth less than the middle.
         let is_within = guess > self.inside && guess < self.outside;
-        if is_within && self.steps < 4 { guess } else { 0.5 * (self.inside + self.outside) }
+        if is_within { guess } else { 0.5 * (self.inside + self.outside) }
     }
 }

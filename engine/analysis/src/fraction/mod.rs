@@ -12,7 +12,11 @@
 //! | `tree` | a surface of the fractions as a tree that can be contoured |
 //! | `level` | the surface that keeps the volume |
 //! | `size` | the detail at which a mesh has so many triangles |
+//! | `closest` | the distance of points from a mesh |
+//! | `distance` | how far a mesh and the surface of a store are from each other |
 
+mod closest;
+mod distance;
 mod kernel;
 mod lattice;
 mod leaf;
@@ -22,6 +26,7 @@ mod size;
 mod tests;
 mod tree;
 
+pub use distance::{Distances, distances};
 pub use lattice::{Lattice, fractions};
 pub use level::{Kept, keep_volume, surface};
 pub use size::{Request, Sized, of_triangles};
