@@ -213,7 +213,9 @@ impl Detail {
     /// For people.
     pub fn text(&self, shells: &Shells, unit: &str) -> String {
         let Detail { cell, factor, fraction, tolerance, voids, pieces, distances } = self;
-        let [of_voids, of_pieces] = [&shells.all_voids(), &shells.all_pieces()];
+        let [of_voids, mut of_pieces] = [shells.all_voids(), shells.all_pieces()];
+        // Shells enclose their voids as well.
+        of_pieces.volume -= of_voids.volume;
         let mut text = format!(
             "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis; the surface is where {:.1}% is solid",
             100.0 * fraction
@@ -221,8 +223,8 @@ impl Detail {
         if *tolerance > 0.0 {
             text += &format!("; tolerance {tolerance:.6} {unit}");
         }
-        text += &format!("\n  voids    {}", compared((voids, of_voids), unit, "enclosed"));
-        text += &format!("\n  pieces   {}", compared((pieces, of_pieces), unit, "solid"));
+        text += &format!("\n  voids    {}", compared((voids, &of_voids), unit, "enclosed"));
+        text += &format!("\n  pieces   {}", compared((pieces, &of_pieces), unit, "solid"));
         if let Some([of_mesh, of_store]) = distances {
             let error = 0.5 * cell / f64::from(*factor);
             let told = |distances: &Distances| {

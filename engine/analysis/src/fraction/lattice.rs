@@ -249,7 +249,7 @@ pub fn fractions(
             block.iter().for_each(|block| lattice.add(block, (finest, factor)));
             lattice.complete(code);
         }
-        if number.is_multiple_of(256) && lattices.iter().map(Lattice::bytes).sum::<u64>() > memory {
+        if (number.is_multiple_of(64) || number == last) && lattices.iter().map(Lattice::bytes).sum::<u64>() > memory {
             let cell = lattices.first().map_or(0.0, Lattice::cell);
             return Err(Error::setting(
                 format!("fractions of cells of {cell:.6} do not fit the memory allowed"),

@@ -17,7 +17,9 @@ const STEP: f64 = 1.16;
 /// How far down details are tried in one reading of the leaves.
 const REACH: f64 = 2.2;
 /// The largest tolerance in coarse cells: beyond it a coarser lattice is nearer to the part for as many triangles.
-const MOST_TOLERANCE: f64 = 0.5;
+const MOST_TOLERANCE: f64 = 0.3;
+/// By how much of its volume a mesh may be off while another may be nearer.
+const MOST_OFF: f64 = 1e-3;
 /// Tolerances that are tried at most.
 const TRIES: usize = 9;
 
@@ -54,15 +56,27 @@ pub struct Request<'a> {
 pub fn of_triangles(tree: &dyn BrickTree, request: Request<'_>, progress: &dyn Progress) -> Result<Sized> {
     let (mut lattice, mut larger) = first_lattice(tree, &request, progress)?;
     let mut least = u64::MAX;
+    // The one whose volume is nearest, of those that do not keep it.
+    let mut nearest: Option<(f64, Sized)> = None;
     loop {
-        let found = fitted(lattice, &request, &mut least, progress)?;
-        if let Some(found) = found {
-            return Ok(found);
+        let volume = request.volume.unwrap_or(lattice.volume());
+        if let Some(found) = fitted(lattice, &request, &mut least, progress)? {
+            let off = (found.kept.summary.volume / volume - 1.0).abs();
+            if off <= MOST_OFF {
+                return Ok(found);
+            }
+            if nearest.as_ref().is_none_or(|(best, _)| off < *best) {
+                nearest = Some((off, found));
+            }
         }
-        // The tolerance does not reach: a coarser lattice.
-        lattice = match larger.pop() {
-            Some(lattice) => lattice,
-            None => return Err(too_few(request.most, least)),
+        // The tolerance does not reach, or takes too much: a coarser lattice.
+        lattice = match (larger.pop(), nearest.take()) {
+            (Some(lattice), kept) => {
+                nearest = kept;
+                lattice
+            }
+            (None, Some((_, found))) => return Ok(found),
+            (None, None) => return Err(too_few(request.most, least)),
         };
     }
 }
