@@ -121,7 +121,8 @@ fn triangles_are_as_many_as_asked_for_and_files_as_large() {
 fn threads_change_no_byte_and_beads_keep_their_volume() {
     let dir = Scratch::new();
     let store = dir.path("a.brf");
-    run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.5mm", &"-q"]).ok_but_for("thinner");
+    run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.5mm", &"-q"])
+        .ok_but_for("thinner");
     let made = ["1", "2"].map(|threads| {
         let out = dir.path(&format!("{threads}.ply"));
         let json = meshed(&store, &out, &["--detail", "2mm", "--tolerance", "0.05mm", "--threads", threads]);
@@ -130,7 +131,8 @@ fn threads_change_no_byte_and_beads_keep_their_volume() {
     });
     assert!(made[0] == made[1]);
     // A fraction that is given moves the surface.
-    let volume = |iso| meshed(&store, &dir.path("b.ply"), &["--detail", "2mm", "--iso", iso])["volume"].as_f64();
+    let volume =
+        |iso| meshed(&store, &dir.path("b.ply"), &["--detail", "2mm", "--iso", iso])["volume"].as_f64();
     assert!(volume("0.3") > volume("0.7"));
 }
 
@@ -139,7 +141,8 @@ fn leaves_of_several_levels_keep_the_volume() {
     let dir = Scratch::new();
     let (store, out) = (dir.path("a.brf"), dir.path("a.ply"));
     // Flat faces are left in coarse bricks.
-    run(&[&"build", &stl("void_ladder"), &"-o", &store, &"--depth", &"4", &"--tolerance", &"0.02mm", &"-q"]).ok();
+    run(&[&"build", &stl("void_ladder"), &"-o", &store, &"--depth", &"4", &"--tolerance", &"0.02mm", &"-q"])
+        .ok();
     let levels = run(&[&"cache", &"list", &store, &"--json"]).ok();
     assert!(levels.contains("\"level\":"), "{levels}");
     meshed(&store, &out, &["--detail", "0.4mm"]);

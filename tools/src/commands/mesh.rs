@@ -2,7 +2,7 @@
 
 use super::mesh_check::{Checked, require_sound};
 use super::mesh_detail::{self, Detail};
-use super::mesh_shells::{self, Shells};
+use super::mesh_shells::{self, Chosen, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
@@ -16,8 +16,8 @@ use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
-    foresee_triangles,
+    ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink,
+    create_sink_with_normals, foresee_triangles,
 };
 use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
@@ -108,14 +108,11 @@ fn run_coarse(
     let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
     let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
     let source = if store.meta().share.is_none() { Some(Expected::of(store, bars)?) } else { None };
-    let made = mesh_detail::find(args, store, output, (&options, memory), source.as_ref(), bars)?;
-    if made.kept.summary.triangles == 0 {
-        let (path, cell, unit) = (store.path().display(), made.lattice.cell(), super::unit_of(store.meta()));
-        return Err(anyhow::anyhow!("{path}: nothing is left in cells of {cell:.6} {unit}; choose a smaller --detail").into());
-    }
+    let (made, chosen) =
+        mesh_detail::find_chosen(args, store, output, (&options, memory), source.as_ref(), bars)?;
     let options = ContourOptions { tolerance: made.tolerance, ..options };
     let tree = FractionTree::new(&made.lattice, made.kept.depth);
-    let mut report = write_shells(args, (store, &tree), &options, (output, sink), memory, bars)?;
+    let mut report = write_chosen(&chosen, (store, &tree), &options, (output, sink), bars)?;
     let mut detail = Detail::of(&made, store, bars)?;
     detail.measure(&made, (&options, memory), store, bars)?;
     let unit = &report.unit;
@@ -145,6 +142,17 @@ fn write_shells(
 ) -> Result<MeshReport, Failure> {
     let chosen = mesh_shells::choose(args, tree, options, memory, bars)
         .map_err(|error| of_store(store, "shells", error))?;
+    write_chosen(&chosen, (store, tree), options, (output, sink), bars)
+}
+
+/// Contours a tree that was made of the store into the shells that are kept.
+fn write_chosen(
+    chosen: &Chosen,
+    (store, tree): (&Store, &dyn BrickTree),
+    options: &ContourOptions,
+    (output, sink): (&Path, &mut dyn MeshSink),
+    bars: &Bars,
+) -> Result<MeshReport, Failure> {
     if !chosen.kept.is_empty() && !chosen.kept.contains(&true) {
         let (path, count) = (store.path().display(), chosen.kept.len());
         let what = format!("{path}: none of {count} shells is left; choose a smaller --min-shell-volume");

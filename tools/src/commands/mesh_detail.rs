@@ -1,7 +1,7 @@
 //! A mesh of a detail or a size: the part as fractions of solid in coarse cells.
 
 use super::mesh::{Expected, bytes_a_triangle, tolerance_in};
-use super::mesh_shells::{Regions, Shells};
+use super::mesh_shells::{self, Chosen, Regions, Shells};
 use super::{of_store, unit_of};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
@@ -10,7 +10,8 @@ use crate::units::{Length, Size};
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour, foresee_triangles};
 use brickfield_engine::fraction::{
-    Distances, FractionTree, Kept, Lattice, Request, Sized, distances, factor_of, finest_cell, fractions, keep_volume, of_triangles, surface,
+    Distances, FractionTree, Kept, Lattice, Request, Sized, distances, factor_of, finest_cell, fractions,
+    keep_volume, of_triangles, surface,
 };
 use brickfield_engine::store::{BrickTree, Store};
 use brickfield_engine::voids::{Connectivity, label};
@@ -49,14 +50,54 @@ pub fn check(args: &MeshArgs) -> Result<(), Failure> {
     Err(Failure::Usage(what))
 }
 
-/// The mesh that is asked for, not written yet. `expected` is the volume of the source, where it is known.
+/// The mesh that is asked for, not written yet, and its shells that are kept. `expected` is the volume of the source, where
+/// it is known.
 ///
 /// # Errors
 /// A detail below the store's cells, or one at which nothing is left; too few triangles; what reading gives.
-pub fn find(
+pub fn find_chosen(
     args: &MeshArgs,
     store: &Store,
     output: &Path,
+    (options, memory): (&ContourOptions, u64),
+    expected: Option<&Expected>,
+    bars: &dyn Progress,
+) -> Result<(Sized, Chosen), Failure> {
+    let most = most_triangles(args, output)?;
+    let mut ask = most;
+    let mut tries = 0;
+    loop {
+        let made = find(args, store, ask, (options, memory), expected, bars)?;
+        if made.kept.summary.triangles == 0 {
+            let (path, cell, unit) = (store.path().display(), made.lattice.cell(), unit_of(store.meta()));
+            return Err(anyhow!(
+                "{path}: nothing is left in cells of {cell:.6} {unit}; choose a smaller --detail"
+            )
+            .into());
+        }
+        let tree = FractionTree::new(&made.lattice, made.kept.depth);
+        let contoured = ContourOptions { tolerance: made.tolerance, ..options.clone() };
+        let chosen = mesh_shells::choose(args, &tree, &contoured, memory, bars)
+            .map_err(|error| of_store(store, "shells", error))?;
+        // What is left out makes room for more triangles of the rest.
+        let (kept, all) = (chosen.triangles, made.kept.summary.triangles);
+        let is_small = (kept as f64) < 0.9 * most as f64 && (kept as f64) < 0.95 * all as f64;
+        tries += 1;
+        if args.detail.is_some() || kept == 0 || kept <= most && (!is_small || tries > SHELL_TRIES) {
+            return Ok((made, chosen));
+        }
+        ask = if tries > SHELL_TRIES { most } else { (all as f64 * 0.95 * most as f64 / kept as f64) as u64 };
+    }
+}
+
+/// How often a mesh is made anew because shells of it are left out.
+const SHELL_TRIES: usize = 2;
+
+/// The mesh of at most so many triangles, or of the detail that is asked for.
+fn find(
+    args: &MeshArgs,
+    store: &Store,
+    most: u64,
     (options, memory): (&ContourOptions, u64),
     expected: Option<&Expected>,
     bars: &dyn Progress,
@@ -68,7 +109,6 @@ pub fn find(
         let kept = kept(args, &lattice, volume, options, bars).map_err(told)?;
         return Ok(Sized { lattice, kept, tolerance: options.tolerance });
     }
-    let most = most_triangles(args, output)?;
     let of_all = foresee_triangles(store, 0.5, None).map_err(told)?;
     let volume = expected.map(|expected| expected.volume);
     let request = Request { most, of_all, volume, options, memory };
@@ -103,7 +143,8 @@ fn lattice_of(detail: Length, store: &Store, memory: u64, bars: &dyn Progress) -
         )
         .into());
     };
-    let mut lattices = fractions(store, &[factor], memory, bars).map_err(|error| of_store(store, "detail", error))?;
+    let mut lattices =
+        fractions(store, &[factor], memory, bars).map_err(|error| of_store(store, "detail", error))?;
     Ok(lattices.pop().expect("one factor gives one lattice"))
 }
 
@@ -167,7 +208,8 @@ impl Detail {
     /// # Errors
     /// What reading the store gives.
     pub fn of(made: &Sized, store: &Store, bars: &dyn Progress) -> Result<Detail, Failure> {
-        let fine = label(store, Connectivity::default(), bars).map_err(|error| of_store(store, "detail", error))?;
+        let fine =
+            label(store, Connectivity::default(), bars).map_err(|error| of_store(store, "detail", error))?;
         let of = |solid: bool| {
             let mut found = Regions::default();
             for component in fine.components.iter().filter(|component| component.solid == solid) {
@@ -205,7 +247,8 @@ impl Detail {
         let tree = FractionTree::new(&made.lattice, made.kept.depth);
         contour(&tree, options, &mut mesh, bars)?;
         let reach = REACH * self.cell + self.tolerance;
-        let found = distances(store, &mesh, (FAR * self.cell, reach), bars).map_err(|error| of_store(store, "distances", error))?;
+        let found = distances(store, &mesh, (FAR * self.cell, reach), bars)
+            .map_err(|error| of_store(store, "distances", error))?;
         self.distances = Some(found);
         Ok(())
     }
@@ -232,8 +275,16 @@ impl Detail {
                 let [mean, of_999, largest] = [mean, of_999, largest].map(|length| measured(length, error));
                 format!("mean {mean} {unit}, 99.9% within {of_999}, all within {largest}")
             };
-            text += &format!("\n  distance of the mesh from the store's surface at {} points: {}", of_mesh.points, told(of_mesh));
-            text += &format!("\n  distance of that surface from the mesh at {} points: {}", of_store.points, told(of_store));
+            text += &format!(
+                "\n  distance of the mesh from the store's surface at {} points: {}",
+                of_mesh.points,
+                told(of_mesh)
+            );
+            text += &format!(
+                "\n  distance of that surface from the mesh at {} points: {}",
+                of_store.points,
+                told(of_store)
+            );
             if of_store.beyond > 0.0 {
                 let percent = 100.0 * of_store.beyond;
                 text += &format!("; {percent:.1}% of them are farther than {:.6}: averaged away", FAR * cell);

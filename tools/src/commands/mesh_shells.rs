@@ -14,6 +14,8 @@ pub struct Chosen {
     /// By vertex of the whole mesh, its shell.
     pub of: Vec<u32>,
     pub told: Shells,
+    /// Triangles of the shells that are kept.
+    pub triangles: u64,
 }
 
 /// Shells by what they bound.
@@ -95,7 +97,9 @@ pub fn choose(
     let least = args.min_shell_volume.unwrap_or(0.0);
     shells.iter().zip(&mut kept).for_each(|(shell, kept)| *kept &= shell.volume.abs() >= least);
     let told = told(&shells, &kept);
-    Ok(Chosen { kept, of, told })
+    let triangles =
+        shells.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(shell, _)| shell.triangles).sum();
+    Ok(Chosen { kept, of, told, triangles })
 }
 
 /// Keeps the piece of the largest volume and the voids in it.
@@ -146,7 +150,12 @@ impl Shells {
             return None;
         }
         let of = |regions: &Regions, kind: &str| {
-            format!("{} {kind}{}, {:.6} {unit}³", regions.count, if regions.count == 1 { "" } else { "s" }, regions.volume)
+            format!(
+                "{} {kind}{}, {:.6} {unit}³",
+                regions.count,
+                if regions.count == 1 { "" } else { "s" },
+                regions.volume
+            )
         };
         Some(format!("\n  left out {}; {}", of(pieces, "solid piece"), of(voids, "enclosed void")))
     }

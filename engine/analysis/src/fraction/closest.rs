@@ -16,7 +16,10 @@ pub(super) struct Triangles<'a> {
 
 impl<'a> Triangles<'a> {
     pub(super) fn new(mesh: &'a MeshArrays) -> Triangles<'a> {
-        let mut longest: Vec<f64> = (0..mesh.triangles.len()).step_by(1 + mesh.triangles.len() / 1000).map(|n| extent(mesh, n)).collect();
+        let mut longest: Vec<f64> = (0..mesh.triangles.len())
+            .step_by(1 + mesh.triangles.len() / 1000)
+            .map(|n| extent(mesh, n))
+            .collect();
         longest.sort_by(f64::total_cmp);
         let edge = longest.get(longest.len() / 2).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE) * 1.5;
         let mut cubes: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
@@ -82,7 +85,8 @@ fn from_triangle([a, b, c]: [[f64; 3]; 3], p: [f64; 3]) -> f64 {
     let normal = crate::lattice::cross(minus(b, a), minus(c, a));
     let square = dot(normal, normal);
     let sides = [(a, b), (b, c), (c, a)];
-    let is_over = |(from, to): (_, _)| dot(crate::lattice::cross(normal, minus(to, from)), minus(p, from)) >= 0.0;
+    let is_over =
+        |(from, to): (_, _)| dot(crate::lattice::cross(normal, minus(to, from)), minus(p, from)) >= 0.0;
     if square > 0.0 && sides.into_iter().all(is_over) {
         return dot(normal, minus(p, a)).abs() / square.sqrt();
     }
@@ -105,7 +109,8 @@ mod tests {
     fn distances_are_those_of_many_points_on_the_triangles() {
         let mut rng = brickfield_bench_data::Rng::new(7);
         let mut number = || rng.below(2000) as f64 / 1000.0 - 1.0;
-        let positions: Vec<[f32; 3]> = (0..60).map(|_| std::array::from_fn(|_| 3.0 * number() as f32)).collect();
+        let positions: Vec<[f32; 3]> =
+            (0..60).map(|_| std::array::from_fn(|_| 3.0 * number() as f32)).collect();
         let triangles: Vec<[u32; 3]> = (0..20).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
         let mesh = MeshArrays { positions, triangles };
         let found = Triangles::new(&mesh);
@@ -117,7 +122,8 @@ mod tests {
                 for i in 0..=60 {
                     for j in 0..=60 - i {
                         let (s, t) = (f64::from(i) / 60.0, f64::from(j) / 60.0);
-                        let q: [f64; 3] = std::array::from_fn(|n| a[n] + s * (b[n] - a[n]) + t * (c[n] - a[n]));
+                        let q: [f64; 3] =
+                            std::array::from_fn(|n| a[n] + s * (b[n] - a[n]) + t * (c[n] - a[n]));
                         nearest = nearest.min(dot(minus(p, q), minus(p, q)).sqrt());
                     }
                 }

@@ -161,7 +161,12 @@ fn from_mesh(
         }
         Ok(())
     })?;
-    Ok(nearest.into_iter().zip(is_whole).filter(|(_, is_whole)| *is_whole).map(|(distance, _)| distance).collect())
+    Ok(nearest
+        .into_iter()
+        .zip(is_whole)
+        .filter(|(_, is_whole)| *is_whole)
+        .map(|(distance, _)| distance)
+        .collect())
 }
 
 /// How far a point is from the disc of this radius about a crossing.

@@ -22,7 +22,11 @@ pub(super) fn tent(at: f64) -> (i64, [f64; 2]) {
 /// 1 where there is nothing else. So planes along the axes come back exactly where they were; those across them nearly.
 #[inline]
 pub(super) fn depth(fraction: f64) -> f64 {
-    if fraction <= 0.5 { (2.0 * fraction.max(0.0)).sqrt() - 1.0 } else { 1.0 - (2.0 * (1.0 - fraction).max(0.0)).sqrt() }
+    if fraction <= 0.5 {
+        (2.0 * fraction.max(0.0)).sqrt() - 1.0
+    } else {
+        1.0 - (2.0 * (1.0 - fraction).max(0.0)).sqrt()
+    }
 }
 
 /// The inverse of [`depth`].

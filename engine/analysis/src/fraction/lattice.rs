@@ -56,7 +56,9 @@ impl Lattice {
         let cell = fine * f64::from(factor);
         let samples = ((BRICK_CELLS as u64) << finest).div_ceil(u64::from(factor)) as i64 + 2 * BEFORE;
         let fits = |level: &u8| (BRICK_CELLS as i64) << level >= samples + 1;
-        let level = (0..=MAX_LEVEL).find(fits).ok_or_else(|| Error::setting("cells are too many", "choose larger ones"))?;
+        let level = (0..=MAX_LEVEL)
+            .find(fits)
+            .ok_or_else(|| Error::setting("cells are too many", "choose larger ones"))?;
         let edge = cell * BRICK_CELLS as f64 * f64::from(1u32 << level);
         // Sample 0 of both lattices stands one unit of its own root above the corner.
         let first = tree.root().to_world([1.0; 3]);
@@ -65,7 +67,16 @@ impl Lattice {
         let depths = (0..=u16::MAX).map(|f| depth(f64::from(f) / f64::from(FULL)) as f32).collect();
         let root = RootCube { origin, edge };
         let counts = vec![0; usize::from(FULL) + 1].into();
-        Ok(Lattice { factor, root, level, bricks: BTreeMap::new(), open: BTreeSet::new(), sum: 0.0, depths, counts })
+        Ok(Lattice {
+            factor,
+            root,
+            level,
+            bricks: BTreeMap::new(),
+            open: BTreeSet::new(),
+            sum: 0.0,
+            depths,
+            counts,
+        })
     }
 
     /// How many of the finest cells an axis are one coarse cell.
@@ -108,7 +119,8 @@ impl Lattice {
             // Places in the box of this brick's samples, and theirs in the brick.
             let range = |a: usize| {
                 let start = 1 + d[a] * cells;
-                (start.max(0)..(start + cells).min(N as i32)).map(move |at| (at as usize, (at - start) as usize))
+                (start.max(0)..(start + cells).min(N as i32))
+                    .map(move |at| (at as usize, (at - start) as usize))
             };
             for (z, k) in range(2) {
                 for (y, j) in range(1) {
@@ -144,7 +156,9 @@ impl Lattice {
         let first = block.first.map(|c| c + BEFORE);
         let last: [i64; 3] = std::array::from_fn(|a| first[a] + block.size[a] as i64 - 1);
         let bricks = |a: usize| first[a] >> 5..=last[a] >> 5;
-        for (p, q, r) in bricks(2).flat_map(|r| bricks(1).flat_map(move |q| bricks(0).map(move |p| (p, q, r)))) {
+        for (p, q, r) in
+            bricks(2).flat_map(|r| bricks(1).flat_map(move |q| bricks(0).map(move |p| (p, q, r))))
+        {
             let Some(key) = NodeKey::new(self.level, [p as u32, q as u32, r as u32]) else { continue };
             let mut part = part_of(block, first, [p, q, r].map(|c| c << 5)).peekable();
             if part.peek().is_none() {
@@ -249,7 +263,9 @@ pub fn fractions(
             block.iter().for_each(|block| lattice.add(block, (finest, factor)));
             lattice.complete(code);
         }
-        if (number.is_multiple_of(64) || number == last) && lattices.iter().map(Lattice::bytes).sum::<u64>() > memory {
+        if (number.is_multiple_of(64) || number == last)
+            && lattices.iter().map(Lattice::bytes).sum::<u64>() > memory
+        {
             let cell = lattices.first().map_or(0.0, Lattice::cell);
             return Err(Error::setting(
                 format!("fractions of cells of {cell:.6} do not fit the memory allowed"),

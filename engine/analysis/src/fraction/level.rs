@@ -2,7 +2,9 @@
 
 use super::kernel::{depth, fraction_at};
 use super::{FractionTree, Lattice};
-use crate::contour::{ContourOptions, Cuts, Encoding, MeshSink, MeshSummary, Triangles, VertexBytes, contour};
+use crate::contour::{
+    ContourOptions, Cuts, Encoding, MeshSink, MeshSummary, Triangles, VertexBytes, contour,
+};
 use crate::error::Result;
 use crate::progress::Progress;
 
@@ -43,7 +45,11 @@ impl MeshSink for Measured {
 }
 
 /// What the mesh of a tree would be.
-pub(super) fn measure(tree: &FractionTree, options: &ContourOptions, progress: &dyn Progress) -> Result<MeshSummary> {
+pub(super) fn measure(
+    tree: &FractionTree,
+    options: &ContourOptions,
+    progress: &dyn Progress,
+) -> Result<MeshSummary> {
     contour(tree, options, &mut Measured, progress)
 }
 
@@ -122,7 +128,11 @@ impl Search {
 
     /// The depth to try after one whose volume is `off` too large.
     fn next(&mut self, depth: f64, off: f64, guess: f64) -> f64 {
-        if off > 0.0 { self.inside = self.inside.max(depth) } else { self.outside = self.outside.min(depth) }
+        if off > 0.0 {
+            self.inside = self.inside.max(depth)
+        } else {
+            self.outside = self.outside.min(depth)
+        }
         // A guess beyond what is known already is worth less than the middle.
         let is_within = guess > self.inside && guess < self.outside;
         if is_within { guess } else { 0.5 * (self.inside + self.outside) }

@@ -34,7 +34,9 @@ fn tree(shape: u8, depth: u8) -> MemoryTree {
 
 fn brick(shape: u8, root: RootCube, key: NodeKey) -> Brick {
     let point = |ijk: [usize; 3]| {
-        root.to_world(std::array::from_fn(|a| f64::from(key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)))
+        root.to_world(std::array::from_fn(|a| {
+            f64::from(key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)
+        }))
     };
     let mut samples = Samples::filled(0);
     for n in 0..POINTS {
@@ -57,7 +59,8 @@ fn brick(shape: u8, root: RootCube, key: NodeKey) -> Brick {
                 let middle = 0.5 * (below + above);
                 if at(middle) == at(0.0) { below = middle } else { above = middle }
             }
-            let edge = HermiteEdge { offset: (below * 65536.0) as u16, normal: OctNormal::from_integer([0, 0, 1]) };
+            let edge =
+                HermiteEdge { offset: (below * 65536.0) as u16, normal: OctNormal::from_integer([0, 0, 1]) };
             hermite.edges[axis.index()].push(edge);
         });
     }
@@ -103,7 +106,10 @@ fn details_are_whole_numbers_of_cells() {
     let tree = tree(0, 1);
     let fine = 4.0 / 64.0;
     assert_eq!(factor_of(&tree, 0.99 * fine), None);
-    assert_eq!([1.0, 1.5, 2.0, 7.999_999_999_999].map(|n| factor_of(&tree, n * fine)), [1, 1, 2, 8].map(Some));
+    assert_eq!(
+        [1.0, 1.5, 2.0, 7.999_999_999_999].map(|n| factor_of(&tree, n * fine)),
+        [1, 1, 2, 8].map(Some)
+    );
     assert_eq!(finest_cell(&tree), fine);
 }
 

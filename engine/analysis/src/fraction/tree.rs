@@ -45,7 +45,8 @@ impl<'a> FractionTree<'a> {
             })
             .collect();
         let edges = infos.iter().map(|(_, _, edges)| edges).sum();
-        let drawn: BTreeMap<NodeKey, NodeInfo> = infos.into_iter().map(|(key, info, _)| (key, info)).collect();
+        let drawn: BTreeMap<NodeKey, NodeInfo> =
+            infos.into_iter().map(|(key, info, _)| (key, info)).collect();
         let mut tree = FractionTree { lattice, depth, leaves: BTreeMap::new(), edges };
         tree.divide(NodeKey::ROOT, &drawn);
         tree
@@ -111,7 +112,10 @@ fn info(signs: &SignChanges) -> (NodeInfo, u64) {
             (any, every) = (any || row != 0, every && row == all);
             if j < BRICK_CELLS && k < BRICK_CELLS {
                 let own = (1u64 << BRICK_CELLS) - 1;
-                edges += Axis::ALL.map(|axis| u64::from((signs.edges(axis, j, k) & own).count_ones())).iter().sum::<u64>();
+                edges += Axis::ALL
+                    .map(|axis| u64::from((signs.edges(axis, j, k) & own).count_ones()))
+                    .iter()
+                    .sum::<u64>();
             }
         }
     }

@@ -119,14 +119,17 @@ impl MeshSink for ShellSink {
 
 /// The volume of the tetrahedron of a triangle and a point.
 fn volume(corners: &[[f32; 3]; 3], origin: [f32; 3]) -> f64 {
-    let [a, b, c] = corners.map(|p| -> [f64; 3] { std::array::from_fn(|n| f64::from(p[n]) - f64::from(origin[n])) });
+    let [a, b, c] =
+        corners.map(|p| -> [f64; 3] { std::array::from_fn(|n| f64::from(p[n]) - f64::from(origin[n])) });
     let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
     (a[0] * cross[0] + a[1] * cross[1] + a[2] * cross[2]) / 6.0
 }
 
 /// The area of a triangle.
 fn area(corners: &[[f32; 3]; 3]) -> f64 {
-    let from = |n: usize| -> [f64; 3] { std::array::from_fn(|a| f64::from(corners[n][a]) - f64::from(corners[0][a])) };
+    let from = |n: usize| -> [f64; 3] {
+        std::array::from_fn(|a| f64::from(corners[n][a]) - f64::from(corners[0][a]))
+    };
     let cross = crate::lattice::cross(from(1), from(2));
     0.5 * cross.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
@@ -187,7 +190,8 @@ impl MeshSink for NestingSink<'_> {
             if self.shells[shell as usize].volume <= 0.0 {
                 continue;
             }
-            let [low, high] = [f32::min, f32::max].map(|f| f64::from(corners.map(|c| c[2]).into_iter().reduce(f).unwrap_or(0.0)));
+            let [low, high] = [f32::min, f32::max]
+                .map(|f| f64::from(corners.map(|c| c[2]).into_iter().reduce(f).unwrap_or(0.0)));
             let first = self.asked.partition_point(|&n| self.shells[n as usize].point[2] < low);
             for place in first..self.asked.len() {
                 let asked = self.asked[place];
@@ -269,7 +273,13 @@ impl<'a> KeptShells<'a> {
 
     /// Keeps the shells `kept` of those that [`ShellSink`] has told apart of the same mesh.
     pub fn new(inner: &'a mut dyn MeshSink, kept: &'a [bool], of: &'a [u32]) -> KeptShells<'a> {
-        KeptShells { inner, is_kept: Box::new(move |vertex| kept[of[vertex] as usize]), numbers: Vec::new(), next: 0, counted: Counted::default() }
+        KeptShells {
+            inner,
+            is_kept: Box::new(move |vertex| kept[of[vertex] as usize]),
+            numbers: Vec::new(),
+            next: 0,
+            counted: Counted::default(),
+        }
     }
 }
 
@@ -308,8 +318,9 @@ impl MeshSink for KeptShells<'_> {
 
     fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
         let kept = facets.iter().filter(|facet| (self.is_kept)(facet.ids[0] as usize));
-        let facets: Vec<Facet> =
-            kept.map(|facet| Facet { ids: facet.ids.map(|id| self.numbers[id as usize]), ..*facet }).collect();
+        let facets: Vec<Facet> = kept
+            .map(|facet| Facet { ids: facet.ids.map(|id| self.numbers[id as usize]), ..*facet })
+            .collect();
         self.counted.triangles += facets.len() as u64;
         self.counted.area += facets.iter().map(|facet| area(&facet.corners)).sum::<f64>();
         self.inner.triangles(&facets)
@@ -367,7 +378,8 @@ mod tests {
         contour(&tree, &options, &mut all, &Silent).unwrap();
         let mut some = MeshArrays::default();
         contour(&tree, &options, &mut KeptShells::new(&mut some, &kept, &of), &Silent).unwrap();
-        let expected: u64 = shells.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(shell, _)| shell.triangles).sum();
+        let expected: u64 =
+            shells.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(shell, _)| shell.triangles).sum();
         assert_eq!(some.triangles.len() as u64, expected);
         assert!(some.triangles.as_flattened().iter().all(|&id| (id as usize) < some.positions.len()));
         assert!(some.positions.len() < all.positions.len());
@@ -375,6 +387,9 @@ mod tests {
         let corners = |mesh: &MeshArrays, n: usize| mesh.triangles[n].map(|id| mesh.positions[id as usize]);
         let there: std::collections::HashSet<_> =
             (0..all.triangles.len()).map(|n| corners(&all, n).map(|c| c.map(f32::to_bits))).collect();
-        assert!((0..some.triangles.len()).all(|n| there.contains(&corners(&some, n).map(|c| c.map(f32::to_bits)))));
+        assert!(
+            (0..some.triangles.len())
+                .all(|n| there.contains(&corners(&some, n).map(|c| c.map(f32::to_bits))))
+        );
     }
 }
