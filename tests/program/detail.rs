@@ -95,6 +95,18 @@ fn what_a_part_encloses_and_what_is_small_is_left_out_and_said() {
     }
 }
 
+/// By the law of cosines.
+fn smallest_angle(facet: Facet) -> f64 {
+    let length = |a: usize, b: usize| {
+        (0..3).map(|n| (f64::from(facet[a][n]) - f64::from(facet[b][n])).powi(2)).sum::<f64>().sqrt()
+    };
+    let [a, b, c] = [length(1, 2), length(2, 0), length(0, 1)];
+    let angle = |a: f64, b: f64, c: f64| {
+        ((b * b + c * c - a * a) / (2.0 * b * c)).clamp(-1.0, 1.0).acos().to_degrees()
+    };
+    angle(a, b, c).min(angle(b, c, a)).min(angle(c, a, b))
+}
+
 fn inside_out(facets: Vec<Facet>) -> Vec<Facet> {
     facets.into_iter().map(|[a, b, c]| [a, c, b]).collect()
 }
@@ -130,6 +142,10 @@ fn threads_change_no_byte_and_beads_keep_their_volume() {
         std::fs::read(&out).unwrap()
     });
     assert!(made[0] == made[1]);
+    let json = meshed(&store, &dir.path("b.stl"), &["--detail", "2mm", "--quality"]);
+    let smallest = json["quality"]["smallest_angle"].as_f64().unwrap();
+    let angles = facets_of(&dir.path("b.stl")).into_iter().map(smallest_angle);
+    assert!((angles.fold(180.0, f64::min) - smallest).abs() < 1e-3, "{smallest}");
     // A fraction that is given moves the surface.
     let volume =
         |iso| meshed(&store, &dir.path("b.ply"), &["--detail", "2mm", "--iso", iso])["volume"].as_f64();

@@ -371,6 +371,9 @@ pub struct MeshArgs {
     /// Leave out shells, of voids and of pieces, that enclose less, in the cube of the store's unit
     #[arg(long, value_name = "VOLUME", requires = "output")]
     pub min_shell_volume: Option<f64>,
+    /// Tell the smallest angle of all triangles, and how many have one below 5°, which solvers dislike
+    #[arg(long, requires = "output")]
+    pub quality: bool,
     /// How cells become triangles
     #[arg(long, value_enum, default_value_t, requires = "output")]
     pub method: MethodArg,

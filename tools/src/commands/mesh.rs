@@ -16,7 +16,7 @@ use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink,
+    Angles, ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink,
     create_sink_with_normals, foresee_triangles,
 };
 use brickfield_engine::fraction::FractionTree;
@@ -112,7 +112,7 @@ fn run_coarse(
         mesh_detail::find_chosen(args, store, output, (&options, memory), source.as_ref(), bars)?;
     let options = ContourOptions { tolerance: made.tolerance, ..options };
     let tree = FractionTree::new(&made.lattice, made.kept.depth);
-    let mut report = write_chosen(&chosen, (store, &tree), &options, (output, sink), bars)?;
+    let mut report = write_chosen((args, &chosen), (store, &tree), &options, (output, sink), bars)?;
     let mut detail = Detail::of(&made, store, bars)?;
     detail.measure(&made, (&options, memory), store, bars)?;
     let unit = &report.unit;
@@ -142,12 +142,12 @@ fn write_shells(
 ) -> Result<MeshReport, Failure> {
     let chosen = mesh_shells::choose(args, tree, options, memory, bars)
         .map_err(|error| of_store(store, "shells", error))?;
-    write_chosen(&chosen, (store, tree), options, (output, sink), bars)
+    write_chosen((args, &chosen), (store, tree), options, (output, sink), bars)
 }
 
 /// Contours a tree that was made of the store into the shells that are kept.
 fn write_chosen(
-    chosen: &Chosen,
+    (args, chosen): (&MeshArgs, &Chosen),
     (store, tree): (&Store, &dyn BrickTree),
     options: &ContourOptions,
     (output, sink): (&Path, &mut dyn MeshSink),
@@ -167,6 +167,7 @@ fn write_chosen(
         report.volume = chosen.told.pieces.volume - chosen.told.voids.volume;
     }
     report.shells = Some(chosen.told);
+    report.quality = Some(Quality::from(some.counted().angles)).filter(|_| args.quality);
     Ok(report)
 }
 
@@ -306,6 +307,9 @@ pub struct MeshReport {
     /// What was kept and left out, where shells were told apart.
     #[serde(skip_serializing_if = "Option::is_none")]
     shells: Option<Shells>,
+    /// The angles of triangles, if they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quality: Option<Quality>,
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
@@ -342,6 +346,19 @@ struct BrickCache {
     misses: u64,
     ahead: u64,
     ahead_used: u64,
+}
+
+/// How well triangles serve a solver.
+#[derive(Clone, Copy, Serialize)]
+struct Quality {
+    smallest_angle: f64,
+    below_5_degrees: u64,
+}
+
+impl From<Angles> for Quality {
+    fn from(angles: Angles) -> Quality {
+        Quality { smallest_angle: angles.smallest, below_5_degrees: angles.below_5 }
+    }
 }
 
 impl MeshReport {
@@ -392,6 +409,11 @@ impl MeshReport {
         let shells = self.shells.unwrap_or_default();
         text.extend(self.detail.iter().map(|detail| detail.text(&shells, unit)));
         text.extend(shells.text(unit));
+        if let Some(Quality { smallest_angle, below_5_degrees }) = self.quality {
+            text += &format!(
+                "\n  quality  angles of {smallest_angle:.3}° at least; {below_5_degrees} triangles have one below 5°"
+            );
+        }
         if let Some(check) = &self.check {
             text += &format!("\n{}", check.text());
         }
@@ -464,6 +486,7 @@ fn write_tree(
         cell: 0.0,
         detail: None,
         shells: None,
+        quality: None,
         negative_volume: None,
         check: None,
     })

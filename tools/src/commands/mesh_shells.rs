@@ -47,9 +47,9 @@ pub struct Shells {
     pub dropped_voids: Regions,
 }
 
-/// Whether shells are to be left out.
+/// Whether shells are to be told apart, or triangles looked at one by one.
 pub fn is_asked(args: &MeshArgs) -> bool {
-    args.outer || args.keep_largest || args.min_shell_volume.is_some()
+    args.outer || args.keep_largest || args.quality || args.min_shell_volume.is_some()
 }
 
 /// What of the command line is wrong.

@@ -109,7 +109,7 @@ pub use cut::{Cuts, Facet};
 pub use foresee::foresee_triangles;
 pub use lone::{Lone, LoneCells, has_one_sheet};
 pub use options::{ContourOptions, MeshSummary, Method};
-pub use shells::{Counted, KeptShells, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellSink};
+pub use shells::{Angles, Counted, KeptShells, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellSink};
 pub use sink::{
     Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
 };

@@ -263,6 +263,44 @@ pub struct Counted {
     pub area: f64,
     /// Least and greatest coordinates; `None` if nothing is kept.
     pub bounds: Option<[[f32; 3]; 2]>,
+    /// The angles of triangles.
+    pub angles: Angles,
+}
+
+/// Angles of the triangles of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Angles {
+    /// The smallest, in degrees; 180 of no triangles.
+    pub smallest: f64,
+    /// Triangles with an angle below 5°.
+    pub below_5: u64,
+}
+
+impl Default for Angles {
+    fn default() -> Angles {
+        Angles { smallest: 180.0, below_5: 0 }
+    }
+}
+
+impl Angles {
+    fn add(&mut self, corners: &[[f32; 3]; 3]) {
+        let smallest = smallest_angle(corners);
+        self.smallest = self.smallest.min(smallest);
+        self.below_5 += u64::from(smallest < 5.0);
+    }
+}
+
+/// The smallest angle of a triangle in degrees.
+fn smallest_angle(corners: &[[f32; 3]; 3]) -> f64 {
+    let side = |from: usize, to: usize| -> [f64; 3] {
+        std::array::from_fn(|a| f64::from(corners[to][a]) - f64::from(corners[from][a]))
+    };
+    let angle = |n: usize| {
+        let (u, v) = (side(n, (n + 1) % 3), side(n, (n + 2) % 3));
+        let cross = crate::lattice::cross(u, v);
+        crate::lattice::dot(cross, cross).sqrt().atan2(crate::lattice::dot(u, v)).to_degrees()
+    };
+    (0..3).map(angle).fold(180.0, f64::min)
 }
 
 impl<'a> KeptShells<'a> {
@@ -322,6 +360,7 @@ impl MeshSink for KeptShells<'_> {
             .map(|facet| Facet { ids: facet.ids.map(|id| self.numbers[id as usize]), ..*facet })
             .collect();
         self.counted.triangles += facets.len() as u64;
+        facets.iter().for_each(|facet| self.counted.angles.add(&facet.corners));
         self.counted.area += facets.iter().map(|facet| area(&facet.corners)).sum::<f64>();
         self.inner.triangles(&facets)
     }
@@ -346,6 +385,15 @@ mod tests {
         let floating = length([x + 2.0, y, z]) - 1.2;
         let beside = length([x - 4.5, y - 3.0, z]) - 1.5;
         hollow.min(floating).min(beside)
+    }
+
+    #[test]
+    fn angles_are_those_of_known_triangles() {
+        let mut angles = Angles::default();
+        angles.add(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        assert!((angles.smallest - 45.0).abs() < 1e-9 && angles.below_5 == 0);
+        angles.add(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.01, 0.0]]);
+        assert!((angles.smallest - 0.01f64.atan().to_degrees()).abs() < 1e-5 && angles.below_5 == 1);
     }
 
     #[test]
