@@ -10,6 +10,8 @@ use crate::store::BrickTree;
 
 /// The share of the triangles asked for that a mesh has at least.
 const LEAST_SHARE: f64 = 0.9;
+/// Edges that change sign tell triangles to a few per cent: this share of them is no less than [`LEAST_SHARE`].
+const SURE_SHARE: f64 = 0.95;
 /// The share that is aimed at.
 const AIM: f64 = 0.96;
 /// Each detail that is tried is larger than the one before by this.
@@ -105,7 +107,7 @@ fn first_lattice(
         let mut lattices = fractions(tree, &factors, request.memory, progress)?;
         let has_enough = |lattice: &Lattice| {
             let depth = depth_of(lattice, request.volume.unwrap_or(lattice.volume()));
-            FractionTree::new(lattice, depth).triangles() as f64 >= LEAST_SHARE * request.most as f64
+            FractionTree::new(lattice, depth).triangles() as f64 >= SURE_SHARE * request.most as f64
         };
         // From the coarsest on.
         let found = (0..lattices.len()).rev().find(|&n| has_enough(&lattices[n]));
