@@ -131,7 +131,7 @@ fn threads_change_no_byte_and_beads_keep_their_volume() {
     let dir = Scratch::new();
     let store = dir.path("a.brf");
     run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.5mm", &"-q"])
-        .ok_but_for("thinner");
+        .ok_but_for("% empty");
     let made = ["1", "2"].map(|threads| {
         let out = dir.path(&format!("{threads}.ply"));
         let json = meshed(&store, &out, &["--detail", "3mm", "--tolerance", "0.05mm", "--threads", threads]);

@@ -55,7 +55,7 @@ impl Lattice {
         let fine = tree.root().spacing(finest);
         let cell = fine * f64::from(factor);
         let samples = ((BRICK_CELLS as u64) << finest).div_ceil(u64::from(factor)) as i64 + 2 * BEFORE;
-        let fits = |level: &u8| (BRICK_CELLS as i64) << level >= samples + 1;
+        let fits = |level: &u8| (BRICK_CELLS as i64) << level > samples;
         let level = (0..=MAX_LEVEL)
             .find(fits)
             .ok_or_else(|| Error::setting("cells are too many", "choose larger ones"))?;
