@@ -130,7 +130,7 @@ fn triangles_are_as_many_as_asked_for_and_files_as_large() {
 fn threads_change_no_byte_and_beads_keep_their_volume() {
     let dir = Scratch::new();
     let store = dir.path("a.brf");
-    run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.5mm", &"-q"])
+    run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.57mm", &"-q"])
         .ok_but_for("% empty");
     let made = ["1", "2"].map(|threads| {
         let out = dir.path(&format!("{threads}.ply"));

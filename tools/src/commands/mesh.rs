@@ -124,16 +124,17 @@ fn run_coarse(
         }
         report.expected = Some(expected);
     }
-    if let Some(most) = args.triangles
-        && report.triangles < most / 10 * 9
-    {
+    let most = mesh_detail::most_triangles(args, output)?;
+    if args.detail.is_none() && report.triangles < most / 10 * 9 {
         let (output, triangles, factor) = (&report.output, report.triangles, made.lattice.factor());
         let why = if factor == 1 {
             "the store has no more"
         } else {
             "with more of them the volume would not be kept"
         };
-        warn(&format!("{output}: {triangles} triangles are fewer than nine tenths of {most}: {why}"));
+        warn(&format!(
+            "{output}: {triangles} triangles are fewer than nine tenths of {most}, which were asked for: {why}"
+        ));
     }
     report.iso = made.kept.fraction;
     report.cell = made.lattice.cell();

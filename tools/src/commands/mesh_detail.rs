@@ -116,7 +116,7 @@ fn find(
 }
 
 /// The most triangles that are asked for.
-fn most_triangles(args: &MeshArgs, output: &Path) -> Result<u64, Failure> {
+pub fn most_triangles(args: &MeshArgs, output: &Path) -> Result<u64, Failure> {
     let of_size = args.max_size.map(|Size(bytes)| {
         let most = bytes.saturating_sub(HEADER_BYTES) / bytes_a_triangle(output);
         if most < LEAST_TRIANGLES {
