@@ -34,7 +34,7 @@ const CRATES: [(&str, &[Room]); 11] = [
     ("winding", &[("winding", &[]), ("solid", &[])]),
     ("mesh", &[("contour", &[])]),
     ("builder", &[("backend", &[]), ("volumes", &[]), ("build", &["backend", "volumes"])]),
-    ("analysis", &[("analysis", &[]), ("voids", &["analysis"])]),
+    ("analysis", &[("analysis", &[]), ("voids", &["analysis"]), ("fraction", &["analysis"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
     ("", &[("fuzz", &[]), ("octree", &[]), ("builder", &["octree"])]),

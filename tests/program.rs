@@ -11,6 +11,7 @@ mod program {
     mod cells;
     mod check;
     mod clouds;
+    mod detail;
     mod determinism;
     mod documents;
     mod export;

@@ -10,7 +10,13 @@ fn main() -> Result<()> {
     let octree = Octree::open(path)?;
     let store = octree.store().ok_or_else(|| Error::setting("the octree is no store", "write it"))?;
     let found = find(store, &VoidOptions::default(), &Silent)?;
-    println!("{} voids, porosity {:.3} %", found.voids.len(), 100.0 * found.porosity());
+    let porosity = found.porosity();
+    println!(
+        "{} voids, porosity {:.3} ± {:.3} %",
+        found.voids.len(),
+        100.0 * porosity.value,
+        100.0 * porosity.error
+    );
     for void in found.voids.iter().take(10) {
         let [x, y, z] = void.centroid;
         println!("{}: {:.3} ± {:.3} at {x:.2} {y:.2} {z:.2}", void.id, void.volume, void.volume_error);

@@ -52,6 +52,7 @@
 //! | [`store`], [`cache`] | stores: reading, verifying, rewriting, cutting down |
 //! | [`analysis`], [`voids`] | samples, volumes, overlaps, components of void and solid |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
+//! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
 //! | [`winding`] | winding numbers of one brick, and the sum that judges all others |
 //! | [`gpu`] | a Vulkan device, for [`build::Resources`] and [`render::Caster`] |
@@ -71,7 +72,7 @@ pub mod fuzz;
 pub use builder::Builder;
 pub use octree::Octree;
 
-pub use brickfield_analysis::{analysis, voids};
+pub use brickfield_analysis::{analysis, fraction, voids};
 pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};

@@ -3,6 +3,7 @@
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::layer_args::{LayersArgs, OverlapArgs};
+pub use crate::mesh_args::MeshArgs;
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
 use crate::shell_args::{CompletionsArgs, ManArgs};
@@ -12,8 +13,7 @@ use crate::view_args::WindowArgs;
 use crate::void_args::VoidsArgs;
 use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::brick::Count;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 /// Winding numbers of huge triangle soups: build a brick store once, answer from it
@@ -295,89 +295,6 @@ impl From<CountArg> for Count {
             CountArg::Beads => Count::Beads,
         }
     }
-}
-
-/// Write a mesh of the surface where the winding number passes a value, or check a mesh
-#[derive(Args)]
-#[command(after_help = "\
-The mesh is closed, manifold and oriented: manifold dual contouring of w = ISO.
-
---check says of any mesh file how many edges and vertices are not those of a closed, oriented manifold. It counts pairs of \
-triangles that meet elsewhere than in common edges and vertices. It tells volume, area, shells and genus. All of it is exact, \
-without tolerance.
-
-Status 0 if nothing is wrong, 1 otherwise. --check takes about 60 bytes of memory a triangle beside what OBJ and PLY files \
-hold.
-
-Examples:
-  brickfield mesh part.brf -o part.stl
-  brickfield mesh part.brf -o part.stl --check
-  brickfield mesh --check part.stl")]
-pub struct MeshArgs {
-    /// The store; with --check and without -o the mesh to check: STL, OBJ, PLY
-    #[arg(value_name = "PART.brf|MESH")]
-    pub file: PathBuf,
-    /// The mesh to write; its ending decides the format: .stl (binary), .ply (binary), .obj, .3mf, .glb
-    #[arg(long, short, value_name = "OUT", required_unless_present = "check")]
-    pub output: Option<PathBuf>,
-    /// Check the mesh that was written, or without -o the one that is given
-    #[arg(long)]
-    pub check: bool,
-    /// Check an OBJ or PLY as if vertices with the same coordinates were one, as is always done with STL
-    #[arg(long, requires = "check")]
-    pub weld: bool,
-    /// Winding number at the surface: 0.5 is the boundary, 1.5 that of where two bodies overlap. In stores of
-    /// open input one of 0.5, 1.5, 2.5 and so on
-    #[arg(long, value_name = "W", default_value_t = 0.5, requires = "output", allow_negative_numbers = true)]
-    pub iso: f64,
-    /// Deepest level to use; a coarser mesh
-    #[arg(long, value_name = "L", requires = "output")]
-    pub level: Option<u8>,
-    /// How far the surface may move for the sake of fewer triangles, as in 0.05mm; 0 keeps them all
-    #[arg(long, value_name = "LEN", default_value = "0", requires = "output")]
-    pub tolerance: Tolerance,
-    /// Whether to remove triangles of a mesh with a tolerance that meet elsewhere than where they are joined
-    ///
-    /// It takes one and a half to two and a half times the time. With `no`, one triangle in some hundreds or thousands meets
-    /// another. Without a tolerance none meet in any case.
-    #[arg(long, action = ArgAction::Set, value_name = "yes|no", default_value = "yes", requires = "output")]
-    #[arg(value_parser = PossibleValuesParser::new(["yes", "no"]).map(|answer| answer == "yes"))]
-    #[arg(hide_possible_values = true)]
-    pub intersection_free: bool,
-    /// How cells become triangles
-    #[arg(long, value_enum, default_value_t, requires = "output")]
-    pub method: MethodArg,
-    /// Follow sharp edges through cells that have no vertex of their own: they come out twice to three times nearer to the
-    /// part
-    ///
-    /// It takes a tenth to a third more time, of beads a third to three quarters, and with a tolerance up to twice as long.
-    #[arg(long, requires = "output", conflicts_with = "method")]
-    pub follow_creases: bool,
-    /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around it
-    ///
-    /// At a sharp edge of the part it is one between both sides. Viewers shade smoothly by normals; they show a .glb without
-    /// them flat, facet by facet.
-    #[arg(long, requires = "output")]
-    pub normals: bool,
-    /// Memory to stay within, as in 512MiB, maps of files not counted
-    ///
-    /// 160 MiB with two threads, 40 MiB more for each further one, and 50 bytes a node are used in any case. The mesh itself
-    /// passes through.
-    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
-    pub memory: Size,
-    /// Folder of the temporary file in which triangles wait for the numbers of their vertices; the output's own by default
-    ///
-    /// It takes 12 bytes a triangle, has no name there, and vanishes with the program.
-    #[arg(long, value_name = "DIR", requires = "output")]
-    pub temp_dir: Option<PathBuf>,
-    /// How to read the store
-    #[arg(long, value_enum, default_value_t)]
-    pub io: IoArg,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub json: bool,
-    #[command(flatten)]
-    pub work: WorkArgs,
 }
 
 /// Say what is in a store, or in any input

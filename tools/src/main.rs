@@ -12,6 +12,7 @@ mod kinds;
 mod layer_args;
 mod measured;
 mod memory;
+mod mesh_args;
 mod npy;
 mod picture_args;
 mod pieces;

@@ -1,8 +1,9 @@
-//! What is inside a part: samples at points, dense arrays, volumes, layers and voids of a store.
+//! What is inside a part: samples at points, dense arrays, volumes, layers and voids of a store; a part at a coarse detail.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod fraction;
 pub mod voids;
 
 #[cfg(test)]

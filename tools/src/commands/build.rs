@@ -265,7 +265,7 @@ fn mesh_of(
         temp_dir: plan.options.resources.temp_dir.clone(),
         ..ContourOptions::default()
     };
-    require_mesh_space(store, path, options.iso, None)?;
+    require_mesh_space(store, path, (options.iso, None), plan.work.quiet)?;
     let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
     summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
     report.compare(store, &options, bars)?;

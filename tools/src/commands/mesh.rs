@@ -1,23 +1,27 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
 use super::mesh_check::{Checked, require_sound};
+use super::mesh_detail::{self, Detail};
+use super::mesh_shells::{self, Chosen, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
 use crate::kinds::{is_mesh_name, not_a_store};
 use crate::measured::measured;
 use crate::memory;
-use crate::output::{one_line, print, print_json, require_distinct, warn};
+use crate::output::{note, one_line, print, print_json, require_distinct, warn};
 use crate::pieces::{negative, negative_text};
+use crate::progress::Bars;
 use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
-use crate::units::{Tolerance, Unit};
+use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    ContourOptions, MeshSink, MeshSummary, Method, contour, create_sink, create_sink_with_normals,
-    foresee_triangles,
+    Angles, ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink,
+    create_sink_with_normals, foresee_triangles,
 };
+use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
-use brickfield_engine::store::{Accept, CacheStats, Store, is_store};
+use brickfield_engine::store::{Accept, BrickTree, CacheStats, Store, is_store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -26,12 +30,21 @@ use std::time::Instant;
 /// Most for decoded bricks, some sixty.
 const BRICK_CACHE_BYTES: u64 = 8 << 20;
 
+/// The winding number at the boundary.
+const BOUNDARY: f64 = 0.5;
+
 /// Runs the command.
 pub fn run(args: MeshArgs) -> Result<(), Failure> {
-    if !(args.iso > 0.0 && args.iso <= f64::from(i16::MAX)) {
+    let iso = args.iso.unwrap_or(BOUNDARY);
+    if !(iso > 0.0 && iso <= f64::from(i16::MAX)) {
         let what = "surfaces are where w rises above a number greater than 0, such as 0.5 or 1.5";
-        return Err(Failure::Usage(format!("--iso {}: {what}", args.iso)));
+        return Err(Failure::Usage(format!("--iso {iso}: {what}")));
     }
+    let is_coarse = mesh_detail::is_asked(&args);
+    if is_coarse {
+        mesh_detail::check(&args)?;
+    }
+    mesh_shells::check(&args)?;
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
     if args.check && !is_mesh_name(output) {
@@ -54,28 +67,136 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
-    if args.tolerance.in_unit(Unit::Mm) == 0.0 {
-        require_mesh_space(&store, output, args.iso, args.level)?;
+    if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
+        require_mesh_space(&store, output, (iso, args.level), args.work.quiet)?;
     }
     let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
+    if is_coarse {
+        return run_coarse(&args, &store, output, sink.as_mut(), (cache_bytes, brick_bytes), &bars);
+    }
     let options = ContourOptions {
-        iso: args.iso,
+        iso,
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
         tolerance: tolerance_in(args.tolerance, &store)?,
         intersection_free: args.intersection_free,
         method: args.method.into(),
         follow_creases: args.follow_creases,
-        temp_dir: args.temp_dir,
+        temp_dir: args.temp_dir.clone(),
     };
-    let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
-    report.compare(&store, &options, &bars)?;
-    let negative = negative(&store, &bars)?;
+    let report = if mesh_shells::is_asked(&args) {
+        write_shells(&args, (&store, &store), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
+    } else {
+        let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
+        report.compare(&store, &options, &bars)?;
+        report
+    };
+    finish(&args, &store, output, report, &bars)
+}
+
+/// Writes a mesh of the fractions of solid in coarse cells.
+fn run_coarse(
+    args: &MeshArgs,
+    store: &Store,
+    output: &Path,
+    sink: &mut dyn MeshSink,
+    (cache_bytes, brick_bytes): (u64, u64),
+    bars: &Bars,
+) -> Result<(), Failure> {
+    let started = Instant::now();
+    // Fractions take what contouring leaves.
+    let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
+    let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
+    let source = if store.meta().share.is_none() { Some(Expected::of(store, bars)?) } else { None };
+    let (made, chosen) =
+        mesh_detail::find_chosen(args, store, output, (&options, memory), source.as_ref(), bars)?;
+    let options = ContourOptions { tolerance: made.tolerance, ..options };
+    let tree = FractionTree::new(&made.lattice, made.kept.depth);
+    let mut report = write_chosen((args, &chosen), (store, &tree), &options, (output, sink), bars)?;
+    let mut detail = Detail::of(&made, store, bars)?;
+    detail.measure(&made, (&options, memory), store, bars)?;
+    let unit = &report.unit;
+    if let Some(expected) = source {
+        if args.iso.is_none()
+            && let Some(lost) = mesh_detail::lost_volume(&made, &expected, unit)
+        {
+            warn(&format!("{}: {lost}", report.output));
+        }
+        report.expected = Some(expected);
+    }
+    let most = mesh_detail::most_triangles(args, output)?;
+    if args.detail.is_none() && report.triangles < most / 10 * 9 {
+        let (output, triangles, factor) = (&report.output, report.triangles, made.lattice.factor());
+        let why = if factor == 1 {
+            "the store has no more"
+        } else {
+            "with more of them the volume would not be kept"
+        };
+        warn(&format!(
+            "{output}: {triangles} triangles are fewer than nine tenths of {most}, which were asked for: {why}"
+        ));
+    }
+    report.iso = made.kept.fraction;
+    report.cell = made.lattice.cell();
+    report.detail = Some(detail);
+    report.seconds = started.elapsed().as_secs_f64();
+    finish(args, store, output, report, bars)
+}
+
+/// Contours a tree that was made of the store, without the shells that are not wanted.
+fn write_shells(
+    args: &MeshArgs,
+    (store, tree): (&Store, &dyn BrickTree),
+    options: &ContourOptions,
+    (output, sink): (&Path, &mut dyn MeshSink),
+    memory: u64,
+    bars: &Bars,
+) -> Result<MeshReport, Failure> {
+    let chosen = mesh_shells::choose(args, tree, options, memory, bars)
+        .map_err(|error| of_store(store, "shells", error))?;
+    write_chosen((args, &chosen), (store, tree), options, (output, sink), bars)
+}
+
+/// Contours a tree that was made of the store into the shells that are kept.
+fn write_chosen(
+    (args, chosen): (&MeshArgs, &Chosen),
+    (store, tree): (&Store, &dyn BrickTree),
+    options: &ContourOptions,
+    (output, sink): (&Path, &mut dyn MeshSink),
+    bars: &Bars,
+) -> Result<MeshReport, Failure> {
+    if !chosen.kept.is_empty() && !chosen.kept.contains(&true) {
+        let (path, count) = (store.path().display(), chosen.kept.len());
+        let what = format!("{path}: none of {count} shells is left; choose a smaller --min-shell-volume");
+        return Err(anyhow::anyhow!(what).into());
+    }
+    let mut some = KeptShells::new(sink, &chosen.kept, &chosen.of);
+    let mut report = write_tree(store, tree, options, output, &mut some, bars)?;
+    if chosen.kept.contains(&false) {
+        let counted = some.counted();
+        (report.vertices, report.triangles) = (counted.vertices, counted.triangles);
+        (report.area, report.bounds) = (counted.area, counted.bounds);
+        report.volume = chosen.told.pieces.volume - chosen.told.voids.volume;
+    }
+    report.shells = Some(chosen.told);
+    report.quality = Some(Quality::from(some.counted().angles)).filter(|_| args.quality);
+    Ok(report)
+}
+
+/// Checks what was written, and tells of it.
+fn finish(
+    args: &MeshArgs,
+    store: &Store,
+    output: &Path,
+    mut report: MeshReport,
+    bars: &Bars,
+) -> Result<(), Failure> {
+    let negative = negative(store, bars)?;
     report.negative_volume = negative.map(|(volume, _)| volume);
     report.negative_volume_error = negative.map(|(_, error)| error);
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
-        report.check = Some(Checked::of(output, args.weld, args.memory, &bars)?);
+        report.check = Some(Checked::of(output, args.weld, args.memory, bars)?);
     }
     bars.clear();
     if let Some(negative) = negative {
@@ -99,7 +220,7 @@ impl From<MethodArg> for Method {
 }
 
 /// The tolerance in the store's unit.
-fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
+pub fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
     tolerance.in_unit_of(&store.meta().unit).ok_or_else(|| {
         Failure::Usage("the store has no unit of length; give --tolerance as a number alone".to_owned())
     })
@@ -110,7 +231,7 @@ fn tolerance_in(tolerance: Tolerance, store: &Store) -> Result<f64, Failure> {
 const TRIANGLES_A_BRICK: u64 = 3 * 2 * 32 * 32;
 
 /// Bytes of a mesh file for each triangle, of which there are two for each vertex.
-fn bytes_a_triangle(path: &Path) -> u64 {
+pub fn bytes_a_triangle(path: &Path) -> u64 {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         Some("stl") => 50,
@@ -121,21 +242,46 @@ fn bytes_a_triangle(path: &Path) -> u64 {
     }
 }
 
-/// Fails if a mesh without a tolerance will be larger than what its disk has free.
+/// Smaller meshes are written before anyone could read how large they will be.
+const TOLD_BYTES: u64 = 10_000_000;
+
+/// Tells how large a mesh without a tolerance will be, warns of one of more than a gigabyte, and fails if its disk has no room
+/// for it.
 ///
 /// # Errors
-/// Both numbers; what reading the store gives.
-pub fn require_mesh_space(store: &Store, path: &Path, iso: f64, level: Option<u8>) -> Result<(), Failure> {
+/// Size and room; what reading the store gives.
+pub fn require_mesh_space(
+    store: &Store,
+    path: &Path,
+    (iso, level): (f64, Option<u8>),
+    quiet: bool,
+) -> Result<(), Failure> {
     let a_triangle = bytes_a_triangle(path);
     let bricks = store.entries().iter().filter(|entry| !entry.head.kind.is_uniform()).count() as u64;
     let most = bricks.saturating_mul(TRIANGLES_A_BRICK * a_triangle);
     // Nothing is read where it cannot matter.
-    if most < LARGE_BYTES || free_beside(path).is_none_or(|free| most <= free) {
+    if most < TOLD_BYTES {
         return Ok(());
     }
     let triangles = foresee_triangles(store, iso, level)?;
-    require_space(path, triangles.saturating_mul(a_triangle), "use --tolerance or a lower --level")
+    let bytes = triangles.saturating_mul(a_triangle);
+    require_space(path, bytes, SMALLER)?;
+    if quiet || bytes < TOLD_BYTES {
+        return Ok(());
+    }
+    let free = free_beside(path).map_or(String::new(), |free| format!(", {} free there", Size(free)));
+    let millions = triangles as f64 / 1e6;
+    let told = format!("{}: about {millions:.1} million triangles, {}{free}", path.display(), Size(bytes));
+    if bytes > LARGE_BYTES {
+        warn(&format!("{told}; {SMALLER}"));
+    } else {
+        note(&told);
+    }
+    Ok(())
 }
+
+/// What makes a mesh smaller.
+const SMALLER: &str = "use --triangles 1000000, --max-size 200MB or --detail LEN, which keep the volume";
 
 /// The file for a mesh in this unit, with normals or not; a name whose format is unknown or has none is wrong usage.
 pub fn mesh_sink(path: &Path, unit: Option<Unit>, normals: bool) -> Result<Box<dyn MeshSink>, Failure> {
@@ -169,6 +315,15 @@ pub struct MeshReport {
     /// Edge of the largest cells that the boundary passes; 0 where nothing is expected.
     #[serde(skip)]
     cell: f64,
+    /// Of a mesh of fractions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    detail: Option<Detail>,
+    /// What was kept and left out, where shells were told apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shells: Option<Shells>,
+    /// The angles of triangles, if they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quality: Option<Quality>,
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
@@ -180,12 +335,23 @@ pub struct MeshReport {
 
 /// The volume of the union.
 #[derive(Serialize)]
-struct Expected {
+pub struct Expected {
     /// Whose: "source", or "samples", by chords between their crossings.
     whose: &'static str,
-    volume: f64,
+    pub volume: f64,
     /// Bound on its error.
-    error: f64,
+    pub error: f64,
+}
+
+impl Expected {
+    /// Of a whole store: the source's, which the store knows where that was closed, or else by the store's own chords.
+    fn of(store: &Store, progress: &dyn Progress) -> Result<Expected, Failure> {
+        let (whose, volumes) = match &store.meta().volumes {
+            Some(source) => ("source", Volumes::from(source)),
+            None => ("samples", volume(store, progress)?),
+        };
+        Ok(Expected { whose, volume: volumes.union, error: volumes.union_error })
+    }
 }
 
 /// How often the store's decoded bricks were asked for again; and how many records the system was asked for ahead of
@@ -196,6 +362,19 @@ struct BrickCache {
     misses: u64,
     ahead: u64,
     ahead_used: u64,
+}
+
+/// How well triangles serve a solver.
+#[derive(Clone, Copy, Serialize)]
+struct Quality {
+    smallest_angle: f64,
+    below_5_degrees: u64,
+}
+
+impl From<Angles> for Quality {
+    fn from(angles: Angles) -> Quality {
+        Quality { smallest_angle: angles.smallest, below_5_degrees: angles.below_5 }
+    }
 }
 
 impl MeshReport {
@@ -211,11 +390,8 @@ impl MeshReport {
         if options.iso != 0.5 || options.level.is_some() || store.meta().share.is_some() {
             return Ok(());
         }
-        let (whose, volumes) = match &store.meta().volumes {
-            Some(source) => ("source", Volumes::from(source)),
-            None => ("samples", volume(store, progress)?),
-        };
-        let expected = Expected { whose, volume: volumes.union, error: volumes.union_error };
+        let expected = Expected::of(store, progress)?;
+        let whose = expected.whose;
         // The mesh may cut off half a cell all over the boundary.
         let crossed = store.entries().iter().filter(|entry| entry.leaf && !entry.head.kind.is_uniform());
         let cell = crossed.map(|entry| store.meta().root.spacing(entry.key.level())).fold(0.0, f64::max);
@@ -246,6 +422,14 @@ impl MeshReport {
              {unit}³, {seconds:.2} s"
         );
         text.extend(self.expected_text());
+        let shells = self.shells.unwrap_or_default();
+        text.extend(self.detail.iter().map(|detail| detail.text(&shells, unit)));
+        text.extend(shells.text(unit));
+        if let Some(Quality { smallest_angle, below_5_degrees }) = self.quality {
+            text += &format!(
+                "\n  quality  angles of {smallest_angle:.3}° at least; {below_5_degrees} triangles have one below 5°"
+            );
+        }
         if let Some(check) = &self.check {
             text += &format!("\n{}", check.text());
         }
@@ -263,9 +447,11 @@ impl MeshReport {
         if off.abs() > error.max(5e-5 * volume) {
             let percent = 100.0 * off.abs() / volume;
             let more = if off > 0.0 { "more" } else { "less" };
-            text += &format!(
-                "; the mesh {percent:.2}% {more}, as cells of {cell:.6} {unit} round off what is smaller"
-            );
+            text += &format!("; the mesh {percent:.2}% {more}");
+            text += &match self.shells {
+                Some(shells) if shells.has_dropped() => ", with what is left out".to_owned(),
+                _ => format!(", as cells of {cell:.6} {unit} round off what is smaller"),
+            };
         }
         Some(text)
     }
@@ -279,9 +465,21 @@ pub fn write_mesh(
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
 ) -> Result<MeshReport, Failure> {
+    write_tree(store, store, options, path, sink, progress)
+}
+
+/// Contours a tree that was made of the store.
+fn write_tree(
+    store: &Store,
+    tree: &dyn BrickTree,
+    options: &ContourOptions,
+    path: &Path,
+    sink: &mut dyn MeshSink,
+    progress: &dyn Progress,
+) -> Result<MeshReport, Failure> {
     let started = Instant::now();
     let MeshSummary { vertices, triangles, area, volume, bounds, unseparated_cells, .. } =
-        contour(store, options, sink, progress).map_err(|error| of_store(store, "settings", error))?;
+        contour(tree, options, sink, progress).map_err(|error| of_store(store, "settings", error))?;
     if unseparated_cells > 0 {
         warn(&format!(
             "{}: triangles may meet in {unseparated_cells} cells next to finer bricks (mesh --check counts them)",
@@ -302,6 +500,9 @@ pub fn write_mesh(
         seconds: started.elapsed().as_secs_f64(),
         expected: None,
         cell: 0.0,
+        detail: None,
+        shells: None,
+        quality: None,
         negative_volume: None,
         negative_volume_error: None,
         check: None,

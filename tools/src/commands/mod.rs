@@ -16,6 +16,8 @@ mod info_x3d;
 pub mod layers;
 pub mod mesh;
 mod mesh_check;
+mod mesh_detail;
+mod mesh_shells;
 pub mod overlap;
 pub mod render;
 pub mod sample;

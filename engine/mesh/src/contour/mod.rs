@@ -57,6 +57,7 @@
 //! | `order` | leaves in parallel, their output in order |
 //! | `tagged` | triangles with the lattice edges that they are around, for measuring |
 //! | `sink` | arrays; STL, PLY and OBJ files |
+//! | `shells` | connected surfaces: their volumes, which lie in which, meshes of some |
 
 mod adaptive;
 mod annex;
@@ -90,6 +91,7 @@ mod places;
 mod planes;
 mod polygons;
 mod qef;
+mod shells;
 mod sink;
 mod solve;
 mod spare;
@@ -107,6 +109,7 @@ pub use cut::{Cuts, Facet};
 pub use foresee::foresee_triangles;
 pub use lone::{Lone, LoneCells, has_one_sheet};
 pub use options::{ContourOptions, MeshSummary, Method};
+pub use shells::{Angles, Counted, KeptShells, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellSink};
 pub use sink::{
     Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
 };

@@ -1,0 +1,175 @@
+#!/usr/bin/env python3
+"""Meshes of a size asked for: triangles, volume, distances and time, beside decimation of the fine mesh.
+
+    python3 -m venv venv && venv/bin/pip install numpy fast-simplification meshoptimizer
+    venv/bin/python bench-data/detail.py --program target/release/brickfield STORE.brf... --triangles 10000 100000
+    ... --peers                      # decimates the fine mesh of each store, too
+    venv/bin/python bench-data/detail.py --tetrahedra MESH.stl    # needs `pip install gmsh`
+
+Stores are made by `brickfield build`. Prints tables; exit status 1 if a mesh of ours is not sound or not of the size asked for.
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+
+def run(program, *arguments):
+    """What the program prints as JSON, and its status; errors end this one."""
+    done = subprocess.run([program, *map(str, arguments), "--json"], capture_output=True, text=True)
+    if not done.stdout:
+        sys.exit(f"{' '.join(map(str, arguments))}: {done.stderr.strip()}")
+    return json.loads(done.stdout)
+
+
+def ours(program, store, most, folder):
+    """A row of a mesh of at most so many triangles."""
+    out = folder / "ours.ply"
+    began = time.time()
+    made = run(program, "mesh", store, "-o", out, "--triangles", most, "--check")
+    seconds = time.time() - began
+    there, back = made["detail"]["distances"] or [None, None]
+    is_right = made["check"]["sound"] and 0.9 * most <= made["triangles"] <= most
+    cell = made["detail"]["cell"]
+    print(
+        f"| {store.stem} | {most:,} | {made['triangles']:,} | {cell:.3f} | {made['detail']['tolerance']:.3f} "
+        f"| {100 * (made['volume'] / made['expected']['volume'] - 1):+.3f} ± {100 * made['expected']['error'] / made['expected']['volume']:.2f} "
+        + (f"| {there['of_999']:.2f} ({there['of_999'] / cell:.2f}) | {back['mean']:.2f} | {100 * back['beyond']:.1f} " if there else "| | | ")
+        + f"| {'sound' if made['check']['sound'] else 'NOT SOUND'} | {seconds:.1f} |",
+        flush=True,
+    )
+    return is_right
+
+
+def read_ply(path):
+    """Positions and triangles of a PLY as the program writes it."""
+    import numpy as np
+
+    data = path.read_bytes()
+    end = data.index(b"end_header\n") + len(b"end_header\n")
+    counts = [int(line.split()[2]) for line in data[:end].decode().splitlines() if line.startswith("element")]
+    positions = np.frombuffer(data, "<f4", 3 * counts[0], end).reshape(-1, 3)
+    faces = np.frombuffer(data, np.dtype([("n", "u1"), ("ids", "<u4", 3)]), counts[1], end + positions.nbytes)
+    return positions.copy(), faces["ids"].astype(np.uint32)
+
+
+def write_ply(path, positions, triangles):
+    import numpy as np
+
+    faces = np.empty(len(triangles), np.dtype([("n", "u1"), ("ids", "<u4", 3)]))
+    faces["n"], faces["ids"] = 3, triangles
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {len(triangles)}\nproperty list uchar uint vertex_indices\nend_header\n"
+    )
+    path.write_bytes(header.encode() + np.asarray(positions, "<f4").tobytes() + faces.tobytes())
+
+
+def fast_simplification(positions, triangles, most):
+    import fast_simplification as peer
+
+    return peer.simplify(positions, triangles.astype("int64"), target_count=most)
+
+
+def meshoptimizer(positions, triangles, most):
+    import meshoptimizer as peer
+    import numpy as np
+
+    indices = np.ascontiguousarray(triangles.reshape(-1), dtype=np.uint32)
+    out = np.zeros_like(indices)
+    count = peer.simplify(
+        out, indices, np.ascontiguousarray(positions, dtype=np.float32), target_index_count=3 * most, target_error=1e9
+    )
+    return positions, out[:count].reshape(-1, 3)
+
+
+def peers(program, store, most, fine, folder):
+    """Rows of the decimated fine mesh."""
+    expected = run(program, "mesh", store, "-o", folder / "again.ply", "--triangles", most)["expected"]["volume"]
+    positions, triangles = fine
+    for peer in (fast_simplification, meshoptimizer):
+        began = time.time()
+        try:
+            result = peer(positions, triangles, most)
+        except Exception as error:  # A peer that is missing or fails has a row that says so.
+            print(f"| {store.stem} | {most:,} | {peer.__name__} | {error} |")
+            continue
+        seconds = time.time() - began
+        out = folder / "peer.ply"
+        write_ply(out, *result)
+        check = run(program, "mesh", "--check", out, "--weld")
+        pairs = check["intersections"]["pairs"]
+        closed = "closed" if check["closed"] else "open"
+        manifold = "manifold" if check["edge_manifold"] and check["vertex_manifold"] else "not manifold"
+        volume = f"{100 * (check['volume'] / expected - 1):+.2f}" if check["volume"] is not None else "none"
+        print(
+            f"| {store.stem} | {most:,} | {peer.__name__} | {len(result[1]):,} | {volume} | {closed}, {manifold} "
+            f"| {pairs} | {seconds:.1f} |",
+            flush=True,
+        )
+
+
+def tetrahedra(path):
+    """Tetrahedra within a closed mesh, by Gmsh, as it is."""
+    import gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    began = time.time()
+    gmsh.merge(str(path))
+    gmsh.model.mesh.createTopology()
+    surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+    gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
+    gmsh.model.geo.synchronize()
+    gmsh.model.mesh.generate(3)
+    kinds, tags, _ = gmsh.model.mesh.getElements(3)
+    count = sum(len(of_kind) for of_kind in tags)
+    quality = gmsh.model.mesh.getElementQualities(tags[0], "gamma")
+    volume = sum(gmsh.model.mesh.getElementQualities(tags[0], "volume"))
+    print(
+        f"{path}: {count} tetrahedra in {time.time() - began:.1f} s, volume {volume:.3f}, gamma at least {min(quality):.2g}, "
+        f"mean {sum(quality) / len(quality):.2f}"
+    )
+    gmsh.write(str(pathlib.Path(path).with_suffix(".msh")))
+    gmsh.finalize()
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("--program", default="target/release/brickfield")
+    arguments.add_argument("stores", nargs="*", type=pathlib.Path)
+    arguments.add_argument("--triangles", nargs="*", type=int, default=[10_000, 100_000, 1_000_000])
+    arguments.add_argument("--peers", action="store_true")
+    arguments.add_argument("--tetrahedra", type=pathlib.Path)
+    chosen = arguments.parse_args()
+    if chosen.tetrahedra:
+        return tetrahedra(chosen.tetrahedra)
+    are_right = True
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        if chosen.peers:
+            print("| store | asked | peer | triangles | volume off, % | surface | crossing pairs | s |\n|---|---|---|---|---|---|---|---|")
+        else:
+            print(
+                "| store | asked | triangles | cell, mm | tolerance, mm | volume off, % | mesh to store at 99.9%, mm (cells) "
+                "| store to mesh, mean, mm | averaged away, % | surface | s |\n|---|---|---|---|---|---|---|---|---|---|---|"
+            )
+        for store in chosen.stores:
+            fine = None
+            if chosen.peers:
+                run(chosen.program, "mesh", store, "-o", folder / "fine.ply")
+                fine = read_ply(folder / "fine.ply")
+            for most in chosen.triangles:
+                if chosen.peers:
+                    peers(chosen.program, store, most, fine, folder)
+                else:
+                    are_right &= ours(chosen.program, store, most, folder)
+    return 0 if are_right else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,278 @@
+//! A coarse lattice with the fraction of solid around each sample, brick by brick.
+
+use super::kernel::depth;
+use super::leaf::{Block, block};
+use crate::error::{Error, Result};
+use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, RootCube};
+use crate::progress::Progress;
+use crate::store::{BrickTree, Leaf, LeafOrder, visit};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Samples of a brick without an apron.
+const OWN: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
+/// The greatest fraction as stored: all solid.
+pub(super) const FULL: u16 = u16::MAX;
+/// Coarse samples before the tree's first one: the tent reaches one beyond it, and samples at the root's faces are outside.
+const BEFORE: i64 = 2;
+/// Sums that are as near to none or all as this are that, and rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// One brick of 32³ coarse samples.
+enum Coarse {
+    /// Leaves may still add to it.
+    Open(Box<[f64]>),
+    /// Solid throughout.
+    Full,
+    Mixed(Box<[u16]>),
+}
+
+/// The fractions of solid around the samples of a coarse lattice.
+///
+/// A fraction is the mean over a tent: it weighs what is at the sample most, and what is a coarse cell away along any axis
+/// not at all. The sum of all is the solid's volume.
+pub struct Lattice {
+    /// How many of the finest cells an axis are one coarse cell.
+    factor: u32,
+    /// The coarse lattice as the root of a tree.
+    root: RootCube,
+    /// The level of its bricks.
+    pub(super) level: u8,
+    /// Bricks that are not empty.
+    bricks: BTreeMap<NodeKey, Coarse>,
+    /// By the code of the last leaf that may add to them, bricks that are open.
+    open: BTreeSet<(u64, NodeKey)>,
+    /// Sum of all fractions.
+    sum: f64,
+    /// By fraction as stored, [`depth`].
+    depths: Box<[f32]>,
+    /// By fraction as stored, how many samples have it.
+    counts: Box<[u64]>,
+}
+
+impl Lattice {
+    /// An empty one over a tree.
+    fn new(tree: &dyn BrickTree, finest: u8, factor: u32) -> Result<Lattice> {
+        let fine = tree.root().spacing(finest);
+        let cell = fine * f64::from(factor);
+        let samples = ((BRICK_CELLS as u64) << finest).div_ceil(u64::from(factor)) as i64 + 2 * BEFORE;
+        let fits = |level: &u8| (BRICK_CELLS as i64) << level > samples;
+        let level = (0..=MAX_LEVEL)
+            .find(fits)
+            .ok_or_else(|| Error::setting("cells are too many", "choose larger ones"))?;
+        let edge = cell * BRICK_CELLS as f64 * f64::from(1u32 << level);
+        // Sample 0 of both lattices stands one unit of its own root above the corner.
+        let first = tree.root().to_world([1.0; 3]);
+        let unit = RootCube { origin: [0.0; 3], edge }.unit();
+        let origin = first.map(|c| c - BEFORE as f64 * cell - unit);
+        let depths = (0..=u16::MAX).map(|f| depth(f64::from(f) / f64::from(FULL)) as f32).collect();
+        let root = RootCube { origin, edge };
+        let counts = vec![0; usize::from(FULL) + 1].into();
+        Ok(Lattice {
+            factor,
+            root,
+            level,
+            bricks: BTreeMap::new(),
+            open: BTreeSet::new(),
+            sum: 0.0,
+            depths,
+            counts,
+        })
+    }
+
+    /// How many of the finest cells an axis are one coarse cell.
+    pub fn factor(&self) -> u32 {
+        self.factor
+    }
+
+    /// Edge of a coarse cell in the tree's unit.
+    pub fn cell(&self) -> f64 {
+        self.root.spacing(self.level)
+    }
+
+    /// The volume of solid, by chords between exact crossings, in the cube of the tree's unit.
+    pub fn volume(&self) -> f64 {
+        self.sum * self.cell().powi(3)
+    }
+
+    /// The coarse lattice as the root of a tree.
+    pub(super) fn root(&self) -> RootCube {
+        self.root
+    }
+
+    /// Keys of bricks whose fractions are neither all 0 nor all 1.
+    pub(super) fn mixed(&self) -> impl Iterator<Item = NodeKey> {
+        self.bricks.iter().filter(|(_, brick)| matches!(brick, Coarse::Mixed(_))).map(|(key, _)| *key)
+    }
+
+    /// Whether the first sample of a brick is all solid.
+    pub(super) fn is_full(&self, key: NodeKey) -> bool {
+        matches!(self.bricks.get(&key), Some(Coarse::Full))
+    }
+
+    /// The depths of a box of samples of (32 + 1 + 2)³, from the one before the first of a brick to the one behind its apron.
+    pub(super) fn depths_around(&self, key: NodeKey) -> Vec<f32> {
+        const N: usize = super::tree::AROUND;
+        let mut depths = vec![-1.0; N * N * N];
+        for d in (0..27).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]) {
+            let Some(brick) = key.neighbour(d).and_then(|key| self.bricks.get(&key)) else { continue };
+            let cells = BRICK_CELLS as i32;
+            // Places in the box of this brick's samples, and theirs in the brick.
+            let range = |a: usize| {
+                let start = 1 + d[a] * cells;
+                (start.max(0)..(start + cells).min(N as i32))
+                    .map(move |at| (at as usize, (at - start) as usize))
+            };
+            for (z, k) in range(2) {
+                for (y, j) in range(1) {
+                    for (x, i) in range(0) {
+                        let fraction = match brick {
+                            Coarse::Mixed(fractions) => fractions[(k * BRICK_CELLS + j) * BRICK_CELLS + i],
+                            _ => FULL,
+                        };
+                        depths[(z * N + y) * N + x] = self.depths[usize::from(fraction)];
+                    }
+                }
+            }
+        }
+        depths
+    }
+
+    /// About the volume within the surface at a depth, in the cube of the tree's unit: each sample stands for a cell, or for
+    /// part of one at the surface.
+    pub(super) fn volume_within(&self, at: f64) -> f64 {
+        let part = |depth: f32| (f64::from(depth) - at + 0.5).clamp(0.0, 1.0);
+        let samples = self.depths.iter().zip(&self.counts).map(|(&depth, &count)| part(depth) * count as f64);
+        samples.sum::<f64>() * self.cell().powi(3)
+    }
+
+    /// Heap bytes of all bricks.
+    fn bytes(&self) -> u64 {
+        let mixed = self.mixed().count() as u64;
+        (mixed * 2 + self.open.len() as u64 * 8) * OWN as u64
+    }
+
+    /// Adds what a leaf adds.
+    fn add(&mut self, block: &Block, (finest, factor): (u8, u32)) {
+        let first = block.first.map(|c| c + BEFORE);
+        let last: [i64; 3] = std::array::from_fn(|a| first[a] + block.size[a] as i64 - 1);
+        let bricks = |a: usize| first[a] >> 5..=last[a] >> 5;
+        for (p, q, r) in
+            bricks(2).flat_map(|r| bricks(1).flat_map(move |q| bricks(0).map(move |p| (p, q, r))))
+        {
+            let Some(key) = NodeKey::new(self.level, [p as u32, q as u32, r as u32]) else { continue };
+            let mut part = part_of(block, first, [p, q, r].map(|c| c << 5)).peekable();
+            if part.peek().is_none() {
+                continue;
+            }
+            let done = last_leaf(key, finest, factor);
+            let open = &mut self.open;
+            let brick = self.bricks.entry(key).or_insert_with(|| {
+                open.insert((done, key));
+                Coarse::Open(vec![0.0; OWN].into())
+            });
+            if let Coarse::Open(sums) = brick {
+                part.for_each(|(place, sum)| sums[place] += sum);
+            }
+        }
+    }
+
+    /// Completes the bricks to which no leaf behind the one with this code adds.
+    fn complete(&mut self, code: u64) {
+        while let Some(&(done, key)) = self.open.first()
+            && done <= code
+        {
+            self.open.remove(&(done, key));
+            let Some(Coarse::Open(sums)) = self.bricks.remove(&key) else { continue };
+            self.sum += sums.iter().sum::<f64>();
+            let fractions: Box<[u16]> = sums.iter().map(|&sum| stored(sum)).collect();
+            fractions.iter().for_each(|&f| self.counts[usize::from(f)] += 1);
+            if fractions.iter().all(|&f| f == FULL) {
+                self.bricks.insert(key, Coarse::Full);
+            } else if fractions.iter().any(|&f| f > 0) {
+                self.bricks.insert(key, Coarse::Mixed(fractions));
+            }
+        }
+    }
+}
+
+/// A fraction as stored: none and all are kept apart from what is nearly so.
+fn stored(sum: f64) -> u16 {
+    if sum < ROUNDING {
+        0
+    } else if sum > 1.0 - ROUNDING {
+        FULL
+    } else {
+        (sum * f64::from(FULL)).round().clamp(1.0, f64::from(FULL - 1)) as u16
+    }
+}
+
+/// The sums above 0 of a block in the brick whose first sample is `base`, by place there.
+fn part_of(block: &Block, first: [i64; 3], base: [i64; 3]) -> impl Iterator<Item = (usize, f64)> {
+    let range = move |a: usize| {
+        let end = (first[a] + block.size[a] as i64).min(base[a] + BRICK_CELLS as i64);
+        first[a].max(base[a])..end
+    };
+    let rows = range(2).flat_map(move |z| range(1).map(move |y| (y, z)));
+    rows.flat_map(move |(y, z)| {
+        let row = ((z - first[2]) as usize * block.size[1] + (y - first[1]) as usize) * block.size[0];
+        let own = ((z - base[2]) as usize * BRICK_CELLS + (y - base[1]) as usize) * BRICK_CELLS;
+        range(0).map(move |x| (own + (x - base[0]) as usize, block.sums[row + (x - first[0]) as usize]))
+    })
+    .filter(|(_, sum)| *sum > 1e-14)
+}
+
+/// The code of the last leaf, in Morton order, that may add to a brick: the one at the upper end of what its tents reach.
+fn last_leaf(key: NodeKey, finest: u8, factor: u32) -> u64 {
+    let most = ((BRICK_CELLS as i64) << finest) - 1;
+    let upper = key.position().map(|p| {
+        let last = (i64::from(p) + 1) * BRICK_CELLS as i64 - 1 - BEFORE;
+        ((last + 1) * i64::from(factor) - 1).clamp(0, most)
+    });
+    let bits = crate::lattice::spacing_bits(finest);
+    NodeKey::deepest_at(upper.map(|c| (c << bits) as i32)).map_or(u64::MAX, |key| key.post_order().0)
+}
+
+/// The deepest level of a tree.
+pub(super) fn finest_level(tree: &dyn BrickTree) -> u8 {
+    tree.keys().last().map_or(0, |key| key.level())
+}
+
+/// Lattices of the solid of `tree`, where w ≥ 0.5, whose cells are so many of the finest ones an axis. Reads every leaf that
+/// is not uniform once. At most `memory` bytes are held.
+///
+/// # Errors
+/// [`Error::Setting`] if the lattices do not fit the memory; what reading the tree gives; [`Error::Interrupted`].
+pub fn fractions(
+    tree: &dyn BrickTree,
+    factors: &[u32],
+    memory: u64,
+    progress: &dyn Progress,
+) -> Result<Vec<Lattice>> {
+    let finest = finest_level(tree);
+    let mut lattices =
+        factors.iter().map(|&factor| Lattice::new(tree, finest, factor)).collect::<Result<Vec<_>>>()?;
+    let order = LeafOrder::new(tree)?;
+    progress.phase("fractions", Some(order.keys().len() as u64), "bricks");
+    let make = |leaf: &Leaf<'_>| {
+        Ok(factors.iter().map(|&factor| block(leaf.key, leaf.brick, finest, factor)).collect::<Vec<_>>())
+    };
+    let last = order.keys().len().saturating_sub(1);
+    visit(tree, order.keys(), progress, make, |number, blocks: Vec<Option<Block>>| {
+        let code = if number == last { u64::MAX } else { order.keys()[number].post_order().0 };
+        for ((lattice, block), &factor) in lattices.iter_mut().zip(&blocks).zip(factors) {
+            block.iter().for_each(|block| lattice.add(block, (finest, factor)));
+            lattice.complete(code);
+        }
+        if (number.is_multiple_of(64) || number == last)
+            && lattices.iter().map(Lattice::bytes).sum::<u64>() > memory
+        {
+            let cell = lattices.first().map_or(0.0, Lattice::cell);
+            return Err(Error::setting(
+                format!("fractions of cells of {cell:.6} do not fit the memory allowed"),
+                "choose larger cells (--detail), fewer triangles, or more --memory",
+            ));
+        }
+        Ok(())
+    })?;
+    Ok(lattices)
+}

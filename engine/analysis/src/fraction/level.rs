@@ -1,0 +1,140 @@
+//! The surface of the fractions that keeps the volume.
+
+use super::kernel::{depth, fraction_at};
+use super::{FractionTree, Lattice};
+use crate::contour::{
+    ContourOptions, Cuts, Encoding, MeshSink, MeshSummary, Triangles, VertexBytes, contour,
+};
+use crate::error::Result;
+use crate::progress::Progress;
+
+/// How near to the volume a surface is to be, as a share of it.
+const NEAR: f64 = 1e-4;
+/// Surfaces that are measured at most.
+const TRIES: usize = 8;
+/// The farthest from the surface of one half, in coarse cells: beyond a cell nothing is known.
+const FARTHEST: f64 = 0.98;
+/// How often the interval of depths is halved to begin with: to less than a ten-thousandth of a cell.
+const HALVINGS: usize = 15;
+
+/// A surface of the fractions.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept {
+    /// How far it lies inside of the one where half is solid, in coarse cells.
+    pub depth: f64,
+    /// The fraction of solid at it.
+    pub fraction: f64,
+    /// Its mesh.
+    pub summary: MeshSummary,
+    /// Whether its volume is the one asked for, to a ten-thousandth.
+    pub is_near: bool,
+}
+
+/// Takes a mesh and keeps nothing of it.
+struct Measured;
+
+impl MeshSink for Measured {
+    fn encoding(&self) -> Option<Encoding> {
+        let none = |_: &Cuts, _: &mut Vec<u8>| {};
+        Some(Encoding { vertices: VertexBytes::Positions(|_, _| {}), triangles: Triangles::Lone(none) })
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// What the mesh of a tree would be.
+pub(super) fn measure(
+    tree: &FractionTree,
+    options: &ContourOptions,
+    progress: &dyn Progress,
+) -> Result<MeshSummary> {
+    contour(tree, options, &mut Measured, progress)
+}
+
+/// The surface at which a fraction is solid, between 0 and 1.
+///
+/// # Errors
+/// As [`contour`].
+pub fn surface(
+    lattice: &Lattice,
+    fraction: f64,
+    options: &ContourOptions,
+    progress: &dyn Progress,
+) -> Result<Kept> {
+    let depth = depth(fraction);
+    let summary = measure(&FractionTree::new(lattice, depth), options, progress)?;
+    Ok(Kept { depth, fraction, summary, is_near: true })
+}
+
+/// The surface whose mesh, made with these options, holds `volume`; the nearest that is found where none does, as of infill
+/// whose lines are closer than cells: all of it is solid at one fraction and void at the next. `first` is a surface whose
+/// volume is about right, if one is known.
+///
+/// # Errors
+/// As [`contour`].
+pub fn keep_volume(
+    lattice: &Lattice,
+    volume: f64,
+    first: Option<f64>,
+    options: &ContourOptions,
+    progress: &dyn Progress,
+) -> Result<Kept> {
+    let mut search = Search::new();
+    let mut next = first.unwrap_or_else(|| depth_of(lattice, volume));
+    let mut best: Option<Kept> = None;
+    for _ in 0..TRIES {
+        let summary = measure(&FractionTree::new(lattice, next), options, progress)?;
+        let off = summary.volume - volume;
+        let is_near = off.abs() <= NEAR * volume;
+        if best.is_none_or(|best| off.abs() < (best.summary.volume - volume).abs()) {
+            best = Some(Kept { depth: next, fraction: fraction_at(next), summary, is_near });
+        }
+        if is_near || search.is_over() {
+            break;
+        }
+        // By how much cells and the mesh differ changes little from one surface to the next.
+        let guess = depth_of(lattice, lattice.volume_within(next) - off);
+        next = search.next(next, off, guess);
+    }
+    Ok(best.expect("one is measured at least"))
+}
+
+/// The surface within which cells hold about this volume.
+pub(super) fn depth_of(lattice: &Lattice, volume: f64) -> f64 {
+    let (mut inside, mut outside) = (-FARTHEST, FARTHEST);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (inside + outside);
+        if lattice.volume_within(middle) > volume { inside = middle } else { outside = middle }
+    }
+    0.5 * (inside + outside)
+}
+
+/// The search for a depth, between one whose volume is too large and one whose is too small.
+struct Search {
+    inside: f64,
+    outside: f64,
+}
+
+impl Search {
+    fn new() -> Search {
+        Search { inside: -FARTHEST, outside: FARTHEST }
+    }
+
+    fn is_over(&self) -> bool {
+        self.outside - self.inside < 1e-6
+    }
+
+    /// The depth to try after one whose volume is `off` too large.
+    fn next(&mut self, depth: f64, off: f64, guess: f64) -> f64 {
+        if off > 0.0 {
+            self.inside = self.inside.max(depth)
+        } else {
+            self.outside = self.outside.min(depth)
+        }
+        // A guess beyond what is known already is worth less than the middle.
+        let is_within = guess > self.inside && guess < self.outside;
+        if is_within { guess } else { 0.5 * (self.inside + self.outside) }
+    }
+}

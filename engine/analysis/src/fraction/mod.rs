@@ -1,0 +1,48 @@
+//! A part at a coarse detail: the fraction of solid around the samples of a coarse lattice, and surfaces of it.
+//!
+//! What is thinner than a cell cannot be sampled: hair channels between beads come and go between samples, and with them
+//! the volume. The mean of solid over about a cell can. Its surface is smooth, and the fraction at which it lies is chosen so
+//! that the volume is kept.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `kernel` | the tent by which solid is averaged |
+//! | `leaf` | what one leaf adds, by chords between exact crossings |
+//! | `lattice` | all sums, brick by brick, completed as leaves pass in Morton order |
+//! | `tree` | a surface of the fractions as a tree that can be contoured |
+//! | `level` | the surface that keeps the volume |
+//! | `size` | the detail at which a mesh has so many triangles |
+//! | `closest` | the distance of points from a mesh |
+//! | `distance` | how far a mesh and the surface of a store are from each other |
+
+mod closest;
+mod distance;
+mod kernel;
+mod lattice;
+mod leaf;
+mod level;
+mod size;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+pub use distance::{Distances, distances};
+pub use lattice::{Lattice, fractions};
+pub use level::{Kept, keep_volume, surface};
+pub use size::{Request, Sized, of_triangles};
+pub use tree::FractionTree;
+
+use crate::store::BrickTree;
+
+/// How many of the finest cells an axis are a coarse cell of at most `detail`; `None` if it is smaller than these.
+pub fn factor_of(tree: &dyn BrickTree, detail: f64) -> Option<u32> {
+    let fine = tree.root().spacing(lattice::finest_level(tree));
+    // A length that was meant to be so many cells is, whatever rounding says.
+    let cells = (detail / fine * (1.0 + 1e-9)).floor();
+    (cells >= 1.0).then_some(cells.min(1e6) as u32)
+}
+
+/// Edge of the finest cells of a tree.
+pub fn finest_cell(tree: &dyn BrickTree) -> f64 {
+    tree.root().spacing(lattice::finest_level(tree))
+}

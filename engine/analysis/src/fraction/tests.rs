@@ -1,0 +1,120 @@
+//! Fractions against formulas.
+
+use super::*;
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::contour::ContourOptions;
+use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
+use crate::progress::Silent;
+use crate::store::MemoryTree;
+
+const CENTRE: [f64; 3] = [2.03, 1.96, 2.11];
+
+/// By how much a point lies within a box or a ball of half-width 1.2 about the middle.
+fn depth_in(shape: u8, point: [f64; 3]) -> f64 {
+    let apart: [f64; 3] = std::array::from_fn(|a| point[a] - CENTRE[a]);
+    match shape {
+        0 => 1.2 - apart.iter().map(|c| c * c).sum::<f64>().sqrt(),
+        _ => apart.iter().map(|c| 1.2 - c.abs()).fold(f64::INFINITY, f64::min),
+    }
+}
+
+/// A tree of full depth in a root from 0 to 4.
+fn tree(shape: u8, depth: u8) -> MemoryTree {
+    let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: 4.0 });
+    let mut level = vec![NodeKey::ROOT];
+    for _ in 0..=depth {
+        for &key in &level {
+            let brick = brick(shape, tree.root(), key);
+            tree.insert(key, key.level() == depth, brick);
+        }
+        level = level.iter().flat_map(|key| Octant::all().map(|octant| key.child(octant))).collect();
+    }
+    tree
+}
+
+fn brick(shape: u8, root: RootCube, key: NodeKey) -> Brick {
+    let point = |ijk: [usize; 3]| {
+        root.to_world(std::array::from_fn(|a| {
+            f64::from(key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)
+        }))
+    };
+    let mut samples = Samples::filled(0);
+    for n in 0..POINTS {
+        let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+        samples.0[n] = i16::from(depth_in(shape, point(ijk)) > 0.0);
+    }
+    if samples.range().0 == samples.range().1 {
+        return Brick::Uniform(samples.range().0);
+    }
+    let signs = SignChanges::of(&samples);
+    let mut hermite = Hermite::default();
+    for axis in Axis::ALL {
+        signs.for_edges(axis, |low| {
+            let mut high = low;
+            high[axis.index()] += 1;
+            let (from, to) = (point(low), point(high));
+            let at = |t: f64| depth_in(shape, std::array::from_fn(|a| from[a] + t * (to[a] - from[a]))) > 0.0;
+            let (mut below, mut above) = (0.0, 1.0);
+            for _ in 0..30 {
+                let middle = 0.5 * (below + above);
+                if at(middle) == at(0.0) { below = middle } else { above = middle }
+            }
+            let edge =
+                HermiteEdge { offset: (below * 65536.0) as u16, normal: OctNormal::from_integer([0, 0, 1]) };
+            hermite.edges[axis.index()].push(edge);
+        });
+    }
+    Brick::Counts { samples, hermite }
+}
+
+#[test]
+fn fractions_add_up_to_the_volume_for_any_cells() {
+    for (shape, expected) in [(0, 4.0 / 3.0 * std::f64::consts::PI * 1.2f64.powi(3)), (1, 2.4f64.powi(3))] {
+        let tree = tree(shape, 2);
+        let chords = crate::analysis::volume(&tree, &Silent).unwrap().union;
+        for lattice in fractions(&tree, &[1, 2, 3, 5, 8, 13], u64::MAX, &Silent).unwrap() {
+            let volume = lattice.volume();
+            assert!((volume / chords - 1.0).abs() < 1e-9, "{} {volume} {chords}", lattice.factor());
+            assert!((volume / expected - 1.0).abs() < 0.01, "{volume} {expected}");
+        }
+    }
+}
+
+#[test]
+fn surfaces_keep_the_volume_and_faces_of_a_box_stay_where_they_are() {
+    let tree = tree(1, 2);
+    let options = ContourOptions::default();
+    for lattice in fractions(&tree, &[2, 5, 9], u64::MAX, &Silent).unwrap() {
+        let kept = keep_volume(&lattice, lattice.volume(), None, &options, &Silent).unwrap();
+        assert!(kept.is_near && (kept.summary.volume / lattice.volume() - 1.0).abs() < 2e-4);
+        // Only edges and corners are rounded, so the surface hardly moves.
+        assert!(kept.depth.abs() < 0.2, "{kept:?}");
+        let half = surface(&lattice, 0.5, &options, &Silent).unwrap().summary;
+        let [low, high] = half.bounds.unwrap();
+        for a in 0..3 {
+            // Chords along a face tell where it is to half a cell only, and they are two of three.
+            // Vertices at rounded edges stand out a little.
+            let within = 0.1 * lattice.cell() + finest_cell(&tree) / 3.0;
+            assert!((f64::from(low[a]) - CENTRE[a] + 1.2).abs() < within, "{low:?}");
+            assert!((f64::from(high[a]) - CENTRE[a] - 1.2).abs() < within, "{high:?}");
+        }
+    }
+}
+
+#[test]
+fn details_are_whole_numbers_of_cells() {
+    let tree = tree(0, 1);
+    let fine = 4.0 / 64.0;
+    assert_eq!(factor_of(&tree, 0.99 * fine), None);
+    assert_eq!(
+        [1.0, 1.5, 2.0, 7.999_999_999_999].map(|n| factor_of(&tree, n * fine)),
+        [1, 1, 2, 8].map(Some)
+    );
+    assert_eq!(finest_cell(&tree), fine);
+}
+
+#[test]
+fn memory_that_does_not_suffice_is_said() {
+    let error = fractions(&tree(0, 2), &[1], 1000, &Silent).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("do not fit the memory"), "{error}");
+}

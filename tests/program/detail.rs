@@ -1,0 +1,192 @@
+//! `brickfield mesh --detail`, `--triangles`, `--max-size` and the choice of shells, judged by code that shares none with the
+//! engine.
+
+use crate::support::*;
+use brickfield_bench_data::judge::mesh::{Report, check_file};
+use serde_json::Value;
+use std::path::Path;
+
+/// Closed, oriented, manifold, and of the volume expected.
+#[track_caller]
+fn judged(path: &Path, volume: f64, tolerance: f64) -> Report {
+    let report = check_file(path).unwrap();
+    assert!(report.is_balanced() && report.is_edge_manifold() && report.is_vertex_manifold(), "{report:?}");
+    let deviation = report.signed_volume / volume - 1.0;
+    assert!(deviation.abs() < tolerance, "{}: {} is not {volume}", path.display(), report.signed_volume);
+    report
+}
+
+/// The mesh of a store with these words, as JSON of the run.
+#[track_caller]
+fn meshed(store: &Path, out: &Path, words: &[&str]) -> Value {
+    let mut all: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"mesh", &store, &"-o", &out, &"--json", &"--check"];
+    all.extend(words.iter().map(|word| word as &dyn AsRef<std::ffi::OsStr>));
+    let json = run(&all).json();
+    assert_eq!(json["check"]["sound"], true, "{json}");
+    json
+}
+
+#[test]
+fn voids_stay_with_a_detail_below_their_size_and_go_with_one_above() {
+    let dir = Scratch::new();
+    let store = dir.store("void_ladder", 3);
+    let expected = truth("void_ladder", "volume");
+    let out = dir.path("a.ply");
+    // Cubes of 1, 2, 3, 4 and 5 mm and a ball of 4 mm are enclosed.
+    for (detail, voids) in [("0.5mm", 6..7), ("8mm", 0..1)] {
+        let json = meshed(&store, &out, &["--detail", detail]);
+        judged(&out, expected, 0.005);
+        assert_eq!(json["detail"]["voids"]["count"], 6);
+        let found = json["shells"]["voids"]["count"].as_u64().unwrap();
+        assert!(voids.contains(&found), "{detail}: {found}");
+        assert!((json["volume"].as_f64().unwrap() / expected - 1.0).abs() < 2e-4, "{json}");
+    }
+    let text = run(&[&"mesh", &store, &"-o", &out, &"--detail", &"3mm"]).ok();
+    assert!(text.contains("6 enclosed in the store") && text.contains("smaller than cells"), "{text}");
+    assert!(text.contains("99.9% within"), "{text}");
+}
+
+#[test]
+fn what_a_part_encloses_and_what_is_small_is_left_out_and_said() {
+    let dir = Scratch::new();
+    let (store, out) = (dir.store("void_ladder", 3), dir.path("a.stl"));
+    let expected = truth("void_ladder", "volume");
+    let all = meshed(&store, &out, &["--tolerance", "0.001mm"]);
+    assert!(all.get("shells").is_none());
+    let outer = meshed(&store, &out, &["--tolerance", "0.001mm", "--outer"]);
+    let filled = expected + truth("void_ladder", "closed_total");
+    judged(&out, filled, 1e-3);
+    assert_eq!(outer["shells"]["dropped_voids"]["count"], 6);
+    assert!((outer["volume"].as_f64().unwrap() / filled - 1.0).abs() < 1e-3);
+    assert!(outer["triangles"].as_u64() < all["triangles"].as_u64());
+    assert_eq!(facets_of(&out).len() as u64, outer["triangles"].as_u64().unwrap());
+    // The cube of 1 mm and that of 2 mm are small.
+    let some = meshed(&store, &dir.path("a.ply"), &["--min-shell-volume", "10"]);
+    judged(&dir.path("a.ply"), expected + 9.0, 1e-3);
+    assert_eq!(some["shells"]["dropped_voids"]["count"], 2);
+    // With coarse cells, and with a file that shares vertices.
+    meshed(&store, &dir.path("b.ply"), &["--detail", "1mm", "--outer"]);
+    judged(&dir.path("b.ply"), filled, 0.005);
+    // Two bodies apart, one hollow with another body in it.
+    let pieces = [
+        cuboid([0.0; 3], [10.0; 3]),
+        inside_out(cuboid([2.0; 3], [8.0; 3])),
+        cuboid([4.0; 3], [6.0; 3]),
+        cuboid([12.0, 0.0, 0.0], [16.0, 8.0, 8.0]),
+    ]
+    .concat();
+    let input = dir.file("pieces.stl", binary_stl(pieces.len() as u32, &pieces));
+    let store = dir.path("pieces.brf");
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"2", &"-q"]).ok();
+    let volume = |words: &[&str]| {
+        let json = meshed(&store, &out, words);
+        judged(&out, json["volume"].as_f64().unwrap(), 1e-6).signed_volume
+    };
+    let [hollow, inner, beside] = [1000.0 - 216.0, 8.0, 64.0 * 4.0];
+    for (words, expected) in [
+        (&["--keep-largest"][..], hollow),
+        (&["--outer"], 1000.0 + beside),
+        (&["--outer", "--keep-largest"], 1000.0),
+        (&["--min-shell-volume", "10"], hollow + beside),
+        (&["--min-shell-volume", "0"], hollow + inner + beside),
+    ] {
+        let found = volume(words);
+        assert!((found / expected - 1.0).abs() < 2e-3, "{words:?}: {found} {expected}");
+    }
+}
+
+/// By the law of cosines.
+fn smallest_angle(facet: Facet) -> f64 {
+    let length = |a: usize, b: usize| {
+        (0..3).map(|n| (f64::from(facet[a][n]) - f64::from(facet[b][n])).powi(2)).sum::<f64>().sqrt()
+    };
+    let [a, b, c] = [length(1, 2), length(2, 0), length(0, 1)];
+    let angle = |a: f64, b: f64, c: f64| {
+        ((b * b + c * c - a * a) / (2.0 * b * c)).clamp(-1.0, 1.0).acos().to_degrees()
+    };
+    angle(a, b, c).min(angle(b, c, a)).min(angle(c, a, b))
+}
+
+fn inside_out(facets: Vec<Facet>) -> Vec<Facet> {
+    facets.into_iter().map(|[a, b, c]| [a, c, b]).collect()
+}
+
+#[test]
+fn triangles_are_as_many_as_asked_for_and_files_as_large() {
+    let dir = Scratch::new();
+    let store = dir.store("clover_beads", 3);
+    let out = dir.path("a.ply");
+    let json = meshed(&store, &out, &["--triangles", "3000"]);
+    let triangles = json["triangles"].as_u64().unwrap();
+    assert!((2700..=3000).contains(&triangles), "{triangles}");
+    judged(&out, json["expected"]["volume"].as_f64().unwrap(), 0.001);
+    let out = dir.path("a.stl");
+    meshed(&store, &out, &["--max-size", "200kB"]);
+    let bytes = std::fs::metadata(&out).unwrap().len();
+    assert!((180_000..=200_000).contains(&bytes), "{bytes}");
+}
+
+#[test]
+fn threads_change_no_byte_and_beads_keep_their_volume() {
+    let dir = Scratch::new();
+    let store = dir.path("a.brf");
+    run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.57mm", &"-q"])
+        .ok_but_for("% empty");
+    let made = ["1", "2"].map(|threads| {
+        let out = dir.path(&format!("{threads}.ply"));
+        let json = meshed(&store, &out, &["--detail", "3mm", "--tolerance", "0.05mm", "--threads", threads]);
+        judged(&out, json["expected"]["volume"].as_f64().unwrap(), 0.001);
+        std::fs::read(&out).unwrap()
+    });
+    assert!(made[0] == made[1]);
+    let json = meshed(&store, &dir.path("b.stl"), &["--detail", "3mm", "--quality"]);
+    let smallest = json["quality"]["smallest_angle"].as_f64().unwrap();
+    let angles = facets_of(&dir.path("b.stl")).into_iter().map(smallest_angle);
+    assert!((angles.fold(180.0, f64::min) - smallest).abs() < 1e-3, "{smallest}");
+    // A fraction that is given moves the surface.
+    let volume =
+        |iso| meshed(&store, &dir.path("b.ply"), &["--detail", "3mm", "--iso", iso])["volume"].as_f64();
+    assert!(volume("0.3") > volume("0.7"));
+}
+
+#[test]
+fn leaves_of_several_levels_keep_the_volume() {
+    let dir = Scratch::new();
+    let (store, out) = (dir.path("a.brf"), dir.path("a.ply"));
+    // Flat faces are left in coarse bricks.
+    run(&[&"build", &stl("void_ladder"), &"-o", &store, &"--depth", &"3", &"--tolerance", &"0.02mm", &"-q"])
+        .ok();
+    meshed(&store, &out, &["--detail", "1mm"]);
+    judged(&out, truth("void_ladder", "volume"), 0.001);
+}
+
+#[test]
+fn what_cannot_be_is_refused_in_a_line() {
+    let dir = Scratch::new();
+    let (store, out) = (dir.store("void_ladder", 3), dir.path("a.ply"));
+    let failed = |words: &[&str]| {
+        let mut all: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"mesh", &store, &"-o", &out];
+        all.extend(words.iter().map(|word| word as &dyn AsRef<std::ffi::OsStr>));
+        run(&all)
+    };
+    let line = failed(&["--detail", "0.01mm"]).failed();
+    assert!(line.contains("smaller than the store's cells of 0.24"), "{line}");
+    let line = failed(&["--detail", "500mm"]).failed();
+    assert!(line.contains("nothing is left in cells of"), "{line}");
+    let line = failed(&["--triangles", "4"]).failed();
+    assert!(line.contains("ask for ") && line.contains(" at least"), "{line}");
+    let line = failed(&["--min-shell-volume", "1e9"]).failed();
+    assert!(line.contains("none of 7 shells is left"), "{line}");
+    for (words, part) in [
+        (&["--triangles", "3"][..], "4 at least"),
+        (&["--max-size", "100"], "no mesh is so small"),
+        (&["--detail", "1mm", "--iso", "1.5"], "fraction of solid"),
+        (&["--detail", "1mm", "--triangles", "100"], "cannot be used with"),
+        (&["--detail", "1mm", "--level", "1"], "cannot be used with"),
+        (&["--min-shell-volume=-1"], "0 or more"),
+    ] {
+        let text = failed(words).misused();
+        assert!(text.contains(part), "{words:?}: {text}");
+    }
+    assert!(!out.exists() && dir.names().len() == 1, "{:?}", dir.names());
+}

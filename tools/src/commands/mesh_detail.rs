@@ -1,0 +1,326 @@
+//! A mesh of a detail or a size: the part as fractions of solid in coarse cells.
+
+use super::mesh::{Expected, bytes_a_triangle, tolerance_in};
+use super::mesh_shells::{self, Chosen, Regions, Shells};
+use super::{of_store, unit_of};
+use crate::args::MeshArgs;
+use crate::failure::Failure;
+use crate::measured::measured;
+use crate::units::{Length, Size};
+use anyhow::anyhow;
+use brickfield_engine::contour::{ContourOptions, MeshArrays, contour, foresee_triangles};
+use brickfield_engine::fraction::{
+    Distances, FractionTree, Kept, Lattice, Request, Sized, distances, factor_of, finest_cell, fractions,
+    keep_volume, of_triangles, surface,
+};
+use brickfield_engine::store::{BrickTree, Store};
+use brickfield_engine::voids::{Connectivity, label};
+use brickfield_engine::{Error, Progress};
+use serde::Serialize;
+use std::path::Path;
+
+/// A triangle in memory with its share of vertices and of the grid by which it is found.
+const DISTANCE_BYTES_A_TRIANGLE: u64 = 60;
+/// How far around points of the mesh the store's surface is looked for, in coarse cells.
+const REACH: f64 = 2.0;
+/// Farther from the mesh, in coarse cells, is what was averaged away.
+const FAR: f64 = 1.5;
+/// Fewest triangles of a closed surface.
+const LEAST_TRIANGLES: u64 = 4;
+
+/// Whether a mesh of fractions is asked for.
+pub fn is_asked(args: &MeshArgs) -> bool {
+    args.detail.is_some() || args.triangles.is_some() || args.max_size.is_some()
+}
+
+/// What of the command line is wrong for such a mesh.
+///
+/// # Errors
+/// Wrong usage.
+pub fn check(args: &MeshArgs) -> Result<(), Failure> {
+    let what = match (args.iso, args.triangles) {
+        (Some(iso), _) if !(iso > 0.0 && iso < 1.0) => {
+            format!("--iso {iso}: with --detail it is the fraction of solid at the surface, between 0 and 1")
+        }
+        (_, Some(most)) if most < LEAST_TRIANGLES => {
+            format!("--triangles {most}: a closed surface has {LEAST_TRIANGLES} at least")
+        }
+        _ => return Ok(()),
+    };
+    Err(Failure::Usage(what))
+}
+
+/// The mesh that is asked for, not written yet, and its shells that are kept. `expected` is the volume of the source, where
+/// it is known.
+///
+/// # Errors
+/// A detail below the store's cells, or one at which nothing is left; too few triangles; what reading gives.
+pub fn find_chosen(
+    args: &MeshArgs,
+    store: &Store,
+    output: &Path,
+    (options, memory): (&ContourOptions, u64),
+    expected: Option<&Expected>,
+    bars: &dyn Progress,
+) -> Result<(Sized, Chosen), Failure> {
+    let most = most_triangles(args, output)?;
+    let mut ask = most;
+    let mut tries = 0;
+    loop {
+        let made = find(args, store, ask, (options, memory), expected, bars)?;
+        if made.kept.summary.triangles == 0 {
+            let (path, cell, unit) = (store.path().display(), made.lattice.cell(), unit_of(store.meta()));
+            return Err(anyhow!(
+                "{path}: nothing is left in cells of {cell:.6} {unit}; choose a smaller --detail"
+            )
+            .into());
+        }
+        let tree = FractionTree::new(&made.lattice, made.kept.depth);
+        let contoured = ContourOptions { tolerance: made.tolerance, ..options.clone() };
+        let chosen = mesh_shells::choose(args, &tree, &contoured, memory, bars)
+            .map_err(|error| of_store(store, "shells", error))?;
+        // What is left out makes room for more triangles of the rest.
+        let (kept, all) = (chosen.triangles, made.kept.summary.triangles);
+        let is_small = (kept as f64) < 0.9 * most as f64 && (kept as f64) < 0.95 * all as f64;
+        tries += 1;
+        if args.detail.is_some() || kept == 0 || kept <= most && (!is_small || tries > SHELL_TRIES) {
+            return Ok((made, chosen));
+        }
+        ask = if tries > SHELL_TRIES { most } else { (all as f64 * 0.95 * most as f64 / kept as f64) as u64 };
+    }
+}
+
+/// How often a mesh is made anew because shells of it are left out.
+const SHELL_TRIES: usize = 2;
+
+/// The mesh of at most so many triangles, or of the detail that is asked for.
+fn find(
+    args: &MeshArgs,
+    store: &Store,
+    most: u64,
+    (options, memory): (&ContourOptions, u64),
+    expected: Option<&Expected>,
+    bars: &dyn Progress,
+) -> Result<Sized, Failure> {
+    let told = |error: Error| of_store(store, "detail", error);
+    if let Some(detail) = args.detail {
+        let lattice = lattice_of(detail, store, memory, bars)?;
+        let volume = expected.map_or(lattice.volume(), |expected| expected.volume);
+        let kept = kept(args, &lattice, volume, options, bars).map_err(told)?;
+        return Ok(Sized { lattice, kept, tolerance: options.tolerance });
+    }
+    let of_all = foresee_triangles(store, 0.5, None).map_err(told)?;
+    let volume = expected.map(|expected| expected.volume);
+    let request = Request { most, of_all, volume, options, memory };
+    Ok(of_triangles(store, request, bars).map_err(told)?)
+}
+
+/// The most triangles that are asked for.
+pub fn most_triangles(args: &MeshArgs, output: &Path) -> Result<u64, Failure> {
+    let of_size = args.max_size.map(|Size(bytes)| {
+        let most = bytes.saturating_sub(HEADER_BYTES) / bytes_a_triangle(output);
+        if most < LEAST_TRIANGLES {
+            return Err(Failure::Usage(format!("--max-size {}: no mesh is so small", Size(bytes))));
+        }
+        Ok(most)
+    });
+    let of_size = of_size.transpose()?.unwrap_or(u64::MAX);
+    Ok(args.triangles.unwrap_or(u64::MAX).min(of_size))
+}
+
+/// What a mesh file has beside its triangles.
+const HEADER_BYTES: u64 = 1024;
+
+/// The fractions at a detail.
+fn lattice_of(detail: Length, store: &Store, memory: u64, bars: &dyn Progress) -> Result<Lattice, Failure> {
+    let unit = unit_of(store.meta());
+    let length = detail.in_unit_of(&store.meta().unit).ok_or_else(super::no_unit)?;
+    let Some(factor) = factor_of(store, length) else {
+        let (path, cell) = (store.path().display(), finest_cell(store));
+        return Err(anyhow!(
+            "{path}: a detail of {length} {unit} is smaller than the store's cells of {cell:.6} {unit}; leave --detail out or \
+             build with --cell"
+        )
+        .into());
+    };
+    let mut lattices =
+        fractions(store, &[factor], memory, bars).map_err(|error| of_store(store, "detail", error))?;
+    Ok(lattices.pop().expect("one factor gives one lattice"))
+}
+
+/// The surface of fractions: that of a fraction given, or the one that keeps the volume.
+fn kept(
+    args: &MeshArgs,
+    lattice: &Lattice,
+    volume: f64,
+    options: &ContourOptions,
+    bars: &dyn Progress,
+) -> Result<Kept, Error> {
+    if let Some(fraction) = args.iso {
+        return surface(lattice, fraction, options, bars);
+    }
+    let plain = ContourOptions { tolerance: 0.0, ..options.clone() };
+    let kept = keep_volume(lattice, volume, None, &plain, bars)?;
+    if options.tolerance == 0.0 {
+        return Ok(kept);
+    }
+    keep_volume(lattice, volume, Some(kept.depth), options, bars)
+}
+
+/// Options of a mesh of fractions: those of the command line, with what of them counts for its lattice.
+///
+/// # Errors
+/// A tolerance with a unit, of a store without.
+pub fn options_of(args: &MeshArgs, store: &Store, cache_bytes: usize) -> Result<ContourOptions, Failure> {
+    Ok(ContourOptions {
+        cache_bytes,
+        tolerance: tolerance_in(args.tolerance, store)?,
+        intersection_free: args.intersection_free,
+        follow_creases: args.follow_creases,
+        temp_dir: args.temp_dir.clone(),
+        ..ContourOptions::default()
+    })
+}
+
+/// What a mesh of fractions is.
+#[derive(Serialize)]
+pub struct Detail {
+    /// Edge of the coarse cells.
+    pub cell: f64,
+    /// The store's cells in one of them, along an axis.
+    pub factor: u32,
+    /// The fraction of solid at the surface.
+    pub fraction: f64,
+    /// How far the surface was moved for the sake of fewer triangles.
+    pub tolerance: f64,
+    /// Enclosed voids of the store.
+    pub voids: Regions,
+    /// Solid pieces of the store.
+    pub pieces: Regions,
+    /// Distances of points of the mesh from the store's surface, and of points of that from the mesh; `None` of meshes that do
+    /// not fit the memory.
+    pub distances: Option<[Distances; 2]>,
+}
+
+impl Detail {
+    /// Of a mesh and the store that it is of.
+    ///
+    /// # Errors
+    /// What reading the store gives.
+    pub fn of(made: &Sized, store: &Store, bars: &dyn Progress) -> Result<Detail, Failure> {
+        let fine =
+            label(store, Connectivity::default(), bars).map_err(|error| of_store(store, "detail", error))?;
+        let of = |solid: bool| {
+            let mut found = Regions::default();
+            for component in fine.components.iter().filter(|component| component.solid == solid) {
+                found.count += 1;
+                found.volume += component.sums.volumes(store.root()).iter().sum::<f64>() / 3.0;
+            }
+            found
+        };
+        Ok(Detail {
+            cell: made.lattice.cell(),
+            factor: made.lattice.factor(),
+            fraction: made.kept.fraction,
+            tolerance: made.tolerance,
+            voids: of(false),
+            pieces: of(true),
+            distances: None,
+        })
+    }
+
+    /// Measures distances, if the mesh fits the memory.
+    ///
+    /// # Errors
+    /// What reading the store gives.
+    pub fn measure(
+        &mut self,
+        made: &Sized,
+        (options, memory): (&ContourOptions, u64),
+        store: &Store,
+        bars: &dyn Progress,
+    ) -> Result<(), Failure> {
+        if made.kept.summary.triangles.saturating_mul(DISTANCE_BYTES_A_TRIANGLE) > memory {
+            return Ok(());
+        }
+        let mut mesh = MeshArrays::default();
+        let tree = FractionTree::new(&made.lattice, made.kept.depth);
+        contour(&tree, options, &mut mesh, bars)?;
+        let reach = REACH * self.cell + self.tolerance;
+        let found = distances(store, &mesh, (FAR * self.cell, reach), bars)
+            .map_err(|error| of_store(store, "distances", error))?;
+        self.distances = Some(found);
+        Ok(())
+    }
+
+    /// For people.
+    pub fn text(&self, shells: &Shells, unit: &str) -> String {
+        let Detail { cell, factor, fraction, tolerance, voids, pieces, distances } = self;
+        let [of_voids, mut of_pieces] = [shells.all_voids(), shells.all_pieces()];
+        // Shells enclose their voids as well.
+        of_pieces.volume -= of_voids.volume;
+        let mut text = format!(
+            "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis; the surface is where {:.1}% is solid",
+            100.0 * fraction
+        );
+        if *tolerance > 0.0 {
+            text += &format!("; tolerance {tolerance:.6} {unit}");
+        }
+        text += &format!("\n  voids    {}", compared((voids, &of_voids), unit, "enclosed"));
+        text += &format!("\n  pieces   {}", compared((pieces, &of_pieces), unit, "solid"));
+        if let Some([of_mesh, of_store]) = distances {
+            let error = 0.5 * cell / f64::from(*factor);
+            let told = |distances: &Distances| {
+                let Distances { mean, of_999, largest, .. } = *distances;
+                let [mean, of_999, largest] = [mean, of_999, largest].map(|length| measured(length, error));
+                format!("mean {mean} {unit}, 99.9% within {of_999}, all within {largest}")
+            };
+            text += &format!(
+                "\n  distance of the mesh from the store's surface at {} points: {}",
+                of_mesh.points,
+                told(of_mesh)
+            );
+            text += &format!(
+                "\n  distance of that surface from the mesh at {} points: {}",
+                of_store.points,
+                told(of_store)
+            );
+            if of_store.beyond > 0.0 {
+                let percent = 100.0 * of_store.beyond;
+                text += &format!("; {percent:.1}% of them are farther than {:.6}: averaged away", FAR * cell);
+            }
+        }
+        text
+    }
+}
+
+/// Regions of the store and what of them is in the mesh.
+fn compared((fine, coarse): (&Regions, &Regions), unit: &str, kind: &str) -> String {
+    let all = format!("{} {kind} in the store, {:.6} {unit}³", fine.count, fine.volume);
+    if fine.count == coarse.count {
+        return format!("{all}; as many in the mesh, {:.6} {unit}³", coarse.volume);
+    }
+    let what = if coarse.count < fine.count {
+        "the others are smaller than cells and averaged away"
+    } else {
+        "what narrows below a cell is cut apart there"
+    };
+    format!("{all}; {} in the mesh, {:.6} {unit}³: {what}", coarse.count, coarse.volume)
+}
+
+/// By how much of its volume a mesh may be off before a warning says so.
+const MOST_OFF: f64 = 1e-3;
+
+/// A warning that a mesh does not hold the volume, where it could not.
+pub fn lost_volume(made: &Sized, expected: &Expected, unit: &str) -> Option<String> {
+    let off = (made.kept.summary.volume - expected.volume).abs();
+    if off <= expected.error.max(MOST_OFF * expected.volume) {
+        return None;
+    }
+    let (volume, there) = (made.kept.summary.volume, measured(expected.volume, expected.error));
+    Some(format!(
+        "the mesh holds {volume:.3} {unit}³ of {there} {unit}³: lines closer than cells of {:.6} {unit} are solid at one fraction \
+         and void at the next; choose a smaller --detail or more --triangles",
+        made.lattice.cell()
+    ))
+}
