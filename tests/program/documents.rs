@@ -138,7 +138,9 @@ fn run_page(page: &str) -> Scratch {
         shell.arg("-c").arg(command).current_dir(dir.path("")).env("PATH", &path).stdin(Stdio::null());
         let output = shell.output().expect("bash is there");
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{page}: {command}\n{told}");
+        // A machine without a driver has no devices to list, and says so.
+        let no_driver = command.contains("--devices") && told.contains("Vulkan");
+        assert!(output.status.success() || no_driver, "{page}: {command}\n{told}");
     }
     dir
 }
