@@ -14,7 +14,7 @@ use brickfield_engine::fraction::{
     keep_volume, of_triangles, surface,
 };
 use brickfield_engine::store::{BrickTree, Store};
-use brickfield_engine::voids::{Connectivity, label};
+use brickfield_engine::voids::{Connectivity, Total, label};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -211,12 +211,9 @@ impl Detail {
         let fine =
             label(store, Connectivity::default(), bars).map_err(|error| of_store(store, "detail", error))?;
         let of = |solid: bool| {
-            let mut found = Regions::default();
-            for component in fine.components.iter().filter(|component| component.solid == solid) {
-                found.count += 1;
-                found.volume += component.sums.volumes(store.root()).iter().sum::<f64>() / 3.0;
-            }
-            found
+            let count = fine.components.iter().filter(|component| component.solid == solid).count();
+            let Total { value, error } = fine.total(store.root(), solid);
+            Regions { count, volume: value, volume_error: Some(error) }
         };
         Ok(Detail {
             cell: made.lattice.cell(),
@@ -296,7 +293,8 @@ impl Detail {
 
 /// Regions of the store and what of them is in the mesh.
 fn compared((fine, coarse): (&Regions, &Regions), unit: &str, kind: &str) -> String {
-    let all = format!("{} {kind} in the store, {:.6} {unit}³", fine.count, fine.volume);
+    let volume = measured(fine.volume, fine.volume_error.unwrap_or_default());
+    let all = format!("{} {kind} in the store, {volume} {unit}³", fine.count);
     if fine.count == coarse.count {
         return format!("{all}; as many in the mesh, {:.6} {unit}³", coarse.volume);
     }

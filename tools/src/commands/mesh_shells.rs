@@ -23,11 +23,14 @@ pub struct Chosen {
 pub struct Regions {
     pub count: usize,
     pub volume: f64,
+    /// Bound on its error, where it is not that of triangles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume_error: Option<f64>,
 }
 
 impl Regions {
     fn and(self, other: Regions) -> Regions {
-        Regions { count: self.count + other.count, volume: self.volume + other.volume }
+        Regions { count: self.count + other.count, volume: self.volume + other.volume, volume_error: None }
     }
 
     fn add(&mut self, volume: f64) {

@@ -3,6 +3,7 @@
 
 mod beads;
 mod export;
+mod faces;
 mod overlap;
 mod overlap_leaf;
 mod sample;
@@ -13,6 +14,7 @@ mod volume;
 pub use beads::solids_of;
 pub use beads::{Covering, beads_at_points};
 pub use export::{Dense, Element};
+pub(crate) use faces::added_by_face;
 pub use overlap::{OverlapSum, Overlaps, PairOverlap, overlaps};
 pub use sample::{sample_at, winding_range};
 pub use volume::{Volumes, negative_volume, volume};

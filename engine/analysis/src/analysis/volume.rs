@@ -1,5 +1,6 @@
 //! How much space is covered, and how much of it more than once, from a store alone.
 
+use super::faces::{Faces, STEPS};
 use crate::brick::{Brick, HermiteEdge, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey};
@@ -55,9 +56,6 @@ impl From<&SourceVolumes> for Volumes {
 /// The samples of a row that a brick owns.
 const OWN: u64 = (1 << BRICK_CELLS) - 1;
 
-/// Steps of an edge in which chords are measured.
-const STEPS: u128 = 1 << 16;
-
 /// Sums in cells of the deepest level there can be, exact for any tree.
 #[derive(Clone, Copy, Default)]
 struct Sums {
@@ -71,75 +69,6 @@ struct Sums {
     lone: [u128; 3],
     overlap: Count,
     negative: Count,
-}
-
-/// Up to which part along an axis of its unit normal a face counts as one that runs along it.
-const ALONG: f64 = 0.02;
-/// Up to which it may be off as such a face is: places of its crossings repeat slowly, and need not cancel.
-const NEARLY_ALONG: f64 = 0.2;
-
-/// What chords of a union miss where a face runs along them, in [`STEPS`] of a cell.
-///
-/// A chord stands for a whole cell around its lattice line, so such a face counts as if it lay half way between two
-/// lines. A crossing of it by an edge across says where it lies; the squares of the normal's parts share out what several
-/// edges tell of one place.
-#[derive(Clone, Copy, Default)]
-struct Faces {
-    /// To be added to chords along each axis.
-    beside: [i128; 3],
-    /// What faces that nearly run along an axis would add, by the axis of their crossings.
-    nearly: [i128; 3],
-    /// Squares of the cells with crossings of all faces but those that are put right.
-    scatter: u128,
-    /// Magnitudes of what crossings along each axis add.
-    size: [u128; 3],
-    /// Crossings of all faces, each known to a step.
-    crossings: u128,
-}
-
-impl Faces {
-    fn and(self, other: Faces) -> Faces {
-        Faces {
-            beside: [0, 1, 2].map(|a| self.beside[a] + other.beside[a]),
-            nearly: [0, 1, 2].map(|a| self.nearly[a] + other.nearly[a]),
-            scatter: self.scatter + other.scatter,
-            size: [0, 1, 2].map(|a| self.size[a] + other.size[a]),
-            crossings: self.crossings + other.crossings,
-        }
-    }
-
-    fn scaled(self, by: u128) -> Faces {
-        Faces {
-            beside: self.beside.map(|sum| sum * by.cast_signed()),
-            nearly: self.nearly.map(|sum| sum * by.cast_signed()),
-            scatter: self.scatter * by * by,
-            size: self.size.map(|sum| sum * by),
-            crossings: self.crossings * by,
-        }
-    }
-
-    /// Adds the crossing of an edge along `axis`, from a sample that is inside or not.
-    fn add(&mut self, axis: usize, edge: &HermiteEdge, inside: bool) {
-        self.crossings += 1;
-        let normal = edge.normal.to_vector();
-        let others = [(axis + 1) % 3, (axis + 2) % 3];
-        let most = others.iter().map(|&other| normal[other].abs()).fold(1.0, f64::min);
-        if most >= NEARLY_ALONG {
-            self.scatter += 1;
-            return;
-        }
-        let beyond = (edge.fraction() - 0.5) * if inside { 1.0 } else { -1.0 };
-        let part = (normal[axis] * normal[axis] * beyond * STEPS as f64).round() as i64;
-        if most >= ALONG {
-            self.scatter += 1;
-            self.nearly[axis] += i128::from(part);
-            return;
-        }
-        self.size[axis] += u128::from(part.unsigned_abs());
-        for other in others.into_iter().filter(|&other| normal[other].abs() < ALONG) {
-            self.beside[other] += i128::from(part);
-        }
-    }
 }
 
 /// A quantity of which samples alone tell.

@@ -1,6 +1,7 @@
 //! What one leaf adds to the samples of a coarse lattice: chords of solid between exact crossings, along all three axes.
 
 use super::kernel::{rises, tent};
+use crate::analysis::added_by_face;
 use crate::brick::{Brick, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 
@@ -142,9 +143,23 @@ fn add_axis(plan: &Plan, axis: Axis, signs: &SignChanges, edges: &[HermiteEdge],
     };
     let mut next = edges.iter();
     signs.for_edges(axis, |from| {
-        let fraction = next.next().map_or(0.5, |edge| edge.fraction());
-        let at = plan.base[a] + (from[a] as f64 + fraction) * plan.step;
-        add(at, if signs.is_inside(from) { -1.0 } else { 1.0 }, [from[u], from[v]]);
+        let (edge, inside) = (next.next(), signs.is_inside(from));
+        let fraction = edge.map_or(0.5, |edge| edge.fraction());
+        let position = |along: f64| plan.base[a] + (from[a] as f64 + along) * plan.step;
+        add(position(fraction), if inside { -1.0 } else { 1.0 }, [from[u], from[v]]);
+        // What chords along the face do not see lies between the crossing and the middle of the edge.
+        let added = edge.map_or(0.0, |edge| added_by_face(a, edge, inside)) * plan.step;
+        if added != 0.0 {
+            let (first, weights) = tent(position(0.5 * (fraction + 0.5)));
+            for (n, weight) in weights.into_iter().enumerate() {
+                let along = (first - plan.first[a]) as usize + n;
+                for &(m, p) in &plan.lines[u][from[u]] {
+                    for &(o, q) in &plan.lines[v][from[v]] {
+                        sums[along * strides[a] + m * strides[u] + o * strides[v]] += added * weight * p * q;
+                    }
+                }
+            }
+        }
     });
     // Where lines enter and leave the leaf.
     for (n, sign) in [(0, 1.0), (BRICK_CELLS, -1.0)] {

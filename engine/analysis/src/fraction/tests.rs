@@ -59,8 +59,14 @@ fn brick(shape: u8, root: RootCube, key: NodeKey) -> Brick {
                 let middle = 0.5 * (below + above);
                 if at(middle) == at(0.0) { below = middle } else { above = middle }
             }
-            let edge =
-                HermiteEdge { offset: (below * 65536.0) as u16, normal: OctNormal::from_integer([0, 0, 1]) };
+            let apart = std::array::from_fn(|a| (from[a] + below * (to[a] - from[a]) - CENTRE[a]) * 65536.0);
+            let out = if at(0.0) { 1 } else { -1 };
+            let normal = match shape {
+                0 => apart.map(|c: f64| c as i64),
+                _ => std::array::from_fn(|a| if a == axis.index() { out } else { 0 }),
+            };
+            let normal = OctNormal::from_integer(normal);
+            let edge = HermiteEdge { offset: (below * 65536.0) as u16, normal };
             hermite.edges[axis.index()].push(edge);
         });
     }
@@ -74,7 +80,8 @@ fn fractions_add_up_to_the_volume_for_any_cells() {
         let chords = crate::analysis::volume(&tree, &Silent).unwrap().union;
         for lattice in fractions(&tree, &[1, 2, 3, 5, 8, 13], u64::MAX, &Silent).unwrap() {
             let volume = lattice.volume();
-            assert!((volume / chords - 1.0).abs() < 1e-9, "{} {volume} {chords}", lattice.factor());
+            // Where a face adds solid to a sample that is full already, it is lost.
+            assert!((volume / chords - 1.0).abs() < 1e-4, "{} {volume} {chords}", lattice.factor());
             assert!((volume / expected - 1.0).abs() < 0.01, "{volume} {expected}");
         }
     }
@@ -92,9 +99,8 @@ fn surfaces_keep_the_volume_and_faces_of_a_box_stay_where_they_are() {
         let half = surface(&lattice, 0.5, &options, &Silent).unwrap().summary;
         let [low, high] = half.bounds.unwrap();
         for a in 0..3 {
-            // Chords along a face tell where it is to half a cell only, and they are two of three.
             // Vertices at rounded edges stand out a little.
-            let within = 0.1 * lattice.cell() + finest_cell(&tree) / 3.0;
+            let within = 0.1 * lattice.cell();
             assert!((f64::from(low[a]) - CENTRE[a] + 1.2).abs() < within, "{low:?}");
             assert!((f64::from(high[a]) - CENTRE[a] - 1.2).abs() < within, "{high:?}");
         }
