@@ -87,10 +87,11 @@ impl Face {
     }
 }
 
-/// What the crossing of an edge along `axis`, from a sample that is inside or not, adds to the mean of chords along all
-/// axes, in cells.
-pub(crate) fn added_by_face(axis: usize, edge: &HermiteEdge, inside: bool) -> f64 {
-    let Face { normal, part, .. } = Face::of(axis, edge, inside);
+/// The share of all chords, those along each axis being a third, that do not see where the face at the crossing of an edge
+/// along `axis` lies, and that this edge tells: 0 to 2/3.
+pub(crate) fn share_beside(axis: usize, edge: &HermiteEdge) -> f64 {
+    let normal = edge.normal.to_vector();
     let across = [(axis + 1) % 3, (axis + 2) % 3];
-    across.into_iter().filter(|&other| normal[other].abs() < ALONG).count() as f64 / 3.0 * part
+    let unseeing = across.into_iter().filter(|&other| normal[other].abs() < ALONG).count();
+    unseeing as f64 / 3.0 * normal[axis] * normal[axis]
 }

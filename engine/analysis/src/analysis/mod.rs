@@ -14,7 +14,7 @@ mod volume;
 pub use beads::solids_of;
 pub use beads::{Covering, beads_at_points};
 pub use export::{Dense, Element};
-pub(crate) use faces::added_by_face;
+pub(crate) use faces::share_beside;
 pub use overlap::{OverlapSum, Overlaps, PairOverlap, overlaps};
 pub use sample::{sample_at, winding_range};
 pub use volume::{Volumes, negative_volume, volume};

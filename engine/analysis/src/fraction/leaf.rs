@@ -1,7 +1,7 @@
 //! What one leaf adds to the samples of a coarse lattice: chords of solid between exact crossings, along all three axes.
 
 use super::kernel::{rises, tent};
-use crate::analysis::added_by_face;
+use crate::analysis::share_beside;
 use crate::brick::{Brick, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 
@@ -147,15 +147,15 @@ fn add_axis(plan: &Plan, axis: Axis, signs: &SignChanges, edges: &[HermiteEdge],
         let fraction = edge.map_or(0.5, |edge| edge.fraction());
         let position = |along: f64| plan.base[a] + (from[a] as f64 + along) * plan.step;
         add(position(fraction), if inside { -1.0 } else { 1.0 }, [from[u], from[v]]);
-        // What chords along the face do not see lies between the crossing and the middle of the edge.
-        let added = edge.map_or(0.0, |edge| added_by_face(a, edge, inside)) * plan.step;
-        if added != 0.0 {
-            let (first, weights) = tent(position(0.5 * (fraction + 0.5)));
-            for (n, weight) in weights.into_iter().enumerate() {
-                let along = (first - plan.first[a]) as usize + n;
+        let share = edge.map_or(0.0, |edge| share_beside(a, edge));
+        if share != 0.0 {
+            let ends = if inside { [0.0, fraction] } else { [fraction, 1.0] };
+            let sample = position(if inside { 0.0 } else { 1.0 });
+            for (at, weight) in face_beside(ends.map(position), sample, plan.step) {
+                let along = (at - plan.first[a]) as usize * strides[a];
                 for &(m, p) in &plan.lines[u][from[u]] {
-                    for &(o, q) in &plan.lines[v][from[v]] {
-                        sums[along * strides[a] + m * strides[u] + o * strides[v]] += added * weight * p * q;
+                    for &(n, q) in &plan.lines[v][from[v]] {
+                        sums[along + m * strides[u] + n * strides[v]] += share * weight * p * q;
                     }
                 }
             }
@@ -179,6 +179,15 @@ fn add_axis(plan: &Plan, axis: Axis, signs: &SignChanges, edges: &[HermiteEdge],
         }
         sums[place] += risen[place] / 3.0;
     }
+}
+
+/// What chords along a face do not see: between the last `sample` that is inside and the face there is solid, where these
+/// end half a `step` beyond the sample. The coarse samples with the difference of the two.
+fn face_beside([low, high]: [f64; 2], sample: f64, step: f64) -> [(i64, f64); 4] {
+    let (first, [a, b]) = tent(0.5 * (low + high));
+    let (seen, [c, d]) = tent(sample);
+    let (length, half) = (high - low, 0.5 * step);
+    [(first, a * length), (first + 1, b * length), (seen, -c * half), (seen + 1, -d * half)]
 }
 
 /// The weights of all lines along axis `a` whose sample `n` is inside, on the coarse samples across it.

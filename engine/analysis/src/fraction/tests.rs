@@ -80,8 +80,8 @@ fn fractions_add_up_to_the_volume_for_any_cells() {
         let chords = crate::analysis::volume(&tree, &Silent).unwrap().union;
         for lattice in fractions(&tree, &[1, 2, 3, 5, 8, 13], u64::MAX, &Silent).unwrap() {
             let volume = lattice.volume();
-            // Where a face adds solid to a sample that is full already, it is lost.
-            assert!((volume / chords - 1.0).abs() < 1e-4, "{} {volume} {chords}", lattice.factor());
+            // Where faces meet, a sample may get more than it can hold.
+            assert!((volume / chords - 1.0).abs() < 1e-5, "{} {volume} {chords}", lattice.factor());
             assert!((volume / expected - 1.0).abs() < 0.01, "{volume} {expected}");
         }
     }
