@@ -151,9 +151,9 @@ impl<'a> Judge<'a> {
         match self.source {
             Source::Samples => 0,
             Source::Meshes(_) => NODES_OF_MESHES,
-            // All leaves, and about as many below them.
+            // All leaves, and a few nodes below them.
             Source::Beads(_) => {
-                NODES_OF_BEADS + 2 * nodes.values().filter(|node| node.cells.either == [true]).count()
+                NODES_OF_BEADS + nodes.values().filter(|node| node.cells.either == [true]).count()
             }
         }
     }
