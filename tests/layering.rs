@@ -21,6 +21,7 @@ const CRATES: [(&str, &[Room]); 11] = [
             ("wide", &[]),
             ("predicates", &[]),
             ("soup", &[]),
+            ("sets", &[]),
             ("progress", &["error"]),
             ("mmap", &["error"]),
             ("schedule", &["error"]),

@@ -226,18 +226,13 @@ fn points_are_bounded() {
 
 fn options(style: fn() -> Style, view: View, cuts: Vec<Cut>) -> RenderOptions {
     RenderOptions {
-        focus: None,
         style: style(),
-        view,
-        turn: 1,
-        bounds: [[-10.0; 3], [10.0; 3]],
         cuts,
         size: [96, 72],
         supersample: 1,
-        background: [255; 4],
-        level: None,
         cell_pixels: 0.0,
         cache_bytes: 64 << 20,
+        ..RenderOptions::of([[-10.0; 3], [10.0; 3]], view)
     }
 }
 

@@ -12,17 +12,9 @@ fn main() -> Result<()> {
     let view = View::named("iso").ok_or_else(|| Error::setting("there is no such view", "choose another"))?;
     let options = RenderOptions {
         style: Style::overlap(),
-        view: View { opening: 30.0, ..view },
-        turn: 1,
-        focus: None,
-        bounds: [low, high],
         cuts: vec![Cut { axis: Axis::X, at: (low[0] + high[0]) / 2.0, above: true }],
         size: [800, 600],
-        supersample: 2,
-        background: [255; 4],
-        level: None,
-        cell_pixels: 0.5,
-        cache_bytes: 256 << 20,
+        ..RenderOptions::of([low, high], View { opening: 30.0, ..view })
     };
     let scene = Scene::new(octree.tree(), &options)?;
     scene.frames().try_for_each(|frame| write_frame(&frame, None, Path::new("overlap.png"), &Silent))

@@ -2,8 +2,8 @@
 
 use crate::analysis::{Dense, Element, Volumes, sample_at, volume};
 use crate::contour::{ContourOptions, MeshArrays, MeshSummary, contour, create_sink};
-use crate::lattice::{Axis, RootCube};
-use crate::render::{RenderOptions, Scene, Style, View, write_frame};
+use crate::lattice::{Axis, RootCube, millimetres};
+use crate::render::{RenderOptions, Scene, View, write_frame};
 use crate::section::{Plane, SectionPicture, SectionSummary, write_picture};
 use crate::store::{BrickTree, MemoryTree, Store};
 use crate::{Error, Progress, Result, Silent};
@@ -12,9 +12,7 @@ use std::sync::Mutex;
 
 /// Bytes for the decoded bricks of a store.
 const CACHE_BYTES: u64 = 256 << 20;
-/// What sections show beyond the part, as a share of its longer side.
-const MARGIN: f64 = 0.02;
-/// Pixels of the longer side of a section, of either side of a picture.
+/// Pixels of the longer side of the part in a section.
 const PIXELS: u32 = 1024;
 
 enum Kept {
@@ -141,13 +139,7 @@ impl Octree {
         options: &ContourOptions,
         progress: &dyn Progress,
     ) -> Result<MeshSummary> {
-        let metres = match self.unit.as_str() {
-            "mm" => Some(1e-3),
-            "cm" => Some(1e-2),
-            "m" => Some(1.0),
-            "in" => Some(0.0254),
-            _ => None,
-        };
+        let metres = millimetres(&self.unit).map(|length| length / 1000.0);
         let mut sink = create_sink(path.as_ref(), metres)?;
         contour(self.tree(), options, sink.as_mut(), progress)
     }
@@ -158,10 +150,10 @@ impl Octree {
     /// As [`write_picture`].
     pub fn write_slice(&self, path: impl AsRef<Path>, axis: Axis, at: f64) -> Result<SectionSummary> {
         let plane = Plane { axis, at };
-        let [low, high] =
-            [self.bounds.0, self.bounds.1].map(|corner| plane.sides().map(|side| corner[side.index()]));
-        let longer = (high[0] - low[0]).max(high[1] - low[1]);
-        let window = [low.map(|c| c - longer * MARGIN), high.map(|c| c + longer * MARGIN)];
+        let (low, high) = self.bounds;
+        let longer =
+            plane.sides().map(|side| high[side.index()] - low[side.index()]).into_iter().fold(0.0, f64::max);
+        let window = plane.window([low, high]);
         let pixel = Some(longer / f64::from(PIXELS));
         let legend = Some(self.unit.clone());
         let what = SectionPicture { plane, window, pixel, level: None, legend, labels: Vec::new() };
@@ -176,20 +168,7 @@ impl Octree {
         let view = View::named(view).ok_or_else(|| {
             Error::setting(format!("no view is called {view:?}"), "choose iso, top or front")
         })?;
-        let options = RenderOptions {
-            style: Style::solid(),
-            view,
-            turn: 1,
-            focus: None,
-            bounds: [self.bounds.0, self.bounds.1],
-            cuts: Vec::new(),
-            size: [PIXELS; 2],
-            supersample: 2,
-            background: [255; 4],
-            level: None,
-            cell_pixels: 0.5,
-            cache_bytes: CACHE_BYTES,
-        };
+        let options = RenderOptions::of([self.bounds.0, self.bounds.1], view);
         let scene = Scene::new(self.tree(), &options)?;
         scene.frames().try_for_each(|frame| write_frame(&frame, None, path.as_ref(), &Silent))
     }

@@ -62,20 +62,8 @@ fn pile() -> Soup {
 }
 
 fn options(part: &Part, style: Style, opening: f64) -> RenderOptions {
-    RenderOptions {
-        focus: None,
-        style,
-        view: View { azimuth: -50.0, elevation: 33.0, opening },
-        turn: 1,
-        bounds: part.bounds,
-        cuts: vec![],
-        size: [203, 150],
-        supersample: 2,
-        background: [255; 4],
-        level: None,
-        cell_pixels: 0.5,
-        cache_bytes: 64 << 20,
-    }
+    let view = View { azimuth: -50.0, elevation: 33.0, opening };
+    RenderOptions { style, size: [203, 150], cache_bytes: 64 << 20, ..RenderOptions::of(part.bounds, view) }
 }
 
 /// Cuts through the middle of a part: across z, and a corner of it.

@@ -8,7 +8,7 @@ pub mod voids;
 
 #[cfg(test)]
 use brickfield_core::part;
-use brickfield_core::{error, lattice, progress, soup};
+use brickfield_core::{error, lattice, progress, sets, soup};
 use brickfield_mesh::contour;
 use brickfield_octree::{brick, store};
 use brickfield_winding::{solid, winding};

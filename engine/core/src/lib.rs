@@ -12,6 +12,7 @@ pub mod part;
 pub mod predicates;
 pub mod progress;
 pub mod schedule;
+pub mod sets;
 pub mod soup;
 pub mod wide;
 

@@ -4,5 +4,5 @@
 
 pub mod contour;
 
-use brickfield_core::{error, lattice, part, predicates, progress, schedule, wide};
+use brickfield_core::{error, lattice, part, predicates, progress, schedule, sets, wide};
 use brickfield_octree::{brick, store};

@@ -125,7 +125,7 @@ fn no_unit() -> Failure {
 
 /// Checks a level against the store's deepest.
 fn require_level(store: &Store, level: u8) -> Result<(), Failure> {
-    let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+    let deepest = store.deepest_level();
     if level <= deepest {
         return Ok(());
     }

@@ -25,8 +25,6 @@ use std::path::{Path, PathBuf};
 const SECTIONS_MAX: f64 = 99_999.0;
 /// What a node takes beside its entry: its place while the store is opened, and its key while the tree is surveyed.
 const BYTES_A_NODE: u64 = 24;
-/// What is seen beyond the part, as a share of its longer side.
-const MARGIN: f64 = 0.02;
 
 /// How far a drawing may be from the section, in cells, unless the user says otherwise.
 const MERGED_CELLS: f64 = 0.01;
@@ -144,7 +142,7 @@ impl Plan<'_> {
         memory_bytes: u64,
         bars: &Bars,
     ) -> Result<Said, Failure> {
-        let window = window(store, plane);
+        let window = plane.window([store.meta().bounds_min, store.meta().bounds_max]);
         let refused = |error| of_store(store, "section", error);
         let limits = ContourLimits { level: self.args.level, memory_bytes };
         if self.format == SliceFormat::Png {
@@ -159,7 +157,7 @@ impl Plan<'_> {
             return Ok(self.say_picture(store, plane, path, &drawn, area));
         }
         let mut lines = contour(store, plane, limits, bars).map_err(refused)?;
-        let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+        let deepest = store.deepest_level();
         let cell = store.root().spacing(self.args.level.unwrap_or(deepest));
         let tolerance = match self.args.merge_tolerance {
             Some(tolerance) => tolerance.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?,
@@ -179,7 +177,7 @@ impl Plan<'_> {
             (None, Some(size)) => Some(longer / f64::from(size)),
             (None, None) if args.samples => None,
             (None, None) => {
-                let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+                let deepest = store.deepest_level();
                 let cell = store.root().spacing(args.level.unwrap_or(deepest).min(deepest));
                 let parts = (PIXELS_LEAST * cell / longer).ceil();
                 (parts > 1.0 && parts.is_finite()).then(|| cell / parts)
@@ -257,12 +255,4 @@ fn labels(table: &Path, plane: Plane) -> Result<Vec<SectionLabel>, Failure> {
         text: void.id.to_string(),
     };
     Ok(void_table::read(table)?.into_iter().filter(meets).map(label).collect())
-}
-
-/// What of a plane is seen: the part and a margin.
-fn window(store: &Store, plane: Plane) -> [[f64; 2]; 2] {
-    let [low, high] = [store.meta().bounds_min, store.meta().bounds_max]
-        .map(|corner| plane.sides().map(|side| corner[side.index()]));
-    let margin = (high[0] - low[0]).max(high[1] - low[1]) * MARGIN;
-    [low.map(|c| c - margin), high.map(|c| c + margin)]
 }

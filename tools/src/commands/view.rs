@@ -135,7 +135,7 @@ fn require_size([width, height]: [u32; 2]) -> Result<(), String> {
 
 fn part(args: &WindowArgs, store: &Store) -> Result<Part, Failure> {
     let meta = store.meta();
-    let deepest = store.entries().last().map_or(0, |entry| entry.key.level());
+    let deepest = store.deepest_level();
     let pitch = match args.layer_height {
         Some(height) => height.in_unit_of(&meta.unit).ok_or_else(no_unit)?,
         None => store.root().spacing(deepest),

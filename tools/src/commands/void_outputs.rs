@@ -112,7 +112,7 @@ impl VoidOutputs {
 
 /// Samples an axis of the deepest level.
 fn axis(store: &Store) -> usize {
-    BRICK_CELLS << store.entries().last().map_or(0, |entry| entry.key.level())
+    BRICK_CELLS << store.deepest_level()
 }
 
 impl Shared {

@@ -44,7 +44,7 @@ impl<'a> Dense<'a> {
     /// # Errors
     /// [`Error::Setting`] if the tree has no node that deep.
     pub fn new(tree: &'a dyn BrickTree, level: u8, element: Element) -> Result<Dense<'a>> {
-        let deepest = tree.keys().last().map_or(0, |key| key.level());
+        let deepest = tree.deepest_level();
         if level > deepest {
             return Err(Error::setting(
                 format!("there is no level {level}, the deepest is {deepest}"),

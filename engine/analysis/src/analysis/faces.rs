@@ -61,10 +61,15 @@ impl Faces {
             return;
         }
         self.size[axis] += u128::from(part.unsigned_abs());
-        for other in [(axis + 1) % 3, (axis + 2) % 3] {
+        for other in across(axis) {
             self.beside[other] += if normal[other].abs() < ALONG { i128::from(part) } else { 0 };
         }
     }
+}
+
+/// The axes across an edge.
+fn across(axis: usize) -> [usize; 2] {
+    [(axis + 1) % 3, (axis + 2) % 3]
 }
 
 /// A face at the crossing of an edge.
@@ -82,7 +87,8 @@ impl Face {
     fn of(axis: usize, edge: &HermiteEdge, inside: bool) -> Face {
         let normal = edge.normal.to_vector();
         let beyond = (edge.fraction() - 0.5) * if inside { 1.0 } else { -1.0 };
-        let least = normal[(axis + 1) % 3].abs().min(normal[(axis + 2) % 3].abs());
+        let [one, other] = across(axis).map(|across| normal[across].abs());
+        let least = one.min(other);
         Face { normal, part: normal[axis] * normal[axis] * beyond, least }
     }
 }
@@ -91,7 +97,6 @@ impl Face {
 /// along `axis` lies, and that this edge tells: 0 to 2/3.
 pub(crate) fn share_beside(axis: usize, edge: &HermiteEdge) -> f64 {
     let normal = edge.normal.to_vector();
-    let across = [(axis + 1) % 3, (axis + 2) % 3];
-    let unseeing = across.into_iter().filter(|&other| normal[other].abs() < ALONG).count();
+    let unseeing = across(axis).into_iter().filter(|&other| normal[other].abs() < ALONG).count();
     unseeing as f64 / 3.0 * normal[axis] * normal[axis]
 }

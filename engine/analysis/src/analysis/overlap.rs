@@ -6,6 +6,7 @@
 
 use super::overlap_leaf::{LINES, PairSums, of_leaf};
 use super::solids_of;
+use super::volume::spread;
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey, RootCube};
 use crate::progress::Progress;
@@ -112,11 +113,6 @@ fn pair(numbers: [u32; 2], sums: &PairSums, root: RootCube, cell: f64) -> PairOv
         centroid: root.to_world(centroid),
         lines: sums.lines,
     }
-}
-
-fn spread(of: [f64; 3]) -> f64 {
-    let [low, high] = [f64::min, f64::max].map(|f| of.into_iter().reduce(f).unwrap_or_default());
-    high - low
 }
 
 /// Pairs added up.

@@ -270,7 +270,6 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
     let in_steps = |steps: f64| steps / STEPS as f64 * cell;
     let Faces { beside, nearly, scatter, size, crossings } = sums.faces;
     let chords = [0, 1, 2].map(|a| in_steps(sums.chords[a] as f64 + beside[a] as f64));
-    let [low, high] = [f64::min, f64::max].map(|f| chords.into_iter().reduce(f).unwrap_or_default());
     let bound = |count: Count| count.changes.iter().sum::<u128>() as f64 * 0.5 * cell;
     let union = chords.iter().sum::<f64>() / 3.0;
     let at_edges = at_edges(sums.inside as f64 * cell, size.map(|sum| in_steps(sum as f64)));
@@ -279,12 +278,18 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
     let lone = sums.lone.into_iter().max().unwrap_or_default() as f64 * cell;
     Ok(Volumes {
         union,
-        union_error: high - low + at_edges + nearly + scatter + lone + in_steps(crossings as f64),
+        union_error: spread(chords) + at_edges + nearly + scatter + lone + in_steps(crossings as f64),
         overlap: sums.overlap.sum as f64 * cell,
         overlap_error: bound(sums.overlap),
         negative: sums.negative.sum as f64 * cell,
         negative_error: bound(sums.negative),
     })
+}
+
+/// The difference of the largest and the smallest of what three axes say.
+pub(crate) fn spread(by_axis: [f64; 3]) -> f64 {
+    let [low, high] = [f64::min, f64::max].map(|f| by_axis.into_iter().reduce(f).unwrap_or_default());
+    high - low
 }
 
 /// What is left at edges and corners, where faces across two or three axes meet that add so much each to a number of

@@ -1,7 +1,6 @@
 //! How far a mesh and the surface of a store are from each other, at some points of both.
 
 use super::closest::Triangles;
-use super::lattice::finest_level;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::MeshArrays;
 use crate::error::Result;
@@ -143,7 +142,7 @@ fn from_mesh(
     }
     let keys: Vec<NodeKey> = read.iter().map(|&leaf| order.keys()[leaf]).collect();
     progress.phase("distances", Some(keys.len() as u64), "bricks");
-    let disc = 0.87 * tree.root().spacing(finest_level(tree));
+    let disc = 0.87 * tree.root().spacing(tree.deepest_level());
     let mut nearest = vec![reach; points.len()];
     let make = |leaf: &Leaf<'_>| {
         let asked = &by_leaf[&read[leaf.number]];

@@ -232,11 +232,6 @@ fn last_leaf(key: NodeKey, finest: u8, factor: u32) -> u64 {
     NodeKey::deepest_at(upper.map(|c| (c << bits) as i32)).map_or(u64::MAX, |key| key.post_order().0)
 }
 
-/// The deepest level of a tree.
-pub(super) fn finest_level(tree: &dyn BrickTree) -> u8 {
-    tree.keys().last().map_or(0, |key| key.level())
-}
-
 /// Lattices of the solid of `tree`, where w ≥ 0.5, whose cells are so many of the finest ones an axis. Reads every leaf that
 /// is not uniform once. At most `memory` bytes are held.
 ///
@@ -248,7 +243,7 @@ pub fn fractions(
     memory: u64,
     progress: &dyn Progress,
 ) -> Result<Vec<Lattice>> {
-    let finest = finest_level(tree);
+    let finest = tree.deepest_level();
     let mut lattices =
         factors.iter().map(|&factor| Lattice::new(tree, finest, factor)).collect::<Result<Vec<_>>>()?;
     let order = LeafOrder::new(tree)?;

@@ -36,7 +36,7 @@ use crate::store::BrickTree;
 
 /// How many of the finest cells an axis are a coarse cell of at most `detail`; `None` if it is smaller than these.
 pub fn factor_of(tree: &dyn BrickTree, detail: f64) -> Option<u32> {
-    let fine = tree.root().spacing(lattice::finest_level(tree));
+    let fine = tree.root().spacing(tree.deepest_level());
     // A length that was meant to be so many cells is, whatever rounding says.
     let cells = (detail / fine * (1.0 + 1e-9)).floor();
     (cells >= 1.0).then_some(cells.min(1e6) as u32)
@@ -44,5 +44,5 @@ pub fn factor_of(tree: &dyn BrickTree, detail: f64) -> Option<u32> {
 
 /// Edge of the finest cells of a tree.
 pub fn finest_cell(tree: &dyn BrickTree) -> f64 {
-    tree.root().spacing(lattice::finest_level(tree))
+    tree.root().spacing(tree.deepest_level())
 }

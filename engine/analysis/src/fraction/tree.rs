@@ -164,6 +164,10 @@ impl BrickTree for FractionTree<'_> {
         self.leaves.keys().copied().collect()
     }
 
+    fn deepest_level(&self) -> u8 {
+        self.leaves.last_key_value().map_or(0, |(key, _)| key.level())
+    }
+
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
         let info = self.leaves.get(&key).copied();
         if let Some(NodeInfo { min, max, .. }) = info

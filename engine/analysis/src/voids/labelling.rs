@@ -6,12 +6,13 @@
 //! leaf joins whatever of its class touches it. Kept are the labels of faces beyond which leaves are still to come: the
 //! border (Isenburg & Shewchuk 2009), and four bytes for each component of a leaf.
 
-use super::border::{Border, Face, Sets};
+use super::border::{Border, Face};
 use super::components::{Components, Connectivity, FaceLabels};
 use super::measure::{Sums, sums_of};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::progress::Progress;
+use crate::sets::Sets;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
 use std::collections::HashMap;
 

@@ -108,7 +108,7 @@ impl Pores {
 /// [`Error::Setting`] if the throat is too wide for the cells; what reading the store gives; [`Error::Interrupted`].
 pub(super) fn pores(store: &Store, closing: f64, memory: u64, progress: &dyn Progress) -> Result<Pores> {
     let root = store.root();
-    let deepest = store.keys().last().map_or(0, |key| key.level());
+    let deepest = store.deepest_level();
     let fits = |level: u8| {
         let (_, size) = place(store, level);
         size.iter().map(|&s| s as u64).product::<u64>() * SAMPLE_BYTES <= memory

@@ -2,6 +2,7 @@
 
 use super::labelling::Labelling;
 use super::measure::Sums;
+use crate::analysis::spread;
 use crate::lattice::RootCube;
 
 /// A volume, or a share of one, and a bound on its error.
@@ -18,9 +19,8 @@ impl Total {
     /// number of samples.
     pub(super) fn of(sums: &Sums, root: RootCube) -> Total {
         let volumes = sums.volumes(root);
-        let [low, high] = [f64::min, f64::max].map(|f| volumes.into_iter().reduce(f).unwrap_or_default());
         let value = volumes.iter().sum::<f64>() / 3.0;
-        Total { value, error: high - low + 2.0 * (sums.counted(root) - value).abs() }
+        Total { value, error: spread(volumes) + 2.0 * (sums.counted(root) - value).abs() }
     }
 
     /// With an error that is no smaller than what another measure of the same shows it to be off by.

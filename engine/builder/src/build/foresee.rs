@@ -5,7 +5,7 @@ use super::measure::measure;
 use super::pipeline::BuildOptions;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
-use crate::lattice::{BRICK_CELLS, RootCube};
+use crate::lattice::{BRICK_CELLS, RootCube, millimetres};
 use crate::part::free_beside;
 use crate::progress::Progress;
 use crate::store::Refine;
@@ -238,16 +238,7 @@ fn coarse(cell: f64, sizes: &BeadSizes) -> Option<String> {
 
 /// What to think of a part of this size.
 fn implausible(size: [f64; 3], unit: &str) -> Option<String> {
-    let mm = match unit {
-        "um" => 1e-3,
-        "mm" => 1.0,
-        "cm" => 10.0,
-        "m" => 1000.0,
-        "mil" => 0.0254,
-        "in" => 25.4,
-        "ft" => 304.8,
-        _ => return None,
-    };
+    let mm = millimetres(unit)?;
     let largest = size.into_iter().fold(0.0, f64::max) * mm;
     let (how, remedy) = match largest {
         _ if largest < PLAUSIBLE.0 => ("small", "--unit in if it is in inches, --unit m if it is in metres"),

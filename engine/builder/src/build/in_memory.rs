@@ -1,16 +1,14 @@
 //! Trees of whole inputs in memory instead of in a file.
 
 use super::choose::BeadSizes;
-use super::closed::is_closed;
 use super::cloud::{place_cloud, surfels};
-use super::memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
+use super::memory::{build_any_in_memory, build_beads_in_memory, build_cloud_in_memory};
 use super::orient;
 use super::pipeline::{BuildOptions, place};
 use super::rules::{TreeOptions, require_no_tolerance};
 use super::toolpaths::{bead_sources, bounds_of_sources, place_beads};
 use crate::error::Result;
 use crate::ingest::{CloudInput, Facets, Input, Survey};
-use crate::lattice::RootCube;
 use crate::pieces::Oriented;
 use crate::progress::Progress;
 use crate::store::MemoryTree;
@@ -53,23 +51,9 @@ pub fn build_inputs_in_memory(
     let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
     let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
     let soups = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
-    let tree = tree_of(&soups, root, depth, options, progress)?;
+    let tree = build_any_in_memory(&soups, root, tree_options(depth, options), options.gwn_error)?;
     inputs.iter().try_for_each(Input::check)?;
     Ok(TreeInMemory { tree, bounds })
-}
-
-fn tree_of(
-    soups: &[&dyn Facets],
-    root: RootCube,
-    depth: u8,
-    options: &BuildOptions,
-    progress: &dyn Progress,
-) -> Result<MemoryTree> {
-    let rules = tree_options(depth, options);
-    match is_closed(soups, root, progress)? {
-        true => build_in_memory(soups, root, rules),
-        false => build_open_in_memory(soups, root, rules, options.gwn_error),
-    }
 }
 
 fn beads_in_memory(inputs: &[Input], options: &BuildOptions) -> Result<TreeInMemory> {

@@ -81,6 +81,25 @@ pub fn build_beads_in_memory(
     tree_of(&solids, sorted, &rules, root)
 }
 
+/// Builds the tree of any soup in memory: exact if it is closed, else with samples that are off by at most `error`.
+///
+/// # Errors
+/// As [`build_in_memory`] or [`build_open_in_memory`].
+pub(super) fn build_any_in_memory(
+    sources: &[&dyn Facets],
+    root: RootCube,
+    options: TreeOptions,
+    error: f64,
+) -> Result<MemoryTree> {
+    let rules = Rules::new(options, root)?;
+    let soup = snap(sources, root, (sort_cubes(&rules), rules.sieved()), &Room::unbounded(), &Silent)?;
+    if soup.balance.is_closed() {
+        return tree_of(&Soup::CPU, soup.sorted, &rules, root);
+    }
+    drop(soup);
+    build_open_in_memory(sources, root, options, error)
+}
+
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
     let soup = snap(sources, root, (sort_cubes(rules), rules.sieved()), &Room::unbounded(), &Silent)?;
     if !soup.balance.is_closed() {

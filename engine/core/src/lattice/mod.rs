@@ -7,6 +7,7 @@
 
 mod facet;
 mod key;
+mod length;
 mod mix;
 mod root;
 mod vector;
@@ -14,6 +15,7 @@ mod vector;
 pub use facet::{CubeTest, bounds, has_area, normal};
 pub use key::morton;
 pub use key::{NodeKey, Octant};
+pub use length::millimetres;
 pub use mix::{GOLDEN, hash_bits, mix};
 pub use root::RootCube;
 pub use vector::{cross, dot, minus};

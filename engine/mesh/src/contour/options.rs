@@ -85,7 +85,7 @@ pub struct MeshSummary {
 /// Vertices are 32-bit world coordinates: refuses trees whose cells those cannot tell apart.
 pub(super) fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Result<()> {
     let root = tree.root();
-    let deepest = tree.keys().last().map_or(0, |key| key.level());
+    let deepest = tree.deepest_level();
     let cell = root.spacing(level.unwrap_or(deepest).min(deepest));
     let farthest = root.origin.iter().fold(0.0f64, |m, c| m.max(c.abs()).max((c + root.edge).abs()));
     let step = (farthest * f64::from(f32::EPSILON)).max(f64::from(f32::MIN_POSITIVE));

@@ -3,6 +3,8 @@
 use super::cut::Facet;
 use super::sink::MeshSink;
 use crate::error::{Error, Result};
+use crate::lattice::{cross, dot, minus};
+use crate::sets::Sets;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -26,8 +28,8 @@ pub struct Shell {
 #[derive(Default)]
 pub struct ShellSink {
     positions: Vec<[f32; 3]>,
-    /// By vertex, one of the same shell that comes before, or itself.
-    before: Vec<u32>,
+    /// Vertices that hang together, by the first of them.
+    sets: Sets,
     /// By vertex, the volumes of triangles that begin at it, and their number.
     volumes: Vec<f64>,
     counts: Vec<u32>,
@@ -48,20 +50,6 @@ impl ShellSink {
     pub fn into_shells(self) -> (Vec<Shell>, Vec<u32>) {
         (self.shells, self.of)
     }
-
-    fn first(&mut self, mut vertex: u32) -> u32 {
-        while self.before[vertex as usize] != vertex {
-            let up = self.before[self.before[vertex as usize] as usize];
-            self.before[vertex as usize] = up;
-            vertex = up;
-        }
-        vertex
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.first(a), self.first(b));
-        self.before[a.max(b) as usize] = a.min(b);
-    }
 }
 
 impl MeshSink for ShellSink {
@@ -70,9 +58,8 @@ impl MeshSink for ShellSink {
     }
 
     fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
-        let first = self.positions.len() as u32;
         self.positions.extend_from_slice(positions);
-        self.before.extend(first..first + positions.len() as u32);
+        self.sets.extend(positions.len());
         self.volumes.resize(self.positions.len(), 0.0);
         self.counts.resize(self.positions.len(), 0);
         if self.positions.len() as u64 * SHELL_BYTES_A_VERTEX > self.memory {
@@ -87,8 +74,8 @@ impl MeshSink for ShellSink {
     fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
         let Some(&origin) = self.positions.first() else { return Ok(()) };
         for Facet { ids: [a, b, c], corners } in facets {
-            self.join(*a, *b);
-            self.join(*a, *c);
+            self.sets.unite(*a, *b);
+            self.sets.unite(*a, *c);
             self.volumes[*a as usize] += volume(corners, origin);
             self.counts[*a as usize] += 1;
         }
@@ -99,7 +86,7 @@ impl MeshSink for ShellSink {
         self.of = Vec::with_capacity(self.positions.len());
         for vertex in 0..self.positions.len() as u32 {
             let position = self.positions[vertex as usize];
-            let first = self.first(vertex);
+            let first = self.sets.find(vertex);
             let shell = if first == vertex {
                 let point = position.map(f64::from);
                 self.shells.push(Shell { volume: 0.0, triangles: 0, bounds: [position; 2], point });
@@ -119,19 +106,15 @@ impl MeshSink for ShellSink {
 
 /// The volume of the tetrahedron of a triangle and a point.
 fn volume(corners: &[[f32; 3]; 3], origin: [f32; 3]) -> f64 {
-    let [a, b, c] =
-        corners.map(|p| -> [f64; 3] { std::array::from_fn(|n| f64::from(p[n]) - f64::from(origin[n])) });
-    let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-    (a[0] * cross[0] + a[1] * cross[1] + a[2] * cross[2]) / 6.0
+    let [a, b, c] = corners.map(|p| minus(p.map(f64::from), origin.map(f64::from)));
+    dot(a, cross(b, c)) / 6.0
 }
 
 /// The area of a triangle.
 fn area(corners: &[[f32; 3]; 3]) -> f64 {
-    let from = |n: usize| -> [f64; 3] {
-        std::array::from_fn(|a| f64::from(corners[n][a]) - f64::from(corners[0][a]))
-    };
-    let cross = crate::lattice::cross(from(1), from(2));
-    0.5 * cross.iter().map(|c| c * c).sum::<f64>().sqrt()
+    let [a, b, c] = corners.map(|p| p.map(f64::from));
+    let normal = cross(minus(b, a), minus(c, a));
+    0.5 * dot(normal, normal).sqrt()
 }
 
 /// Takes a mesh and tells which of its shells lie within which that face outward: a ray along +x from a point on the first
@@ -231,24 +214,19 @@ fn is_met(corners: &[[f32; 3]; 3], point: [f64; 3]) -> bool {
         return false;
     }
     // On which side of the plane the point lies, the plane facing +x.
-    let [u, v, w]: [[f64; 3]; 3] = [
-        std::array::from_fn(|a| at[1][a] - at[0][a]),
-        std::array::from_fn(|a| at[2][a] - at[0][a]),
-        std::array::from_fn(|a| point[a] - at[0][a]),
-    ];
-    let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    let above = (cross[0] * w[0] + cross[1] * w[1] + cross[2] * w[2]) * cross[0].signum();
-    above < 0.0
+    let normal = cross(minus(at[1], at[0]), minus(at[2], at[0]));
+    dot(normal, minus(point, at[0])) * normal[0].signum() < 0.0
 }
 
 /// Hands the shells that are kept to another sink, with vertices numbered anew.
 pub struct KeptShells<'a> {
     inner: &'a mut dyn MeshSink,
-    /// By vertex, whether it is kept.
-    is_kept: Box<dyn Fn(usize) -> bool + Send + 'a>,
+    /// By shell, whether it is kept.
+    kept: &'a [bool],
+    /// By vertex, its shell.
+    of: &'a [u32],
     /// By vertex so far, its new number.
     numbers: Vec<u32>,
-    next: u32,
     counted: Counted,
 }
 
@@ -292,13 +270,11 @@ impl Angles {
 
 /// The smallest angle of a triangle in degrees.
 fn smallest_angle(corners: &[[f32; 3]; 3]) -> f64 {
-    let side = |from: usize, to: usize| -> [f64; 3] {
-        std::array::from_fn(|a| f64::from(corners[to][a]) - f64::from(corners[from][a]))
-    };
+    let at = corners.map(|p| p.map(f64::from));
     let angle = |n: usize| {
-        let (u, v) = (side(n, (n + 1) % 3), side(n, (n + 2) % 3));
-        let cross = crate::lattice::cross(u, v);
-        crate::lattice::dot(cross, cross).sqrt().atan2(crate::lattice::dot(u, v)).to_degrees()
+        let (u, v) = (minus(at[(n + 1) % 3], at[n]), minus(at[(n + 2) % 3], at[n]));
+        let normal = cross(u, v);
+        dot(normal, normal).sqrt().atan2(dot(u, v)).to_degrees()
     };
     (0..3).map(angle).fold(180.0, f64::min)
 }
@@ -311,13 +287,11 @@ impl<'a> KeptShells<'a> {
 
     /// Keeps the shells `kept` of those that [`ShellSink`] has told apart of the same mesh.
     pub fn new(inner: &'a mut dyn MeshSink, kept: &'a [bool], of: &'a [u32]) -> KeptShells<'a> {
-        KeptShells {
-            inner,
-            is_kept: Box::new(move |vertex| kept[of[vertex] as usize]),
-            numbers: Vec::new(),
-            next: 0,
-            counted: Counted::default(),
-        }
+        KeptShells { inner, kept, of, numbers: Vec::new(), counted: Counted::default() }
+    }
+
+    fn is_kept(&self, vertex: usize) -> bool {
+        self.kept[self.of[vertex] as usize]
     }
 }
 
@@ -337,10 +311,9 @@ impl MeshSink for KeptShells<'_> {
     fn vertices_with_normals(&mut self, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<()> {
         let (mut kept, mut their) = (Vec::new(), Vec::new());
         for (n, position) in positions.iter().enumerate() {
-            let is_kept = (self.is_kept)(self.numbers.len());
-            self.numbers.push(self.next);
+            let is_kept = self.is_kept(self.numbers.len());
+            self.numbers.push(self.counted.vertices as u32);
             if is_kept {
-                self.next += 1;
                 self.counted.vertices += 1;
                 let before = self.counted.bounds.unwrap_or([*position; 2]);
                 self.counted.bounds = Some(super::frame::united(before, [*position; 2]));
@@ -355,7 +328,7 @@ impl MeshSink for KeptShells<'_> {
     }
 
     fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
-        let kept = facets.iter().filter(|facet| (self.is_kept)(facet.ids[0] as usize));
+        let kept = facets.iter().filter(|facet| self.is_kept(facet.ids[0] as usize));
         let facets: Vec<Facet> = kept
             .map(|facet| Facet { ids: facet.ids.map(|id| self.numbers[id as usize]), ..*facet })
             .collect();

@@ -383,6 +383,10 @@ impl BrickTree for Store {
         self.index.entries().iter().map(|entry| entry.key).collect()
     }
 
+    fn deepest_level(&self) -> u8 {
+        self.index.entries().last().map_or(0, |entry| entry.key.level())
+    }
+
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
         self.cached(self.entry_of(key)?).map_err(|what| self.record_error(key, what))
     }

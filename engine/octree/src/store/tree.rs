@@ -27,6 +27,10 @@ pub trait BrickTree: Sync {
     fn node(&self, key: NodeKey) -> Option<NodeInfo>;
     /// All nodes in key order: by level, along the Morton curve within a level.
     fn keys(&self) -> Vec<NodeKey>;
+    /// The deepest level that has a node; 0 of an empty tree.
+    fn deepest_level(&self) -> u8 {
+        self.keys().last().map_or(0, |key| key.level())
+    }
     /// The node's brick, verified and decoded.
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>>;
     /// The same for who does not come back for it, so that it need not be kept.
@@ -71,6 +75,10 @@ impl BrickTree for MemoryTree {
 
     fn keys(&self) -> Vec<NodeKey> {
         self.nodes.keys().copied().collect()
+    }
+
+    fn deepest_level(&self) -> u8 {
+        self.nodes.last_key_value().map_or(0, |(key, _)| key.level())
     }
 
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {

@@ -94,6 +94,26 @@ pub struct RenderOptions {
     pub cache_bytes: u64,
 }
 
+impl RenderOptions {
+    /// The whole part between two corners, solid on white, from a view: one picture of 1024 × 1024 pixels with four rays each.
+    pub fn of(bounds: [[f64; 3]; 2], view: View) -> RenderOptions {
+        RenderOptions {
+            style: Style::solid(),
+            view,
+            turn: 1,
+            focus: None,
+            bounds,
+            cuts: Vec::new(),
+            size: [1024; 2],
+            supersample: 2,
+            background: [255; 4],
+            level: None,
+            cell_pixels: 0.5,
+            cache_bytes: 256 << 20,
+        }
+    }
+}
+
 /// What drawing took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RenderSummary {

@@ -44,7 +44,7 @@ pub fn contour(
     limits: ContourLimits,
     progress: &dyn Progress,
 ) -> Result<Contour> {
-    let deepest = tree.keys().last().map_or(0, |key| key.level());
+    let deepest = tree.deepest_level();
     let level = limits.level.unwrap_or(deepest).min(deepest);
     let root = tree.root();
     let height = root.from_first_sample(plane.point([root.origin[0]; 2], plane.at))[plane.axis.index()];

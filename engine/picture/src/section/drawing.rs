@@ -3,6 +3,7 @@
 use super::join::Contour;
 use super::plane::Plane;
 use crate::error::{Error, Result};
+use crate::lattice::millimetres;
 use crate::part::PartFile;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -52,20 +53,6 @@ fn digits(cell: f64) -> usize {
         digits += 1;
     }
     digits
-}
-
-/// Millimetres in a unit; `None` if it is unknown.
-fn millimetres(unit: &str) -> Option<f64> {
-    let known = [
-        ("um", 1e-3),
-        ("mm", 1.0),
-        ("cm", 10.0),
-        ("m", 1000.0),
-        ("mil", 0.0254),
-        ("in", 25.4),
-        ("ft", 304.8),
-    ];
-    known.into_iter().find(|(name, _)| *name == unit).map(|(_, length)| length)
 }
 
 fn svg(contour: &Contour, what: &Drawing<'_>, file: &mut PartFile) -> Result<()> {

@@ -2,6 +2,9 @@
 
 use crate::lattice::Axis;
 
+/// What is seen beyond the part, as a share of its longer side.
+const MARGIN: f64 = 0.02;
+
 /// A plane across an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
@@ -12,6 +15,14 @@ pub struct Plane {
 }
 
 impl Plane {
+    /// What of the plane is seen of a part between two corners: least and greatest coordinates by [`Self::sides`], with a margin
+    /// of a fiftieth of the longer one.
+    pub fn window(self, corners: [[f64; 3]; 2]) -> [[f64; 2]; 2] {
+        let [low, high] = corners.map(|corner| self.sides().map(|side| corner[side.index()]));
+        let margin = (high[0] - low[0]).max(high[1] - low[1]) * MARGIN;
+        [low.map(|c| c - margin), high.map(|c| c + margin)]
+    }
+
     /// The axes of the picture: to the right, and upward. (x, y), (x, z) or (y, z).
     pub fn sides(self) -> [Axis; 2] {
         self.axis.others_in_order()
