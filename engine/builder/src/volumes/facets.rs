@@ -51,18 +51,24 @@ pub fn facet_volumes(
     let strata = Strata::columns(low, high, lines);
     let expected = strata.len() as f64 * on_a_line * 16.0;
     let mut moments = Moments::default();
-    // Six times ∫ w, exact.
-    let mut volume = 0;
+    let mut sums = Sums::default();
     for numbers in strata.parts(expected, memory, STRATA_AT_ONCE) {
         let found;
-        (found, volume) = crossings(sources, root, &strata, numbers, progress)?;
+        (found, sums) = crossings(sources, root, &strata, numbers, progress)?;
         add(&found, &mut moments);
     }
-    let unit = root.unit();
-    let known = volume as f64 / 6.0;
     let area = strata.area_of_line();
-    let world = |i| moments.controlled(i, (3, known), area).scaled(unit.powi(3));
-    let [union, overlap, negative] = [0, 1, 2].map(world);
+    let known = sums.winding();
+    let [mut union, mut overlap, mut negative] = [0, 1, 2].map(|i| moments.controlled(i, (3, known), area));
+    // Lines cross facets whose corners are snapped. Where nothing overlaps, the union is ∫ w, of which more is known.
+    let is_plain =
+        [overlap, negative].iter().all(|volume| volume.value == 0.0 && volume.standard_error == 0.0);
+    union = union.widened(if is_plain { sums.winding_error() } else { sums.snapping_error() });
+    if !is_plain {
+        [overlap, negative] = [overlap, negative].map(|volume| volume.widened(sums.snapping_error()));
+    }
+    let [union, overlap, negative] =
+        [union, overlap, negative].map(|volume| volume.scaled(root.unit().powi(3)));
     let lines = strata.len() as u64;
     Ok(Some(SourceVolumes { union, overlap, negative, lines, swept: None, layers: Vec::new() }))
 }
@@ -85,32 +91,87 @@ fn shadow(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> R
     Ok(0.5 * twice as f64 * facets as f64 / seen.max(1) as f64)
 }
 
-/// Six times the volume of the tetrahedron between a triangle and the lattice's first corner.
-fn sixfold_volume(t: &Triangle) -> i128 {
-    let n = normal(t);
-    (0..3).map(|i| i128::from(n[i]) * i128::from(t[0][i])).sum()
+/// Exact sums over facets, in units; the same in any order.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    /// Six times the volume of the tetrahedra between the snapped facets and the lattice's first corner.
+    sixfold: i128,
+    /// What that lacks of the facets as they are, to the first order, 2^16-fold.
+    shift: i128,
+    /// Twice the areas of the facets' shadows along the three axes.
+    shadows: i128,
+    /// The extents of the facets' edges along the three axes.
+    edges: i128,
 }
 
-/// All crossings of some lines, sorted by line and height, and six times ∫ w of the soup. Each is packed: 24 bits of the line's number within
-/// `numbers`, the height, and a bit that tells leaving from entering.
+impl Sums {
+    const SHIFT_SCALE: f64 = 65536.0;
+
+    /// Adds a facet, snapped, and how far its corners were from there.
+    fn add(&mut self, t: &Triangle, away: &[[f64; 3]; 3]) {
+        let n = normal(t);
+        let mean = |axis: usize| away.iter().map(|corner| corner[axis]).sum::<f64>();
+        // A third of three corners, of half the normal, six times.
+        let shift = (0..3).map(|axis| n[axis] as f64 * mean(axis)).sum::<f64>();
+        self.sixfold += (0..3).map(|axis| i128::from(n[axis]) * i128::from(t[0][axis])).sum::<i128>();
+        self.shift += (shift * Sums::SHIFT_SCALE).round() as i128;
+        self.shadows += n.iter().map(|n| i128::from(n.unsigned_abs())).sum::<i128>();
+        let edge = |from: usize| {
+            (0..3).map(|axis| t[(from + 1) % 3][axis].abs_diff(t[from][axis])).map(i128::from).sum::<i128>()
+        };
+        self.edges += (0..3).map(edge).sum::<i128>();
+    }
+
+    fn plus(self, other: Sums) -> Sums {
+        Sums {
+            sixfold: self.sixfold + other.sixfold,
+            shift: self.shift + other.shift,
+            shadows: self.shadows + other.shadows,
+            edges: self.edges + other.edges,
+        }
+    }
+
+    /// ∫ w.
+    fn winding(&self) -> f64 {
+        (self.sixfold as f64 + self.shift as f64 / Sums::SHIFT_SCALE) / 6.0
+    }
+
+    /// A bound on its error: corners move by a unit along an axis, so what is of the second order is less than three square
+    /// units times the length of all edges.
+    fn winding_error(&self) -> f64 {
+        3.0 * self.edges as f64 + self.sixfold.unsigned_abs() as f64 * f64::EPSILON
+    }
+
+    /// A bound on what snapping changes of any volume between facets: their area times a unit along each axis.
+    fn snapping_error(&self) -> f64 {
+        0.5 * self.shadows as f64 + self.winding_error()
+    }
+}
+
+/// All crossings of some lines, sorted by line and height, and sums over the soup. Each is packed: 24 bits of the line's
+/// number within `numbers`, the height, and a bit that tells leaving from entering.
 fn crossings(
     sources: &[&dyn Facets],
     root: RootCube,
     strata: &Strata,
     numbers: Range<u32>,
     progress: &dyn Progress,
-) -> Result<(Vec<u64>, i128)> {
+) -> Result<(Vec<u64>, Sums)> {
     let snapper = root.snapper();
-    let parts: Vec<(Vec<u64>, i128)> = runs(sources)
+    let parts: Vec<(Vec<u64>, Sums)> = runs(sources)
         .into_par_iter()
         .fold(
-            || (Vec::new(), Vec::new(), 0),
-            |(mut world, mut found, mut volume), (source, range)| {
+            || (Vec::new(), Vec::new(), Sums::default()),
+            |(mut world, mut found, mut sums), (source, range)| {
                 if !progress.cancelled() {
                     sources[source].read(range, &mut world);
                     for facet in &world {
                         let t = facet.map(snapper);
-                        volume += sixfold_volume(&t);
+                        let away = |corner: usize| {
+                            let exact = root.to_units(facet[corner]);
+                            std::array::from_fn(|axis| exact[axis] - f64::from(t[corner][axis]))
+                        };
+                        sums.add(&t, &[0, 1, 2].map(away));
                         let corners = t.map(|v| [f64::from(v[0]), f64::from(v[1])]);
                         let shape = Shape { bounds: bounds(&t), axis: 0, corners: &corners, reach: 0.0 };
                         strata.near(&shape, &numbers, |number, at| {
@@ -120,18 +181,18 @@ fn crossings(
                         });
                     }
                 }
-                (world, found, volume)
+                (world, found, sums)
             },
         )
-        .map(|(_, found, volume)| (found, volume))
+        .map(|(_, found, sums)| (found, sums))
         .collect();
     progress.check()?;
-    let volume = parts.iter().map(|(_, volume)| volume).sum();
+    let sums = parts.iter().fold(Sums::default(), |all, (_, sums)| all.plus(*sums));
     let mut all = Vec::with_capacity(parts.iter().map(|(found, _)| found.len()).sum());
     parts.iter().for_each(|(found, _)| all.extend_from_slice(found));
     drop(parts);
     all.par_sort_unstable();
-    Ok((all, volume))
+    Ok((all, sums))
 }
 
 fn packed(line: u32, Crossing { at, jump }: Crossing) -> u64 {

@@ -55,6 +55,29 @@ fn what_is_inside_out_is_negative() {
     assert!((negative.value - 8.0).abs() <= negative.bound() && overlap.value.abs() < 1e-6, "{negative:?}");
 }
 
+/// Corners snapped to the lattice enclose another volume; what is told is that of the facets.
+#[test]
+fn a_turned_plate_has_the_volume_of_its_facets() {
+    let turned = |[x, y, z]: [f64; 3]| {
+        let (a, b) = (0.6 * x - 0.8 * z, 0.8 * x + 0.6 * z);
+        [a, (5.0 * y - 12.0 * b) / 13.0, (12.0 * y + 5.0 * b) / 13.0]
+    };
+    let facets: Vec<Facet> =
+        cuboid([1.3, 2.7, 0.9], [101.3, 102.7, 1.0]).into_iter().map(|facet| facet.map(turned)).collect();
+    let all = || facets.iter().flatten();
+    let bound = |a: usize, by: fn(f64, f64) -> f64| all().map(|p| p[a]).reduce(by).unwrap();
+    let bounds = ([0, 1, 2].map(|a| bound(a, f64::min)), [0, 1, 2].map(|a| bound(a, f64::max)));
+    let SourceVolumes { union, overlap, .. } = volumes_of(&facets, bounds, ALL);
+    assert!((union.value - 1000.0).abs() <= union.bound() && union.bound() < 1e-5, "{union:?}");
+    assert_eq!((overlap.value, overlap.standard_error), (0.0, 0.0));
+    // A second plate across the first: what both cover is as uncertain as their places.
+    let mut both = facets.clone();
+    both.extend(cuboid([20.0, -40.0, -2.0], [20.1, 40.0, 60.0]));
+    let bounds = ([bounds.0[0].min(20.0), -200.0, -200.0], bounds.1.map(|c| c.max(60.0)));
+    let SourceVolumes { overlap, .. } = volumes_of(&both, bounds, ALL);
+    assert!(overlap.bound() > 1e-4, "{overlap:?}");
+}
+
 #[test]
 fn memory_and_threads_change_no_bit() {
     let mut facets = cuboid([0.0; 3], [10.0, 8.0, 6.0]);

@@ -17,6 +17,11 @@ impl Estimate {
         Estimate { value: self.value * by, standard_error: self.standard_error * by }
     }
 
+    /// The same with another error, of which `bound` is the most.
+    pub fn widened(self, bound: f64) -> Estimate {
+        Estimate { standard_error: self.standard_error + bound / 3.0, ..self }
+    }
+
     /// What is printed behind ±: three standard errors, which an error exceeds once in 370 times.
     pub fn bound(self) -> f64 {
         3.0 * self.standard_error
