@@ -11,7 +11,7 @@ type Room = (&'static str, &'static [&'static str]);
 
 /// The crates of the engine with their rooms, each with the rooms of the same crate that it may use. What crates use of
 /// each other is Cargo's to judge.
-const CRATES: [(&str, &[Room]); 11] = [
+const CRATES: [(&str, &[Room]); 12] = [
     (
         "core",
         &[
@@ -36,6 +36,7 @@ const CRATES: [(&str, &[Room]); 11] = [
     ("mesh", &[("contour", &[])]),
     ("builder", &[("backend", &[]), ("volumes", &[]), ("build", &["backend", "volumes"])]),
     ("analysis", &[("analysis", &[]), ("voids", &["analysis"]), ("fraction", &["analysis"])]),
+    ("export", &[("export", &[])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
     ("", &[("fuzz", &[]), ("octree", &[]), ("builder", &["octree"])]),

@@ -38,5 +38,6 @@ mod program {
     #[cfg(feature = "view")]
     mod view;
     mod voids;
+    mod volume_files;
     mod volumes;
 }

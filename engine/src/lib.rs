@@ -52,6 +52,7 @@
 //! | [`store`], [`cache`] | stores: reading, verifying, rewriting, cutting down |
 //! | [`analysis`], [`voids`] | samples, volumes, overlaps, components of void and solid |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
+//! | [`export`] | volumes in the files of other tools |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
 //! | [`winding`] | winding numbers of one brick, and the sum that judges all others |
@@ -76,6 +77,7 @@ pub use brickfield_analysis::{analysis, fraction, voids};
 pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
+pub use brickfield_export::export;
 pub use brickfield_gpu::gpu;
 pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;

@@ -61,7 +61,7 @@ fn what_makes_no_sense_is_refused() {
     run(&[&"mesh", &store, &"-o", &dir.path("x.step")]).misused();
     run(&[&"mesh", &store, &"-o", &dir.path("x.stl"), &"--iso", &"0"]).misused();
     run(&[&"mesh", &store, &"-o", &dir.path("x.stl"), &"--iso", &"nan"]).misused();
-    run(&[&"export", &store, &"--level", &"1", &"-o", &dir.path("x.raw")]).misused();
+    run(&[&"export", &store, &"--level", &"1", &"-o", &dir.path("x.nii")]).misused();
     run(&[&"man", &"bake"]).misused();
     run(&[&"man", &"build", &"merge"]).misused();
     run(&[&"completions", &"cmd.exe"]).misused();

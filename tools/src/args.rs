@@ -429,29 +429,44 @@ pub struct WindingArgs {
     pub toolpath: ToolpathArgs,
 }
 
-/// Write a level as one dense NumPy array
+/// Write levels as a volume that other tools open
 #[derive(Args)]
 #[command(after_help = "\
-The array is indexed [z,y,x] and has 32·2^L samples an axis. Beside W.npy, W.json says where it lies: `origin` \
-are the world coordinates of the sample [0,0,0], `spacing` the step along every axis, `units` their unit. If the power \
-goes while the two get their names, W.json may be missing, but it is never that of another array.
+The ending says the format.
+  .npy          NumPy, indexed [z,y,x]; W.json beside it says where it lies
+  .vdb          OpenVDB, for Blender, Houdini and F3D: a fog volume, sparse
+  .vtkhdf       VTKHDF, for ParaView and VTK: an overlapping AMR image, sparse, of all levels
+  .zarr         OME-Zarr 0.5, for napari, neuroglancer and Dask: a folder, sparse, of all levels
+  .vti          VTK image data, compressed
+  .mhd, .mha    MetaImage, for 3D Slicer and ITK: with W.raw beside it, or in one file
+  .tif          TIFF, a page a layer, for ImageJ and programs for computed tomography
+  .raw          the samples alone; W.json beside it
+
+A level has 32·2^L samples an axis, x fastest. W.json has `origin`, the world coordinates of the sample [0,0,0], \
+`spacing`, the step along every axis, and `unit`. If the power goes while two files get their names, W.json may be missing, \
+but it is never that of another array.
 
 Bricks that end above the level fill it from their own samples: exactly where all of them are equal, otherwise \
 the nearest lower sample for i2 and trilinear interpolation for f4.
 
 Examples:
-  brickfield export part.brf --level 3 -o w.npy")]
+  brickfield export part.brf -o part.vdb
+  brickfield export part.brf --level 3 -o w.npy
+  brickfield export part.brf -o part.vtkhdf --dtype f4")]
 pub struct ExportArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// The level, 0 being the root's 32 samples an axis
-    #[arg(long, value_name = "L")]
-    pub level: u8,
-    /// The array to write; its name ends in .npy
+    /// The level, 0 being the root's 32 samples an axis [default: the deepest; .vtkhdf and .zarr hold all]
+    #[arg(long, value_name = "L", conflicts_with = "all_levels")]
+    pub level: Option<u8>,
+    /// Write all levels; in .vdb as grids `w`, `w_1` and so on, the finest first
+    #[arg(long)]
+    pub all_levels: bool,
+    /// The volume to write: .npy, .vdb, .vtkhdf, .zarr, .vti, .mhd, .mha, .tif or .raw
     #[arg(long, short, value_name = "W.npy")]
     pub output: PathBuf,
-    /// Type of the elements [default: i2, or f4 where samples of the store are fractions, as of open input and point clouds]
+    /// Type of the values [default: i2; f4 in .vdb, and where samples are fractions, as of open input and point clouds]
     #[arg(long, value_enum)]
     pub dtype: Option<DtypeArg>,
     /// How to read the store

@@ -13,7 +13,6 @@ mod layer_args;
 mod measured;
 mod memory;
 mod mesh_args;
-mod npy;
 mod picture_args;
 mod pieces;
 mod points;

@@ -1,44 +1,68 @@
-//! `brickfield export`: a level as a NumPy array with a description beside it.
+//! `brickfield export`: levels as a volume in the format of another tool.
 
 use super::{CACHE_BYTES, has_fractions, of_store, open_store, require_level, start};
 use crate::args::{DtypeArg, ExportArgs};
 use crate::failure::Failure;
-use crate::npy;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::space::{require_space, tell_left_behind};
 use crate::units::Size;
 use anyhow::Context;
-use brickfield_engine::Progress;
-use brickfield_engine::analysis::{Dense, Element};
-use brickfield_engine::part::{PartFile, PartPair};
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::analysis::Element;
+use brickfield_engine::export::{FORMATS, Format, Levels, Volume, format_of};
+use brickfield_engine::lattice::BRICK_CELLS;
+use brickfield_engine::store::{Accept, BrickTree, Store};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A checked command line.
 struct Plan<'a> {
     args: &'a ExportArgs,
-    description: PathBuf,
+    format: &'static dyn Format,
+    /// The second file, of formats that have one.
+    beside: Option<PathBuf>,
 }
 
 impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
     type Error = Failure;
 
     fn try_from(args: &ExportArgs) -> Result<Plan<'_>, Failure> {
-        if args.output.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("npy")) {
-            let name = args.output.display();
-            return Err(Failure::Usage(format!("{name}: the array's name must end in .npy")));
+        let name = args.output.display();
+        let Some(format) = format_of(&args.output) else {
+            let endings = FORMATS.iter().map(|format| format!(".{}", format.ending())).collect::<Vec<_>>();
+            let endings = endings.join(", ");
+            return Err(Failure::Usage(format!("{name}: the name of a volume ends in one of {endings}")));
+        };
+        if args.all_levels && format.levels() == Levels::One {
+            let what = format!("{name}: such a file holds one level");
+            return Err(Failure::Usage(format!(
+                "{what}; leave out --all-levels, or write .vdb, .vtkhdf or .zarr"
+            )));
         }
-        Ok(Plan { args, description: args.output.with_extension("json") })
+        Ok(Plan { args, format, beside: format.beside().map(|ending| args.output.with_extension(ending)) })
     }
 }
 
-/// The elements that were asked for, or else those that hold the store's samples as they are.
-fn elements(asked: Option<DtypeArg>, store: &Store) -> (Element, &'static str) {
-    match asked {
-        Some(DtypeArg::F4) => (Element::F32, "<f4"),
-        None if has_fractions(store) => (Element::F32, "<f4"),
-        Some(DtypeArg::I2) | None => (Element::I16, "<i2"),
+impl Plan<'_> {
+    /// The type that was asked for, or else the one that holds the store's samples as they are. Readers of OpenVDB often
+    /// know floats only.
+    fn element(&self, store: &Store) -> Element {
+        match self.args.dtype {
+            Some(DtypeArg::F4) => Element::F32,
+            None if has_fractions(store) || self.format.ending() == "vdb" => Element::F32,
+            Some(DtypeArg::I2) | None => Element::I16,
+        }
+    }
+
+    /// The levels to write, the finest first.
+    fn levels(&self, store: &Store) -> Result<Vec<u8>, Failure> {
+        let deepest = store.deepest_level();
+        match self.args.level {
+            Some(level) => require_level(store, level).map(|()| vec![level]),
+            None if self.args.all_levels || self.format.levels() == Levels::Nested => {
+                Ok((0..=deepest).rev().collect())
+            }
+            None => Ok(vec![deepest]),
+        }
     }
 }
 
@@ -47,54 +71,62 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let plan = Plan::try_from(args)?;
     let bars = start(args.work)?;
     let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
-    require_level(&store, args.level)?;
-    require_distinct(&[&args.output, &plan.description], &[&args.store])?;
-    let (element, dtype) = elements(args.dtype, &store);
-    let grid = Dense::new(&store, args.level, element).map_err(|error| of_store(&store, "levels", error))?;
-    let description = describe(&plan, &store, &grid, dtype);
+    let (levels, element) = (plan.levels(&store)?, plan.element(&store));
+    let outputs = [&args.output].into_iter().chain(&plan.beside).map(PathBuf::as_path).collect::<Vec<_>>();
+    require_distinct(&outputs, &[&args.store])?;
+    let description = describe(&plan, &store, &levels, element);
+    let text = serde_json::to_string_pretty(&description).context("cannot write JSON")? + "\n";
+    let volume = Volume {
+        tree: &store,
+        levels,
+        element,
+        name: "w",
+        unit: Some(store.meta().unit.as_str()).filter(|unit| *unit != "unit"),
+        description: &text,
+    };
     tell_left_behind(&args.output, args.work.quiet);
-    let bytes = grid.bytes().try_into().unwrap_or(u64::MAX);
+    let bytes = plan.format.bytes_about(&volume).try_into().unwrap_or(u64::MAX);
     require_space(&args.output, bytes, "choose a lower --level")?;
-    let mut pair = PartPair::create(&args.output, &plan.description)?;
-    write_array(dtype, &grid, &pair.file, &bars)?;
-    let json = serde_json::to_string_pretty(&description).context("cannot write JSON")?;
-    pair.description.append(format!("{json}\n").as_bytes())?;
-    pair.finish()?;
+    let written = plan.format.write(&volume, &args.output, &bars);
+    written.map_err(|error| of_store(&store, "levels", error))?;
     bars.clear();
     if args.json {
         print_json(&description)
     } else if args.work.quiet {
         Ok(())
     } else {
-        let (name, axis) = (in_line(&args.output), grid.axis());
-        let size = Size(grid.bytes().try_into().unwrap_or(u64::MAX));
-        print(&format!("{name}: {axis} × {axis} × {axis} {dtype}, {size}"))
+        let (name, axis, dtype) = (in_line(&args.output), volume.axis(), element.numpy());
+        let coarser = match volume.levels.len() {
+            1 => String::new(),
+            levels => format!(", with {} coarser levels", levels - 1),
+        };
+        print(&format!("{name}: {axis} × {axis} × {axis} {dtype}{coarser}, {}", Size(size(&args.output))))
     }
 }
 
-fn describe(plan: &Plan<'_>, store: &Store, grid: &Dense<'_>, dtype: &str) -> Value {
+/// Bytes of a file, or of all files in a folder.
+fn size(path: &Path) -> u64 {
+    match std::fs::read_dir(path) {
+        Ok(entries) => entries.flatten().map(|entry| size(&entry.path())).sum(),
+        Err(_) => std::fs::metadata(path).map_or(0, |file| file.len()),
+    }
+}
+
+fn describe(plan: &Plan<'_>, store: &Store, levels: &[u8], element: Element) -> Value {
+    let axis = BRICK_CELLS << levels[0];
+    let root = store.root();
     json!({
         "array": plan.args.output.file_name().map(|name| name.to_string_lossy().into_owned()),
         "store": plan.args.store.display().to_string(),
-        "level": plan.args.level,
+        "level": levels[0],
+        "levels": levels,
         "order": "zyx",
-        "shape": [grid.axis(), grid.axis(), grid.axis()],
-        "dtype": dtype,
-        "origin": grid.origin(),
-        "spacing": grid.spacing(),
+        "shape": [axis, axis, axis],
+        "dtype": element.numpy(),
+        "origin": root.to_world([1.0; 3]),
+        "spacing": root.spacing(levels[0]),
         "unit": store.meta().unit,
         // As it was called before.
         "units": store.meta().unit,
     })
-}
-
-fn write_array(
-    dtype: &str,
-    grid: &Dense<'_>,
-    array: &PartFile,
-    progress: &dyn Progress,
-) -> Result<(), Failure> {
-    let header = npy::header(dtype, grid.axis());
-    array.write_at(&header, 0)?;
-    Ok(grid.write(progress, &|offset, bytes| array.write_at(bytes, header.len() as u64 + offset))?)
 }

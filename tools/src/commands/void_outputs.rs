@@ -1,13 +1,13 @@
 //! What `brickfield voids` writes beside its table: meshes of voids, and their numbers as an array.
 
 use crate::failure::Failure;
-use crate::npy;
 use crate::output::{in_line, require_distinct};
 use crate::progress::Bars;
 use crate::space::require_space;
 use crate::void_args::VoidsArgs;
 use anyhow::Context;
 use brickfield_engine::Error;
+use brickfield_engine::export::npy_header;
 use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::part::{PartFile, PartPair};
 use brickfield_engine::store::{BrickTree, Store};
@@ -87,7 +87,7 @@ impl VoidOutputs {
         }
         let Some((mut pair, path)) = self.labels else { return Ok(()) };
         let axis = axis(store);
-        let header = npy::header("<u4", axis);
+        let header = npy_header("<u4", axis);
         pair.file.write_at(&header, 0)?;
         // All that nothing is written to is zero.
         pair.file.write_at(&[0; 4], header.len() as u64 + (axis as u64).pow(3) * 4 - 4)?;

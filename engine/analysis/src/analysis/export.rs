@@ -28,7 +28,19 @@ impl Element {
             Element::F32 => 4,
         }
     }
+
+    /// NumPy's name of the type.
+    pub const fn numpy(self) -> &'static str {
+        match self {
+            Element::I16 => "<i2",
+            Element::F32 => "<f4",
+        }
+    }
 }
+
+/// Takes, from any thread, rows of a layer: the place along y and z in bricks, the layer in 0..32, and the bytes of 32 rows
+/// along x.
+pub type TakeRows<'a> = dyn Fn([u32; 2], usize, &[u8]) -> Result<()> + Sync + 'a;
 
 /// One level of a tree, seen as a dense cube of samples indexed `[z][y][x]`. Uniform leaves above the level
 /// are exact; what [`Element`] says holds for the others.
@@ -87,25 +99,41 @@ impl<'a> Dense<'a> {
     ) -> Result<()> {
         let bricks = 1u64 << self.level;
         progress.phase("exporting", Some(bricks * bricks), "strips");
+        let strips =
+            (0..bricks * bricks).map(|n| [(n % bricks) as u32, (n / bricks) as u32]).collect::<Vec<_>>();
+        self.strips(&strips, progress, &|[y, z], layer, rows| {
+            let first_row = u64::from(z) * BRICK_CELLS as u64 + layer as u64;
+            let row = first_row * self.axis() as u64 + u64::from(y) * BRICK_CELLS as u64;
+            write_at(row * (self.axis() * self.element.bytes()) as u64, rows)
+        })
+    }
+
+    /// The 32 layers of the bricks at height `z`. The phase of `progress` is the caller's.
+    ///
+    /// # Errors
+    /// As [`Dense::write`].
+    pub fn slab(&self, z: u32, progress: &dyn Progress, take: &TakeRows<'_>) -> Result<()> {
+        let strips = (0..1u32 << self.level).map(|y| [y, z]).collect::<Vec<_>>();
+        self.strips(&strips, progress, take)
+    }
+
+    /// The bricks at places in y and z, all along x.
+    fn strips(&self, places: &[[u32; 2]], progress: &dyn Progress, take: &TakeRows<'_>) -> Result<()> {
+        let bricks = 1usize << self.level;
         let row_bytes = self.axis() * self.element.bytes();
-        let place = |number: u64| ((number % bricks) as u32, (number / bricks) as u32);
-        let walk = Walk::new(self.tree, (bricks * bricks * bricks) as usize, |step| {
-            let (y, z) = place(step as u64 / bricks);
-            let key = self.node_at([(step as u64 % bricks) as u32, y, z]).ok()?;
+        let walk = Walk::new(self.tree, places.len() * bricks, |step| {
+            let [y, z] = places[step / bricks];
+            let key = self.node_at([(step % bricks) as u32, y, z]).ok()?;
             self.tree.node(key).filter(|node| node.min != node.max || node.fractions).map(|_| key)
         });
         // Handed out in order, so that all threads together go through the store from one end to the other.
-        let strips = (0..bricks * bricks).par_bridge();
-        strips.try_for_each_init(Vec::new, |strip: &mut Vec<u8>, number| {
+        let strips = places.iter().enumerate().par_bridge();
+        strips.try_for_each_init(Vec::new, |strip: &mut Vec<u8>, (number, &[y, z])| {
             progress.check()?;
-            let (y, z) = place(number);
-            walk.at((number * bricks) as usize);
+            walk.at(number * bricks);
             self.fill(y, z, strip)?;
-            let axis = self.axis() as u64;
-            for (k, layer) in strip.chunks_exact(row_bytes * BRICK_CELLS).enumerate() {
-                let [first_y, first_z] = [y, z].map(|b| u64::from(b) * BRICK_CELLS as u64);
-                let first_row = (first_z + k as u64) * axis + first_y;
-                write_at(first_row * row_bytes as u64, layer)?;
+            for (layer, rows) in strip.chunks_exact(row_bytes * BRICK_CELLS).enumerate() {
+                take([y, z], layer, rows)?;
             }
             progress.advance(1);
             Ok(())
@@ -124,10 +152,10 @@ impl<'a> Dense<'a> {
                 Some((last, brick)) if last == key => brick,
                 _ => self.tree.brick(key)?,
             };
-            let part = Part::new(&brick, key, self.level, [x, y, z]);
+            let block = Block::new(&brick, key, self.level, [x, y, z]);
             for (row, bytes) in strip.chunks_exact_mut(row_bytes).enumerate() {
                 let at = &mut bytes[x as usize * BRICK_CELLS * size..][..BRICK_CELLS * size];
-                part.fill_row([row % BRICK_CELLS, row / BRICK_CELLS], self.element, at);
+                block.fill_row([row % BRICK_CELLS, row / BRICK_CELLS], self.element, at);
             }
             last = Some((key, brick));
         }
@@ -145,8 +173,8 @@ impl<'a> Dense<'a> {
     }
 }
 
-/// The part of a brick that fills 32³ elements of the grid.
-struct Part<'a> {
+/// Samples of a level in the place of one brick: those of its node, or of the part of a coarser leaf that covers it.
+pub struct Block<'a> {
     brick: &'a Brick,
     /// Levels between the brick and the grid.
     up: u32,
@@ -154,27 +182,40 @@ struct Part<'a> {
     first: [usize; 3],
 }
 
-impl Part<'_> {
-    fn new(brick: &Brick, key: NodeKey, level: u8, position: [u32; 3]) -> Part<'_> {
+impl Block<'_> {
+    /// The place `position`, in bricks of `level`, in the brick of the node `key` that covers it.
+    pub fn new(brick: &Brick, key: NodeKey, level: u8, position: [u32; 3]) -> Block<'_> {
         let up = u32::from(level - key.level());
         let of_brick = key.position();
         let first = std::array::from_fn(|a| (position[a] - (of_brick[a] << up)) as usize * BRICK_CELLS);
-        Part { brick, up, first }
+        Block { brick, up, first }
     }
 
-    /// Fills the row along x at `[j, k]` of the part.
+    /// The integer sample at `[i, j, k]`, each in 0..=32.
+    pub fn integer(&self, ijk: [usize; 3]) -> i16 {
+        self.brick.sample(std::array::from_fn(|a| (self.first[a] + ijk[a]) >> self.up))
+    }
+
+    /// The sample at `[i, j, k]`, each in 0..=32; between samples of a coarser leaf trilinear.
+    pub fn float(&self, ijk: [usize; 3]) -> f32 {
+        if self.up == 0 {
+            return self.brick.value(ijk) as f32;
+        }
+        let step = f64::from(1u32 << self.up).recip();
+        trilinear(self.brick, std::array::from_fn(|a| (self.first[a] + ijk[a]) as f64 * step)) as f32
+    }
+
+    /// Fills the row along x at `[j, k]`.
     fn fill_row(&self, [j, k]: [usize; 2], element: Element, out: &mut [u8]) {
-        let at = |i: usize| [self.first[0] + i, self.first[1] + j, self.first[2] + k];
         match element {
             Element::I16 => {
                 for (i, bytes) in out.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-                    *bytes = self.brick.sample(at(i).map(|s| s >> self.up)).to_le_bytes();
+                    *bytes = self.integer([i, j, k]).to_le_bytes();
                 }
             }
             Element::F32 => {
-                let step = f64::from(1u32 << self.up).recip();
                 for (i, bytes) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-                    *bytes = (trilinear(self.brick, at(i).map(|s| s as f64 * step)) as f32).to_le_bytes();
+                    *bytes = self.float([i, j, k]).to_le_bytes();
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! Files that get their name only when they are complete, and durable.
 
+pub mod folder;
 #[cfg(any(test, feature = "testing"))]
 #[doc(hidden)]
 pub mod outputs;

@@ -4,11 +4,11 @@ use super::Row;
 use crate::cache_args::GetArgs;
 use crate::commands::open_store;
 use crate::failure::Failure;
-use crate::npy;
 use crate::output::{one_line, print, print_json, require_distinct};
 use brickfield_engine::Error;
 use brickfield_engine::brick::{Brick, Hermite, SignChanges};
 use brickfield_engine::cache::node_at;
+use brickfield_engine::export::npy_header;
 use brickfield_engine::lattice::{Axis, BRICK_POINTS, NodeKey};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, IndexEntry, Store};
@@ -153,10 +153,10 @@ fn samples_as(brick: &Brick, format: Format) -> Vec<u8> {
         |brick: &Brick| points().flat_map(|ijk| stored(brick, ijk).to_le_bytes()).collect::<Vec<u8>>();
     match format {
         Format::Raw => whole(brick),
-        Format::Npy if !brick.has_fractions() => [npy::header("<i2", P), whole(brick)].concat(),
+        Format::Npy if !brick.has_fractions() => [npy_header("<i2", P), whole(brick)].concat(),
         Format::Npy => {
             let values = points().flat_map(|ijk| brick.value(ijk).to_le_bytes());
-            npy::header("<f8", P).into_iter().chain(values).collect()
+            npy_header("<f8", P).into_iter().chain(values).collect()
         }
         Format::Csv => {
             let mut text = String::from("i,j,k,w\n");

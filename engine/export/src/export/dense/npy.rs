@@ -1,4 +1,4 @@
-//! The header of NumPy's array files.
+//! NumPy's array files.
 
 /// NumPy asks for a header of a multiple of this.
 const HEADER_ALIGN_BYTES: usize = 64;
@@ -6,7 +6,7 @@ const HEADER_ALIGN_BYTES: usize = 64;
 const HEADER_PREFIX_BYTES: usize = 10;
 
 /// The header of an `.npy` file, version 1.0, of a cube of `axis` elements an axis.
-pub fn header(dtype: &str, axis: usize) -> Vec<u8> {
+pub fn npy_header(dtype: &str, axis: usize) -> Vec<u8> {
     let mut text =
         format!("{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({axis}, {axis}, {axis}), }}");
     let bytes = (HEADER_PREFIX_BYTES + text.len() + 1).next_multiple_of(HEADER_ALIGN_BYTES);

@@ -1,0 +1,69 @@
+//! Volumes in the files of other tools.
+//!
+//! A [`Volume`] says what is written: some levels of a tree, and the type of the values. A [`Format`] writes it. To add a
+//! format, implement the trait in one file and add a line to [`FORMATS`].
+//!
+//! Formats are of two kinds. Dense ones (`dense`) hold all samples of one level; their memory is that of some rows of bricks.
+//! Sparse ones leave out what is empty: `vdb` writes the tree of OpenVDB, `vtkhdf` and `zarr` a chunk a brick.
+
+mod blocks;
+mod compress;
+mod dense;
+mod vdb;
+mod volume;
+mod vtkhdf;
+mod zarr;
+
+pub use dense::npy_header;
+pub use volume::{Levels, Volume};
+
+use crate::error::Result;
+use crate::progress::Progress;
+use std::path::Path;
+
+/// A format of files that hold volumes.
+pub trait Format: Sync {
+    /// Ending of the files' names, without the dot, in lower case.
+    fn ending(&self) -> &'static str;
+
+    /// What the format is, for people.
+    fn name(&self) -> &'static str;
+
+    /// Whether a file holds one level, all levels in one volume, or any number of levels side by side.
+    fn levels(&self) -> Levels;
+
+    /// Ending of a second file beside it, if there is one.
+    fn beside(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// About how many bytes the file will take; of compressed formats what they usually do. To be compared with the room on
+    /// the disk.
+    fn bytes_about(&self, volume: &Volume<'_>) -> u128;
+
+    /// Writes the file. It gets its name when it is complete.
+    ///
+    /// # Errors
+    /// What reading the tree and writing the file give; [`crate::error::Error::Interrupted`].
+    fn write(&self, volume: &Volume<'_>, path: &Path, progress: &dyn Progress) -> Result<()>;
+}
+
+/// All formats.
+pub static FORMATS: &[&dyn Format] = &[
+    &dense::Npy,
+    &vdb::Vdb,
+    &vtkhdf::VtkHdf,
+    &zarr::Zarr,
+    &dense::Vti,
+    &dense::Mhd,
+    &dense::Mha,
+    &dense::Tiff,
+    &dense::Raw,
+];
+
+/// The format of a file's name.
+pub fn format_of(path: &Path) -> Option<&'static dyn Format> {
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    let ending = if ending == "tiff" { "tif".to_owned() } else { ending };
+    FORMATS.iter().copied().find(|format| format.ending() == ending)
+}

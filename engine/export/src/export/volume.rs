@@ -1,0 +1,66 @@
+//! What is written: levels of a tree with the type of their values.
+
+use crate::analysis::{Dense, Element};
+use crate::error::Result;
+use crate::lattice::BRICK_CELLS;
+use crate::store::BrickTree;
+
+/// How many levels a file of a format holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Levels {
+    /// One.
+    One,
+    /// Any number, each a volume of its own.
+    Several,
+    /// All, as one volume of which readers take what they need; or one.
+    Nested,
+}
+
+/// Levels of a tree with the type of their values.
+pub struct Volume<'a> {
+    /// The tree.
+    pub tree: &'a dyn BrickTree,
+    /// The levels, the finest first; not empty.
+    pub levels: Vec<u8>,
+    /// Type of the values.
+    pub element: Element,
+    /// Name of the values, as in `w`.
+    pub name: &'a str,
+    /// The store's unit of length, as in `mm`, where it is known.
+    pub unit: Option<&'a str>,
+    /// JSON that describes the volume, for formats with a description beside the file.
+    pub description: &'a str,
+}
+
+impl Volume<'_> {
+    /// The finest level.
+    pub fn finest(&self) -> u8 {
+        self.levels[0]
+    }
+
+    /// Samples of the finest level along each axis.
+    pub fn axis(&self) -> usize {
+        BRICK_CELLS << self.finest()
+    }
+
+    /// The finest level as a dense grid.
+    pub(crate) fn dense(&self) -> Result<Dense<'_>> {
+        Dense::new(self.tree, self.finest(), self.element)
+    }
+
+    /// World position of the sample `[0][0][0]` of every level.
+    pub fn origin(&self) -> [f64; 3] {
+        self.tree.root().to_world([1.0; 3])
+    }
+
+    /// World distance of two samples of a level.
+    pub fn spacing(&self, level: u8) -> f64 {
+        self.tree.root().spacing(level)
+    }
+
+    /// Bytes of all samples of all levels.
+    pub(crate) fn dense_bytes(&self) -> u128 {
+        let samples = self.levels.iter().map(|&level| ((BRICK_CELLS as u128) << level).pow(3)).sum::<u128>();
+        samples * self.element.bytes() as u128
+    }
+}

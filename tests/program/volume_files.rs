@@ -1,0 +1,201 @@
+//! Volumes in the files of other tools, read by readers that share nothing with the writers.
+
+mod readers;
+
+use crate::support::*;
+use readers::{Samples, numbers, vdb, vti, vtkhdf, zarr};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A store whose leaves end at several levels.
+fn mixed_levels(dir: &Scratch) -> PathBuf {
+    let mut facets = cuboid([0.0; 3], [10.0; 3]);
+    facets.extend(cuboid([17.0; 3], [19.0; 3]));
+    let input = dir.file("boxes.stl", binary_stl(24, &facets));
+    let store = dir.path("mixed.brf");
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"2", &"--refine", &"stddev", &"--stddev", &"0.2"])
+        .ok();
+    store
+}
+
+/// An open store: a cube without its last facet.
+fn open(dir: &Scratch) -> PathBuf {
+    let mut facets = cuboid([0.0; 3], [10.0; 3]);
+    facets.pop();
+    let input = dir.file("open.stl", binary_stl(facets.len() as u32, &facets));
+    let store = dir.path("open.brf");
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"1"]).ok();
+    store
+}
+
+fn array(dir: &Scratch, store: &Path, level: usize, dtype: &str) -> Vec<f32> {
+    let out = dir.path("truth.npy");
+    run(&[&"export", &store, &"--level", &level.to_string(), &"--dtype", &dtype, &"-o", &out]).ok();
+    let array = Array::read(&out);
+    let axis = array.axis;
+    (0..axis.pow(3)).map(|n| array.at([n % axis, n / axis % axis, n / axis / axis]) as f32).collect()
+}
+
+fn export(dir: &Scratch, store: &Path, name: &str, more: &[&str]) -> PathBuf {
+    let out = dir.path(name);
+    let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"export", &store, &"-o", &out];
+    args.extend(more.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
+    run(&args).ok();
+    out
+}
+
+/// All formats of a store of `deepest` levels below the root hold what the array holds.
+fn all_formats_agree(dir: &Scratch, store: &Path, deepest: usize, kind: &str) {
+    let axis = 32 << deepest;
+    let truth = array(dir, store, deepest, kind);
+    let more = ["--dtype", kind];
+    let check = |samples: Samples, format: &str| {
+        assert_eq!(samples.axis, axis);
+        assert!(samples.values == truth, "{format} of {}", store.display());
+    };
+    check(vti(&export(dir, store, "w.vti", &more), axis, kind), "vti");
+    check(zarr(&export(dir, store, "w.zarr", &more).join("0"), axis, kind), "zarr");
+    let axes = (0..=deepest).rev().map(|level| 32 << level).collect::<Vec<_>>();
+    let grids = vdb(&export(dir, store, "w.vdb", &[&more[..], &["--all-levels"]].concat()), &axes);
+    for (n, (name, tree, samples)) in grids.into_iter().enumerate() {
+        assert_eq!(name, if n == 0 { "w".to_owned() } else { format!("w_{n}") });
+        assert_eq!(tree, if kind == "f4" { "Tree_float_5_4_3" } else { "Tree_int32_5_4_3" });
+        assert!(samples.values == array(dir, store, deepest - n, kind), "grid {name} of {}", store.display());
+    }
+    let bytes = truth.len() * if kind == "i2" { 2 } else { 4 };
+    let raw = std::fs::read(export(dir, store, "w.raw", &more)).unwrap();
+    assert!(numbers(&raw, kind) == truth);
+    let mha = std::fs::read(export(dir, store, "w.mha", &more)).unwrap();
+    assert!(mha[mha.len() - bytes..] == raw, "mha");
+    assert!(mha[..mha.len() - bytes].ends_with(b"ElementDataFile = LOCAL\n"));
+    export(dir, store, "m.mhd", &more);
+    assert!(std::fs::read(dir.path("m.raw")).unwrap() == raw, "mhd");
+    let tif = std::fs::read(export(dir, store, "w.tif", &more)).unwrap();
+    assert_eq!(&tif[..4], b"II\x2a\0");
+    let pages = u32::from_le_bytes(tif[4..8].try_into().unwrap()) as usize;
+    assert!(tif[pages - bytes..pages] == raw, "tif");
+    blocks_agree(dir, store, deepest, kind);
+}
+
+/// The blocks of all levels hold what arrays hold, and their cells the means of their corners.
+fn blocks_agree(dir: &Scratch, store: &Path, deepest: usize, kind: &str) {
+    let path = export(dir, store, "w.vtkhdf", &["--dtype", kind]);
+    for level in 0..=deepest {
+        let (axis, truth) = (32 << level, array(dir, store, level, kind));
+        let blocks = vtkhdf(&path, level, kind);
+        assert!(!blocks.is_empty());
+        for (corner, points, cells) in blocks {
+            let mut seen = 0;
+            for (n, &point) in points.iter().enumerate() {
+                let within = [n % 33, n / 33 % 33, n / 33 / 33];
+                let at: [usize; 3] = std::array::from_fn(|a| corner[a] + within[a]);
+                // On the upper faces the array may have what is between samples of a coarser leaf.
+                if within.iter().all(|&i| i < 32) {
+                    assert_eq!(
+                        point,
+                        truth[(at[2] * axis + at[1]) * axis + at[0]],
+                        "level {level} at {at:?}"
+                    );
+                    seen += 1;
+                }
+            }
+            assert_eq!(seen, 32 * 32 * 32);
+            for (n, &cell) in cells.iter().enumerate() {
+                let first = ((n / 1024) * 33 + n / 32 % 32) * 33 + n % 32;
+                let corners = [0, 1, 33, 34, 1089, 1090, 1122, 1123].map(|c| points[first + c]);
+                assert_eq!(cell, corners.iter().sum::<f32>() / 8.0);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_format_holds_the_samples() {
+    let dir = Scratch::new();
+    all_formats_agree(&dir, &dir.store("clover_beads", 2), 2, "i2");
+    all_formats_agree(&dir, &dir.store("overlap_boxes", 3), 3, "f4");
+}
+
+#[test]
+fn coarser_leaves_fill_every_format() {
+    let dir = Scratch::new();
+    let store = mixed_levels(&dir);
+    // Blocks of a level are those of its nodes; where a coarser leaf ends above, there is none.
+    all_formats_agree(&dir, &store, 2, "f4");
+    all_formats_agree(&dir, &store, 2, "i2");
+    let alone = vtkhdf(&export(&dir, &store, "l.vtkhdf", &["--level", "2", "--dtype", "f4"]), 0, "f4");
+    let truth = array(&dir, &store, 2, "f4");
+    let filled =
+        alone.iter().map(|(_, points, _)| points.iter().filter(|w| **w != 0.0).count()).sum::<usize>();
+    assert!(filled >= truth.iter().filter(|w| **w != 0.0).count());
+}
+
+#[test]
+fn fractions_are_kept() {
+    let dir = Scratch::new();
+    let store = open(&dir);
+    all_formats_agree(&dir, &store, 1, "f4");
+    // Fractions are written as floats without being asked for.
+    let [(_, kind, samples)] = &vdb(&export(&dir, &store, "o.vdb", &[]), &[64])[..] else {
+        panic!("one grid")
+    };
+    assert_eq!(kind, "Tree_float_5_4_3");
+    assert!(samples.values.iter().any(|w| w.fract() != 0.0));
+}
+
+/// Names and bytes of a file, or of all files in a folder.
+fn contents(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut waiting = vec![path.to_owned()];
+    while let Some(next) = waiting.pop() {
+        match std::fs::read_dir(&next) {
+            Ok(entries) => waiting.extend(entries.map(|entry| entry.unwrap().path())),
+            Err(_) => {
+                all.insert(next.strip_prefix(path).unwrap().to_owned(), std::fs::read(&next).unwrap());
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let dir = Scratch::new();
+    let store = dir.store("clover_beads", 2);
+    for ending in ["vdb", "vtkhdf", "zarr", "vti", "tif"] {
+        let [one, two, three] = ["1", "2", "3"].map(|threads| {
+            contents(&export(&dir, &store, &format!("{threads}.{ending}"), &["--threads", threads]))
+        });
+        assert!(one == two && two == three, "{ending}");
+    }
+}
+
+#[test]
+fn a_folder_replaces_an_older_one_and_never_a_file() {
+    let dir = Scratch::new();
+    let (fine, coarse) = (dir.store("overlap_boxes", 2), dir.store("overlap_boxes", 1));
+    export(&dir, &fine, "w.zarr", &[]);
+    std::fs::create_dir(dir.path("w.zarr.part")).unwrap();
+    let out = export(&dir, &coarse, "w.zarr", &[]);
+    assert!(out.join("1/zarr.json").exists() && !out.join("2").exists());
+    assert!(!dir.path("w.zarr.part").exists());
+    std::fs::write(dir.path("plain.zarr"), "mine").unwrap();
+    let line = run(&[&"export", &coarse, &"-o", &dir.path("plain.zarr")]).failed();
+    assert!(line.contains("plain.zarr"), "{line}");
+    assert_eq!(std::fs::read(dir.path("plain.zarr")).unwrap(), b"mine");
+}
+
+#[test]
+fn what_cannot_be_written_is_told_in_one_line() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 1);
+    let line = run(&[&"export", &store, &"-o", &dir.path("w.nii")]).misused();
+    assert!(line.contains(".vdb") && line.contains(".zarr"), "{line}");
+    let line = run(&[&"export", &store, &"-o", &dir.path("w.vti"), &"--all-levels"]).misused();
+    assert!(line.contains("holds one level"), "{line}");
+    for ending in ["vdb", "vtkhdf", "zarr", "vti", "mhd", "mha", "tif", "raw", "npy"] {
+        let line = run(&[&"export", &store, &"-o", &dir.path(&format!("nowhere/w.{ending}"))]).failed();
+        assert!(line.contains("nowhere"), "{ending}: {line}");
+    }
+    assert_eq!(dir.names(), ["overlap_boxes-1.brf"]);
+}
