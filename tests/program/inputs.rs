@@ -383,15 +383,44 @@ fn info_says_what_is_in_every_input() {
         (&"3MF".into(), &"millimeter".into(), &4.into())
     );
     assert_eq!((&said["objects"][0]["name"], &said["objects"][1]["components"]), (&"tip".into(), &2.into()));
-    assert_eq!((&said["items"][0]["object"], &said["read_by_build"]), (&"2".into(), &false.into()));
-    assert!(run(&[&"info", &report("tip.3mf")]).ok().contains("build    does not read meshes of 3MF yet"));
+    assert_eq!((&said["items"][0]["object"], &said["read_by_build"]), (&"2".into(), &true.into()));
     // What this program writes itself.
     let store = dir.store("overlap_boxes", 1);
     let written = dir.path("union.3mf");
     let mesh = run(&[&"mesh", &store, &"-o", &written, &"--json"]).json();
     assert_eq!(info(&written)["triangles"], mesh["triangles"]);
-    let line = run(&[&"build", &written, &"-o", &dir.path("x.brf")]).failed();
-    assert!(line.contains("is a 3MF file, which cannot be read; export the part as STL"), "{line}");
+}
+
+/// A mesh that goes out in a format and comes in again has the same bytes as STL.
+#[test]
+fn meshes_come_back_from_the_formats_that_are_written() {
+    let dir = Scratch::new();
+    let store = dir.store("overlap_boxes", 2);
+    let first = dir.path("first.ply");
+    run(&[&"mesh", &store, &"-o", &first]).ok();
+    let volume = |mesh: &Path| {
+        let out = dir.path("again.brf");
+        let built = run(&[&"build", &mesh, &"-o", &out, &"--depth", &"2", &"--json"]).json();
+        std::fs::remove_file(&out).unwrap();
+        (built["facets"].clone(), built["volumes"]["union"].as_f64().unwrap())
+    };
+    let (facets, expected) = volume(&first);
+    for ending in ["3mf", "glb", "obj", "stl"] {
+        let mesh = dir.path(&format!("m.{ending}"));
+        run(&[&"mesh", &store, &"-o", &mesh]).ok();
+        let (again, found) = volume(&mesh);
+        assert_eq!(again, facets, "{ending}");
+        assert!((found - expected).abs() < 1e-3, "{ending}: {found} for {expected}");
+        run(&[&"mesh", &"--check", &mesh, &"--quiet"]).ok();
+    }
+    // As others write it: an OFF of the same positions.
+    let text = std::fs::read(&first).unwrap();
+    assert!(text.starts_with(b"ply"));
+    let off = dir.file(
+        "tetrahedron.off",
+        "OFF\n4 4 0\n0 0 0\n6 0 0\n0 6 0\n0 0 6\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n",
+    );
+    assert!((volume(&off).1 - 36.0).abs() < 1e-4);
 }
 
 /// What is typed, and what the answer holds.
@@ -429,7 +458,7 @@ fn the_wrong_kind_of_file_is_told_with_the_command_that_wants_it() {
         (&[&"verify", &png], &["is a PNG picture, not a brick store"]),
         (
             &[&"export", &report("tip.3mf"), &"--level", &"0", &"-o", &"w.npy"],
-            &["is a 3MF file", "`brickfield info "],
+            &["is a 3MF file, not a brick store", "`brickfield build "],
         ),
         (&[&"info", &png], &["is a PNG picture, which is not read; give a mesh"]),
         (&[&"info", &step], &["is a STEP file, a CAD model", "export the part as a mesh"]),
@@ -533,7 +562,7 @@ fn a_folder_of_files_is_run_through() {
     assert_eq!(result("boxes.stl", "build"), told("STL binary", "ok"));
     assert_eq!(result("boxes.stl", "check"), told("STL binary", "refused"));
     assert_eq!(result("notes.txt", "info"), told("?", "refused"));
-    assert_eq!(result("tip.3mf", "build"), told("3MF", "refused"));
+    assert_eq!(result("tip.3mf", "build"), told("3MF", "ok"));
     assert_eq!(std::fs::read_to_string(&csv).unwrap().lines().count(), rows.len() + 1);
     // A limit that is too small is told as such.
     let mut command = Command::new("python3");

@@ -78,8 +78,8 @@ Examples:
   brickfield build part.gcode -o part.brf --skip auto
   brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
-    /// Toolpaths: G-code, also as .gz or .xz; meshes: STL (binary, ASCII), OBJ, PLY, X3D Extrusions. Or point clouds: PLY,
-    /// XYZ
+    /// Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: STL, OBJ, PLY, OFF, 3MF, AMF, GLB, X3D Extrusions.
+    /// Or point clouds: PLY, XYZ
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The store to write

@@ -41,25 +41,24 @@ impl FileKind {
 
     /// Whether `build` takes it.
     pub fn is_input(self) -> bool {
-        use Kind::{Cloud, Mesh, Toolpath, X3d};
-        matches!(self, FileKind::Input(Mesh(_) | Cloud(_) | Toolpath | X3d))
+        use Kind::{Cloud, Mesh, ThreeMf, Toolpath, X3d};
+        matches!(self, FileKind::Input(Mesh(_) | Cloud(_) | ThreeMf | Toolpath | X3d))
     }
 
     /// Whether it holds triangles of its own.
     pub fn is_mesh(self) -> bool {
-        matches!(self, FileKind::Input(Kind::Mesh(_)))
+        matches!(self, FileKind::Input(Kind::Mesh(_) | Kind::ThreeMf))
     }
 }
 
 /// Whether the name is that of a mesh whose triangles are read, there or not.
 pub fn is_mesh_name(path: &Path) -> bool {
     let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
-    ending.is_some_and(|ending| ["stl", "obj", "ply"].contains(&ending.as_str()))
+    ending.is_some_and(|ending| ["stl", "obj", "ply", "off", "3mf", "amf", "glb"].contains(&ending.as_str()))
 }
 
 /// What to do with a file of which there is nothing more to say.
-const GIVE_AN_INPUT: &str =
-    "give a mesh as STL, OBJ or PLY, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
+const GIVE_AN_INPUT: &str = "give a mesh as STL, OBJ, PLY, OFF, 3MF, AMF or GLB, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
 
 /// The command that makes a store of an input.
 fn build_command(path: &Path) -> String {
@@ -78,12 +77,6 @@ pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error 
             });
             let store = typed(&path.with_extension("brf"));
             format!("make one first by {}, and give {store}{check}", build_command(path))
-        }
-        FileKind::Input(Kind::ThreeMf) => {
-            format!(
-                "`brickfield info {}` says what is in it; a store is made of STL, OBJ or PLY",
-                typed(path)
-            )
         }
         _ => "give a store that `brickfield build` has finished".to_owned(),
     };

@@ -70,6 +70,9 @@ pub struct ToolpathArgs {
     /// Value of a variable that the program uses and the machine knows, as in '#200=0'; may be repeated
     #[arg(long, value_name = "NAME=NUMBER", value_parser = variable)]
     pub variable: Vec<(String, f64)>,
+    /// Plate whose toolpath is read, of an archive .gcode.3mf of several
+    #[arg(long, value_name = "N")]
+    pub plate: Option<u32>,
     /// Leave out the beads of a feature by its name in the file, as in "Support material", or with `auto` skirt, brim, prime
     /// and wipe towers by whatever name; may be repeated. `info` of a toolpath lists its features
     #[arg(long, value_name = "FEATURE|auto")]
@@ -139,6 +142,7 @@ impl ToolpathArgs {
             deposit_on: self.deposit_on.clone(),
             deposit_off: self.deposit_off.clone(),
             variables: self.variable.clone(),
+            plate: self.plate,
             ..GcodeOptions::default()
         };
         let sweep = SweepOptions { shape, sides: self.sides, bend: self.bend };
@@ -206,6 +210,7 @@ impl ToolpathArgs {
             ("codes that deposit", list(deposit_on)),
             ("codes that end deposition", list(deposit_off)),
             ("variables", format!("{variable:?}")),
+            ("plate", options.gcode.plate.map_or(of_file(), |plate| plate.to_string())),
         ];
         named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }

@@ -11,13 +11,17 @@ mod tests;
 pub type Target = fn(&[u8]);
 
 /// All readers. The small files to begin with are in `fuzz/seeds/NAME`.
-pub const TARGETS: [(&str, Target); 10] = [
+pub const TARGETS: [(&str, Target); 14] = [
     ("stl", crate::ingest::fuzz::stl),
     ("obj", crate::ingest::fuzz::obj),
     ("ply", crate::ingest::fuzz::ply),
     ("xyz", crate::ingest::fuzz::xyz),
     ("three_mf", crate::ingest::fuzz::three_mf),
+    ("off", crate::ingest::fuzz::off),
+    ("amf", crate::ingest::fuzz::amf),
+    ("glb", crate::ingest::fuzz::glb),
     ("gcode", toolpaths::gcode),
+    ("bgcode", toolpaths::gcode),
     ("x3d", toolpaths::x3d),
     ("store", crate::store::fuzz::store),
     ("journal", crate::store::fuzz::journal),

@@ -19,7 +19,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     let found = ThreeMf::read(file, &bars)?;
     bars.clear();
     if args.json {
-        let mut said = json!({ "path": file.display().to_string(), "format": "3MF", "read_by_build": false });
+        let mut said = json!({ "path": file.display().to_string(), "format": "3MF", "read_by_build": true });
         if let (Some(said), Ok(serde_json::Value::Object(all))) =
             (said.as_object_mut(), serde_json::to_value(&found))
         {
@@ -49,6 +49,5 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     if more as u64 + unlisted > 0 {
         text += &format!("  and {} more (--json lists up to 10,000 of each)\n", more as u64 + unlisted);
     }
-    text += "  build    does not read meshes of 3MF yet: export them as STL, OBJ or PLY\n";
     print(&text)
 }

@@ -1,6 +1,6 @@
 //! Which format a file is in: by its content if that is conclusive, else by its ending.
 
-use super::{cloud_text, foreign, obj, ply, stl, text, three_mf};
+use super::{cloud_text, foreign, gltf, obj, off, ply, stl, text, three_mf};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::path::Path;
@@ -15,6 +15,10 @@ pub(super) enum Family {
     AsciiStl,
     Obj,
     Ply,
+    Off,
+    ThreeMf,
+    Amf,
+    Glb,
     Gcode,
     X3d,
 }
@@ -29,8 +33,7 @@ const CLOUDS: [&str; 5] = ["xyz", "xyzn", "xyzrgb", "pts", "asc"];
 const GCODE_LINES: usize = 1000;
 
 /// What can be given instead of what cannot be read.
-const REMEDY: &str =
-    "give a mesh as STL, OBJ or PLY, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
+const REMEDY: &str = "give a mesh as STL, OBJ, PLY, OFF, 3MF, AMF or GLB, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
 /// Of this many bytes one may be a control byte in a text that was damaged a little.
 const BYTES_A_CONTROL: usize = 16;
 
@@ -78,10 +81,13 @@ pub(super) fn what_is(path: &Path, bytes: &[u8]) -> Kind {
         Ok(Family::BinaryStl | Family::AsciiStl) => Kind::Mesh("STL"),
         Ok(Family::Obj) => Kind::Mesh("OBJ"),
         Ok(Family::Ply) => Kind::Mesh("PLY"),
+        Ok(Family::Off) => Kind::Mesh("OFF"),
+        Ok(Family::Amf) => Kind::Mesh("AMF"),
+        Ok(Family::Glb) => Kind::Mesh("glTF"),
+        Ok(Family::ThreeMf) => Kind::ThreeMf,
         Ok(Family::Gcode) => Kind::Toolpath,
         Ok(Family::X3d) => Kind::X3d,
         Err(_) => match foreign::by_content(path, bytes) {
-            Some(three_mf::WHAT) => Kind::ThreeMf,
             Some(what) => Kind::Foreign(Some(what)),
             None if has_cloud_ending(path) || is_cloud(path, bytes) => Kind::Cloud("XYZ"),
             None => Kind::Foreign(foreign::by_ending(path)),
@@ -126,6 +132,21 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
     }
     if stl::has_exact_size(bytes) {
         return Ok(Family::BinaryStl);
+    }
+    if start.starts_with(b"GCDE") {
+        return Ok(Family::Gcode);
+    }
+    if gltf::is_glb(bytes) {
+        return Ok(Family::Glb);
+    }
+    if is_mostly_text && off::is_off(start_text) {
+        return Ok(Family::Off);
+    }
+    match foreign::by_content(path, bytes) {
+        Some(three_mf::WHAT) if three_mf::holds_toolpath(path, bytes) => return Ok(Family::Gcode),
+        Some(three_mf::WHAT) => return Ok(Family::ThreeMf),
+        Some(foreign::AMF) => return Ok(Family::Amf),
+        _ => {}
     }
     if is_mostly_text && begins_as_stl(start_text) {
         return Ok(Family::AsciiStl);
@@ -172,9 +193,7 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
 
 /// What the user can do with a file that cannot be read.
 fn remedy_for(what: &str) -> &'static str {
-    if what == three_mf::WHAT {
-        "export the part as STL, OBJ or PLY; `brickfield info` says what is in the file"
-    } else if what.contains("CAD model") {
+    if what.contains("CAD model") {
         "export the part as a mesh: STL, OBJ or PLY"
     } else if what.starts_with("compressed") {
         "unpack it first (G-code is read as .gz and .xz, named .gcode.gz or .gcode.xz)"

@@ -7,19 +7,17 @@ use std::path::Path;
 /// Bytes at the end of a ZIP archive that hold its table of contents, of archives with few files.
 const ZIP_TABLE_BYTES: usize = 1 << 16;
 
+/// What an AMF file is called in messages.
+pub(super) const AMF: &str = "an AMF file";
+
 /// Beginnings, and what they are of.
-const BEGINNINGS: [(&[u8], &str); 53] = [
-    (b"glTF", "a binary glTF file"),
+const BEGINNINGS: [(&[u8], &str); 47] = [
     (b"\x1f\x8b", "compressed with gzip"),
     (b"\xfd7zXZ\0", "compressed with xz"),
     (b"\x28\xb5\x2f\xfd", "compressed with zstd"),
     (b"BZh", "compressed with bzip2"),
     (b"7z\xbc\xaf\x27\x1c", "a 7z archive"),
     (b"Rar!", "a RAR archive"),
-    (b"OFF\n", "an OFF file"),
-    (b"OFF\r", "an OFF file"),
-    (b"COFF", "an OFF file"),
-    (b"NOFF", "an OFF file"),
     (b"ISO-10303-21", "a STEP file, a CAD model"),
     (b"DBRep_DrawableShape", "an OpenCASCADE B-rep, a CAD model"),
     (b"CASCADE Topology", "an OpenCASCADE B-rep, a CAD model"),
@@ -42,7 +40,6 @@ const BEGINNINGS: [(&[u8], &str); 53] = [
     (b"%PDF", "a PDF document"),
     (b"\x7fELF", "a program"),
     (b"MZ", "a program of Windows"),
-    (b"GCDE", "binary G-code of PrusaSlicer (export G-code as text, or convert it with `bgcode`)"),
     (b"LASF", "a LAS point cloud (convert it to PLY or XYZ)"),
     (b"ASTM-E57", "an E57 point cloud (convert it to PLY or XYZ)"),
     (b"# .PCD", "a PCD point cloud (convert it to PLY or XYZ)"),
@@ -67,7 +64,7 @@ const BEGINNINGS: [(&[u8], &str); 53] = [
 /// Elements that an XML file's first one tells it by.
 const ELEMENTS: [(&[u8], &str); 6] = [
     (b"<COLLADA", "a COLLADA scene"),
-    (b"<amf", "an AMF file"),
+    (b"<amf", AMF),
     (b"<VTKFile", "a VTK file"),
     (b"<svg", "an SVG drawing"),
     (b"<model", "the model of a 3MF file, unpacked"),
@@ -75,7 +72,7 @@ const ELEMENTS: [(&[u8], &str); 6] = [
 ];
 
 /// Endings of files whose content was not told.
-const ENDINGS: [(&str, &str); 20] = [
+const ENDINGS: [(&str, &str); 22] = [
     ("step", "a STEP file, a CAD model, by its name"),
     ("stp", "a STEP file, a CAD model, by its name"),
     ("iges", "an IGES file, a CAD model, by its name"),
@@ -88,11 +85,13 @@ const ENDINGS: [(&str, &str); 20] = [
     ("x_b", "a Parasolid file, a CAD model, by its name"),
     ("catpart", "a CATIA part, a CAD model, by its name"),
     ("dxf", "a DXF drawing, by its name"),
-    ("off", "an OFF file, by its name"),
+    ("off", "no OFF file, in spite of its name"),
+    ("amf", "no AMF file, in spite of its name"),
+    ("glb", "no binary glTF file, in spite of its name"),
     ("vtk", "a VTK file, by its name"),
     ("fcstd", "a FreeCAD document, a CAD model, by its name"),
     ("blend", "a Blender scene, by its name"),
-    ("gltf", "a glTF file, by its name"),
+    ("gltf", "a glTF file, by its name (export it as .glb)"),
     ("brf", "no brick store, in spite of its name"),
     ("3mf", "no 3MF file, in spite of its name"),
     ("zip", "no ZIP archive, in spite of its name"),
@@ -126,7 +125,7 @@ pub(super) fn by_content(path: &Path, bytes: &[u8]) -> Option<&'static str> {
         return Some("a DXF drawing");
     }
     if start.starts_with(b"{") && memmem::find(start, b"\"asset\"").is_some() {
-        return Some("a glTF file");
+        return Some("a glTF file (export it as .glb)");
     }
     None
 }
@@ -138,6 +137,8 @@ fn zip(path: &Path, bytes: &[u8]) -> &'static str {
     let ends = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
     if holds(b"3dmodel.model") || ends("3mf") {
         super::three_mf::WHAT
+    } else if ends("amf") || holds(b".amf") {
+        AMF
     } else if holds(b"FusionAssetName") || ends("f3d") || ends("f3z") {
         "a Fusion design, a CAD model"
     } else if holds(b"GuiDocument.xml") || ends("fcstd") {

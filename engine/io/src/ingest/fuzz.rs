@@ -73,6 +73,22 @@ pub fn three_mf(bytes: &[u8]) {
         Ok(found) => assert!(found.objects.len() as u64 <= found.bytes * 1024),
         Err(error) => refused(&error),
     }
+    check(super::three_mf::read(Path::new("a.3mf"), bytes, &Silent));
+}
+
+/// Any bytes as OFF.
+pub fn off(bytes: &[u8]) {
+    check(super::off::read(Path::new("a.off"), bytes, &Silent));
+}
+
+/// Any bytes as AMF, the XML or an archive of it.
+pub fn amf(bytes: &[u8]) {
+    check(super::amf::read(Path::new("a.amf"), bytes, &Silent));
+}
+
+/// Any bytes as binary glTF.
+pub fn glb(bytes: &[u8]) {
+    check(super::gltf::read(Path::new("a.glb"), bytes, &Silent));
 }
 
 fn points(cloud: Result<crate::soup::PointCloud>, path: &Path) {

@@ -1,10 +1,11 @@
-//! Inputs as they come: binary and ASCII STL, OBJ, PLY, G-code and the sweeps of X3D, each as a numbered list
+//! Inputs as they come: STL, OBJ, PLY, OFF, 3MF, AMF, glTF, G-code and the sweeps of X3D, each as a numbered list
 //! of triangles; point clouds; and what any other file is.
 //!
 //! A binary STL, the form that huge soups come in, stays mapped and is decoded a range at a time. The other formats
 //! are parsed into memory once, and the beads of a toolpath are swept a range at a time. [`Input::read`] hides the
 //! difference.
 
+mod amf;
 mod beads;
 mod bounds;
 mod cloud;
@@ -16,8 +17,11 @@ mod foreign;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzz;
+mod gltf;
 mod obj;
+mod off;
 mod origin;
+mod placement;
 mod ply;
 mod polygons;
 mod stl;
@@ -71,6 +75,11 @@ impl Facets for Input {
     fn read(&self, range: Range<u64>, out: &mut Vec<Facet>) {
         Input::read(self, range, out);
     }
+}
+
+/// What is known of a mesh of a format.
+fn of_polygons(format: &'static str, polygons: Polygons) -> (&'static str, u64, Soup) {
+    (format, polygons.triangles.len() as u64, Soup::Polygons(polygons))
 }
 
 /// Where the triangles are.
@@ -160,14 +169,15 @@ impl Input {
                 let facets = stl_text::read(path, bytes, progress)?;
                 ("STL ASCII", facets.all.len() as u64, Soup::Facets(facets))
             }
-            Family::Obj => {
-                let polygons = obj::read(path, bytes, progress)?;
-                ("OBJ", polygons.triangles.len() as u64, Soup::Polygons(polygons))
-            }
+            Family::Obj => of_polygons("OBJ", obj::read(path, bytes, progress)?),
             Family::Ply => {
                 let (polygons, format) = ply::read(path, bytes, progress)?;
-                (format, polygons.triangles.len() as u64, Soup::Polygons(polygons))
+                of_polygons(format, polygons)
             }
+            Family::Off => of_polygons("OFF", off::read(path, bytes, progress)?),
+            Family::ThreeMf => of_polygons("3MF", three_mf::read(path, bytes, progress)?),
+            Family::Amf => of_polygons("AMF", amf::read(path, bytes, progress)?),
+            Family::Glb => of_polygons("glTF binary", gltf::read(path, bytes, progress)?),
             Family::Gcode => {
                 let beads = beads::read(path, options, progress)?;
                 ("G-code", beads.swept.facets(), Soup::Beads(Box::new(beads)))
@@ -194,7 +204,7 @@ impl Input {
     }
 
     /// The format, as in "STL binary", "STL ASCII", "OBJ", "PLY binary little-endian", "G-code",
-    /// "X3D", "triangles in memory".
+    /// "X3D", "OFF", "3MF", "AMF", "glTF binary", "triangles in memory".
     pub fn describe(&self) -> &'static str {
         self.format
     }
@@ -268,6 +278,7 @@ impl Input {
     pub fn warnings(&self) -> Vec<String> {
         match &self.soup {
             Soup::Sweeps(sweeps) => sweeps.report().warnings(),
+            Soup::Polygons(polygons) => polygons.warnings.clone(),
             Soup::Facets(stl_text::Facets { open_end: Some(line), .. }) => {
                 vec![format!(
                     "line {line}: the text ends without \"endsolid\": if it was cut off, copy or export it again"

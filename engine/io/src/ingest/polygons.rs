@@ -11,6 +11,8 @@ pub(super) struct Polygons {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Faces with fewer than three corners, which bound nothing.
     pub(super) skipped: u64,
+    /// What the user should know: one line each.
+    pub(super) warnings: Vec<String>,
     /// Fans of faces whose corners were not all read yet: number of the first triangle, and how many.
     later: Vec<(usize, usize)>,
     triangulator: Triangulator,

@@ -197,7 +197,7 @@ fn not_a_mesh() {
         ("a.obj", b"\x7fELF\0\0", "is a program"),
         ("a.obj", b"\0\x01\0\x02\0", "is not text"),
         ("a.ply", b"plywood\n", "does not begin with the line \"ply\""),
-        ("a.3mf", b"PK\x03\x04\0\0", "is a 3MF file"),
+        ("a.3mf", b"PK\x03\x04\0\0", "is no sound ZIP archive"),
         ("a.zip", b"PK\x03\x04\0\0", "is a ZIP archive"),
         ("a", &[0; 4096], "is neither"),
         ("a.png", b"\x89PNG\r\n\x1a\n", "is a PNG picture, which cannot be read"),

@@ -30,6 +30,7 @@
 mod arc;
 mod auxiliary;
 mod beads;
+mod bgcode;
 mod commands;
 mod comments;
 mod coordinates;
@@ -41,6 +42,7 @@ mod klipper;
 mod layer_axis;
 mod lines;
 mod machine;
+mod member;
 mod motion;
 mod names;
 mod neutral;
@@ -79,10 +81,11 @@ use comments::Comment;
 use extruder::Extruder;
 use lines::{Lines, Stop};
 use machine::Machine;
+use member::Member;
 use plan::Plan;
 use settings::Settings;
 use signs::Signs;
-use source::{CountedFile, Source};
+use source::{CountedFile, Opened, Source};
 use std::io::Read;
 use std::path::Path;
 
@@ -131,6 +134,8 @@ pub struct GcodeOptions {
     pub deposit_off: Vec<Mark>,
     /// Variables of the machine that the file uses and does not set, by their names: `#200`, `R1`.
     pub variables: Vec<(String, f64)>,
+    /// The plate whose toolpath is read, of an archive of several.
+    pub plate: Option<u32>,
 }
 
 impl GcodeOptions {
@@ -150,8 +155,8 @@ impl GcodeOptions {
     }
 }
 
-/// Reads the G-code file `path`, plain or compressed by gzip or xz, and hands its beads to `sink` in the order
-/// of the file. The file is read twice, since slicers write their settings at its end, and up to four times where a
+/// Reads the G-code file `path`: plain, compressed by gzip or xz, binary (`.bgcode`), or in an archive (`.gcode.3mf`). Hands
+/// its beads to `sink` in the order of the file. The file is read twice, since slicers write their settings at its end, and up to four times where a
 /// table moves; memory does not grow with it.
 ///
 /// # Errors
@@ -163,11 +168,18 @@ pub fn read_gcode(
     progress: &dyn Progress,
     sink: &mut BeadSink<'_>,
 ) -> Result<GcodeReport> {
-    let bytes = source::open(path)?.metadata().map_err(Error::io(path, "read the size"))?.len();
+    let mut file = source::open(path)?;
+    let bytes = file.metadata().map_err(Error::io(path, "read the size"))?.len();
+    let is_archive = member::is_archive(&mut file).map_err(Error::io(path, "read"))?;
+    let member = is_archive.then(|| Member::find(path, file, options.plate)).transpose()?;
     let mut passes = ["finding the slicer's settings"].into_iter();
     let open = || {
         progress.phase(passes.next().unwrap_or("reading G-code"), Some(bytes), "bytes");
-        Ok(CountedFile { file: source::open(path)?, progress })
+        let file = CountedFile { file: source::open(path)?, progress };
+        Ok(match &member {
+            Some(member) => Opened::Member(member.open(file).map_err(Error::io(path, "read"))?),
+            None => Opened::Whole(file),
+        })
     };
     read(path, open, options, progress, sink)
 }

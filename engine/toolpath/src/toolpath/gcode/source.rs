@@ -1,8 +1,10 @@
 //! The bytes of a G-code file: plain, or unpacked on the way.
 
+use super::bgcode::{self, Bgcode};
+use super::member::Text;
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{self, Chain, Cursor, Read};
+use std::io::{self, Chain, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Most memory that unpacking may take, in KiB. `xz -9` needs 64 MiB; what a damaged header asks for goes up to
@@ -16,8 +18,7 @@ const GZIP: &[u8] = b"\x1f\x8b";
 const XZ: &[u8] = b"\xfd7zXZ\0";
 
 /// Beginnings of other files that a user may well try: what they are, and what to do.
-const FOREIGN: [(&[u8], &str, &str); 5] = [
-    (b"GCDE", "binary G-code (.bgcode)", "export it as plain G-code, or convert it with the slicer"),
+const FOREIGN: [(&[u8], &str, &str); 4] = [
     (b"PK\x03\x04", "a ZIP archive (.3mf is one)", "unpack it and give the .gcode file in it"),
     (b"\x28\xb5\x2f\xfd", "compressed with zstd", "unpack it, or compress it with gzip or xz"),
     (b"BZh", "compressed with bzip2", "unpack it, or compress it with gzip or xz"),
@@ -31,6 +32,7 @@ pub(super) enum Source<R: Read> {
     Plain(Peeked<R>),
     Gzip(Box<flate2::read::MultiGzDecoder<Peeked<R>>>),
     Xz(Box<lzma_rust2::XzReader<Peeked<R>>>),
+    Binary(Box<Bgcode<Peeked<R>>>),
 }
 
 impl<R: Read> Source<R> {
@@ -51,6 +53,9 @@ impl<R: Read> Source<R> {
             let reader = lzma_rust2::XzReader::new_mem_limit(packed, true, UNPACK_KIB_MAX);
             return Ok(Source::Xz(Box::new(reader)));
         }
+        if start.starts_with(bgcode::MAGIC) {
+            return Ok(Source::Binary(Box::new(Bgcode::new(packed))));
+        }
         Ok(Source::Plain(packed))
     }
 
@@ -58,7 +63,7 @@ impl<R: Read> Source<R> {
     pub(super) fn action(&self) -> &'static str {
         match self {
             Source::Plain(_) => "read",
-            Source::Gzip(_) | Source::Xz(_) => "unpack (cut off or damaged?)",
+            Source::Gzip(_) | Source::Xz(_) | Source::Binary(_) => "unpack (cut off or damaged?)",
         }
     }
 }
@@ -69,6 +74,7 @@ impl<R: Read> Read for Source<R> {
             Source::Plain(reader) => reader.read(buffer),
             Source::Gzip(reader) => reader.read(buffer),
             Source::Xz(reader) => reader.read(buffer),
+            Source::Binary(reader) => reader.read(buffer),
         }
     }
 }
@@ -99,6 +105,27 @@ impl Read for CountedFile<'_> {
         let bytes = self.file.read(buffer)?;
         self.progress.advance(bytes as u64);
         Ok(bytes)
+    }
+}
+
+impl Seek for CountedFile<'_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+/// A file, or what it holds as an archive.
+pub(super) enum Opened<R> {
+    Whole(R),
+    Member(Text<R>),
+}
+
+impl<R: Read> Read for Opened<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Opened::Whole(reader) => reader.read(buffer),
+            Opened::Member(reader) => reader.read(buffer),
+        }
     }
 }
 

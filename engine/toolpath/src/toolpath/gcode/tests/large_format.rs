@@ -17,6 +17,7 @@ const SIZES: GcodeOptions = GcodeOptions {
     deposit_on: Vec::new(),
     deposit_off: Vec::new(),
     variables: Vec::new(),
+    plate: None,
 };
 
 fn close(a: f64, b: f64) -> bool {

@@ -54,7 +54,7 @@ fn files_that_deposit_nothing() {
 #[test]
 fn other_files() {
     for (start, what) in
-        [("GCDE\x01", "plain G-code"), ("PK\x03\x04", ".gcode file in it"), ("BZh9", "gzip or xz")]
+        [("GCDE\x01", "cut off or damaged"), ("PK\x03\x04", ".gcode file in it"), ("BZh9", "gzip or xz")]
     {
         let text = refusal(start);
         assert!(text.contains(what), "{text}");

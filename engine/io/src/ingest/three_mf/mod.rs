@@ -1,7 +1,12 @@
-//! What is in a 3MF file (3MF Consortium, Core Specification 1.3): its objects and what of them is built. The meshes
-//! themselves are not read yet.
+//! What is in a 3MF file (3MF Consortium, Core Specification 1.3): its objects and what of them is built. `mesh` reads the
+//! meshes themselves.
 //!
 //! The models in the archive are unpacked and walked element by element, never kept.
+
+mod mesh;
+mod slicer;
+
+pub(super) use mesh::read;
 
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
@@ -16,6 +21,14 @@ use zip::ZipArchive;
 
 /// What such a file is called in messages.
 pub(super) const WHAT: &str = "a 3MF file";
+
+/// Whether a 3MF file holds what is sliced already: its name says so, or its table of contents where it is short.
+pub(super) fn holds_toolpath(path: &Path, bytes: &[u8]) -> bool {
+    const TABLE_BYTES: usize = 1 << 16;
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let table = &bytes[bytes.len().saturating_sub(TABLE_BYTES)..];
+    name.ends_with(".gcode.3mf") || memchr::memmem::find(table, b".gcode.md5").is_some()
+}
 
 /// Most objects and items that are listed; there may be more, which are counted.
 const LISTED_MAX: usize = 10_000;
