@@ -39,7 +39,7 @@ const CRATES: [(&str, &[Room]); 12] = [
     ("export", &[("export", &[])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
-    ("", &[("fuzz", &[]), ("octree", &[]), ("builder", &["octree"])]),
+    ("", &[("fuzz", &[]), ("field", &[]), ("octree", &[]), ("builder", &["octree"])]),
 ];
 
 /// Names at the root of `core`, with the file that each stands in.

@@ -1,7 +1,7 @@
 //! Exact generalized winding numbers of huge triangle soups, toolpaths and point clouds, in an adaptive octree of
 //! 32³-sample bricks: in one file larger than memory, or in memory.
 //!
-//! [`Builder`] takes files, triangles or points; [`Octree`] answers.
+//! [`Builder`] takes files, triangles or points; [`Octree`] answers. [`Field`] answers without an octree.
 //!
 //! ```
 //! # fn main() -> brickfield_engine::Result<()> {
@@ -64,6 +64,7 @@
 #![warn(missing_docs)]
 
 mod builder;
+mod field;
 mod octree;
 
 #[cfg(any(test, feature = "fuzzing"))]
@@ -71,6 +72,7 @@ mod octree;
 pub mod fuzz;
 
 pub use builder::Builder;
+pub use field::Field;
 pub use octree::Octree;
 
 pub use brickfield_analysis::{analysis, fraction, voids};

@@ -1,0 +1,191 @@
+"""Tests of the Python package, run by run.py in an environment where the wheel is installed."""
+
+import doctest
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import brickfield
+
+CLOVER = Path(__file__).resolve().parents[3] / "bench-data" / "clover.gcode"
+
+
+def cube(at: float, edge: float) -> tuple[np.ndarray, np.ndarray]:
+    """A cube whose lowest corner is (at, at, at)."""
+    vertices = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float) * edge + at
+    quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    return vertices, np.array([t for a, b, c, d in quads for t in ([a, b, c], [a, c, d])])
+
+
+class Arrays(unittest.TestCase):
+    def test_two_cubes_count(self) -> None:
+        part = brickfield.build([cube(0, 4), cube(2, 4)], depth=2)
+        points = np.random.default_rng(1).uniform(-1, 7, (10_000, 3))
+        # Samples are exact; between them w is interpolated, so only points far from faces are asked.
+        far = np.all(np.abs(points[:, :, None] - np.array([0, 2, 4, 6])).min(axis=2) > 0.2, axis=1)
+        inside = [np.all((points > low) & (points < low + 4), axis=1) for low in (0, 2)]
+        expected = inside[0].astype(np.float32) + inside[1]
+        np.testing.assert_array_equal(part.sample(points)[far], expected[far])
+        np.testing.assert_array_equal(
+            sum(brickfield.winding(*cube(low, 4), points) for low in (0, 2)), expected
+        )
+        volumes = part.volumes()
+        self.assertLessEqual(abs(volumes["union"] - 120), volumes["union_error"])
+        self.assertEqual(part.range, (0, 2))
+        self.assertIsNone(part.path)
+
+    def test_views_and_types(self) -> None:
+        vertices, triangles = cube(0, 4)
+        one = brickfield.winding(vertices, triangles, [[1, 1, 1]])
+        for v, t in [
+            (np.asfortranarray(vertices), triangles.astype(np.uint8)),
+            (np.repeat(vertices, 2, axis=1)[:, ::2], triangles[:, :]),
+            (vertices.astype(np.float32), triangles.astype(np.int32)),
+        ]:
+            np.testing.assert_array_equal(brickfield.winding(v, t, [[1, 1, 1]]), one)
+        with self.assertRaises(ValueError):
+            brickfield.winding(vertices, triangles.astype(float), [[1, 1, 1]])
+        with self.assertRaises(ValueError):
+            brickfield.winding(vertices, triangles - 1, [[1, 1, 1]])
+        with self.assertRaises(ValueError):
+            brickfield.winding(vertices, triangles, [[1, 1]])
+        with self.assertRaises(brickfield.Error):
+            brickfield.winding(vertices, triangles + 5, [[1, 1, 1]])
+
+    def test_open_triangles_have_fractions(self) -> None:
+        vertices, triangles = cube(0, 4)
+        w = brickfield.winding(vertices, triangles[:-2], [[2.0, 2.0, 2.0]])
+        # A side of a cube is a sixth of the sphere seen from its middle.
+        self.assertAlmostEqual(w[0], 5 / 6, places=6)
+
+    def test_points_become_a_sphere(self) -> None:
+        n = np.arange(2000) + 0.5
+        polar, turn = np.arccos(1 - 2 * n / 2000), np.pi * (1 + 5**0.5) * n
+        normals = np.stack([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], axis=1)
+        part = brickfield.build((normals * 5, normals), depth=1)
+        self.assertLess(abs(part.sample([[0, 0, 0]])[0] - 1), 0.05)
+
+
+class Stores(unittest.TestCase):
+    folder: tempfile.TemporaryDirectory
+    part: brickfield.Octree
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.part = brickfield.build(CLOVER, Path(cls.folder.name) / "clover.brf", depth=2, identity=True)
+
+    @classmethod
+    def tearDownClass(cls) -> None:
+        cls.folder.cleanup()
+
+    def test_levels_are_read_where_they_are_asked(self) -> None:
+        part = brickfield.open(self.part.path)
+        level = part.level(2)
+        before = part.bricks_read
+        box = level[40:44, 50:60, 33:35]
+        self.assertEqual(box.shape, (4, 10, 2))
+        self.assertEqual(part.bricks_read - before, 1)
+        whole = np.asarray(level)
+        self.assertEqual(whole.shape, (128, 128, 128))
+        np.testing.assert_array_equal(whole[40:44, 50:60, 33:35], box)
+        np.testing.assert_array_equal(whole[3, ..., ::5], level[3, ..., ::5])
+        np.testing.assert_array_equal(whole[-1, 4], level[-1, 4])
+        self.assertEqual(float(level[64, 64, 64]), whole[64, 64, 64])
+        np.testing.assert_array_equal(np.asarray(part.level(1)), whole[::2, ::2, ::2])
+        npy = Path(self.folder.name) / "w.npy"
+        part.export(npy, "--level", "2", "--dtype", "f4")
+        np.testing.assert_array_equal(np.load(npy), whole)
+        points = np.array(level.origin) + level.spacing * np.argwhere(whole > 0)[::97, ::-1]
+        np.testing.assert_array_equal(part.sample(points), whole[whole > 0][::97])
+        with self.assertRaises(IndexError):
+            level[128]
+        with self.assertRaises(brickfield.Error):
+            part.level(3)
+
+    def test_tables_are_columns(self) -> None:
+        layers = self.part.layers()
+        self.assertTrue((np.diff(layers["z_top"]) > 0).all())
+        self.assertEqual(len(layers["area"]), len(layers["layer"]))
+        self.assertIn("volume", self.part.overlap())
+        self.part.voids()
+
+    def test_meshes_and_pictures(self) -> None:
+        vertices, triangles = self.part.mesh()
+        edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+        self.assertTrue((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+        self.assertLess(triangles.max(), len(vertices))
+        coarse, _ = self.part.mesh(tolerance=1.0)
+        self.assertLess(len(coarse), len(vertices))
+        for pixels in (self.part.slice(z=5.0), self.part.render()):
+            self.assertEqual((pixels.ndim, pixels.shape[2], pixels.dtype), (3, 3, np.uint8))
+            self.assertGreater(len(np.unique(pixels)), 2)
+
+    def test_errors_tell_kind_and_path(self) -> None:
+        with self.assertRaises(brickfield.Error) as raised:
+            brickfield.open("none.brf")
+        self.assertEqual((raised.exception.kind, raised.exception.path), ("io", "none.brf"))
+        with self.assertRaises(brickfield.Error) as raised:
+            brickfield.build(CLOVER, depth=99)
+        self.assertEqual(raised.exception.kind, "setting")
+        self.assertNotIn("\n", str(raised.exception))
+
+    def test_progress_and_what_it_raises(self) -> None:
+        seen: list[str] = []
+
+        def progress(phase: str, done: int, total: int | None) -> None:
+            seen.append(phase)
+            if len(seen) > 1:
+                raise RuntimeError("enough")
+
+        out = Path(self.folder.name) / "stopped.brf"
+        with self.assertRaisesRegex(RuntimeError, "enough"):
+            brickfield.build(CLOVER, out, depth=6, progress=progress)
+        self.assertTrue(seen)
+        self.assertFalse(out.exists())
+
+    def test_an_interrupt_stops_the_work(self) -> None:
+        threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+        begun = time.time()
+        with self.assertRaises(KeyboardInterrupt):
+            brickfield.build(CLOVER, Path(self.folder.name) / "long.brf", depth=8)
+        self.assertLess(time.time() - begun, 60)
+
+    def test_the_program_is_there(self) -> None:
+        done = subprocess.run([sys.executable, "-m", "brickfield", "--version"], capture_output=True, text=True)
+        self.assertIn("brickfield", done.stdout)
+        wrong = subprocess.run([sys.executable, "-m", "brickfield", "info", "none.brf"], capture_output=True, text=True)
+        self.assertEqual(wrong.returncode, 1)
+        self.assertEqual(len(wrong.stderr.splitlines()), 1)
+
+
+class Memory(unittest.TestCase):
+    def test_a_thousand_builds_leak_nothing(self) -> None:
+        def resident() -> int:
+            return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+        vertices, triangles = cube(0, 4)
+        for n in range(1000):
+            brickfield.build((vertices, triangles), depth=0)
+            if n == 200:
+                before = resident()
+        self.assertLess(resident() - before, 8 << 20)
+
+
+def load_tests(loader: unittest.TestLoader, tests: unittest.TestSuite, _: object) -> unittest.TestSuite:
+    vertices = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float)
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    tests.addTests(doctest.DocTestSuite(brickfield, extraglobs={"VERTICES": vertices, "TRIANGLES": triangles}))
+    return tests
+
+
+if __name__ == "__main__":
+    unittest.main()
