@@ -22,6 +22,7 @@ const CRATES: [(&str, &[Room]); 12] = [
             ("predicates", &[]),
             ("soup", &[]),
             ("sets", &[]),
+            ("sweep", &[]),
             ("progress", &["error"]),
             ("mmap", &["error"]),
             ("schedule", &["error"]),

@@ -6,6 +6,7 @@ use brickfield_bench_data::judge::mesh::{Report, check, check_soup};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::build::{TreeOptions, build_in_memory, build_open_in_memory};
 use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour, create_sink};
 use brickfield_engine::ingest::Input;
@@ -118,7 +119,8 @@ fn file(name: &str) -> Soup {
 
 #[test]
 fn every_closed_file_gives_a_closed_manifold_at_three_depths() {
-    for name in [
+    // Boxes and cavities at the third depth in any case; beads and real parts have it in other tests.
+    for (n, name) in [
         "ascii_two_solids",
         "box_with_cavity",
         "clover_beads",
@@ -131,9 +133,13 @@ fn every_closed_file_gives_a_closed_manifold_at_three_depths() {
         "thinwall_ladder",
         "touching_layers",
         "void_ladder",
-    ] {
+    ]
+    .into_iter()
+    .enumerate()
+    {
         let soup = file(&format!("{name}.stl"));
-        for depth in [1, 2, 3] {
+        let deepest = part_or_all(if n % 6 == 5 { 3 } else { 2 }, 3);
+        for depth in 1..=deepest {
             let (kept, _) = meshed(&soup, at_depth(depth), true);
             assert_eq!(kept.triangles.is_empty(), name == "inverted_box", "{name}");
         }
@@ -146,12 +152,13 @@ fn a_tolerance_keeps_manifolds_and_their_topology() {
     let files = ["clover_model", "featuretype50_model", "overlap_boxes", "spot40_model", "void_ladder"];
     let mut parts: Vec<(String, Soup, u8)> =
         files.map(|name| (name.to_owned(), file(&format!("{name}.stl")), 2)).into();
-    parts.push(("clover_beads".to_owned(), file("clover_beads.stl"), 3));
-    for seed in 0..4 {
+    parts.push(("clover_beads".to_owned(), file("clover_beads.stl"), part_or_all(2, 3)));
+    for seed in part_or_all(0..3, 0..4) {
         let pile = Mesh::merged(&random_pile(70 + seed, 10)).facets().collect();
         parts.push((format!("pile {seed}"), pile, (seed % 3) as u8 + 1));
     }
-    for (name, soup, depth) in parts {
+    let tolerances = [0.01, 0.1, 0.5];
+    for (n, (name, soup, depth)) in parts.into_iter().enumerate() {
         let (root, options) = (root_of(&soup), at_depth(depth));
         let tree = build_in_memory(&[&soup], root, options).unwrap_or_else(|e| panic!("{e}"));
         let judged = |tolerance: f64| {
@@ -165,7 +172,8 @@ fn a_tolerance_keeps_manifolds_and_their_topology() {
             report
         };
         let plain = judged(0.0);
-        for cells in [0.01, 0.1, 0.5] {
+        // Each of the three for a third of the parts in any case.
+        for &cells in part_or_all(&tolerances[n % 3..=n % 3], &tolerances) {
             let tolerance = cells * root.spacing(depth);
             let merged = judged(tolerance);
             assert_eq!(merged.euler_characteristic, plain.euler_characteristic, "{name}");
@@ -226,7 +234,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn leaves_of_many_levels_give_closed_manifolds() {
     // Thresholds that keep coarse leaves with a boundary beside fine ones.
     let mut mixed = 0;
-    for (number, stddev) in [0.05, 0.1, 0.2, 0.3].into_iter().enumerate() {
+    for (number, stddev) in [0.05, 0.1, 0.2, 0.3].into_iter().enumerate().step_by(part_or_all(2, 1)) {
         let pile = Mesh::merged(&random_pile(40 + number as u64, 8));
         let soup: Soup = pile.facets().collect();
         for refine in [Refine::Hidden, Refine::Stddev, Refine::Surface] {
@@ -239,11 +247,11 @@ fn leaves_of_many_levels_give_closed_manifolds() {
             assert_eq!(meetings(&kept), [0; 2], "{refine:?} {stddev}");
         }
     }
-    assert!(mixed > 1000, "{mixed}");
+    assert!(mixed > part_or_all(400, 1000), "{mixed}");
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..Default::default() })]
+    #![proptest_config(ProptestConfig { cases: part_or_all(6, 16), failure_persistence: None, ..Default::default() })]
 
     #[test]
     fn random_piles_give_closed_manifolds(seed in any::<u64>(), pieces in 1usize..12) {

@@ -3,6 +3,7 @@
 use crate::scene::pile_as_stl;
 use brickfield_bench_data::shapes::icosphere;
 use brickfield_bench_data::write;
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::analysis::sample_at;
 use brickfield_engine::brick::{Brick, SignChanges};
 use brickfield_engine::build::{BuildOptions, Resolution, build};
@@ -105,7 +106,7 @@ fn refinements() -> impl Strategy<Value = Refine> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(part_or_all(4, 10)))]
 
     #[test]
     fn stores_are_written_anew_without_loss(

@@ -3,6 +3,7 @@
 use crate::oracle::Oracle;
 use crate::scene::{Scene, compare_brick, nodes, random_sample, value_at};
 use brickfield_bench_data::Rng;
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::brick::Brick;
 use brickfield_engine::ingest::Input;
@@ -12,10 +13,6 @@ use std::path::{Path, PathBuf};
 
 /// Files that are no closed soup: one lacks facets, one has coordinates that are no numbers, one ends early.
 const NOT_CLOSED: [&str; 3] = ["open_box_no_lid.stl", "degenerate_mix.stl", "truncated.stl"];
-/// Random samples at depth 4, on top of as many from bricks that hold facets.
-const RANDOM: usize = 10_000;
-/// Facets times samples that the solid angles of one file may cost.
-const ANGLES: usize = 8_000_000;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data/stl")
@@ -56,13 +53,16 @@ fn compare_file(path: &Path) {
         .filter(|(key, _, brick)| key.level() == 4 && matches!(**brick, Brick::Counts { .. }))
         .map(|(key, ..)| *key)
         .collect();
+    // Random samples at depth 4, on top of as many from bricks that hold facets; and facets times samples that the solid
+    // angles of one file may cost.
+    let [random, angles] = part_or_all([2_000, 2_000_000], [10_000, 8_000_000]);
     let some_brick = |rng: &mut Rng| busy[rng.below(busy.len() as u32) as usize];
-    for n in 0..2 * RANDOM {
+    for n in 0..2 * random {
         let key = if n % 2 == 0 { NodeKey::ROOT } else { some_brick(&mut rng) };
         let p = random_sample(&mut rng, key, 4);
         let w = value_at(&deep, 4, p).expect("the default refinement leaves no coarse leaf that varies");
         assert_eq!(i64::from(w), oracle.at(p), "{} at {p:?}", path.display());
-        if n < 2 * ANGLES / oracle.facets.len() && n < 4_000 && !oracle.may_lie_on_a_facet(p) {
+        if n < 2 * angles / oracle.facets.len() && n < 4_000 && !oracle.may_lie_on_a_facet(p) {
             let sum = oracle.solid_angles(p);
             assert!((sum - f64::from(w)).abs() < 1e-6, "{} at {p:?}: {sum}, {w}", path.display());
             assert!(n >= 400 || oracle.at_without_index(p) == i64::from(w));

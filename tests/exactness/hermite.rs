@@ -5,6 +5,7 @@ use crate::piles::{Place, Step, on_lattice};
 use crate::scene::{Scene, nodes, position};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::{Mesh, shapes};
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::brick::{Brick, HermiteEdge, OctNormal};
 use brickfield_engine::lattice::{BRICK_POINTS, NodeKey};
 
@@ -137,7 +138,7 @@ fn faces_through_samples_and_coincident_faces() {
 #[test]
 fn many_walls_within_an_edge() {
     let mut seen = Seen::default();
-    for seed in 0..4u64 {
+    for seed in part_or_all(0..2, 0..4u64) {
         let mut pieces = random_pile(seed, 3);
         for n in 0..24 {
             let grow = 1.0 + 0.004 * f64::from(n);
@@ -146,7 +147,7 @@ fn many_walls_within_an_edge() {
         }
         compare_leaves(&Scene::of(&pieces), 1, &mut seen);
     }
-    assert!(seen.several > 5_000, "{seen:?}");
+    assert!(seen.several > part_or_all(2_500, 5_000), "{seen:?}");
 }
 
 /// Pieces of a few units only: slopes and offsets at the limits of the lattice.

@@ -1,5 +1,6 @@
 //! Builds within little memory: the same bytes as with much, whatever was packed, written to disk, or split.
 
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::bead::SweepOptions;
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
@@ -65,19 +66,18 @@ fn an_index_that_outgrows_its_memory_ends_a_build_that_goes_on_with_more() {
 
 #[test]
 fn stores_do_not_depend_on_memory() {
-    for (name, depths) in
-        [("clover.gcode", &[3, 5][..]), ("stl/clover_beads.stl", &[4]), ("gcode/nonplanar.gcode", &[6])]
-    {
+    let part = [("clover.gcode", 3), ("stl/clover_beads.stl", 4), ("gcode/nonplanar.gcode", 5)];
+    let all = [("clover.gcode", 3), ("clover.gcode", 5), part[1], ("gcode/nonplanar.gcode", 6)];
+    for &(name, depth) in part_or_all(&part[..], &all) {
         let input = open(name);
-        for &depth in depths {
-            let (expected, plain) = build(&input, depth, 2, u64::MAX);
-            assert_eq!(plain.temporary_bytes, 0);
-            // With the least, everything is on disk, and every leaf a job of its own.
-            for (threads, memory) in [(1, 8 << 20), (2, 2 << 20), (3, 1 << 20), (2, 1 << 16)] {
-                let (bytes, summary) = build(&input, depth, threads, memory);
-                assert!(bytes == expected, "{name}, depth {depth}, {threads} threads, {memory} bytes");
-                assert!(summary.temporary_bytes > 0 || memory > 1 << 16, "{name}, depth {depth}");
-            }
+        let (expected, plain) = build(&input, depth, 2, u64::MAX);
+        assert_eq!(plain.temporary_bytes, 0);
+        // With the least, everything is on disk, and every leaf a job of its own.
+        let bounds = [(1, 8 << 20), (2, 2 << 20), (3, 1 << 20), (2, 1 << 16)];
+        for &(threads, memory) in part_or_all(&bounds[2..], &bounds) {
+            let (bytes, summary) = build(&input, depth, threads, memory);
+            assert!(bytes == expected, "{name}, depth {depth}, {threads} threads, {memory} bytes");
+            assert!(summary.temporary_bytes > 0 || memory > 1 << 16, "{name}, depth {depth}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Shares of random piles, each built with other threads and another bound of memory, joined, against one build.
 
 use crate::scene::pile_as_stl;
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, ThinDepth, build, merge};
 use brickfield_engine::store::{Refine, ShareId, Store};
@@ -13,7 +14,7 @@ fn build_on(threads: usize, input: &Path, output: &Path, options: &BuildOptions)
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(part_or_all(8, 24)))]
 
     #[test]
     fn joined_shares_are_one_build(

@@ -6,6 +6,7 @@ use brickfield_bench_data::judge::distance::{Comparison, Distances, Question, Tr
 use brickfield_bench_data::pile::sharp_part;
 use brickfield_bench_data::shapes::{cuboid, spiral_tube};
 use brickfield_bench_data::{Facet, Mesh};
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::build::build_in_memory;
 use brickfield_engine::contour::{ContourOptions, contour};
@@ -43,9 +44,10 @@ pub fn in_cells(mut told: Comparison, cell: f64) -> Comparison {
 
 #[test]
 fn surfaces_are_where_the_boundary_is() {
-    for name in ["overlap_boxes", "duplicate_box", "touching_layers", "spot40_model", "featuretype50_model"] {
+    let all = ["overlap_boxes", "duplicate_box", "touching_layers", "spot40_model", "featuretype50_model"];
+    for name in all.into_iter().step_by(part_or_all(2, 1)) {
         let soup = file(&format!("{name}.stl"));
-        for tolerance in [0.0, 0.1, 0.3] {
+        for &tolerance in part_or_all(&[0.0, 0.3][..], &[0.0, 0.1, 0.3]) {
             let told = off(name, &soup, 3, tolerance);
             let most = told.mesh.p999.max(told.boundary.p999);
             assert!(most <= tolerance + 0.1, "{name}: {told:?}");
@@ -117,7 +119,7 @@ pub fn walls(rooms: u32) -> (Soup, f64) {
 fn thousands_of_cavities_are_found() {
     let (soup, volume) = walls(13);
     // 6 and 12 cells from room to room.
-    for (depth, most) in [(2, 3e-3), (3, 1e-3)] {
+    for (depth, most) in [(2, 3e-3), (3, 1e-3)].into_iter().take(part_or_all(1, 2)) {
         let (_, report) = meshed(&soup, at_depth(depth), false);
         let error = report.signed_volume / volume - 1.0;
         println!("{} shells, volume off by {error:.1e} at depth {depth}", report.components);

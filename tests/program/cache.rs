@@ -251,13 +251,14 @@ fn a_build_compresses_as_repack_does() {
         ("decided", stl("overlap_boxes"), &["--depth", "3", "--refine", "surface"]),
     ];
     for (name, input, settings) in cases {
+        let store = |name: &str, how: &[&str]| {
+            let mut args: Vec<&dyn AsRef<OsStr>> = vec![&input];
+            args.extend(settings.iter().chain(how).map(|arg| arg as &dyn AsRef<OsStr>));
+            built(&dir, name, &args)
+        };
+        let plain = store("plain.brf", &[]);
         for way in ["none", "range", "lz4"] {
-            let store = |name: &str, how: &[&str]| {
-                let mut args: Vec<&dyn AsRef<OsStr>> = vec![&input];
-                args.extend(settings.iter().chain(how).map(|arg| arg as &dyn AsRef<OsStr>));
-                built(&dir, name, &args)
-            };
-            let (plain, direct) = (store("plain.brf", &[]), store("direct.brf", &["--compression", way]));
+            let direct = store("direct.brf", &["--compression", way]);
             let packed = dir.path("packed.brf");
             run(&[&"cache", &"repack", &plain, &"-o", &packed, &"--compression", &way, &"--quiet"]).ok();
             assert!(fs::read(&packed).unwrap() == fs::read(&direct).unwrap(), "{name}, {way}");

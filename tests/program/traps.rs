@@ -2,6 +2,7 @@
 
 use crate::program::signals::interrupt;
 use crate::support::*;
+use brickfield_core::sweep::part_or_all;
 use std::ffi::OsStr;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -253,8 +254,9 @@ fn old_spellings_are_still_understood() {
     let (part, store) = (example("clover.gcode"), dir.path("o.brf"));
     let same = |old: &[&str], new: &[&str]| {
         let bytes = |options: &[&str]| {
+            let depth = part_or_all("1", "2");
             let mut args: Vec<&dyn AsRef<OsStr>> =
-                vec![&"build", &part, &"-o", &store, &"--depth", &"2", &"-q"];
+                vec![&"build", &part, &"-o", &store, &"--depth", &depth, &"-q"];
             args.extend(options.iter().map(|arg| arg as &dyn AsRef<OsStr>));
             assert_eq!(run(&args).status, Some(0), "{options:?}");
             std::fs::read(&store).unwrap()

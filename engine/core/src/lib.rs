@@ -14,6 +14,8 @@ pub mod progress;
 pub mod schedule;
 pub mod sets;
 pub mod soup;
+#[cfg(any(test, feature = "testing"))]
+pub mod sweep;
 pub mod wide;
 
 pub use error::{Error, ErrorKind, Result};

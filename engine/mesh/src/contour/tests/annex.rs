@@ -180,7 +180,7 @@ fn regions_of_noise_are_disjoint_boxes_that_hold_their_vertices() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(part_or_all(6, 24)))]
 
     /// Wedges of any angle anywhere: nothing meets, whatever is annexed and merged, and on trees of several levels all is
     /// closed.

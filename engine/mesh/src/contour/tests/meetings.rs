@@ -38,7 +38,7 @@ pub fn apart(tree: &MemoryTree, options: &ContourOptions) -> (Mesh, MeshSummary)
 #[test]
 fn noise_on_uniform_trees_meets_nowhere() {
     let (mut on_edges, mut on_faces) = (0, 0);
-    for seed in 0..5 {
+    for seed in (0..5).step_by(part_or_all(2, 1)) {
         let density = 30 + 45 * seed;
         let boxes = vec![[[1 << 19; 3], [31 << 19; 3]]];
         let everywhere = Noise { seed, boxes, density, radius: 0.0, quiet_bits: 24 };
@@ -55,7 +55,7 @@ fn noise_on_uniform_trees_meets_nowhere() {
 /// differ in what they say of the crossings there.
 #[test]
 fn levels_of_noise_meet_nowhere_across_borders() {
-    for seed in 0..3 {
+    for seed in part_or_all(0..1, 0..3) {
         let layer = |n: u64| Noise { seed: 3 * seed + n, ..noise(seed, 1, 5, 128, 0.0) };
         let shape = Overlap(layer(0), Overlap(layer(1), layer(2)));
         for iso in [1.5, 2.5] {
@@ -96,14 +96,15 @@ fn sharp_solids_meet_nowhere() {
 fn sharp_solids_meet_nowhere_between_levels() {
     let (mut mixed, mut on_faces) = (0, 0);
     for solid in sharp_solids() {
-        for seed in 0..5 {
+        for seed in part_or_all(0..2, 0..5) {
             let tree = tree(&solid, &random_divide(seed, (1, 3 + u8::from(seed % 3 == 0)), 110));
             let (_, summary) = apart(&tree, &ContourOptions::default());
             mixed += summary.mixed_cells;
             on_faces += summary.face_vertices;
         }
     }
-    assert!(mixed > 5000 && on_faces > 5000, "{mixed} {on_faces}");
+    let least = part_or_all(2000, 5000);
+    assert!(mixed > least && on_faces > least, "{mixed} {on_faces}");
 }
 
 /// Cells next to finer leaves have up to a dozen loops here.
@@ -133,7 +134,7 @@ fn cones_are_separated_from_places_near_their_lines() {
 #[test]
 fn noise_meets_nowhere_in_truncated_trees() {
     let (mut mixed, mut split) = (0, 0);
-    for seed in 0..8 {
+    for seed in (part_or_all(1, 0)..8).step_by(part_or_all(3, 1)) {
         let shape = noise_of_several_sizes(seed, 40 + 20 * seed);
         let tree = tree(&shape, &random_divide(seed, (0, 4), 100));
         for level in 1..4 {
@@ -145,7 +146,7 @@ fn noise_meets_nowhere_in_truncated_trees() {
             split += summary.split_faces;
         }
     }
-    assert!(mixed > 3000 && split > 4000, "{mixed} {split}");
+    assert!(mixed > part_or_all(1000, 3000) && split > part_or_all(1300, 4000), "{mixed} {split}");
 }
 
 /// Twice the area of a triangle in the plane.

@@ -16,6 +16,7 @@ use super::*;
 use crate::lattice::{Axis, NodeKey, Units};
 use crate::progress::Silent;
 use crate::store::MemoryTree;
+use brickfield_core::sweep::part_or_all;
 use check::{Mesh, check};
 use fields::*;
 
@@ -92,7 +93,7 @@ fn spheres_are_manifold_and_their_volumes_converge() {
 
 #[test]
 fn mixed_levels_are_manifold() {
-    for seed in 0..12 {
+    for seed in part_or_all(0..3, 0..12) {
         let divide = random_divide(seed, (1, 3), 60 + 10 * seed);
         let (mesh, summary) = checked(&tree(&sphere(5.5), &divide));
         check(&mesh.welded()).unwrap();
@@ -104,7 +105,7 @@ fn mixed_levels_are_manifold() {
 
 #[test]
 fn needles_that_only_fine_leaves_see_are_manifold() {
-    for seed in 0..8 {
+    for seed in part_or_all(0..2, 0..8) {
         let needle = rotated_box([0.06, 6.0, 0.09]);
         let (mesh, _) = checked(&tree(&needle, &random_divide(seed, (0, 4), 100)));
         check(&mesh.welded()).unwrap();
@@ -132,14 +133,14 @@ pub(super) fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64)
 #[test]
 fn noise_on_uniform_trees_is_manifold() {
     let mut splits = 0;
-    for seed in 0..6 {
+    for seed in (0..6).step_by(part_or_all(2, 1)) {
         let density = 40 + 30 * seed;
         let everywhere =
             Noise { seed, boxes: vec![[[1 << 19; 3], [31 << 19; 3]]], density, radius: 0.0, quiet_bits: 24 };
         splits += checked(&tree(&everywhere, &uniform(0))).1.split_faces;
         splits += checked(&tree(&noise(seed, 2, 6, density, 3.9), &uniform(2))).1.split_faces;
     }
-    assert!(splits > 1000);
+    assert!(splits > part_or_all(500, 1000), "{splits}");
 }
 
 /// Noise of several sizes, about a sphere or without.
@@ -156,7 +157,8 @@ fn noise_between_levels(seed: u64, density: u64) -> MemoryTree {
 #[test]
 fn noise_on_random_trees_is_manifold() {
     let (mut splits, mut mixed) = (0, 0);
-    for seed in 0..40 {
+    // Both parities, all sizes, trees of the most levels among the part, too.
+    for seed in (0..40).step_by(part_or_all(7, 1)) {
         let (_, summary) = checked(&noise_between_levels(seed, 30 + 5 * seed));
         splits += summary.split_faces;
         mixed += summary.mixed_cells;
@@ -167,7 +169,7 @@ fn noise_on_random_trees_is_manifold() {
 #[test]
 fn noise_that_only_fine_leaves_see_is_manifold() {
     let (mut mixed, mut splits) = (0, 0);
-    for seed in 0..32 {
+    for seed in (0..32).step_by(part_or_all(5, 1)) {
         let radius = if seed % 2 == 0 { 0.0 } else { 4.1 };
         // Samples of levels 0 and 1, or 0 to 2, see nothing of it.
         let quiet_bits = 18 - (seed % 2) as u32;
@@ -261,7 +263,7 @@ fn creases_the_cell_of(p: [f32; 3], half: [f64; 3], cell: f64) -> bool {
 
 #[test]
 fn truncated_trees_are_manifold() {
-    for seed in 0..4 {
+    for seed in part_or_all(0..1, 0..4) {
         let shape = Overlap(rotated_box([3.0, 5.0, 0.4]), sphere(3.0));
         let tree = tree(&shape, &random_divide(seed, (1, 4), 110));
         for level in 0..=3 {
@@ -282,7 +284,7 @@ fn truncated_trees_are_manifold() {
 #[test]
 fn other_levels_of_an_overlap_are_manifold() {
     let shape = Overlap(rotated_box([3.0, 5.0, 1.4]), sphere(3.0));
-    for seed in 0..3 {
+    for seed in part_or_all(0..1, 0..3) {
         let tree = tree(&shape, &random_divide(seed, (0, 3), 128));
         for (iso, level) in [(1.5, None), (1.5, Some(1)), (2.0, None), (1.0, None)] {
             let (mesh, summary) = mesh(&tree, &ContourOptions { iso, level, ..Default::default() });

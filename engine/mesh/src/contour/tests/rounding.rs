@@ -39,7 +39,10 @@ fn far_away(far: f64) -> RootCube {
 #[test]
 fn places_are_apart_in_32_bits() {
     let (mut split, mut on_faces) = (0, 0);
-    for (n, far) in [16.0, 80.0, 1000.3, 2e4, 1.3e5, 2.5e5, 5.1e5].into_iter().enumerate() {
+    // With the widest and the narrowest cells of both levels in any case.
+    let all = [16.0, 80.0, 1000.3, 2e4, 1.3e5, 2.5e5, 5.1e5];
+    let is_wanted = |n: &usize| part_or_all([0, 3, 5, 6].contains(n), true);
+    for (n, far) in all.into_iter().enumerate().filter(|(n, _)| is_wanted(n)) {
         for level in 0..=u8::from(far < 3e5) {
             let seed = 2 * n as u64 + u64::from(level);
             let density = [60, 110, 160, 200][seed as usize % 4];
@@ -60,14 +63,15 @@ fn places_are_apart_in_32_bits() {
             on_faces += summary.face_vertices;
         }
     }
-    assert!(split > 5000 && on_faces > 5000, "{split} {on_faces}");
+    let least = part_or_all(2500, 5000);
+    assert!(split > least && on_faces > least, "{split} {on_faces}");
 }
 
 /// The same where leaves of three levels are next to each other; cells of the deepest are 8 steps wide at least.
 #[test]
 fn places_are_apart_in_32_bits_between_levels() {
     let (mut mixed, mut meeting) = (0, Vec::new());
-    for (n, far) in [16.0, 80.0, 1000.3, 2e4, 6e4].into_iter().enumerate() {
+    for (n, far) in [16.0, 80.0, 1000.3, 2e4, 6e4].into_iter().enumerate().step_by(part_or_all(2, 1)) {
         let seed = n as u64;
         let shape = noise(seed, 1, 4, [60, 110, 160, 200][n % 4], 0.0);
         let tree = tree_at(far_away(far), &Ends(shape), &random_divide(seed, (1, 3), 110));
@@ -75,7 +79,7 @@ fn places_are_apart_in_32_bits_between_levels() {
         meeting.push(pairs(&mesh));
         mixed += summary.mixed_cells;
     }
-    assert_eq!((meeting, mixed > 1000), (vec![0; 5], true));
+    assert_eq!((meeting, mixed > 1000), (vec![0; part_or_all(3, 5)], true));
 }
 
 /// Merged vertices stay away from those on faces and edges.
