@@ -1,0 +1,31 @@
+//! Distances from the surface of a store: wall thickness, offset, deviation.
+//!
+//! One kernel answers all of them: the surface as *patches*, one for each crossing. A patch is the crossing's polygon of the dual
+//! contour, bent by the quadratic form that passes its corners, so that it is exact on planes and right to the third order on
+//! curved surfaces. Patches are found by boxes in Morton order, leaf by leaf.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `patch` | one patch: its nearest point, where a ray meets it |
+//! | `piece` | the patches of a leaf |
+//! | `boxes` | trees of boxes |
+//! | `surface` | all patches: nearest points, rays, balls |
+//! | `thickness` | thickness of walls, width of gaps |
+//! | `offset` | offsets and shells as stores |
+//! | `regions` | patches that hang together |
+//! | `scalar_ply` | meshes whose vertices have a number |
+
+mod boxes;
+pub mod offset;
+mod patch;
+mod piece;
+mod regions;
+mod scalar_ply;
+mod surface;
+#[cfg(test)]
+mod tests;
+pub mod thickness;
+
+pub use regions::Region;
+pub use scalar_ply::ScalarPly;
+pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
