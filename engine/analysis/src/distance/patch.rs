@@ -19,6 +19,8 @@ const STEPS: usize = 4;
 /// What slopes at neighbours weigh against heights of corners: as little as suffices to tell what corners on two lines leave
 /// open.
 const SLOPES: f64 = 2e-4;
+/// Neighbours are of one plane whose slopes and heights, in cells, are as small as this: more than rounding makes of them.
+const EVEN: f64 = 1e-3;
 /// The least cosine between normals of neighbours that are of one smooth surface.
 const SMOOTH: f64 = 0.6;
 
@@ -175,13 +177,20 @@ impl Patch {
             .map(|c| minus(*c, at))
             .map(|w| [dot(w, u), dot(w, v), dot(w, normal)])
             .collect();
+        let slopes: Vec<[f64; 5]> =
+            beside.iter().filter_map(|crossing| slope((at, normal), [u, v], *crossing)).collect();
+        let mut local = local;
+        let is_even = |[_, _, p, q, z]: &[f64; 5]| p.abs().max(q.abs()).max(z.abs()) <= EVEN;
+        if slopes.len() >= 2 && slopes.iter().all(is_even) {
+            // A corner beside the plane of all crossings around is one that no cell could place.
+            local.iter_mut().for_each(|c| c[2] = 0.0);
+        }
         ring.extend(local.iter().map(|c| c.map(|c| c as f32)));
         let highest = local.iter().fold(0.0f64, |most, [_, _, z]| most.max(z.abs()));
         let (bend, shape) = if highest <= PLANE {
             ([0.0; 3], Shape::Plane)
         } else {
-            let slopes = beside.iter().filter_map(|crossing| slope((at, normal), [u, v], *crossing));
-            bent(&local, slopes)
+            bent(&local, &slopes)
         };
         let farthest = local.iter().map(|c| dot(*c, *c)).fold(0.0, f64::max).sqrt();
         let size = bend.iter().fold(0.0f64, |most, b| most.max(b.abs()));
@@ -400,15 +409,16 @@ fn roots(a: f64, b: f64, c: f64) -> [Option<f64>; 2] {
     [Some(q / a), (q != 0.0).then(|| c / q)]
 }
 
-/// Where a neighbour lies in the tangent plane, and the slope of the surface there; `None` of another face.
-fn slope((at, normal): Crossing, [u, v]: [[f64; 3]; 2], (there, turned): Crossing) -> Option<[f64; 4]> {
+/// Where a neighbour lies in the tangent plane, the slope of the surface there, and its height; `None` of another face.
+fn slope((at, normal): Crossing, [u, v]: [[f64; 3]; 2], (there, turned): Crossing) -> Option<[f64; 5]> {
     let up = dot(turned, normal);
     let away = minus(there, at);
-    (up > SMOOTH).then(|| [dot(away, u), dot(away, v), -dot(turned, u) / up, -dot(turned, v) / up])
+    let slope = [-dot(turned, u) / up, -dot(turned, v) / up];
+    (up > SMOOTH).then(|| [dot(away, u), dot(away, v), slope[0], slope[1], dot(away, normal)])
 }
 
 /// The quadratic form that passes corners best, by least squares over all of them, and over slopes where corners leave it open.
-fn bent(corners: &[[f64; 3]], slopes: impl Iterator<Item = [f64; 4]>) -> ([f64; 3], Shape) {
+fn bent(corners: &[[f64; 3]], slopes: &[[f64; 5]]) -> ([f64; 3], Shape) {
     let steep = |[x, y, z]: &[f64; 3]| z.abs() > STEEP * (x * x + y * y).sqrt();
     if corners.len() < 3 || corners.iter().any(steep) {
         return ([0.0; 3], Shape::Rough);
@@ -421,7 +431,7 @@ fn bent(corners: &[[f64; 3]], slopes: impl Iterator<Item = [f64; 4]>) -> ([f64; 
             sum[3] += row[n] * z;
         }
     }
-    for [x, y, p, q] in slopes {
+    for &[x, y, p, q, _] in slopes {
         for (row, value) in [([x, y, 0.0], p), ([0.0, x, y], q)] {
             for (n, sum) in sums.iter_mut().enumerate() {
                 (0..3).for_each(|m| sum[m] += SLOPES * row[n] * row[m]);

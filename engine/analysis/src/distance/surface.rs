@@ -16,7 +16,7 @@ use std::sync::Arc;
 const TIE: f64 = 2e-6;
 /// The least depth of a point below the tangent plane, in cells, at which it bounds a ball that touches the plane on the same
 /// side of the part: nearer ones tell nothing but errors.
-const SHALLOW: f64 = 0.05;
+const SHALLOW: f64 = 0.3;
 /// Rays begin so many cells from their points.
 const LEAVE: f64 = 1e-3;
 

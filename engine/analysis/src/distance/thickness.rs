@@ -12,6 +12,9 @@ const REACH: f64 = 4.0;
 /// The way back of a ray may differ by so many cells, or by the same part of its length if that is more.
 const BACK: f64 = 0.02;
 
+/// What is opposite of a point whose ray meets nothing is turned by this many degrees against it at least.
+const BESIDE: f64 = 150.0;
+
 /// What thickness is measured by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
@@ -62,7 +65,16 @@ pub fn at(surface: &Surface, place: [f64; 3], outward: [f64; 3], options: Option
     let through = surface.ray(place, toward, most, !options.gaps)?;
     match options.method {
         Method::Ray => {
-            let Some(hit) = through else { return Ok(NOTHING) };
+            let Some(hit) = through else {
+                // Near an edge a ray may pass between two patches that do not quite meet. A ball does not.
+                let apart = BESIDE.to_radians().cos();
+                let (radius, contact) = surface.ball(BallAt { at: place, toward, outward }, most, apart)?;
+                return Ok(contact.map_or(NOTHING, |contact| Measured {
+                    value: 2.0 * radius,
+                    opposite: Some(contact.place),
+                    is_confirmed: false,
+                }));
+            };
             let back = surface.ray(hit.at, toward.map(|c| -c), 1.5 * hit.distance + 1.0, !options.gaps)?;
             let tolerance = BACK.max(BACK * hit.distance);
             let is_confirmed = back.is_some_and(|back| (back.distance - hit.distance).abs() <= tolerance);

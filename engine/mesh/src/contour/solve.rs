@@ -62,7 +62,7 @@ pub(super) enum OnSurface {
 /// tan² of half of 60°.
 const BENT: f64 = 1.0 / 3.0;
 /// How far outside of its cell a vertex may be that stands on the surface, along each axis, in cells.
-const LOOSE: f64 = 0.5;
+const LOOSE: f64 = 1.0;
 /// How far planes pass by the point nearest to all, in cells, where a surface is bent and not creased.
 const MISSED: f64 = 3e-4;
 
