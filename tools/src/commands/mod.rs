@@ -18,12 +18,14 @@ pub mod mesh;
 mod mesh_check;
 mod mesh_detail;
 mod mesh_shells;
+pub mod offset;
 pub mod overlap;
 pub mod render;
 pub mod sample;
 pub mod shell;
 pub mod slice;
 mod slice_layer;
+pub mod thickness;
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;
