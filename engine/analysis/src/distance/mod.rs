@@ -10,11 +10,13 @@
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
 //! | `surface` | all patches: nearest points, rays, balls |
+//! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
 //! | `offset` | offsets and shells as stores |
 //! | `regions` | patches that hang together |
 //! | `scalar_ply` | meshes whose vertices have a number |
 
+mod around;
 mod boxes;
 pub mod offset;
 mod patch;

@@ -13,6 +13,8 @@ const PLANE: f64 = 1e-5;
 const STEEP: f64 = 0.6;
 /// How far beside its polygon a ray still meets a patch, in cells: polygons of bent patches do not quite meet.
 const SLACK: f64 = 0.02;
+/// A ray whose cosine with the normal is less than this passes along a surface and not through it.
+const GRAZING: f64 = 0.02;
 /// Steps of Newton's method.
 const STEPS: usize = 4;
 
@@ -237,6 +239,16 @@ impl Patch {
         (0.5 * (slope[0] * x + slope[1] * y), slope)
     }
 
+    /// The unit normal of the quadratic form so far away from the crossing.
+    pub fn normal_at(&self, away: [f64; 3]) -> [f64; 3] {
+        let normal = self.normal.map(f64::from);
+        if self.shape != Shape::Bent {
+            return normal;
+        }
+        let [u, v] = frame(normal);
+        self.on_bent([dot(away, u), dot(away, v)], 0.0, ([0.0; 3], normal, u, v)).normal
+    }
+
     /// The point that is nearest to `from`, if it is as near as the square `within`.
     pub fn nearest(&self, rings: &[[f32; 3]], from: [f64; 3], within: f64) -> Option<Touch> {
         let (at, normal) = (self.at.map(f64::from), self.normal.map(f64::from));
@@ -328,7 +340,8 @@ impl Patch {
         let (x0, z0) = ([dot(away, u), dot(away, v)], dot(away, normal));
         let (dx, dz) = ([dot(d, u), dot(d, v)], dot(d, normal));
         let is_met = |t: f64, turned: [f64; 3]| {
-            t > least && t < most && (dot(turned, d) > 0.0) == outward
+            let through = dot(turned, d);
+            t > least && t < most && through.abs() > GRAZING && (through > 0.0) == outward
         };
         if self.shape == Shape::Rough {
             let local = ([x0[0], x0[1], z0], [dx[0], dx[1], dz]);

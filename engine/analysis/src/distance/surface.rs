@@ -1,5 +1,6 @@
 //! The surface of a store as patches, found by place: nearest points, rays, and balls that touch it.
 
+use super::around::{AROUND, Around};
 use super::boxes::{Boxes, entered, squared_from};
 use super::patch::{Patch, Touch};
 use super::piece::Piece;
@@ -183,6 +184,38 @@ impl Surface {
             },
         )?;
         Ok(search.best)
+    }
+
+    /// The normal of the surface around a foot, from all patches that are near: facets of the input turn it by less than the
+    /// normal of one crossing. Patches beyond edges do not count.
+    ///
+    /// # Errors
+    /// What reading the file gives.
+    pub fn normal_around(&self, at: [f64; 3], normal: [f64; 3]) -> Result<[f64; 3]> {
+        let within = AROUND * AROUND;
+        let mut around = Around::new(at, normal);
+        self.boxes.search(
+            &mut around,
+            |_, block| Some(squared_from(block, at)).filter(|squared| *squared < within),
+            |around, leaf| {
+                self.with(leaf, |piece| {
+                    let local = minus(at, piece.base);
+                    piece.boxes.search(
+                        around,
+                        |_, block| Some(squared_from(block, local)).filter(|squared| *squared < within),
+                        |around, n| {
+                            let patch = &piece.patches[n];
+                            let crossing = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
+                            let turned = patch.normal_at(minus(at, crossing));
+                            let bend = f64::from(patch.bend[0]) + f64::from(patch.bend[2]);
+                            around.add(crossing, turned, bend);
+                            Ok(())
+                        },
+                    )
+                })
+            },
+        )?;
+        Ok(around.normal())
     }
 
     /// Where a ray first passes the surface, going out of the part or into it, if within so many cells. `toward` is a unit

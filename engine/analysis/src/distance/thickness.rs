@@ -60,6 +60,7 @@ fn farthest(surface: &Surface) -> f64 {
 /// # Errors
 /// What reading the surface gives.
 pub fn at(surface: &Surface, place: [f64; 3], outward: [f64; 3], options: Options) -> Result<Measured> {
+    let outward = surface.normal_around(place, outward)?;
     let toward = if options.gaps { outward } else { outward.map(|c| -c) };
     let most = farthest(surface);
     let through = surface.ray(place, toward, most, !options.gaps)?;
