@@ -349,8 +349,7 @@ impl Patch {
                 .filter_map(|n| {
                     let corners = [[0.0; 3], corner(ring, n), corner(ring, n + 1)];
                     let t = through_triangle(local.0, local.1, corners)?;
-                    let turned = rough_normal(&corners, (at, normal, u, v))?;
-                    is_met(t, turned).then_some((t, turned))
+                    is_met(t, normal).then_some((t, normal))
                 })
                 .min_by(|a, b| a.0.total_cmp(&b.0));
         }
@@ -378,28 +377,22 @@ impl Patch {
 /// Place, normal, and two vectors across it.
 type Frame = ([f64; 3], [f64; 3], [f64; 3], [f64; 3]);
 
-fn rough_normal(corners: &[[f64; 3]; 3], (_, normal, u, v): Frame) -> Option<[f64; 3]> {
-    let n = crate::lattice::cross(minus(corners[1], corners[0]), minus(corners[2], corners[0]));
-    let length = dot(n, n).sqrt();
-    (length > 0.0)
-        .then(|| std::array::from_fn(|a| (n[0] * u[a] + n[1] * v[a] + n[2] * normal[a]) / length))
-}
-
 fn nearest_rough(ring: &[[f32; 3]], from: [f64; 3], frame: Frame) -> Touch {
     let (at, normal, u, v) = frame;
-    let mut best = (f64::INFINITY, [0.0; 3], normal);
+    let mut best = (f64::INFINITY, [0.0; 3]);
     for n in 0..ring.len() {
         let corners = [[0.0; 3], corner(ring, n), corner(ring, n + 1)];
         let near = nearest_of_triangle(from, corners);
         let away = minus(from, near);
         let squared = dot(away, away);
         if squared < best.0 {
-            best = (squared, near, rough_normal(&corners, frame).unwrap_or(normal));
+            best = (squared, near);
         }
     }
-    let (squared, [x, y, z], turned) = best;
+    let (squared, [x, y, z]) = best;
     let on = std::array::from_fn(|a| at[a] + x * u[a] + y * v[a] + z * normal[a]);
-    Touch { squared, at: on, normal: turned }
+    // Where corners could not be placed, normals of triangles tell less than that of the crossing.
+    Touch { squared, at: on, normal }
 }
 
 /// The solution of a symmetric system of two equations that is safely positive.
