@@ -13,11 +13,16 @@
 //! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
 //! | `offset` | offsets and shells as stores |
+//! | `deviation` | signed distances from a reference, both ways |
+//! | `align` | a part laid over a reference |
+//! | `triangles` | the triangles of a mesh |
 //! | `regions` | patches that hang together |
 //! | `scalar_ply` | meshes whose vertices have a number |
 
+mod align;
 mod around;
 mod boxes;
+pub mod deviation;
 pub mod offset;
 mod patch;
 mod piece;
@@ -27,7 +32,10 @@ mod surface;
 #[cfg(test)]
 mod tests;
 pub mod thickness;
+mod triangles;
 
+pub use align::{Align, align};
 pub use regions::Region;
 pub use scalar_ply::ScalarPly;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
+pub use triangles::{Nearest, Triangles};

@@ -61,6 +61,11 @@ impl ScalarPly {
         Ok(ScalarPly { file, property, positions: Vec::new(), faces: 0 })
     }
 
+    /// Positions of the vertices.
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
     /// How many vertices and triangles it has.
     pub fn counts(&self) -> (u64, u64) {
         (self.positions.len() as u64, self.faces)
