@@ -2,7 +2,7 @@
 
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
-use crate::distance_args::{OffsetArgs, ThicknessArgs};
+use crate::distance_args::{DeviationArgs, OffsetArgs, ThicknessArgs};
 use crate::layer_args::{LayersArgs, OverlapArgs};
 pub use crate::mesh_args::MeshArgs;
 use crate::picture_args::{RenderArgs, SliceArgs};
@@ -47,6 +47,7 @@ pub enum Command {
     Layers(LayersArgs),
     Overlap(OverlapArgs),
     Thickness(ThicknessArgs),
+    Deviation(DeviationArgs),
     Offset(OffsetArgs),
     Slice(SliceArgs),
     Render(RenderArgs),

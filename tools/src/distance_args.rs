@@ -124,3 +124,71 @@ pub struct OffsetArgs {
     #[command(flatten)]
     pub work: WorkArgs,
 }
+
+/// Compare a part with a mesh or another store: signed distances both ways
+#[derive(Args)]
+#[command(after_help = "\
+The mesh that is written has at each vertex its distance from the reference, above 0 outside of it. Distances from a mesh are \
+those from its triangles, with signs by its winding number where it is closed; of an open one the nearest triangle tells the \
+side. Distances from a store are those from its surface, right to about 0.01 cells where it is smooth.
+
+Back, points of the reference are compared with the part: corners of its triangles and points spread by area, or the crossings \
+of a store.
+
+With --within the command fails, with status 1, if any distance either way is larger. --regions lists the connected surface of \
+the part that is farther: `over` lies outside of the reference, `under` inside. `volume` is the integral of the distance over the area.
+
+A part and its CAD model rarely lie at one place. --align shift moves the part for the comparison: middles of boxes first, then \
+nearest points. --align icp turns it, too, from there, by up to some 20 degrees. Where the part differs much it does not count. \
+The mesh stays where the part is.
+
+Examples:
+  brickfield deviation part.brf cad.stl -o deviation.ply
+  brickfield deviation part.brf cad.stl -o deviation.ply --align shift --within 0.2mm --regions beyond.csv")]
+pub struct DeviationArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// What it should be: a mesh, as .stl, .obj or .ply, or a store
+    #[arg(value_name = "REFERENCE")]
+    pub reference: PathBuf,
+    /// The mesh to write, whose vertices have the property deviation; its name ends in .ply
+    #[arg(long, short, value_name = "D.ply")]
+    pub output: PathBuf,
+    /// Fail, with status 1, if a distance either way is larger, as in 0.2mm
+    #[arg(long = "within", id = "tolerated", value_name = "LEN")]
+    pub within: Option<Length>,
+    /// The table of regions farther than --within; its name ends in .csv or .json
+    #[arg(long, value_name = "R.csv|.json", requires = "tolerated")]
+    pub regions: Option<PathBuf>,
+    /// How the part is laid over the reference
+    #[arg(long, value_enum, default_value_t)]
+    pub align: AlignArg,
+    /// Memory for surfaces and bricks, as in 512MiB; what of surfaces does not fit goes to a temporary file. A reference mesh
+    /// stays in memory, 100 bytes a triangle
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
+    /// Folder of that file, which has no name there; the output's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
+    /// How to read stores
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print percentiles both ways, the alignment and the regions as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// How a part is laid over a reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum AlignArg {
+    /// As it lies
+    #[default]
+    None,
+    /// By a shift
+    Shift,
+    /// By a rotation and a shift, from nearest points
+    Icp,
+}

@@ -56,6 +56,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Layers(args) => commands::layers::run(&args),
         Command::Overlap(args) => commands::overlap::run(&args),
         Command::Thickness(args) => commands::thickness::run(&args),
+        Command::Deviation(args) => commands::deviation::run(&args),
         Command::Offset(args) => commands::offset::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),

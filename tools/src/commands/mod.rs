@@ -5,6 +5,7 @@ pub mod beads;
 pub mod build;
 mod build_report;
 pub mod cache;
+pub mod deviation;
 pub mod export;
 pub mod info;
 mod info_cloud;
