@@ -13,7 +13,7 @@ use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
     Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
-use brickfield_engine::distance::{Align, Region, ScalarPly, Surface, Triangles, align};
+use brickfield_engine::distance::{Align, Region, ScalarPly, Sides, Surface, Triangles, align};
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{Accept, BrickTree, Store, is_store};
@@ -51,7 +51,7 @@ const COLUMNS: [&str; 11] = [
 /// What a part is compared with, opened.
 enum Opened {
     Mesh(Triangles),
-    Store(Surface),
+    Store(Box<(Surface, Store)>),
 }
 
 /// Runs the command.
@@ -70,12 +70,17 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
     let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "deviation")?;
     let opened = open_reference(args, &store, &bars)?;
+    let sides_of_reference;
     let reference = match &opened {
         Opened::Mesh(triangles) => Reference::Mesh(triangles),
-        Opened::Store(surface) => Reference::Store(surface),
+        Opened::Store(opened) => {
+            sides_of_reference = Sides::new(&opened.1)?;
+            Reference::Store(&opened.0, &sides_of_reference)
+        }
     };
     let folder = folder_of(args.temp_dir.as_deref(), &args.output);
     let surface = Surface::new(&store, args.memory.0 / 4, &folder, &bars)?;
+    let sides = Sides::new(&store)?;
     let cell = surface.cell();
     let Some(bounds) = surface.bounds() else {
         return Err(anyhow!("{}: the store has no surface; build it with finer cells", in_line(&args.store)).into());
@@ -93,7 +98,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let values = ply.fill(&bars, |world| Ok(reference.opposite(motion.apply(world))?.signed as f32))?;
     let samples: Vec<[f64; 3]> =
         reference.samples(POINTS_BACK)?.into_iter().map(|point| motion.undo(point)).collect();
-    let back = at_points(&samples, &bars, |point| Ok(of_surface(&surface, point)?.signed))?;
+    let back = at_points(&samples, &bars, |point| Ok(of_surface(&surface, &sides, point)?.signed))?;
     let regions = match (within, kind) {
         (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
         _ => None,
@@ -155,7 +160,8 @@ fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Ope
             return Err(anyhow!("{name}: it is in {own} and the part in {other}; build one with the other's --unit").into());
         }
         let folder = folder_of(args.temp_dir.as_deref(), &args.output);
-        return Ok(Opened::Store(Surface::new(&store, args.memory.0 / 4, &folder, bars)?));
+        let surface = Surface::new(&store, args.memory.0 / 4, &folder, bars)?;
+        return Ok(Opened::Store(Box::new((surface, store))));
     }
     let inputs = open_inputs(
         std::slice::from_ref(&args.reference),
@@ -228,7 +234,7 @@ fn tell_shift(args: &DeviationArgs, part: [[f64; 3]; 2], reference: [[f64; 3]; 2
     let is_alike = (0..3).all(|a| (own[a] - others[a]).abs() < SHIFTED * size);
     let is_shifted = shift.iter().any(|s| s.abs() > SHIFTED * size);
     if is_alike && is_shifted && args.align == AlignArg::None && !args.work.quiet {
-        let [x, y, z] = shift.map(|s| format!("{s:.3}"));
+        let [x, y, z] = shift.map(|s| format!("{:.3}", (s * 1e3).round() / 1e3 + 0.0));
         note(&format!(
             "the boxes have one size and differ by a shift of ({x}, {y}, {z}) {unit}; --align shift takes it away"
         ));

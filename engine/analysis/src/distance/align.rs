@@ -9,8 +9,10 @@ const POINTS: usize = 4000;
 /// Steps at most, and what of the size of the part the last one moves.
 const STEPS: usize = 60;
 const STILL: f64 = 1e-9;
-/// Pairs that are farther apart than so many times the median do not count: there the part differs.
-const FAR: f64 = 3.0;
+/// A pair weighs half that is as far apart as the scale (Cauchy's weights), which begins at the root of the mean square and
+/// shrinks by this much a step, down to a part of the size: so where the part differs, it ends up to weigh nothing.
+const SHRINKS: f64 = 0.7;
+const LEAST_SCALE: f64 = 1e-4;
 
 /// How a part is laid over a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,8 +25,8 @@ pub enum Align {
     Rigid,
 }
 
-/// The motion that takes points of a part to the reference, and the root of the mean square of what is left of the distances of
-/// those that count.
+/// The motion that takes points of a part to the reference, and the root of the mean square of the distances that are left,
+/// but for where the part differs.
 ///
 /// # Errors
 /// What reading the reference gives.
@@ -42,7 +44,7 @@ pub fn align(
     if how != Align::No {
         motion.shift = std::array::from_fn(|a| 0.5 * (to[0][a] + to[1][a] - bounds[0][a] - bounds[1][a]));
     }
-    let mut left = 0.0;
+    let (mut left, mut scale) = (0.0, f64::INFINITY);
     for _ in 0..STEPS {
         let mut pairs = Vec::with_capacity(some.len());
         for p in &some {
@@ -52,18 +54,26 @@ pub fn align(
         }
         let mut apart: Vec<f64> = pairs.iter().map(|pair| pair.3).collect();
         apart.sort_by(f64::total_cmp);
-        let most = FAR * apart.get(apart.len() / 2).copied().unwrap_or(0.0) + 1e-6 * size;
-        pairs.retain(|pair| pair.3 <= most);
-        left = (pairs.iter().map(|pair| pair.3 * pair.3).sum::<f64>() / pairs.len().max(1) as f64).sqrt();
+        let median = apart.get(apart.len() / 2).copied().unwrap_or(0.0);
+        let all = mean_square(pairs.iter().map(|pair| pair.3)).sqrt();
+        scale = (SHRINKS * scale).min(all).max(2.0 * median).max(LEAST_SCALE * size);
+        left = mean_square(apart.iter().copied().filter(|apart| *apart <= 2.0 * scale)).sqrt();
         if how == Align::No {
+            left = all;
             break;
         }
-        let Some(moved) = step_of(&pairs, &mut motion, how, bounds, size) else { break };
-        if moved <= STILL * size {
+        let Some(moved) = step_of((&pairs, scale), &mut motion, how, bounds, size) else { break };
+        let is_small = scale <= (2.0 * median).max(LEAST_SCALE * size);
+        if moved <= STILL * size && is_small {
             break;
         }
     }
     Ok((motion, left))
+}
+
+fn mean_square(lengths: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = lengths.fold((0usize, 0.0), |(count, sum), length| (count + 1, sum + length * length));
+    sum / count.max(1) as f64
 }
 
 /// A point, the normal of its opposite, how far it is along that, and how far at all.
@@ -71,7 +81,7 @@ type Pair = ([f64; 3], [f64; 3], f64, f64);
 
 /// Moves by the least squares of distances from tangent planes; how far, at the box.
 fn step_of(
-    pairs: &[Pair],
+    (pairs, scale): (&[Pair], f64),
     motion: &mut Motion,
     how: Align,
     bounds: [[f64; 3]; 2],
@@ -81,13 +91,14 @@ fn step_of(
     let middle = motion.apply(std::array::from_fn(|a| 0.5 * (bounds[0][a] + bounds[1][a])));
     let unknowns = if how == Align::Rigid { 6 } else { 3 };
     let mut rows = [[0.0; 7]; 6];
-    for (at, normal, off, _) in pairs {
+    for (at, normal, off, apart) in pairs {
+        let weight = 1.0 / (1.0 + (apart / scale).powi(2));
         let arm = minus(*at, middle).map(|c| c / size);
         let turn = cross(arm, *normal);
         let row = [normal[0], normal[1], normal[2], turn[0], turn[1], turn[2]];
         for n in 0..unknowns {
-            (0..unknowns).for_each(|m| rows[n][m] += row[n] * row[m]);
-            rows[n][6] -= row[n] * off;
+            (0..unknowns).for_each(|m| rows[n][m] += weight * row[n] * row[m]);
+            rows[n][6] -= weight * row[n] * off;
         }
     }
     // What the shape leaves open, as the turn of a ball, stays as it is.

@@ -1,6 +1,7 @@
 //! Deviation of a part from a reference: signed distances both ways, and where they are too large.
 
 use super::regions::{Marked, Region, joined};
+use super::sides::Sides;
 use super::surface::{Place, Surface};
 use super::triangles::Triangles;
 use crate::error::Result;
@@ -18,8 +19,8 @@ pub const PERCENTILES: [f64; 5] = [0.1, 1.0, 50.0, 99.0, 99.9];
 pub enum Reference<'a> {
     /// A mesh.
     Mesh(&'a Triangles),
-    /// The surface of a store.
-    Store(&'a Surface),
+    /// The surface of a store, and its samples.
+    Store(&'a Surface, &'a Sides<'a>),
 }
 
 /// A point of a reference, in world units.
@@ -86,7 +87,7 @@ impl Reference<'_> {
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         match self {
             Reference::Mesh(triangles) => triangles.bounds(),
-            Reference::Store(surface) => surface.bounds().unwrap_or_default(),
+            Reference::Store(surface, _) => surface.bounds().unwrap_or_default(),
         }
     }
 
@@ -100,7 +101,7 @@ impl Reference<'_> {
                 let (signed, nearest) = triangles.signed(from);
                 Ok(Opposite { at: nearest.at, normal: nearest.normal, signed })
             }
-            Reference::Store(surface) => of_surface(surface, from),
+            Reference::Store(surface, sides) => of_surface(surface, sides, from),
         }
     }
 
@@ -114,7 +115,7 @@ impl Reference<'_> {
                 let nearest = triangles.nearest(from);
                 Ok(Opposite { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
             }
-            Reference::Store(surface) => of_surface(surface, from),
+            Reference::Store(surface, sides) => of_surface(surface, sides, from),
         }
     }
 
@@ -125,7 +126,7 @@ impl Reference<'_> {
     pub fn samples(&self, most: usize) -> Result<Vec<[f64; 3]>> {
         match self {
             Reference::Mesh(triangles) => Ok(triangles.samples(most)),
-            Reference::Store(surface) => {
+            Reference::Store(surface, _) => {
                 let step = (surface.patches() as usize).div_ceil(most).max(1);
                 let mut points = Vec::new();
                 for leaf in 0..surface.leaves().len() {
@@ -142,12 +143,13 @@ impl Reference<'_> {
 ///
 /// # Errors
 /// What reading the surface gives.
-pub fn of_surface(surface: &Surface, from: [f64; 3]) -> Result<Opposite> {
+pub fn of_surface(surface: &Surface, sides: &Sides<'_>, from: [f64; 3]) -> Result<Opposite> {
     surface.require_any()?;
-    let foot = surface.closest(surface.to_cells(from), f64::INFINITY)?;
+    let at = surface.to_cells(from);
+    let foot = surface.closest(at, f64::INFINITY)?;
     let Some(foot) = foot else { return Ok(Opposite { at: from, normal: [0.0; 3], signed: f64::INFINITY }) };
     let distance = foot.distance * surface.cell();
-    let signed = if foot.inside { -distance } else { distance };
+    let signed = if sides.inside(at, foot.distance, foot.inside)? { -distance } else { distance };
     Ok(Opposite { at: surface.to_world(foot.at), normal: foot.normal, signed })
 }
 

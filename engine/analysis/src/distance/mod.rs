@@ -9,6 +9,7 @@
 //! | `patch` | one patch: its nearest point, where a ray meets it |
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
+//! | `sides` | inside or outside, by samples |
 //! | `surface` | all patches: nearest points, rays, balls |
 //! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
@@ -28,6 +29,7 @@ mod patch;
 mod piece;
 mod regions;
 mod scalar_ply;
+mod sides;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -37,5 +39,6 @@ mod triangles;
 pub use align::{Align, align};
 pub use regions::Region;
 pub use scalar_ply::ScalarPly;
+pub use sides::Sides;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
 pub use triangles::{Nearest, Triangles};

@@ -1,5 +1,6 @@
 //! Offsets and shells of a part as new stores: a lattice of signs of distance − length, with exact crossings.
 
+use super::sides::{FAR, Part, Sides};
 use super::surface::{Foot, Surface};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
@@ -7,12 +8,11 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{
-    BrickTree, LeafOrder, Meta, PayloadHead, Refine, Scratch, Stats, Store, StoreWriter, encode_into,
+    BrickTree, Meta, PayloadHead, Refine, Scratch, Stats, Store, StoreWriter, encode_into,
     subtree_level,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 /// A node or a run of samples is decided as a whole where the field at its middle exceeds its reach by this many cells: far
 /// more than errors of distances, so that all who share a sample decide alike.
@@ -20,6 +20,8 @@ const CERTAIN: f64 = 0.1;
 /// A crossing is found where the field is this small, in cells, or after so many steps.
 const ROOT: f64 = 2e-5;
 const STEPS: usize = 12;
+/// The least cosine between the way from the surface and its normal where it has no edge.
+const SMOOTH: f64 = 0.98;
 /// By how much the components of a normal are scaled before they are rounded.
 const NORMAL_SCALE: f64 = 1e12;
 
@@ -54,8 +56,7 @@ pub fn offset(
 
 /// The field on the new lattice. Lengths are in cells.
 struct Grown<'a> {
-    tree: &'a dyn BrickTree,
-    order: LeafOrder,
+    sides: Sides<'a>,
     surface: &'a Surface,
     solid: Solid,
     by: f64,
@@ -63,15 +64,6 @@ struct Grown<'a> {
     depth: u8,
     /// The old lattice's first sample on the new one.
     shift: i64,
-    /// Cells along the old root.
-    cells: i64,
-}
-
-/// What the part is at the samples of a brick.
-enum Part {
-    All(bool),
-    Samples(Arc<Brick>),
-    Unknown,
 }
 
 /// Records that a thread has made.
@@ -96,24 +88,23 @@ impl<'a> Grown<'a> {
         };
         let depth = tree.deepest_level();
         let mut grown = Grown {
-            tree,
-            order: LeafOrder::new(tree)?,
+            sides: Sides::new(tree)?,
             surface,
             solid,
             by: length / surface.cell(),
             root: tree.root(),
             depth,
             shift: 0,
-            cells: (BRICK_CELLS as i64) << depth,
         };
         let [low, high] = surface.bounds().unwrap_or_default().map(|end| surface.to_cells(end));
         let margin = grown.by.max(0.0) + 2.0;
-        let mut cells = grown.cells;
+        let mut cells = (BRICK_CELLS as i64) << depth;
         while (0..3).any(|a| {
             low[a] - margin < -grown.shift as f64 || high[a] + margin > (cells - grown.shift) as f64
         }) {
-            let half = cells / 2;
-            if grown.depth == MAX_LEVEL || half % BRICK_CELLS as i64 != 0 {
+            // Whole bricks, so that those of both lattices coincide.
+            let half = (cells / 2).max(BRICK_CELLS as i64);
+            if grown.depth == MAX_LEVEL {
                 return Err(Error::setting(
                     "the offset part does not fit into the lattice",
                     "choose a shorter length, or build the store with other cells",
@@ -156,11 +147,10 @@ impl<'a> Grown<'a> {
     /// The field: below 0 in the new part. With the outward normal of its surface.
     fn field(&self, foot: &Foot, from: [f64; 3], inside: bool) -> (f64, [f64; 3]) {
         let distance = if inside { -foot.distance } else { foot.distance };
-        let outward: [f64; 3] = if foot.distance < 1e-4 {
-            foot.normal
-        } else {
-            std::array::from_fn(|a| (from[a] - foot.at[a]) / distance)
-        };
+        let way: [f64; 3] = std::array::from_fn(|a| (from[a] - foot.at[a]) / distance);
+        // Where the surface is smooth its normal is right, even where the foot stands at the seam of two patches.
+        let is_smooth = foot.distance < 1e-4 || crate::lattice::dot(way, foot.normal) > SMOOTH;
+        let outward = if is_smooth { foot.normal } else { way };
         match self.solid {
             Solid::Offset(_) => (distance - self.by, outward),
             Solid::Shell(_) if distance >= -distance - self.by => (distance, outward),
@@ -170,33 +160,19 @@ impl<'a> Grown<'a> {
 
     /// The field at a place on the old lattice; `inside` where that is known.
     fn at(&self, from: [f64; 3], inside: Option<bool>, within: f64) -> Result<(f64, [f64; 3])> {
+        let is_sample = from.iter().all(|c| c.fract() == 0.0);
         let foot = match self.surface.closest(from, within)? {
             Some(foot) => foot,
             None => self.surface.closest(from, f64::INFINITY)?.ok_or_else(no_surface)?,
         };
-        Ok(self.field(&foot, from, inside.unwrap_or(foot.inside)))
+        // A sample's side is certain; of what lies between samples only far from the surface.
+        let inside = inside.filter(|_| is_sample || foot.distance > FAR).unwrap_or(foot.inside);
+        Ok(self.field(&foot, from, inside))
     }
 
     /// A sample of the new lattice on the old one.
     fn old(&self, sample: [i64; 3]) -> [f64; 3] {
         sample.map(|c| (c - self.shift) as f64)
-    }
-
-    /// What is known of the part in a node of the new tree at the deepest level.
-    fn part(&self, first: [i64; 3]) -> Result<Part> {
-        let at = first.map(|c| c - self.shift);
-        if at.iter().any(|&c| c < 0 || c >= self.cells) {
-            return Ok(Part::All(false));
-        }
-        let level = self.tree.deepest_level();
-        let key = NodeKey::new(level, at.map(|c| (c / BRICK_CELLS as i64) as u32));
-        let Some(key) = key else { return Ok(Part::All(false)) };
-        let leaf = self.order.keys()[self.order.covering(key)];
-        match self.tree.node(leaf) {
-            Some(node) if node.min == node.max && !node.fractions => Ok(Part::All(node.min >= 1)),
-            _ if leaf.level() == level => Ok(Part::Samples(self.tree.brick(leaf)?)),
-            _ => Ok(Part::Unknown),
-        }
     }
 
     /// Whether all of a node is on one side, and on which.
@@ -205,7 +181,9 @@ impl<'a> Grown<'a> {
         let first = key.position().map(|p| i64::from(p) * size);
         let middle = self.old(first.map(|c| c + size / 2));
         let reach = 0.5 * 3f64.sqrt() * size as f64 + CERTAIN;
-        let (value, _) = self.at(middle, None, f64::INFINITY)?;
+        let foot = self.surface.closest(middle, f64::INFINITY)?.ok_or_else(no_surface)?;
+        let inside = self.sides.inside(middle, foot.distance, foot.inside)?;
+        let (value, _) = self.field(&foot, middle, inside);
         Ok((value.abs() > reach).then_some(value < 0.0))
     }
 
@@ -307,7 +285,7 @@ impl<'a> Grown<'a> {
         let mut samples = Block {
             grown: self,
             first,
-            part: self.part(first)?,
+            part: self.sides.part(first.map(|c| c - self.shift))?,
             values: vec![f32::NAN; BRICK_POINTS.pow(3)],
         };
         samples.decide([0; 3], [BRICK_POINTS; 3], f64::INFINITY)?;
@@ -392,9 +370,11 @@ impl Block<'_> {
             Some(foot) => foot,
             None => self.grown.surface.closest(middle, f64::INFINITY)?.ok_or_else(no_surface)?,
         };
+        // Farther than all of the box there is no surface between its samples.
+        let sample = if foot.distance > reach + CERTAIN { self.inside(low) } else { None };
         let inside = match &self.part {
             Part::All(inside) => *inside,
-            _ => foot.inside,
+            _ => sample.unwrap_or(foot.inside),
         };
         let (value, _) = self.grown.field(&foot, middle, inside);
         if value.abs() > reach + CERTAIN {
@@ -453,6 +433,8 @@ impl Block<'_> {
             }
         }
         let is_low_inside = self.values[point_index(low)] < 0.0;
+        // Of a part that both ends are in, or both are not, the edge is in, or not, where it is far from the surface.
+        let beside = self.inside(low).filter(|inside| self.inside(high) == Some(*inside));
         let (mut t, mut kept) = (0.5, None);
         for step in 0..STEPS {
             let [a, b] = values;
@@ -462,7 +444,7 @@ impl Block<'_> {
             let mut at = from;
             at[axis.index()] += t;
             let within = a.abs().max(b.abs()) + self.grown.by.abs() + 2.0;
-            let (value, outward) = self.grown.at(at, None, within)?;
+            let (value, outward) = self.grown.at(at, beside, within)?;
             normal = outward;
             if value.abs() < ROOT || ends[1] - ends[0] < 1e-5 {
                 break;
