@@ -10,8 +10,10 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "\
 By sphere, thickness is the diameter of the largest ball inside the part that touches the point and holds no surface. Surface \
-whose normal is turned by less than --separation against that at the point does not count. So a wall has its thickness up to \
-its edges, and edges do not count as thin. With --separation 0 every edge is as thin as it is sharp.
+whose normal is turned by less than --separation against that at the point does not count.
+
+So a wall has its thickness up to its edges, and edges do not count as thin. With --separation 0 every edge is as thin as it is \
+sharp.
 
 By ray, it is the way against the normal to the opposite surface. Where a ray meets nothing for a crack, a ball is taken.
 
@@ -139,8 +141,9 @@ With --within the command fails, with status 1, if any distance either way is la
 the part that is farther: `over` lies outside of the reference, `under` inside. `volume` is the integral of the distance over the area.
 
 A part and its CAD model rarely lie at one place. --align shift moves the part for the comparison: middles of boxes first, then \
-nearest points. --align icp turns it, too, from there, by up to some 20 degrees. Where the part differs much it does not count. \
-The mesh stays where the part is.
+nearest points. --align icp turns it, too, from there, by up to some 20 degrees.
+
+Where the part differs much it does not count. The mesh stays where the part is.
 
 Examples:
   brickfield deviation part.brf cad.stl -o deviation.ply

@@ -306,7 +306,7 @@ impl Patch {
                 let (zy, sy) = self.height(y);
                 let there = cost(y, zy);
                 if there < best {
-                    is_better = best - there > 1e-15 * best;
+                    is_better = best - there > 1e-10 * best;
                     (x, z, slope, best) = (y, zy, sy, there);
                     break;
                 }
