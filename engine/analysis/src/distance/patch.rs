@@ -83,8 +83,26 @@ fn corner(ring: &[[f32; 3]], n: usize) -> [f64; 3] {
     ring[if n < ring.len() { n } else { 0 }].map(f64::from)
 }
 
+/// Whether a point is on the inner side of all edges of a polygon, as all inner points of a convex one are.
+#[inline]
+fn is_left_of_all(ring: &[[f32; 3]], [x, y]: [f64; 2]) -> bool {
+    let Some(&[ax, ay, _]) = ring.last() else { return false };
+    let (mut ax, mut ay) = (f64::from(ax), f64::from(ay));
+    for &[bx, by, _] in ring {
+        let (bx, by) = (f64::from(bx), f64::from(by));
+        if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0 {
+            return false;
+        }
+        (ax, ay) = (bx, by);
+    }
+    true
+}
+
 /// The point of a polygon around the origin that is nearest to `x`.
 fn clamped(ring: &[[f32; 3]], x: [f64; 2]) -> [f64; 2] {
+    if is_left_of_all(ring, x) {
+        return x;
+    }
     let mut best = (f64::INFINITY, x);
     for n in 0..ring.len() {
         let ([ax, ay, _], [bx, by, _]) = (corner(ring, n), corner(ring, n + 1));
@@ -249,12 +267,31 @@ impl Patch {
         self.on_bent([dot(away, u), dot(away, v)], 0.0, ([0.0; 3], normal, u, v)).normal
     }
 
+    /// Whether all of the patch is certainly farther than the square `within` from a place whose distance from the crossing
+    /// has this square, and which is so high above the tangent plane: the quadratic form within the circle around all corners.
+    #[inline]
+    fn is_beyond(&self, square: f64, height: f64, within: f64) -> bool {
+        let radius = f64::from(self.radius);
+        let reach = square.sqrt() - radius;
+        if self.shape == Shape::Rough || reach > 0.0 && reach * reach > within {
+            return reach > 0.0 && reach * reach > within;
+        }
+        let beside = (square - height * height).max(0.0).sqrt();
+        let [xx, xy, yy] = self.bend.map(f64::from);
+        let bend = 1.0 - height.abs() * (xx * xx + 2.0 * xy * xy + yy * yy).sqrt();
+        let least = if bend > 0.0 && beside <= bend * radius {
+            -beside * beside / bend
+        } else {
+            (bend * radius - 2.0 * beside) * radius
+        };
+        square + least > within
+    }
+
     /// The point that is nearest to `from`, if it is as near as the square `within`.
     pub fn nearest(&self, rings: &[[f32; 3]], from: [f64; 3], within: f64) -> Option<Touch> {
         let (at, normal) = (self.at.map(f64::from), self.normal.map(f64::from));
         let away = minus(from, at);
-        let beyond = dot(away, away).sqrt() - f64::from(self.radius);
-        if beyond > 0.0 && beyond * beyond > within {
+        if self.is_beyond(dot(away, away), dot(away, normal), within) {
             return None;
         }
         let [u, v] = frame(normal);
