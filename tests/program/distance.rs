@@ -85,14 +85,25 @@ fn thin_walls_are_regions_of_both_their_sides() {
     run(&[&"build", &walls(&dir), &"-o", &part, &"--cell", &"0.2", &"-q"]).ok();
     for method in ["sphere", "ray"] {
         let args: [&dyn AsRef<std::ffi::OsStr>; 11] = [
-            &"thickness", &part, &"-o", &out, &"--method", &method, &"--below", &"1.5mm", &"--regions", &table, &"--json",
+            &"thickness",
+            &part,
+            &"-o",
+            &out,
+            &"--method",
+            &method,
+            &"--below",
+            &"1.5mm",
+            &"--regions",
+            &table,
+            &"--json",
         ];
         let found = run(&args).json();
         assert_eq!(found["method"].as_str(), Some(method));
         let regions = found["regions"].as_array().unwrap();
         assert_eq!(regions.len(), 2, "{method}: {regions:?}");
         for thickness in [0.8, 1.2] {
-            let near = |row: &&serde_json::Value| (row["mean_thickness"].as_f64().unwrap() - thickness).abs() < 0.01;
+            let near =
+                |row: &&serde_json::Value| (row["mean_thickness"].as_f64().unwrap() - thickness).abs() < 0.01;
             let row = regions.iter().find(near).unwrap_or_else(|| panic!("{thickness} of {regions:?}"));
             // Two faces of 4 by 4, but for what stands in the plate.
             let area = 2.0 * 4.0 * (7.0 - 3.03);
@@ -102,7 +113,9 @@ fn thin_walls_are_regions_of_both_their_sides() {
             assert!((number("y") - 3.0).abs() < 0.02 && number("min_thickness") > 0.99 * thickness, "{row}");
         }
         let text = std::fs::read_to_string(&table).unwrap();
-        assert!(text.starts_with("id,area,volume,min_thickness,mean_thickness,x,y,z,layer_first,layer_last\n"));
+        assert!(
+            text.starts_with("id,area,volume,min_thickness,mean_thickness,x,y,z,layer_first,layer_last\n")
+        );
         assert_eq!(text.lines().count(), 3);
     }
     let values = scalars(&out);
@@ -127,7 +140,15 @@ fn thickness_is_the_same_for_any_threads_and_memory() {
     assert_eq!(gaps["measured"].as_u64(), Some(0), "{gaps}");
     assert_eq!(gaps["without_opposite"], gaps["vertices"]);
     let coarse = run(&[
-        &"thickness", &part, &"-o", &dir.path("c.ply"), &"-q", &"--below", &"0.1", &"--regions", &dir.path("c.csv"),
+        &"thickness",
+        &part,
+        &"-o",
+        &dir.path("c.ply"),
+        &"-q",
+        &"--below",
+        &"0.1",
+        &"--regions",
+        &dir.path("c.csv"),
     ]);
     coarse.ok_but_for("is less than 2 cells");
 }
@@ -288,11 +309,24 @@ fn a_shift_a_turn_and_a_bump_are_found() {
     run(&[&"build", &stl_of(&dir, "p.stl", &bumped), &"-o", &part, &"--cell", &"0.2", &"-q"]).ok();
     let moved = stl_of(&dir, "m.stl", &plain.clone().translated([20.0, 1.5, -0.7]));
     let refused = run(&[&"deviation", &part, &moved, &"-o", &out]).failed();
-    assert!(refused.contains("does not overlap") && refused.contains("the reference at (16.000"), "{refused}");
+    assert!(
+        refused.contains("does not overlap") && refused.contains("the reference at (16.000"),
+        "{refused}"
+    );
     assert!(!out.exists());
     let run_to = |reference: &Path, align: &str| {
         let args: [&dyn AsRef<std::ffi::OsStr>; 11] = [
-            &"deviation", &part, &reference, &"-o", &out, &"--align", &align, &"--within", &"0.1mm", &"--regions", &table,
+            &"deviation",
+            &part,
+            &reference,
+            &"-o",
+            &out,
+            &"--align",
+            &align,
+            &"--within",
+            &"0.1mm",
+            &"--regions",
+            &table,
         ];
         let mut args = args.to_vec();
         args.push(&"--json");
@@ -320,7 +354,8 @@ fn a_shift_a_turn_and_a_bump_are_found() {
     assert!(length(minus(shift(&told), [0.5, 0.3, 1.0])) < 0.004, "{}", told["align"]);
     assert!((told["part_to_reference"]["max"].as_f64().unwrap() - 0.4).abs() < 0.01);
     // Nearly in place, the shift is told.
-    let near = stl_of(&dir, "n.stl", &shapes::cuboid(half.map(|h| -h), [4.0, 3.0, 2.9]).translated([1.0, 0.0, 0.0]));
+    let near =
+        stl_of(&dir, "n.stl", &shapes::cuboid(half.map(|h| -h), [4.0, 3.0, 2.9]).translated([1.0, 0.0, 0.0]));
     let told = run(&[&"deviation", &part, &near, &"-o", &out]);
     assert!(told.notes.contains("differ by a shift of (1.000, 0.000, 0.000) mm"), "{}", told.notes);
 }

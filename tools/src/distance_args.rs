@@ -130,9 +130,10 @@ pub struct OffsetArgs {
 /// Compare a part with a mesh or another store: signed distances both ways
 #[derive(Args)]
 #[command(after_help = "\
-The mesh that is written has at each vertex its distance from the reference, above 0 outside of it. Distances from a mesh are \
-those from its triangles, with signs by its winding number where it is closed; of an open one the nearest triangle tells the \
-side. Distances from a store are those from its surface, right to about 0.01 cells where it is smooth.
+The mesh that is written has at each vertex its distance from the reference, above 0 outside of it.
+
+Distances from a mesh are those from its triangles, with signs by its winding number where it is closed; of an open one the \
+nearest triangle tells the side. Distances from a store are those from its surface, right to about 0.01 cells where it is smooth.
 
 Back, points of the reference are compared with the part: corners of its triangles and points spread by area, or the crossings \
 of a store.

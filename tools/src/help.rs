@@ -15,7 +15,10 @@ const TOP_TEMPLATE: &str =
 const TASKS: [(&str, &[&str]); 5] = [
     ("Make stores", &["build", "offset", "cache", "verify"]),
     ("Write meshes and arrays", &["mesh", "beads", "export"]),
-    ("Ask for numbers", &["info", "sample", "winding", "voids", "layers", "overlap", "thickness", "deviation"]),
+    (
+        "Ask for numbers",
+        &["info", "sample", "winding", "voids", "layers", "overlap", "thickness", "deviation"],
+    ),
     ("See", &["slice", "render", "view"]),
     ("The program itself", &["completions", "man", "help"]),
 ];

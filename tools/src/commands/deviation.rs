@@ -83,10 +83,13 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let sides = Sides::new(&store)?;
     let cell = surface.cell();
     let Some(bounds) = surface.bounds() else {
-        return Err(anyhow!("{}: the store has no surface; build it with finer cells", in_line(&args.store)).into());
+        return Err(
+            anyhow!("{}: the store has no surface; build it with finer cells", in_line(&args.store)).into()
+        );
     };
     require_alike(args, bounds, reference.bounds())?;
-    let contouring = ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
+    let contouring =
+        ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
     contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let how = match args.align {
@@ -157,18 +160,17 @@ fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Ope
         require_whole_samples(&store, "distances from it cannot be told")?;
         if store.meta().unit != part.meta().unit {
             let (own, other) = (unit_of(store.meta()), unit_of(part.meta()));
-            return Err(anyhow!("{name}: it is in {own} and the part in {other}; build one with the other's --unit").into());
+            return Err(anyhow!(
+                "{name}: it is in {own} and the part in {other}; build one with the other's --unit"
+            )
+            .into());
         }
         let folder = folder_of(args.temp_dir.as_deref(), &args.output);
         let surface = Surface::new(&store, args.memory.0 / 4, &folder, bars)?;
         return Ok(Opened::Store(Box::new((surface, store))));
     }
-    let inputs = open_inputs(
-        std::slice::from_ref(&args.reference),
-        &[&args.output],
-        &OpenOptions::default(),
-        bars,
-    )?;
+    let inputs =
+        open_inputs(std::slice::from_ref(&args.reference), &[&args.output], &OpenOptions::default(), bars)?;
     if inputs.iter().any(|input| input.beads().is_some() || input.sweeps().is_some()) {
         return Err(anyhow!("{name}: it is a toolpath; build a store of it and give that").into());
     }
@@ -213,14 +215,19 @@ fn require_alike(args: &DeviationArgs, part: [[f64; 3]; 2], reference: [[f64; 3]
             if (0..3).all(is_so) {
                 let times = ratio.max(1.0 / ratio);
                 let what = format!("it is {times} times {how} than the part, {units}");
-                return Err(anyhow!("{name}: {what}; scale one of them, or build the part with --unit").into());
+                return Err(
+                    anyhow!("{name}: {what}; scale one of them, or build the part with --unit").into()
+                );
             }
         }
     }
     let apart = (0..3).any(|a| part[1][a] < reference[0][a] || reference[1][a] < part[0][a]);
     if apart && args.align == AlignArg::None {
         let boxes = format!("the part is at {}, the reference at {}", box_text(part), box_text(reference));
-        return Err(anyhow!("{name}: it does not overlap the part; {boxes}; add --align shift to compare shapes").into());
+        return Err(anyhow!(
+            "{name}: it does not overlap the part; {boxes}; add --align shift to compare shapes"
+        )
+        .into());
     }
     Ok(())
 }
@@ -310,8 +317,11 @@ fn summary(
     );
     if how != Align::No {
         let [x, y, z] = motion.shift.map(length);
-        let turned =
-            if how == Align::Rigid { format!("turned by {:.4}° and ", motion.degrees()) } else { String::new() };
+        let turned = if how == Align::Rigid {
+            format!("turned by {:.4}° and ", motion.degrees())
+        } else {
+            String::new()
+        };
         text += &format!("\n{turned}shifted by ({x}, {y}, {z}) {unit}; residual {}", length(left));
     }
     if let Some([over, under]) = regions {

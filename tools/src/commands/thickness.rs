@@ -52,7 +52,8 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
         MeasureArg::Ray => Method::Ray,
     };
     let options = Options { method, gaps: args.gaps };
-    let contouring = ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
+    let contouring =
+        ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
     contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let values = ply.fill(&bars, |world| {

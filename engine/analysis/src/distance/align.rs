@@ -50,7 +50,12 @@ pub fn align(
         for p in &some {
             let at = motion.apply(*p);
             let opposite = reference.nearest(at)?;
-            pairs.push((at, opposite.normal, dot(minus(at, opposite.at), opposite.normal), opposite.signed.abs()));
+            pairs.push((
+                at,
+                opposite.normal,
+                dot(minus(at, opposite.at), opposite.normal),
+                opposite.signed.abs(),
+            ));
         }
         let mut apart: Vec<f64> = pairs.iter().map(|pair| pair.3).collect();
         apart.sort_by(f64::total_cmp);

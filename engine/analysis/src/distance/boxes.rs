@@ -94,10 +94,7 @@ fn push(stack: &mut [usize; MOST_LEVELS], depth: &mut usize, node: usize) {
 }
 
 fn united(a: &Block, b: &Block) -> Block {
-    [
-        std::array::from_fn(|n| a[0][n].min(b[0][n])),
-        std::array::from_fn(|n| a[1][n].max(b[1][n])),
-    ]
+    [std::array::from_fn(|n| a[0][n].min(b[0][n])), std::array::from_fn(|n| a[1][n].max(b[1][n]))]
 }
 
 /// The box around points in 64 bits, rounded outward.
@@ -129,10 +126,8 @@ pub(super) fn squared_from(block: &Block, point: [f64; 3]) -> f64 {
 pub(super) fn entered(block: &Block, from: [f64; 3], over: [f64; 3], [least, most]: [f64; 2]) -> Option<f64> {
     let (mut enter, mut leave) = (least, most);
     for a in 0..3 {
-        let (p, q) = (
-            (f64::from(block[0][a]) - from[a]) * over[a],
-            (f64::from(block[1][a]) - from[a]) * over[a],
-        );
+        let (p, q) =
+            ((f64::from(block[0][a]) - from[a]) * over[a], (f64::from(block[1][a]) - from[a]) * over[a]);
         // Zero by infinity is no number, which neither `min` nor `max` takes.
         enter = enter.max(p.min(q));
         leave = leave.min(p.max(q));

@@ -62,7 +62,8 @@ pub struct Spread {
 
 impl Motion {
     /// None.
-    pub const NONE: Motion = Motion { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
+    pub const NONE: Motion =
+        Motion { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
 
     /// Where a point goes.
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
@@ -169,11 +170,17 @@ pub fn at_points(
         chunks[n].iter().map(|p| Ok(number(*p)? as f32)).collect::<Result<Vec<f32>>>()
     };
     let mut numbers = Vec::with_capacity(points.len());
-    run_ordered(chunks.len(), 8 * rayon::current_num_threads(), || (), make, |made: Vec<f32>| {
-        progress.advance(made.len() as u64);
-        numbers.extend(made);
-        Ok(())
-    })?;
+    run_ordered(
+        chunks.len(),
+        8 * rayon::current_num_threads(),
+        || (),
+        make,
+        |made: Vec<f32>| {
+            progress.advance(made.len() as u64);
+            numbers.extend(made);
+            Ok(())
+        },
+    )?;
     Ok(numbers)
 }
 
@@ -237,12 +244,18 @@ pub fn regions_beyond(
         Ok(found)
     };
     let mut sides = [Vec::new(), Vec::new()];
-    run_ordered(leaves, 8 * rayon::current_num_threads(), || (), make, |found: Vec<Marked>| {
-        progress.advance(1);
-        for marked in found {
-            sides[usize::from(marked.value < 0.0)].push(marked);
-        }
-        Ok(())
-    })?;
+    run_ordered(
+        leaves,
+        8 * rayon::current_num_threads(),
+        || (),
+        make,
+        |found: Vec<Marked>| {
+            progress.advance(1);
+            for marked in found {
+                sides[usize::from(marked.value < 0.0)].push(marked);
+            }
+            Ok(())
+        },
+    )?;
     Ok(sides.map(joined))
 }

@@ -8,8 +8,7 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{
-    BrickTree, Meta, PayloadHead, Refine, Scratch, Stats, Store, StoreWriter, encode_into,
-    subtree_level,
+    BrickTree, Meta, PayloadHead, Refine, Scratch, Stats, Store, StoreWriter, encode_into, subtree_level,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -99,9 +98,9 @@ impl<'a> Grown<'a> {
         let [low, high] = surface.bounds().unwrap_or_default().map(|end| surface.to_cells(end));
         let margin = grown.by.max(0.0) + 2.0;
         let mut cells = (BRICK_CELLS as i64) << depth;
-        while (0..3).any(|a| {
-            low[a] - margin < -grown.shift as f64 || high[a] + margin > (cells - grown.shift) as f64
-        }) {
+        while (0..3)
+            .any(|a| low[a] - margin < -grown.shift as f64 || high[a] + margin > (cells - grown.shift) as f64)
+        {
             // Whole bricks, so that those of both lattices coincide.
             let half = (cells / 2).max(BRICK_CELLS as i64);
             if grown.depth == MAX_LEVEL {
@@ -391,7 +390,11 @@ impl Block<'_> {
         let cut = usize::midpoint(low[axis], high[axis]);
         for upper in [false, true] {
             let (mut from, mut to) = (low, high);
-            if upper { from[axis] = cut } else { to[axis] = cut }
+            if upper {
+                from[axis] = cut
+            } else {
+                to[axis] = cut
+            }
             let there: [f64; 3] = {
                 let (a, b) = (self.place(from), self.place(to.map(|c| c - 1)));
                 std::array::from_fn(|n| 0.5 * (a[n] + b[n]) - middle[n])
@@ -440,7 +443,11 @@ impl Block<'_> {
             let [a, b] = values;
             let cut = ends[0] + (ends[1] - ends[0]) * a / (a - b);
             // Where ends contradict their signs, halves.
-            t = if cut > ends[0] && cut < ends[1] && step < STEPS - 3 { cut } else { 0.5 * (ends[0] + ends[1]) };
+            t = if cut > ends[0] && cut < ends[1] && step < STEPS - 3 {
+                cut
+            } else {
+                0.5 * (ends[0] + ends[1])
+            };
             let mut at = from;
             at[axis.index()] += t;
             let within = a.abs().max(b.abs()) + self.grown.by.abs() + 2.0;

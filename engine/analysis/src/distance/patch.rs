@@ -192,11 +192,8 @@ impl Patch {
     ) -> Patch {
         let [u, v] = frame(normal);
         let first = ring.len();
-        let local: Vec<[f64; 3]> = corners
-            .iter()
-            .map(|c| minus(*c, at))
-            .map(|w| [dot(w, u), dot(w, v), dot(w, normal)])
-            .collect();
+        let local: Vec<[f64; 3]> =
+            corners.iter().map(|c| minus(*c, at)).map(|w| [dot(w, u), dot(w, v), dot(w, normal)]).collect();
         let slopes: Vec<[f64; 5]> =
             beside.iter().filter_map(|crossing| slope((at, normal), [u, v], *crossing)).collect();
         let mut local = local;
@@ -207,11 +204,7 @@ impl Patch {
         }
         ring.extend(local.iter().map(|c| c.map(|c| c as f32)));
         let highest = local.iter().fold(0.0f64, |most, [_, _, z]| most.max(z.abs()));
-        let (bend, shape) = if highest <= PLANE {
-            ([0.0; 3], Shape::Plane)
-        } else {
-            bent(&local, &slopes)
-        };
+        let (bend, shape) = if highest <= PLANE { ([0.0; 3], Shape::Plane) } else { bent(&local, &slopes) };
         let farthest = local.iter().map(|c| dot(*c, *c)).fold(0.0, f64::max).sqrt();
         let size = bend.iter().fold(0.0f64, |most, b| most.max(b.abs()));
         let flat = local.iter().map(|[x, y, _]| x * x + y * y).fold(0.0, f64::max);
@@ -317,8 +310,7 @@ impl Patch {
         let (z, slope) = self.height(x);
         let on = std::array::from_fn(|a| at[a] + x[0] * u[a] + x[1] * v[a] + z * normal[a]);
         let over = 1.0 / (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-        let turned =
-            std::array::from_fn(|a| (normal[a] - slope[0] * u[a] - slope[1] * v[a]) * over);
+        let turned = std::array::from_fn(|a| (normal[a] - slope[0] * u[a] - slope[1] * v[a]) * over);
         Touch { squared, at: on, normal: turned }
     }
 
@@ -486,9 +478,7 @@ fn bent(corners: &[[f64; 3]], slopes: &[[f64; 5]]) -> ([f64; 3], Shape) {
     let trace = sums[0][0] + sums[1][1] + sums[2][2];
     (0..3).for_each(|n| sums[n][n] += 1e-6 * trace);
     let Some(bend) = eliminated(sums) else { return ([0.0; 3], Shape::Rough) };
-    let miss = |[x, y, z]: &[f64; 3]| {
-        (0.5 * (bend[0] * x * x + bend[2] * y * y) + bend[1] * x * y - z).abs()
-    };
+    let miss = |[x, y, z]: &[f64; 3]| (0.5 * (bend[0] * x * x + bend[2] * y * y) + bend[1] * x * y - z).abs();
     let is_good = corners.iter().all(|corner| miss(corner) <= MISS) && bend.iter().all(|b| b.abs() < 2.0);
     if is_good { (bend, Shape::Bent) } else { ([0.0; 3], Shape::Rough) }
 }

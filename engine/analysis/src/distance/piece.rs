@@ -24,7 +24,13 @@ pub(super) struct Piece {
 
 impl Piece {
     /// Of the facets of a leaf; `None` if it has none.
-    pub fn new(root: RootCube, deepest: u8, key: NodeKey, brick: &Brick, facets: &[EdgeFacet]) -> Option<Piece> {
+    pub fn new(
+        root: RootCube,
+        deepest: u8,
+        key: NodeKey,
+        brick: &Brick,
+        facets: &[EdgeFacet],
+    ) -> Option<Piece> {
         let Brick::Counts { samples, hermite } = brick else { return None };
         let signs = SignChanges::of(samples);
         let ranks = Axis::ALL.map(|axis| signs.ranks(axis));
@@ -65,7 +71,9 @@ impl Piece {
         let mut beside: Vec<u32> = Vec::new();
         for (n, (crossing, corners)) in polygons.iter().enumerate() {
             beside.clear();
-            beside.extend(corners.iter().filter_map(|c| at_corner.get(&c.map(f32::to_bits))).flatten().copied());
+            beside.extend(
+                corners.iter().filter_map(|c| at_corner.get(&c.map(f32::to_bits))).flatten().copied(),
+            );
             beside.sort_unstable();
             beside.dedup();
             beside.retain(|&m| m != n as u32);
@@ -104,9 +112,8 @@ impl Piece {
 
     /// For a file.
     pub fn bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(
-            4 + self.patches.len() * PATCH_BYTES + self.rings.len() * CORNER_BYTES,
-        );
+        let mut bytes =
+            Vec::with_capacity(4 + self.patches.len() * PATCH_BYTES + self.rings.len() * CORNER_BYTES);
         bytes.extend((self.patches.len() as u32).to_le_bytes());
         for patch in &self.patches {
             let Patch { at, normal, bend, radius, first, count, shape } = patch;

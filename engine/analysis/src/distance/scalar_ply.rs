@@ -93,17 +93,23 @@ impl ScalarPly {
         let mut bytes = Vec::new();
         let file = &mut self.file;
         let window = 8 * rayon::current_num_threads();
-        run_ordered(chunks.len(), window, || (), make, |made: Vec<f32>| {
-            bytes.clear();
-            for (position, number) in positions[numbers.len()..].iter().zip(&made) {
-                bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
-                bytes.extend_from_slice(&number.to_le_bytes());
-            }
-            file.overwrite((start + numbers.len() * VERTEX_BYTES) as u64, &bytes)?;
-            progress.advance(made.len() as u64);
-            numbers.extend(made);
-            Ok(())
-        })?;
+        run_ordered(
+            chunks.len(),
+            window,
+            || (),
+            make,
+            |made: Vec<f32>| {
+                bytes.clear();
+                for (position, number) in positions[numbers.len()..].iter().zip(&made) {
+                    bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+                    bytes.extend_from_slice(&number.to_le_bytes());
+                }
+                file.overwrite((start + numbers.len() * VERTEX_BYTES) as u64, &bytes)?;
+                progress.advance(made.len() as u64);
+                numbers.extend(made);
+                Ok(())
+            },
+        )?;
         let head = header(numbers.len() as u64, self.faces, self.property);
         self.file.overwrite(0, head.as_bytes())?;
         self.file.finish()?;

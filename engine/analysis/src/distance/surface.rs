@@ -79,21 +79,28 @@ impl Surface {
             let brick = tree.brick(key)?;
             Ok(Piece::new(root, deepest, key, &brick, facets).map(|piece| (key, piece)))
         };
-        edge_facets(tree, caches as usize, (Bend::Strong, |_| true), progress, make, |made: Option<(NodeKey, Piece)>| {
-            let Some((key, piece)) = made else { return Ok(()) };
-            keys.push(key);
-            blocks.push(piece.block());
-            patches += piece.patches.len() as u64;
-            let bytes = piece.heap_bytes() as u64;
-            if here + bytes <= memory / 2 {
-                here += bytes;
-                held.push(Held::Here(Box::new(piece)));
-            } else {
-                let (base, bytes) = (piece.base, piece.bytes());
-                held.push(Held::There { offset: file.append(&bytes)?, bytes: bytes.len(), base });
-            }
-            Ok(())
-        })?;
+        edge_facets(
+            tree,
+            caches as usize,
+            (Bend::Strong, |_| true),
+            progress,
+            make,
+            |made: Option<(NodeKey, Piece)>| {
+                let Some((key, piece)) = made else { return Ok(()) };
+                keys.push(key);
+                blocks.push(piece.block());
+                patches += piece.patches.len() as u64;
+                let bytes = piece.heap_bytes() as u64;
+                if here + bytes <= memory / 2 {
+                    here += bytes;
+                    held.push(Held::Here(Box::new(piece)));
+                } else {
+                    let (base, bytes) = (piece.base, piece.bytes());
+                    held.push(Held::There { offset: file.append(&bytes)?, bytes: bytes.len(), base });
+                }
+                Ok(())
+            },
+        )?;
         let boxes = Boxes::new(blocks.into_iter(), 1);
         let cache = BrickCache::new(memory / 2);
         Ok(Surface { root, deepest, keys, held, boxes, file, cache, patches })
@@ -161,7 +168,8 @@ impl Surface {
     /// What reading the file gives.
     pub fn closest(&self, from: [f64; 3], within: f64) -> Result<Option<Foot>> {
         let mut search = Nearest { within: within * within, best: None, aligned: -1.0 };
-        let near = |search: &Nearest, squared: f64| (squared <= search.within * (1.0 + TIE)).then_some(squared);
+        let near =
+            |search: &Nearest, squared: f64| (squared <= search.within * (1.0 + TIE)).then_some(squared);
         self.boxes.search(
             &mut search,
             |search, block| near(search, squared_from(block, from)),
@@ -265,9 +273,7 @@ impl Surface {
     pub fn ball(&self, touch: BallAt, most: f64, apart: f64) -> Result<(f64, Option<Foot>)> {
         let BallAt { at, toward, outward } = touch;
         let mut ball = Ball { at, toward, radius: most, centre: along(at, toward, most), contact: None };
-        let reaches = |ball: &Ball, squared: f64| {
-            (squared < ball.radius * ball.radius).then_some(squared)
-        };
+        let reaches = |ball: &Ball, squared: f64| (squared < ball.radius * ball.radius).then_some(squared);
         self.boxes.search(
             &mut ball,
             |ball, block| reaches(ball, squared_from(block, ball.centre)),

@@ -140,11 +140,17 @@ pub fn thin_regions(
     };
     let mut marked = Vec::new();
     let window = 8 * rayon::current_num_threads();
-    run_ordered(leaves, window, || (), make, |found| {
-        marked.extend(found);
-        progress.advance(1);
-        Ok(())
-    })?;
+    run_ordered(
+        leaves,
+        window,
+        || (),
+        make,
+        |found| {
+            marked.extend(found);
+            progress.advance(1);
+            Ok(())
+        },
+    )?;
     let mut regions = joined(marked);
     // A wall is measured from both of its sides.
     regions.iter_mut().for_each(|region| region.volume *= 0.5);

@@ -94,8 +94,10 @@ impl Triangles {
 
     /// The nearest point, of several triangles at an edge that of the one that sees the place best.
     pub fn nearest(&self, from: [f64; 3]) -> Nearest {
-        let mut best = (f64::INFINITY, -1.0, Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY });
-        let near = |best: &(f64, f64, Nearest), squared: f64| (squared <= best.0 * (1.0 + TIE)).then_some(squared);
+        let mut best =
+            (f64::INFINITY, -1.0, Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY });
+        let near =
+            |best: &(f64, f64, Nearest), squared: f64| (squared <= best.0 * (1.0 + TIE)).then_some(squared);
         let found = self.boxes.search(
             &mut best,
             |best, block| near(best, squared_from(block, from)),
@@ -125,7 +127,8 @@ impl Triangles {
     pub fn signed(&self, from: [f64; 3]) -> (f64, Nearest) {
         let nearest = self.nearest(from);
         let behind = || dot(minus(from, nearest.at), nearest.normal) < 0.0;
-        let winding = if self.is_closed { RAYS.iter().find_map(|ray| self.winding(from, *ray)) } else { None };
+        let winding =
+            if self.is_closed { RAYS.iter().find_map(|ray| self.winding(from, *ray)) } else { None };
         let inside = winding.map_or_else(behind, |w| w >= 1);
         (if inside { -nearest.distance } else { nearest.distance }, nearest)
     }
@@ -221,9 +224,15 @@ fn area(facet: &[[f32; 3]; 3]) -> f64 {
 fn directed(from: [f32; 3], to: [f32; 3]) -> u64 {
     // Both zeros are one place.
     let name = |p: [f32; 3]| p.map(|c| u64::from((c + 0.0).to_bits()));
-    let hash = |p: [u64; 3]| p.into_iter().fold(0, |hash: u64, c| mix(hash ^ c.wrapping_add(crate::lattice::GOLDEN)));
+    let hash = |p: [u64; 3]| {
+        p.into_iter().fold(0, |hash: u64, c| mix(hash ^ c.wrapping_add(crate::lattice::GOLDEN)))
+    };
     let (a, b) = (name(from), name(to));
-    if a <= b { mix(hash(a) ^ hash(b).rotate_left(17)) } else { mix(hash(b) ^ hash(a).rotate_left(17)).wrapping_neg() }
+    if a <= b {
+        mix(hash(a) ^ hash(b).rotate_left(17))
+    } else {
+        mix(hash(b) ^ hash(a).rotate_left(17)).wrapping_neg()
+    }
 }
 
 #[cfg(test)]

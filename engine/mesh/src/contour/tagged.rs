@@ -82,7 +82,8 @@ pub fn edge_facets<T: Send>(
     make: impl Fn(NodeKey, &[EdgeFacet]) -> Result<T> + Sync,
     mut take: impl FnMut(T) -> Result<()> + Send,
 ) -> Result<()> {
-    let options = ContourOptions { cache_bytes, follow_creases: bend == Bend::Slight, ..ContourOptions::default() };
+    let options =
+        ContourOptions { cache_bytes, follow_creases: bend == Bend::Slight, ..ContourOptions::default() };
     require_resolution(tree, None)?;
     let mut field = stages::field(tree, level(options.iso)?, &options)?;
     field.on_surface = match bend {
