@@ -36,7 +36,7 @@ const CRATES: [(&str, &[Room]); 12] = [
     ("winding", &[("winding", &[]), ("solid", &[])]),
     ("mesh", &[("contour", &[])]),
     ("builder", &[("backend", &[]), ("volumes", &[]), ("build", &["backend", "volumes"])]),
-    ("analysis", &[("analysis", &[]), ("voids", &["analysis"]), ("fraction", &["analysis"])]),
+    ("analysis", &[("analysis", &[]), ("distance", &[]), ("voids", &["analysis"]), ("fraction", &["analysis"])]),
     ("export", &[("export", &[])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.

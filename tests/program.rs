@@ -13,6 +13,7 @@ mod program {
     mod clouds;
     mod detail;
     mod determinism;
+    mod distance;
     mod documents;
     mod export;
     mod inputs;

@@ -51,6 +51,7 @@
 //! | [`build`] | all settings of a build; shards and their joining |
 //! | [`store`], [`cache`] | stores: reading, verifying, rewriting, cutting down |
 //! | [`analysis`], [`voids`] | samples, volumes, overlaps, components of void and solid |
+//! | [`distance`] | wall thickness, offsets, deviations |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
 //! | [`export`] | volumes in the files of other tools |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
@@ -75,7 +76,7 @@ pub use builder::Builder;
 pub use field::Field;
 pub use octree::Octree;
 
-pub use brickfield_analysis::{analysis, fraction, voids};
+pub use brickfield_analysis::{analysis, distance, fraction, voids};
 pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};

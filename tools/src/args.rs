@@ -2,6 +2,7 @@
 
 use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::devices::{BackendArgs, DeviceCheckArg};
+use crate::distance_args::{DeviationArgs, OffsetArgs, ThicknessArgs};
 use crate::layer_args::{LayersArgs, OverlapArgs};
 pub use crate::mesh_args::MeshArgs;
 use crate::picture_args::{RenderArgs, SliceArgs};
@@ -45,6 +46,9 @@ pub enum Command {
     Voids(VoidsArgs),
     Layers(LayersArgs),
     Overlap(OverlapArgs),
+    Thickness(ThicknessArgs),
+    Deviation(DeviationArgs),
+    Offset(OffsetArgs),
     Slice(SliceArgs),
     Render(RenderArgs),
     View(WindowArgs),

@@ -13,9 +13,12 @@ const TOP_TEMPLATE: &str =
 
 /// Commands by task; any that is not here comes last.
 const TASKS: [(&str, &[&str]); 5] = [
-    ("Make stores", &["build", "cache", "verify"]),
+    ("Make stores", &["build", "offset", "cache", "verify"]),
     ("Write meshes and arrays", &["mesh", "beads", "export"]),
-    ("Ask for numbers", &["info", "sample", "winding", "voids", "layers", "overlap"]),
+    (
+        "Ask for numbers",
+        &["info", "sample", "winding", "voids", "layers", "overlap", "thickness", "deviation"],
+    ),
     ("See", &["slice", "render", "view"]),
     ("The program itself", &["completions", "man", "help"]),
 ];
@@ -92,6 +95,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
             "output",
             "mesh",
             "labels",
+            "regions",
             "format",
             "dtype",
             "compression",

@@ -8,6 +8,7 @@ mod cache_args;
 mod clouds;
 mod commands;
 mod devices;
+mod distance_args;
 mod help;
 mod kinds;
 mod layer_args;
@@ -57,6 +58,9 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Voids(args) => commands::voids::run(&args),
         Command::Layers(args) => commands::layers::run(&args),
         Command::Overlap(args) => commands::overlap::run(&args),
+        Command::Thickness(args) => commands::thickness::run(&args),
+        Command::Deviation(args) => commands::deviation::run(&args),
+        Command::Offset(args) => commands::offset::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),
         #[cfg(feature = "view")]

@@ -3,12 +3,11 @@
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod distance;
 pub mod fraction;
 pub mod voids;
 
-#[cfg(test)]
-use brickfield_core::part;
-use brickfield_core::{error, lattice, progress, sets, soup};
+use brickfield_core::{error, lattice, part, progress, schedule, sets, soup};
 use brickfield_mesh::contour;
 use brickfield_octree::{brick, store};
 use brickfield_winding::{solid, winding};

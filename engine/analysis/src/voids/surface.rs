@@ -6,7 +6,7 @@
 //! of d along the normal. What remains is of fourth order in the cell; flat faces and sharp edges have no such rest at all.
 
 use super::labelling::Labelling;
-use crate::contour::{EdgeFacet, edge_facets};
+use crate::contour::{Bend, EdgeFacet, edge_facets};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube, cross, dot, minus};
 use crate::progress::Progress;
@@ -156,7 +156,7 @@ pub(super) fn surfaces(
         Ok(surfaces)
     };
     let mut all: BTreeMap<usize, Surface> = BTreeMap::new();
-    edge_facets(tree, cache_bytes, is_wanted, progress, make, |surfaces| {
+    edge_facets(tree, cache_bytes, (Bend::Slight, is_wanted), progress, make, |surfaces| {
         for (component, surface) in surfaces {
             all.entry(component).or_default().add(surface);
         }

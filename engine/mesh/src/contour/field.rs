@@ -11,6 +11,7 @@ use super::leaves::{Leaves, Side, cell_in};
 use super::options::ContourOptions;
 use super::order::in_order;
 use super::qef::PlaneSums;
+use super::solve::OnSurface;
 use super::spare::Spare;
 use super::surface::{Changes, Level, Surface};
 use super::vertices::LeafVertices;
@@ -54,7 +55,7 @@ pub(super) struct Field<'a> {
     merging: Option<Merging>,
     follows_creases: bool,
     /// Whether vertices of smooth cells stand on the surface, not where planes meet outside of it.
-    pub on_surface: bool,
+    pub on_surface: OnSurface,
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
     users: Vec<AtomicU32>,
     /// Room that cells were made in.
@@ -121,7 +122,7 @@ impl<'a> Field<'a> {
             faces,
             merging,
             follows_creases: options.follow_creases,
-            on_surface: false,
+            on_surface: OnSurface::Never,
             users,
             spare_sums: Spare::default(),
             spare_quads: Spare::default(),

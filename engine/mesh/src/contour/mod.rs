@@ -114,7 +114,7 @@ pub use sink::{
     Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
 };
 
-pub use tagged::{EdgeFacet, edge_facets};
+pub use tagged::{Bend, EdgeFacet, edge_facets};
 
 use crate::error::{Error, Result};
 use crate::part::temporary::require_folder;

@@ -43,8 +43,28 @@ pub(super) struct Group {
     /// Whether vertices of cells without a sharp crease are to stand on the surface. Of a smooth surface the planes meet as
     /// far outside of it as the mass point of their points lies inside: half way between them is the surface itself, but for
     /// terms of third order.
-    on_surface: bool,
+    on_surface: OnSurface,
 }
+
+/// Which vertices stand on the surface and not where planes meet outside of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum OnSurface {
+    /// None.
+    #[default]
+    Never,
+    /// Those of cells without a crease.
+    Smooth,
+    /// Those, too, in which the surface turns by up to 60° while no point is on all planes, as none is of a surface that is bent
+    /// and not creased.
+    Bent,
+}
+
+/// tan² of half of 60°.
+const BENT: f64 = 1.0 / 3.0;
+/// How far outside of its cell a vertex may be that stands on the surface, along each axis, in cells.
+const LOOSE: f64 = 1.0;
+/// How far planes pass by the point nearest to all, in cells, where a surface is bent and not creased.
+const MISSED: f64 = 3e-4;
 
 /// Sums of planes, term by term.
 #[derive(Clone, Default)]
@@ -100,7 +120,7 @@ impl<S: Simd> Solved<S> {
 
 impl Group {
     /// An empty one; `on_surface` is as in [`super::field::Field`].
-    pub(super) fn new(on_surface: bool) -> Group {
+    pub(super) fn new(on_surface: OnSurface) -> Group {
         Group { on_surface, ..Group::default() }
     }
 
@@ -243,8 +263,8 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     let agreed = dot(normals, normals) / count;
     let is_flat = (count - agreed).simd_le(agreed * TRUNCATION_SQUARED);
     let lanes = (1u64 << used) - 1;
-    let flat = is_flat.to_bitmask() & lanes;
-    let sharp = (count - agreed).simd_gt(agreed * SHARP).to_bitmask() & lanes;
+    let mut flat = is_flat.to_bitmask() & lanes;
+    let mut sharp = (count - agreed).simd_gt(agreed * SHARP).to_bitmask() & lanes;
     // Neighbours are alike: most groups need one of the two.
     let mut free = if flat != 0 { along_normal(simd, &matrix, rhs, normals) } else { Truncated::none(simd) };
     if flat != lanes {
@@ -256,8 +276,27 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
         free.is_sound = is_flat | creased.is_sound;
         (free.along, free.is_line) = (creased.along, creased.is_line);
     }
-    if group.on_surface {
-        let is_smooth = (count - agreed).simd_le(agreed * SHARP);
+    // Lanes whose vertex may leave its cell, so that it is on the surface.
+    let mut loose = mask64x8::splat(simd, false);
+    if group.on_surface != OnSurface::Never {
+        let mut is_smooth = (count - agreed).simd_le(agreed * SHARP);
+        if group.on_surface == OnSurface::Bent {
+            let v = [mean[0] + free.x[0], mean[1] + free.x[1], mean[2] + free.x[2]];
+            let missed = planes.constant - dot(at_centre, v) * 2.0 + dot(v, matrix.times(v));
+            // Where no direction stands out there is no crease, either.
+            let is_missed = missed.simd_gt(count * (MISSED * MISSED)) | !free.is_sound;
+            is_smooth |= (count - agreed).simd_le(agreed * BENT) & is_missed;
+            let lifted = along_normal(simd, &matrix, rhs, normals);
+            for a in 0..3 {
+                free.x[a] = is_smooth.select(lifted.x[a], free.x[a]);
+            }
+            free.largest = is_smooth.select(lifted.largest, free.largest);
+            free.is_sound |= is_smooth;
+            sharp &= !is_smooth.to_bitmask();
+            // Whose planes nearly meet in a point are no corner.
+            flat |= is_smooth.to_bitmask() & lanes;
+            loose = is_smooth;
+        }
         for x in &mut free.x {
             *x = is_smooth.select(*x * half, *x);
         }
@@ -267,7 +306,21 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     let mut at = anywhere;
     let bounds = [[f64x8::splat(simd, margin); 3], [f64x8::splat(simd, 1.0 - margin); 3]];
     let done = on_faces(&matrix, rhs, mass, free.largest, bounds, &mut at);
-    let left = lanes & !(done & free.is_sound.to_bitmask());
+    if group.on_surface == OnSurface::Bent {
+        // A crease leaves many of the cells that see it, near their faces.
+        let mut is_near = mask64x8::splat(simd, true);
+        for c in anywhere {
+            is_near &= c.simd_ge(f64x8::splat(simd, -LOOSE)) & c.simd_le(f64x8::splat(simd, 1.0 + LOOSE));
+        }
+        loose |= is_near & free.is_sound;
+    }
+    let loosely = loose.to_bitmask();
+    if loosely != 0 {
+        for a in 0..3 {
+            at[a] = loose.select(anywhere[a], at[a]);
+        }
+    }
+    let left = lanes & !((done | loosely) & free.is_sound.to_bitmask());
     let mut terms = [[0.0; GROUP]; 16];
     if left | sharp != 0 {
         let largest = free.is_sound.select(free.largest, f64x8::splat(simd, -1.0));

@@ -7,6 +7,7 @@ use super::cut::{Cuts, FacetBytes};
 use super::leaves::Leaf;
 use super::options::{ContourOptions, level, require_resolution};
 use super::polygons::{self, Making};
+use super::solve::OnSurface;
 use super::spare::Spare;
 use super::stages;
 use crate::error::Result;
@@ -56,6 +57,15 @@ fn facets(bytes: &[u8]) -> Vec<EdgeFacet> {
     bytes.as_chunks::<FACET_BYTES>().0.iter().map(facet).collect()
 }
 
+/// How much a surface may bend within a cell and still be taken for a smooth one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bend {
+    /// By up to 30°.
+    Slight,
+    /// By up to 60°, unless its planes meet as those of a crease do.
+    Strong,
+}
+
 /// Contours the boundary w = 0.5 in the leaves that `is_wanted` picks, of those with a sign change. Calls `make` with
 /// the facets that each of them owns, on any thread, and `take` with what it gives, in Morton order of the leaves.
 ///
@@ -67,15 +77,19 @@ fn facets(bytes: &[u8]) -> Vec<EdgeFacet> {
 pub fn edge_facets<T: Send>(
     tree: &dyn BrickTree,
     cache_bytes: usize,
-    is_wanted: impl Fn(NodeKey) -> bool + Sync,
+    (bend, is_wanted): (Bend, impl Fn(NodeKey) -> bool + Sync),
     progress: &dyn Progress,
     make: impl Fn(NodeKey, &[EdgeFacet]) -> Result<T> + Sync,
     mut take: impl FnMut(T) -> Result<()> + Send,
 ) -> Result<()> {
-    let options = ContourOptions { cache_bytes, follow_creases: true, ..ContourOptions::default() };
+    let options =
+        ContourOptions { cache_bytes, follow_creases: bend == Bend::Slight, ..ContourOptions::default() };
     require_resolution(tree, None)?;
     let mut field = stages::field(tree, level(options.iso)?, &options)?;
-    field.on_surface = true;
+    field.on_surface = match bend {
+        Bend::Slight => OnSurface::Smooth,
+        Bend::Strong => OnSurface::Bent,
+    };
     progress.phase("measuring surfaces", Some(field.leaves.len() as u64), "bricks");
     let making =
         Making { wanted: FacetBytes { append, normals: false }, spare: Spare::default(), normals: false };

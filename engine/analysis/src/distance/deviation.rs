@@ -1,0 +1,261 @@
+//! Deviation of a part from a reference: signed distances both ways, and where they are too large.
+
+use super::regions::{Marked, Region, joined};
+use super::sides::Sides;
+use super::surface::{Place, Surface};
+use super::triangles::Triangles;
+use crate::error::Result;
+use crate::lattice::{dot, minus};
+use crate::progress::Progress;
+use crate::schedule::run_ordered;
+
+/// Points that a thread takes at once.
+const AT_ONCE: usize = 1024;
+/// Shares of points, in percent, that lie below the numbers told of a spread.
+pub const PERCENTILES: [f64; 5] = [0.1, 1.0, 50.0, 99.0, 99.9];
+
+/// What a part is compared with.
+#[derive(Clone, Copy)]
+pub enum Reference<'a> {
+    /// A mesh.
+    Mesh(&'a Triangles),
+    /// The surface of a store, and its samples.
+    Store(&'a Surface, &'a Sides<'a>),
+}
+
+/// A point of a reference, in world units.
+#[derive(Clone, Copy, Debug)]
+pub struct Opposite {
+    /// Where it is.
+    pub at: [f64; 3],
+    /// The unit normal there.
+    pub normal: [f64; 3],
+    /// How far it is, below 0 from within.
+    pub signed: f64,
+}
+
+/// A rigid motion: a rotation, then a shift.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// By rows.
+    pub rotation: [[f64; 3]; 3],
+    /// In world units.
+    pub shift: [f64; 3],
+}
+
+/// How signed distances are spread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Spread {
+    /// How many points.
+    pub points: usize,
+    /// Their mean.
+    pub mean: f64,
+    /// The root of the mean of their squares.
+    pub rms: f64,
+    /// The least.
+    pub min: f64,
+    /// What [`PERCENTILES`] of all are at most.
+    pub percentiles: [f64; 5],
+    /// The greatest.
+    pub max: f64,
+}
+
+impl Motion {
+    /// None.
+    pub const NONE: Motion =
+        Motion { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
+
+    /// Where a point goes.
+    pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| dot(self.rotation[a], p) + self.shift[a])
+    }
+
+    /// Where it came from.
+    pub fn undo(&self, p: [f64; 3]) -> [f64; 3] {
+        let q = minus(p, self.shift);
+        std::array::from_fn(|a| (0..3).map(|n| self.rotation[n][a] * q[n]).sum())
+    }
+
+    /// By how many degrees it turns.
+    pub fn degrees(&self) -> f64 {
+        let trace = self.rotation[0][0] + self.rotation[1][1] + self.rotation[2][2];
+        (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos().to_degrees()
+    }
+}
+
+impl Reference<'_> {
+    /// The box around it.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        match self {
+            Reference::Mesh(triangles) => triangles.bounds(),
+            Reference::Store(surface, _) => surface.bounds().unwrap_or_default(),
+        }
+    }
+
+    /// The nearest point, with the signed distance.
+    ///
+    /// # Errors
+    /// What reading a store's surface gives.
+    pub fn opposite(&self, from: [f64; 3]) -> Result<Opposite> {
+        match self {
+            Reference::Mesh(triangles) => {
+                let (signed, nearest) = triangles.signed(from);
+                Ok(Opposite { at: nearest.at, normal: nearest.normal, signed })
+            }
+            Reference::Store(surface, sides) => of_surface(surface, sides, from),
+        }
+    }
+
+    /// The nearest point without the sign, which takes less time of a mesh.
+    ///
+    /// # Errors
+    /// As [`Reference::opposite`].
+    pub fn nearest(&self, from: [f64; 3]) -> Result<Opposite> {
+        match self {
+            Reference::Mesh(triangles) => {
+                let nearest = triangles.nearest(from);
+                Ok(Opposite { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
+            }
+            Reference::Store(surface, sides) => of_surface(surface, sides, from),
+        }
+    }
+
+    /// Points of it, at most about so many: of a mesh vertices and points spread by area, of a store crossings.
+    ///
+    /// # Errors
+    /// What reading a store's surface gives.
+    pub fn samples(&self, most: usize) -> Result<Vec<[f64; 3]>> {
+        match self {
+            Reference::Mesh(triangles) => Ok(triangles.samples(most)),
+            Reference::Store(surface, _) => {
+                let step = (surface.patches() as usize).div_ceil(most).max(1);
+                let mut points = Vec::new();
+                for leaf in 0..surface.leaves().len() {
+                    let patches = surface.patches_of(leaf)?;
+                    points.extend(patches.iter().step_by(step).map(|patch| surface.to_world(patch.at)));
+                }
+                Ok(points)
+            }
+        }
+    }
+}
+
+/// The signed distance of a world position from the surface of a store, with the nearest point.
+///
+/// # Errors
+/// What reading the surface gives.
+pub fn of_surface(surface: &Surface, sides: &Sides<'_>, from: [f64; 3]) -> Result<Opposite> {
+    surface.require_any()?;
+    let at = surface.to_cells(from);
+    let foot = surface.closest(at, f64::INFINITY)?;
+    let Some(foot) = foot else { return Ok(Opposite { at: from, normal: [0.0; 3], signed: f64::INFINITY }) };
+    let distance = foot.distance * surface.cell();
+    let signed = if sides.inside(at, foot.distance, foot.inside)? { -distance } else { distance };
+    Ok(Opposite { at: surface.to_world(foot.at), normal: foot.normal, signed })
+}
+
+/// Asks for a number at all points, on all threads, in order.
+///
+/// # Errors
+/// What `number` gives; [`crate::error::Error::Interrupted`].
+pub fn at_points(
+    points: &[[f64; 3]],
+    progress: &dyn Progress,
+    number: impl Fn([f64; 3]) -> Result<f64> + Sync,
+) -> Result<Vec<f32>> {
+    progress.phase("distances", Some(points.len() as u64), "points");
+    let chunks: Vec<&[[f64; 3]]> = points.chunks(AT_ONCE).collect();
+    let make = |_: &mut (), n: usize| {
+        progress.check()?;
+        chunks[n].iter().map(|p| Ok(number(*p)? as f32)).collect::<Result<Vec<f32>>>()
+    };
+    let mut numbers = Vec::with_capacity(points.len());
+    run_ordered(
+        chunks.len(),
+        8 * rayon::current_num_threads(),
+        || (),
+        make,
+        |made: Vec<f32>| {
+            progress.advance(made.len() as u64);
+            numbers.extend(made);
+            Ok(())
+        },
+    )?;
+    Ok(numbers)
+}
+
+impl Spread {
+    /// Of some signed distances.
+    pub fn of(values: &[f32]) -> Spread {
+        let mut sorted: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
+        sorted.sort_by(f32::total_cmp);
+        let points = sorted.len();
+        if points == 0 {
+            return Spread::default();
+        }
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for value in &sorted {
+            let value = f64::from(*value);
+            sum += value;
+            squares += value * value;
+        }
+        let place = |share: f64| ((points as f64 * share / 100.0).ceil() as usize).clamp(1, points) - 1;
+        Spread {
+            points,
+            mean: sum / points as f64,
+            rms: (squares / points as f64).sqrt(),
+            min: f64::from(sorted[0]),
+            percentiles: PERCENTILES.map(|share| f64::from(sorted[place(share)])),
+            max: f64::from(sorted[points - 1]),
+        }
+    }
+
+    /// The largest distance to either side.
+    pub fn largest(&self) -> f64 {
+        self.max.max(-self.min)
+    }
+}
+
+/// Connected surface of the part that is farther than `within` from the reference, first what lies outside of it, then what
+/// lies inside, each with the largest area first. `motion` takes the part to the reference.
+///
+/// # Errors
+/// What reading the surfaces gives.
+pub fn regions_beyond(
+    part: &Surface,
+    reference: Reference<'_>,
+    (motion, within): (Motion, f64),
+    progress: &dyn Progress,
+) -> Result<[Vec<Region>; 2]> {
+    let (leaves, cell) = (part.leaves().len(), part.cell());
+    progress.phase("regions", Some(leaves as u64), "bricks");
+    let make = |_: &mut (), leaf: usize| {
+        progress.check()?;
+        let mut found = Vec::new();
+        for (n, patch) in part.patches_of(leaf)?.into_iter().enumerate() {
+            let at = part.to_world(patch.at);
+            let value = reference.opposite(motion.apply(at))?.signed;
+            if value.abs() > within {
+                let place = Place { leaf: leaf as u32, patch: n as u32 };
+                let area = patch.area * cell * cell;
+                found.push(Marked { place, at, area, value, opposite: None, corners: patch.corners });
+            }
+        }
+        Ok(found)
+    };
+    let mut sides = [Vec::new(), Vec::new()];
+    run_ordered(
+        leaves,
+        8 * rayon::current_num_threads(),
+        || (),
+        make,
+        |found: Vec<Marked>| {
+            progress.advance(1);
+            for marked in found {
+                sides[usize::from(marked.value < 0.0)].push(marked);
+            }
+            Ok(())
+        },
+    )?;
+    Ok(sides.map(joined))
+}

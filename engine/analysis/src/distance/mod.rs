@@ -1,0 +1,44 @@
+//! Distances from the surface of a store: wall thickness, offset, deviation.
+//!
+//! One kernel answers all of them: the surface as *patches*, one for each crossing. A patch is the crossing's polygon of the dual
+//! contour, bent by the quadratic form that passes its corners, so that it is exact on planes and right to the third order on
+//! curved surfaces. Patches are found by boxes in Morton order, leaf by leaf.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `patch` | one patch: its nearest point, where a ray meets it |
+//! | `piece` | the patches of a leaf |
+//! | `boxes` | trees of boxes |
+//! | `sides` | inside or outside, by samples |
+//! | `surface` | all patches: nearest points, rays, balls |
+//! | `around` | normals of surfaces with facets |
+//! | `thickness` | thickness of walls, width of gaps |
+//! | `offset` | offsets and shells as stores |
+//! | `deviation` | signed distances from a reference, both ways |
+//! | `align` | a part laid over a reference |
+//! | `triangles` | the triangles of a mesh |
+//! | `regions` | patches that hang together |
+//! | `scalar_ply` | meshes whose vertices have a number |
+
+mod align;
+mod around;
+mod boxes;
+pub mod deviation;
+pub mod offset;
+mod patch;
+mod piece;
+mod regions;
+mod scalar_ply;
+mod sides;
+mod surface;
+#[cfg(test)]
+mod tests;
+pub mod thickness;
+mod triangles;
+
+pub use align::{Align, align};
+pub use regions::Region;
+pub use scalar_ply::ScalarPly;
+pub use sides::Sides;
+pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
+pub use triangles::{Nearest, Triangles};

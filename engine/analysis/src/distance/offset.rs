@@ -1,0 +1,474 @@
+//! Offsets and shells of a part as new stores: a lattice of signs of distance − length, with exact crossings.
+
+use super::sides::{FAR, Part, Sides};
+use super::surface::{Foot, Surface};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
+use crate::error::{Error, Result};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant, RootCube};
+use crate::progress::Progress;
+use crate::schedule::run_ordered;
+use crate::store::{
+    BrickTree, Meta, PayloadHead, Refine, Scratch, Stats, Store, StoreWriter, encode_into, subtree_level,
+};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A node or a run of samples is decided as a whole where the field at its middle exceeds its reach by this many cells: far
+/// more than errors of distances, so that all who share a sample decide alike.
+const CERTAIN: f64 = 0.1;
+/// A crossing is found where the field is this small, in cells, or after so many steps.
+const ROOT: f64 = 2e-5;
+const STEPS: usize = 12;
+/// The least cosine between the way from the surface and its normal where it has no edge.
+const SMOOTH: f64 = 0.98;
+/// By how much the components of a normal are scaled before they are rounded.
+const NORMAL_SCALE: f64 = 1e12;
+
+/// What of the distance from a surface becomes solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Solid {
+    /// What is nearer to the part than so many world units, or what lies deeper in it, if the number is below 0.
+    Offset(f64),
+    /// What of the part is nearer to its surface than this.
+    Shell(f64),
+}
+
+/// Writes the offset or shell of a store to another, on the same lattice. Where it does not fit into the root, that is doubled,
+/// about the same lattice.
+///
+/// # Errors
+/// [`Error::Setting`] if nothing is left or no room is; what reading and writing give.
+pub fn offset(
+    store: &Store,
+    surface: &Surface,
+    solid: Solid,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<Stats> {
+    let grown = Grown::of(store, surface, solid)?;
+    let meta = grown.meta(store, solid);
+    let mut writer = StoreWriter::create(output, &meta)?;
+    grown.write(&mut writer, progress)?;
+    progress.phase("finishing", None, "bytes");
+    writer.finish(meta)
+}
+
+/// The field on the new lattice. Lengths are in cells.
+struct Grown<'a> {
+    sides: Sides<'a>,
+    surface: &'a Surface,
+    solid: Solid,
+    by: f64,
+    root: RootCube,
+    depth: u8,
+    /// The old lattice's first sample on the new one.
+    shift: i64,
+}
+
+/// Records that a thread has made.
+#[derive(Default)]
+struct Made {
+    /// Key, leaf or not, head and end of the payload in `bytes`.
+    nodes: Vec<(NodeKey, bool, PayloadHead, usize)>,
+    bytes: Vec<u8>,
+}
+
+/// A node as its parent sees it.
+enum Node {
+    Uniform(i16),
+    Brick(Box<Brick>),
+}
+
+impl<'a> Grown<'a> {
+    fn of(tree: &'a dyn BrickTree, surface: &'a Surface, solid: Solid) -> Result<Grown<'a>> {
+        surface.require_any()?;
+        let length = match solid {
+            Solid::Offset(by) | Solid::Shell(by) => by,
+        };
+        let depth = tree.deepest_level();
+        let mut grown = Grown {
+            sides: Sides::new(tree)?,
+            surface,
+            solid,
+            by: length / surface.cell(),
+            root: tree.root(),
+            depth,
+            shift: 0,
+        };
+        let [low, high] = surface.bounds().unwrap_or_default().map(|end| surface.to_cells(end));
+        let margin = grown.by.max(0.0) + 2.0;
+        let mut cells = (BRICK_CELLS as i64) << depth;
+        while (0..3)
+            .any(|a| low[a] - margin < -grown.shift as f64 || high[a] + margin > (cells - grown.shift) as f64)
+        {
+            // Whole bricks, so that those of both lattices coincide.
+            let half = (cells / 2).max(BRICK_CELLS as i64);
+            if grown.depth == MAX_LEVEL {
+                return Err(Error::setting(
+                    "the offset part does not fit into the lattice",
+                    "choose a shorter length, or build the store with other cells",
+                ));
+            }
+            let cell = surface.cell();
+            let RootCube { origin, edge } = grown.root;
+            let unit = grown.root.unit();
+            grown.root = RootCube { origin: origin.map(|c| c - unit - half as f64 * cell), edge: 2.0 * edge };
+            grown.shift += half;
+            grown.depth += 1;
+            cells *= 2;
+        }
+        Ok(grown)
+    }
+
+    fn meta(&self, store: &Store, solid: Solid) -> Meta {
+        let old = store.meta();
+        let (name, length) = match solid {
+            Solid::Offset(by) => ("offset by", by),
+            Solid::Shell(by) => ("shell of", by),
+        };
+        let wider = length.max(0.0);
+        Meta {
+            program: format!("{}, {name} {length} {}", old.program, old.unit).trim_end().to_owned(),
+            root: self.root,
+            bounds_min: old.bounds_min.map(|c| c - wider),
+            bounds_max: old.bounds_max.map(|c| c + wider),
+            depth: self.depth,
+            refine: Refine::Surface,
+            stddev: 0.0,
+            tolerance: None,
+            beads: None,
+            share: None,
+            volumes: None,
+            ..old.clone()
+        }
+    }
+
+    /// The field: below 0 in the new part. With the outward normal of its surface.
+    fn field(&self, foot: &Foot, from: [f64; 3], inside: bool) -> (f64, [f64; 3]) {
+        let distance = if inside { -foot.distance } else { foot.distance };
+        let way: [f64; 3] = std::array::from_fn(|a| (from[a] - foot.at[a]) / distance);
+        // Where the surface is smooth its normal is right, even where the foot stands at the seam of two patches.
+        let is_smooth = foot.distance < 1e-4 || crate::lattice::dot(way, foot.normal) > SMOOTH;
+        let outward = if is_smooth { foot.normal } else { way };
+        match self.solid {
+            Solid::Offset(_) => (distance - self.by, outward),
+            Solid::Shell(_) if distance >= -distance - self.by => (distance, outward),
+            Solid::Shell(_) => (-distance - self.by, outward.map(|c| -c)),
+        }
+    }
+
+    /// The field at a place on the old lattice; `inside` where that is known.
+    fn at(&self, from: [f64; 3], inside: Option<bool>, within: f64) -> Result<(f64, [f64; 3])> {
+        let is_sample = from.iter().all(|c| c.fract() == 0.0);
+        let foot = match self.surface.closest(from, within)? {
+            Some(foot) => foot,
+            None => self.surface.closest(from, f64::INFINITY)?.ok_or_else(no_surface)?,
+        };
+        // A sample's side is certain; of what lies between samples only far from the surface.
+        let inside = inside.filter(|_| is_sample || foot.distance > FAR).unwrap_or(foot.inside);
+        Ok(self.field(&foot, from, inside))
+    }
+
+    /// A sample of the new lattice on the old one.
+    fn old(&self, sample: [i64; 3]) -> [f64; 3] {
+        sample.map(|c| (c - self.shift) as f64)
+    }
+
+    /// Whether all of a node is on one side, and on which.
+    fn decided(&self, key: NodeKey) -> Result<Option<bool>> {
+        let size = (BRICK_CELLS as i64) << (self.depth - key.level());
+        let first = key.position().map(|p| i64::from(p) * size);
+        let middle = self.old(first.map(|c| c + size / 2));
+        let reach = 0.5 * 3f64.sqrt() * size as f64 + CERTAIN;
+        let foot = self.surface.closest(middle, f64::INFINITY)?.ok_or_else(no_surface)?;
+        let inside = self.sides.inside(middle, foot.distance, foot.inside)?;
+        let (value, _) = self.field(&foot, middle, inside);
+        Ok((value.abs() > reach).then_some(value < 0.0))
+    }
+
+    fn write(&self, writer: &mut StoreWriter, progress: &dyn Progress) -> Result<()> {
+        let level = subtree_level(self.depth);
+        let (mut jobs, mut above) = (Vec::new(), Vec::new());
+        self.divide(NodeKey::ROOT, level, &mut jobs, &mut above)?;
+        progress.phase("offset", Some(jobs.len() as u64), "subtrees");
+        let mut tops: BTreeMap<NodeKey, Node> = BTreeMap::new();
+        let window = 4 * rayon::current_num_threads();
+        let work = |scratch: &mut Scratch, n: usize| {
+            let mut made = Made::default();
+            let top = self.subtree(jobs[n], scratch, &mut made, progress)?;
+            Ok((jobs[n], top, made))
+        };
+        run_ordered(jobs.len(), window, Scratch::new, work, |(key, top, made): (NodeKey, Node, Made)| {
+            progress.advance(1);
+            let mut from = 0;
+            for &(key, leaf, head, end) in &made.nodes {
+                writer.append(key, leaf, head, &made.bytes[from..end])?;
+                from = end;
+            }
+            tops.insert(key, top);
+            Ok(())
+        })?;
+        // Children stand before their parents.
+        above.sort_unstable_by_key(|(key, _): &(NodeKey, Option<bool>)| key.post_order());
+        for (key, side) in above {
+            let node = match side {
+                Some(side) => Node::Uniform(i16::from(side)),
+                None => parent(Octant::all().filter_map(|o| tops.remove(&key.child(o)))),
+            };
+            writer.append_brick(key, side.is_some(), &node.brick())?;
+            tops.insert(key, node);
+        }
+        match tops.get(&NodeKey::ROOT) {
+            Some(Node::Brick(_)) => Ok(()),
+            _ => Err(Error::setting("nothing is left of the part", "choose a shorter length")),
+        }
+    }
+
+    /// Finds nodes of a level that have to be made, and all above with what is decided of them.
+    fn divide(
+        &self,
+        key: NodeKey,
+        level: u8,
+        jobs: &mut Vec<NodeKey>,
+        above: &mut Vec<(NodeKey, Option<bool>)>,
+    ) -> Result<()> {
+        if key.level() == level {
+            jobs.push(key);
+            return Ok(());
+        }
+        let side = if key == NodeKey::ROOT { None } else { self.decided(key)? };
+        above.push((key, side));
+        if side.is_none() {
+            Octant::all().try_for_each(|octant| self.divide(key.child(octant), level, jobs, above))?;
+        }
+        Ok(())
+    }
+
+    fn subtree(
+        &self,
+        key: NodeKey,
+        scratch: &mut Scratch,
+        made: &mut Made,
+        progress: &dyn Progress,
+    ) -> Result<Node> {
+        progress.check()?;
+        let mut keep = |key: NodeKey, leaf: bool, brick: &Brick| {
+            let head = encode_into(brick, scratch, &mut made.bytes);
+            made.nodes.push((key, leaf, head, made.bytes.len()));
+        };
+        if let Some(side) = self.decided(key)? {
+            let node = Node::Uniform(i16::from(side));
+            keep(key, true, &node.brick());
+            return Ok(node);
+        }
+        if key.level() == self.depth {
+            let brick = self.brick(key)?;
+            keep(key, true, &brick);
+            return Ok(match brick {
+                Brick::Uniform(w) => Node::Uniform(w),
+                brick => Node::Brick(Box::new(brick)),
+            });
+        }
+        let mut below = Vec::with_capacity(8);
+        for octant in Octant::all() {
+            below.push(self.subtree(key.child(octant), scratch, made, progress)?);
+        }
+        let node = parent(below.into_iter());
+        let head = encode_into(&node.brick(), scratch, &mut made.bytes);
+        made.nodes.push((key, false, head, made.bytes.len()));
+        Ok(node)
+    }
+
+    fn brick(&self, key: NodeKey) -> Result<Brick> {
+        let first = key.first_sample().map(i64::from);
+        let mut samples = Block {
+            grown: self,
+            first,
+            part: self.sides.part(first.map(|c| c - self.shift))?,
+            values: vec![f32::NAN; BRICK_POINTS.pow(3)],
+        };
+        samples.decide([0; 3], [BRICK_POINTS; 3], f64::INFINITY)?;
+        samples.brick()
+    }
+}
+
+fn no_surface() -> Error {
+    Error::setting("the store has no surface", "build it with finer cells")
+}
+
+impl Node {
+    fn brick(&self) -> Brick {
+        match self {
+            Node::Uniform(w) => Brick::Uniform(*w),
+            Node::Brick(brick) => (**brick).clone(),
+        }
+    }
+}
+
+/// A node of its eight children's samples.
+fn parent(children: impl Iterator<Item = Node>) -> Node {
+    let children: Vec<Brick> = children.map(|node| node.brick()).collect();
+    let mut samples = Samples::filled(0);
+    let half = BRICK_CELLS / 2;
+    for k in 0..BRICK_POINTS {
+        for j in 0..BRICK_POINTS {
+            for i in 0..BRICK_POINTS {
+                let ijk = [i, j, k];
+                let upper = ijk.map(|c| usize::from(c >= half));
+                let child = &children[upper[0] + 2 * upper[1] + 4 * upper[2]];
+                samples.0[point_index(ijk)] =
+                    child.sample(std::array::from_fn(|a| 2 * (ijk[a] - half * upper[a])));
+            }
+        }
+    }
+    match Brick::from_samples(samples, Hermite::default()) {
+        Brick::Uniform(w) => Node::Uniform(w),
+        brick => Node::Brick(Box::new(brick)),
+    }
+}
+
+/// The samples of a brick while they are decided.
+struct Block<'a> {
+    grown: &'a Grown<'a>,
+    first: [i64; 3],
+    part: Part,
+    /// The field at samples that were asked for, or only its sign, as an infinite number.
+    values: Vec<f32>,
+}
+
+impl Block<'_> {
+    fn place(&self, ijk: [usize; 3]) -> [f64; 3] {
+        self.grown.old(std::array::from_fn(|a| self.first[a] + ijk[a] as i64))
+    }
+
+    fn inside(&self, ijk: [usize; 3]) -> Option<bool> {
+        match &self.part {
+            Part::All(inside) => Some(*inside),
+            Part::Samples(brick) => Some(brick.sample(ijk) >= 1),
+            Part::Unknown => None,
+        }
+    }
+
+    /// Decides a box of samples; the surface is known to be within so many cells of its middle.
+    fn decide(&mut self, low: [usize; 3], high: [usize; 3], within: f64) -> Result<()> {
+        let last = high.map(|c| c - 1);
+        if low == last {
+            let (value, _) = self.grown.at(self.place(low), self.inside(low), within)?;
+            // Never zero or no number, which would be neither side.
+            let value = value as f32;
+            self.values[point_index(low)] = if value == 0.0 { f32::MIN_POSITIVE } else { value };
+            return Ok(());
+        }
+        let middle: [f64; 3] = {
+            let (a, b) = (self.place(low), self.place(last));
+            std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
+        };
+        let sides: [f64; 3] = std::array::from_fn(|a| (last[a] - low[a]) as f64);
+        let reach = 0.5 * crate::lattice::dot(sides, sides).sqrt();
+        let foot = match self.grown.surface.closest(middle, within)? {
+            Some(foot) => foot,
+            None => self.grown.surface.closest(middle, f64::INFINITY)?.ok_or_else(no_surface)?,
+        };
+        // Farther than all of the box there is no surface between its samples.
+        let sample = if foot.distance > reach + CERTAIN { self.inside(low) } else { None };
+        let inside = match &self.part {
+            Part::All(inside) => *inside,
+            _ => sample.unwrap_or(foot.inside),
+        };
+        let (value, _) = self.grown.field(&foot, middle, inside);
+        if value.abs() > reach + CERTAIN {
+            let side = if value < 0.0 { f32::NEG_INFINITY } else { f32::INFINITY };
+            for k in low[2]..high[2] {
+                for j in low[1]..high[1] {
+                    let row = point_index([low[0], j, k]);
+                    self.values[row..row + high[0] - low[0]].fill(side);
+                }
+            }
+            return Ok(());
+        }
+        let axis = (0..3).max_by_key(|&a| high[a] - low[a]).unwrap_or(0);
+        let cut = usize::midpoint(low[axis], high[axis]);
+        for upper in [false, true] {
+            let (mut from, mut to) = (low, high);
+            if upper {
+                from[axis] = cut
+            } else {
+                to[axis] = cut
+            }
+            let there: [f64; 3] = {
+                let (a, b) = (self.place(from), self.place(to.map(|c| c - 1)));
+                std::array::from_fn(|n| 0.5 * (a[n] + b[n]) - middle[n])
+            };
+            let moved = crate::lattice::dot(there, there).sqrt();
+            self.decide(from, to, foot.distance + moved + CERTAIN)?;
+        }
+        Ok(())
+    }
+
+    fn brick(self) -> Result<Brick> {
+        let signs = SignChanges::from_fn(|n| self.values[n] < 0.0);
+        let mut samples = Samples::filled(0);
+        samples.0.iter_mut().zip(&self.values).for_each(|(s, value)| *s = i16::from(*value < 0.0));
+        let mut hermite = Hermite::default();
+        for axis in Axis::ALL {
+            let mut lows = Vec::new();
+            signs.for_edges(axis, |low| lows.push(low));
+            let edges = lows.into_iter().map(|low| self.crossing(axis, low)).collect::<Result<_>>()?;
+            hermite.edges[axis.index()] = edges;
+        }
+        Ok(Brick::from_samples(samples, hermite))
+    }
+
+    /// Where the field is zero between two samples, by the false position with its ends weighed (Illinois).
+    fn crossing(&self, axis: Axis, low: [usize; 3]) -> Result<HermiteEdge> {
+        let mut high = low;
+        high[axis.index()] += 1;
+        let from = self.place(low);
+        let mut ends = [0.0, 1.0];
+        let mut values = [0.0; 2];
+        let mut normal = [0.0; 3];
+        for (value, ijk) in values.iter_mut().zip([low, high]) {
+            let known = self.values[point_index(ijk)];
+            *value = f64::from(known);
+            if !known.is_finite() {
+                // Rounded as those that are known, so that every brick finds the same crossing.
+                *value = f64::from(self.grown.at(self.place(ijk), self.inside(ijk), f64::INFINITY)?.0 as f32);
+            }
+        }
+        let is_low_inside = self.values[point_index(low)] < 0.0;
+        // Of a part that both ends are in, or both are not, the edge is in, or not, where it is far from the surface.
+        let beside = self.inside(low).filter(|inside| self.inside(high) == Some(*inside));
+        let (mut t, mut kept) = (0.5, None);
+        for step in 0..STEPS {
+            let [a, b] = values;
+            let cut = ends[0] + (ends[1] - ends[0]) * a / (a - b);
+            // Where ends contradict their signs, halves.
+            t = if cut > ends[0] && cut < ends[1] && step < STEPS - 3 {
+                cut
+            } else {
+                0.5 * (ends[0] + ends[1])
+            };
+            let mut at = from;
+            at[axis.index()] += t;
+            let within = a.abs().max(b.abs()) + self.grown.by.abs() + 2.0;
+            let (value, outward) = self.grown.at(at, beside, within)?;
+            normal = outward;
+            if value.abs() < ROOT || ends[1] - ends[0] < 1e-5 {
+                break;
+            }
+            let side = usize::from((value < 0.0) != is_low_inside);
+            ends[side] = t;
+            values[side] = value;
+            if kept == Some(side) {
+                values[1 - side] *= 0.5;
+            }
+            kept = Some(side);
+        }
+        let offset = (t * 65536.0).round().clamp(0.0, 65535.0) as u16;
+        let mut direction = normal.map(|c| (c * NORMAL_SCALE) as i64);
+        if direction == [0; 3] {
+            direction[axis.index()] = if is_low_inside { 1 } else { -1 };
+        }
+        Ok(HermiteEdge { offset, normal: OctNormal::from_integer(direction) })
+    }
+}

@@ -1,0 +1,192 @@
+//! The patches of one leaf, with boxes around runs of them.
+
+use super::boxes::{Block, Boxes, block_of};
+use super::patch::{Crossing, Patch, Shape};
+use crate::brick::{Brick, SignChanges};
+use crate::contour::EdgeFacet;
+use crate::lattice::{Axis, NodeKey, RootCube, morton};
+use std::collections::HashMap;
+
+/// Patches in a run.
+const RUN: usize = 4;
+/// Bytes of a patch and of a corner in a file.
+const PATCH_BYTES: usize = 47;
+const CORNER_BYTES: usize = 12;
+
+/// All patches whose lattice edges a leaf owns. Places are in cells of the deepest level, counted from `base`.
+pub(super) struct Piece {
+    /// The leaf's first sample, in cells from the root's.
+    pub base: [f64; 3],
+    pub patches: Vec<Patch>,
+    pub rings: Vec<[f32; 3]>,
+    pub boxes: Boxes,
+}
+
+impl Piece {
+    /// Of the facets of a leaf; `None` if it has none.
+    pub fn new(
+        root: RootCube,
+        deepest: u8,
+        key: NodeKey,
+        brick: &Brick,
+        facets: &[EdgeFacet],
+    ) -> Option<Piece> {
+        let Brick::Counts { samples, hermite } = brick else { return None };
+        let signs = SignChanges::of(samples);
+        let ranks = Axis::ALL.map(|axis| signs.ranks(axis));
+        let bits = crate::lattice::spacing_bits(deepest);
+        let cell = f64::from(1u32 << bits);
+        let base = key.base().map(|c| f64::from(c) / cell);
+        let own = f64::from(1u32 << (key.spacing_bits() - bits));
+        let place = |facet: &EdgeFacet| (morton(facet.low.map(|c| c as u32)), facet.axis.index());
+        let mut ordered: Vec<&EdgeFacet> = facets.iter().collect();
+        ordered.sort_by_key(|facet| place(facet));
+        let local = |corner: [f32; 3]| -> [f64; 3] {
+            let units = root.to_units(corner.map(f64::from));
+            std::array::from_fn(|a| (units[a] - 1.0) / cell - base[a])
+        };
+        let mut piece = Piece {
+            base,
+            patches: Vec::new(),
+            rings: Vec::new(),
+            boxes: Boxes::new(std::iter::empty(), RUN),
+        };
+        // Crossings with the corners of their polygons, and which crossings each corner belongs to.
+        let mut polygons: Vec<(Crossing, Vec<[f32; 3]>)> = Vec::new();
+        let mut at_corner: HashMap<[u32; 3], Vec<u32>> = HashMap::new();
+        for of_edge in ordered.chunk_by(|a, b| place(a) == place(b)) {
+            let EdgeFacet { axis, low, fraction, .. } = *of_edge[0];
+            let rank = signs.rank(axis, low, &ranks[axis.index()]);
+            let Some(edge) = hermite.edges[axis.index()].get(rank) else { continue };
+            let mut at = low.map(|c| c as f64 * own);
+            at[axis.index()] += fraction * own;
+            let corners = outline(of_edge);
+            if corners.len() >= 3 {
+                for corner in &corners {
+                    at_corner.entry(corner.map(f32::to_bits)).or_default().push(polygons.len() as u32);
+                }
+                polygons.push(((at, edge.normal.to_vector()), corners));
+            }
+        }
+        let mut beside: Vec<u32> = Vec::new();
+        for (n, (crossing, corners)) in polygons.iter().enumerate() {
+            beside.clear();
+            beside.extend(
+                corners.iter().filter_map(|c| at_corner.get(&c.map(f32::to_bits))).flatten().copied(),
+            );
+            beside.sort_unstable();
+            beside.dedup();
+            beside.retain(|&m| m != n as u32);
+            let crossings: Vec<Crossing> = beside.iter().map(|&m| polygons[m as usize].0).collect();
+            let corners: Vec<[f64; 3]> = corners.iter().map(|c| local(*c)).collect();
+            piece.patches.push(Patch::new(*crossing, &corners, &crossings, &mut piece.rings));
+        }
+        piece.patches.shrink_to_fit();
+        piece.rings.shrink_to_fit();
+        (!piece.patches.is_empty()).then(|| piece.boxed())
+    }
+
+    fn boxed(mut self) -> Piece {
+        let block = |patch: &Patch| {
+            // A bent patch reaches beyond its corners by no more than they stand above its plane.
+            let ring = patch.ring(&self.rings);
+            let highest = ring.iter().fold(0.0f64, |most, c| most.max(f64::from(c[2].abs())));
+            let points = patch.corners(&self.rings).chain(std::iter::once(patch.at.map(f64::from)));
+            block_of(points, if patch.shape == Shape::Bent { highest + 1e-4 } else { 1e-5 })
+        };
+        self.boxes = Boxes::new(self.patches.iter().map(block), RUN);
+        self
+    }
+
+    /// The box of all, in cells from the root's first sample.
+    pub fn block(&self) -> Block {
+        let ends = self.boxes.whole();
+        block_of(ends.iter().map(|c| [0, 1, 2].map(|a| f64::from(c[a]) + self.base[a])), 0.0)
+    }
+
+    pub fn heap_bytes(&self) -> usize {
+        self.patches.capacity() * size_of::<Patch>()
+            + self.rings.capacity() * CORNER_BYTES
+            + self.boxes.heap_bytes()
+    }
+
+    /// For a file.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut bytes =
+            Vec::with_capacity(4 + self.patches.len() * PATCH_BYTES + self.rings.len() * CORNER_BYTES);
+        bytes.extend((self.patches.len() as u32).to_le_bytes());
+        for patch in &self.patches {
+            let Patch { at, normal, bend, radius, first, count, shape } = patch;
+            for number in at.iter().chain(normal).chain(bend).chain([radius]) {
+                bytes.extend(number.to_le_bytes());
+            }
+            bytes.extend(first.to_le_bytes());
+            bytes.extend(count.to_le_bytes());
+            bytes.push(*shape as u8);
+        }
+        self.rings.iter().flatten().for_each(|number| bytes.extend(number.to_le_bytes()));
+        bytes
+    }
+
+    /// What [`Piece::bytes`] gave; `None` of anything else.
+    pub fn of_bytes(base: [f64; 3], bytes: &[u8]) -> Option<Piece> {
+        let (count, rest) = bytes.split_first_chunk::<4>()?;
+        let count = u32::from_le_bytes(*count) as usize;
+        let (patches, rings) = rest.split_at_checked(count.checked_mul(PATCH_BYTES)?)?;
+        let number = |bytes: &[u8], n: usize| {
+            f32::from_le_bytes([bytes[4 * n], bytes[4 * n + 1], bytes[4 * n + 2], bytes[4 * n + 3]])
+        };
+        let three = |bytes: &[u8], n: usize| [0, 1, 2].map(|a| number(bytes, 3 * n + a));
+        let patch = |bytes: &[u8]| {
+            Some(Patch {
+                at: three(bytes, 0),
+                normal: three(bytes, 1),
+                bend: three(bytes, 2),
+                radius: number(bytes, 9),
+                first: u32::from_le_bytes(bytes[40..44].try_into().ok()?),
+                count: u16::from_le_bytes([bytes[44], bytes[45]]),
+                shape: match bytes[46] {
+                    0 => Shape::Plane,
+                    1 => Shape::Bent,
+                    2 => Shape::Rough,
+                    _ => return None,
+                },
+            })
+        };
+        let patches: Option<Vec<Patch>> = patches.chunks_exact(PATCH_BYTES).map(patch).collect();
+        let rings: Vec<[f32; 3]> = rings.chunks_exact(CORNER_BYTES).map(|bytes| three(bytes, 0)).collect();
+        let (patches, end) = (patches?, rings.len());
+        let is_within = |p: &Patch| p.first as usize + usize::from(p.count) <= end;
+        if !patches.iter().all(is_within) {
+            return None;
+        }
+        Some(Piece { base, patches, rings, boxes: Boxes::new(std::iter::empty(), RUN) }.boxed())
+    }
+}
+
+/// The corners of the polygon that triangles make up, in order.
+fn outline(triangles: &[&EdgeFacet]) -> Vec<[f32; 3]> {
+    let bits = |corner: [f32; 3]| corner.map(f32::to_bits);
+    let mut sides: Vec<[[f32; 3]; 2]> = Vec::new();
+    for facet in triangles {
+        let [a, b, c] = facet.corners;
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            // A diagonal is a side of two triangles.
+            match sides.iter().position(|[f, t]| bits(*f) == bits(to) && bits(*t) == bits(from)) {
+                Some(n) => drop(sides.swap_remove(n)),
+                None => sides.push([from, to]),
+            }
+        }
+    }
+    let mut corners = Vec::with_capacity(sides.len());
+    let Some(&[first, mut at]) = sides.first() else { return corners };
+    corners.push(first);
+    while bits(at) != bits(first) && corners.len() < sides.len() {
+        corners.push(at);
+        match sides.iter().find(|[from, _]| bits(*from) == bits(at)) {
+            Some([_, to]) => at = *to,
+            None => break,
+        }
+    }
+    corners
+}

@@ -1,0 +1,98 @@
+//! Connected regions of patches whose value was asked about.
+
+use super::surface::Place;
+use crate::sets::Sets;
+use std::collections::HashMap;
+
+/// A patch that counts, in world units.
+pub(super) struct Marked {
+    pub place: Place,
+    pub at: [f64; 3],
+    pub area: f64,
+    pub value: f64,
+    /// A patch that belongs to the same region if it counts, too.
+    pub opposite: Option<Place>,
+    /// Names of its polygon's corners; patches that share one touch.
+    pub corners: Vec<[i64; 3]>,
+}
+
+/// Patches that hang together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Region {
+    /// Area of the surface.
+    pub area: f64,
+    /// The integral of the value's size over it.
+    pub volume: f64,
+    /// The value of the least and the greatest size.
+    pub least: f64,
+    /// See `least`.
+    pub greatest: f64,
+    /// The mean value, weighted by area.
+    pub mean: f64,
+    /// The middle of the area.
+    pub centre: [f64; 3],
+    /// Least and greatest coordinates of the crossings.
+    pub bounds: [[f64; 3]; 2],
+    /// How many patches.
+    pub patches: u64,
+}
+
+/// Regions of patches in Morton order, the largest area first.
+pub(super) fn joined(marked: Vec<Marked>) -> Vec<Region> {
+    let mut sets = Sets::default();
+    sets.extend(marked.len());
+    let mut by_corner: HashMap<[i64; 3], u32> = HashMap::new();
+    for (n, patch) in marked.iter().enumerate() {
+        for corner in &patch.corners {
+            let first = *by_corner.entry(*corner).or_insert(n as u32);
+            sets.unite(first, n as u32);
+        }
+        // Patches stand in the order of their places.
+        let opposite = patch.opposite.and_then(|at| marked.binary_search_by_key(&at, |m| m.place).ok());
+        if let Some(m) = opposite {
+            sets.unite(n as u32, m as u32);
+        }
+    }
+    let mut regions: HashMap<u32, usize> = HashMap::new();
+    let mut found: Vec<Region> = Vec::new();
+    for (n, patch) in marked.iter().enumerate() {
+        let set = sets.find(n as u32);
+        let at = *regions.entry(set).or_insert_with(|| {
+            found.push(Region {
+                area: 0.0,
+                volume: 0.0,
+                least: f64::INFINITY,
+                greatest: 0.0,
+                mean: 0.0,
+                centre: [0.0; 3],
+                bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
+                patches: 0,
+            });
+            found.len() - 1
+        });
+        let region = &mut found[at];
+        region.area += patch.area;
+        region.volume += patch.area * patch.value.abs();
+        region.mean += patch.area * patch.value;
+        if patch.value.abs() < region.least.abs() {
+            region.least = patch.value;
+        }
+        if patch.value.abs() > region.greatest.abs() {
+            region.greatest = patch.value;
+        }
+        for a in 0..3 {
+            region.centre[a] += patch.area * patch.at[a];
+            region.bounds[0][a] = region.bounds[0][a].min(patch.at[a]);
+            region.bounds[1][a] = region.bounds[1][a].max(patch.at[a]);
+        }
+        region.patches += 1;
+    }
+    for region in &mut found {
+        let over = 1.0 / region.area.max(f64::MIN_POSITIVE);
+        region.mean *= over;
+        region.centre = region.centre.map(|c| c * over);
+    }
+    // Equal areas stay in Morton order.
+    found.sort_by(|a, b| b.area.total_cmp(&a.area));
+    found
+}

@@ -1,0 +1,158 @@
+//! Thickness of walls, and width of gaps, at points of the surface.
+
+use super::regions::{Marked, Region, joined};
+use super::surface::{BallAt, Foot, Place, Surface};
+use crate::error::Result;
+use crate::lattice::dot;
+use crate::progress::Progress;
+use crate::schedule::run_ordered;
+
+/// How far from a given point its foot on the surface is looked for, in cells.
+const REACH: f64 = 4.0;
+/// The way back of a ray may differ by so many cells, or by the same part of its length if that is more.
+const BACK: f64 = 0.02;
+
+/// What is opposite of a point whose ray meets nothing is turned by this many degrees against it at least.
+const BESIDE: f64 = 150.0;
+
+/// What thickness is measured by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// The largest ball on the inner side that touches the point and holds no surface.
+    Sphere {
+        /// Surface whose normal is turned by less than this against that at the point does not bound the ball, in degrees.
+        separation: f64,
+    },
+    /// The way against the normal to the opposite surface.
+    Ray,
+}
+
+/// What to measure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// By what.
+    pub method: Method,
+    /// Gaps outside of the part in the place of walls.
+    pub gaps: bool,
+}
+
+/// Thickness at a point, in cells.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// Diameter of the ball or length of the ray; infinite where nothing is opposite, as of gaps at the outside.
+    pub value: f64,
+    /// What is opposite.
+    pub opposite: Option<Place>,
+    /// Of a ray, whether the way back has the same length.
+    pub is_confirmed: bool,
+}
+
+/// What there is opposite of nothing.
+const NOTHING: Measured = Measured { value: f64::INFINITY, opposite: None, is_confirmed: true };
+
+/// A room to look in: all of the root.
+fn farthest(surface: &Surface) -> f64 {
+    2.0 * surface.root().edge / surface.cell()
+}
+
+/// At a point of the surface with its outward unit normal, in cells.
+///
+/// # Errors
+/// What reading the surface gives.
+pub fn at(surface: &Surface, place: [f64; 3], outward: [f64; 3], options: Options) -> Result<Measured> {
+    let outward = surface.normal_around(place, outward)?;
+    let toward = if options.gaps { outward } else { outward.map(|c| -c) };
+    let most = farthest(surface);
+    let through = surface.ray(place, toward, most, !options.gaps)?;
+    match options.method {
+        Method::Ray => {
+            let Some(hit) = through else {
+                // Near an edge a ray may pass between two patches that do not quite meet. A ball does not.
+                let apart = BESIDE.to_radians().cos();
+                let (radius, contact) = surface.ball(BallAt { at: place, toward, outward }, most, apart)?;
+                return Ok(contact.map_or(NOTHING, |contact| Measured {
+                    value: 2.0 * radius,
+                    opposite: Some(contact.place),
+                    is_confirmed: false,
+                }));
+            };
+            let back = surface.ray(hit.at, toward.map(|c| -c), 1.5 * hit.distance + 1.0, !options.gaps)?;
+            let tolerance = BACK.max(BACK * hit.distance);
+            let is_confirmed = back.is_some_and(|back| (back.distance - hit.distance).abs() <= tolerance);
+            Ok(Measured { value: hit.distance, opposite: Some(hit.place), is_confirmed })
+        }
+        Method::Sphere { separation } => {
+            let apart = separation.to_radians().cos();
+            let counts = |hit: &Foot| dot(hit.normal, outward) <= apart;
+            // What the ray meets bounds the ball, so that it starts small.
+            let seed = through.filter(counts);
+            let radius = seed.map_or(most, |hit| 0.5 * hit.distance);
+            let touch = BallAt { at: place, toward, outward };
+            let (radius, contact) = surface.ball(touch, radius, apart)?;
+            let Some(bound) = contact.or(seed) else { return Ok(NOTHING) };
+            Ok(Measured { value: 2.0 * radius, opposite: Some(bound.place), is_confirmed: true })
+        }
+    }
+}
+
+/// At a world position, which is first moved onto the surface; `None` if that is farther than four cells. In world units.
+///
+/// # Errors
+/// What reading the surface gives.
+pub fn at_world(surface: &Surface, world: [f64; 3], options: Options) -> Result<Option<Measured>> {
+    let Some(foot) = surface.closest(surface.to_cells(world), REACH)? else { return Ok(None) };
+    let measured = at(surface, foot.at, foot.normal, options)?;
+    Ok(Some(Measured { value: measured.value * surface.cell(), ..measured }))
+}
+
+/// Walls thinner, or gaps narrower, than `below` world units, the largest area first: connected patches of surface, those on
+/// both sides of a wall together.
+///
+/// # Errors
+/// What reading the surface gives; [`crate::error::Error::Interrupted`].
+pub fn thin_regions(
+    surface: &Surface,
+    options: Options,
+    below: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<Region>> {
+    surface.require_any()?;
+    let (leaves, cell) = (surface.leaves().len(), surface.cell());
+    progress.phase("regions", Some(leaves as u64), "bricks");
+    let make = |_: &mut (), leaf: usize| {
+        progress.check()?;
+        let mut found = Vec::new();
+        for (n, patch) in surface.patches_of(leaf)?.into_iter().enumerate() {
+            let measured = at(surface, patch.at, patch.normal, options)?;
+            let value = measured.value * cell;
+            if value < below {
+                found.push(Marked {
+                    place: Place { leaf: leaf as u32, patch: n as u32 },
+                    at: surface.to_world(patch.at),
+                    area: patch.area * cell * cell,
+                    value,
+                    opposite: measured.opposite,
+                    corners: patch.corners,
+                });
+            }
+        }
+        Ok(found)
+    };
+    let mut marked = Vec::new();
+    let window = 8 * rayon::current_num_threads();
+    run_ordered(
+        leaves,
+        window,
+        || (),
+        make,
+        |found| {
+            marked.extend(found);
+            progress.advance(1);
+            Ok(())
+        },
+    )?;
+    let mut regions = joined(marked);
+    // A wall is measured from both of its sides.
+    regions.iter_mut().for_each(|region| region.volume *= 0.5);
+    Ok(regions)
+}

@@ -1,0 +1,191 @@
+//! `brickfield thickness`: how thick walls are, at every vertex of the mesh.
+
+use super::{no_unit, open_store, require_whole_samples, start, unit_of};
+use crate::distance_args::{MeasureArg, ThicknessArgs};
+use crate::failure::Failure;
+use crate::output::{in_line, print, print_json, require_distinct, warn};
+use crate::table::{Table, TableKind, to_place};
+use anyhow::anyhow;
+use brickfield_engine::contour::{ContourOptions, contour, foresee_triangles};
+use brickfield_engine::distance::thickness::{Method, Options, at_world, thin_regions};
+use brickfield_engine::distance::{Region, ScalarPly, Surface};
+use brickfield_engine::part::PartFile;
+use brickfield_engine::store::{Accept, Store};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Bytes of a vertex while its number is sought: position, number, and the same again as text of the file.
+const BYTES_A_VERTEX: u64 = 24;
+/// Bars of the histogram.
+const BARS: usize = 64;
+/// Fewer cells than this are not resolved.
+const CELLS_RESOLVED: f64 = 2.0;
+
+/// Names of the columns, in order.
+const COLUMNS: [&str; 10] =
+    ["id", "area", "volume", "min_thickness", "mean_thickness", "x", "y", "z", "layer_first", "layer_last"];
+
+/// Runs the command.
+pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
+    require_ply(&args.output)?;
+    let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
+    let bars = start(args.work)?;
+    let store = open_store(&args.store, args.memory.0 / 8, args.io, Accept::Whole)?;
+    let mut outputs: Vec<&Path> = vec![&args.output];
+    outputs.extend(args.regions.as_deref());
+    require_distinct(&outputs, &[&args.store])?;
+    require_whole_samples(&store, "thickness cannot be told")?;
+    let below =
+        args.below.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
+    require_room(&store, args.memory.0)?;
+    let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
+    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "thickness")?;
+    let folder = folder_of(args.temp_dir.as_deref(), &args.output);
+    let surface = Surface::new(&store, args.memory.0 / 2, &folder, &bars)?;
+    let cell = surface.cell();
+    if let Some(below) = below.filter(|below| *below < CELLS_RESOLVED * cell) {
+        let what = format!("--below {below} is less than {CELLS_RESOLVED} cells of {cell}");
+        warn(&format!("{}: {what}: thinner walls may be missing; build finer cells", in_line(&args.store)));
+    }
+    let method = match args.measure {
+        MeasureArg::Sphere => Method::Sphere { separation: args.separation },
+        MeasureArg::Ray => Method::Ray,
+    };
+    let options = Options { method, gaps: args.gaps };
+    let contouring =
+        ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
+    contour(&store, &contouring, &mut ply, &bars)?;
+    let (vertices, triangles) = ply.counts();
+    let values = ply.fill(&bars, |world| {
+        let measured = at_world(&surface, world, options)?;
+        Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
+    })?;
+    let regions = below.map(|below| thin_regions(&surface, options, below, &bars)).transpose()?;
+    let table = regions.as_deref().map(|regions| table(regions, cell));
+    let mut document = document(args, &store, &values, cell);
+    document["vertices"] = json!(vertices);
+    document["triangles"] = json!(triangles);
+    if let Some(table) = &table {
+        document["below"] = json!(below);
+        document["regions"] = table.objects();
+    }
+    bars.clear();
+    if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
+        file.append(table.text(kind, &document)?.as_bytes())?;
+        file.finish()?;
+    }
+    if args.json {
+        return print_json(&document);
+    }
+    if args.work.quiet {
+        return Ok(());
+    }
+    print(&summary(args, &store, &document, below.zip(regions.as_deref())))
+}
+
+/// Refuses a name that does not end in .ply.
+pub(super) fn require_ply(path: &Path) -> Result<(), Failure> {
+    let is_ply = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply"));
+    let what = "the name must end in .ply, the one format whose vertices have numbers";
+    if is_ply { Ok(()) } else { Err(Failure::Usage(format!("{}: {what}", in_line(path)))) }
+}
+
+/// Refuses a mesh whose vertices do not fit.
+pub(super) fn require_room(store: &Store, memory: u64) -> Result<(), Failure> {
+    let bytes = foresee_triangles(store, 0.5, None)? / 2 * BYTES_A_VERTEX;
+    if bytes <= memory / 4 {
+        return Ok(());
+    }
+    let name = in_line(store.path());
+    let needed = crate::units::Size(4 * bytes);
+    Err(anyhow!("{name}: its mesh needs {needed}; allow more with --memory, or build coarser cells").into())
+}
+
+/// The folder of temporary files.
+pub(super) fn folder_of(chosen: Option<&Path>, output: &Path) -> PathBuf {
+    let own = output.parent().filter(|folder| !folder.as_os_str().is_empty());
+    chosen.or(own).unwrap_or(Path::new(".")).to_owned()
+}
+
+fn table(regions: &[Region], cell: f64) -> Table<'static> {
+    let length = |value: f64| to_place(value, cell / 1000.0);
+    let row = |(n, region): (usize, &Region)| {
+        let mut cells = vec![
+            json!(n + 1),
+            to_place(region.area, region.area / 1e4),
+            to_place(region.volume, region.volume / 1e4),
+            length(region.least),
+            length(region.mean),
+        ];
+        cells.extend(region.centre.map(|c| to_place(c, cell / 100.0)));
+        cells.extend([Value::Null, Value::Null]);
+        cells
+    };
+    Table { columns: &COLUMNS, rows: regions.iter().enumerate().map(row).collect() }
+}
+
+/// Some shares of sorted numbers: what so many of all are at most.
+pub(super) fn percentile(sorted: &[f32], share: f64) -> f64 {
+    let place = (sorted.len() as f64 * share).ceil() as usize;
+    sorted.get(place.clamp(1, sorted.len().max(1)) - 1).map_or(f64::NAN, |value| f64::from(*value))
+}
+
+fn document(args: &ThicknessArgs, store: &Store, values: &[f32], cell: f64) -> Value {
+    let mut sorted: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f32::total_cmp);
+    let most = sorted.last().copied().unwrap_or(0.0);
+    let mut bars = vec![0u64; BARS];
+    for value in &sorted {
+        let bar = (f64::from(*value) / f64::from(most.max(f32::MIN_POSITIVE)) * BARS as f64) as usize;
+        bars[bar.min(BARS - 1)] += 1;
+    }
+    let mean = sorted.iter().map(|&value| f64::from(value)).sum::<f64>() / sorted.len().max(1) as f64;
+    let length = |value: f64| to_place(value, cell / 1000.0);
+    json!({
+        "unit": store.meta().unit,
+        "cell": cell,
+        "method": match args.measure {
+            MeasureArg::Sphere => "sphere",
+            MeasureArg::Ray => "ray",
+        },
+        "separation": if args.measure == MeasureArg::Sphere { json!(args.separation) } else { Value::Null },
+        "of": if args.gaps { "gaps" } else { "walls" },
+        "measured": sorted.len(),
+        "without_opposite": values.len() - sorted.len(),
+        "min": length(percentile(&sorted, 0.0)),
+        "percentiles": {
+            "1": length(percentile(&sorted, 0.01)),
+            "10": length(percentile(&sorted, 0.1)),
+            "50": length(percentile(&sorted, 0.5)),
+            "90": length(percentile(&sorted, 0.9)),
+            "99": length(percentile(&sorted, 0.99)),
+        },
+        "max": length(f64::from(most)),
+        "mean": length(mean),
+        "histogram": { "from": 0.0, "to": most, "counts": bars },
+    })
+}
+
+fn summary(
+    args: &ThicknessArgs,
+    store: &Store,
+    document: &Value,
+    regions: Option<(f64, &[Region])>,
+) -> String {
+    let unit = unit_of(store.meta());
+    let name = in_line(&args.output);
+    let what = if args.gaps { "gaps" } else { "walls" };
+    let mut text = format!(
+        "{name}: {} vertices; {what} of {} to {} {unit}, half of the vertices at most {}",
+        document["vertices"], document["min"], document["max"], document["percentiles"]["50"]
+    );
+    if let Some((below, regions)) = regions {
+        let area: f64 = regions.iter().map(|region| region.area).sum();
+        text += &format!(
+            "\n{} regions below {below} {unit}, {} {unit}² of surface",
+            regions.len(),
+            to_place(area, area / 1e4)
+        );
+    }
+    text
+}

@@ -1,0 +1,198 @@
+//! What the user types for wall thickness, offsets and deviations.
+
+use crate::args::IoArg;
+use crate::units::{Length, Position, Size};
+use crate::work::WorkArgs;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Measure how thick walls are, or how wide gaps, at every vertex of the mesh
+#[derive(Args)]
+#[command(after_help = "\
+By sphere, thickness is the diameter of the largest ball inside the part that touches the point and holds no surface. Surface \
+whose normal is turned by less than --separation against that at the point does not count.
+
+So a wall has its thickness up to its edges, and edges do not count as thin. With --separation 0 every edge is as thin as it is \
+sharp.
+
+By ray, it is the way against the normal to the opposite surface. Where a ray meets nothing for a crack, a ball is taken.
+
+Vertices are moved onto the surface first. On an edge they count as points of one of its sides. What has nothing opposite, as \
+gaps at the outside, is NaN. Thickness of four cells and more is right to a hundredth of a cell and 0.5 %, but at corners that \
+no cell resolves.
+
+Regions are connected surface, measured at every crossing of the lattice, both sides of a wall together: `area` is that of all \
+sides, `volume` half of the integral of thickness over it. The largest comes first.
+
+The part must be closed: open meshes and point clouds are refused. Values are in the store's unit.
+
+Examples:
+  brickfield thickness part.brf -o thickness.ply
+  brickfield thickness part.brf -o thickness.ply --below 0.8mm --regions thin.csv")]
+pub struct ThicknessArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The mesh to write, whose vertices have the property thickness; its name ends in .ply
+    #[arg(long, short, value_name = "T.ply")]
+    pub output: PathBuf,
+    /// What thickness is
+    #[arg(long = "method", value_enum, default_value_t)]
+    pub measure: MeasureArg,
+    /// Surface whose normal is turned by less than this many degrees does not bound balls; 0 to 180
+    #[arg(long, value_name = "ANGLE", default_value_t = 100.0, value_parser = angle)]
+    pub separation: f64,
+    /// Measure gaps outside of the part instead of walls
+    #[arg(long)]
+    pub gaps: bool,
+    /// List what is thinner than this, as in 0.8mm
+    #[arg(long, value_name = "LEN", requires = "regions")]
+    pub below: Option<Length>,
+    /// The table of regions thinner than --below; its name ends in .csv or .json
+    #[arg(long, value_name = "R.csv|.json", requires = "below")]
+    pub regions: Option<PathBuf>,
+    /// Memory for the surface and for bricks, as in 512MiB; what of the surface does not fit goes to a temporary file
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
+    /// Folder of that file, which has no name there; the output's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print counts, percentiles, a histogram and the regions as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// What thickness is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum MeasureArg {
+    /// Diameter of the largest ball inside that touches the point
+    #[default]
+    Sphere,
+    /// Way against the normal to the opposite surface
+    Ray,
+}
+
+/// A number from 0 to 180.
+fn angle(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| (0.0..=180.0).contains(number));
+    number.ok_or_else(|| "is no number from 0 to 180".to_owned())
+}
+
+/// Grow or shrink a part by a length, or hollow it: a new store
+#[derive(Args)]
+#[command(after_help = "\
+The new store has the lattice of the old one, in a larger root where it would not fit, and exact crossings of its own. Growing \
+makes edges round, shrinking keeps them sharp. Meshes of it are closed and free of self-intersections like all.
+
+With --shell the part is hollowed: what is left is what lies within the length of its surface.
+
+Where a surface is smooth, the new one is off by less than 0.02 cells. What the old lattice does not resolve, the new one does \
+not, either. The part must be closed: open meshes and point clouds are refused.
+
+Examples:
+  brickfield offset part.brf --by 0.4mm -o larger.brf
+  brickfield offset part.brf --by -0.4mm -o smaller.brf
+  brickfield offset part.brf --shell 2mm -o hollow.brf")]
+pub struct OffsetArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// How far outward; below 0 inward, as in -0.4mm
+    #[arg(long, value_name = "LEN", allow_hyphen_values = true, required_unless_present = "shell")]
+    pub by: Option<Position>,
+    /// Keep what lies within this of the surface instead
+    #[arg(long, value_name = "LEN", conflicts_with = "by")]
+    pub shell: Option<Length>,
+    /// The store to write
+    #[arg(long, short, value_name = "OUT.brf")]
+    pub output: PathBuf,
+    /// Memory for the surface and for bricks, as in 512MiB; what of the surface does not fit goes to a temporary file
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
+    /// Folder of that file, which has no name there; the output's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print counts as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// Compare a part with a mesh or another store: signed distances both ways
+#[derive(Args)]
+#[command(after_help = "\
+The mesh that is written has at each vertex its distance from the reference, above 0 outside of it.
+
+Distances from a mesh are those from its triangles, with signs by its winding number where it is closed; of an open one the \
+nearest triangle tells the side. Distances from a store are those from its surface, right to about 0.01 cells where it is smooth.
+
+Back, points of the reference are compared with the part: corners of its triangles and points spread by area, or the crossings \
+of a store.
+
+With --within the command fails, with status 1, if any distance either way is larger. --regions lists the connected surface of \
+the part that is farther: `over` lies outside of the reference, `under` inside. `volume` is the integral of the distance over the area.
+
+A part and its CAD model rarely lie at one place. --align shift moves the part for the comparison: middles of boxes first, then \
+nearest points. --align icp turns it, too, from there, by up to some 20 degrees.
+
+Where the part differs much it does not count. The mesh stays where the part is.
+
+Examples:
+  brickfield deviation part.brf cad.stl -o deviation.ply
+  brickfield deviation part.brf cad.stl -o deviation.ply --align shift --within 0.2mm --regions beyond.csv")]
+pub struct DeviationArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// What it should be: a mesh, as .stl, .obj or .ply, or a store
+    #[arg(value_name = "REFERENCE")]
+    pub reference: PathBuf,
+    /// The mesh to write, whose vertices have the property deviation; its name ends in .ply
+    #[arg(long, short, value_name = "D.ply")]
+    pub output: PathBuf,
+    /// Fail, with status 1, if a distance either way is larger, as in 0.2mm
+    #[arg(long = "within", id = "tolerated", value_name = "LEN")]
+    pub within: Option<Length>,
+    /// The table of regions farther than --within; its name ends in .csv or .json
+    #[arg(long, value_name = "R.csv|.json", requires = "tolerated")]
+    pub regions: Option<PathBuf>,
+    /// How the part is laid over the reference
+    #[arg(long, value_enum, default_value_t)]
+    pub align: AlignArg,
+    /// Memory for surfaces and bricks, as in 512MiB; what of surfaces does not fit goes to a temporary file. A reference mesh
+    /// stays in memory, 100 bytes a triangle
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
+    /// Folder of that file, which has no name there; the output's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
+    /// How to read stores
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print percentiles both ways, the alignment and the regions as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// How a part is laid over a reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum AlignArg {
+    /// As it lies
+    #[default]
+    None,
+    /// By a shift
+    Shift,
+    /// By a rotation and a shift, from nearest points
+    Icp,
+}
