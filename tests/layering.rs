@@ -29,13 +29,30 @@ const CRATES: [(&str, &[Room]); 11] = [
         ],
     ),
     ("gpu", &[("gpu", &[])]),
-    ("toolpath", &[("toolpath", &[]), ("bead", &["toolpath"]), ("x3d", &["toolpath", "bead"])]),
+    (
+        "toolpath",
+        &[
+            ("toolpath", &[]),
+            ("bead", &["toolpath"]),
+            ("x3d", &["toolpath", "bead"]),
+            ("milling", &["toolpath"]),
+        ],
+    ),
     ("io", &[("ingest", &[]), ("check", &["ingest"]), ("pieces", &["ingest", "check"])]),
     ("octree", &[("brick", &[]), ("store", &["brick"]), ("cache", &["brick", "store"])]),
-    ("winding", &[("winding", &[]), ("solid", &[])]),
+    ("winding", &[("winding", &[]), ("solid", &[]), ("swept", &["solid"])]),
     ("mesh", &[("contour", &[])]),
     ("builder", &[("backend", &[]), ("volumes", &[]), ("build", &["backend", "volumes"])]),
-    ("analysis", &[("analysis", &[]), ("voids", &["analysis"]), ("fraction", &["analysis"])]),
+    (
+        "analysis",
+        &[
+            ("analysis", &[]),
+            ("csg", &["analysis"]),
+            ("voids", &["analysis"]),
+            ("fraction", &["analysis"]),
+            ("machining", &["analysis", "csg", "voids"]),
+        ],
+    ),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
     ("", &[("fuzz", &[]), ("octree", &[]), ("builder", &["octree"])]),

@@ -51,6 +51,7 @@
 //! | [`build`] | all settings of a build; shards and their joining |
 //! | [`store`], [`cache`] | stores: reading, verifying, rewriting, cutting down |
 //! | [`analysis`], [`voids`] | samples, volumes, overlaps, components of void and solid |
+//! | [`csg`], [`machining`], [`milling`] | Booleans of stores and solids; what milling programs take off |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
@@ -72,7 +73,7 @@ pub mod fuzz;
 pub use builder::Builder;
 pub use octree::Octree;
 
-pub use brickfield_analysis::{analysis, fraction, voids};
+pub use brickfield_analysis::{analysis, csg, fraction, machining, voids};
 pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
@@ -81,5 +82,5 @@ pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;
 pub use brickfield_octree::{brick, cache, store};
 pub use brickfield_picture::{picture, render, section};
-pub use brickfield_toolpath::{bead, toolpath, x3d};
-pub use brickfield_winding::{solid, winding};
+pub use brickfield_toolpath::{bead, milling, toolpath, x3d};
+pub use brickfield_winding::{solid, swept, winding};

@@ -1,8 +1,10 @@
 //! What the user types. The commands turn it into checked plans.
 
 use crate::cache_args::{CacheArgs, CompressionArg};
+use crate::csg_args::CsgArgs;
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::layer_args::{LayersArgs, OverlapArgs};
+use crate::machine_args::MachineArgs;
 pub use crate::mesh_args::MeshArgs;
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
@@ -45,6 +47,8 @@ pub enum Command {
     Voids(VoidsArgs),
     Layers(LayersArgs),
     Overlap(OverlapArgs),
+    Csg(CsgArgs),
+    Machine(MachineArgs),
     Slice(SliceArgs),
     Render(RenderArgs),
     View(WindowArgs),

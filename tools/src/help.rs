@@ -13,7 +13,7 @@ const TOP_TEMPLATE: &str =
 
 /// Commands by task; any that is not here comes last.
 const TASKS: [(&str, &[&str]); 5] = [
-    ("Make stores", &["build", "cache", "verify"]),
+    ("Make stores", &["build", "csg", "machine", "cache", "verify"]),
     ("Write meshes and arrays", &["mesh", "beads", "export"]),
     ("Ask for numbers", &["info", "sample", "winding", "voids", "layers", "overlap"]),
     ("See", &["slice", "render", "view"]),
@@ -96,6 +96,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
             "dtype",
             "compression",
             "identity",
+            "keep_counts",
             "in_place",
             "json",
             "quiet",

@@ -3,13 +3,16 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod bodies;
 mod cache_args;
 mod clouds;
 mod commands;
+mod csg_args;
 mod devices;
 mod help;
 mod kinds;
 mod layer_args;
+mod machine_args;
 mod measured;
 mod memory;
 mod mesh_args;
@@ -54,6 +57,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Voids(args) => commands::voids::run(&args),
         Command::Layers(args) => commands::layers::run(&args),
         Command::Overlap(args) => commands::overlap::run(&args),
+        Command::Csg(args) => commands::csg::run(&args),
+        Command::Machine(args) => commands::machine::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),
         #[cfg(feature = "view")]

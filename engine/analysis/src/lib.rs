@@ -3,12 +3,15 @@
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod csg;
 pub mod fraction;
+pub mod machining;
 pub mod voids;
 
 #[cfg(test)]
 use brickfield_core::part;
-use brickfield_core::{error, lattice, progress, sets, soup};
+use brickfield_core::{error, lattice, progress, schedule, sets, soup};
 use brickfield_mesh::contour;
 use brickfield_octree::{brick, store};
-use brickfield_winding::{solid, winding};
+use brickfield_toolpath::milling;
+use brickfield_winding::{solid, swept, winding};
