@@ -269,3 +269,114 @@ fn what_cannot_be_combined_is_refused_and_nothing_is_written() {
     csg(&a, &[], &out, &[]).misused();
     assert!(dir.names().iter().all(|name| !name.starts_with("out")), "{:?}", dir.names());
 }
+
+#[test]
+fn a_killed_run_leaves_no_store_and_the_next_one_has_the_same_bytes() {
+    let dir = Scratch::new();
+    let part = dir.store("clover_beads", 4);
+    let out = dir.path("out.brf");
+    let body = Path::new("sphere 30,30,10,r25");
+    csg(&part, &[("--minus", body)], &out, &["-q"]).ok();
+    let whole = std::fs::read(&out).unwrap();
+    let mut killed = 0;
+    for wait in [10, 30, 60, 100, 150] {
+        std::fs::remove_file(&out).unwrap();
+        let mut command = program();
+        command.arg("csg").arg(&part).arg("--minus").arg(body).arg("-o").arg(&out);
+        command.args(["-q", "--commit-every", "0.005", "--threads", "1"]);
+        let mut child = command.spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(wait));
+        child.kill().unwrap();
+        killed += u32::from(!child.wait().unwrap().success());
+        let names = dir.names();
+        let left = names.iter().filter(|name| name.starts_with("out")).map(String::as_str);
+        assert!(left.clone().all(|name| ["out.brf", "out.brf.part", "out.brf.journal"].contains(&name)));
+        csg(&part, &[("--minus", body)], &out, &["-q"]).ok();
+        assert!(std::fs::read(&out).unwrap() == whole, "after {wait} ms");
+        assert_eq!(dir.names().iter().filter(|name| name.starts_with("out")).count(), 1);
+    }
+    assert!(killed > 0);
+}
+
+/// Piles at random and on a coarse grid, whose faces coincide and lie at 45 degrees, against each other.
+#[test]
+fn random_piles_are_combined_sample_by_sample() {
+    use brickfield_bench_data::pile::{lattice_pile, random_pile};
+    let dir = Scratch::new();
+    let out = dir.path("out.brf");
+    for seed in 1..=3u64 {
+        let [one, other] = match seed {
+            1 => [random_pile(seed, 12), random_pile(seed + 10, 12)],
+            _ => [lattice_pile(seed, 12), lattice_pile(seed + 10, 12)],
+        };
+        // The first holds the lattice of both.
+        let around = [cuboid([-40.0; 3], [-39.0; 3]), cuboid([60.0; 3], [61.0; 3])];
+        let a = mesh(&dir, "a.stl", &[one, around[0].clone(), around[1].clone()]);
+        let b = mesh(&dir, "b.stl", &[other]);
+        let (sa, sb) = (dir.path("a.brf"), dir.path("b.brf"));
+        run(&[&"build", &a, &"-o", &sa, &"--depth", &"2", &"-q"]).ok_but_for("brf: ");
+        run(&[&"build", &b, &"-o", &sb, &"--like", &sa, &"-q"]).ok_but_for("brf: ");
+        let [wa, wb] = [&sa, &sb].map(|store| samples(&dir, store));
+        for (option, rule) in [
+            ("--minus", (|a, b| a && !b) as fn(bool, bool) -> bool),
+            ("--plus", |a, b| a || b),
+            ("--and", |a, b| a && b),
+        ] {
+            csg(&sa, &[(option, &sb)], &out, &["-q"]).ok();
+            run(&[&"verify", &out]).ok();
+            for (n, w) in samples(&dir, &out).iter().enumerate() {
+                let expected = rule(wa[n] >= 1.0, wb[n] >= 1.0);
+                assert_eq!(*w, f64::from(u8::from(expected)), "{seed} {option} {n}");
+            }
+            let mesh = dir.path("out.stl");
+            run(&[&"mesh", &out, &"-o", &mesh, &"--check", &"-q"]).ok();
+        }
+    }
+}
+
+/// Points anywhere against the sums over all facets of both inputs.
+#[test]
+fn points_at_samples_have_what_the_inputs_say() {
+    let dir = Scratch::new();
+    let [a, b, _] = operands(&dir);
+    let out = dir.path("out.brf");
+    csg(&a, &[("--minus", &b)], &out, &["-q"]).ok();
+    let store = Store::open(&out, 0).unwrap();
+    let (root, depth) = (store.root(), store.meta().depth);
+    let (mut state, mut rows) = (7u64, String::from("x,y,z\n"));
+    for _ in 0..3000 {
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / (1u64 << 31) as f64
+        };
+        // At samples, so that nothing is interpolated.
+        let spacing = f64::from(1u32 << (19 - depth));
+        let axis = f64::from(32u32 << depth);
+        let at = root.to_world([0; 3].map(|_: i32| (random() * axis).floor() * spacing + 1.0));
+        rows += &format!("{:?},{:?},{:?}\n", at[0], at[1], at[2]);
+    }
+    let points = dir.file("points.csv", rows);
+    let last = |text: String| -> Vec<f64> {
+        text.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect()
+    };
+    let found = last(run(&[&"sample", &out, &"--points", &points]).ok());
+    let of = |n: usize| {
+        let input = dir.path(&format!("{n}.stl"));
+        last(run(&[&"winding", &input, &"--points", &points, &"--brute"]).ok())
+    };
+    let (wa, wb) = (of(0), of(1));
+    assert_eq!(found.len(), 3000);
+    for n in 0..found.len() {
+        // Facets are snapped for the store; a point so near to one may be on either side.
+        let is_clear = [wa[n], wb[n]].iter().all(|w| (w - w.round()).abs() < 0.1);
+        let expected = wa[n] >= 0.5 && wb[n] < 0.5;
+        assert!(
+            !is_clear || found[n] == f64::from(u8::from(expected)),
+            "{n}: {} {} {}",
+            wa[n],
+            wb[n],
+            found[n]
+        );
+    }
+    assert!(found.iter().sum::<f64>() > 100.0);
+}

@@ -11,13 +11,14 @@ use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use anyhow::{Context, anyhow};
-use brickfield_engine::analysis::Volumes;
 use brickfield_engine::csg::{Chain, CsgSummary, Operand, Operation, Writing, meta_of};
 use brickfield_engine::lattice::millimetres;
-use brickfield_engine::machining::{Cut, OpenedVoid, Removed, VoidState, opened, removed};
+use brickfield_engine::machining::{
+    Cut, Measured, OpenedVoid, Removed, VoidState, measured_volume, opened, removed,
+};
 use brickfield_engine::milling::{Program, ProgramOptions, Tool, read};
 use brickfield_engine::part::PartFile;
-use brickfield_engine::store::{Accept, BrickTree, Source, Store, hash_of};
+use brickfield_engine::store::{Accept, BrickTree, Meta, Source, Store, hash_of};
 use brickfield_engine::swept::Swept;
 use brickfield_engine::voids::VoidOptions;
 use serde_json::{Value, json};
@@ -54,9 +55,9 @@ struct Job<'a> {
 /// What was found out.
 struct Found {
     summary: CsgSummary,
-    total: Volumes,
+    total: Measured,
     /// By place in the list of tools.
-    by_tool: Vec<(f64, f64)>,
+    by_tool: Vec<Measured>,
     removed: Removed,
     voids: Option<Vec<OpenedVoid>>,
 }
@@ -145,18 +146,6 @@ fn table_of_tools(path: &Path) -> Result<BTreeMap<u32, Tool>, Failure> {
 impl Job<'_> {
     fn work(&self) -> Result<Found, Failure> {
         let Job { args, store, cut, bars, .. } = self;
-        let program_bytes = std::fs::read(&args.program)
-            .with_context(|| format!("{}: cannot read the program", in_line(&args.program)))?;
-        let program = Source {
-            path: args.program.display().to_string(),
-            bytes: program_bytes.len() as u64,
-            facets: 0,
-            format: "milling program, minus".to_owned(),
-            blake3: hash_of(&program_bytes),
-        };
-        let sources = vec![source_of(store, "first")?, program];
-        let name = concat!("brickfield ", env!("CARGO_PKG_VERSION"), ", machine");
-        let meta = meta_of(store, &[], &[], sources, name);
         let settings = vec![
             ("made by".to_owned(), "machine".to_owned()),
             ("counts".to_owned(), if args.keep_counts { "kept" } else { "clamped" }.to_owned()),
@@ -166,11 +155,12 @@ impl Job<'_> {
         let pace = pace(args.commit_every)?;
         let writing = Writing { memory: args.memory.0, pace, restart: args.restart, settings };
         let chain = self.chain(Operation::Minus, &cut.solids);
-        let summary = chain.write(&args.output, meta, writing, bars)?;
-        let total = self.taken(&cut.solids)?;
+        let meta = self.meta()?;
+        let summary = chain.write(&args.output, meta.clone(), writing, bars)?;
+        let total = self.taken(&cut.solids, &meta)?;
         let removed = removed(store, cut, bars)?;
-        let by_tool = self.by_tool(&total, &removed)?;
-        let removed = removed.scaled_to(&total);
+        let by_tool = self.by_tool(total, &removed, &meta)?;
+        let removed = removed.scaled_to(total.value);
         let voids = match &args.voids {
             Some(_) => {
                 let options = VoidOptions { memory: args.memory.0, ..VoidOptions::default() };
@@ -181,6 +171,22 @@ impl Job<'_> {
         Ok(Found { summary, total, by_tool, removed, voids })
     }
 
+    /// What the result says of where it comes from.
+    fn meta(&self) -> Result<Meta, Failure> {
+        let Job { args, store, .. } = self;
+        let bytes = std::fs::read(&args.program)
+            .with_context(|| format!("{}: cannot read the program", in_line(&args.program)))?;
+        let program = Source {
+            path: args.program.display().to_string(),
+            bytes: bytes.len() as u64,
+            facets: 0,
+            format: "milling program, minus".to_owned(),
+            blake3: hash_of(&bytes),
+        };
+        let name = concat!("brickfield ", env!("CARGO_PKG_VERSION"), ", machine");
+        Ok(meta_of(store, &[], &[], vec![source_of(store, "first")?, program], name))
+    }
+
     fn chain<'c>(&'c self, operation: Operation, solids: &'c [Swept]) -> Chain<'c> {
         let operands =
             vec![(Operation::Plus, Operand::Store(&self.store)), (operation, Operand::Solids(solids))];
@@ -189,34 +195,34 @@ impl Job<'_> {
     }
 
     /// What solids have in common with the part.
-    fn taken(&self, solids: &[Swept]) -> Result<Volumes, Failure> {
+    fn taken(&self, solids: &[Swept], meta: &Meta) -> Result<Measured, Failure> {
         let chain = self.chain(Operation::And, solids);
-        Ok(chain.volumes(self.store.root(), self.args.memory.0, &self.bars)?)
+        let Job { args, bars, .. } = self;
+        Ok(measured_volume(&chain, meta.clone(), &args.output, args.memory.0, bars)?)
     }
 
-    /// What each tool takes off, and bounds on the errors: measured from change to change of the tool.
-    fn by_tool(&self, total: &Volumes, removed: &Removed) -> Result<Vec<(f64, f64)>, Failure> {
-        let tools = self.program.tools.len();
+    /// What each tool takes off: measured from change to change of the tool.
+    fn by_tool(&self, total: Measured, removed: &Removed, meta: &Meta) -> Result<Vec<Measured>, Failure> {
         let moves = &self.program.moves;
-        let mut taken = vec![(0.0, 0.0); tools];
+        let mut taken = vec![Measured::default(); self.program.tools.len()];
         let ends: Vec<usize> =
             (1..=moves.len()).filter(|&n| n == moves.len() || moves[n].tool != moves[n - 1].tool).collect();
         if ends.len() > MOST_MEASURED {
             let sum: f64 = removed.by_move.values().map(|share| share.volume).sum();
             for (number, share) in &removed.by_move {
-                taken[moves[*number as usize].tool as usize].0 += share.volume * total.union / sum;
+                taken[moves[*number as usize].tool as usize].value += share.volume * total.value / sum;
             }
-            taken.iter_mut().for_each(|(_, error)| *error = total.union_error + (total.union - sum).abs());
+            taken.iter_mut().for_each(|of| of.error = total.error + (total.value - sum).abs());
             return Ok(taken);
         }
-        let mut before = Volumes::default();
+        let mut before = Measured::default();
         for end in ends {
             let solids = self.cut.moves.partition_point(|&number| (number as usize) < end);
             let is_all = end == moves.len();
-            let now = if is_all { *total } else { self.taken(&self.cut.solids[..solids])? };
+            let now = if is_all { total } else { self.taken(&self.cut.solids[..solids], meta)? };
             let of = &mut taken[moves[end - 1].tool as usize];
-            of.0 += now.union - before.union;
-            of.1 += now.union_error + before.union_error;
+            of.value += now.value - before.value;
+            of.error += now.error + before.error;
             before = now;
         }
         Ok(taken)
@@ -245,7 +251,7 @@ impl Job<'_> {
             let more = rapids.len() - MOST_TOLD;
             warn(&format!("{name}: {more} more rapid moves go through the part; --json lists them"));
         }
-        if found.total.union <= 0.0 {
+        if found.total.value <= 0.0 {
             let part = in_line(&self.args.store);
             warn(&format!("{name}: the tools never meet the part, so the result is {part} as it is"));
         }
@@ -270,8 +276,8 @@ impl Job<'_> {
 
     fn document(&self, found: &Found, seconds: f64) -> Value {
         let Found { summary, total, by_tool, removed, voids } = found;
-        let tools: Vec<Value> = self.program.tools.iter().zip(by_tool).map(|((number, tool), (volume, error))| {
-            json!({ "number": number, "tool": tool.to_string(), "volume": volume, "volume_error": error })
+        let tools: Vec<Value> = self.program.tools.iter().zip(by_tool).map(|((number, tool), of)| {
+            json!({ "number": number, "tool": tool.to_string(), "volume": of.value, "volume_error": of.error })
         }).collect();
         let moves: Vec<Value> = removed
             .by_move
@@ -303,8 +309,8 @@ impl Job<'_> {
             "corner_error": self.cut.corner_error,
             "turning_steps": self.program.turning_steps,
             "unplaced_moves": self.program.unplaced,
-            "removed_volume": total.union,
-            "removed_volume_error": total.union_error,
+            "removed_volume": total.value,
+            "removed_volume_error": total.error,
             "tools": tools,
             "by_move": moves,
             "rapid_through_part": rapids,
@@ -331,9 +337,9 @@ impl Job<'_> {
             told += &format!(", {unplaced} rapid ones to or from an unknown place left out");
         }
         lines.push(format!("  program  {told}"));
-        lines.push(format!("  removed  {} {unit}³", measured(found.total.union, found.total.union_error)));
-        for ((number, tool), (volume, error)) in self.program.tools.iter().zip(&found.by_tool) {
-            lines.push(format!("  T{number:<7} {tool}: {} {unit}³", measured(*volume, *error)));
+        lines.push(format!("  removed  {} {unit}³", measured(found.total.value, found.total.error)));
+        for ((number, tool), of) in self.program.tools.iter().zip(&found.by_tool) {
+            lines.push(format!("  T{number:<7} {tool}: {} {unit}³", measured(of.value, of.error)));
         }
         if let Some(voids) = &found.voids {
             let count = |state: VoidState| voids.iter().filter(|void| void.state == state).count();

@@ -38,8 +38,10 @@ impl Cut {
         let mut cut = Cut::default();
         let stacks: Vec<Vec<Part>> = program.tools.iter().map(|(_, tool)| stack(tool, reach)).collect();
         for (number, of) in program.moves.iter().enumerate() {
-            for part in &stacks[of.tool as usize] {
-                cut.solids.push(solid(of, *part, origin, scale));
+            let stack = &stacks[of.tool as usize];
+            for part in stack {
+                let solid = solid(of, *part, origin, scale);
+                cut.solids.push(if stack.len() > 1 { solid.as_part() } else { solid });
                 cut.moves.push(number as u32);
             }
         }

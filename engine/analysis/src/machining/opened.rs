@@ -51,6 +51,8 @@ pub struct OpenedVoid {
 const NEIGHBOURS: f64 = 2.5;
 /// Most that curvature may add, in cells.
 const MOST_ADDED: f64 = 1.0;
+/// Farthest that the extreme point may be from the nearest crossing, in cells.
+const MOST_MOVED: f64 = 2.0;
 
 /// The voids of a store, largest first, and what a cut does to each.
 ///
@@ -133,22 +135,30 @@ impl<'a> Boundary<'a> {
     /// The distance of the void to a solid; below 0 if they have something in common.
     fn nearest(&self, solid: &Swept) -> f64 {
         let distance = |at: [f64; 3]| solid.distance(at);
-        let far = |point: &BoundaryPoint| distance(point.at);
-        let Some((point, least)) = least_of(self.points, far) else { return f64::INFINITY };
-        least - self.beyond(point, distance, -1.0)
+        let Some((point, least)) = least_of(self.points, |point| distance(point.at)) else {
+            return f64::INFINITY;
+        };
+        self.extreme(point, distance, -1.0).map_or(least, |at| distance(at).min(least))
     }
 
     /// How far the farthest point of the void is from all solids; below 0 if all of it lies within them.
     fn farthest(&self, solids: &[&Swept]) -> f64 {
         let distance =
             |at: [f64; 3]| solids.iter().map(|solid| solid.distance(at)).fold(f64::INFINITY, f64::min);
-        let far = |point: &BoundaryPoint| -distance(point.at);
-        let Some((point, most)) = least_of(self.points, far) else { return f64::INFINITY };
-        -most + self.beyond(point, distance, 1.0)
+        let Some((point, most)) = least_of(self.points, |point| -distance(point.at)) else {
+            return f64::INFINITY;
+        };
+        self.extreme(point, distance, 1.0).map_or(-most, |at| distance(at).max(-most))
     }
 
-    /// How much farther than a crossing the void reaches, away from a solid (1) or towards it (-1).
-    fn beyond(&self, point: &BoundaryPoint, distance: impl Fn([f64; 3]) -> f64, away: f64) -> f64 {
+    /// The point of the void near a crossing that is farthest away from a solid (1), or nearest to it (-1): on the ball that
+    /// has the curvature of the boundary there. `None` of a flat boundary.
+    fn extreme(
+        &self,
+        point: &BoundaryPoint,
+        distance: impl Fn([f64; 3]) -> f64,
+        away: f64,
+    ) -> Option<[f64; 3]> {
         let step = 1e-3 * self.cell;
         let slope = [0, 1, 2].map(|a| {
             let (mut low, mut high) = (point.at, point.at);
@@ -157,25 +167,26 @@ impl<'a> Boundary<'a> {
             (distance(high) - distance(low)) * away
         });
         let size = dot(slope, slope).sqrt();
-        if size == 0.0 {
-            return 0.0;
-        }
-        // Out of the void: against the normal of the solid around it.
-        let along = -dot(slope, point.normal) / size;
         let (mut bent, mut turned) = (0.0, 0.0);
         for other in self.points {
             let apart = minus(point.at, other.at);
             if dot(apart, apart) > (NEIGHBOURS * self.cell) * (NEIGHBOURS * self.cell) {
                 continue;
             }
+            // Normals point into the void, towards the middle of the ball.
             let turn = minus(other.normal, point.normal);
             bent += dot(apart, turn);
             turned += dot(turn, turn);
         }
-        if turned < 1e-6 || bent <= 0.0 {
-            return 0.0;
+        if size == 0.0 || turned < 1e-6 || bent <= 0.0 {
+            return None;
         }
-        (bent / turned * (1.0 - along)).clamp(0.0, MOST_ADDED * self.cell)
+        let radius = bent / turned;
+        // From the crossing to the middle, and from there in the direction of the slope.
+        let moved = [0, 1, 2].map(|a| radius * (point.normal[a] + slope[a] / size));
+        let far = dot(moved, moved).sqrt();
+        let most = if far > MOST_MOVED * self.cell { MOST_MOVED * self.cell / far } else { 1.0 };
+        Some([0, 1, 2].map(|a| point.at[a] + moved[a] * most))
     }
 }
 

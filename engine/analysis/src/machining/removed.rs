@@ -1,6 +1,5 @@
 //! Which move takes off what: along the rows of the part, the first move that reaches a place takes it.
 
-use crate::analysis::Volumes;
 use crate::brick::{Brick, SignChanges};
 use crate::csg::Operand;
 use crate::error::Result;
@@ -52,10 +51,10 @@ impl Removed {
 
     /// The same with volumes that add up to what was measured of all.
     #[must_use]
-    pub fn scaled_to(mut self, total: &Volumes) -> Removed {
+    pub fn scaled_to(mut self, total: f64) -> Removed {
         let sum: f64 = self.by_move.values().map(|share| share.volume).sum();
         if sum > 0.0 {
-            self.by_move.values_mut().for_each(|share| share.volume *= total.union / sum);
+            self.by_move.values_mut().for_each(|share| share.volume *= total / sum);
         }
         self
     }

@@ -1,7 +1,7 @@
 //! Samples and crossings of a brick of a union of solids.
 //!
-//! Every sign-changing edge has one end inside. Of the solids whose interval on the edge's line holds that end, the one that
-//! reaches farthest towards the other end bounds the union there; of several, the first.
+//! Every sign-changing edge has one end inside. From there the intervals of the solids on the edge's line are followed, each
+//! to the end of what holds the end before: parts of a tool only touch. The last one bounds the union; of several, the first.
 
 use super::line::End;
 use super::solid::Swept;
@@ -13,6 +13,9 @@ use crate::solid::normal_code;
 const P: usize = BRICK_POINTS;
 /// Bits of a whole row.
 const ALL: u64 = (1 << P) - 1;
+
+/// Gaps of fewer units between two solids are rounding: parts of a tool touch.
+const TOUCH: f64 = 1e-6;
 
 /// Where a brick's samples lie, in units.
 #[derive(Clone, Copy)]
@@ -66,6 +69,8 @@ pub struct SweptEvaluator {
     /// By row, the intervals of solids that have added samples or may bound edges.
     spans: Vec<Vec<(u32, End, End)>>,
     near: Vec<u32>,
+    /// Whether some of these are parts of tools.
+    has_parts: bool,
 }
 
 impl SweptEvaluator {
@@ -90,6 +95,7 @@ impl SweptEvaluator {
         let mut hermite = Hermite { edges };
         self.near.clear();
         self.near.extend(list);
+        self.has_parts = list.iter().any(|&number| solids[number as usize].is_part());
         for axis in [Axis::Y, Axis::Z] {
             hermite.edges[axis.index()] = self.edges_across(lattice, solids, &signs, axis);
         }
@@ -113,12 +119,12 @@ impl SweptEvaluator {
                     }
                     let at = [0.0, lattice.at(1, j), lattice.at(2, k)];
                     let Some(interval) = solid.line(0, at) else { continue };
+                    self.spans[k * P + j].push((number, interval.low, interval.high));
                     let first = lattice.first_from(0, interval.low.at);
                     let end = lattice.first_from(0, interval.high.at);
                     if first < end {
                         let mask = inside_from(1, first) & !(if end < P { inside_from(1, end) } else { 0 });
                         signs.set_row(j, k, bits | mask);
-                        self.spans[k * P + j].push((number, interval.low, interval.high));
                     }
                 }
             }
@@ -130,11 +136,9 @@ impl SweptEvaluator {
     fn edges_along_rows(&self, lattice: Lattice, solids: &[Swept], signs: &SignChanges) -> Vec<HermiteEdge> {
         let mut edges = Vec::new();
         signs.for_edges(Axis::X, |ijk| {
-            let mut search = Search::new(lattice, signs, Axis::X, ijk);
-            for &(number, low, high) in &self.spans[ijk[2] * P + ijk[1]] {
-                search.offer(number, low, high);
-            }
-            edges.push(search.finish(solids));
+            let search = Search::new(lattice, signs, Axis::X, ijk);
+            let best = search.follow(&self.spans[ijk[2] * P + ijk[1]]);
+            edges.push(search.finish(best, solids));
         });
         edges
     }
@@ -147,21 +151,28 @@ impl SweptEvaluator {
         signs: &SignChanges,
         axis: Axis,
     ) -> Vec<HermiteEdge> {
-        let mut edges = Vec::new();
+        let (mut edges, mut spans, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
         signs.for_edges(axis, |ijk| {
-            let mut search = Search::new(lattice, signs, axis, ijk);
-            for &number in &self.near {
-                let solid = &solids[number as usize];
-                let [low, high] = solid.bounds();
-                let a = axis.index();
-                if search.inside < low[a] || search.inside >= high[a] {
-                    continue;
-                }
-                if let Some(interval) = solid.line(a, search.at) {
-                    search.offer(number, interval.low, interval.high);
+            let search = Search::new(lattice, signs, axis, ijk);
+            spans.clear();
+            let mut inside = ijk;
+            inside[axis.index()] += usize::from(search.upper);
+            let row = &self.spans[inside[2] * P + inside[1]];
+            if signs.row(inside[1], inside[2]) == ALL {
+                // Solids that added nothing to the row are not kept there.
+                search.gather(solids, &self.near, |_| true, &mut spans);
+            } else {
+                let x = search.at_inside()[0];
+                let holds = |(_, low, high): &&(u32, End, End)| low.at <= x + TOUCH && x <= high.at + TOUCH;
+                numbers.clear();
+                numbers.extend(row.iter().filter(holds).map(|(number, ..)| *number));
+                search.gather(solids, &numbers, |_| true, &mut spans);
+                if self.has_parts {
+                    search.gather(solids, &self.near, Swept::is_part, &mut spans);
                 }
             }
-            edges.push(search.finish(solids));
+            let best = search.follow(&spans);
+            edges.push(search.finish(best, solids));
         });
         edges
     }
@@ -177,7 +188,6 @@ struct Search {
     /// Whether that is its upper end.
     upper: bool,
     step: f64,
-    best: Option<Best>,
 }
 
 impl Search {
@@ -186,28 +196,79 @@ impl Search {
         let a = axis.index();
         let at = [0, 1, 2].map(|a| lattice.at(a, lower[a]));
         let inside = lattice.at(a, lower[a] + usize::from(upper));
-        Search { axis: a, at, inside, upper, step: lattice.step, best: None }
+        Search { axis: a, at, inside, upper, step: lattice.step }
     }
 
-    fn offer(&mut self, solid: u32, low: End, high: End) {
-        if !(low.at <= self.inside && self.inside < high.at) {
-            return;
+    /// The inside end.
+    fn at_inside(&self) -> [f64; 3] {
+        let mut at = self.at;
+        at[self.axis] = self.inside;
+        at
+    }
+
+    /// Adds the intervals of solids that may have a part in the edge.
+    fn gather(
+        &self,
+        solids: &[Swept],
+        list: &[u32],
+        counts: impl Fn(&Swept) -> bool,
+        spans: &mut Vec<(u32, End, End)>,
+    ) {
+        for &number in list {
+            let solid = &solids[number as usize];
+            let [low, high] = solid.bounds();
+            if !counts(solid) || self.misses(low[self.axis], high[self.axis]) {
+                continue;
+            }
+            if let Some(interval) = solid.line(self.axis, self.at) {
+                spans.push((number, interval.low, interval.high));
+            }
         }
-        let end = if self.upper { low } else { high };
-        let depth = (end.at - self.inside).abs();
-        if self.best.is_none_or(|best| depth > best.depth) {
-            self.best = Some(Best { depth, solid, end });
+    }
+
+    /// Whether what lies between two coordinates has no part in the edge.
+    fn misses(&self, low: f64, high: f64) -> bool {
+        let outside = if self.upper { self.inside - self.step } else { self.inside + self.step };
+        let (from, to) = (self.inside.min(outside), self.inside.max(outside));
+        high < from - TOUCH || low > to + TOUCH
+    }
+
+    /// From the inside end to where no interval leads on.
+    fn follow(&self, spans: &[(u32, End, End)]) -> Option<Best> {
+        let (mut best, mut reached): (Option<Best>, f64) = (None, 0.0);
+        loop {
+            let from = if self.upper { self.inside - reached } else { self.inside + reached };
+            let mut next: Option<Best> = None;
+            for &(solid, low, high) in spans {
+                if low.at > from + TOUCH || high.at < from - TOUCH {
+                    continue;
+                }
+                let end = if self.upper { low } else { high };
+                let depth = if self.upper { self.inside - end.at } else { end.at - self.inside };
+                if depth > next.map_or(reached, |next| next.depth) || (best.is_none() && next.is_none()) {
+                    next = Some(Best { depth, solid, end });
+                }
+            }
+            match next {
+                Some(next) if best.is_none() || next.depth > reached => {
+                    (best, reached) = (Some(next), next.depth.max(0.0));
+                }
+                _ => return best,
+            }
+            if reached >= self.step {
+                return best;
+            }
         }
     }
 
     /// The crossing. Where rounding has all lines miss the sample, its own place stands in.
-    fn finish(&self, solids: &[Swept]) -> HermiteEdge {
-        let depth = self.best.map_or(0.0, |best| best.depth).min(self.step);
+    fn finish(&self, best: Option<Best>, solids: &[Swept]) -> HermiteEdge {
+        let depth = best.map_or(0.0, |best| best.depth).clamp(0.0, self.step);
         let inside = depth / self.step;
         let fraction = if self.upper { 1.0 - inside } else { inside };
         let offset = ((fraction * 65536.0 + 0.5) as u32).min(65535) as u16;
         let outward = if self.upper { -1 } else { 1 };
-        let normal = match &self.best {
+        let normal = match &best {
             Some(best) => {
                 let direction = solids[best.solid as usize].outward(self.axis, self.at, &best.end);
                 normal_code(direction, self.axis, outward)

@@ -46,6 +46,8 @@ pub struct Swept {
     shape: Shape,
     /// Least and greatest coordinates.
     bounds: [[f64; 3]; 2],
+    /// Whether it is a part of a tool, which others touch.
+    is_part: bool,
 }
 
 impl Shape {
@@ -56,7 +58,18 @@ impl Shape {
 impl Swept {
     /// A solid.
     pub fn new(shape: Shape) -> Swept {
-        Swept { shape, bounds: bounds(&shape) }
+        Swept { shape, bounds: bounds(&shape), is_part: false }
+    }
+
+    /// The same as a part of a tool, which other parts touch where no sample may be.
+    #[must_use]
+    pub fn as_part(self) -> Swept {
+        Swept { is_part: true, ..self }
+    }
+
+    /// Whether other parts of a tool touch it.
+    pub fn is_part(&self) -> bool {
+        self.is_part
     }
 
     /// What it is.
