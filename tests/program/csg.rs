@@ -305,14 +305,15 @@ fn random_piles_are_combined_sample_by_sample() {
     let dir = Scratch::new();
     let out = dir.path("out.brf");
     for seed in 1..=3u64 {
-        let [one, other] = match seed {
-            1 => [random_pile(seed, 12), random_pile(seed + 10, 12)],
-            _ => [lattice_pile(seed, 12), lattice_pile(seed + 10, 12)],
+        let pile = |seed: u64| match seed % 10 {
+            1 => random_pile(seed, 12),
+            _ => lattice_pile(seed, 12, 1, 16),
         };
-        // The first holds the lattice of both.
-        let around = [cuboid([-40.0; 3], [-39.0; 3]), cuboid([60.0; 3], [61.0; 3])];
-        let a = mesh(&dir, "a.stl", &[one, around[0].clone(), around[1].clone()]);
-        let b = mesh(&dir, "b.stl", &[other]);
+        // The first one's lattice has room for both.
+        let mut first = pile(seed);
+        first.extend([cuboid([-40.0; 3], [-39.0; 3]), cuboid([60.0; 3], [61.0; 3])]);
+        let a = mesh(&dir, "a.stl", &first);
+        let b = mesh(&dir, "b.stl", &pile(seed + 10));
         let (sa, sb) = (dir.path("a.brf"), dir.path("b.brf"));
         run(&[&"build", &a, &"-o", &sa, &"--depth", &"2", &"-q"]).ok_but_for("brf: ");
         run(&[&"build", &b, &"-o", &sb, &"--like", &sa, &"-q"]).ok_but_for("brf: ");
