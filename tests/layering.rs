@@ -47,7 +47,7 @@ const CRATES: [(&str, &[Room]); 11] = [
         "analysis",
         &[
             ("analysis", &[]),
-            ("csg", &["analysis"]),
+            ("csg", &[]),
             ("voids", &["analysis"]),
             ("fraction", &["analysis"]),
             ("machining", &["analysis", "csg", "voids"]),

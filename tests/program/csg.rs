@@ -262,6 +262,11 @@ fn what_cannot_be_combined_is_refused_and_nothing_is_written() {
     assert!(refused.contains("none.brf"), "{refused}");
     let refused = csg(&a, &[("--minus", &a)], &a, &[]).failed();
     assert!(refused.contains("overwrite"), "{refused}");
+    // The same lattice, and boundaries on two levels.
+    let coarse = dir.path("coarse.brf");
+    run(&[&"cache", &"prune", &dir.path("b.brf"), &"-o", &coarse, &"--level", &"1", &"-q"]).ok();
+    let refused = csg(&a, &[("--minus", &coarse)], &out, &[]).failed();
+    assert!(refused.contains("coarse.brf: its leaf") && refused.contains("--like"), "{refused}");
     for body in ["z>", "box 1,2,3", "sphere 1,2,3,r0", "box 3,3,3,1,1,1"] {
         csg(&a, &[("--minus", Path::new(body))], &out, &[]).misused();
     }

@@ -12,8 +12,9 @@ use std::str::FromStr;
 #[derive(Args)]
 #[command(after_help = "\
 The program is G-code for three axes: G0 to G3 in the planes of G17 to G19, helices, drilling cycles (G73, G81 to G83, G85, \
-G89), work offsets, G43, G92. Positions are the tip's, in the coordinates of the part. Words A, B and C turn the head, as in \
-toolpaths; where they change on a move it is cut in steps.
+G89), work offsets, G43, G92. Positions are the tip's, in the coordinates of the part.
+
+Words A, B and C turn the head, as in toolpaths; where they change on a move it is cut in steps.
 
 Tools are ball:D, flat:D, bull:D,CORNER, drill:D,ANGLE and chamfer:D,ANGLE,TIP, each with length=L if it does not leave the \
 part. Without --tool comments name them, as in (T1 D=6. CR=3. - ball end mill).
@@ -43,7 +44,7 @@ pub struct MachineArgs {
     /// A tool; behind its number in the program and an equals sign, or of all numbers that have none
     #[arg(long, value_name = "[N=]FORM:D")]
     pub tool: Vec<NumberedTool>,
-    /// A table of tools in TOML: under [tools] lines such as 3 = \"bull:10mm,1mm\"
+    /// A table of tools in TOML: under [tools] lines such as 3 = "bull:10mm,1mm"
     #[arg(long, value_name = "TOOLS.toml")]
     pub tools: Option<PathBuf>,
     /// Also write what becomes of each void; the name ends in .csv or .json

@@ -18,4 +18,4 @@ pub(crate) use faces::share_beside;
 pub use overlap::{OverlapSum, Overlaps, PairOverlap, overlaps};
 pub use sample::{sample_at, winding_range};
 pub(crate) use volume::spread;
-pub use volume::{VolumeSums, Volumes, negative_volume, volume};
+pub use volume::{Volumes, negative_volume, volume};

@@ -3,7 +3,7 @@
 use super::faces::{Faces, STEPS};
 use crate::brick::{Brick, HermiteEdge, Samples, SignChanges};
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf, NodeInfo, SourceVolumes, visit};
 
@@ -56,9 +56,9 @@ impl From<&SourceVolumes> for Volumes {
 /// The samples of a row that a brick owns.
 const OWN: u64 = (1 << BRICK_CELLS) - 1;
 
-/// What volumes are made of, leaf by leaf: sums in cells of the deepest level there can be, exact for any tree.
+/// Sums in cells of the deepest level there can be, exact for any tree.
 #[derive(Clone, Copy, Default)]
-pub struct VolumeSums {
+struct Sums {
     /// Chords of the union along each axis, in [`STEPS`].
     chords: [u128; 3],
     /// Samples of the union.
@@ -112,19 +112,9 @@ impl Count {
     }
 }
 
-impl VolumeSums {
-    /// Adds a leaf.
-    pub fn add(&mut self, key: NodeKey, leaf: &Brick) {
-        self.and(&VolumeSums::of_brick(leaf).scaled(1 << (3 * (MAX_LEVEL - key.level()))));
-    }
-
-    /// Adds what others have added up.
-    pub fn and(&mut self, other: &VolumeSums) {
-        *self = self.with(*other);
-    }
-
-    fn with(self, other: VolumeSums) -> VolumeSums {
-        VolumeSums {
+impl Sums {
+    fn and(self, other: Sums) -> Sums {
+        Sums {
             chords: [0, 1, 2].map(|a| self.chords[a] + other.chords[a]),
             inside: self.inside + other.inside,
             faces: self.faces.and(other.faces),
@@ -135,23 +125,17 @@ impl VolumeSums {
     }
 
     /// Of `count` samples that are all `w`.
-    fn of_equal(w: i16, count: u128) -> VolumeSums {
+    fn of_equal(w: i16, count: u128) -> Sums {
         let of = |w: i32| Count { sum: u128::from(w.max(0).unsigned_abs()) * count, ..Count::default() };
         let w = i32::from(w);
         let inside = u128::from(w >= 1) * count;
-        VolumeSums {
-            chords: [inside * STEPS; 3],
-            inside,
-            overlap: of(w - 1),
-            negative: of(-w),
-            ..VolumeSums::default()
-        }
+        Sums { chords: [inside * STEPS; 3], inside, overlap: of(w - 1), negative: of(-w), ..Sums::default() }
     }
 
     /// Of a leaf's own 32³ cells.
-    fn of_brick(brick: &Brick) -> VolumeSums {
+    fn of_brick(brick: &Brick) -> Sums {
         let (samples, hermite) = match brick {
-            Brick::Uniform(w) => return VolumeSums::of_equal(*w, (BRICK_CELLS as u128).pow(3)),
+            Brick::Uniform(w) => return Sums::of_equal(*w, (BRICK_CELLS as u128).pow(3)),
             Brick::Counts { samples, hermite } => (samples, hermite),
         };
         let signs = SignChanges::of(samples);
@@ -163,11 +147,11 @@ impl VolumeSums {
         let count = |there: bool, part| if there { Count::of(samples, part) } else { Count::default() };
         let overlap = count(samples.whole(max) > 1, |w| w - 1);
         let negative = count(samples.whole(min) < 0, |w| -w);
-        VolumeSums { chords, inside, faces, lone: lone(&signs), overlap, negative }
+        Sums { chords, inside, faces, lone: lone(&signs), overlap, negative }
     }
 
-    fn scaled(self, by: u128) -> VolumeSums {
-        VolumeSums {
+    fn scaled(self, by: u128) -> Sums {
+        Sums {
             chords: self.chords.map(|c| c * by),
             inside: self.inside * by,
             faces: self.faces.scaled(by),
@@ -275,42 +259,31 @@ pub fn volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<Volumes> 
 /// Those of some leaves.
 fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress) -> Result<Volumes> {
     progress.phase("volumes", Some(leaves.len() as u64), "bricks");
-    let mut sums = VolumeSums::default();
-    let of_leaf = |leaf: &Leaf<'_>| {
-        let mut sums = VolumeSums::default();
-        sums.add(leaf.key, leaf.brick);
-        Ok(sums)
-    };
+    let mut sums = Sums::default();
+    let of_leaf =
+        |leaf: &Leaf<'_>| Ok(Sums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))));
     visit(tree, leaves, progress, of_leaf, |_, of_leaf| {
-        sums.and(&of_leaf);
+        sums = sums.and(of_leaf);
         Ok(())
     })?;
-    Ok(sums.volumes(tree.root()))
-}
-
-impl VolumeSums {
-    /// The volumes, in the cube of the unit of the root cube; see [`volume`].
-    pub fn volumes(&self, root: RootCube) -> Volumes {
-        let sums = self;
-        let cell = root.spacing(MAX_LEVEL).powi(3);
-        let in_steps = |steps: f64| steps / STEPS as f64 * cell;
-        let Faces { beside, nearly, scatter, size, crossings } = sums.faces;
-        let chords = [0, 1, 2].map(|a| in_steps(sums.chords[a] as f64 + beside[a] as f64));
-        let bound = |count: Count| count.changes.iter().sum::<u128>() as f64 * 0.5 * cell;
-        let union = chords.iter().sum::<f64>() / 3.0;
-        let at_edges = at_edges(sums.inside as f64 * cell, size.map(|sum| in_steps(sum as f64)));
-        let nearly = nearly.iter().map(|sum| in_steps(sum.unsigned_abs() as f64)).sum::<f64>();
-        let scatter = (scatter as f64).sqrt() * cell;
-        let lone = sums.lone.into_iter().max().unwrap_or_default() as f64 * cell;
-        Volumes {
-            union,
-            union_error: spread(chords) + at_edges + nearly + scatter + lone + in_steps(crossings as f64),
-            overlap: sums.overlap.sum as f64 * cell,
-            overlap_error: bound(sums.overlap),
-            negative: sums.negative.sum as f64 * cell,
-            negative_error: bound(sums.negative),
-        }
-    }
+    let cell = tree.root().spacing(MAX_LEVEL).powi(3);
+    let in_steps = |steps: f64| steps / STEPS as f64 * cell;
+    let Faces { beside, nearly, scatter, size, crossings } = sums.faces;
+    let chords = [0, 1, 2].map(|a| in_steps(sums.chords[a] as f64 + beside[a] as f64));
+    let bound = |count: Count| count.changes.iter().sum::<u128>() as f64 * 0.5 * cell;
+    let union = chords.iter().sum::<f64>() / 3.0;
+    let at_edges = at_edges(sums.inside as f64 * cell, size.map(|sum| in_steps(sum as f64)));
+    let nearly = nearly.iter().map(|sum| in_steps(sum.unsigned_abs() as f64)).sum::<f64>();
+    let scatter = (scatter as f64).sqrt() * cell;
+    let lone = sums.lone.into_iter().max().unwrap_or_default() as f64 * cell;
+    Ok(Volumes {
+        union,
+        union_error: spread(chords) + at_edges + nearly + scatter + lone + in_steps(crossings as f64),
+        overlap: sums.overlap.sum as f64 * cell,
+        overlap_error: bound(sums.overlap),
+        negative: sums.negative.sum as f64 * cell,
+        negative_error: bound(sums.negative),
+    })
 }
 
 /// The difference of the largest and the smallest of what three axes say.

@@ -2,16 +2,13 @@
 
 use super::combine::Hidden;
 use super::operand::{Operand, Within};
-use super::walk::{Chain, Desk, Sink, Step};
-use crate::analysis::{VolumeSums, Volumes};
+use super::walk::{Chain, Desk, Step};
 use crate::brick::Brick;
 use crate::error::{Error, Result};
-use crate::lattice::{MAX_LEVEL, NodeKey, Octant, RootCube};
+use crate::lattice::{MAX_LEVEL, NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::{Bounds, Held, Outcome, Place, run_tasks};
-use crate::store::{
-    Compression, Half, IndexEntry, Kept, Meta, Node, Records, Settings, Stats, Store, StoreWriter, join,
-};
+use crate::store::{Compression, Half, Kept, Meta, Node, Records, Settings, Stats, Store, StoreWriter, join};
 use std::path::Path;
 use std::time::Duration;
 
@@ -60,61 +57,6 @@ struct Task {
     /// What it is, if that is known without bricks.
     known: Option<i16>,
     bytes: u64,
-}
-
-/// What takes the nodes of a store.
-struct ToStore(Records);
-
-impl Sink for ToStore {
-    fn empty(&mut self, _: NodeKey, _: i16) {}
-
-    fn leaf(&mut self, key: NodeKey, brick: &Brick) {
-        self.0.push(key, true, brick);
-    }
-
-    fn copied(
-        &mut self,
-        entry: &IndexEntry,
-        payload: &[u8],
-        _: &mut dyn FnMut() -> Result<Brick>,
-    ) -> Result<()> {
-        self.0.push_encoded(entry.key, entry.leaf, entry.head, payload);
-        Ok(())
-    }
-
-    fn join(&mut self, key: NodeKey, children: [Node; 8]) -> Node {
-        join(key, children, 0, &mut self.0)
-    }
-}
-
-/// What measures leaves and keeps none.
-#[derive(Default)]
-struct ToSums(VolumeSums);
-
-impl Sink for ToSums {
-    fn empty(&mut self, key: NodeKey, w: i16) {
-        self.0.add(key, &Brick::Uniform(w));
-    }
-
-    fn leaf(&mut self, key: NodeKey, brick: &Brick) {
-        self.0.add(key, brick);
-    }
-
-    fn copied(
-        &mut self,
-        entry: &IndexEntry,
-        _: &[u8],
-        brick: &mut dyn FnMut() -> Result<Brick>,
-    ) -> Result<()> {
-        if entry.leaf {
-            self.0.add(entry.key, &brick()?);
-        }
-        Ok(())
-    }
-
-    fn join(&mut self, _: NodeKey, _: [Node; 8]) -> Node {
-        Node::Empty(0)
-    }
 }
 
 /// Joins subtrees that come along the Morton curve to the nodes above them.
@@ -206,8 +148,8 @@ impl Chain<'_> {
                 (Some(w), _) => (Node::Empty(w), records()),
                 (None, Some(brick)) => (Node::Stored(Half::of(&brick)), records()),
                 (None, None) => {
-                    let mut sink = ToStore(records());
-                    (self.walk(task.key, &task.within, desk, &mut sink)?, sink.0)
+                    let mut records = records();
+                    (self.walk(task.key, &task.within, desk, &mut records)?, records)
                 }
             };
             held.resize(records.heap_bytes());
@@ -224,31 +166,6 @@ impl Chain<'_> {
         run(tasks, memory, work, consume)?;
         joiner.finish().write(writer)?;
         Ok(hidden)
-    }
-
-    /// The volume of the result, of which nothing is written.
-    ///
-    /// # Errors
-    /// As [`Chain::write`].
-    pub fn volumes(&self, root: RootCube, memory: u64, progress: &dyn Progress) -> Result<Volumes> {
-        let tasks = self.tasks(0)?;
-        progress.phase("measuring", Some(tasks.len() as u64), "subtrees");
-        let mut sums = VolumeSums::default();
-        let work = |desk: &mut Desk, task: Task, held: Held| {
-            progress.check()?;
-            let mut sink = ToSums::default();
-            match task.known {
-                Some(w) => sink.empty(task.key, w),
-                None => drop(self.walk(task.key, &task.within, desk, &mut sink)?),
-            }
-            Ok(Outcome::Done(sink.0, held))
-        };
-        run(tasks, memory, work, |found: VolumeSums| {
-            sums.and(&found);
-            progress.advance(1);
-            Ok(None)
-        })?;
-        Ok(sums.volumes(root))
     }
 
     /// Subtrees along the Morton curve that cover the root; those that are not known begin at `level` or below.

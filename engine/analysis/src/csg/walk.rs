@@ -6,7 +6,7 @@ use super::operand::{Operand, Within};
 use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, Octant};
-use crate::store::{Half, IndexEntry, Node, Scratch, Store};
+use crate::store::{Half, IndexEntry, Node, Records, Scratch, Store, join};
 use crate::swept::SweptEvaluator;
 
 /// A chain of operands on one lattice.
@@ -17,23 +17,6 @@ pub struct Chain<'a> {
     pub keep_counts: bool,
     /// The level of leaves where no store has a boundary.
     pub depth: u8,
-}
-
-/// What takes the leaves of a tree, in Morton order, and the nodes above them.
-pub(super) trait Sink {
-    /// A node that is all `w`, which the node above may swallow.
-    fn empty(&mut self, key: NodeKey, w: i16);
-    /// A leaf.
-    fn leaf(&mut self, key: NodeKey, brick: &Brick);
-    /// A node as another store has it; `brick` decodes it.
-    fn copied(
-        &mut self,
-        entry: &IndexEntry,
-        payload: &[u8],
-        brick: &mut dyn FnMut() -> Result<Brick>,
-    ) -> Result<()>;
-    /// The node above eight others.
-    fn join(&mut self, key: NodeKey, children: [Node; 8]) -> Node;
 }
 
 /// What a thread works with.
@@ -135,16 +118,13 @@ impl Chain<'_> {
         key: NodeKey,
         above: &[Within],
         desk: &mut Desk,
-        sink: &mut dyn Sink,
+        records: &mut Records,
     ) -> Result<Node> {
         let (within, step) = self.look(key, above)?;
         match step {
-            Step::All { w, certain: true } => {
-                sink.empty(key, w);
-                return Ok(Node::Empty(w));
-            }
+            Step::All { w, certain: true } => return Ok(Node::Empty(w)),
             Step::All { w, certain: false } => {
-                sink.leaf(key, &Brick::Uniform(w));
+                records.push(key, true, &Brick::Uniform(w));
                 return Ok(Node::Stored(Half::Uniform(w)));
             }
             Step::Divide(_) | Step::Leaf(_) => {}
@@ -154,18 +134,18 @@ impl Chain<'_> {
             && let Some(entry) = store.entry(key)
             && self.is_as_it_is(store, entry)
         {
-            let brick = copy(store, entry, desk, sink)?;
+            let brick = copy(store, entry, desk, records)?;
             return Ok(Node::Stored(Half::of(&brick)));
         }
         if matches!(step, Step::Divide(_)) {
             let mut children = [const { Node::Empty(0) }; 8];
             for octant in Octant::all() {
-                children[octant.index()] = self.walk(key.child(octant), &within, desk, sink)?;
+                children[octant.index()] = self.walk(key.child(octant), &within, desk, records)?;
             }
-            return Ok(sink.join(key, children));
+            return Ok(join(key, children, 0, records));
         }
         let brick = self.leaf(key, &within, desk)?;
-        sink.leaf(key, &brick);
+        records.push(key, true, &brick);
         Ok(Node::Stored(Half::of(&brick)))
     }
 
@@ -213,8 +193,8 @@ impl Chain<'_> {
 }
 
 /// Copies a node and all below it, children first; returns its brick.
-fn copy(store: &Store, entry: &IndexEntry, desk: &mut Desk, sink: &mut dyn Sink) -> Result<Brick> {
-    copy_below(store, entry, desk, sink)?;
+fn copy(store: &Store, entry: &IndexEntry, desk: &mut Desk, records: &mut Records) -> Result<Brick> {
+    copy_below(store, entry, desk, records)?;
     store.read_payload(entry, &mut desk.payload)?;
     match entry.head.kind.is_uniform() {
         true => Ok(Brick::Uniform(entry.head.min)),
@@ -222,19 +202,15 @@ fn copy(store: &Store, entry: &IndexEntry, desk: &mut Desk, sink: &mut dyn Sink)
     }
 }
 
-fn copy_below(store: &Store, entry: &IndexEntry, desk: &mut Desk, sink: &mut dyn Sink) -> Result<()> {
+fn copy_below(store: &Store, entry: &IndexEntry, desk: &mut Desk, records: &mut Records) -> Result<()> {
     if !entry.leaf {
         for octant in Octant::all() {
             if let Some(child) = store.entry(entry.key.child(octant)) {
-                copy_below(store, child, desk, sink)?;
+                copy_below(store, child, desk, records)?;
             }
         }
     }
-    let Desk { payload, scratch, .. } = desk;
-    store.read_payload(entry, payload)?;
-    let mut brick = || match entry.head.kind.is_uniform() {
-        true => Ok(Brick::Uniform(entry.head.min)),
-        false => store.decode(entry, payload, scratch),
-    };
-    sink.copied(entry, payload, &mut brick)
+    store.read_payload(entry, &mut desk.payload)?;
+    records.push_encoded(entry.key, entry.leaf, entry.head, &desk.payload);
+    Ok(())
 }

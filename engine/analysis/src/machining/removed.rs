@@ -1,13 +1,11 @@
 //! Which move takes off what: along the rows of the part, the first move that reaches a place takes it.
 
 use crate::brick::{Brick, SignChanges};
-use crate::csg::Operand;
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, RootCube};
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey, Octant, RootCube};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{BrickTree, Store};
-use crate::swept::Swept;
 use std::collections::BTreeMap;
 
 use super::cut::Cut;
@@ -185,7 +183,7 @@ impl Search<'_> {
     fn rows(&self, key: NodeKey, brick: &Brick, list: &[u32], removed: &mut Removed) {
         let step = f64::from(1u32 << key.spacing_bits());
         let origin = key.base().map(|base| f64::from(base + 1));
-        let (unit, cells) = (self.root.unit(), BRICK_CELLS as f64);
+        let unit = self.root.unit();
         let area = (step * unit) * (step * unit);
         let solid_rows = rows_of(brick, origin[0], step);
         for (row, inside) in solid_rows.iter().enumerate() {
@@ -204,7 +202,6 @@ impl Search<'_> {
                 }
             }
         }
-        debug_assert!(cells > 0.0 && key.level() <= MAX_LEVEL);
     }
 }
 
@@ -263,18 +260,4 @@ fn take(left: &mut Vec<(f64, f64)>, (from, to): (f64, f64)) -> f64 {
     }
     *left = rest;
     taken
-}
-
-/// The operand of a chain that is what a program sweeps.
-impl<'a> From<&'a Cut> for Operand<'a> {
-    fn from(cut: &'a Cut) -> Operand<'a> {
-        Operand::Solids(&cut.solids)
-    }
-}
-
-/// Solids of a cut, for whoever measures them.
-impl AsRef<[Swept]> for Cut {
-    fn as_ref(&self) -> &[Swept] {
-        &self.solids
-    }
 }

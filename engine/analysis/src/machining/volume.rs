@@ -3,11 +3,12 @@
 //! Chords of a bore are alike in every layer, so their errors do not cancel. A mesh knows where its facets lie: of a bore of
 //! 100 cells it is 30 times as near. What both differ by tells how far either may be off.
 
+use crate::analysis::volume;
 use crate::contour::{ContourOptions, Cuts, Encoding, MeshSink, Triangles, VertexBytes, contour};
 use crate::csg::{Chain, Writing};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::store::{BrickTree, Meta, Store};
+use crate::store::{Meta, Store};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -59,10 +60,6 @@ pub fn measured_volume(
     progress: &dyn Progress,
 ) -> Result<Measured> {
     let root = meta.root;
-    let chords = chain.volumes(root, memory, progress)?;
-    if chords.union <= 0.0 {
-        return Ok(Measured::default());
-    }
     let mut name = output.as_os_str().to_owned();
     name.push(".removed");
     let file = Temporary(PathBuf::from(name));
@@ -71,6 +68,10 @@ pub fn measured_volume(
     let writing = Writing { memory, pace: Duration::MAX, restart: true, settings };
     chain.write(&file.0, meta, writing, progress)?;
     let store = Store::open(&file.0, memory / 4)?;
+    let chords = volume(&store, progress)?;
+    if chords.union <= 0.0 {
+        return Ok(Measured::default());
+    }
     let bytes = usize::try_from(memory / 4).unwrap_or(usize::MAX);
     let options = ContourOptions {
         cache_bytes: bytes,
@@ -79,7 +80,6 @@ pub fn measured_volume(
         ..ContourOptions::default()
     };
     let mesh = contour(&store, &options, &mut Nothing, progress)?;
-    debug_assert!(store.root() == root);
     let error = (mesh.volume - chords.union).abs() + MESH_CELLS * cell * mesh.area;
     Ok(Measured { value: mesh.volume, error })
 }
