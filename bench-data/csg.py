@@ -82,12 +82,16 @@ def piles(args, folder):
         parts = list(beads(path))
         bad = sum(part.status() != manifold3d.Error.NoError for part in parts)
         united = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
+        # It is computed when it is asked for.
+        triangles = united.num_tri()
         told(f"Manifold union of {len(parts)} beads", time.time() - begun,
-             f"{united.num_tri()} triangles, {united.status()}, {bad} beads refused")
+             f"{triangles} triangles, {united.status()}, {bad} beads refused")
         both.append(united)
+        begun = time.time()
     begun = time.time()
     left = both[0] - both[1]
-    told("Manifold A - B of the unions", time.time() - begun, f"{left.num_tri()} triangles, {left.status()}")
+    triangles = left.num_tri()
+    told("Manifold A - B of the unions", time.time() - begun, f"{triangles} triangles, {left.status()}")
 
 
 def path_of(count):
@@ -122,7 +126,8 @@ def moves(args, folder):
     text, seconds = run(args.program, "machine", plate, folder / "p.nc", "--tool", "ball:1mm", "-o", out, "--json")
     found = json.loads(text)
     volume = f"{found['removed_volume']:.3f} ± {found['removed_volume_error']:.3f} mm³"
-    told(f"machine {found['moves']} moves", seconds, f"{found['leaves']} leaves, {volume}")
+    phases = ", ".join(f"{name} {time:.2f}" for name, time in found["phases"])
+    told(f"machine {found['moves']} moves", seconds, f"{found['leaves']} leaves, {volume}; {phases}")
 
 
 def forms(args, folder):

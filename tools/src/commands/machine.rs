@@ -60,6 +60,8 @@ struct Found {
     by_tool: Vec<Measured>,
     removed: Removed,
     voids: Option<Vec<OpenedVoid>>,
+    /// Seconds by phase.
+    phases: Vec<(&'static str, f64)>,
 }
 
 /// Runs the command.
@@ -156,11 +158,21 @@ impl Job<'_> {
         let writing = Writing { memory: args.memory.0, pace, restart: args.restart, settings };
         let chain = self.chain(Operation::Minus, &cut.solids);
         let meta = self.meta()?;
+        let mut clock = Instant::now();
+        let mut phases = Vec::new();
+        let mut lap = |name| {
+            phases.push((name, clock.elapsed().as_secs_f64()));
+            clock = Instant::now();
+        };
         let summary = chain.write(&args.output, meta.clone(), writing, bars)?;
+        lap("cut");
         let total = self.taken(&cut.solids, &meta)?;
+        lap("measure");
         let removed = removed(store, cut, bars)?;
+        lap("attribute");
         let by_tool = self.by_tool(total, &removed, &meta)?;
         let removed = removed.scaled_to(total.value);
+        lap("tools");
         let voids = match &args.voids {
             Some(_) => {
                 let options = VoidOptions { memory: args.memory.0, ..VoidOptions::default() };
@@ -168,7 +180,8 @@ impl Job<'_> {
             }
             None => None,
         };
-        Ok(Found { summary, total, by_tool, removed, voids })
+        lap("voids");
+        Ok(Found { summary, total, by_tool, removed, voids, phases })
     }
 
     /// What the result says of where it comes from.
@@ -275,7 +288,7 @@ impl Job<'_> {
     }
 
     fn document(&self, found: &Found, seconds: f64) -> Value {
-        let Found { summary, total, by_tool, removed, voids } = found;
+        let Found { summary, total, by_tool, removed, voids, phases } = found;
         let tools: Vec<Value> = self.program.tools.iter().zip(by_tool).map(|((number, tool), of)| {
             json!({ "number": number, "tool": tool.to_string(), "volume": of.value, "volume_error": of.error })
         }).collect();
@@ -315,6 +328,7 @@ impl Job<'_> {
             "by_move": moves,
             "rapid_through_part": rapids,
             "voids": voids.as_ref().map(|voids| self.table(voids).objects()),
+            "phases": phases,
             "seconds": seconds,
         })
     }

@@ -11,6 +11,9 @@ use crate::solid::normal_code;
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
+/// Lines of a block along each axis, and blocks of a brick.
+const BLOCK: usize = 8;
+const BLOCKS: usize = P.div_ceil(BLOCK);
 /// Bits of a whole row.
 const ALL: u64 = (1 << P) - 1;
 
@@ -68,9 +71,9 @@ struct Best {
 pub struct SweptEvaluator {
     /// By row, the intervals of solids that have added samples or may bound edges.
     spans: Vec<Vec<(u32, End, End)>>,
-    near: Vec<u32>,
-    /// Whether some of these are parts of tools.
-    has_parts: bool,
+    /// Of the axis at hand, by blocks of lines along it: the solids that may meet these, and those of them that are parts of
+    /// tools.
+    near: Vec<(Vec<u32>, Vec<u32>)>,
 }
 
 impl SweptEvaluator {
@@ -93,10 +96,8 @@ impl SweptEvaluator {
         }
         let edges = [self.edges_along_rows(lattice, solids, &signs), Vec::new(), Vec::new()];
         let mut hermite = Hermite { edges };
-        self.near.clear();
-        self.near.extend(list);
-        self.has_parts = list.iter().any(|&number| solids[number as usize].is_part());
         for axis in [Axis::Y, Axis::Z] {
+            self.sort(lattice, solids, list, axis);
             hermite.edges[axis.index()] = self.edges_across(lattice, solids, &signs, axis);
         }
         Brick::Counts { samples, hermite }
@@ -132,6 +133,28 @@ impl SweptEvaluator {
         signs
     }
 
+    /// Sorts solids by the blocks of lines along an axis that they may meet.
+    fn sort(&mut self, lattice: Lattice, solids: &[Swept], list: &[u32], axis: Axis) {
+        self.near.resize(BLOCKS * BLOCKS, (Vec::new(), Vec::new()));
+        for (all, parts) in &mut self.near {
+            all.clear();
+            parts.clear();
+        }
+        let blocks = |range: std::ops::Range<usize>| range.start / BLOCK..range.end.div_ceil(BLOCK);
+        let [u, v] = axis.others_in_order().map(Axis::index);
+        for &number in list {
+            let solid = &solids[number as usize];
+            let [us, vs] = [u, v].map(|axis| blocks(lattice.within(axis, solid.bounds())));
+            for block in vs.flat_map(|v| us.clone().map(move |u| v * BLOCKS + u)) {
+                let (all, parts) = &mut self.near[block];
+                all.push(number);
+                if solid.is_part() {
+                    parts.push(number);
+                }
+            }
+        }
+    }
+
     /// The crossings of edges along x, from the rows' own intervals.
     fn edges_along_rows(&self, lattice: Lattice, solids: &[Swept], signs: &SignChanges) -> Vec<HermiteEdge> {
         let mut edges = Vec::new();
@@ -157,19 +180,19 @@ impl SweptEvaluator {
             spans.clear();
             let mut inside = ijk;
             inside[axis.index()] += usize::from(search.upper);
+            let [u, v] = axis.others_in_order().map(|axis| ijk[axis.index()] / BLOCK);
+            let (all, parts) = &self.near[v * BLOCKS + u];
             let row = &self.spans[inside[2] * P + inside[1]];
             if signs.row(inside[1], inside[2]) == ALL {
                 // Solids that added nothing to the row are not kept there.
-                search.gather(solids, &self.near, |_| true, &mut spans);
+                search.gather(solids, all, &mut spans);
             } else {
                 let x = search.at_inside()[0];
                 let holds = |(_, low, high): &&(u32, End, End)| low.at <= x + TOUCH && x <= high.at + TOUCH;
                 numbers.clear();
                 numbers.extend(row.iter().filter(holds).map(|(number, ..)| *number));
-                search.gather(solids, &numbers, |_| true, &mut spans);
-                if self.has_parts {
-                    search.gather(solids, &self.near, Swept::is_part, &mut spans);
-                }
+                search.gather(solids, &numbers, &mut spans);
+                search.gather(solids, parts, &mut spans);
             }
             let best = search.follow(&spans);
             edges.push(search.finish(best, solids));
@@ -207,17 +230,11 @@ impl Search {
     }
 
     /// Adds the intervals of solids that may have a part in the edge.
-    fn gather(
-        &self,
-        solids: &[Swept],
-        list: &[u32],
-        counts: impl Fn(&Swept) -> bool,
-        spans: &mut Vec<(u32, End, End)>,
-    ) {
+    fn gather(&self, solids: &[Swept], list: &[u32], spans: &mut Vec<(u32, End, End)>) {
         for &number in list {
             let solid = &solids[number as usize];
             let [low, high] = solid.bounds();
-            if !counts(solid) || self.misses(low[self.axis], high[self.axis]) {
+            if self.misses(low[self.axis], high[self.axis]) {
                 continue;
             }
             if let Some(interval) = solid.line(self.axis, self.at) {
