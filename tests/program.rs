@@ -11,6 +11,7 @@ mod program {
     mod cells;
     mod check;
     mod clouds;
+    mod csg;
     mod detail;
     mod determinism;
     mod distance;
@@ -20,6 +21,7 @@ mod program {
     mod kills;
     mod large_format;
     mod layers;
+    mod machine;
     mod mesh;
     mod open;
     mod orient;

@@ -52,6 +52,7 @@
 //! | [`store`], [`cache`] | stores: reading, verifying, rewriting, cutting down |
 //! | [`analysis`], [`voids`] | samples, volumes, overlaps, components of void and solid |
 //! | [`distance`] | wall thickness, offsets, deviations |
+//! | [`csg`], [`machining`], [`milling`] | Booleans of stores and solids; what milling programs take off |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
 //! | [`export`] | volumes in the files of other tools |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
@@ -76,7 +77,7 @@ pub use builder::Builder;
 pub use field::Field;
 pub use octree::Octree;
 
-pub use brickfield_analysis::{analysis, distance, fraction, voids};
+pub use brickfield_analysis::{analysis, csg, distance, fraction, machining, voids};
 pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
@@ -86,5 +87,5 @@ pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;
 pub use brickfield_octree::{brick, cache, store};
 pub use brickfield_picture::{picture, render, section};
-pub use brickfield_toolpath::{bead, toolpath, x3d};
-pub use brickfield_winding::{solid, winding};
+pub use brickfield_toolpath::{bead, milling, toolpath, x3d};
+pub use brickfield_winding::{solid, swept, winding};

@@ -3,7 +3,7 @@
 use crate::support::*;
 use std::ffi::OsStr;
 
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 16] = [
     "build",
     "beads",
     "mesh",
@@ -11,6 +11,8 @@ const COMMANDS: [&str; 14] = [
     "sample",
     "winding",
     "export",
+    "csg",
+    "machine",
     "slice",
     "render",
     "view",

@@ -6,7 +6,7 @@ use std::path::Path;
 pub struct Array {
     pub descr: String,
     pub axis: usize,
-    values: Vec<f64>,
+    pub values: Vec<f64>,
 }
 
 impl Array {

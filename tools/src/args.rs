@@ -1,9 +1,11 @@
 //! What the user types. The commands turn it into checked plans.
 
 use crate::cache_args::{CacheArgs, CompressionArg};
+use crate::csg_args::CsgArgs;
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::distance_args::{DeviationArgs, OffsetArgs, ThicknessArgs};
 use crate::layer_args::{LayersArgs, OverlapArgs};
+use crate::machine_args::MachineArgs;
 pub use crate::mesh_args::MeshArgs;
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
@@ -49,6 +51,8 @@ pub enum Command {
     Thickness(ThicknessArgs),
     Deviation(DeviationArgs),
     Offset(OffsetArgs),
+    Csg(CsgArgs),
+    Machine(MachineArgs),
     Slice(SliceArgs),
     Render(RenderArgs),
     View(WindowArgs),

@@ -13,7 +13,7 @@ const TOP_TEMPLATE: &str =
 
 /// Commands by task; any that is not here comes last.
 const TASKS: [(&str, &[&str]); 5] = [
-    ("Make stores", &["build", "offset", "cache", "verify"]),
+    ("Make stores", &["build", "csg", "machine", "offset", "cache", "verify"]),
     ("Write meshes and arrays", &["mesh", "beads", "export"]),
     (
         "Ask for numbers",
@@ -100,6 +100,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
             "dtype",
             "compression",
             "identity",
+            "keep_counts",
             "in_place",
             "json",
             "quiet",

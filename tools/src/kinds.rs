@@ -175,7 +175,7 @@ pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
 }
 
 /// A path as it is typed into a shell.
-fn typed(path: &Path) -> String {
+pub fn typed(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,@%:=".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) {

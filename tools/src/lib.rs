@@ -4,14 +4,17 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod bodies;
 mod cache_args;
 mod clouds;
 mod commands;
+mod csg_args;
 mod devices;
 mod distance_args;
 mod help;
 mod kinds;
 mod layer_args;
+mod machine_args;
 mod measured;
 mod memory;
 mod mesh_args;
@@ -61,6 +64,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Thickness(args) => commands::thickness::run(&args),
         Command::Deviation(args) => commands::deviation::run(&args),
         Command::Offset(args) => commands::offset::run(&args),
+        Command::Csg(args) => commands::csg::run(&args),
+        Command::Machine(args) => commands::machine::run(&args),
         Command::Slice(args) => commands::slice::run(&args),
         Command::Render(args) => commands::render::run(&args),
         #[cfg(feature = "view")]

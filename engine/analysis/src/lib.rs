@@ -3,11 +3,14 @@
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod csg;
 pub mod distance;
 pub mod fraction;
+pub mod machining;
 pub mod voids;
 
 use brickfield_core::{error, lattice, part, progress, schedule, sets, soup};
 use brickfield_mesh::contour;
 use brickfield_octree::{brick, store};
-use brickfield_winding::{solid, winding};
+use brickfield_toolpath::milling;
+use brickfield_winding::{solid, swept, winding};

@@ -4,6 +4,7 @@
 #![warn(missing_docs)]
 
 pub mod bead;
+pub mod milling;
 pub mod toolpath;
 pub mod x3d;
 

@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 pub mod solid;
+pub mod swept;
 pub mod winding;
 
 use brickfield_core::{error, lattice, progress, soup, wide};

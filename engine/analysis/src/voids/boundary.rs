@@ -101,7 +101,7 @@ pub(super) fn boundaries(
 }
 
 /// Calls `each` with the crossings of the edges that a leaf owns.
-fn each_crossing(key: NodeKey, brick: &Brick, mut each: impl FnMut(Crossing)) {
+pub(super) fn each_crossing(key: NodeKey, brick: &Brick, mut each: impl FnMut(Crossing)) {
     let Brick::Counts { samples, hermite } = brick else { return };
     let signs = crate::brick::SignChanges::of(samples);
     if hermite.edges.each_ref().map(Vec::len) != signs.counts() {

@@ -8,6 +8,7 @@
 //! | `border` | leaves beyond which others are to come, and disjoint sets |
 //! | `surface` | area from the polygons of the contour |
 //! | `boundary` | crossings around voids |
+//! | `outline` | crossings around each void, for other rooms |
 //! | `points` | distances between them |
 //! | `pores` | voids that open through a throat |
 //! | `sealed` | which voids are sealed for certain, and which open |
@@ -34,6 +35,7 @@ mod labelling;
 mod labels;
 mod matter;
 mod measure;
+mod outline;
 mod points;
 mod pores;
 mod sealed;
@@ -48,6 +50,7 @@ pub use find::{Seal, Void, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};
 pub use labels::write_labels;
 pub use measure::Sums;
+pub use outline::{BoundaryPoint, boundary_points};
 pub use slabs::{Slab, slabs};
 pub use totals::Total;
 pub use trace::{Trace, TracedLine};

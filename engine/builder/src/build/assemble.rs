@@ -1,10 +1,9 @@
 //! Joins the subtrees of a tree, which come one after the other along the Morton curve, to the nodes above them.
 
-use super::records::Records;
-use super::subtree::{Node, corner_at, join};
+use super::subtree::corner_at;
 use crate::brick::Brick;
 use crate::lattice::NodeKey;
-use crate::store::Compression;
+use crate::store::{Compression, Node, Records, join};
 use std::ops::Range;
 use std::sync::Arc;
 

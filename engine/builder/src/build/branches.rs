@@ -5,13 +5,13 @@ use super::assemble::{Assembler, Opening};
 use super::bins::Binner;
 use super::field::Field;
 use super::jobs::{Consume, Plan, sort_level};
-use super::records::Records;
 use super::sorted::SortedPieces;
-use super::subtree::{Node, STRIDE, SubtreeBuilder, Top, corner_at};
+use super::subtree::{STRIDE, SubtreeBuilder, Top, corner_at};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
 use crate::schedule::{Bounds, Held, Outcome, Place, run_tasks};
+use crate::store::{Node, Records};
 use std::sync::Arc;
 
 /// What a piece takes of a job: itself and its places in the lists of cubes, which it touches 1.5 of in the mean, with

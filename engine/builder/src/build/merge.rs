@@ -4,14 +4,12 @@
 //! build, or copied where a build evaluates them. So the bytes are those of a build without shares.
 
 use super::assemble::{Assembler, Opening};
-use super::records::Records;
-use super::subtree::{Half, Node};
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::store::{
-    BrickTree, Compression, IdentityEntry, IndexEntry, Meta, Numbers, Share, Stats, Store, StoreWriter,
-    cell_key, check_target,
+    BrickTree, Compression, Half, IdentityEntry, IndexEntry, Meta, Node, Numbers, Records, Share, Stats,
+    Store, StoreWriter, cell_key, check_target,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};

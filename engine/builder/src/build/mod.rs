@@ -28,7 +28,6 @@ mod orient;
 mod packed;
 mod packing;
 mod pipeline;
-mod records;
 mod resources;
 mod rules;
 mod sieve;

@@ -9,7 +9,6 @@ use super::foresee::{Foreseen, foresee};
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
 use super::open::{self, OpenSoup};
 use super::orient;
-use super::records::Records;
 use super::resources::{Resources, Room};
 use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
@@ -27,8 +26,8 @@ use crate::pieces::{Consistency, InsideOut, Oriented};
 use crate::progress::Progress;
 use crate::solid::Outline;
 use crate::store::{
-    BeadsMeta, Compression, Meta, Numbers, Refine, Settings, Share, ShareId, ShareNumbers, Source, Stats,
-    StoreWriter, check_target,
+    BeadsMeta, Compression, Meta, Numbers, Records, Refine, Settings, Share, ShareId, ShareNumbers, Source,
+    Stats, StoreWriter, check_target,
 };
 use crate::volumes::facet_volumes;
 use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};

@@ -5,57 +5,18 @@ use super::bins::{Binner, CellLists};
 use super::decide::{Decided, Undecided};
 use super::field::{Evaluated, Field, Pieces};
 use super::jobs::Plan;
-use super::records::Records;
 use super::rules::Rules;
 use crate::backend::Leaf;
-use crate::brick::{Brick, Samples, point_index};
+use crate::brick::{Brick, Samples};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant};
+use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
+use crate::store::{Half, Node, Records, common_empty, interior, join, record_empty};
 use std::borrow::Borrow;
 use std::collections::VecDeque;
 
 /// Levels that one sorting of pieces descends: 8³ cells of lists, and their corners in one small grid.
 pub(super) const STRIDE: u8 = 3;
-
-/// What a node turned out to be, for its parent.
-#[derive(Clone, Debug)]
-pub(super) enum Node {
-    /// No surface touches it; not in the records, because the parent may be as empty.
-    Empty(i16),
-    /// In the records.
-    Stored(Half),
-}
-
-/// Samples of a half brick along an axis, its apron included.
-const HALF_POINTS: usize = BRICK_CELLS / 2 + 1;
-
-/// What a parent takes of a child: every second sample. A tenth of a brick, because thousands of jobs' top
-/// nodes wait for their parents at the same time.
-#[derive(Clone, Debug)]
-pub(super) enum Half {
-    Uniform(i16),
-    /// x fastest, z slowest.
-    Counts(Box<[i16; HALF_POINTS * HALF_POINTS * HALF_POINTS]>),
-}
-
-impl Half {
-    pub fn of(brick: &Brick) -> Half {
-        let samples = match brick {
-            Brick::Uniform(w) => return Half::Uniform(*w),
-            Brick::Counts { samples, .. } => samples,
-        };
-        let mut half = Vec::with_capacity(HALF_POINTS.pow(3));
-        for k in 0..HALF_POINTS {
-            for j in 0..HALF_POINTS {
-                let row: &[i16; BRICK_POINTS] =
-                    samples.0[point_index([0, 2 * j, 2 * k])..].first_chunk().expect("a whole row");
-                half.extend_from_slice(&std::array::from_fn::<i16, HALF_POINTS, _>(|i| row[2 * i]));
-            }
-        }
-        Half::Counts(half.into_boxed_slice().try_into().expect("all rows were taken"))
-    }
-}
 
 /// A subtree to build.
 pub(super) struct Top<'a, P> {
@@ -405,65 +366,4 @@ pub(super) fn corner_at(corners: &[i64], stride: u8, number: usize) -> i16 {
     let w = corners.get((at[2] * across + at[1]) * across + at[0]).copied().unwrap_or(0);
     // Where this does not fit, the evaluation of the bricks around fails with the reason.
     w.clamp(i64::from(i16::MIN), i64::from(i16::MAX)) as i16
-}
-
-/// Makes a node from its children: empty if they all are, else their common interior node, recording the
-/// empty children as uniform leaves. Samples have `bits` binary places.
-pub(super) fn join(key: NodeKey, children: [Node; 8], bits: u8, records: &mut Records) -> Node {
-    if let Some(w) = common_empty(&children) {
-        return Node::Empty(w);
-    }
-    record_empty(key, &children, records);
-    let brick = joined(&children, bits);
-    records.push(key, false, &brick);
-    Node::Stored(Half::of(&brick))
-}
-
-fn record_empty(key: NodeKey, children: &[Node; 8], records: &mut Records) {
-    for (octant, child) in Octant::all().zip(children) {
-        if let Node::Empty(w) = child {
-            records.push(key.child(octant), true, &Brick::Uniform(*w));
-        }
-    }
-}
-
-/// The interior node of eight children whose samples have so many binary places.
-pub(super) fn joined(children: &[Node; 8], bits: u8) -> Brick {
-    let mut samples = Samples::fractions(bits);
-    for (octant, child) in Octant::all().zip(children) {
-        match child {
-            Node::Stored(half) => place_half(&mut samples, octant, half),
-            Node::Empty(w) => place_half(&mut samples, octant, &Half::Uniform(*w)),
-        }
-    }
-    interior(samples)
-}
-
-/// The value of eight children that are all empty and equal.
-fn common_empty(children: &[Node; 8]) -> Option<i16> {
-    let Node::Empty(w) = children[0] else { return None };
-    children.iter().all(|c| matches!(c, Node::Empty(v) if *v == w)).then_some(w)
-}
-
-/// The brick of an interior node.
-pub(super) fn interior(samples: Samples) -> Brick {
-    Brick::from_samples(samples, Default::default())
-}
-
-/// Copies a child's half samples, apron included, to where the parent has them.
-fn place_half(parent: &mut Samples, octant: Octant, child: &Half) {
-    let [x, y, z] = octant.offset().map(|o| o * BRICK_CELLS / 2);
-    let bits = parent.1;
-    for k in 0..HALF_POINTS {
-        for j in 0..HALF_POINTS {
-            let to = &mut parent.0[point_index([x, y + j, z + k])..][..HALF_POINTS];
-            match child {
-                // A winding number that leaves no 16 bits beside its binary places was refused.
-                Half::Uniform(w) => to.fill(*w << bits),
-                Half::Counts(half) => {
-                    to.copy_from_slice(&half[(k * HALF_POINTS + j) * HALF_POINTS..][..HALF_POINTS]);
-                }
-            }
-        }
-    }
 }

@@ -31,6 +31,18 @@ impl OctNormal {
         OctNormal::pack(u as i16, v as i16)
     }
 
+    /// The opposite direction, exactly.
+    #[inline]
+    pub fn flipped(self) -> OctNormal {
+        let (u, v) = (i32::from(self.0 as u16 as i16), i32::from((self.0 >> 16) as u16 as i16));
+        let sign = |c: i32| if c < 0 { -1 } else { 1 };
+        let folded = |u: i32, v: i32| ((32767 - v.abs()) * sign(u), (32767 - u.abs()) * sign(v));
+        // Those below the equator are folded outward.
+        let (x, y) = if u.abs() + v.abs() > 32767 { folded(u, v) } else { (u, v) };
+        let (u, v) = if u.abs() + v.abs() >= 32767 { (-x, -y) } else { folded(-x, -y) };
+        OctNormal::pack(u as i16, v as i16)
+    }
+
     fn pack(u: i16, v: i16) -> OctNormal {
         OctNormal(u32::from(u as u16) | u32::from(v as u16) << 16)
     }
@@ -277,6 +289,18 @@ mod tests {
             let back = OctNormal::from_integer(n).to_vector();
             let dot: f64 = (0..3).map(|a| back[a] * n[a] as f64 / length).sum();
             prop_assert!(dot > 1.0 - 1e-8, "{dot}");
+        }
+
+        #[test]
+        fn flipped_normals_are_opposite(n in prop::array::uniform3(-(1i64 << 40)..1 << 40), zero in 0usize..6) {
+            let mut n = n;
+            if zero < 3 { n[zero] = 0 }
+            prop_assume!(n != [0; 3]);
+            let code = OctNormal::from_integer(n);
+            let (there, back) = (code.to_vector(), code.flipped().to_vector());
+            let apart = (0..3).map(|a| (there[a] + back[a]).abs()).fold(0.0, f64::max);
+            prop_assert!(apart < 1e-12, "{there:?} {back:?}");
+            prop_assert_eq!(code.flipped().flipped().to_vector(), there);
         }
     }
 

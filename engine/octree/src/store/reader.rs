@@ -76,6 +76,11 @@ pub fn is_store(path: &Path) -> bool {
         && start == MAGIC
 }
 
+/// BLAKE3 of some bytes, as sources of stores have it.
+pub fn hash_of(bytes: &[u8]) -> [u8; 32] {
+    *blake3::hash(bytes).as_bytes()
+}
+
 impl Store {
     /// Opens a finished store, a whole one. Decoded bricks are kept in at most `cache_bytes` of memory. Header, index
     /// and metadata are checked as a whole; records when they are read.
@@ -161,6 +166,23 @@ impl Store {
     /// Size of the file in bytes.
     pub fn file_bytes(&self) -> u64 {
         self.source.bytes()
+    }
+
+    /// BLAKE3 of the file.
+    ///
+    /// # Errors
+    /// [`Error::Store`] if it cannot be read.
+    pub fn hash(&self) -> Result<[u8; 32]> {
+        const AT_ONCE: u64 = 1 << 20;
+        let (mut hasher, mut at) = (blake3::Hasher::new(), 0);
+        while at < self.file_bytes() {
+            let bytes = AT_ONCE.min(self.file_bytes() - at);
+            let part = self.source.part(at, bytes);
+            hasher
+                .update(&part.map_err(|what| Error::store(&self.path, format!("byte {at}"), what, REBUILD))?);
+            at += bytes;
+        }
+        Ok(*hasher.finalize().as_bytes())
     }
 
     /// Bytes that the index takes in memory.

@@ -161,8 +161,8 @@ impl Boundary {
     }
 }
 
-/// The code of a direction; of the edge's own outward one where the formula has none.
-fn normal_code(gradient: [f64; 3], axis: usize, outward: i64) -> OctNormal {
+/// The code of a direction; where it is none, of the outward one of an edge along `axis`.
+pub fn normal_code(gradient: [f64; 3], axis: usize, outward: i64) -> OctNormal {
     let [x, y, z] = gradient;
     let sum = x.abs() + y.abs() + z.abs();
     if !(sum > 0.0 && sum.is_finite()) {

@@ -6,7 +6,7 @@ const HALVINGS_MAX: u32 = 20;
 
 /// Where an arc's centre is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Centre {
+pub(crate) enum Centre {
     /// At this offset from the start, along the plane's two axes (words I, J, K).
     Offset([f64; 2]),
     /// At this distance (word R); of the two arcs the shorter one if positive, the longer one if negative.
@@ -15,13 +15,13 @@ pub(super) enum Centre {
 
 /// An arc in its plane, seen against the plane's normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Arc {
-    pub(super) start: [f64; 2],
-    pub(super) end: [f64; 2],
-    pub(super) centre: Centre,
-    pub(super) clockwise: bool,
+pub(crate) struct Arc {
+    pub(crate) start: [f64; 2],
+    pub(crate) end: [f64; 2],
+    pub(crate) centre: Centre,
+    pub(crate) clockwise: bool,
     /// Full turns before the arc proper.
-    pub(super) turns: u32,
+    pub(crate) turns: u32,
 }
 
 /// Most chords of all turns of one arc.
@@ -29,7 +29,7 @@ const CHORDS_MAX: u64 = 1 << HALVINGS_MAX;
 
 /// Chords of equal angle: of the full turns before an arc, and of the arc proper.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Chords {
+pub(crate) struct Chords {
     centre: [f64; 2],
     /// From the centre to the start.
     first: [f64; 2],
@@ -41,9 +41,9 @@ pub(super) struct Chords {
     /// Length of the end's radius, as a part of the start's.
     growth: f64,
     /// Length of the arc within the plane.
-    pub(super) length: f64,
+    pub(crate) length: f64,
     /// By how much the ends' distances from the centre differ; the radius changes evenly between them.
-    pub(super) mismatch: f64,
+    pub(crate) mismatch: f64,
 }
 
 /// Chords of equal angle.
@@ -59,7 +59,7 @@ impl Arc {
     ///
     /// # Errors
     /// If no such arc exists, with the reason.
-    pub(super) fn chords(&self, tolerance: f64) -> Result<Chords, &'static str> {
+    pub(crate) fn chords(&self, tolerance: f64) -> Result<Chords, &'static str> {
         let offset = match self.centre {
             Centre::Offset(offset) => offset,
             Centre::Radius(radius) => self.offset_by_radius(radius)?,
@@ -131,13 +131,13 @@ impl Arc {
 
 impl Chords {
     /// Number of chords.
-    pub(super) fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         u64::from(self.turns) * u64::from(self.circle.count) + u64::from(self.arc.count)
     }
 
     /// The end points of all chords but the last, which ends where the arc does; each with the part of the whole angle
     /// that it ends.
-    pub(super) fn inner_points(&self) -> impl Iterator<Item = ([f64; 2], f64)> + use<> {
+    pub(crate) fn inner_points(&self) -> impl Iterator<Item = ([f64; 2], f64)> + use<> {
         let Chords { centre, first, circle, turns, arc, arc_part, growth, .. } = *self;
         let turn_part = (1.0 - arc_part) / f64::from(turns.max(1));
         let legs = (0..turns).map(move |turn| (circle, f64::from(turn) * turn_part, turn_part));

@@ -27,7 +27,7 @@
 //! A bead ends where the tool travels, or where layer, tool or feature change. A change of width or height does
 //! not end it.
 
-mod arc;
+pub(crate) mod arc;
 mod auxiliary;
 mod beads;
 mod bgcode;
@@ -60,8 +60,8 @@ mod source;
 mod states;
 #[cfg(test)]
 mod tests;
-mod tilt;
-mod words;
+pub(crate) mod tilt;
+pub(crate) mod words;
 
 pub use auxiliary::is_auxiliary;
 pub use deposition::Mark;

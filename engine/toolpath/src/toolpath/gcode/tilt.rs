@@ -2,7 +2,7 @@
 
 /// Axis of a tool turned by `degrees` about X, Y and Z (the words A, B and C), in that order about fixed axes:
 /// Rz(C)·Ry(B)·Rx(A)·z, a unit vector that points away from the part.
-pub(super) fn axis(degrees: [f64; 3]) -> [f64; 3] {
+pub(crate) fn axis(degrees: [f64; 3]) -> [f64; 3] {
     let [(sin_a, cos_a), (sin_b, cos_b), (sin_c, cos_c)] = degrees.map(sine_and_cosine);
     let (x, y, z) = (cos_a * sin_b, -sin_a, cos_a * cos_b);
     [cos_c * x - sin_c * y, sin_c * x + cos_c * y, z]

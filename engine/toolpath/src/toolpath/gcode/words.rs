@@ -16,25 +16,25 @@
 
 /// A letter and its number.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Word<'a> {
+pub(crate) struct Word<'a> {
     /// In upper case; [`NAMED`] where a name stands in its place.
-    pub(super) letter: u8,
+    pub(crate) letter: u8,
     /// `None` where the slicer left a placeholder, as in `Y{machine_depth}`, or there is an expression.
-    pub(super) value: Option<f64>,
+    pub(crate) value: Option<f64>,
     /// Digits behind the decimal point.
-    pub(super) decimals: u32,
+    pub(crate) decimals: u32,
     /// As it stands in the line.
-    pub(super) text: &'a [u8],
+    pub(crate) text: &'a [u8],
     /// A name of several characters, before an equals sign; else empty.
-    pub(super) name: &'a [u8],
+    pub(crate) name: &'a [u8],
     /// What must be computed to get the value; else empty.
-    pub(super) expression: &'a [u8],
-    pub(super) exponent: Exponent,
+    pub(crate) expression: &'a [u8],
+    pub(crate) exponent: Exponent,
 }
 
 /// Whether a number has an exponent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Exponent {
+pub(crate) enum Exponent {
     #[default]
     None,
     /// It has one.
@@ -44,29 +44,29 @@ pub(super) enum Exponent {
 }
 
 /// Letter of words that have a name instead.
-pub(super) const NAMED: u8 = b'=';
+pub(crate) const NAMED: u8 = b'=';
 
 /// Something that is no word.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Malformed<'a> {
-    pub(super) text: &'a [u8],
-    pub(super) what: &'static str,
+pub(crate) struct Malformed<'a> {
+    pub(crate) text: &'a [u8],
+    pub(crate) what: &'static str,
 }
 
 /// The words of a line, in order; comments and the checksum are no words.
 #[derive(Clone)]
-pub(super) struct Words<'a> {
+pub(crate) struct Words<'a> {
     line: &'a [u8],
     at: usize,
 }
 
 impl<'a> Words<'a> {
-    pub(super) fn new(line: &'a [u8]) -> Words<'a> {
+    pub(crate) fn new(line: &'a [u8]) -> Words<'a> {
         Words { line, at: 0 }
     }
 
     /// What is not read yet, from the next thing that is neither space nor comment in parentheses.
-    pub(super) fn rest(&mut self) -> &'a [u8] {
+    pub(crate) fn rest(&mut self) -> &'a [u8] {
         while let Some(&byte) = self.line.get(self.at) {
             match byte {
                 b' ' | b'\t' => self.at += 1,
@@ -82,7 +82,7 @@ impl<'a> Words<'a> {
 
     /// The next word, or `None` where a comment, the checksum or the end of the line follows.
     #[inline]
-    pub(super) fn next(&mut self) -> Option<Result<Word<'a>, Malformed<'a>>> {
+    pub(crate) fn next(&mut self) -> Option<Result<Word<'a>, Malformed<'a>>> {
         let rest = self.rest();
         let letter = *rest.first()?;
         if letter == b';' || letter == b'*' {
@@ -297,14 +297,14 @@ fn equals_at(rest: &[u8], length: usize) -> bool {
 }
 
 /// The name of two characters or more that `text` begins with, if an equals sign follows.
-pub(super) fn named(text: &[u8]) -> Option<&[u8]> {
+pub(crate) fn named(text: &[u8]) -> Option<&[u8]> {
     let name = identifier(text);
     let behind = text[name.len()..].iter().find(|b| !matches!(b, b' ' | b'\t'));
     (name.len() > 1 && behind == Some(&b'=')).then_some(name)
 }
 
 /// The letters, digits and underscores that `text` begins with, the first of them no digit.
-pub(super) fn identifier(text: &[u8]) -> &[u8] {
+pub(crate) fn identifier(text: &[u8]) -> &[u8] {
     let fits = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
     match text.first() {
         Some(first) if fits(first) && !first.is_ascii_digit() => {
@@ -338,13 +338,13 @@ fn expression_length(text: &[u8], assigned: bool) -> usize {
 }
 
 /// What stands behind a line's number.
-pub(super) fn behind_number(start: &[u8]) -> &[u8] {
+pub(crate) fn behind_number(start: &[u8]) -> &[u8] {
     let digits = start[1..].iter().take_while(|b| b.is_ascii_digit()).count();
     start[1 + digits..].trim_ascii_start()
 }
 
 /// Bytes up to the next space, semicolon or checksum; one at least.
-pub(super) fn token(text: &[u8]) -> &[u8] {
+pub(crate) fn token(text: &[u8]) -> &[u8] {
     let ends = |b: &u8| matches!(b, b' ' | b'\t' | b';' | b'*');
     let end = text.iter().skip(1).position(ends).map_or(text.len(), |end| end + 1);
     &text[..end]
@@ -362,11 +362,11 @@ fn without_number(rest: &[u8], from: usize) -> &[u8] {
 
 /// A number at the front of a text.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Number {
-    pub(super) value: f64,
+pub(crate) struct Number {
+    pub(crate) value: f64,
     /// Bytes that it takes.
-    pub(super) length: usize,
-    pub(super) decimals: u32,
+    pub(crate) length: usize,
+    pub(crate) decimals: u32,
 }
 
 /// Powers of ten that are exact in binary.
@@ -375,7 +375,7 @@ const TENS: [f64; 16] =
 
 /// The number that `text` begins with, rounded correctly: sign, digits, point, digits; at least one digit.
 #[inline]
-pub(super) fn number(text: &[u8]) -> Option<Number> {
+pub(crate) fn number(text: &[u8]) -> Option<Number> {
     let signed = usize::from(matches!(text.first(), Some(b'-' | b'+')));
     let mut at = signed;
     let mut mantissa: u64 = 0;
@@ -413,7 +413,7 @@ fn scientific(text: &[u8]) -> Option<f64> {
 }
 
 /// A piece of a file as it may stand in a message: printable, on one line, and short.
-pub(super) fn quote(text: &[u8]) -> String {
+pub(crate) fn quote(text: &[u8]) -> String {
     const SHOWN: usize = 40;
     let shown = String::from_utf8_lossy(&text[..text.len().min(SHOWN)]);
     let more = if text.len() > SHOWN { "..." } else { "" };

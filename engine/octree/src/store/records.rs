@@ -1,12 +1,13 @@
 //! What a subtree leaves behind: its nodes in post-order, encoded for the store or kept as they are.
 
+use super::{MemoryTree, StoreWriter};
 use crate::brick::Brick;
+use crate::brick::codec::{Compression, PayloadHead, Scratch, encode_with};
 use crate::error::Result;
 use crate::lattice::NodeKey;
-use crate::store::{Compression, MemoryTree, PayloadHead, Scratch, StoreWriter, encode_with};
 
 /// The nodes of a subtree in the order in which they were pushed.
-pub(super) enum Records {
+pub enum Records {
     /// Bricks as they are, for trees in memory.
     Kept(Vec<(NodeKey, bool, Brick)>),
     /// Bricks encoded for a store.
@@ -36,6 +37,32 @@ impl Records {
         match self {
             Records::Kept(kept) => kept.push((key, leaf, brick.clone())),
             Records::Encoded(encoded) => encoded.push(key, leaf, brick),
+        }
+    }
+
+    /// Adds a node whose payload is encoded already, as of another store; only to records of a store.
+    pub fn push_encoded(&mut self, key: NodeKey, leaf: bool, head: PayloadHead, payload: &[u8]) {
+        match self {
+            Records::Kept(_) => unreachable!("a tree in memory has its bricks as they are"),
+            Records::Encoded(encoded) => {
+                encoded.bytes.extend_from_slice(payload);
+                encoded.nodes.push((key, leaf, head, encoded.bytes.len()));
+            }
+        }
+    }
+
+    /// Adds those of `others` behind its own, which are kept in the same way.
+    pub fn append(&mut self, others: Records) {
+        match (self, others) {
+            (Records::Kept(kept), Records::Kept(others)) => kept.extend(others),
+            (Records::Encoded(encoded), Records::Encoded(others)) => {
+                let from = encoded.bytes.len();
+                encoded.bytes.extend_from_slice(&others.bytes);
+                encoded
+                    .nodes
+                    .extend(others.nodes.iter().map(|&(key, leaf, head, end)| (key, leaf, head, from + end)));
+            }
+            _ => unreachable!("both are for the same tree"),
         }
     }
 
@@ -87,7 +114,7 @@ const SCRATCH_BYTES: u64 = 256 << 10;
 
 /// Bricks encoded for a store.
 #[derive(Default)]
-pub(super) struct EncodedBricks {
+pub struct EncodedBricks {
     /// Key, leaf or not, head and end of the payload in `bytes`.
     nodes: Vec<(NodeKey, bool, PayloadHead, usize)>,
     bytes: Vec<u8>,

@@ -1,0 +1,23 @@
+%
+O1000 (clover: face off 1 mm, drill a hole of 30 mm)
+(T1 D=50. CR=0. - face mill)
+(T2 D=30. CR=0. TAPER=118deg - drill)
+G21 G90 G17 G40 G49 G80
+T1 M6
+G54 G43 H1
+G0 X20 Y70 Z40
+G0 Z24.5
+G1 X180 F800
+G0 Y100
+G1 X20
+G0 Y130
+G1 X180
+G0 Z40
+T2 M6
+G54 G43 H2
+G0 X104 Y92
+G98 G83 X104 Y92 Z-10 R30 Q5 F100
+G80
+G0 Z60
+M30
+%

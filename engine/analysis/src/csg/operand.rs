@@ -1,0 +1,114 @@
+//! Operands: stores, and solids that need no file.
+
+use super::chain::Known;
+use crate::brick::Brick;
+use crate::error::{Error, Result};
+use crate::lattice::NodeKey;
+use crate::store::{BrickTree, Refine, Store};
+use crate::swept::{Swept, SweptEvaluator};
+use std::sync::Arc;
+
+/// An operand of a chain.
+pub enum Operand<'a> {
+    /// A store, whose samples are clamped to 0 and 1.
+    Store(&'a Store),
+    /// The union of solids.
+    Solids(&'a [Swept]),
+}
+
+/// What an operand is within a node, and what is needed to look further down.
+#[derive(Clone)]
+pub(super) enum Within {
+    /// All of it is inside, or nothing.
+    All {
+        /// Of stores the sample itself.
+        w: i16,
+        certain: bool,
+    },
+    /// A node of a store: a leaf with a boundary, or an interior node.
+    Leaf,
+    Divided,
+    /// Solids that touch it.
+    Solids(Arc<[u32]>),
+    /// Whatever it is, it decides nothing.
+    Ignored,
+}
+
+impl Within {
+    pub fn known(&self) -> Known {
+        match self {
+            Within::All { w, certain } => Known::All { inside: *w >= 1, certain: *certain },
+            Within::Ignored => Known::All { inside: false, certain: true },
+            _ => Known::Mixed,
+        }
+    }
+}
+
+impl<'a> Operand<'a> {
+    /// What it is within the root, before that is looked at.
+    pub(super) fn beginning(&self) -> Within {
+        match self {
+            Operand::Store(_) => Within::Divided,
+            Operand::Solids(solids) => Within::Solids((0..solids.len() as u32).collect()),
+        }
+    }
+
+    /// What it is within a node, of whose parent, or of itself, this is known.
+    /// With `counts` samples that differ are told apart, even where all are inside.
+    pub(super) fn look(&self, key: NodeKey, above: &Within, counts: bool) -> Result<Within> {
+        match (self, above) {
+            (_, Within::All { .. } | Within::Ignored) => Ok(above.clone()),
+            (Operand::Store(store), _) => {
+                let node = store.entry(key).ok_or_else(|| broken(store, key))?;
+                if !node.leaf {
+                    return Ok(Within::Divided);
+                }
+                if (node.head.min < 1 && node.head.max >= 1) || (counts && node.head.min < node.head.max) {
+                    return Ok(Within::Leaf);
+                }
+                // Above the depth of a build that divides all that facets touch, nothing hides.
+                let is_followed = matches!(store.meta().refine, Refine::Hidden | Refine::Surface);
+                let certain = is_followed && key.level() < store.meta().depth;
+                Ok(Within::All { w: node.head.max, certain })
+            }
+            (Operand::Solids(solids), Within::Solids(list)) => {
+                let size = f64::from(1u32 << (key.spacing_bits() + 5));
+                let low = key.base().map(|c| f64::from(c + 1));
+                let touches = |&&number: &&u32| !solids[number as usize].misses_cube(low, size);
+                let near: Vec<u32> = list.iter().filter(touches).copied().collect();
+                let all = |w| Ok(Within::All { w, certain: true });
+                if near.is_empty() {
+                    return all(0);
+                }
+                match near.iter().any(|&number| solids[number as usize].covers_cube(low, size)) {
+                    true => all(1),
+                    false => Ok(Within::Solids(near.into())),
+                }
+            }
+            (Operand::Solids(_), _) => Ok(above.clone()),
+        }
+    }
+
+    /// The brick of a leaf, or of solids within any node.
+    pub(super) fn brick(
+        &self,
+        key: NodeKey,
+        within: &Within,
+        evaluator: &mut SweptEvaluator,
+    ) -> Result<Brick> {
+        Ok(match (self, within) {
+            (_, Within::All { w, .. }) => Brick::Uniform(*w),
+            (Operand::Store(store), Within::Leaf) => {
+                let brick = store.brick_once(key)?;
+                Arc::try_unwrap(brick).unwrap_or_else(|shared| Brick::clone(&shared))
+            }
+            (Operand::Solids(solids), Within::Solids(list)) => evaluator.brick(key, solids, list),
+            _ => Brick::Uniform(0),
+        })
+    }
+}
+
+fn broken(store: &Store, key: NodeKey) -> Error {
+    let what = "the tree lacks this node";
+    Error::store(store.path(), format!("record {key}"), what, "check the store with `brickfield verify`")
+}

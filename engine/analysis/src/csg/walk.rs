@@ -1,0 +1,216 @@
+//! The tree of a chain, node by node from the top.
+
+use super::chain::{Known, Operation, decide};
+use super::combine::{Content, Hidden, Term, combine};
+use super::operand::{Operand, Within};
+use crate::brick::Brick;
+use crate::error::{Error, Result};
+use crate::lattice::{NodeKey, Octant};
+use crate::store::{Half, IndexEntry, Node, Records, Scratch, Store, join};
+use crate::swept::SweptEvaluator;
+
+/// A chain of operands on one lattice.
+pub struct Chain<'a> {
+    /// Each with the operation by which it joins those before; that of the first does not count.
+    pub operands: Vec<(Operation, Operand<'a>)>,
+    /// Whether samples of the first operand keep their counts where they remain.
+    pub keep_counts: bool,
+    /// The level of leaves where no store has a boundary.
+    pub depth: u8,
+}
+
+/// What a thread works with.
+#[derive(Default)]
+pub(super) struct Desk {
+    evaluator: SweptEvaluator,
+    payload: Vec<u8>,
+    scratch: Scratch,
+    pub hidden: Hidden,
+}
+
+/// What is to be done with a node.
+pub(super) enum Step {
+    /// It is all of one value.
+    All { w: i16, certain: bool },
+    /// Its children are to be looked at.
+    Divide(Whose),
+    /// It is a leaf.
+    Leaf(Whose),
+}
+
+/// Whether the boundary within a node may be that of one operand alone, and no sample is another's.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Whose {
+    MayBeOnes,
+    Several,
+}
+
+impl Chain<'_> {
+    /// What is known of all operands before the root is looked at.
+    pub(super) fn beginning(&self) -> Vec<Within> {
+        self.operands.iter().map(|(_, operand)| operand.beginning()).collect()
+    }
+
+    /// Looks at a node: what all operands are within it, and what is to be done.
+    pub(super) fn look(&self, key: NodeKey, above: &[Within]) -> Result<(Vec<Within>, Step)> {
+        let look = |(n, (operand, above)): (usize, (&(Operation, Operand<'_>), &Within))| {
+            operand.1.look(key, above, self.keep_counts && n == 0)
+        };
+        let mut within: Vec<Within> =
+            self.operands.iter().zip(above).enumerate().map(look).collect::<Result<_>>()?;
+        let operations: Vec<Operation> = self.operands.iter().map(|(operation, _)| *operation).collect();
+        let known: Vec<Known> = within.iter().map(Within::known).collect();
+        let mut decision = decide(&operations, &known);
+        let counts_differ = self.keep_counts && known[0] == Known::Mixed;
+        if let Known::All { inside, certain } = decision.known
+            && !(inside && counts_differ)
+        {
+            let w = match &within[0] {
+                Within::All { w, .. } if self.keep_counts => (*w).max(1),
+                _ => 1,
+            };
+            return Ok((within, Step::All { w: if inside { w } else { 0 }, certain }));
+        }
+        if counts_differ && !decision.mixed.contains(&0) {
+            decision.mixed.insert(0, 0);
+        }
+        for (n, within) in within.iter_mut().enumerate() {
+            if known[n] == Known::Mixed && !decision.mixed.contains(&n) {
+                *within = Within::Ignored;
+            }
+        }
+        let is_leaf = |within: &Within| matches!(within, Within::Leaf);
+        let is_divided = |within: &Within| matches!(within, Within::Divided);
+        let leaf = within.iter().position(is_leaf);
+        let divided = within.iter().position(is_divided);
+        let whose = match decision.known {
+            Known::Mixed => Whose::MayBeOnes,
+            Known::All { .. } => Whose::Several,
+        };
+        let step = match (leaf, divided) {
+            (Some(leaf), Some(divided)) => return Err(self.uneven(key, leaf, divided)),
+            (None, Some(_)) => Step::Divide(whose),
+            (None, None) if key.level() < self.depth => Step::Divide(whose),
+            _ => Step::Leaf(whose),
+        };
+        Ok((within, step))
+    }
+
+    /// The error of leaves of different levels whose boundaries meet.
+    fn uneven(&self, key: NodeKey, leaf: usize, divided: usize) -> Error {
+        let name = |n: usize| match &self.operands[n].1 {
+            Operand::Store(store) => store.path().display().to_string(),
+            Operand::Solids(_) => "solids".to_owned(),
+        };
+        let (coarse, fine) = (name(leaf), name(divided));
+        Error::setting(
+            format!("{coarse}: its leaf {key} has the boundary of the part, and {fine} is finer there"),
+            format!(
+                "build both to one depth, without --max-depth, --boundary-error and --stddev: \
+                 `brickfield build INPUT -o {coarse} --like {fine}`"
+            ),
+        )
+    }
+
+    /// Makes a node and all below it. `above` is what is known of its parent, or of itself.
+    pub(super) fn walk(
+        &self,
+        key: NodeKey,
+        above: &[Within],
+        desk: &mut Desk,
+        records: &mut Records,
+    ) -> Result<Node> {
+        let (within, step) = self.look(key, above)?;
+        match step {
+            Step::All { w, certain: true } => return Ok(Node::Empty(w)),
+            Step::All { w, certain: false } => {
+                records.push(key, true, &Brick::Uniform(w));
+                return Ok(Node::Stored(Half::Uniform(w)));
+            }
+            Step::Divide(_) | Step::Leaf(_) => {}
+        }
+        if let Step::Divide(Whose::MayBeOnes) | Step::Leaf(Whose::MayBeOnes) = step
+            && let Some(store) = self.only(&within)
+            && let Some(entry) = store.entry(key)
+            && self.is_as_it_is(store, entry)
+        {
+            let brick = copy(store, entry, desk, records)?;
+            return Ok(Node::Stored(Half::of(&brick)));
+        }
+        if matches!(step, Step::Divide(_)) {
+            let mut children = [const { Node::Empty(0) }; 8];
+            for octant in Octant::all() {
+                children[octant.index()] = self.walk(key.child(octant), &within, desk, records)?;
+            }
+            return Ok(join(key, children, 0, records));
+        }
+        let brick = self.leaf(key, &within, desk)?;
+        records.push(key, true, &brick);
+        Ok(Node::Stored(Half::of(&brick)))
+    }
+
+    /// The brick of a leaf.
+    fn leaf(&self, key: NodeKey, within: &[Within], desk: &mut Desk) -> Result<Brick> {
+        let bricks: Vec<Brick> = self
+            .operands
+            .iter()
+            .zip(within)
+            .map(|((_, operand), within)| operand.brick(key, within, &mut desk.evaluator))
+            .collect::<Result<_>>()?;
+        let mut terms = Vec::with_capacity(bricks.len());
+        for ((operation, _), brick) in self.operands.iter().zip(&bricks) {
+            terms.push(Term { operation: *operation, content: Content::of(brick) });
+        }
+        Ok(combine(&terms, self.keep_counts.then_some(&bricks[0]), &mut desk.hidden))
+    }
+
+    /// The store whose nodes are the result's here, but for clamping.
+    fn only(&self, within: &[Within]) -> Option<&Store> {
+        let mut found = None;
+        for (n, ((operation, operand), within)) in self.operands.iter().zip(within).enumerate() {
+            match (within, operand) {
+                (Within::All { .. } | Within::Ignored, _) => continue,
+                (Within::Leaf | Within::Divided, Operand::Store(store))
+                    if found.is_none()
+                        && (n == 0 || *operation != Operation::Minus)
+                        && (n == 0 || !self.keep_counts) =>
+                {
+                    found = Some(*store);
+                }
+                _ => return None,
+            }
+        }
+        found
+    }
+
+    /// Whether all samples of a node and below it are such as the result may have.
+    fn is_as_it_is(&self, store: &Store, entry: &IndexEntry) -> bool {
+        let most = if self.keep_counts { i16::MAX } else { 1 };
+        let fits = entry.head.min >= 0 && entry.head.max <= most;
+        let below = |octant| store.entry(entry.key.child(octant)).is_some_and(|e| self.is_as_it_is(store, e));
+        fits && (entry.leaf || Octant::all().all(below))
+    }
+}
+
+/// Copies a node and all below it, children first; returns its brick.
+fn copy(store: &Store, entry: &IndexEntry, desk: &mut Desk, records: &mut Records) -> Result<Brick> {
+    copy_below(store, entry, desk, records)?;
+    store.read_payload(entry, &mut desk.payload)?;
+    match entry.head.kind.is_uniform() {
+        true => Ok(Brick::Uniform(entry.head.min)),
+        false => store.decode(entry, &desk.payload, &mut desk.scratch),
+    }
+}
+
+fn copy_below(store: &Store, entry: &IndexEntry, desk: &mut Desk, records: &mut Records) -> Result<()> {
+    if !entry.leaf {
+        for octant in Octant::all() {
+            if let Some(child) = store.entry(entry.key.child(octant)) {
+                copy_below(store, child, desk, records)?;
+            }
+        }
+    }
+    store.read_payload(entry, &mut desk.payload)?;
+    records.push_encoded(entry.key, entry.leaf, entry.head, &desk.payload);
+    Ok(())
+}

@@ -1,0 +1,263 @@
+//! Which move takes off what: along the rows of the part, the first move that reaches a place takes it.
+
+use crate::brick::{Brick, SignChanges};
+use crate::error::Result;
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey, Octant, RootCube};
+use crate::progress::Progress;
+use crate::schedule::run_ordered;
+use crate::store::{BrickTree, Store};
+use std::collections::BTreeMap;
+
+use super::cut::Cut;
+
+/// What a move takes off.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MoveShare {
+    /// Volume along rows of samples, in the cube of the store's unit: to about half a cell at each face.
+    pub volume: f64,
+    /// Least and greatest height along z of what it takes off, in the store's unit, to a cell.
+    pub height: [f64; 2],
+}
+
+/// What all moves take off.
+#[derive(Clone, Debug, Default)]
+pub struct Removed {
+    /// By move; of those that take off nothing there is none.
+    pub by_move: BTreeMap<u32, MoveShare>,
+}
+
+impl Removed {
+    fn add(&mut self, number: u32, length: f64, height: f64) {
+        let share = self
+            .by_move
+            .entry(number)
+            .or_insert(MoveShare { volume: 0.0, height: [f64::INFINITY, f64::NEG_INFINITY] });
+        share.volume += length;
+        share.height = [share.height[0].min(height), share.height[1].max(height)];
+    }
+
+    fn join(&mut self, other: &Removed) {
+        for (number, part) in &other.by_move {
+            let share = self
+                .by_move
+                .entry(*number)
+                .or_insert(MoveShare { volume: 0.0, height: [f64::INFINITY, f64::NEG_INFINITY] });
+            share.volume += part.volume;
+            share.height = [share.height[0].min(part.height[0]), share.height[1].max(part.height[1])];
+        }
+    }
+
+    /// The same with volumes that add up to what was measured of all.
+    #[must_use]
+    pub fn scaled_to(mut self, total: f64) -> Removed {
+        let sum: f64 = self.by_move.values().map(|share| share.volume).sum();
+        if sum > 0.0 {
+            self.by_move.values_mut().for_each(|share| share.volume *= total / sum);
+        }
+        self
+    }
+}
+
+/// Nodes of the part that are looked at together.
+const TASK_LEVELS: u8 = 2;
+
+/// Finds out which move takes off what.
+///
+/// # Errors
+/// What reading the store gives; [`crate::error::Error::Interrupted`].
+pub fn removed(store: &Store, cut: &Cut, progress: &dyn Progress) -> Result<Removed> {
+    let mut found = Removed::default();
+    let search = Search { store, cut, depth: store.meta().depth, root: store.root() };
+    let mut tasks = Vec::new();
+    let all: Vec<u32> = (0..cut.solids.len() as u32).collect();
+    search.tasks(NodeKey::ROOT, &all, None, &mut tasks);
+    progress.phase("attributing", Some(tasks.len() as u64), "subtrees");
+    let work = |(): &mut (), number: usize| {
+        progress.check()?;
+        let Task { key, list, part } = &tasks[number];
+        let mut removed = Removed::default();
+        search.node(*key, list, *part, &mut removed)?;
+        Ok(removed)
+    };
+    run_ordered(
+        tasks.len(),
+        4 * rayon::current_num_threads(),
+        || (),
+        work,
+        |part: Removed| {
+            found.join(&part);
+            progress.advance(1);
+            Ok(())
+        },
+    )?;
+    Ok(found)
+}
+
+struct Task {
+    key: NodeKey,
+    list: Vec<u32>,
+    /// Whether the part is solid in all of it.
+    part: Option<bool>,
+}
+
+struct Search<'a> {
+    store: &'a Store,
+    cut: &'a Cut,
+    depth: u8,
+    root: RootCube,
+}
+
+impl Search<'_> {
+    /// The solids that touch a node, in order, up to the first that covers it.
+    fn near(&self, key: NodeKey, list: &[u32]) -> Vec<u32> {
+        let size = f64::from(1u32 << (key.spacing_bits() + 5));
+        let low = key.base().map(|c| f64::from(c + 1));
+        let mut near = Vec::new();
+        for &number in list {
+            let solid = &self.cut.solids[number as usize];
+            if solid.misses_cube(low, size) {
+                continue;
+            }
+            near.push(number);
+            if solid.covers_cube(low, size) {
+                break;
+            }
+        }
+        near
+    }
+
+    /// What the part is within a node: solid, empty, or `None` if that is not known.
+    fn part(&self, key: NodeKey, above: Option<bool>) -> Option<bool> {
+        if above.is_some() {
+            return above;
+        }
+        let node = self.store.node(key)?;
+        if !node.leaf || (node.min < 1 && node.max >= 1) { None } else { Some(node.max >= 1) }
+    }
+
+    fn tasks(&self, key: NodeKey, list: &[u32], above: Option<bool>, tasks: &mut Vec<Task>) {
+        let part = self.part(key, above);
+        let list = if part == Some(false) { Vec::new() } else { self.near(key, list) };
+        if list.is_empty() {
+            return;
+        }
+        if key.level() + TASK_LEVELS >= self.depth || key.level() >= 6 {
+            tasks.push(Task { key, list, part });
+            return;
+        }
+        for octant in Octant::all() {
+            self.tasks(key.child(octant), &list, part, tasks);
+        }
+    }
+
+    fn node(&self, key: NodeKey, list: &[u32], above: Option<bool>, removed: &mut Removed) -> Result<()> {
+        let part = self.part(key, above);
+        let list = if part == Some(false) { Vec::new() } else { self.near(key, list) };
+        let Some(&first) = list.first() else { return Ok(()) };
+        let size = f64::from(1u32 << (key.spacing_bits() + 5));
+        let low = key.base().map(|c| f64::from(c + 1));
+        if part == Some(true) && list.len() == 1 && self.cut.solids[first as usize].covers_cube(low, size) {
+            // All of it at once.
+            let edge = size * self.root.unit();
+            let bottom = self.root.origin[2] + low[2] * self.root.unit();
+            removed.add(self.cut.moves[first as usize], edge.powi(3), bottom);
+            removed.add(self.cut.moves[first as usize], 0.0, bottom + edge);
+            return Ok(());
+        }
+        let is_leaf = self.store.node(key).is_none_or(|node| node.leaf);
+        if is_leaf && (part.is_none() || key.level() >= self.depth) {
+            let brick = match part {
+                Some(_) => Brick::Uniform(1),
+                None => Brick::clone(&*self.store.brick_once(key)?),
+            };
+            self.rows(key, &brick, &list, removed);
+            return Ok(());
+        }
+        for octant in Octant::all() {
+            self.node(key.child(octant), &list, part, removed)?;
+        }
+        Ok(())
+    }
+
+    /// The rows of a brick's own samples, each for a square of cells.
+    fn rows(&self, key: NodeKey, brick: &Brick, list: &[u32], removed: &mut Removed) {
+        let step = f64::from(1u32 << key.spacing_bits());
+        let origin = key.base().map(|base| f64::from(base + 1));
+        let unit = self.root.unit();
+        let area = (step * unit) * (step * unit);
+        let solid_rows = rows_of(brick, origin[0], step);
+        for (row, inside) in solid_rows.iter().enumerate() {
+            let (j, k) = (row % BRICK_CELLS, row / BRICK_CELLS);
+            let at = [0.0, origin[1] + j as f64 * step, origin[2] + k as f64 * step];
+            let mut left = inside.clone();
+            for &number in list {
+                if left.is_empty() {
+                    break;
+                }
+                let Some(interval) = self.cut.solids[number as usize].line(0, at) else { continue };
+                let taken = take(&mut left, (interval.low.at, interval.high.at));
+                if taken > 0.0 {
+                    let height = self.root.origin[2] + at[2] * unit;
+                    removed.add(self.cut.moves[number as usize], taken * unit * area, height);
+                }
+            }
+        }
+    }
+}
+
+/// The intervals of each own row of a brick that lie in the part, from the row's first sample to the next brick's.
+fn rows_of(brick: &Brick, from: f64, step: f64) -> Vec<Vec<(f64, f64)>> {
+    let all = (from, from + step * BRICK_CELLS as f64);
+    let (samples, hermite) = match brick {
+        Brick::Uniform(w) => {
+            return vec![if *w >= 1 { vec![all] } else { Vec::new() }; BRICK_CELLS * BRICK_CELLS];
+        }
+        Brick::Counts { samples, hermite } => (samples, hermite),
+    };
+    let signs = SignChanges::of(samples);
+    let mut rows = vec![Vec::new(); BRICK_CELLS * BRICK_CELLS];
+    let mut begins = vec![None; BRICK_CELLS * BRICK_CELLS];
+    for (row, begin) in begins.iter_mut().enumerate() {
+        if signs.is_inside([0, row % BRICK_CELLS, row / BRICK_CELLS]) {
+            *begin = Some(all.0);
+        }
+    }
+    let mut edges = hermite.edges[0].iter();
+    signs.for_edges(Axis::X, |[i, j, k]| {
+        let Some(edge) = edges.next() else { return };
+        if j >= BRICK_CELLS || k >= BRICK_CELLS {
+            return;
+        }
+        let (row, at) = (k * BRICK_CELLS + j, from + (i as f64 + edge.fraction()) * step);
+        match begins[row].take() {
+            Some(begin) => rows[row].push((begin, at)),
+            None => begins[row] = Some(at),
+        }
+    });
+    for (row, begin) in begins.into_iter().enumerate() {
+        rows[row].extend(begin.map(|begin| (begin, all.1)));
+    }
+    rows
+}
+
+/// Takes an interval off a list of them; returns how much it took.
+fn take(left: &mut Vec<(f64, f64)>, (from, to): (f64, f64)) -> f64 {
+    let mut taken = 0.0;
+    let mut rest = Vec::with_capacity(left.len() + 1);
+    for &(low, high) in left.iter() {
+        let (cut_low, cut_high) = (low.max(from), high.min(to));
+        if cut_low >= cut_high {
+            rest.push((low, high));
+            continue;
+        }
+        taken += cut_high - cut_low;
+        if low < cut_low {
+            rest.push((low, cut_low));
+        }
+        if cut_high < high {
+            rest.push((cut_high, high));
+        }
+    }
+    *left = rest;
+    taken
+}

@@ -1,0 +1,548 @@
+//! The reader: commands line by line, moves out.
+
+use super::cycle::Cycle;
+use super::tool::Tool;
+use crate::error::{Error, Result};
+use crate::toolpath::gcode::arc::{Arc, Centre};
+use crate::toolpath::gcode::tilt;
+use crate::toolpath::gcode::words::{NAMED, Word, Words};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Largest coordinate, in mm.
+const POSITION_MAX: f64 = 1e6;
+/// Most moves of a program.
+const MOVES_MAX: usize = 1 << 27;
+/// Most holes of a cycle that is repeated.
+const REPEATS_MAX: f64 = 10_000.0;
+
+/// What the caller knows of a program.
+#[derive(Clone, Debug)]
+pub struct ProgramOptions {
+    /// Tools by their numbers, before those that comments name.
+    pub tools: BTreeMap<u32, Tool>,
+    /// The tool of all numbers that have none, and until a number is called.
+    pub tool: Option<Tool>,
+    /// How far chords may deviate from arcs, in mm.
+    pub arc_tolerance: f64,
+    /// Largest turn of the tool's axis in one step, as the sine of the angle.
+    pub turn: f64,
+}
+
+/// A straight move of a tool that keeps its direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// Line of the program, from 1.
+    pub line: u64,
+    /// Whether it is a rapid one (G0), which must not cut.
+    pub rapid: bool,
+    /// Its tool, in [`Program::tools`].
+    pub tool: u32,
+    /// Where the tip begins and ends, in mm.
+    pub from: [f64; 3],
+    /// Where it ends.
+    pub to: [f64; 3],
+    /// The tool's axis, from the tip upward.
+    pub axis: [f64; 3],
+}
+
+/// A program that was read.
+#[derive(Clone, Debug, Default)]
+pub struct Program {
+    /// In the order of the program.
+    pub moves: Vec<Move>,
+    /// Tools that were used, each with its number in the program; 0 until one is called.
+    pub tools: Vec<(u32, Tool)>,
+    /// Largest deviation of chords from arcs, in mm.
+    pub chord_error: f64,
+    /// Arcs that became chords.
+    pub arcs: u64,
+    /// Steps in which the tool turned, each with a direction of its own.
+    pub turning_steps: u64,
+    /// Rapid moves from or to a place that the program does not tell, as after G28; they are left out.
+    pub unplaced: u64,
+}
+
+/// Reads a program.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read; [`Error::Input`] with the line and the word that cannot be followed.
+pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
+    let bytes = std::fs::read(path).map_err(Error::io(path, "read"))?;
+    let mut reader = Reader::new(path, options);
+    for line in bytes.split(|byte| *byte == b'\n') {
+        reader.line += 1;
+        if !reader.read_line(line.strip_suffix(b"\r").unwrap_or(line))? {
+            break;
+        }
+    }
+    if reader.program.moves.is_empty() && reader.program.unplaced == 0 {
+        let what = "has no moves";
+        return Err(Error::input(
+            path,
+            "end",
+            what,
+            "give a milling program, with G0 to G3 or drilling cycles",
+        ));
+    }
+    Ok(reader.program)
+}
+
+/// Motion that lines with coordinates alone repeat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    Rapid,
+    Straight,
+    Arc { clockwise: bool },
+    Cycle,
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    options: &'a ProgramOptions,
+    line: u64,
+    program: Program,
+    motion: Option<Motion>,
+    /// Across the plane of arcs: 2 for G17, 1 for G18, 0 for G19.
+    normal: usize,
+    /// mm in the unit of the program.
+    unit: f64,
+    relative: bool,
+    /// Centres of arcs are given as positions.
+    absolute_centres: bool,
+    /// Where the tip is, in the part's coordinates; `None` where it is not told.
+    at: [Option<f64>; 3],
+    degrees: [f64; 3],
+    /// Work offsets, and the one that counts.
+    systems: [[f64; 3]; 9],
+    system: usize,
+    /// What G92 has added.
+    shift: [f64; 3],
+    cycle: Cycle,
+    /// The tool that T has named, and the one in the spindle.
+    next: u32,
+    tool: u32,
+    named: BTreeMap<u32, Tool>,
+}
+
+/// The words of a line that are not codes.
+#[derive(Default)]
+struct Values(BTreeMap<u8, f64>);
+
+impl Values {
+    fn get(&self, letter: u8) -> Option<f64> {
+        self.0.get(&letter).copied()
+    }
+
+    fn any(&self, letters: &[u8]) -> bool {
+        letters.iter().any(|letter| self.0.contains_key(letter))
+    }
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, options: &'a ProgramOptions) -> Reader<'a> {
+        Reader {
+            path,
+            options,
+            line: 0,
+            program: Program::default(),
+            motion: None,
+            normal: 2,
+            unit: 1.0,
+            relative: false,
+            absolute_centres: false,
+            at: [None; 3],
+            degrees: [0.0; 3],
+            systems: [[0.0; 3]; 9],
+            system: 0,
+            shift: [0.0; 3],
+            cycle: Cycle { back_to_start: true, ..Cycle::default() },
+            next: 0,
+            tool: 0,
+            named: BTreeMap::new(),
+        }
+    }
+
+    fn fault(&self, word: &[u8], what: &str) -> Error {
+        let word = String::from_utf8_lossy(word).into_owned();
+        Error::input(
+            self.path,
+            format!("line {}", self.line),
+            format!("{word:?} {what}"),
+            "correct the line, or post-process the program anew",
+        )
+    }
+
+    /// False at the program's end.
+    fn read_line(&mut self, line: &[u8]) -> Result<bool> {
+        let line = line.trim_ascii();
+        self.read_comments(line);
+        // A mark of tapes, and lines that may be skipped.
+        let line = line.strip_prefix(b"/").unwrap_or(line);
+        if line.starts_with(b"%") {
+            return Ok(true);
+        }
+        let (mut codes, mut values, mut machine) = (Vec::new(), Values::default(), Vec::new());
+        let mut words = Words::new(line);
+        while let Some(word) = words.next() {
+            let word = word.map_err(|malformed| self.fault(malformed.text, malformed.what))?;
+            let Word { letter, text, .. } = word;
+            let value = match word.value {
+                Some(value) if letter != NAMED => value,
+                _ => return Err(self.fault(text, "is an expression or a name, which is not read")),
+            };
+            if value.abs() > 1e9 {
+                return Err(self.fault(text, "is out of range"));
+            }
+            match letter {
+                b'G' => codes.push((scaled(value), text)),
+                b'M' => machine.push((value as i64, text)),
+                // Block numbers, speeds, program names.
+                b'N' | b'S' | b'F' | b'O' => {}
+                _ => {
+                    if values.0.insert(letter, value).is_some() {
+                        return Err(self.fault(text, "stands twice in the line"));
+                    }
+                }
+            }
+        }
+        self.carry_out(&codes, &values, &machine)
+    }
+
+    fn read_comments(&mut self, line: &[u8]) {
+        let text = String::from_utf8_lossy(line);
+        let parts = text.split('(').skip(1).filter_map(|part| part.split(')').next());
+        for comment in parts.chain(text.split_once(';').map(|(_, comment)| comment)) {
+            if let Some((number, tool)) = Tool::of_comment(comment, self.unit) {
+                self.named.insert(number, tool);
+            }
+        }
+    }
+
+    fn carry_out(
+        &mut self,
+        codes: &[(i64, &[u8])],
+        values: &Values,
+        machine: &[(i64, &[u8])],
+    ) -> Result<bool> {
+        if let Some(number) = values.get(b'T') {
+            self.next = number as u32;
+        }
+        if machine.iter().any(|(code, _)| *code == 6) {
+            self.tool = self.next;
+        }
+        let mut takes_words = false;
+        let mut in_machine = false;
+        for &(code, text) in codes {
+            match code {
+                0 => self.motion = Some(Motion::Rapid),
+                10 => self.motion = Some(Motion::Straight),
+                20 | 30 => self.motion = Some(Motion::Arc { clockwise: code == 20 }),
+                170 => self.normal = 2,
+                180 => self.normal = 1,
+                190 => self.normal = 0,
+                200 => self.unit = 25.4,
+                210 => self.unit = 1.0,
+                900 => self.relative = false,
+                910 => self.relative = true,
+                901 => self.absolute_centres = true,
+                911 => self.absolute_centres = false,
+                540..=590 if code % 10 == 0 => self.system = (code / 10 - 54) as usize,
+                591..=593 => self.system = (code - 591 + 6) as usize,
+                800 => {
+                    self.cycle.on = false;
+                    self.motion = self.motion.filter(|motion| *motion != Motion::Cycle);
+                }
+                980 => self.cycle.back_to_start = true,
+                990 => self.cycle.back_to_start = false,
+                100 => {
+                    self.set_system(values, text)?;
+                    takes_words = true;
+                }
+                920 => {
+                    self.set_shift(values);
+                    takes_words = true;
+                }
+                921 | 922 => self.shift = [0.0; 3],
+                // The way home leads over the place that is named; where home is, no program tells.
+                280 | 300 => {
+                    self.go_home(values);
+                    takes_words = true;
+                }
+                530 => in_machine = true,
+                40 => takes_words = true,
+                // Length of the tool: the tip goes where it is told to. Speeds, ways to round corners, and the like.
+                430 | 434 | 435 | 490 | 400 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150
+                | 690 => {}
+                code if Cycle::begins(code) => {
+                    self.motion = Some(Motion::Cycle);
+                    if !self.cycle.on {
+                        self.cycle = Cycle { on: true, depth: None, retract: None, ..self.cycle };
+                    }
+                }
+                410 | 420 => {
+                    return Err(self.fault(text, "corrects for the radius of the tool, which is not read: post-process for the tool's centre"));
+                }
+                _ => return Err(self.fault(text, "is not read")),
+            }
+        }
+        if !takes_words && values.any(b"XYZABCIJKR") {
+            if in_machine {
+                self.forget(values);
+            } else {
+                self.travel(values)?;
+            }
+        }
+        Ok(!machine.iter().any(|(code, _)| matches!(code, 2 | 30)))
+    }
+
+    /// G10 L2 P… sets a work offset.
+    fn set_system(&mut self, values: &Values, text: &[u8]) -> Result<()> {
+        let number = values.get(b'P').map(|p| p as usize);
+        match (values.get(b'L').map(|l| l as i64), number) {
+            (Some(2), Some(number @ 0..=9)) => {
+                let system = if number == 0 { self.system } else { number - 1 };
+                for (a, letter) in b"XYZ".iter().enumerate() {
+                    if let Some(value) = values.get(*letter) {
+                        self.systems[system][a] = value * self.unit;
+                    }
+                }
+                Ok(())
+            }
+            (Some(1 | 10 | 11), _) => Ok(()),
+            _ => Err(self.fault(text, "sets what is not read; use L2 with P1 to P9")),
+        }
+    }
+
+    /// G92 names the present place.
+    fn set_shift(&mut self, values: &Values) {
+        for (a, letter) in b"XYZ".iter().enumerate() {
+            if let (Some(value), Some(at)) = (values.get(*letter), self.at[a]) {
+                self.shift[a] = at - self.systems[self.system][a] - value * self.unit;
+            }
+        }
+    }
+
+    fn go_home(&mut self, values: &Values) {
+        let all = !values.any(b"XYZ");
+        for (a, letter) in b"XYZ".iter().enumerate() {
+            if all || values.get(*letter).is_some() {
+                self.at[a] = None;
+            }
+        }
+    }
+
+    /// A move in the machine's coordinates, which say nothing of the part.
+    fn forget(&mut self, values: &Values) {
+        for (a, letter) in b"XYZ".iter().enumerate() {
+            if values.get(*letter).is_some() {
+                self.at[a] = None;
+            }
+        }
+    }
+
+    /// Where the words of a line lead, axis by axis.
+    fn target(&self, values: &Values) -> Result<[Option<f64>; 3]> {
+        let mut to = self.at;
+        for (a, letter) in b"XYZ".iter().enumerate() {
+            let Some(value) = values.get(*letter).map(|value| value * self.unit) else { continue };
+            to[a] = match (self.relative, self.at[a]) {
+                (false, _) => Some(value + self.systems[self.system][a] + self.shift[a]),
+                (true, Some(at)) => Some(at + value),
+                (true, None) => {
+                    return Err(self.fault(&[*letter], "counts from a place that the program does not tell"));
+                }
+            };
+            if to[a].is_some_and(|c| c.abs() > POSITION_MAX) {
+                return Err(self.fault(&[*letter], "is out of range"));
+            }
+        }
+        Ok(to)
+    }
+
+    fn travel(&mut self, values: &Values) -> Result<()> {
+        let Some(motion) = self.motion else {
+            return Err(self.fault(b"X Y Z", "stand before any of G0 to G3 or a drilling cycle"));
+        };
+        let degrees = self.turned(values);
+        match motion {
+            Motion::Cycle => self.drill(values),
+            Motion::Arc { clockwise } => self.arc(values, clockwise),
+            Motion::Rapid | Motion::Straight => {
+                let to = self.target(values)?;
+                self.go(to, degrees, motion == Motion::Rapid)
+            }
+        }
+    }
+
+    /// The angles of the head after a line.
+    fn turned(&self, values: &Values) -> [f64; 3] {
+        let mut degrees = self.degrees;
+        for (a, letter) in b"ABC".iter().enumerate() {
+            if let Some(value) = values.get(*letter) {
+                degrees[a] = if self.relative { degrees[a] + value } else { value };
+            }
+        }
+        degrees
+    }
+
+    /// Goes straight to a place, as far as both ends are known.
+    fn go(&mut self, to: [Option<f64>; 3], degrees: [f64; 3], rapid: bool) -> Result<()> {
+        let known = |place: [Option<f64>; 3]| Some([place[0]?, place[1]?, place[2]?]);
+        match (known(self.at), known(to)) {
+            (Some(from), Some(to)) => self.push(from, to, degrees, rapid)?,
+            _ if rapid => self.program.unplaced += 1,
+            _ => {
+                let what = "cuts from a place that the program does not tell: it must be reached by G0 with X, Y and Z first";
+                return Err(self.fault(b"G1", what));
+            }
+        }
+        (self.at, self.degrees) = (to, degrees);
+        Ok(())
+    }
+
+    /// Adds a straight move, in steps where the tool turns.
+    fn push(&mut self, from: [f64; 3], to: [f64; 3], degrees: [f64; 3], rapid: bool) -> Result<()> {
+        let tool = self.tool_in_use()?;
+        let turn = (0..3).map(|a| (degrees[a] - self.degrees[a]).abs()).fold(0.0, f64::max);
+        // Angles are small: the sine is the angle.
+        let steps = ((turn.to_radians() / self.options.turn).ceil()).clamp(1.0, 1e6) as u32;
+        let begin = self.degrees;
+        for step in 0..steps {
+            let part = |n: u32| f64::from(n) / f64::from(steps);
+            let between = |n: u32| [0, 1, 2].map(|a| from[a] + (to[a] - from[a]) * part(n));
+            let middle = (part(step) + part(step + 1)) * 0.5;
+            let axis = tilt::axis([0, 1, 2].map(|a| begin[a] + (degrees[a] - begin[a]) * middle));
+            let end = if step + 1 == steps { to } else { between(step + 1) };
+            if self.program.moves.len() == MOVES_MAX {
+                return Err(self.fault(b"G", "makes more moves than can be followed"));
+            }
+            let begins = if step == 0 { from } else { between(step) };
+            self.program.moves.push(Move { line: self.line, rapid, tool, from: begins, to: end, axis });
+        }
+        if turn > 0.0 {
+            self.program.turning_steps += u64::from(steps);
+        }
+        Ok(())
+    }
+
+    /// The place of the tool in the list of those in use.
+    fn tool_in_use(&mut self) -> Result<u32> {
+        let number = self.tool;
+        if let Some(at) = self.program.tools.iter().position(|(n, _)| *n == number) {
+            return Ok(at as u32);
+        }
+        let found =
+            self.options.tools.get(&number).or(self.named.get(&number)).or(self.options.tool.as_ref());
+        let Some(tool) = found.copied() else {
+            return Err(Error::input(
+                self.path,
+                format!("line {}", self.line),
+                format!("moves with tool T{number}, of which nothing is known"),
+                format!(
+                    "give it, as by --tool {number}=flat:6mm, or by a comment (T{number} D=6. CR=0. - flat end mill)"
+                ),
+            ));
+        };
+        self.program.tools.push((number, tool));
+        Ok(self.program.tools.len() as u32 - 1)
+    }
+
+    fn arc(&mut self, values: &Values, clockwise: bool) -> Result<()> {
+        let to = self.target(values)?;
+        let ends = |place: [Option<f64>; 3]| Some([place[0]?, place[1]?, place[2]?]);
+        let (Some(from), Some(end)) = (ends(self.at), ends(to)) else {
+            return Err(self.fault(b"G2", "begins at a place that the program does not tell"));
+        };
+        // The plane's axes, so that counter-clockwise is seen against its normal.
+        let (u, v) = match self.normal {
+            2 => (0, 1),
+            1 => (2, 0),
+            _ => (1, 2),
+        };
+        let centre = match values.get(b'R') {
+            Some(radius) => Centre::Radius(radius * self.unit),
+            None => {
+                let offset = |a: usize| {
+                    let value = values.get(b"IJK"[a]).map(|value| value * self.unit);
+                    match (value, self.absolute_centres) {
+                        (Some(value), true) => value + self.systems[self.system][a] + self.shift[a] - from[a],
+                        (Some(value), false) => value,
+                        (None, _) => 0.0,
+                    }
+                };
+                Centre::Offset([offset(u), offset(v)])
+            }
+        };
+        // P counts turns; the last one is the arc itself.
+        let turns = values.get(b'P').map_or(0, |turns| (turns.clamp(1.0, 1e4) - 1.0) as u32);
+        let arc = Arc { start: [from[u], from[v]], end: [end[u], end[v]], centre, clockwise, turns };
+        let chords = arc.chords(self.options.arc_tolerance).map_err(|what| self.fault(b"G2", what))?;
+        let limit = 0.05_f64.max(0.001 * chords.length);
+        if chords.mismatch > limit {
+            return Err(
+                self.fault(b"I J K", "are no centre of this arc: its ends are at different distances")
+            );
+        }
+        let (mut last, degrees) = (from, self.turned(values));
+        for (point, part) in chords.inner_points() {
+            let mut place = [0.0; 3];
+            (place[u], place[v]) = (point[0], point[1]);
+            place[self.normal] = from[self.normal] + (end[self.normal] - from[self.normal]) * part;
+            self.push(last, place, degrees, false)?;
+            last = place;
+        }
+        self.push(last, end, degrees, false)?;
+        self.program.arcs += 1;
+        self.program.chord_error = self.program.chord_error.max(self.options.arc_tolerance);
+        (self.at, self.degrees) = (to, degrees);
+        Ok(())
+    }
+
+    /// The holes of a line within a cycle.
+    fn drill(&mut self, values: &Values) -> Result<()> {
+        if self.normal != 2 {
+            return Err(self.fault(b"G81", "drills in another plane than G17, which is not read"));
+        }
+        let z = self.systems[self.system][2] + self.shift[2];
+        let Some(begin) = self.at[2] else {
+            return Err(self.fault(b"G81", "drills from a height that the program does not tell"));
+        };
+        let height = |value: f64, from: f64| if self.relative { from + value } else { value + z };
+        if let Some(retract) = values.get(b'R') {
+            self.cycle.retract = Some(height(retract * self.unit, begin));
+        }
+        let Some(retract) = self.cycle.retract else {
+            return Err(self.fault(b"G81", "has no R, the height from which it feeds"));
+        };
+        if let Some(depth) = values.get(b'Z') {
+            self.cycle.depth = Some(height(depth * self.unit, retract));
+        }
+        let Some(depth) = self.cycle.depth else {
+            return Err(self.fault(b"G81", "has no Z, the depth of the hole"));
+        };
+        let repeats = values.get(b'L').or(values.get(b'K')).unwrap_or(1.0);
+        if !(0.0..=REPEATS_MAX).contains(&repeats) {
+            return Err(self.fault(b"L", "repeats a hole too often"));
+        }
+        let degrees = self.turned(values);
+        for _ in 0..repeats as u32 {
+            let plane =
+                Values(values.0.iter().filter(|(k, _)| b"XY".contains(k)).map(|(k, v)| (*k, *v)).collect());
+            let over = self.target(&plane)?;
+            self.go(over, degrees, true)?;
+            let [x, y, _] = self.at;
+            self.go([x, y, Some(retract)], degrees, true)?;
+            self.go([x, y, Some(depth)], degrees, false)?;
+            // Out of its own hole.
+            let back = if self.cycle.back_to_start { begin.max(retract) } else { retract };
+            self.go([x, y, Some(back)], degrees, true)?;
+        }
+        Ok(())
+    }
+}
+
+/// A code in tenths, as 591 for G59.1.
+fn scaled(code: f64) -> i64 {
+    (code * 10.0).round() as i64
+}

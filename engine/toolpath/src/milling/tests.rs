@@ -1,0 +1,138 @@
+//! Programs with moves that are known.
+
+use super::*;
+use crate::error::Result;
+use std::collections::BTreeMap;
+
+fn read_text(text: &str) -> Result<Program> {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), text).unwrap();
+    let tool = Some("flat:6mm".parse().unwrap());
+    read(file.path(), &ProgramOptions { tools: BTreeMap::new(), tool, arc_tolerance: 0.01, turn: 0.02 })
+}
+
+/// Ends of moves, with R for rapid ones.
+fn ends(text: &str) -> Vec<String> {
+    let program = read_text(text).unwrap_or_else(|error| panic!("{error}"));
+    let told =
+        |m: &Move| format!("{}{:?}", if m.rapid { "R" } else { "" }, m.to.map(|c| (c * 1e3).round() / 1e3));
+    program.moves.iter().map(told).collect()
+}
+
+#[test]
+fn straight_moves_follow_units_offsets_and_modes() {
+    assert_eq!(
+        ends(
+            "%\nO100 (part)\nN10 G21 G90 G17 G40 G49 G80\nG0 X0 Y0 Z5\nG1 Z-1 F100\nX10\nG91 Y5\nG90 G20 G0 Z1\nM30\nG1 X99\n"
+        ),
+        ["[0.0, 0.0, -1.0]", "[10.0, 0.0, -1.0]", "[10.0, 5.0, -1.0]", "R[10.0, 5.0, 25.4]"]
+    );
+    assert_eq!(
+        ends("G10 L2 P2 X100 Y10 Z1\nG55 G0 X0 Y0 Z0\nX1\nG54 X1\nG59.3 X2\nG92 X7\nG1 X8\n"),
+        ["R[101.0, 10.0, 1.0]", "R[1.0, 10.0, 1.0]", "R[2.0, 10.0, 1.0]", "[3.0, 10.0, 1.0]"]
+    );
+    // Home is nowhere: what leads there and back is left out.
+    assert_eq!(ends("G0 X0 Y0 Z5\nG28 G91 Z0\nG90 G0 X5\nZ3\nG1 Z0\n"), ["[5.0, 0.0, 0.0]"]);
+}
+
+#[test]
+fn arcs_lie_in_their_planes_and_rise() {
+    let program = read_text("G0 X10 Y0 Z0\nG3 X-10 Y0 I-10 Z2\n").unwrap();
+    for m in &program.moves {
+        assert!((m.to[0].hypot(m.to[1]) - 10.0).abs() < 1e-9 && m.to[1] >= -1e-9, "{m:?}");
+    }
+    let middle = &program.moves[program.moves.len() / 2 - 1];
+    assert!((middle.to[1] - 10.0).abs() < 1e-9 && (middle.to[2] - 1.0).abs() < 1e-9, "{middle:?}");
+    // G18: counter-clockwise from z to x, seen against y.
+    let program = read_text("G18 G0 X0 Y0 Z10\nG3 X10 Z0 R10\n").unwrap();
+    assert!(program.moves.iter().all(|m| (m.to[0].hypot(m.to[2]) - 10.0).abs() < 1e-9 && m.to[0] >= 0.0));
+    let program = read_text("G19 G0 X0 Y10 Z0\nG3 Y0 Z10 J-10\n").unwrap();
+    assert!(program.moves.iter().all(|m| (m.to[1].hypot(m.to[2]) - 10.0).abs() < 1e-9 && m.to[2] >= -1e-9));
+}
+
+#[test]
+fn cycles_drill_hole_by_hole() {
+    assert_eq!(
+        ends("G0 X0 Y0 Z10\nG99 G81 X5 Y5 Z-3 R1 F50\nX8\nG80\nG1 X9\n"),
+        [
+            "R[5.0, 5.0, 10.0]",
+            "R[5.0, 5.0, 1.0]",
+            "[5.0, 5.0, -3.0]",
+            "R[5.0, 5.0, 1.0]",
+            "R[8.0, 5.0, 1.0]",
+            "R[8.0, 5.0, 1.0]",
+            "[8.0, 5.0, -3.0]",
+            "R[8.0, 5.0, 1.0]",
+            "[9.0, 5.0, 1.0]"
+        ]
+        .into_iter()
+        .filter(|_| true)
+        .collect::<Vec<_>>()
+    );
+    // Relative, back to the start, twice.
+    assert_eq!(
+        ends("G0 X0 Y0 Z10\nG91 G98 G83 X1 Z-4 R-8 Q1 L2\n"),
+        [
+            "R[1.0, 0.0, 10.0]",
+            "R[1.0, 0.0, 2.0]",
+            "[1.0, 0.0, -2.0]",
+            "R[1.0, 0.0, 10.0]",
+            "R[2.0, 0.0, 10.0]",
+            "R[2.0, 0.0, 2.0]",
+            "[2.0, 0.0, -2.0]",
+            "R[2.0, 0.0, 10.0]"
+        ]
+    );
+}
+
+#[test]
+fn tools_come_from_options_and_comments() {
+    let program =
+        read_text("(T3 D=8. CR=1. - ZMIN=-5. - bullnose end mill)\nT3 M6\nG0 X0 Y0 Z0\nX1\nT4 M6\nX2\n")
+            .unwrap();
+    let tools: Vec<String> = program.tools.iter().map(|(n, tool)| format!("T{n} {tool}")).collect();
+    assert_eq!(tools, ["T3 bull:8mm,1mm", "T4 flat:6mm"]);
+    for (text, tool) in [
+        ("T1 D=6. CR=3. - ZMIN=-2 - ball end mill", "ball:6mm"),
+        ("T12 D=5. CR=0. TAPER=118deg - drill", "drill:5mm,118deg"),
+        ("T2 D=10. CR=0. - face mill", "flat:10mm"),
+    ] {
+        assert_eq!(Tool::of_comment(text, 1.0).unwrap().1.to_string(), tool);
+    }
+    for wrong in ["ball", "ball:", "ball:-1", "saw:3", "bull:6,4", "drill:6,190", "chamfer:6,90,7"] {
+        assert!(wrong.parse::<Tool>().is_err(), "{wrong}");
+    }
+    assert_eq!(
+        "chamfer:0.5in,60deg,1mm,length=3cm".parse::<Tool>().unwrap().to_string(),
+        "chamfer:12.7mm,60deg,1mm,length=30mm"
+    );
+}
+
+#[test]
+fn heads_turn_in_steps() {
+    let program = read_text("G0 X0 Y0 Z0 B90\nX10\nG1 X0 B0\n").unwrap();
+    assert!(program.moves[0].axis.iter().zip([1.0, 0.0, 0.0]).all(|(a, b)| (a - b).abs() < 1e-12));
+    assert_eq!(program.moves.len(), 1 + 79);
+    assert_eq!(program.turning_steps, 79);
+}
+
+#[test]
+fn what_cannot_be_followed_names_line_and_word() {
+    for (text, words) in [
+        ("G0 X0 Y0 Z0\nG1 X\n", ["line 2", "\"X\" has no number"]),
+        ("G0 X0 Y0 Z0\n\nG1 Xa5\n", ["line 3", "Xa5"]),
+        ("G0 X0 Y0 Z0\nG41 X3\n", ["line 2", "\"G41\" corrects"]),
+        ("G0 X0 Y0 Z0\nG77 X3\n", ["line 2", "\"G77\" is not read"]),
+        ("G1 X0 Y0 Z0\n", ["line 1", "\"G1\" cuts from a place"]),
+        ("X3\n", ["line 1", "stand before any"]),
+        ("G0 X0 Y0 Z0\nG2 X5 R1\n", ["line 2", "too short"]),
+        ("G0 X0 Y0 Z0\nG1 X1 X2\n", ["line 2", "twice"]),
+        ("G0 X0 Y0 Z0\nG81 X1 Z-3\n", ["line 2", "has no R"]),
+        ("G0 X0 Y0 Z0\nG1 X#5\n", ["line 2", "X#5"]),
+        ("(nothing)\n", ["end", "has no moves"]),
+    ] {
+        let error = read_text(text).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
+        assert_eq!(error.lines().count(), 1);
+    }
+}

@@ -1,0 +1,180 @@
+//! Operands of Booleans: stores, inputs that are built for the time of a command, and bodies.
+
+use super::{open_inputs, open_store, require_whole_samples};
+use crate::args::IoArg;
+use crate::bodies::body;
+use crate::failure::Failure;
+use crate::kinds::{FileKind, typed};
+use crate::memory;
+use crate::output::in_line;
+use crate::toolpaths::solids;
+use crate::units::Size;
+use anyhow::anyhow;
+use brickfield_engine::Progress;
+use brickfield_engine::build::{BuildOptions, Resolution, Resources, build_opened};
+use brickfield_engine::csg::{Operand, Operation, Primitive};
+use brickfield_engine::ingest::OpenOptions;
+use brickfield_engine::store::{Accept, BrickTree, Source, Store, hash_of};
+use brickfield_engine::swept::Swept;
+use std::path::{Path, PathBuf};
+
+/// An operand that is ready.
+pub struct Ready {
+    pub content: ReadyContent,
+    /// What the result says of it.
+    pub source: Source,
+    /// Its store, if it was built for now.
+    _temporary: Option<Temporary>,
+}
+
+pub enum ReadyContent {
+    Store(Box<Store>),
+    Body(Vec<Swept>, [[f64; 3]; 2]),
+}
+
+impl Ready {
+    /// For the engine.
+    pub fn operand(&self) -> Operand<'_> {
+        match &self.content {
+            ReadyContent::Store(store) => Operand::Store(store),
+            ReadyContent::Body(solids, _) => Operand::Solids(solids),
+        }
+    }
+}
+
+/// A store that is removed when it is no longer needed.
+pub struct Temporary(PathBuf);
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // What is left of it harms nobody.
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// What operands have in common.
+pub struct Common<'a> {
+    pub first: &'a Store,
+    pub output: &'a Path,
+    pub memory: Size,
+    pub io: IoArg,
+    pub progress: &'a dyn Progress,
+}
+
+/// What the result says of a store.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn source_of(store: &Store, role: &str) -> Result<Source, Failure> {
+    Ok(Source {
+        path: store.path().display().to_string(),
+        bytes: store.file_bytes(),
+        facets: 0,
+        format: format!("brick store, {role}"),
+        blake3: store.hash()?,
+    })
+}
+
+/// Opens, builds or understands an operand.
+///
+/// # Errors
+/// One that is none, or is of another lattice.
+pub fn ready(number: usize, operation: Operation, text: &str, common: &Common<'_>) -> Result<Ready, Failure> {
+    let unit = &common.first.meta().unit;
+    if !Path::new(text).exists()
+        && let Some(found) = body(text, unit)
+    {
+        let option = format!("--{} '{text}'", operation.name());
+        let body = found.map_err(|what| Failure::Usage(format!("{option}: {what}")))?;
+        return of_body(text, &option, operation, body, common);
+    }
+    let path = Path::new(text);
+    let input = FileKind::of(path).filter(|kind| kind.is_input());
+    let (store, temporary) = match input {
+        Some(_) => {
+            let temporary = build_for_now(number, path, common)?;
+            (open_store(&temporary.0, 0, common.io, Accept::Whole)?, Some(temporary))
+        }
+        None => (open_store(path, 0, common.io, Accept::Whole)?, None),
+    };
+    require_whole_samples(&store, "what is inside cannot be told").map_err(|failure| match &temporary {
+        Some(_) => {
+            let what = "it is open, or a cloud, so what is inside cannot be told exactly";
+            anyhow!("{}: {what}; close it, or build it from the toolpath", in_line(path)).into()
+        }
+        None => failure,
+    })?;
+    require_like(&store, common.first)?;
+    let source = match &temporary {
+        None => source_of(&store, operation.name())?,
+        Some(_) => {
+            let found = store.meta().sources.first().cloned().ok_or_else(|| anyhow!("{text}: no source"))?;
+            Source { format: format!("{}, {}", found.format, operation.name()), ..found }
+        }
+    };
+    Ok(Ready { content: ReadyContent::Store(Box::new(store)), source, _temporary: temporary })
+}
+
+/// Refuses a store whose samples stand elsewhere.
+fn require_like(store: &Store, first: &Store) -> Result<(), Failure> {
+    if store.root() == first.root() && store.meta().unit == first.meta().unit {
+        return Ok(());
+    }
+    let (other, first) = (in_line(store.path()), typed(first.path()));
+    let what = format!("its samples do not stand where those of {} do", first);
+    Err(anyhow!("{other}: {what}; build it again: `brickfield build INPUT -o {other} --like {first}`").into())
+}
+
+fn of_body(
+    text: &str,
+    option: &str,
+    operation: Operation,
+    body: Primitive,
+    common: &Common<'_>,
+) -> Result<Ready, Failure> {
+    if operation == Operation::Plus && body.is_endless() {
+        let what =
+            "this has no end, so it cannot be joined to a part; give a box, or a cylinder with two ends";
+        return Err(Failure::Usage(format!("{option}: {what}")));
+    }
+    let root = common.first.root();
+    let bounds = body.bounds();
+    let leaves = |a: usize| bounds[0][a] < root.origin[a] || bounds[1][a] > root.origin[a] + root.edge;
+    if operation == Operation::Plus && (0..3).any(leaves) {
+        let what = "this does not fit into the root cube of the first store";
+        return Err(Failure::Usage(format!(
+            "{option}: {what}; build that with a larger --cell, or give less"
+        )));
+    }
+    let solid = body.solid(root).map_err(|error| Failure::Usage(format!("{option}: {error}")))?;
+    let source = Source {
+        path: text.to_owned(),
+        bytes: 0,
+        facets: 0,
+        format: format!("body, {}", operation.name()),
+        blake3: hash_of(text.as_bytes()),
+    };
+    Ok(Ready { content: ReadyContent::Body(vec![solid], bounds), source, _temporary: None })
+}
+
+/// Builds a mesh or a toolpath on the lattice of the first store, beside the output.
+fn build_for_now(number: usize, path: &Path, common: &Common<'_>) -> Result<Temporary, Failure> {
+    let mut name = common.output.as_os_str().to_owned();
+    name.push(format!(".operand-{number}"));
+    let temporary = Temporary(PathBuf::from(name));
+    let open = OpenOptions::default();
+    let inputs = open_inputs(&[path.to_owned()], &[common.output], &open, common.progress)?;
+    let (outline, _) = solids(None, &open.sweep.shape, &inputs)?;
+    let mut options = BuildOptions {
+        resolution: Resolution::Like(common.first.root(), common.first.meta().depth),
+        unit: common.first.meta().unit.clone(),
+        solids: outline,
+        program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
+        ..BuildOptions::default()
+    };
+    options.keeping.restart = true;
+    let room = memory::require_room(&inputs, &options, Some(common.memory))?;
+    options.resources = Resources { memory: room, index: memory::index_share(room), ..Resources::default() };
+    build_opened(&inputs, &temporary.0, &options, common.progress)?;
+    Ok(temporary)
+}
