@@ -35,7 +35,10 @@ const CRATES: [(&str, &[Room]); 11] = [
     ("winding", &[("winding", &[]), ("solid", &[])]),
     ("mesh", &[("contour", &[])]),
     ("builder", &[("backend", &[]), ("volumes", &[]), ("build", &["backend", "volumes"])]),
-    ("analysis", &[("analysis", &[]), ("distance", &[]), ("voids", &["analysis"]), ("fraction", &["analysis"])]),
+    (
+        "analysis",
+        &[("analysis", &[]), ("distance", &[]), ("voids", &["analysis"]), ("fraction", &["analysis"])],
+    ),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
     ("", &[("fuzz", &[]), ("octree", &[]), ("builder", &["octree"])]),

@@ -403,3 +403,24 @@ fn what_cannot_be_compared_is_a_line() {
     told.ok_but_for("is not closed");
     assert!(!dir.names().iter().any(|name| name.ends_with(".part")));
 }
+
+#[test]
+fn regions_of_toolpaths_have_layers() {
+    let dir = Scratch::new();
+    let (part, out, table) = (dir.path("w.brf"), dir.path("t.ply"), dir.path("t.json"));
+    let layer = |n: u32| {
+        let z = 0.4 * f64::from(n);
+        format!(
+            ";LAYER_CHANGE\n;Z:{z:.1}\n;HEIGHT:0.4\nG1 Z{z:.1} F600\n;TYPE:Perimeter\n;WIDTH:0.8\nG1 X0 Y0\nG1 X5 Y0 E0.6\n"
+        )
+    };
+    let text = "; filament_diameter = 1.75\n; layer_height = 0.4\nG21\nG90\nM83\n".to_owned()
+        + &(1..=3).map(layer).collect::<String>();
+    run(&[&"build", &dir.file("w.gcode", text), &"-o", &part, &"--identity", &"-q"]).ok();
+    run(&[&"thickness", &part, &"-o", &out, &"-q", &"--below", &"1mm", &"--regions", &table]).ok();
+    let told: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&table).unwrap()).unwrap();
+    let row = &told["regions"][0];
+    assert_eq!((row["layer_first"].as_u64(), row["layer_last"].as_u64()), (Some(1), Some(3)), "{told}");
+    // Beads are round at their sides, so the wall is as thin as 0.34 between layers.
+    assert!((0.5..0.8).contains(&row["mean_thickness"].as_f64().unwrap()), "{row}");
+}
