@@ -71,10 +71,10 @@ impl Around {
     /// Both slopes at the place, by elimination; `None` where crossings leave them open.
     fn solved(&mut self) -> Option<[f64; 2]> {
         let rows = &mut self.equations;
-        for n in 0..UNKNOWNS {
-            for m in 0..n {
-                rows[n][m] = rows[m][n];
-            }
+        // The half that was summed, mirrored.
+        let upper = *rows;
+        for (n, row) in rows.iter_mut().enumerate() {
+            row.iter_mut().zip(&upper).take(n).for_each(|(term, other)| *term = other[n]);
         }
         let trace: f64 = (0..UNKNOWNS).map(|n| rows[n][n]).sum();
         // Slopes come last, so that nothing has to be put back.
@@ -86,9 +86,8 @@ impl Around {
             }
             for &m in &order[step + 1..] {
                 let factor = rows[m][n] / pivot;
-                for k in 0..=UNKNOWNS {
-                    rows[m][k] -= factor * rows[n][k];
-                }
+                let pivots = rows[n];
+                rows[m].iter_mut().zip(pivots).for_each(|(term, pivot)| *term -= factor * pivot);
             }
         }
         let q = rows[2][UNKNOWNS] / rows[2][2];
