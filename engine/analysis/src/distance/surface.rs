@@ -217,7 +217,8 @@ impl Surface {
                             let patch = &piece.patches[n];
                             let crossing = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
                             let turned = patch.normal_at(minus(at, crossing));
-                            let bend = f64::from(patch.bend[0]) + f64::from(patch.bend[2]);
+                            let [xx, xy, yy] = patch.bend.map(f64::from);
+                            let bend = (xx * xx + 2.0 * xy * xy + yy * yy).sqrt();
                             around.add(crossing, turned, bend);
                             Ok(())
                         },
