@@ -26,8 +26,11 @@ fn scalars(path: &Path) -> Vec<([f64; 3], f64)> {
     bytes[at..][..16 * count].chunks_exact(16).map(vertex).collect()
 }
 
+/// A place, and the unit normal there.
+type Crossing = ([f64; 3], [f64; 3]);
+
 /// Where the surface of a store crosses lattice edges, in the world, with the normals there; and its finest cell.
-fn crossings(path: &Path) -> (Vec<([f64; 3], [f64; 3])>, f64) {
+fn crossings(path: &Path) -> (Vec<Crossing>, f64) {
     let store = Store::open(path, 64 << 20).unwrap();
     let root = store.root();
     let mut found = Vec::new();
@@ -402,4 +405,25 @@ fn what_cannot_be_compared_is_a_line() {
     let told = run(&[&"deviation", &part, &lidless, &"-o", &out, &"-q"]);
     told.ok_but_for("is not closed");
     assert!(!dir.names().iter().any(|name| name.ends_with(".part")));
+}
+
+#[test]
+fn regions_of_toolpaths_have_layers() {
+    let dir = Scratch::new();
+    let (part, out, table) = (dir.path("w.brf"), dir.path("t.ply"), dir.path("t.json"));
+    let layer = |n: u32| {
+        let z = 0.4 * f64::from(n);
+        format!(
+            ";LAYER_CHANGE\n;Z:{z:.1}\n;HEIGHT:0.4\nG1 Z{z:.1} F600\n;TYPE:Perimeter\n;WIDTH:0.8\nG1 X0 Y0\nG1 X5 Y0 E0.6\n"
+        )
+    };
+    let text = "; filament_diameter = 1.75\n; layer_height = 0.4\nG21\nG90\nM83\n".to_owned()
+        + &(1..=3).map(layer).collect::<String>();
+    run(&[&"build", &dir.file("w.gcode", text), &"-o", &part, &"--identity", &"-q"]).ok();
+    run(&[&"thickness", &part, &"-o", &out, &"-q", &"--below", &"1mm", &"--regions", &table]).ok();
+    let told: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&table).unwrap()).unwrap();
+    let row = &told["regions"][0];
+    assert_eq!((row["layer_first"].as_u64(), row["layer_last"].as_u64()), (Some(1), Some(3)), "{told}");
+    // Beads are round at their sides, so the wall is as thin as 0.34 between layers.
+    assert!((0.5..0.8).contains(&row["mean_thickness"].as_f64().unwrap()), "{row}");
 }

@@ -1,6 +1,6 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::thickness::{folder_of, require_ply, require_room};
+use super::thickness::{folder_of, layers_of, require_ply, require_room};
 use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{AlignArg, DeviationArgs};
 use crate::failure::Failure;
@@ -107,7 +107,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         _ => None,
     };
     let [there, back] = [Spread::of(&values), Spread::of(&back)];
-    let table = regions.as_ref().map(|regions| table(regions, cell));
+    let table = regions.as_ref().map(|regions| table(&store, regions, cell)).transpose()?;
     let mut document = json!({
         "unit": unit,
         "cell": cell,
@@ -266,7 +266,8 @@ fn spread(spread: &Spread, cell: f64) -> Value {
     })
 }
 
-fn table(sides: &[Vec<Region>; 2], cell: f64) -> Table<'static> {
+fn table(store: &Store, sides: &[Vec<Region>; 2], cell: f64) -> Result<Table<'static>, Failure> {
+    let layers = layers_of(store, &sides.iter().flatten().collect::<Vec<_>>())?;
     let length = |value: f64| told(value, cell / 1000.0);
     let mut rows = Vec::new();
     for (side, regions) in ["over", "under"].into_iter().zip(sides) {
@@ -280,11 +281,11 @@ fn table(sides: &[Vec<Region>; 2], cell: f64) -> Table<'static> {
                 length(region.mean),
             ];
             cells.extend(region.centre.map(|c| to_place(c, cell / 100.0)));
-            cells.extend([Value::Null, Value::Null]);
+            cells.extend(layers[rows.len()].clone());
             rows.push(cells);
         }
     }
-    Table { columns: &COLUMNS, rows }
+    Ok(Table { columns: &COLUMNS, rows })
 }
 
 fn summary(

@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::table::{Table, TableKind, to_place};
 use anyhow::anyhow;
+use brickfield_engine::analysis::{Covering, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour, foresee_triangles};
 use brickfield_engine::distance::thickness::{Method, Options, at_world, thin_regions};
 use brickfield_engine::distance::{Region, ScalarPly, Surface};
@@ -61,7 +62,7 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
         Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
     })?;
     let regions = below.map(|below| thin_regions(&surface, options, below, &bars)).transpose()?;
-    let table = regions.as_deref().map(|regions| table(regions, cell));
+    let table = regions.as_deref().map(|regions| table(&store, regions, cell)).transpose()?;
     let mut document = document(args, &store, &values, cell);
     document["vertices"] = json!(vertices);
     document["triangles"] = json!(triangles);
@@ -107,7 +108,27 @@ pub(super) fn folder_of(chosen: Option<&Path>, output: &Path) -> PathBuf {
     chosen.or(own).unwrap_or(Path::new(".")).to_owned()
 }
 
-fn table(regions: &[Region], cell: f64) -> Table<'static> {
+/// The layers of the beads beside the lowest and the highest point of each region, from 1; null where the store does not tell
+/// beads apart, or none covers the point.
+pub(super) fn layers_of(store: &Store, regions: &[&Region]) -> Result<Vec<[Value; 2]>, Failure> {
+    let Some(tables) = store.bead_tables()? else {
+        return Ok(vec![[Value::Null, Value::Null]; regions.len()]);
+    };
+    let places: Vec<[f64; 3]> = regions.iter().flat_map(|region| region.ends).collect();
+    let beads = beads_at_points(store, &tables, &places)?;
+    let layers = |found: &Vec<Covering>| -> Vec<u32> {
+        found.iter().map(|found| tables.beads[tables.bead_of(found.number).0 as usize].layer + 1).collect()
+    };
+    let told = |layer: Option<u32>| layer.map_or(Value::Null, |layer| json!(layer));
+    let pair = |ends: &[Vec<Covering>]| {
+        let [low, high] = [0, 1].map(|n| layers(&ends[n]));
+        [told(low.into_iter().min()), told(high.into_iter().max())]
+    };
+    Ok(beads.chunks_exact(2).map(pair).collect())
+}
+
+fn table(store: &Store, regions: &[Region], cell: f64) -> Result<Table<'static>, Failure> {
+    let layers = layers_of(store, &regions.iter().collect::<Vec<_>>())?;
     let length = |value: f64| to_place(value, cell / 1000.0);
     let row = |(n, region): (usize, &Region)| {
         let mut cells = vec![
@@ -118,10 +139,10 @@ fn table(regions: &[Region], cell: f64) -> Table<'static> {
             length(region.mean),
         ];
         cells.extend(region.centre.map(|c| to_place(c, cell / 100.0)));
-        cells.extend([Value::Null, Value::Null]);
+        cells.extend(layers[n].clone());
         cells
     };
-    Table { columns: &COLUMNS, rows: regions.iter().enumerate().map(row).collect() }
+    Ok(Table { columns: &COLUMNS, rows: regions.iter().enumerate().map(row).collect() })
 }
 
 /// Some shares of sorted numbers: what so many of all are at most.

@@ -9,11 +9,12 @@ use crate::lattice::{dot, minus};
 /// How far crossings tell of the surface around a place, in cells, and how alike their normals must be.
 pub(super) const AROUND: f64 = 2.0;
 const ALIKE: f64 = 0.9;
-/// Up to this sum of both curvatures, in reciprocal cells, a quadratic form is the surface as far as that.
+/// Up to this size of both curvatures, in reciprocal cells, a quadratic form is the surface as far as that.
 const SLIGHT: f64 = 0.3;
 /// Where normals differ by less than this, after what the surface bends between them, they are those of a smooth surface, and
 /// the one at the place is right.
 const EXACT: f64 = 0.004;
+const THIRD: f64 = 0.4;
 /// Unknowns of a quadratic form: height, two slopes, three second derivatives.
 const UNKNOWNS: usize = 6;
 /// Fewer crossings do not settle them.
@@ -36,7 +37,7 @@ impl Around {
         Around { at, normal, across: frame(normal), sums: [0.0; 3], equations, count: 0 }
     }
 
-    /// Adds a crossing, with the normal that its patch has at the place, and the sum of its curvatures.
+    /// Adds a crossing, with the normal that its patch has at the place, and the size of its curvatures.
     pub fn add(&mut self, crossing: [f64; 3], turned: [f64; 3], bend: f64) {
         let away = minus(crossing, self.at);
         let share = 1.0 - dot(away, away) / (AROUND * AROUND);
@@ -60,7 +61,10 @@ impl Around {
     pub fn normal(mut self) -> [f64; 3] {
         let [u, v] = self.across;
         let [weights, differs, bend] = self.sums;
-        let is_exact = differs <= EXACT * EXACT * weights || bend.abs() > SLIGHT * weights;
+        let bend = bend / weights.max(f64::MIN_POSITIVE);
+        // Normals of a bent surface differ by terms of third order, too.
+        let exact = EXACT + THIRD * bend * bend * bend;
+        let is_exact = differs <= exact * exact * weights || bend > SLIGHT;
         let slopes = if is_exact || self.count < FEW { None } else { self.solved() };
         let Some([p, q]) = slopes else { return self.normal };
         let turned: [f64; 3] = std::array::from_fn(|a| self.normal[a] - p * u[a] - q * v[a]);
@@ -71,10 +75,10 @@ impl Around {
     /// Both slopes at the place, by elimination; `None` where crossings leave them open.
     fn solved(&mut self) -> Option<[f64; 2]> {
         let rows = &mut self.equations;
-        for n in 0..UNKNOWNS {
-            for m in 0..n {
-                rows[n][m] = rows[m][n];
-            }
+        // The half that was summed, mirrored.
+        let upper = *rows;
+        for (n, row) in rows.iter_mut().enumerate() {
+            row.iter_mut().zip(&upper).take(n).for_each(|(term, other)| *term = other[n]);
         }
         let trace: f64 = (0..UNKNOWNS).map(|n| rows[n][n]).sum();
         // Slopes come last, so that nothing has to be put back.
@@ -86,9 +90,8 @@ impl Around {
             }
             for &m in &order[step + 1..] {
                 let factor = rows[m][n] / pivot;
-                for k in 0..=UNKNOWNS {
-                    rows[m][k] -= factor * rows[n][k];
-                }
+                let pivots = rows[n];
+                rows[m].iter_mut().zip(pivots).for_each(|(term, pivot)| *term -= factor * pivot);
             }
         }
         let q = rows[2][UNKNOWNS] / rows[2][2];

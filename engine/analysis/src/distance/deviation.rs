@@ -237,8 +237,8 @@ pub fn regions_beyond(
             let value = reference.opposite(motion.apply(at))?.signed;
             if value.abs() > within {
                 let place = Place { leaf: leaf as u32, patch: n as u32 };
-                let area = patch.area * cell * cell;
-                found.push(Marked { place, at, area, value, opposite: None, corners: patch.corners });
+                let (area, inner) = (patch.area * cell * cell, part.to_world(patch.inner()));
+                found.push(Marked { place, at, inner, area, value, opposite: None, corners: patch.corners });
             }
         }
         Ok(found)

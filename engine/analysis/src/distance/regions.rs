@@ -8,6 +8,8 @@ use std::collections::HashMap;
 pub(super) struct Marked {
     pub place: Place,
     pub at: [f64; 3],
+    /// A place in the solid beside it.
+    pub inner: [f64; 3],
     pub area: f64,
     pub value: f64,
     /// A patch that belongs to the same region if it counts, too.
@@ -33,6 +35,8 @@ pub struct Region {
     pub centre: [f64; 3],
     /// Least and greatest coordinates of the crossings.
     pub bounds: [[f64; 3]; 2],
+    /// Places in the solid beside the lowest and the highest crossing.
+    pub ends: [[f64; 3]; 2],
     /// How many patches.
     pub patches: u64,
 }
@@ -66,6 +70,7 @@ pub(super) fn joined(marked: Vec<Marked>) -> Vec<Region> {
                 mean: 0.0,
                 centre: [0.0; 3],
                 bounds: [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]],
+                ends: [patch.inner; 2],
                 patches: 0,
             });
             found.len() - 1
@@ -79,6 +84,12 @@ pub(super) fn joined(marked: Vec<Marked>) -> Vec<Region> {
         }
         if patch.value.abs() > region.greatest.abs() {
             region.greatest = patch.value;
+        }
+        if patch.at[2] < region.bounds[0][2] {
+            region.ends[0] = patch.inner;
+        }
+        if patch.at[2] > region.bounds[1][2] {
+            region.ends[1] = patch.inner;
         }
         for a in 0..3 {
             region.centre[a] += patch.area * patch.at[a];

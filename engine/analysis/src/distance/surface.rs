@@ -18,6 +18,8 @@ const TIE: f64 = 2e-6;
 /// The least depth of a point below the tangent plane, in cells, at which it bounds a ball that touches the plane on the same
 /// side of the part: nearer ones tell nothing but errors.
 const SHALLOW: f64 = 0.3;
+/// How far below the surface the solid is asked whose it is, in cells.
+const INNER: f64 = 0.3;
 /// Rays begin so many cells from their points.
 const LEAVE: f64 = 1e-3;
 
@@ -215,7 +217,8 @@ impl Surface {
                             let patch = &piece.patches[n];
                             let crossing = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
                             let turned = patch.normal_at(minus(at, crossing));
-                            let bend = f64::from(patch.bend[0]) + f64::from(patch.bend[2]);
+                            let [xx, xy, yy] = patch.bend.map(f64::from);
+                            let bend = (xx * xx + 2.0 * xy * xy + yy * yy).sqrt();
                             around.add(crossing, turned, bend);
                             Ok(())
                         },
@@ -324,6 +327,13 @@ impl Surface {
             return Err(Error::setting("the store has no surface", "build it with finer cells"));
         }
         Ok(())
+    }
+}
+
+impl PatchInfo {
+    /// A place in the solid beside the crossing, in cells.
+    pub(super) fn inner(&self) -> [f64; 3] {
+        std::array::from_fn(|a| self.at[a] - INNER * self.normal[a])
     }
 }
 

@@ -134,7 +134,7 @@ fn errors(shape: Shape<'_>) -> (f64, f64) {
         count += 1.0;
         largest = largest.max(error);
     }
-    ((squares / count as f64).sqrt(), largest)
+    ((squares / count).sqrt(), largest)
 }
 
 #[test]

@@ -129,6 +129,7 @@ pub fn thin_regions(
                 found.push(Marked {
                     place: Place { leaf: leaf as u32, patch: n as u32 },
                     at: surface.to_world(patch.at),
+                    inner: surface.to_world(patch.inner()),
                     area: patch.area * cell * cell,
                     value,
                     opposite: measured.opposite,
