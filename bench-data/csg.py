@@ -178,7 +178,7 @@ def voids(args, folder):
     for (x, y, z), r in balls:
         operands += ["--minus", f"sphere {x!r},{y!r},{z!r},r{r!r}"]
     told(f"csg with {args.count} balls", run(args.program, "csg", block, *operands, "-o", holed, "-q")[1])
-    cell, height = float(args.cell), size / 2 + 0.137
+    cell, height = float(args.cell), size / 2 + 2.137
     (folder / "p.nc").write_text(f"G0 X{-size} Y{size / 2} Z{2 * size}\nG0 Z{height}\nG1 X{2 * size}\n")
     table = folder / "opened.csv"
     seconds = run(args.program, "machine", holed, folder / "p.nc", "--tool", f"flat:{2 * size}", "-o", folder / "o.brf",

@@ -41,7 +41,7 @@ impl Cut {
             let stack = &stacks[of.tool as usize];
             for part in stack {
                 let solid = solid(of, *part, origin, scale);
-                cut.solids.push(if stack.len() > 1 { solid.as_part() } else { solid });
+                cut.solids.push(if stack.len() > 1 { solid.as_part(of.axis) } else { solid });
                 cut.moves.push(number as u32);
             }
         }

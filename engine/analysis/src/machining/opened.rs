@@ -83,12 +83,11 @@ struct Boundary<'a> {
 
 impl<'a> Boundary<'a> {
     fn new(points: &'a [BoundaryPoint], cell: f64) -> Boundary<'a> {
-        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let mut bounds: [[f64; 3]; 2] = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         for point in points {
-            for a in 0..3 {
-                bounds[0][a] = bounds[0][a].min(point.at[a]);
-                bounds[1][a] = bounds[1][a].max(point.at[a]);
-            }
+            let [low, high] = bounds;
+            bounds =
+                [[0, 1, 2].map(|a| low[a].min(point.at[a])), [0, 1, 2].map(|a| high[a].max(point.at[a]))];
         }
         Boundary { points, cell, bounds }
     }

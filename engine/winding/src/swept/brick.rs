@@ -148,7 +148,7 @@ impl SweptEvaluator {
             for block in vs.flat_map(|v| us.clone().map(move |u| v * BLOCKS + u)) {
                 let (all, parts) = &mut self.near[block];
                 all.push(number);
-                if solid.is_part() {
+                if solid.is_touched(axis.index()) {
                     parts.push(number);
                 }
             }

@@ -46,8 +46,8 @@ pub struct Swept {
     shape: Shape,
     /// Least and greatest coordinates.
     bounds: [[f64; 3]; 2],
-    /// Whether it is a part of a tool, which others touch.
-    is_part: bool,
+    /// Along which axes other parts of its tool touch it.
+    touched: [bool; 3],
 }
 
 impl Shape {
@@ -58,18 +58,18 @@ impl Shape {
 impl Swept {
     /// A solid.
     pub fn new(shape: Shape) -> Swept {
-        Swept { shape, bounds: bounds(&shape), is_part: false }
+        Swept { shape, bounds: bounds(&shape), touched: [false; 3] }
     }
 
-    /// The same as a part of a tool, which other parts touch where no sample may be.
+    /// The same as a part of a tool with this axis, which other parts touch where no sample may be.
     #[must_use]
-    pub fn as_part(self) -> Swept {
-        Swept { is_part: true, ..self }
+    pub fn as_part(self, tool: [f64; 3]) -> Swept {
+        Swept { touched: tool.map(|c| c != 0.0), ..self }
     }
 
-    /// Whether other parts of a tool touch it.
-    pub fn is_part(&self) -> bool {
-        self.is_part
+    /// Whether a line along an axis may lead from it to other parts of its tool.
+    pub fn is_touched(&self, axis: usize) -> bool {
+        self.touched[axis]
     }
 
     /// What it is.
