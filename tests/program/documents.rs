@@ -93,7 +93,8 @@ fn with_inputs(is_whole: bool) -> Scratch {
     match is_whole {
         true => symlink(fs::canonicalize(example("")).expect("it is there"), dir.path("bench-data")),
         false => fs::create_dir(dir.path("bench-data"))
-            .and_then(|()| fs::write(dir.path("bench-data/clover.gcode"), few_layers())),
+            .and_then(|()| fs::write(dir.path("bench-data/clover.gcode"), few_layers()))
+            .and_then(|()| symlink(top().join("bench-data/machining"), dir.path("bench-data/machining"))),
     }
     .expect("it can be made");
     for (store, more) in [("part.brf", "--identity"), ("print.brf", "--quiet")] {

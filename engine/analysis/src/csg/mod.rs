@@ -1,7 +1,7 @@
 //! Booleans of octrees: chains of stores and solids on one lattice, as exact as their operands.
 //!
 //! Samples are combined as bits. Every crossing of the result is one of an operand's, bit by bit; those of what is taken off
-//! have the opposite normal. [`chain`] decides nodes of which the index tells enough, [`combine`] makes the others.
+//! have the opposite normal. `chain` decides nodes of which the index tells enough, `combine` makes the others.
 
 mod chain;
 mod combine;
