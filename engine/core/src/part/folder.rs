@@ -1,6 +1,6 @@
 //! A folder that gets its name when all in it is complete.
 
-use super::{left_behind, part_path};
+use super::part_path;
 use crate::error::{Error, Result};
 use std::fs;
 use std::io;
@@ -25,8 +25,10 @@ impl PartFolder {
             return Err(Error::io(name, "write the folder")(source));
         }
         let part = part_path(name);
-        if left_behind(&part).is_some() || part.is_dir() {
+        if part.is_dir() {
             fs::remove_dir_all(&part).map_err(Error::io(&part, "remove"))?;
+        } else if part.exists() {
+            fs::remove_file(&part).map_err(Error::io(&part, "remove"))?;
         }
         fs::create_dir(&part).map_err(Error::io(&part, "create"))?;
         Ok(PartFolder { name: name.to_owned(), part, finished: false })

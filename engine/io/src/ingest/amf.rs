@@ -3,7 +3,7 @@
 //! Objects stand where the constellations place them; without a constellation each stands once where it was modelled.
 //! Volumes that a slicer has marked as modifiers are left out.
 
-use super::placement::Placement;
+use super::placement::{Placement, Room};
 use super::polygons::Polygons;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -18,8 +18,6 @@ const RATIO_MAX: u64 = 200;
 const TEXT_BYTES: u64 = 1 << 24;
 /// Largest element or text between two.
 const ELEMENT_BYTES_MAX: usize = 1 << 20;
-/// How many times the triangles may stand in the constellations.
-const COPIES_MAX: usize = 1000;
 const REMEDY: &str = "export or copy the file again";
 
 /// Reads all objects. `bytes` is the XML, or a ZIP archive with one.
@@ -212,10 +210,10 @@ impl Scene {
         let Some(scale) = self.scale else { return Err("has no element amf".to_owned()) };
         let scale = Placement::scale([scale; 3]);
         let mut polygons = Polygons::default();
-        let all = self.objects.iter().map(|object| object.triangles.len()).sum::<usize>();
+        let room =
+            Room::of(self.objects.iter().map(|object| object.triangles.len() + object.vertices.len()).sum());
         let mut add = |object: &Object, at: &Placement| {
-            let fits = polygons.add_placed(&object.vertices, object.triangles.iter().copied(), at);
-            let fits = fits && polygons.triangles.len() <= COPIES_MAX * all;
+            let fits = polygons.add_placed(&object.vertices, object.triangles.iter().copied(), at, room);
             fits.then_some(()).ok_or_else(|| "its objects stand in it more often than can be read".to_owned())
         };
         for instance in &self.instances {

@@ -3,7 +3,7 @@
 //! glTF counts in metres with y up. The meshes of a scene stand where its nodes place them. Points and lines bound
 //! nothing and are passed over. Compressed meshes, and buffers in other files, are refused.
 
-use super::placement::Placement;
+use super::placement::{Placement, Room};
 use super::polygons::Polygons;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -13,8 +13,6 @@ use std::path::Path;
 const REMEDY: &str = "export it as .glb without compression, or as STL, OBJ or PLY";
 /// How deep nodes of nodes go at most.
 const DEPTH_MAX: usize = 256;
-/// How many times a triangle may stand in the scene.
-const COPIES_MAX: u64 = 1000;
 /// What can be put into `extensionsRequired` and does not change where surfaces are.
 const HARMLESS: [&str; 3] = ["KHR_materials", "KHR_texture", "EXT_texture"];
 
@@ -33,7 +31,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     let json =
         serde_json::from_slice(json).map_err(|error| damaged(format!("its JSON is damaged: {error}")))?;
     progress.check()?;
-    Scene { json: &json, binary, polygons: Polygons::default() }.read().map_err(damaged)
+    Scene { json: &json, binary, polygons: Polygons::default(), placed: 0 }.read().map_err(damaged)
 }
 
 type Found<T> = std::result::Result<T, String>;
@@ -62,6 +60,8 @@ struct Scene<'a> {
     json: &'a Value,
     binary: &'a [u8],
     polygons: Polygons,
+    /// Nodes that were placed.
+    placed: usize,
 }
 
 /// Numbers of an accessor.
@@ -103,6 +103,11 @@ impl Scene<'_> {
         if depth > DEPTH_MAX {
             return Err(format!("node {number} is a child of itself"));
         }
+        // Nodes have one parent each.
+        self.placed += 1;
+        if self.placed > list(json, "nodes").len() {
+            return Err(format!("node {number} is a child of several nodes"));
+        }
         let at = above.after(&placement(node)?);
         if let Some(mesh) = node["mesh"].as_u64() {
             self.mesh(mesh as usize, &at)?;
@@ -123,11 +128,15 @@ impl Scene<'_> {
             if !(4..=6).contains(&mode) {
                 continue;
             }
-            let vertices = self.positions(position)?;
+            let held = self.numbers(position, "VEC3", 3)?.count;
             let corners = match primitive["indices"].as_u64() {
-                Some(indices) => self.indices(indices, vertices.len())?,
-                None => (0..vertices.len() as u32).collect(),
+                Some(indices) => self.indices(indices, held)?,
+                None => (0..held as u32).collect(),
             };
+            if corners.len() < 3 {
+                continue;
+            }
+            let vertices = self.positions(position)?;
             let triangle = |n: usize| match mode {
                 4 => [corners[3 * n], corners[3 * n + 1], corners[3 * n + 2]],
                 // Every second triangle of a strip is turned over.
@@ -136,8 +145,10 @@ impl Scene<'_> {
                 _ => [corners[0], corners[n + 1], corners[n + 2]],
             };
             let count = if mode == 4 { corners.len() / 3 } else { corners.len().saturating_sub(2) };
-            let fits = self.polygons.add_placed(&vertices, (0..count).map(triangle), at);
-            if !fits || self.polygons.triangles.len() as u64 > COPIES_MAX * (self.binary.len() as u64 + 1) {
+            // A byte of the file is no more than a corner.
+            let room = Room::of(self.binary.len());
+            let fits = self.polygons.add_placed(&vertices, (0..count).map(triangle), at, room);
+            if !fits {
                 return Err("its meshes stand in the scene more often than can be read".to_owned());
             }
         }
@@ -326,7 +337,8 @@ mod tests {
                 json(node, r#""extensionsRequired":["KHR_draco_mesh_compression"],"#),
                 "needs KHR_draco_mesh_compression",
             ),
-            (json(r#"{"children":[0]}"#, ""), "is a child of itself"),
+            (json(r#"{"children":[0]}"#, ""), "is a child of several nodes"),
+            (json(r#"{"children":[1,1]},{"children":[2,2]},{"mesh":0}"#, ""), "is a child of several nodes"),
             (json(r#"{"mesh":3}"#, ""), "there is no mesh 3"),
             (json(node, "").replace(r#""count":12"#, r#""count":13"#), "lies beyond its buffer"),
             (

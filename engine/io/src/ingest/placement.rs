@@ -60,25 +60,50 @@ impl Placement {
     }
 }
 
+/// How often what a file holds may stand in its scene.
+const COPIES_MAX: usize = 1000;
+/// How many vertices or triangles copies may add to what the file holds.
+const COPIED_MAX: usize = 100_000_000;
+
+/// What a scene may grow to, so that a small file that places its meshes again and again does not take all memory.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room(usize);
+
+impl Room {
+    /// For a file that holds so many vertices and triangles.
+    pub(super) fn of(held: usize) -> Room {
+        Room((COPIES_MAX * held).min(held + COPIED_MAX).min(u32::MAX as usize))
+    }
+}
+
 impl Polygons {
-    /// Adds a mesh at a place, the triangles of a mirrored one turned over. False if there is no number for a vertex any more.
+    /// Adds a mesh at a place, the triangles of a mirrored one turned over; nothing of one without triangles. False if the
+    /// scene has no room for it.
     pub(super) fn add_placed(
         &mut self,
         vertices: &[[f64; 3]],
         triangles: impl Iterator<Item = [u32; 3]>,
         at: &Placement,
+        room: Room,
     ) -> bool {
+        let mut triangles = triangles.peekable();
+        if triangles.peek().is_none() {
+            return true;
+        }
         let first = self.vertices.len();
-        if first + vertices.len() > u32::MAX as usize {
+        if first + vertices.len() > room.0 {
             return false;
         }
         let first = first as u32;
         self.vertices.extend(vertices.iter().map(|&p| at.place(p)));
         let mirrors = at.mirrors();
-        self.triangles.extend(triangles.map(|[a, b, c]| {
+        for [a, b, c] in triangles {
             let [a, b, c] = [a, b, c].map(|n| n + first);
-            if mirrors { [a, c, b] } else { [a, b, c] }
-        }));
+            self.triangles.push(if mirrors { [a, c, b] } else { [a, b, c] });
+            if self.triangles.len() > room.0 {
+                return false;
+            }
+        }
         true
     }
 }

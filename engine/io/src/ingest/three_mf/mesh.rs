@@ -6,7 +6,7 @@
 use super::slicer::{Part, Parts};
 use super::{Limited, MODEL_BYTES, RATIO_MAX, REMEDY, REPORT_BYTES, one_line};
 use crate::error::{Error, Result};
-use crate::ingest::placement::Placement;
+use crate::ingest::placement::{Placement, Room};
 use crate::ingest::polygons::Polygons;
 use crate::progress::Progress;
 use quick_xml::Reader;
@@ -19,8 +19,8 @@ use zip::ZipArchive;
 
 /// How deep components of components go at most.
 const DEPTH_MAX: usize = 32;
-/// How many times the triangles of the models may stand on the plate.
-const COPIES_MAX: u64 = 1000;
+/// How often objects may stand on the plate or in each other, for each that there is.
+const COPIES_MAX: usize = 1000;
 /// The model that names what is built.
 const MAIN: &str = "3D/3dmodel.model";
 
@@ -89,7 +89,6 @@ struct Scene {
     items: Vec<(Key, Placement)>,
     /// Millimetres in the unit of each model.
     scale: HashMap<String, f64>,
-    triangles: u64,
 }
 
 impl Scene {
@@ -180,7 +179,6 @@ impl Scene {
                     corners[corner] = found.ok_or_else(|| format!("object {id} has no vertex \"{text}\""))?;
                 }
                 object.triangles.push(corners);
-                self.triangles += 1;
             }
             ("component", Some((_, object))) => object.components.push((key()?, place()?)),
             ("item", _) if model == self.main => self.items.push((key()?, place()?)),
@@ -191,7 +189,10 @@ impl Scene {
 
     /// The meshes of all items.
     fn build(&self, parts: &Parts) -> std::result::Result<Polygons, String> {
-        let mut built = Built { scene: self, parts, polygons: Polygons::default(), left_out: [0; 4] };
+        let held = self.objects.values().map(|object| object.vertices.len() + object.triangles.len()).sum();
+        let polygons = Polygons::default();
+        let mut built =
+            Built { scene: self, parts, polygons, room: Room::of(held), placed: 0, left_out: [0; 4] };
         let scale = |key: &Key| Placement::scale([self.scale.get(&key.0).copied().unwrap_or(1.0); 3]);
         for (key, place) in &self.items {
             // A placement is in the unit of the model that names it.
@@ -218,6 +219,9 @@ struct Built<'a> {
     scene: &'a Scene,
     parts: &'a Parts,
     polygons: Polygons,
+    room: Room,
+    /// Objects that were placed.
+    placed: usize,
     /// How many of each kind of part were left out.
     left_out: [usize; 4],
 }
@@ -239,6 +243,11 @@ impl Built<'_> {
         if depth > DEPTH_MAX {
             return Err(format!("object {} is a component of itself", key.1));
         }
+        const MANY: &str = "its objects stand on the plate more often than can be read";
+        self.placed += 1;
+        if self.placed > COPIES_MAX * self.scene.objects.len() {
+            return Err(MANY.to_owned());
+        }
         let part = match (&object.kind[..], parent) {
             ("support" | "solidsupport", _) => Part::Support,
             (_, Some(parent)) => self.parts.component(&parent.1, &key.1),
@@ -250,12 +259,12 @@ impl Built<'_> {
         }
         let is_solid = |n: &usize| self.parts.triangle(&key.1, *n) == Part::Solid;
         let chosen = (0..object.triangles.len()).filter(is_solid).map(|n| object.triangles[n]);
-        let fits = self.polygons.add_placed(&object.vertices, chosen, at);
+        let fits = self.polygons.add_placed(&object.vertices, chosen, at, self.room);
         for part in self.parts.ranges(&key.1) {
             self.left_out[part as usize] += 1;
         }
-        if !fits || self.polygons.triangles.len() as u64 > COPIES_MAX * self.scene.triangles.max(1) {
-            return Err("its objects stand on the plate more often than can be read".to_owned());
+        if !fits {
+            return Err(MANY.to_owned());
         }
         object
             .components
@@ -408,11 +417,14 @@ mod tests {
             let component = format!("<component objectid=\"{n}\"/>");
             format!("<object id=\"{}\"><components>{component}{component}</components></object>", n + 1)
         });
-        let many = format!("<object id=\"1\">{MESH}</object>{}", double.take(25).collect::<String>());
+        let double = double.take(25).collect::<String>();
+        let many = format!("<object id=\"1\">{MESH}</object>{double}");
+        let nothing = format!("<object id=\"1\"/>{double}");
         for (resources, item, what) in [
             ("", "<item objectid=\"7\"/>", "there is no object 7"),
             (itself, "<item objectid=\"1\"/>", "is a component of itself"),
             (&many[..], "<item objectid=\"26\"/>", "more often than can be read"),
+            (&nothing[..], "<item objectid=\"26\"/>", "more often than can be read"),
             (
                 "<object id=\"1\"><mesh><triangles><triangle v1=\"0\" v2=\"0\" v3=\"0\"/></triangles></mesh></object>",
                 "",
