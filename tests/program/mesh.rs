@@ -84,10 +84,10 @@ fn a_glb_holds_the_mesh_of_the_ply_in_metres_and_a_3mf_names_the_unit() {
     }
     let archive = read(&dir.path("a.3mf"));
     assert!(archive == read(&dir.path("b.3mf")) && archive.starts_with(b"PK\x03\x04"));
-    // The checker does not read what it could not check.
-    let refused = run(&[&"mesh", &store, &"-o", &dir.path("c.glb"), &"--check"]).misused();
-    assert!(refused.contains("c.glb") && refused.contains(".ply"), "{refused}");
-    assert!(!dir.path("c.glb").exists());
+    // All that is written can be read again, and so be checked.
+    for name in ["c.glb", "c.3mf", "c.obj"] {
+        run(&[&"mesh", &store, &"-o", &dir.path(name), &"--check", &"--quiet"]).ok();
+    }
 }
 
 #[test]

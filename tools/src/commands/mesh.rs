@@ -6,7 +6,7 @@ use super::mesh_shells::{self, Chosen, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
-use crate::kinds::{is_mesh_name, not_a_store};
+use crate::kinds::not_a_store;
 use crate::measured::measured;
 use crate::memory;
 use crate::output::{note, one_line, print, print_json, require_distinct, warn};
@@ -47,10 +47,6 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     mesh_shells::check(&args)?;
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
-    if args.check && !is_mesh_name(output) {
-        let what = "--check reads .stl, .obj and .ply only; choose such a name or leave --check out";
-        return Err(Failure::Usage(format!("{}: {what}", output.display())));
-    }
     let store = match is_store(&args.file) {
         true => open_store(&args.file, 0, args.io, Accept::Whole),
         // Meshes are checked by this command, too.

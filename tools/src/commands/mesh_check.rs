@@ -19,7 +19,7 @@ use std::time::Instant;
 pub fn run(args: &MeshArgs, progress: &crate::progress::Bars) -> Result<(), Failure> {
     let kind = FileKind::of(&args.file);
     if !is_mesh_name(&args.file) && !kind.is_some_and(FileKind::is_mesh) {
-        let what = "--check takes a mesh, STL, OBJ or PLY, or a store and -o";
+        let what = "--check takes a mesh file, or a store and -o";
         let is = kind.and_then(FileKind::name).map_or_else(String::new, |name| format!("is {name}; "));
         return Err(Failure::Usage(format!("{}: {is}{what}", args.file.display())));
     }
