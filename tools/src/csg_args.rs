@@ -41,6 +41,21 @@ pub struct CsgArgs {
     /// Keep the counts of the first store where it remains, in place of 1
     #[arg(long)]
     pub keep_counts: bool,
+    #[command(flatten)]
+    pub keeping: KeepingArgs,
+    /// How to read the stores
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// How a store is written that a later run can go on with.
+#[derive(Args)]
+pub struct KeepingArgs {
     /// Memory to stay within, as in 512MiB
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
@@ -50,14 +65,6 @@ pub struct CsgArgs {
     /// Begin anew, whatever an unfinished store of that name holds
     #[arg(long)]
     pub restart: bool,
-    /// How to read the stores
-    #[arg(long, value_enum, default_value_t)]
-    pub io: IoArg,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub json: bool,
-    #[command(flatten)]
-    pub work: WorkArgs,
 }
 
 /// Operands with their operations, in the order in which they were typed.

@@ -51,6 +51,18 @@ pub struct ThicknessArgs {
     /// The table of regions thinner than --below; its name ends in .csv or .json
     #[arg(long, value_name = "R.csv|.json", requires = "below")]
     pub regions: Option<PathBuf>,
+    #[command(flatten)]
+    pub surface: SurfaceArgs,
+    /// Print counts, percentiles, a histogram and the regions as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// How the surface of a store is made.
+#[derive(Args)]
+pub struct SurfaceArgs {
     /// Memory for the surface and for bricks, as in 512MiB; what of the surface does not fit goes to a temporary file
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
@@ -60,11 +72,6 @@ pub struct ThicknessArgs {
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,
-    /// Print counts, percentiles, a histogram and the regions as JSON
-    #[arg(long)]
-    pub json: bool,
-    #[command(flatten)]
-    pub work: WorkArgs,
 }
 
 /// What thickness is.
@@ -111,15 +118,8 @@ pub struct OffsetArgs {
     /// The store to write
     #[arg(long, short, value_name = "OUT.brf")]
     pub output: PathBuf,
-    /// Memory for the surface and for bricks, as in 512MiB; what of the surface does not fit goes to a temporary file
-    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
-    pub memory: Size,
-    /// Folder of that file, which has no name there; the output's own by default
-    #[arg(long, value_name = "DIR")]
-    pub temp_dir: Option<PathBuf>,
-    /// How to read the store
-    #[arg(long, value_enum, default_value_t)]
-    pub io: IoArg,
+    #[command(flatten)]
+    pub surface: SurfaceArgs,
     /// Print counts as JSON
     #[arg(long)]
     pub json: bool,

@@ -1,7 +1,8 @@
 //! What the user types for machining.
 
 use crate::args::IoArg;
-use crate::units::{Length, Size};
+use crate::csg_args::KeepingArgs;
+use crate::units::Length;
 use crate::work::WorkArgs;
 use brickfield_engine::milling::Tool;
 use clap::Args;
@@ -56,15 +57,8 @@ pub struct MachineArgs {
     /// Keep the counts of the part where it remains, in place of 1
     #[arg(long)]
     pub keep_counts: bool,
-    /// Memory to stay within, as in 512MiB
-    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
-    pub memory: Size,
-    /// Seconds after which what there is of the store is made safe, again and again: what a crash may cost
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
-    pub commit_every: f64,
-    /// Begin anew, whatever an unfinished store of that name holds
-    #[arg(long)]
-    pub restart: bool,
+    #[command(flatten)]
+    pub keeping: KeepingArgs,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

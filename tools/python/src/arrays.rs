@@ -38,6 +38,5 @@ pub fn corners(array: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     };
     let row =
         |row: numpy::ndarray::ArrayView1<'_, i64>| Ok([corner(&row[0])?, corner(&row[1])?, corner(&row[2])?]);
-    let _ = array.dims();
     view.rows().into_iter().map(row).collect()
 }

@@ -2,9 +2,9 @@
 
 use crate::arrays::{corners, rows};
 use crate::work::{failed, run};
-use brickfield_engine::analysis::{Block, sample_at, winding_range};
+use brickfield_engine::analysis::{Block, covering, sample_at, winding_range};
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour};
-use brickfield_engine::lattice::{BRICK_CELLS, NodeKey};
+use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::store::BrickTree;
 use brickfield_engine::{Axis, Builder, Error, Result};
 use numpy::ndarray::{Array2, Array3};
@@ -274,7 +274,7 @@ fn samples(tree: &dyn BrickTree, level: u8, first: [usize; 3], last: [usize; 3])
         let low: [usize; 3] = std::array::from_fn(|a| first[a].max(corner[a]));
         let high: [usize; 3] = std::array::from_fn(|a| last[a].min(corner[a] + BRICK_CELLS));
         let mut values = Vec::new();
-        let key = covering(tree, level, place.map(|p| p as u32))?;
+        let (key, _) = covering(tree, level, place.map(|p| p as u32))?;
         let brick = tree.brick(key)?;
         let block = Block::new(&brick, key, level, place.map(|p| p as u32));
         for z in low[2]..high[2] {
@@ -298,14 +298,6 @@ fn samples(tree: &dyn BrickTree, level: u8, first: [usize; 3], last: [usize; 3])
         }
     }
     Ok(all)
-}
-
-/// The node at a place of a level, or the coarser leaf that covers it.
-fn covering(tree: &dyn BrickTree, level: u8, place: [u32; 3]) -> Result<NodeKey> {
-    let key = NodeKey::new(level, place);
-    let mut up = (0..=level).rev().filter_map(|level| key?.ancestor(level));
-    up.find(|&key| tree.node(key).is_some())
-        .ok_or_else(|| Error::setting("the store has no brick there yet", "build it again: it goes on"))
 }
 
 /// The pixels of a picture that is written to a file.

@@ -21,15 +21,20 @@ pub fn run(args: &CsgArgs) -> Result<(), Failure> {
         let what = "there is nothing to combine; give --plus, --minus or --and with an operand";
         return Err(Failure::Usage(what.to_owned()));
     }
-    let pace = pace(args.commit_every)?;
+    let pace = pace(args.keeping.commit_every)?;
     let bars = start(args.work)?;
     let first = open_store(&args.store, 0, args.io, Accept::Whole)?;
     require_whole_samples(&first, "what is inside cannot be told")?;
     let names = args.chain.0.iter().map(|(_, text)| Path::new(text));
     let inputs: Vec<&Path> = std::iter::once(args.store.as_path()).chain(names).collect();
     require_distinct(&[&args.output], &inputs)?;
-    let common =
-        Common { first: &first, output: &args.output, memory: args.memory, io: args.io, progress: &bars };
+    let common = Common {
+        first: &first,
+        output: &args.output,
+        memory: args.keeping.memory,
+        io: args.io,
+        progress: &bars,
+    };
     let mut operands = Vec::new();
     for (number, (operation, text)) in args.chain.0.iter().enumerate() {
         operands.push((*operation, ready(number + 1, *operation, text, &common)?));
@@ -48,7 +53,7 @@ pub fn run(args: &CsgArgs) -> Result<(), Failure> {
         ("made by".to_owned(), "csg".to_owned()),
         ("counts".to_owned(), if args.keep_counts { "kept" } else { "clamped" }.to_owned()),
     ];
-    let writing = Writing { memory: args.memory.0, pace, restart: args.restart, settings };
+    let writing = Writing { memory: args.keeping.memory.0, pace, restart: args.keeping.restart, settings };
     let summary = chain.write(&args.output, meta, writing, &bars)?;
     bars.clear();
     let seconds = begun.elapsed().as_secs_f64();

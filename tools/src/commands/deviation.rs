@@ -1,6 +1,6 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::thickness::{folder_of, layers_of, require_ply, require_room};
+use super::thickness::{layers_of, require_ply, require_room};
 use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{AlignArg, DeviationArgs};
 use crate::failure::Failure;
@@ -15,7 +15,7 @@ use brickfield_engine::distance::deviation::{
 };
 use brickfield_engine::distance::{Align, Region, ScalarPly, Sides, Surface, Triangles, align};
 use brickfield_engine::ingest::{Facets, OpenOptions};
-use brickfield_engine::part::PartFile;
+use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{Accept, BrickTree, Store, is_store};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -78,8 +78,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
             Reference::Store(&opened.0, &sides_of_reference)
         }
     };
-    let folder = folder_of(args.temp_dir.as_deref(), &args.output);
-    let surface = Surface::new(&store, args.memory.0 / 4, &folder, &bars)?;
+    let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+    let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)?;
     let sides = Sides::new(&store)?;
     let cell = surface.cell();
     let Some(bounds) = surface.bounds() else {
@@ -165,8 +165,8 @@ fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Ope
             )
             .into());
         }
-        let folder = folder_of(args.temp_dir.as_deref(), &args.output);
-        let surface = Surface::new(&store, args.memory.0 / 4, &folder, bars)?;
+        let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+        let surface = Surface::new(&store, args.memory.0 / 4, folder, bars)?;
         return Ok(Opened::Store(Box::new((surface, store))));
     }
     let inputs =

@@ -43,13 +43,13 @@ impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
 }
 
 impl Plan<'_> {
-    /// The type that was asked for, or else the one that holds the store's samples as they are. Readers of OpenVDB often
-    /// know floats only.
+    /// The type that was asked for, or else one that holds the store's samples as they are.
     fn element(&self, store: &Store) -> Element {
         match self.args.dtype {
             Some(DtypeArg::F4) => Element::F32,
-            None if has_fractions(store) || self.format.ending() == "vdb" => Element::F32,
-            Some(DtypeArg::I2) | None => Element::I16,
+            Some(DtypeArg::I2) => Element::I16,
+            None if has_fractions(store) => Element::F32,
+            None => self.format.element(),
         }
     }
 

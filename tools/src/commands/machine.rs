@@ -154,8 +154,9 @@ impl Job<'_> {
             ("deviation of chords".to_owned(), self.arc_tolerance.to_string()),
             ("tools".to_owned(), format!("{:?}", self.program.tools)),
         ];
-        let pace = pace(args.commit_every)?;
-        let writing = Writing { memory: args.memory.0, pace, restart: args.restart, settings };
+        let pace = pace(args.keeping.commit_every)?;
+        let writing =
+            Writing { memory: args.keeping.memory.0, pace, restart: args.keeping.restart, settings };
         let chain = self.chain(Operation::Minus, &cut.solids);
         let meta = self.meta()?;
         let mut clock = Instant::now();
@@ -175,7 +176,7 @@ impl Job<'_> {
         lap("tools");
         let voids = match &args.voids {
             Some(_) => {
-                let options = VoidOptions { memory: args.memory.0, ..VoidOptions::default() };
+                let options = VoidOptions { memory: args.keeping.memory.0, ..VoidOptions::default() };
                 Some(opened(store, cut, &options, bars)?)
             }
             None => None,
@@ -211,7 +212,7 @@ impl Job<'_> {
     fn taken(&self, solids: &[Swept], meta: &Meta) -> Result<Measured, Failure> {
         let chain = self.chain(Operation::And, solids);
         let Job { args, bars, .. } = self;
-        Ok(measured_volume(&chain, meta.clone(), &args.output, args.memory.0, bars)?)
+        Ok(measured_volume(&chain, meta.clone(), &args.output, args.keeping.memory.0, bars)?)
     }
 
     /// What each tool takes off: measured from change to change of the tool.

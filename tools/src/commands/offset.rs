@@ -1,19 +1,19 @@
 //! `brickfield offset`: a part grown, shrunk or hollowed, as a store.
 
-use super::thickness::folder_of;
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::OffsetArgs;
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct};
 use brickfield_engine::distance::Surface;
 use brickfield_engine::distance::offset::{Solid, offset};
+use brickfield_engine::part::directory_of;
 use brickfield_engine::store::{Accept, check_target};
 use serde_json::json;
 
 /// Runs the command.
 pub fn run(args: &OffsetArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.memory.0 / 4, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.surface.memory.0 / 4, args.surface.io, Accept::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
     require_whole_samples(&store, "it has no exact surface to grow")?;
     check_target(&args.output)?;
@@ -23,8 +23,8 @@ pub fn run(args: &OffsetArgs) -> Result<(), Failure> {
         (Some(by), None) => Solid::Offset(by.in_unit_of(unit).ok_or_else(no_unit)?),
         (None, None) => return Err(Failure::Usage("give a length with --by or --shell".to_owned())),
     };
-    let folder = folder_of(args.temp_dir.as_deref(), &args.output);
-    let surface = Surface::new(&store, args.memory.0 / 2, &folder, &bars)?;
+    let folder = args.surface.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+    let surface = Surface::new(&store, args.surface.memory.0 / 2, folder, &bars)?;
     let stats = offset(&store, &surface, solid, &args.output, &bars);
     let stats = stats.map_err(|error| of_store(&store, "offset", error))?;
     bars.clear();

@@ -14,9 +14,10 @@ use brickfield_engine::Progress;
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, build_opened};
 use brickfield_engine::csg::{Operand, Operation, Primitive};
 use brickfield_engine::ingest::OpenOptions;
+use brickfield_engine::part::temporary::BesideFile;
 use brickfield_engine::store::{Accept, BrickTree, Source, Store, hash_of};
 use brickfield_engine::swept::Swept;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// An operand that is ready.
 pub struct Ready {
@@ -24,7 +25,7 @@ pub struct Ready {
     /// What the result says of it.
     pub source: Source,
     /// Its store, if it was built for now.
-    _temporary: Option<Temporary>,
+    _temporary: Option<BesideFile>,
 }
 
 pub enum ReadyContent {
@@ -39,16 +40,6 @@ impl Ready {
             ReadyContent::Store(store) => Operand::Store(store),
             ReadyContent::Body(solids, _) => Operand::Solids(solids),
         }
-    }
-}
-
-/// A store that is removed when it is no longer needed.
-pub struct Temporary(PathBuf);
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        // What is left of it harms nobody.
-        let _ = std::fs::remove_file(&self.0);
     }
 }
 
@@ -93,7 +84,7 @@ pub fn ready(number: usize, operation: Operation, text: &str, common: &Common<'_
     let (store, temporary) = match input {
         Some(_) => {
             let temporary = build_for_now(number, path, common)?;
-            (open_store(&temporary.0, 0, common.io, Accept::Whole)?, Some(temporary))
+            (open_store(temporary.path(), 0, common.io, Accept::Whole)?, Some(temporary))
         }
         None => (open_store(path, 0, common.io, Accept::Whole)?, None),
     };
@@ -158,10 +149,8 @@ fn of_body(
 }
 
 /// Builds a mesh or a toolpath on the lattice of the first store, beside the output.
-fn build_for_now(number: usize, path: &Path, common: &Common<'_>) -> Result<Temporary, Failure> {
-    let mut name = common.output.as_os_str().to_owned();
-    name.push(format!(".operand-{number}"));
-    let temporary = Temporary(PathBuf::from(name));
+fn build_for_now(number: usize, path: &Path, common: &Common<'_>) -> Result<BesideFile, Failure> {
+    let temporary = BesideFile::new(common.output, &format!(".operand-{number}"));
     let open = OpenOptions::default();
     let inputs = open_inputs(&[path.to_owned()], &[common.output], &open, common.progress)?;
     let (outline, _) = solids(None, &open.sweep.shape, &inputs)?;
@@ -175,6 +164,6 @@ fn build_for_now(number: usize, path: &Path, common: &Common<'_>) -> Result<Temp
     options.keeping.restart = true;
     let room = memory::require_room(&inputs, &options, Some(common.memory))?;
     options.resources = Resources { memory: room, index: memory::index_share(room), ..Resources::default() };
-    build_opened(&inputs, &temporary.0, &options, common.progress)?;
+    build_opened(&inputs, temporary.path(), &options, common.progress)?;
     Ok(temporary)
 }

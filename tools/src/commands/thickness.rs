@@ -10,10 +10,10 @@ use brickfield_engine::analysis::{Covering, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour, foresee_triangles};
 use brickfield_engine::distance::thickness::{Method, Options, at_world, thin_regions};
 use brickfield_engine::distance::{Region, ScalarPly, Surface};
-use brickfield_engine::part::PartFile;
+use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{Accept, Store};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Bytes of a vertex while its number is sought: position, number, and the same again as text of the file.
 const BYTES_A_VERTEX: u64 = 24;
@@ -31,18 +31,18 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     require_ply(&args.output)?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.memory.0 / 8, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.surface.memory.0 / 8, args.surface.io, Accept::Whole)?;
     let mut outputs: Vec<&Path> = vec![&args.output];
     outputs.extend(args.regions.as_deref());
     require_distinct(&outputs, &[&args.store])?;
     require_whole_samples(&store, "thickness cannot be told")?;
     let below =
         args.below.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
-    require_room(&store, args.memory.0)?;
+    require_room(&store, args.surface.memory.0)?;
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
     let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "thickness")?;
-    let folder = folder_of(args.temp_dir.as_deref(), &args.output);
-    let surface = Surface::new(&store, args.memory.0 / 2, &folder, &bars)?;
+    let folder = args.surface.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+    let surface = Surface::new(&store, args.surface.memory.0 / 2, folder, &bars)?;
     let cell = surface.cell();
     if let Some(below) = below.filter(|below| *below < CELLS_RESOLVED * cell) {
         let what = format!("--below {below} is less than {CELLS_RESOLVED} cells of {cell}");
@@ -54,7 +54,7 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     };
     let options = Options { method, gaps: args.gaps };
     let contouring =
-        ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
+        ContourOptions { cache_bytes: (args.surface.memory.0 / 4) as usize, ..ContourOptions::default() };
     contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let values = ply.fill(&bars, |world| {
@@ -100,12 +100,6 @@ pub(super) fn require_room(store: &Store, memory: u64) -> Result<(), Failure> {
     let name = in_line(store.path());
     let needed = crate::units::Size(4 * bytes);
     Err(anyhow!("{name}: its mesh needs {needed}; allow more with --memory, or build coarser cells").into())
-}
-
-/// The folder of temporary files.
-pub(super) fn folder_of(chosen: Option<&Path>, output: &Path) -> PathBuf {
-    let own = output.parent().filter(|folder| !folder.as_os_str().is_empty());
-    chosen.or(own).unwrap_or(Path::new(".")).to_owned()
 }
 
 /// The layers of the beads beside the lowest and the highest point of each region, from 1; null where the store does not tell

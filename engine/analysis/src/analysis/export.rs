@@ -5,7 +5,7 @@ use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
-use crate::store::{BrickTree, Walk};
+use crate::store::{BrickTree, NodeInfo, Walk};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -123,8 +123,8 @@ impl<'a> Dense<'a> {
         let row_bytes = self.axis() * self.element.bytes();
         let walk = Walk::new(self.tree, places.len() * bricks, |step| {
             let [y, z] = places[step / bricks];
-            let key = self.node_at([(step % bricks) as u32, y, z]).ok()?;
-            self.tree.node(key).filter(|node| node.min != node.max || node.fractions).map(|_| key)
+            let (key, node) = covering(self.tree, self.level, [(step % bricks) as u32, y, z]).ok()?;
+            node.uniform().is_none().then_some(key)
         });
         // Handed out in order, so that all threads together go through the store from one end to the other.
         let strips = places.iter().enumerate().par_bridge();
@@ -147,7 +147,7 @@ impl<'a> Dense<'a> {
         strip.resize(row_bytes * BRICK_CELLS * BRICK_CELLS, 0);
         let mut last: Option<(NodeKey, Arc<Brick>)> = None;
         for x in 0..1u32 << self.level {
-            let key = self.node_at([x, y, z])?;
+            let (key, _) = covering(self.tree, self.level, [x, y, z])?;
             let brick = match last.take() {
                 Some((last, brick)) if last == key => brick,
                 _ => self.tree.brick(key)?,
@@ -161,16 +161,21 @@ impl<'a> Dense<'a> {
         }
         Ok(())
     }
+}
 
-    /// The node of the level at brick position `position`, or the leaf above it.
-    fn node_at(&self, position: [u32; 3]) -> Result<NodeKey> {
-        let key = NodeKey::new(self.level, position);
-        (0..=self.level)
-            .rev()
-            .filter_map(|level| key?.ancestor(level))
-            .find(|&key| self.tree.node(key).is_some())
-            .ok_or_else(|| Error::setting("the tree has no root", "build it again"))
-    }
+/// The node at a place of a level, or the coarser leaf that covers it. Positions are in bricks of the level.
+///
+/// # Errors
+/// [`Error::Setting`] if the tree has no node there, as an unfinished one may.
+pub fn covering(tree: &dyn BrickTree, level: u8, position: [u32; 3]) -> Result<(NodeKey, NodeInfo)> {
+    let key = NodeKey::new(level, position);
+    let mut up = (0..=level).rev().filter_map(|level| key?.ancestor(level));
+    up.find_map(|key| tree.node(key).map(|node| (key, node))).ok_or_else(|| {
+        Error::setting(
+            "the store has no brick there yet",
+            "give the command that builds it again: it goes on",
+        )
+    })
 }
 
 /// Samples of a level in the place of one brick: those of its node, or of the part of a coarser leaf that covers it.

@@ -72,15 +72,13 @@ impl<'a> Operand<'a> {
                 Ok(Within::All { w: node.head.max, certain })
             }
             (Operand::Solids(solids), Within::Solids(list)) => {
-                let size = f64::from(1u32 << (key.spacing_bits() + 5));
-                let low = key.base().map(|c| f64::from(c + 1));
-                let touches = |&&number: &&u32| !solids[number as usize].misses_cube(low, size);
+                let touches = |&&number: &&u32| !solids[number as usize].misses(key);
                 let near: Vec<u32> = list.iter().filter(touches).copied().collect();
                 let all = |w| Ok(Within::All { w, certain: true });
                 if near.is_empty() {
                     return all(0);
                 }
-                match near.iter().any(|&number| solids[number as usize].covers_cube(low, size)) {
+                match near.iter().any(|&number| solids[number as usize].covers(key)) {
                     true => all(1),
                     false => Ok(Within::Solids(near.into())),
                 }

@@ -1,16 +1,14 @@
 //! Deviation of a part from a reference: signed distances both ways, and where they are too large.
 
-use super::regions::{Marked, Region, joined};
+use super::numbers::numbers;
+use super::regions::{Region, joined, marked};
 use super::sides::Sides;
-use super::surface::{Place, Surface};
+use super::surface::{PatchInfo, Surface};
 use super::triangles::Triangles;
 use crate::error::Result;
 use crate::lattice::{dot, minus};
 use crate::progress::Progress;
-use crate::schedule::run_ordered;
 
-/// Points that a thread takes at once.
-const AT_ONCE: usize = 1024;
 /// Shares of points, in percent, that lie below the numbers told of a spread.
 pub const PERCENTILES: [f64; 5] = [0.1, 1.0, 50.0, 99.0, 99.9];
 
@@ -164,24 +162,7 @@ pub fn at_points(
     number: impl Fn([f64; 3]) -> Result<f64> + Sync,
 ) -> Result<Vec<f32>> {
     progress.phase("distances", Some(points.len() as u64), "points");
-    let chunks: Vec<&[[f64; 3]]> = points.chunks(AT_ONCE).collect();
-    let make = |_: &mut (), n: usize| {
-        progress.check()?;
-        chunks[n].iter().map(|p| Ok(number(*p)? as f32)).collect::<Result<Vec<f32>>>()
-    };
-    let mut numbers = Vec::with_capacity(points.len());
-    run_ordered(
-        chunks.len(),
-        8 * rayon::current_num_threads(),
-        || (),
-        make,
-        |made: Vec<f32>| {
-            progress.advance(made.len() as u64);
-            numbers.extend(made);
-            Ok(())
-        },
-    )?;
-    Ok(numbers)
+    numbers(points, progress, |p| Ok(number(p)? as f32), |_, _| Ok(()))
 }
 
 impl Spread {
@@ -227,35 +208,13 @@ pub fn regions_beyond(
     (motion, within): (Motion, f64),
     progress: &dyn Progress,
 ) -> Result<[Vec<Region>; 2]> {
-    let (leaves, cell) = (part.leaves().len(), part.cell());
-    progress.phase("regions", Some(leaves as u64), "bricks");
-    let make = |_: &mut (), leaf: usize| {
-        progress.check()?;
-        let mut found = Vec::new();
-        for (n, patch) in part.patches_of(leaf)?.into_iter().enumerate() {
-            let at = part.to_world(patch.at);
-            let value = reference.opposite(motion.apply(at))?.signed;
-            if value.abs() > within {
-                let place = Place { leaf: leaf as u32, patch: n as u32 };
-                let (area, inner) = (patch.area * cell * cell, part.to_world(patch.inner()));
-                found.push(Marked { place, at, inner, area, value, opposite: None, corners: patch.corners });
-            }
-        }
-        Ok(found)
+    let value = |patch: &PatchInfo| {
+        let value = reference.opposite(motion.apply(part.to_world(patch.at)))?.signed;
+        Ok((value.abs() > within).then_some((value, None)))
     };
     let mut sides = [Vec::new(), Vec::new()];
-    run_ordered(
-        leaves,
-        8 * rayon::current_num_threads(),
-        || (),
-        make,
-        |found: Vec<Marked>| {
-            progress.advance(1);
-            for marked in found {
-                sides[usize::from(marked.value < 0.0)].push(marked);
-            }
-            Ok(())
-        },
-    )?;
+    for marked in marked(part, progress, value)? {
+        sides[usize::from(marked.value < 0.0)].push(marked);
+    }
     Ok(sides.map(joined))
 }

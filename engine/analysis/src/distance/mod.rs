@@ -17,6 +17,7 @@
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `align` | a part laid over a reference |
 //! | `triangles` | the triangles of a mesh |
+//! | `numbers` | a number for each of many points |
 //! | `regions` | patches that hang together |
 //! | `scalar_ply` | meshes whose vertices have a number |
 
@@ -24,6 +25,7 @@ mod align;
 mod around;
 mod boxes;
 pub mod deviation;
+mod numbers;
 pub mod offset;
 mod patch;
 mod piece;

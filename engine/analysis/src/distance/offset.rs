@@ -8,7 +8,8 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{
-    BrickTree, Meta, PayloadHead, Refine, Scratch, Stats, Store, StoreWriter, encode_into, subtree_level,
+    BrickTree, Compression, Half, Meta, Node, Records, Refine, Stats, Store, StoreWriter, joined,
+    subtree_level,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -63,20 +64,6 @@ struct Grown<'a> {
     depth: u8,
     /// The old lattice's first sample on the new one.
     shift: i64,
-}
-
-/// Records that a thread has made.
-#[derive(Default)]
-struct Made {
-    /// Key, leaf or not, head and end of the payload in `bytes`.
-    nodes: Vec<(NodeKey, bool, PayloadHead, usize)>,
-    bytes: Vec<u8>,
-}
-
-/// A node as its parent sees it.
-enum Node {
-    Uniform(i16),
-    Brick(Box<Brick>),
 }
 
 impl<'a> Grown<'a> {
@@ -157,13 +144,18 @@ impl<'a> Grown<'a> {
         }
     }
 
+    /// The nearest point of the surface, which is likely to be within so many cells.
+    fn closest(&self, from: [f64; 3], within: f64) -> Result<Foot> {
+        match self.surface.closest(from, within)? {
+            Some(foot) => Ok(foot),
+            None => self.surface.closest(from, f64::INFINITY)?.ok_or_else(no_surface),
+        }
+    }
+
     /// The field at a place on the old lattice; `inside` where that is known.
     fn at(&self, from: [f64; 3], inside: Option<bool>, within: f64) -> Result<(f64, [f64; 3])> {
         let is_sample = from.iter().all(|c| c.fract() == 0.0);
-        let foot = match self.surface.closest(from, within)? {
-            Some(foot) => foot,
-            None => self.surface.closest(from, f64::INFINITY)?.ok_or_else(no_surface)?,
-        };
+        let foot = self.closest(from, within)?;
         // A sample's side is certain; of what lies between samples only far from the surface.
         let inside = inside.filter(|_| is_sample || foot.distance > FAR).unwrap_or(foot.inside);
         Ok(self.field(&foot, from, inside))
@@ -180,7 +172,7 @@ impl<'a> Grown<'a> {
         let first = key.position().map(|p| i64::from(p) * size);
         let middle = self.old(first.map(|c| c + size / 2));
         let reach = 0.5 * 3f64.sqrt() * size as f64 + CERTAIN;
-        let foot = self.surface.closest(middle, f64::INFINITY)?.ok_or_else(no_surface)?;
+        let foot = self.closest(middle, f64::INFINITY)?;
         let inside = self.sides.inside(middle, foot.distance, foot.inside)?;
         let (value, _) = self.field(&foot, middle, inside);
         Ok((value.abs() > reach).then_some(value < 0.0))
@@ -191,35 +183,45 @@ impl<'a> Grown<'a> {
         let (mut jobs, mut above) = (Vec::new(), Vec::new());
         self.divide(NodeKey::ROOT, level, &mut jobs, &mut above)?;
         progress.phase("offset", Some(jobs.len() as u64), "subtrees");
-        let mut tops: BTreeMap<NodeKey, Node> = BTreeMap::new();
+        let mut tops: BTreeMap<NodeKey, Half> = BTreeMap::new();
         let window = 4 * rayon::current_num_threads();
-        let work = |scratch: &mut Scratch, n: usize| {
-            let mut made = Made::default();
-            let top = self.subtree(jobs[n], scratch, &mut made, progress)?;
-            Ok((jobs[n], top, made))
+        let work = |(): &mut (), n: usize| {
+            let mut records = Records::new(Some(Compression::Lz4));
+            let top = self.subtree(jobs[n], &mut records, progress)?;
+            Ok((jobs[n], top, records))
         };
-        run_ordered(jobs.len(), window, Scratch::new, work, |(key, top, made): (NodeKey, Node, Made)| {
-            progress.advance(1);
-            let mut from = 0;
-            for &(key, leaf, head, end) in &made.nodes {
-                writer.append(key, leaf, head, &made.bytes[from..end])?;
-                from = end;
-            }
-            tops.insert(key, top);
-            Ok(())
-        })?;
+        run_ordered(
+            jobs.len(),
+            window,
+            || (),
+            work,
+            |(key, top, made): (NodeKey, Half, Records)| {
+                progress.advance(1);
+                made.write(writer)?;
+                tops.insert(key, top);
+                Ok(())
+            },
+        )?;
         // Children stand before their parents.
         above.sort_unstable_by_key(|(key, _): &(NodeKey, Option<bool>)| key.post_order());
         for (key, side) in above {
-            let node = match side {
-                Some(side) => Node::Uniform(i16::from(side)),
-                None => parent(Octant::all().filter_map(|o| tops.remove(&key.child(o)))),
+            let brick = match side {
+                Some(side) => Brick::Uniform(i16::from(side)),
+                None => {
+                    let mut children = [const { Node::Empty(0) }; 8];
+                    for octant in Octant::all() {
+                        let child = tops.remove(&key.child(octant));
+                        children[octant.index()] =
+                            Node::Stored(child.expect("children stand before their parents"));
+                    }
+                    joined(&children, 0)
+                }
             };
-            writer.append_brick(key, side.is_some(), &node.brick())?;
-            tops.insert(key, node);
+            writer.append_brick(key, side.is_some(), &brick)?;
+            tops.insert(key, Half::of(&brick));
         }
         match tops.get(&NodeKey::ROOT) {
-            Some(Node::Brick(_)) => Ok(()),
+            Some(Half::Counts(_)) => Ok(()),
             _ => Err(Error::setting("nothing is left of the part", "choose a shorter length")),
         }
     }
@@ -244,39 +246,22 @@ impl<'a> Grown<'a> {
         Ok(())
     }
 
-    fn subtree(
-        &self,
-        key: NodeKey,
-        scratch: &mut Scratch,
-        made: &mut Made,
-        progress: &dyn Progress,
-    ) -> Result<Node> {
+    fn subtree(&self, key: NodeKey, records: &mut Records, progress: &dyn Progress) -> Result<Half> {
         progress.check()?;
-        let mut keep = |key: NodeKey, leaf: bool, brick: &Brick| {
-            let head = encode_into(brick, scratch, &mut made.bytes);
-            made.nodes.push((key, leaf, head, made.bytes.len()));
+        let (leaf, brick) = match self.decided(key)? {
+            Some(side) => (true, Brick::Uniform(i16::from(side))),
+            None if key.level() == self.depth => (true, self.brick(key)?),
+            None => {
+                let mut children = [const { Node::Empty(0) }; 8];
+                for octant in Octant::all() {
+                    children[octant.index()] =
+                        Node::Stored(self.subtree(key.child(octant), records, progress)?);
+                }
+                (false, joined(&children, 0))
+            }
         };
-        if let Some(side) = self.decided(key)? {
-            let node = Node::Uniform(i16::from(side));
-            keep(key, true, &node.brick());
-            return Ok(node);
-        }
-        if key.level() == self.depth {
-            let brick = self.brick(key)?;
-            keep(key, true, &brick);
-            return Ok(match brick {
-                Brick::Uniform(w) => Node::Uniform(w),
-                brick => Node::Brick(Box::new(brick)),
-            });
-        }
-        let mut below = Vec::with_capacity(8);
-        for octant in Octant::all() {
-            below.push(self.subtree(key.child(octant), scratch, made, progress)?);
-        }
-        let node = parent(below.into_iter());
-        let head = encode_into(&node.brick(), scratch, &mut made.bytes);
-        made.nodes.push((key, false, head, made.bytes.len()));
-        Ok(node)
+        records.push(key, leaf, &brick);
+        Ok(Half::of(&brick))
     }
 
     fn brick(&self, key: NodeKey) -> Result<Brick> {
@@ -294,37 +279,6 @@ impl<'a> Grown<'a> {
 
 fn no_surface() -> Error {
     Error::setting("the store has no surface", "build it with finer cells")
-}
-
-impl Node {
-    fn brick(&self) -> Brick {
-        match self {
-            Node::Uniform(w) => Brick::Uniform(*w),
-            Node::Brick(brick) => (**brick).clone(),
-        }
-    }
-}
-
-/// A node of its eight children's samples.
-fn parent(children: impl Iterator<Item = Node>) -> Node {
-    let children: Vec<Brick> = children.map(|node| node.brick()).collect();
-    let mut samples = Samples::filled(0);
-    let half = BRICK_CELLS / 2;
-    for k in 0..BRICK_POINTS {
-        for j in 0..BRICK_POINTS {
-            for i in 0..BRICK_POINTS {
-                let ijk = [i, j, k];
-                let upper = ijk.map(|c| usize::from(c >= half));
-                let child = &children[upper[0] + 2 * upper[1] + 4 * upper[2]];
-                samples.0[point_index(ijk)] =
-                    child.sample(std::array::from_fn(|a| 2 * (ijk[a] - half * upper[a])));
-            }
-        }
-    }
-    match Brick::from_samples(samples, Hermite::default()) {
-        Brick::Uniform(w) => Node::Uniform(w),
-        brick => Node::Brick(Box::new(brick)),
-    }
 }
 
 /// The samples of a brick while they are decided.
@@ -365,10 +319,7 @@ impl Block<'_> {
         };
         let sides: [f64; 3] = std::array::from_fn(|a| (last[a] - low[a]) as f64);
         let reach = 0.5 * crate::lattice::dot(sides, sides).sqrt();
-        let foot = match self.grown.surface.closest(middle, within)? {
-            Some(foot) => foot,
-            None => self.grown.surface.closest(middle, f64::INFINITY)?.ok_or_else(no_surface)?,
-        };
+        let foot = self.grown.closest(middle, within)?;
         // Farther than all of the box there is no surface between its samples.
         let sample = if foot.distance > reach + CERTAIN { self.inside(low) } else { None };
         let inside = match &self.part {

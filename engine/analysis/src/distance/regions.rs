@@ -1,6 +1,9 @@
 //! Connected regions of patches whose value was asked about.
 
-use super::surface::Place;
+use super::surface::{PatchInfo, Place, Surface};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::schedule::run_ordered;
 use crate::sets::Sets;
 use std::collections::HashMap;
 
@@ -39,6 +42,50 @@ pub struct Region {
     pub ends: [[f64; 3]; 2],
     /// How many patches.
     pub patches: u64,
+}
+
+/// The patches of a surface that have a value that counts, with what lies opposite, in Morton order.
+///
+/// # Errors
+/// What reading the surface and `value` give; [`crate::error::Error::Interrupted`].
+pub(super) fn marked(
+    surface: &Surface,
+    progress: &dyn Progress,
+    value: impl Fn(&PatchInfo) -> Result<Option<(f64, Option<Place>)>> + Sync,
+) -> Result<Vec<Marked>> {
+    let (leaves, cell) = (surface.leaves().len(), surface.cell());
+    progress.phase("regions", Some(leaves as u64), "bricks");
+    let make = |_: &mut (), leaf: usize| {
+        progress.check()?;
+        let mut found = Vec::new();
+        for (n, patch) in surface.patches_of(leaf)?.into_iter().enumerate() {
+            if let Some((value, opposite)) = value(&patch)? {
+                found.push(Marked {
+                    place: Place { leaf: leaf as u32, patch: n as u32 },
+                    at: surface.to_world(patch.at),
+                    inner: surface.to_world(patch.inner()),
+                    area: patch.area * cell * cell,
+                    value,
+                    opposite,
+                    corners: patch.corners,
+                });
+            }
+        }
+        Ok(found)
+    };
+    let mut marked = Vec::new();
+    run_ordered(
+        leaves,
+        8 * rayon::current_num_threads(),
+        || (),
+        make,
+        |found| {
+            marked.extend(found);
+            progress.advance(1);
+            Ok(())
+        },
+    )?;
+    Ok(marked)
 }
 
 /// Regions of patches in Morton order, the largest area first.

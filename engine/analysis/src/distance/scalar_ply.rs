@@ -1,18 +1,14 @@
 //! The mesh of a store as a PLY file whose vertices have a number.
 
-use crate::contour::{Encoded, Encoding, MeshSink, Triangles, VertexBytes};
+use super::numbers::numbers;
+use crate::contour::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, ply_faces};
 use crate::error::Result;
-use crate::part::PartFile;
+use crate::part::{PartFile, directory_of};
 use crate::progress::Progress;
-use crate::schedule::run_ordered;
 use std::path::Path;
 
 /// Bytes of a vertex: position and number.
 const VERTEX_BYTES: usize = 16;
-/// Bytes of a face: the number of corners and their indices.
-const FACE_BYTES: usize = 13;
-/// Vertices that a thread takes at once.
-const AT_ONCE: usize = 1024;
 
 /// Binary little-endian PLY with shared vertices and one property of 32 bits more. Positions stay in memory, 12 bytes a
 /// vertex, until [`ScalarPly::fill`] has their numbers.
@@ -28,15 +24,6 @@ fn append_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     for position in positions {
         bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
         bytes.extend_from_slice(&[0; 4]);
-    }
-}
-
-fn append_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
-    bytes.reserve(triangles.len() * FACE_BYTES);
-    for ids in triangles {
-        let mut record = [3; FACE_BYTES];
-        record[1..].copy_from_slice(ids.map(u32::to_le_bytes).as_flattened());
-        bytes.extend_from_slice(&record);
     }
 }
 
@@ -82,31 +69,21 @@ impl ScalarPly {
     ) -> Result<Vec<f32>> {
         let positions = std::mem::take(&mut self.positions);
         progress.phase(self.property, Some(positions.len() as u64), "vertices");
-        let chunks: Vec<&[[f32; 3]]> = positions.chunks(AT_ONCE).collect();
-        let make = |_: &mut (), n: usize| {
-            progress.check()?;
-            let numbers = chunks[n].iter().map(|p| number(p.map(f64::from)));
-            numbers.collect::<Result<Vec<f32>>>()
-        };
-        let mut numbers: Vec<f32> = Vec::with_capacity(positions.len());
-        let start = header(0, 0, self.property).len();
+        let mut at = header(0, 0, self.property).len() as u64;
         let mut bytes = Vec::new();
         let file = &mut self.file;
-        let window = 8 * rayon::current_num_threads();
-        run_ordered(
-            chunks.len(),
-            window,
-            || (),
-            make,
-            |made: Vec<f32>| {
+        let numbers = numbers(
+            &positions,
+            progress,
+            |p| number(p.map(f64::from)),
+            |positions, numbers| {
                 bytes.clear();
-                for (position, number) in positions[numbers.len()..].iter().zip(&made) {
+                for (position, number) in positions.iter().zip(numbers) {
                     bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
                     bytes.extend_from_slice(&number.to_le_bytes());
                 }
-                file.overwrite((start + numbers.len() * VERTEX_BYTES) as u64, &bytes)?;
-                progress.advance(made.len() as u64);
-                numbers.extend(made);
+                file.overwrite(at, &bytes)?;
+                at += bytes.len() as u64;
                 Ok(())
             },
         )?;
@@ -120,12 +97,11 @@ impl ScalarPly {
 impl MeshSink for ScalarPly {
     fn encoding(&self) -> Option<Encoding> {
         let vertices = VertexBytes::Positions(append_vertices);
-        Some(Encoding { vertices, triangles: Triangles::Numbered(append_triangles) })
+        Some(Encoding { vertices, triangles: Triangles::Numbered(ply_faces) })
     }
 
     fn folder(&self) -> Option<&Path> {
-        let folder = self.file.path().parent();
-        folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
+        Some(directory_of(self.file.path()))
     }
 
     fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {

@@ -45,8 +45,8 @@ impl<'a> Sides<'a> {
         let key = NodeKey::new(self.level, first.map(|c| (c / BRICK_CELLS as i64) as u32));
         let Some(key) = key else { return Ok(Part::All(false)) };
         let leaf = self.order.keys()[self.order.covering(key)];
-        match self.tree.node(leaf) {
-            Some(node) if node.min == node.max && !node.fractions => Ok(Part::All(node.min >= 1)),
+        match self.tree.node(leaf).and_then(|node| node.uniform()) {
+            Some(w) => Ok(Part::All(w >= 1)),
             _ if leaf.level() == self.level => Ok(Part::Samples(self.tree.brick(leaf)?)),
             _ => Ok(Part::Unknown),
         }

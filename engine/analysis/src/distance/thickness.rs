@@ -1,11 +1,10 @@
 //! Thickness of walls, and width of gaps, at points of the surface.
 
-use super::regions::{Marked, Region, joined};
-use super::surface::{BallAt, Foot, Place, Surface};
+use super::regions::{Region, joined, marked};
+use super::surface::{BallAt, Foot, PatchInfo, Place, Surface};
 use crate::error::Result;
 use crate::lattice::dot;
 use crate::progress::Progress;
-use crate::schedule::run_ordered;
 
 /// How far from a given point its foot on the surface is looked for, in cells.
 const REACH: f64 = 4.0;
@@ -117,42 +116,12 @@ pub fn thin_regions(
     progress: &dyn Progress,
 ) -> Result<Vec<Region>> {
     surface.require_any()?;
-    let (leaves, cell) = (surface.leaves().len(), surface.cell());
-    progress.phase("regions", Some(leaves as u64), "bricks");
-    let make = |_: &mut (), leaf: usize| {
-        progress.check()?;
-        let mut found = Vec::new();
-        for (n, patch) in surface.patches_of(leaf)?.into_iter().enumerate() {
-            let measured = at(surface, patch.at, patch.normal, options)?;
-            let value = measured.value * cell;
-            if value < below {
-                found.push(Marked {
-                    place: Place { leaf: leaf as u32, patch: n as u32 },
-                    at: surface.to_world(patch.at),
-                    inner: surface.to_world(patch.inner()),
-                    area: patch.area * cell * cell,
-                    value,
-                    opposite: measured.opposite,
-                    corners: patch.corners,
-                });
-            }
-        }
-        Ok(found)
+    let value = |patch: &PatchInfo| {
+        let measured = at(surface, patch.at, patch.normal, options)?;
+        let value = measured.value * surface.cell();
+        Ok((value < below).then_some((value, measured.opposite)))
     };
-    let mut marked = Vec::new();
-    let window = 8 * rayon::current_num_threads();
-    run_ordered(
-        leaves,
-        window,
-        || (),
-        make,
-        |found| {
-            marked.extend(found);
-            progress.advance(1);
-            Ok(())
-        },
-    )?;
-    let mut regions = joined(marked);
+    let mut regions = joined(marked(surface, progress, value)?);
     // A wall is measured from both of its sides.
     regions.iter_mut().for_each(|region| region.volume *= 0.5);
     Ok(regions)

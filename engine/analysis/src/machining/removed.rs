@@ -6,6 +6,7 @@ use crate::lattice::{Axis, BRICK_CELLS, NodeKey, Octant, RootCube};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{BrickTree, Store};
+use crate::swept::cube_of;
 use std::collections::BTreeMap;
 
 use super::cut::Cut;
@@ -27,24 +28,15 @@ pub struct Removed {
 }
 
 impl Removed {
-    fn add(&mut self, number: u32, length: f64, height: f64) {
-        let share = self
-            .by_move
-            .entry(number)
-            .or_insert(MoveShare { volume: 0.0, height: [f64::INFINITY, f64::NEG_INFINITY] });
-        share.volume += length;
-        share.height = [share.height[0].min(height), share.height[1].max(height)];
+    fn add(&mut self, number: u32, volume: f64, [low, high]: [f64; 2]) {
+        let none = MoveShare { volume: 0.0, height: [f64::INFINITY, f64::NEG_INFINITY] };
+        let share = self.by_move.entry(number).or_insert(none);
+        share.volume += volume;
+        share.height = [share.height[0].min(low), share.height[1].max(high)];
     }
 
     fn join(&mut self, other: &Removed) {
-        for (number, part) in &other.by_move {
-            let share = self
-                .by_move
-                .entry(*number)
-                .or_insert(MoveShare { volume: 0.0, height: [f64::INFINITY, f64::NEG_INFINITY] });
-            share.volume += part.volume;
-            share.height = [share.height[0].min(part.height[0]), share.height[1].max(part.height[1])];
-        }
+        other.by_move.iter().for_each(|(number, part)| self.add(*number, part.volume, part.height));
     }
 
     /// The same with volumes that add up to what was measured of all.
@@ -110,16 +102,14 @@ struct Search<'a> {
 impl Search<'_> {
     /// The solids that touch a node, in order, up to the first that covers it.
     fn near(&self, key: NodeKey, list: &[u32]) -> Vec<u32> {
-        let size = f64::from(1u32 << (key.spacing_bits() + 5));
-        let low = key.base().map(|c| f64::from(c + 1));
         let mut near = Vec::new();
         for &number in list {
             let solid = &self.cut.solids[number as usize];
-            if solid.misses_cube(low, size) {
+            if solid.misses(key) {
                 continue;
             }
             near.push(number);
-            if solid.covers_cube(low, size) {
+            if solid.covers(key) {
                 break;
             }
         }
@@ -154,14 +144,12 @@ impl Search<'_> {
         let part = self.part(key, above);
         let list = if part == Some(false) { Vec::new() } else { self.near(key, list) };
         let Some(&first) = list.first() else { return Ok(()) };
-        let size = f64::from(1u32 << (key.spacing_bits() + 5));
-        let low = key.base().map(|c| f64::from(c + 1));
-        if part == Some(true) && list.len() == 1 && self.cut.solids[first as usize].covers_cube(low, size) {
+        if part == Some(true) && list.len() == 1 && self.cut.solids[first as usize].covers(key) {
+            let (low, size) = cube_of(key);
             // All of it at once.
             let edge = size * self.root.unit();
             let bottom = self.root.origin[2] + low[2] * self.root.unit();
-            removed.add(self.cut.moves[first as usize], edge.powi(3), bottom);
-            removed.add(self.cut.moves[first as usize], 0.0, bottom + edge);
+            removed.add(self.cut.moves[first as usize], edge.powi(3), [bottom, bottom + edge]);
             return Ok(());
         }
         let is_leaf = self.store.node(key).is_none_or(|node| node.leaf);
@@ -198,7 +186,7 @@ impl Search<'_> {
                 let taken = take(&mut left, (interval.low.at, interval.high.at));
                 if taken > 0.0 {
                     let height = self.root.origin[2] + at[2] * unit;
-                    removed.add(self.cut.moves[number as usize], taken * unit * area, height);
+                    removed.add(self.cut.moves[number as usize], taken * unit * area, [height; 2]);
                 }
             }
         }

@@ -7,9 +7,10 @@ use crate::analysis::volume;
 use crate::contour::{ContourOptions, Cuts, Encoding, MeshSink, Triangles, VertexBytes, contour};
 use crate::csg::{Chain, Writing};
 use crate::error::Result;
+use crate::part::temporary::BesideFile;
 use crate::progress::Progress;
 use crate::store::{Meta, Store};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 /// What a mesh may be off by, in cells over its area: a curved surface of a radius of eight cells.
@@ -22,16 +23,6 @@ pub struct Measured {
     pub value: f64,
     /// Bound on its error.
     pub error: f64,
-}
-
-/// A store that is removed when it is no longer needed.
-struct Temporary(PathBuf);
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        // What is left of it harms nobody.
-        let _ = std::fs::remove_file(&self.0);
-    }
 }
 
 /// Takes a mesh and keeps nothing of it.
@@ -60,14 +51,12 @@ pub fn measured_volume(
     progress: &dyn Progress,
 ) -> Result<Measured> {
     let root = meta.root;
-    let mut name = output.as_os_str().to_owned();
-    name.push(".removed");
-    let file = Temporary(PathBuf::from(name));
+    let file = BesideFile::new(output, ".removed");
     let cell = root.spacing(meta.depth);
     let settings = vec![("made by".to_owned(), "measuring".to_owned())];
     let writing = Writing { memory, pace: Duration::MAX, restart: true, settings };
-    chain.write(&file.0, meta, writing, progress)?;
-    let store = Store::open(&file.0, memory / 4)?;
+    chain.write(file.path(), meta, writing, progress)?;
+    let store = Store::open(file.path(), memory / 4)?;
     let chords = volume(&store, progress)?;
     if chords.union <= 0.0 {
         return Ok(Measured::default());

@@ -2,6 +2,7 @@
 
 use crate::backend::Vulkan;
 use crate::error::Result;
+use crate::part::directory_of;
 use crate::part::temporary::{TempFile, require_folder};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,8 +43,7 @@ impl Room {
     /// # Errors
     /// If the folder for temporary files is none.
     pub fn new(resources: &Resources, output: &Path) -> Result<Room> {
-        let beside = output.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let folder = resources.temp_dir.as_deref().or(beside).unwrap_or(Path::new("."));
+        let folder = resources.temp_dir.as_deref().unwrap_or(directory_of(output));
         require_folder(folder)?;
         let Resources { memory, index, .. } = *resources;
         Ok(Room { memory, index, file: Arc::new(TempFile::new(folder)) })

@@ -1,6 +1,6 @@
 //! A folder that gets its name when all in it is complete.
 
-use super::part_path;
+use super::{directory_of, part_path};
 use crate::error::{Error, Result};
 use std::fs;
 use std::io;
@@ -54,9 +54,7 @@ impl PartFolder {
             fs::rename(&self.part, &self.name).map_err(error)?;
             self.finished = true;
         }
-        let above =
-            self.name.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        sync(above).map_err(error)
+        sync(directory_of(&self.name)).map_err(error)
     }
 }
 

@@ -7,7 +7,7 @@ pub mod outputs;
 mod pair;
 pub mod temporary;
 
-pub use crate::disk::free_bytes;
+pub use crate::disk::{directory_of, free_bytes};
 pub use pair::PartPair;
 
 use crate::disk::planted::{Bug, planted};
@@ -247,8 +247,7 @@ pub fn left_behind(path: &Path) -> Option<u64> {
 
 /// Free bytes for a file of that name, with what a killed writer of it has left; `None` where the system does not tell.
 pub fn free_beside(path: &Path) -> Option<u64> {
-    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let free = free_bytes(folder).ok()?;
+    let free = free_bytes(directory_of(path)).ok()?;
     Some(free.saturating_add(left_behind(path).unwrap_or(0)))
 }
 

@@ -7,6 +7,31 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
+/// A file that stands beside another under a name made of its own, and is removed when it is no longer needed. A program that is
+/// killed leaves it.
+pub struct BesideFile(PathBuf);
+
+impl BesideFile {
+    /// Of `file`, with an ending more. Nothing is made.
+    pub fn new(file: &Path, ending: &str) -> BesideFile {
+        let mut name = file.as_os_str().to_owned();
+        name.push(ending);
+        BesideFile(PathBuf::from(name))
+    }
+
+    /// Its name.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for BesideFile {
+    fn drop(&mut self) {
+        // What is left of it harms nobody.
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
 /// A file without a name in some folder: however the program ends, killed included, the system removes it. It is made
 /// when it is first written.
 pub struct TempFile {

@@ -17,9 +17,13 @@ mod zarr;
 pub use dense::npy_header;
 pub use volume::{Levels, Volume};
 
+use crate::analysis::Element;
 use crate::error::Result;
 use crate::progress::Progress;
 use std::path::Path;
+
+/// Room for the texts of a dense file.
+const TEXT_BYTES: u128 = 4096;
 
 /// A format of files that hold volumes.
 pub trait Format: Sync {
@@ -30,7 +34,14 @@ pub trait Format: Sync {
     fn name(&self) -> &'static str;
 
     /// Whether a file holds one level, all levels in one volume, or any number of levels side by side.
-    fn levels(&self) -> Levels;
+    fn levels(&self) -> Levels {
+        Levels::One
+    }
+
+    /// The type of the values of whole samples, where the user chooses none.
+    fn element(&self) -> Element {
+        Element::I16
+    }
 
     /// Ending of a second file beside it, if there is one.
     fn beside(&self) -> Option<&'static str> {
@@ -39,7 +50,9 @@ pub trait Format: Sync {
 
     /// About how many bytes the file will take; of compressed formats what they usually do. To be compared with the room on
     /// the disk.
-    fn bytes_about(&self, volume: &Volume<'_>) -> u128;
+    fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
+        volume.dense_bytes() + TEXT_BYTES
+    }
 
     /// Writes the file. It gets its name when it is complete.
     ///

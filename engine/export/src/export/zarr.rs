@@ -5,7 +5,7 @@
 
 use super::blocks;
 use super::{Format, Levels, Volume};
-use crate::analysis::{Block, Element};
+use crate::analysis::{Block, Element, covering};
 use crate::error::{Error, Result};
 use crate::lattice::BRICK_CELLS;
 use crate::part::PartFile;
@@ -159,9 +159,9 @@ impl Array<'_> {
 
     /// The stream of a brick; none of zeros.
     fn chunk(&self, place: [u32; 3]) -> Result<Option<Vec<u8>>> {
-        let (key, node) = blocks::covering(self.volume.tree, self.level, place)?;
+        let (key, node) = covering(self.volume.tree, self.level, place)?;
         let mut bytes = Vec::new();
-        match (blocks::uniform(&node), self.volume.element) {
+        match (node.uniform(), self.volume.element) {
             (Some(0), _) => return Ok(None),
             (Some(value), Element::I16) => bytes = value.to_le_bytes().repeat(BRICK_CELLS.pow(3)),
             (Some(value), Element::F32) => bytes = f32::from(value).to_le_bytes().repeat(BRICK_CELLS.pow(3)),

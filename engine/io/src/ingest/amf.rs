@@ -5,6 +5,7 @@
 
 use super::placement::{Placement, Room};
 use super::polygons::Polygons;
+use super::xml::attribute;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use quick_xml::Reader;
@@ -116,10 +117,7 @@ impl Scene {
     }
 
     fn begin(&mut self, tag: &quick_xml::events::BytesStart<'_>) -> std::result::Result<(), String> {
-        let field = |wanted: &str| {
-            let mut all = tag.attributes().flatten();
-            all.find(|a| a.key.local_name().as_ref() == wanted).map(|found| found.value.into_owned())
-        };
+        let field = |wanted: &str| attribute(tag, wanted);
         match tag.local_name().as_ref() {
             "amf" => {
                 let unit = field("unit").unwrap_or_else(|| "millimeter".to_owned());

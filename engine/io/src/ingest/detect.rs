@@ -142,7 +142,8 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
     if is_mostly_text && off::is_off(start_text) {
         return Ok(Family::Off);
     }
-    match foreign::by_content(path, bytes) {
+    let foreign = foreign::by_content(path, bytes);
+    match foreign {
         Some(three_mf::WHAT) if three_mf::holds_toolpath(path, bytes) => return Ok(Family::Gcode),
         Some(three_mf::WHAT) => return Ok(Family::ThreeMf),
         Some(foreign::AMF) => return Ok(Family::Amf),
@@ -164,7 +165,7 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
     if ending == "x3d" && start_text.trim_ascii_start().starts_with(b"<") {
         return Ok(Family::X3d);
     }
-    if let Some(what) = foreign::by_content(path, bytes) {
+    if let Some(what) = foreign {
         return Err(Error::input(
             path,
             "byte 0",

@@ -32,6 +32,7 @@ mod tests;
 mod text;
 mod three_mf;
 mod triangulate;
+mod xml;
 
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};

@@ -112,6 +112,7 @@ pub use options::{ContourOptions, MeshSummary, Method};
 pub use shells::{Angles, Counted, KeptShells, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellSink};
 pub use sink::{
     Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
+    ply_faces,
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};

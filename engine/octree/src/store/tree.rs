@@ -19,6 +19,13 @@ pub struct NodeInfo {
     pub fractions: bool,
 }
 
+impl NodeInfo {
+    /// The one value of all samples, where it is known without reading the brick.
+    pub fn uniform(&self) -> Option<i16> {
+        (self.min == self.max && !self.fractions).then_some(self.min)
+    }
+}
+
 /// A complete brick octree: every node is a leaf or has all eight children.
 pub trait BrickTree: Sync {
     /// Where the lattice lies in the world.

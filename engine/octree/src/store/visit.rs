@@ -133,15 +133,11 @@ pub fn visit<T: Send>(
     make: impl Fn(&Leaf<'_>) -> Result<T> + Sync,
     mut take: impl FnMut(usize, T) -> Result<()> + Send,
 ) -> Result<()> {
-    let read = |number: usize| match tree.node(keys[number]) {
-        // The index knows; there is no need to read the brick.
-        Some(node) if node.min == node.max && !node.fractions => Some(node.min),
-        _ => None,
-    };
-    let walk = Walk::new(tree, keys.len(), |number| read(number).is_none().then(|| keys[number]));
+    let uniform = |number: usize| tree.node(keys[number]).and_then(|node| node.uniform());
+    let walk = Walk::new(tree, keys.len(), |number| uniform(number).is_none().then(|| keys[number]));
     let one = |number: usize| {
         let key = keys[number];
-        match read(number) {
+        match uniform(number) {
             Some(w) => make(&Leaf { number, key, brick: &Brick::Uniform(w) }),
             None => make(&Leaf { number, key, brick: &*tree.brick_once(key)? }),
         }

@@ -80,10 +80,9 @@ impl<'a> AtHand<'a> {
     }
 
     fn take(&mut self, key: NodeKey) -> Result<usize> {
-        let brick = match self.tree.node(key) {
-            // The index knows; no need to read the brick.
-            Some(node) if node.min == node.max && !node.fractions => Arc::new(Brick::Uniform(node.min)),
-            _ => self.tree.brick(key)?,
+        let brick = match self.tree.node(key).and_then(|node| node.uniform()) {
+            Some(w) => Arc::new(Brick::Uniform(w)),
+            None => self.tree.brick(key)?,
         };
         let (base, spacing) = (key.base().map(f64::from), f64::from(1u32 << key.spacing_bits()));
         self.held.push(Held { key, brick, base, spacing, layer: OnceCell::new() });

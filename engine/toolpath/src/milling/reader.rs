@@ -323,13 +323,9 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// Home, along the axes that are named, or all: where that is, no program tells.
     fn go_home(&mut self, values: &Values) {
-        let all = !values.any(b"XYZ");
-        for (a, letter) in b"XYZ".iter().enumerate() {
-            if all || values.get(*letter).is_some() {
-                self.at[a] = None;
-            }
-        }
+        if values.any(b"XYZ") { self.forget(values) } else { self.at = [None; 3] }
     }
 
     /// A move in the machine's coordinates, which say nothing of the part.
@@ -388,7 +384,6 @@ impl<'a> Reader<'a> {
 
     /// Goes straight to a place, as far as both ends are known.
     fn go(&mut self, to: [Option<f64>; 3], degrees: [f64; 3], rapid: bool) -> Result<()> {
-        let known = |place: [Option<f64>; 3]| Some([place[0]?, place[1]?, place[2]?]);
         match (known(self.at), known(to)) {
             (Some(from), Some(to)) => self.push(from, to, degrees, rapid)?,
             _ if rapid => self.program.unplaced += 1,
@@ -450,8 +445,7 @@ impl<'a> Reader<'a> {
 
     fn arc(&mut self, values: &Values, clockwise: bool) -> Result<()> {
         let to = self.target(values)?;
-        let ends = |place: [Option<f64>; 3]| Some([place[0]?, place[1]?, place[2]?]);
-        let (Some(from), Some(end)) = (ends(self.at), ends(to)) else {
+        let (Some(from), Some(end)) = (known(self.at), known(to)) else {
             return Err(self.fault(b"G2", "begins at a place that the program does not tell"));
         };
         // The plane's axes, so that counter-clockwise is seen against its normal.
@@ -540,6 +534,11 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
+}
+
+/// A place of which all coordinates are known.
+fn known([x, y, z]: [Option<f64>; 3]) -> Option<[f64; 3]> {
+    Some([x?, y?, z?])
 }
 
 /// A code in tenths, as 591 for G59.1.

@@ -15,4 +15,4 @@ mod tests;
 
 pub use brick::SweptEvaluator;
 pub use line::{End, Feature, Interval};
-pub use solid::{Shape, Swept};
+pub use solid::{Shape, Swept, cube_of};

@@ -2,7 +2,7 @@
 
 use super::cone::Cone;
 use super::line::{End, Feature, Hull, Interval};
-use crate::lattice::{cross, dot, minus};
+use crate::lattice::{BRICK_BITS, NodeKey, cross, dot, minus};
 
 /// A convex solid in units from the root's corner. Only + − × ÷ and square roots, in one order and without fused
 /// operations, so all machines compute the same bits.
@@ -53,6 +53,11 @@ pub struct Swept {
 impl Shape {
     /// The upright frame.
     pub const UPRIGHT: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+}
+
+/// The cube of a node's samples: its least one, in units, and its edge.
+pub fn cube_of(key: NodeKey) -> ([f64; 3], f64) {
+    (key.base().map(|c| f64::from(c + 1)), f64::from(1u32 << (key.spacing_bits() + BRICK_BITS)))
 }
 
 impl Swept {
@@ -140,6 +145,18 @@ impl Swept {
             }
             (Shape::Box { .. }, _) => [0.0, 0.0, 1.0],
         }
+    }
+
+    /// Whether all samples of a node lie inside.
+    pub fn covers(&self, key: NodeKey) -> bool {
+        let (low, size) = cube_of(key);
+        self.covers_cube(low, size)
+    }
+
+    /// Whether no sample of a node lies inside.
+    pub fn misses(&self, key: NodeKey) -> bool {
+        let (low, size) = cube_of(key);
+        self.misses_cube(low, size)
     }
 
     /// Whether the whole cube lies inside, with a margin far above rounding.

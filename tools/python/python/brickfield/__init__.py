@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Union
 
 import json
 import numpy as np
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 __all__ = ["Error", "Level", "Octree", "Winding", "build", "open", "run", "winding"]
 
 PathLike = Union[str, "os.PathLike[str]"]
-Arrays = "tuple[NDArray[np.floating], NDArray[Any]]"
 Progress = Callable[[str, int, Union[int, None]], None]
 
 

@@ -3,7 +3,7 @@
 use super::npy_header;
 use crate::analysis::Element;
 use crate::error::Result;
-use crate::export::{Format, Levels, Volume};
+use crate::export::{Format, Volume};
 use crate::part::{PartFile, PartPair};
 use crate::progress::Progress;
 use std::path::Path;
@@ -16,9 +16,6 @@ pub(in crate::export) struct Mha;
 pub(in crate::export) struct Npy;
 /// Samples alone, with a description as JSON beside them.
 pub(in crate::export) struct Raw;
-
-/// Room for the texts.
-const TEXT_BYTES: u128 = 4096;
 
 /// The header of a MetaImage whose samples lie in `data`.
 fn header(volume: &Volume<'_>, data: &str) -> String {
@@ -64,16 +61,8 @@ impl Format for Mhd {
         "MetaImage, its samples in a .raw beside it"
     }
 
-    fn levels(&self) -> Levels {
-        Levels::One
-    }
-
     fn beside(&self) -> Option<&'static str> {
         Some("raw")
-    }
-
-    fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
-        volume.dense_bytes() + TEXT_BYTES
     }
 
     fn write(&self, volume: &Volume<'_>, path: &Path, progress: &dyn Progress) -> Result<()> {
@@ -90,14 +79,6 @@ impl Format for Mha {
 
     fn name(&self) -> &'static str {
         "MetaImage in one file"
-    }
-
-    fn levels(&self) -> Levels {
-        Levels::One
-    }
-
-    fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
-        volume.dense_bytes() + TEXT_BYTES
     }
 
     fn write(&self, volume: &Volume<'_>, path: &Path, progress: &dyn Progress) -> Result<()> {
@@ -117,16 +98,8 @@ impl Format for Npy {
         "a NumPy array, described by a .json beside it"
     }
 
-    fn levels(&self) -> Levels {
-        Levels::One
-    }
-
     fn beside(&self) -> Option<&'static str> {
         Some("json")
-    }
-
-    fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
-        volume.dense_bytes() + TEXT_BYTES
     }
 
     fn write(&self, volume: &Volume<'_>, path: &Path, progress: &dyn Progress) -> Result<()> {
@@ -145,16 +118,8 @@ impl Format for Raw {
         "samples alone, described by a .json beside them"
     }
 
-    fn levels(&self) -> Levels {
-        Levels::One
-    }
-
     fn beside(&self) -> Option<&'static str> {
         Some("json")
-    }
-
-    fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
-        volume.dense_bytes() + TEXT_BYTES
     }
 
     fn write(&self, volume: &Volume<'_>, path: &Path, progress: &dyn Progress) -> Result<()> {

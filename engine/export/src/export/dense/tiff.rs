@@ -5,7 +5,7 @@
 
 use crate::analysis::Element;
 use crate::error::Result;
-use crate::export::{Format, Levels, Volume};
+use crate::export::{Format, Volume};
 use crate::part::PartFile;
 use crate::progress::Progress;
 use std::path::Path;
@@ -30,10 +30,6 @@ impl Format for Tiff {
 
     fn name(&self) -> &'static str {
         "TIFF, a page a layer of samples"
-    }
-
-    fn levels(&self) -> Levels {
-        Levels::One
     }
 
     fn bytes_about(&self, volume: &Volume<'_>) -> u128 {

@@ -3,7 +3,7 @@
 use super::layers::compressed;
 use crate::analysis::Element;
 use crate::error::Result;
-use crate::export::{Format, Levels, Volume};
+use crate::export::{Format, Volume};
 use crate::lattice::BRICK_CELLS;
 use crate::part::PartFile;
 use crate::progress::Progress;
@@ -19,10 +19,6 @@ impl Format for Vti {
 
     fn name(&self) -> &'static str {
         "VTK image data"
-    }
-
-    fn levels(&self) -> Levels {
-        Levels::One
     }
 
     fn bytes_about(&self, volume: &Volume<'_>) -> u128 {

@@ -13,11 +13,11 @@ mod pack;
 use super::blocks;
 use super::compress::Zlib;
 use super::{Format, Levels, Volume};
-use crate::analysis::Element;
+use crate::analysis::{Element, covering};
 use crate::error::Result;
 use crate::lattice::NodeKey;
-use crate::part::PartFile;
 use crate::part::temporary::TempFile;
+use crate::part::{PartFile, directory_of};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{BrickTree, Walk};
@@ -58,6 +58,11 @@ impl Format for Vdb {
 
     fn levels(&self) -> Levels {
         Levels::Several
+    }
+
+    /// Many readers know floats only.
+    fn element(&self) -> Element {
+        Element::F32
     }
 
     fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
@@ -125,7 +130,7 @@ impl Grid<'_> {
         file.append(&[0; 24])?;
         let grid_at = file.appended();
         file.append(&self.head(name))?;
-        let temporary = TempFile::new(file.path().parent().unwrap_or(Path::new(".")));
+        let temporary = TempFile::new(directory_of(file.path()));
         self.topology(file, &temporary, progress)?;
         let voxels_at = file.appended();
         copy(&temporary, file)?;
@@ -226,15 +231,15 @@ impl Grid<'_> {
         let tree = self.tree();
         let walk = Walk::new(tree, slots.len() * 64, |step| {
             let place = self.places(slots[step / 64]).nth(step % 64)?;
-            let (key, node) = blocks::covering(tree, self.level, place).ok()?;
-            blocks::uniform(&node).is_none().then_some(key)
+            let (key, node) = covering(tree, self.level, place).ok()?;
+            node.uniform().is_none().then_some(key)
         });
         let work = |maker: &mut Maker, number: usize| {
             progress.check()?;
             walk.at(number * 64);
             for place in self.places(slots[number]) {
-                let (key, node) = blocks::covering(tree, self.level, place)?;
-                match blocks::uniform(&node) {
+                let (key, node) = covering(tree, self.level, place)?;
+                match node.uniform() {
                     Some(0) => {}
                     Some(value) => maker.add_uniform(place, self.bits(value)),
                     None => {
@@ -269,8 +274,8 @@ impl Grid<'_> {
 
     fn slot(&self, slot: [u32; 3]) -> Result<Slot> {
         let above = self.level.saturating_sub(NODE_LEVELS);
-        let (key, node) = blocks::covering(self.tree(), above, slot)?;
-        Ok(match blocks::uniform(&node) {
+        let (key, node) = covering(self.tree(), above, slot)?;
+        Ok(match node.uniform() {
             Some(0) if node.leaf => Slot::Empty,
             // A node of 16³ that is not filled by its bricks is no tile.
             Some(value) if node.leaf && self.level >= NODE_LEVELS => Slot::Tile(self.bits(value)),
@@ -282,7 +287,7 @@ impl Grid<'_> {
     /// Whether a node has, at the level, samples other than 0, as far as the index tells.
     fn occupied(&self, key: NodeKey) -> bool {
         match self.tree().node(key) {
-            Some(node) if node.leaf || key.level() >= self.level => blocks::uniform(&node) != Some(0),
+            Some(node) if node.leaf || key.level() >= self.level => node.uniform() != Some(0),
             Some(_) => crate::lattice::Octant::all().any(|octant| self.occupied(key.child(octant))),
             None => false,
         }

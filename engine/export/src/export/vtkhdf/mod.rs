@@ -104,10 +104,7 @@ impl<'a> Level<'a> {
         if alone {
             let is_leaf = |key: &NodeKey| {
                 key.level() < level
-                    && volume
-                        .tree
-                        .node(*key)
-                        .is_some_and(|node| node.leaf && blocks::uniform(&node) != Some(0))
+                    && volume.tree.node(*key).is_some_and(|node| node.leaf && node.uniform() != Some(0))
             };
             for key in volume.tree.keys().into_iter().filter(is_leaf) {
                 let (axis, up) = (1u32 << (level - key.level()), level - key.level());
@@ -139,7 +136,7 @@ impl<'a> Level<'a> {
         let tree = self.volume.tree;
         let walk = Walk::new(tree, self.places.len(), |step| {
             let key = self.places[step].key;
-            tree.node(key).filter(|node| blocks::uniform(node).is_none()).map(|_| key)
+            tree.node(key).filter(|node| node.uniform().is_none()).map(|_| key)
         });
         let work = |maker: &mut Maker, number: usize| {
             progress.check()?;
@@ -168,7 +165,7 @@ impl<'a> Level<'a> {
     fn block(&self, maker: &mut Maker, place: Place) -> Result<Streams> {
         let node = self.volume.tree.node(place.key);
         let kind = self.point_kind();
-        match node.as_ref().and_then(blocks::uniform) {
+        match node.and_then(|node| node.uniform()) {
             Some(0) => Ok(None),
             Some(value) => Ok(Some(maker.uniform(value, kind))),
             None => {

@@ -3,27 +3,21 @@
 //!
 //! What slicers keep beside the models tells which parts are none: modifiers, and bodies that are to be subtracted.
 
+use super::archive::{Archive, damaged};
 use super::slicer::{Part, Parts};
-use super::{Limited, MODEL_BYTES, RATIO_MAX, REMEDY, REPORT_BYTES, one_line};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::ingest::placement::{Placement, Room};
 use crate::ingest::polygons::Polygons;
+use crate::ingest::xml::attribute;
 use crate::progress::Progress;
-use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
-use std::cell::Cell;
 use std::collections::HashMap;
-use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
-use zip::ZipArchive;
 
 /// How deep components of components go at most.
 const DEPTH_MAX: usize = 32;
 /// How often objects may stand on the plate or in each other, for each that there is.
 const COPIES_MAX: usize = 1000;
-/// The model that names what is built.
-const MAIN: &str = "3D/3dmodel.model";
-
 /// A model's file and an object's number in it.
 type Key = (String, String);
 
@@ -33,41 +27,24 @@ type Key = (String, String);
 /// If it is no ZIP archive with a model; if a model is no well-formed XML, names a vertex or an object that is not there, or
 /// unpacks to far more than any model does; if the user interrupts.
 pub(in crate::ingest) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Polygons> {
-    let damaged = |place: &str, what: String| Error::input(path, one_line(place), one_line(&what), REMEDY);
-    let mut archive = ZipArchive::new(Cursor::new(bytes))
-        .map_err(|error| damaged("archive", format!("is no sound ZIP archive: {error}")))?;
-    let names = archive.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect::<Vec<_>>();
-    let is_model = |name: &&String| name.to_ascii_lowercase().ends_with(".model");
-    let mut models = names.iter().filter(is_model).collect::<Vec<_>>();
-    models.sort_by_key(|name| (!name.eq_ignore_ascii_case(MAIN), name.as_str()));
-    let Some(&main) = models.first() else {
-        return Err(damaged("archive", "holds no model (a file .model)".to_owned()));
-    };
-    let mut scene = Scene { main: main.clone(), ..Scene::default() };
-    for &name in &models {
-        let entry = archive.by_name(name).map_err(|error| damaged(name, error.to_string()))?;
-        let most = MODEL_BYTES.max(entry.compressed_size().saturating_mul(RATIO_MAX));
-        scene.model(name, entry, most, progress).map_err(|error| match error {
-            Failed::Interrupted => Error::Interrupted,
-            Failed::Model(what) => damaged(name, what),
-        })?;
-    }
+    let mut archive = Archive::open(path, bytes)?;
+    let mut scene = Scene { main: archive.main().to_owned(), ..Scene::default() };
+    let mut current: Option<(Key, Object)> = None;
+    archive.walk(progress, &mut |model, event| {
+        match event {
+            Event::Start(tag) | Event::Empty(tag) => return scene.element(model, tag, &mut current),
+            Event::End(tag) if tag.local_name().as_ref() == "object" => scene.close(current.take()),
+            Event::Eof => scene.close(current.take()),
+            _ => {}
+        }
+        Ok(())
+    })?;
     let mut parts = Parts::default();
-    for name in names.iter().filter(|name| Parts::is_told_in(name)) {
-        let mut text = String::new();
-        let entry = archive.by_name(name).map_err(|error| damaged(name, error.to_string()))?;
-        entry
-            .take(MODEL_BYTES)
-            .read_to_string(&mut text)
-            .map_err(|error| damaged(name, error.to_string()))?;
-        parts.read(&text);
+    let told: Vec<String> = archive.names().iter().filter(|name| Parts::is_told_in(name)).cloned().collect();
+    for name in told {
+        parts.read(&archive.text(&name)?);
     }
-    scene.build(&parts).map_err(|what| damaged(main, what))
-}
-
-enum Failed {
-    Interrupted,
-    Model(String),
+    scene.build(&parts).map_err(|what| damaged(path, archive.main(), &what))
 }
 
 /// A mesh, and other objects that stand in it.
@@ -92,39 +69,6 @@ struct Scene {
 }
 
 impl Scene {
-    fn model(
-        &mut self,
-        name: &str,
-        entry: impl Read,
-        most: u64,
-        progress: &dyn Progress,
-    ) -> std::result::Result<(), Failed> {
-        let since = Cell::new(0);
-        let mut xml =
-            Reader::from_reader(Limited { inner: BufReader::new(entry), since: &since, left: most });
-        let (mut buffer, mut read) = (Vec::new(), 0);
-        let mut current: Option<(Key, Object)> = None;
-        loop {
-            buffer.clear();
-            read += since.replace(0);
-            if read >= REPORT_BYTES {
-                read = 0;
-                progress.check().map_err(|_| Failed::Interrupted)?;
-            }
-            let event = xml.read_event_into(&mut buffer);
-            match event.map_err(|error| Failed::Model(format!("is no well-formed XML: {error}")))? {
-                Event::Start(tag) | Event::Empty(tag) => {
-                    self.element(name, &tag, &mut current).map_err(Failed::Model)?;
-                }
-                Event::End(tag) if tag.local_name().as_ref() == "object" => self.close(current.take()),
-                Event::Eof => break,
-                _ => {}
-            }
-        }
-        self.close(current);
-        Ok(())
-    }
-
     /// Keeps an object that is complete.
     fn close(&mut self, object: Option<(Key, Object)>) {
         if let Some((key, object)) = object {
@@ -139,10 +83,7 @@ impl Scene {
         tag: &BytesStart<'_>,
         current: &mut Option<(Key, Object)>,
     ) -> std::result::Result<(), String> {
-        let field = |wanted: &str| {
-            let mut all = tag.attributes().flatten();
-            all.find(|a| a.key.local_name().as_ref() == wanted).map(|found| found.value.into_owned())
-        };
+        let field = |wanted: &str| attribute(tag, wanted);
         let wanted = |name: &str| field(name).ok_or_else(|| format!("an element has no {name}"));
         // Another model's object is named by its file, too.
         let key = || -> std::result::Result<Key, String> {
@@ -317,9 +258,10 @@ fn placement(text: &str) -> std::result::Result<Placement, String> {
 mod tests {
     use super::*;
     use crate::progress::Silent;
-    use std::io::Write;
+    use std::io::{Cursor, Write};
     use zip::write::{SimpleFileOptions, ZipWriter};
 
+    const MAIN: &str = "3D/3dmodel.model";
     const MESH: &str = "<mesh><vertices><vertex x=\"0\" y=\"0\" z=\"0\"/><vertex x=\"1\" y=\"0\" z=\"0\"/><vertex x=\"0\" \
         y=\"1\" z=\"0\"/><vertex x=\"0\" y=\"0\" z=\"1\"/></vertices><triangles><triangle v1=\"0\" v2=\"2\" v3=\"1\"/>\
         <triangle v1=\"0\" v2=\"1\" v3=\"3\"/><triangle v1=\"1\" v2=\"2\" v3=\"3\"/><triangle v1=\"0\" v2=\"3\" v3=\"2\"/>\

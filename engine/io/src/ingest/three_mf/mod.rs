@@ -3,21 +3,20 @@
 //!
 //! The models in the archive are unpacked and walked element by element, never kept.
 
+mod archive;
 mod mesh;
 mod slicer;
 
 pub(super) use mesh::read;
 
-use crate::error::{Error, Result};
+use super::xml::attribute;
+use crate::error::Result;
 use crate::mmap::MappedFile;
 use crate::progress::Progress;
-use quick_xml::Reader;
+use archive::{Archive, one_line};
 use quick_xml::events::{BytesStart, Event};
 use serde::Serialize;
-use std::cell::Cell;
-use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
-use zip::ZipArchive;
 
 /// What such a file is called in messages.
 pub(super) const WHAT: &str = "a 3MF file";
@@ -32,16 +31,6 @@ pub(super) fn holds_toolpath(path: &Path, bytes: &[u8]) -> bool {
 
 /// Most objects and items that are listed; there may be more, which are counted.
 const LISTED_MAX: usize = 10_000;
-/// Largest element of a model.
-const ELEMENT_BYTES_MAX: usize = 1 << 20;
-/// Most that a byte of the archive may become: deflate reaches 1,032, models some 20.
-const RATIO_MAX: u64 = 200;
-/// Models of up to this size may become more.
-const MODEL_BYTES: u64 = 1 << 24;
-/// Bytes between two looks at whether the user wants to stop.
-const REPORT_BYTES: usize = 1 << 20;
-
-const REMEDY: &str = "export or copy the file again";
 
 /// The content of a 3MF file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -108,73 +97,27 @@ impl ThreeMf {
 
     /// Reads `bytes`, the content of the file `path`.
     pub(super) fn of_bytes(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<ThreeMf> {
-        let damaged =
-            |place: &str, what: String| Error::input(path, one_line(place), one_line(&what), REMEDY);
-        let mut archive = ZipArchive::new(Cursor::new(bytes))
-            .map_err(|error| damaged("archive", format!("is no sound ZIP archive: {error}")))?;
-        let names = archive.file_names().filter_map(|name| Some(name.ok()?.into_owned()));
-        let mut names: Vec<String> =
-            names.filter(|name| name.to_ascii_lowercase().ends_with(".model")).collect();
-        // The one that names what is built, then those that it takes from.
-        names.sort_by_key(|name| (!name.eq_ignore_ascii_case("3D/3dmodel.model"), name.clone()));
+        let mut archive = Archive::open(path, bytes)?;
         let mut found = ThreeMf { bytes: bytes.len() as u64, ..ThreeMf::default() };
-        if names.is_empty() {
-            return Err(damaged("archive", "holds no model (a file .model)".to_owned()));
-        }
-        for name in names {
-            progress.check()?;
-            let entry = archive.by_name(&name).map_err(|error| damaged(&name, error.to_string()))?;
-            let most = MODEL_BYTES.max(entry.compressed_size().saturating_mul(RATIO_MAX));
-            found.model(&name, entry, most, progress).map_err(|error| match error {
-                Failed::Interrupted => Error::Interrupted,
-                Failed::Model(what) => damaged(&name, what),
-            })?;
-        }
-        Ok(found)
-    }
-
-    /// Walks through one model.
-    fn model(
-        &mut self,
-        name: &str,
-        entry: impl Read,
-        most: u64,
-        progress: &dyn Progress,
-    ) -> std::result::Result<(), Failed> {
-        let since = Cell::new(0);
-        let limited = Limited { inner: BufReader::new(entry), since: &since, left: most };
-        let mut xml = Reader::from_reader(limited);
-        let mut buffer = Vec::new();
-        let (mut in_application, mut read) = (false, 0);
-        loop {
-            buffer.clear();
-            read += since.replace(0);
-            if read >= REPORT_BYTES {
-                read = 0;
-                progress.check().map_err(|_| Failed::Interrupted)?;
-            }
-            let event = xml.read_event_into(&mut buffer);
-            match event.map_err(|error| Failed::Model(format!("is no well-formed XML: {error}")))? {
-                Event::Start(tag) | Event::Empty(tag) => {
-                    in_application = self.element(name, &tag);
-                }
+        let mut in_application = false;
+        archive.walk(progress, &mut |model, event| {
+            match event {
+                Event::Start(tag) | Event::Empty(tag) => in_application = found.element(model, tag),
                 Event::Text(said) if in_application => {
-                    self.application = Some(one_line(&said));
+                    found.application = Some(one_line(said));
                     in_application = false;
                 }
-                Event::Eof => return Ok(()),
+                Event::Eof => in_application = false,
                 _ => {}
             }
-        }
+            Ok(())
+        })?;
+        Ok(found)
     }
 
     /// Takes in an element; true if its text names the application.
     fn element(&mut self, model: &str, tag: &BytesStart<'_>) -> bool {
-        let field = |wanted: &str| {
-            let mut all = tag.attributes().flatten();
-            let found = all.find(|a| a.key.local_name().as_ref() == wanted)?;
-            Some(one_line(&found.value))
-        };
+        let field = |wanted: &str| attribute(tag, wanted).map(|value| one_line(&value));
         let (mut vertices, mut triangles, mut components) = (0, 0, 0);
         match tag.local_name().as_ref() {
             "vertex" => vertices = 1,
@@ -209,58 +152,11 @@ impl ThreeMf {
     }
 }
 
-enum Failed {
-    Interrupted,
-    Model(String),
-}
-
-/// Text of the file as it may stand in a line.
-fn one_line(text: &str) -> String {
-    const SHOWN: usize = 200;
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(SHOWN).collect()
-}
-
-/// A model that is unpacked, with an end to what it and each of its elements may become.
-struct Limited<'a, R> {
-    inner: BufReader<R>,
-    /// Bytes since the last element.
-    since: &'a Cell<usize>,
-    left: u64,
-}
-
-impl<R: Read> Read for Limited<'_, R> {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        let available = self.fill_buf()?;
-        let count = available.len().min(out.len());
-        out[..count].copy_from_slice(&available[..count]);
-        self.consume(count);
-        Ok(count)
-    }
-}
-
-impl<R: Read> BufRead for Limited<'_, R> {
-    fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.since.get() > ELEMENT_BYTES_MAX {
-            return Err(io::Error::other("an element is larger than any of a model"));
-        }
-        if self.left == 0 {
-            return Err(io::Error::other("it unpacks to far more than any model does"));
-        }
-        self.inner.fill_buf()
-    }
-
-    fn consume(&mut self, count: usize) {
-        self.since.set(self.since.get() + count);
-        self.left = self.left.saturating_sub(count as u64);
-        self.inner.consume(count);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::progress::Silent;
-    use std::io::Write;
+    use std::io::{Cursor, Write};
     use zip::write::{SimpleFileOptions, ZipWriter};
 
     fn packed(files: &[(&str, &[u8])]) -> Vec<u8> {

@@ -3,6 +3,7 @@
 //! PrusaSlicer and its like name ranges of triangles (`Metadata/Slic3r_PE_model.config`); Bambu Studio and OrcaSlicer name
 //! components (`Metadata/model_settings.config`).
 
+use crate::ingest::xml::attribute;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::collections::HashMap;
@@ -58,10 +59,7 @@ impl Parts {
                 }
                 continue;
             };
-            let field = |wanted: &str| {
-                let mut all = tag.attributes().flatten();
-                all.find(|a| a.key.local_name().as_ref() == wanted).map(|found| found.value.into_owned())
-            };
+            let field = |wanted: &str| attribute(tag, wanted);
             let index = |name: &str| field(name).and_then(|text| text.parse::<usize>().ok());
             match tag.local_name().as_ref() {
                 "object" => (object, range) = (field("id").unwrap_or_default(), None),

@@ -15,6 +15,7 @@ use std::path::Path;
 
 pub use arrays::MeshArrays;
 pub(super) use arrays::triples;
+pub use ply::ply_faces;
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
 /// keeps a mesh has its own `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and

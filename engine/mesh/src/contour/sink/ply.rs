@@ -59,7 +59,8 @@ pub(super) fn vertex_bytes(normals: bool) -> VertexBytes {
     }
 }
 
-fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+/// Appends the faces of a binary PLY: three and the numbers of the corners.
+pub fn ply_faces(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(triangles.len() * FACE_BYTES);
     for ids in triangles {
         let mut record = [3; FACE_BYTES];
@@ -71,7 +72,7 @@ fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 impl MeshSink for PlySink {
     fn encoding(&self) -> Option<Encoding> {
         let vertices = vertex_bytes(self.normals);
-        Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
+        Some(Encoding { vertices, triangles: Triangles::Numbered(ply_faces) })
     }
 
     fn folder(&self) -> Option<&Path> {
