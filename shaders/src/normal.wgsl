@@ -28,14 +28,16 @@ fn magnitude(c: i64) -> i64 {
     return select(c, -c, c < 0li);
 }
 
-// A coordinate of the octahedral code, rounded; the divisor is positive.
+// A coordinate of the octahedral code, rounded; the divisor is positive. Integers of 64 bits are not divided: some drivers
+// cannot compile that.
 fn scaled(c: i64, sum: i64) -> i32 {
     let value = c * 65534li + sum;
-    var quotient = value / (2li * sum);
-    if quotient * (2li * sum) > value {
-        quotient -= 1li;
-    }
-    return i32(quotient);
+    let divisor = 2li * sum;
+    // At most 32,768, so that the estimate is off by one at most.
+    var quotient = i32(floor(f32(value) / f32(divisor)));
+    let rest = value - i64(quotient) * divisor;
+    quotient += i32(rest >= divisor) - i32(rest < 0li);
+    return quotient;
 }
 
 // Twin of `OctNormal::from_integer`.

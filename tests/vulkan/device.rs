@@ -168,9 +168,12 @@ fn a_second_device_shares_the_work() {
         fault.into_iter().for_each(|fault| gpu.inject(fault));
         let (store, summary) = backend.build_with(&pile, 4, &options(4));
         let report = summary.device.unwrap();
-        assert!(store == expected && report.peak_bytes <= memory && report.batches > 150, "{report:?}");
+        assert!(store == expected && report.peak_bytes <= memory, "{report:?}");
         assert_eq!(gpu.allocated().0, 0, "{fault:?}");
-        if gpu.info().kind == DeviceKind::Cpu {
+        // Hardware has no second device, so that all batches end with the one that is lost.
+        let has_second = gpu.info().kind == DeviceKind::Cpu;
+        assert!(report.batches > 150 || (fault.is_some() && !has_second), "{report:?}");
+        if has_second {
             let are_lost = [gpu.is_lost(), gpu.second().unwrap().is_lost()];
             assert_eq!(
                 are_lost.iter().filter(|is_lost| **is_lost).count(),
@@ -228,7 +231,14 @@ fn failures_amid_open_soups_end_in_the_same_store() {
 fn little_memory_is_enough_for_open_soups() {
     let input = open_data("stl/open_box_no_lid.stl");
     let expected = reference(&input, 2);
-    for (memory, is_used) in [(1, false), (2 << 20, false), (8 << 20, true)] {
+    // Copies to and from a device take as much again.
+    for (memory, is_used, open) in [
+        (1, false, open as fn(u64) -> Vulkan),
+        (2 << 20, false, open),
+        (32 << 20, true, open),
+        (2 << 20, false, open_staged),
+        (32 << 20, true, open_staged),
+    ] {
         let backend = Backend { device: Some(open(memory)), threads: 2 };
         let (store, summary) = backend.build_with(&input, 2, &options(2));
         let report = summary.device.unwrap();

@@ -26,7 +26,7 @@ pub struct BackendArgs {
 /// The backends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum BackendArg {
-    /// A GPU if there is one, otherwise the processor
+    /// For pictures a GPU if there is one, otherwise the processor; for builds the processor, which takes less time
     #[default]
     Auto,
     /// All processor cores
