@@ -118,6 +118,21 @@ class Stores(unittest.TestCase):
         self.assertIn("volume", self.part.overlap())
         self.part.voids()
 
+    def test_distances_are_columns(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            part = brickfield.build(cube(0, 4), Path(folder) / "cube.brf", depth=2)
+            walls = part.thickness("--method", "ray")
+            self.assertEqual(list(walls), ["x", "y", "z", "thickness"])
+            self.assertAlmostEqual(float(np.median(walls["thickness"])), 4, places=3)
+            larger = part.offset(Path(folder) / "larger.brf", "--by", "0.5mm")
+            apart = larger.deviation(part.path)
+            self.assertAlmostEqual(float(np.median(apart["deviation"])), 0.5, places=3)
+            half = part.csg(Path(folder) / "half.brf", "--minus", "z>2mm")
+            volumes = half.volumes()
+            self.assertLessEqual(abs(volumes["union"] - 32), volumes["union_error"])
+            with self.assertRaises(brickfield.Error):
+                part.csg(Path(folder) / "none.brf", "--minus", "prism 3")
+
     def test_meshes_and_pictures(self) -> None:
         vertices, triangles = self.part.mesh()
         edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)

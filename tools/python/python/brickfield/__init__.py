@@ -228,6 +228,33 @@ class Octree:
         """Pairs of beads that overlap, a column each; options as `brickfield overlap` takes them."""
         return self._table("overlap", *options)
 
+    def thickness(self, *options: str) -> dict[str, NDArray[np.float32]]:
+        """Wall thickness at the vertices of the mesh, or the width of gaps: columns x, y, z, thickness.
+
+        Options as `brickfield thickness` takes them. Infinite where nothing is opposite.
+        """
+        return self._at_vertices("thickness", *options)
+
+    def deviation(self, reference: PathLike, *options: str) -> dict[str, NDArray[np.float32]]:
+        """Signed distances of the mesh's vertices from a mesh or store, outside positive: columns x, y, z, deviation.
+
+        Options as `brickfield deviation` takes them.
+        """
+        return self._at_vertices("deviation", os.fspath(reference), *options)
+
+    def csg(self, out: PathLike, *options: str) -> Octree:
+        """Joins, takes off and intersects, in order, to a new store; options as `brickfield csg` takes them.
+
+        As in `part.csg("cut.brf", "--minus", "cylinder 31,31,r5mm,z", "--and", "z<20mm")`.
+        """
+        run("csg", self._store(), "-o", out, *options)
+        return open(out)
+
+    def offset(self, out: PathLike, *options: str) -> Octree:
+        """Grows, shrinks or hollows, to a new store; options as `brickfield offset` takes them."""
+        run("offset", self._store(), "-o", out, *options)
+        return open(out)
+
     def to_trimesh(self, **options: Any) -> Any:
         """The mesh as a trimesh.Trimesh; needs trimesh."""
         import trimesh
@@ -257,6 +284,17 @@ class Octree:
         rows = next(value for value in told.values() if isinstance(value, list) and all(isinstance(r, dict) for r in value))
         names = list(dict.fromkeys(name for row in rows for name in row))
         return {name: np.array([row.get(name) for row in rows]) for name in names}
+
+    def _at_vertices(self, command: str, *arguments: str) -> dict[str, NDArray[np.float32]]:
+        with tempfile.TemporaryDirectory() as folder:
+            mesh = Path(folder) / "mesh.ply"
+            run(command, self._store(), *arguments, "-o", mesh)
+            head, rows = mesh.read_bytes().split(b"end_header\n", 1)
+        words = [line.split() for line in head.decode().splitlines()]
+        count = next(int(line[2]) for line in words if line[:2] == ["element", "vertex"])
+        names = [line[2] for line in words if line[:2] == ["property", "float"]]
+        table = np.frombuffer(rows, "<f4", count * len(names)).reshape(count, len(names))
+        return {name: table[:, n].copy() for n, name in enumerate(names)}
 
 
 def open(path: PathLike) -> Octree:
