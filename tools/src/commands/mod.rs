@@ -29,6 +29,7 @@ pub mod sample;
 pub mod shell;
 pub mod slice;
 mod slice_layer;
+pub mod splats;
 pub mod thickness;
 pub mod verify;
 #[cfg(feature = "view")]

@@ -5,7 +5,7 @@
 //!
 //! Where all neighbours agree, a row says once that nothing begins there, and most samples of a brick cost nothing.
 
-use super::coder::{Bit, Coder, Number};
+use brickfield_coding::range::{Bit, Coder, Number};
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
 

@@ -4,7 +4,7 @@
 //! 2003). The plainer one is right where it is linear, which adds up less of the rounding of seven neighbours.
 //! Whichever was nearer at the neighbours is taken, and how near tells how far off to expect.
 
-use super::coder::{Coder, Number, bit_length};
+use brickfield_coding::range::{Coder, Number, bit_length};
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
 
