@@ -57,7 +57,7 @@ const CRATES: [(&str, &[Room]); 14] = [
     ),
     ("coding", &[("range", &[]), ("bsp", &["range"])]),
     ("export", &[("export", &[])]),
-    ("splats", &[("splats", &[])]),
+    ("splats", &[("splats", &[]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
     ("", &[("fuzz", &[]), ("field", &[]), ("octree", &[]), ("builder", &["octree"])]),

@@ -89,6 +89,6 @@ pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;
 pub use brickfield_octree::{brick, cache, store};
 pub use brickfield_picture::{picture, render, section};
-pub use brickfield_splats::splats;
+pub use brickfield_splats::{draw, splats};
 pub use brickfield_toolpath::{bead, milling, toolpath, x3d};
 pub use brickfield_winding::{solid, swept, winding};

@@ -301,7 +301,11 @@ impl Number {
     #[inline]
     pub fn unsigned(&mut self, coder: &mut impl Coder, value: u32) -> u32 {
         let length = self.length(coder, value);
-        if length == 0 { 0 } else { self.rest(coder, value, length) }
+        if length == 0 {
+            0
+        } else {
+            self.rest(coder, value, length)
+        }
     }
 
     #[inline]

@@ -2,8 +2,10 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod draw;
 pub mod splats;
 
 use brickfield_coding::{bsp, range};
 use brickfield_core::{error, lattice, part, progress, schedule};
 use brickfield_octree::{brick, store};
+use brickfield_picture::{picture, render};

@@ -25,6 +25,7 @@ pub mod offset;
 mod operands;
 pub mod overlap;
 pub mod render;
+mod render_splats;
 pub mod sample;
 pub mod shell;
 pub mod slice;

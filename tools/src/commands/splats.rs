@@ -7,7 +7,7 @@ use crate::space::tell_left_behind;
 use crate::splat_args::SplatsArgs;
 use crate::units::Size;
 use brickfield_engine::Progress;
-use brickfield_engine::splats::{Levels, LevelsOptions, discs_of_levels, write_bsp, write_ply};
+use brickfield_engine::splats::{Levels, LevelsOptions, write_bsp, write_ply};
 use brickfield_engine::store::{Accept, Store};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -91,15 +91,7 @@ fn bsp(args: &SplatsArgs, store: &Store, levels: &Levels, bars: &dyn Progress) -
 }
 
 fn ply(args: &SplatsArgs, levels: &Levels) -> Result<Written, Failure> {
-    let splats = write_ply(&args.output, |each| {
-        let mut done = Ok(());
-        discs_of_levels(levels, args.level, |disc| {
-            if done.is_ok() {
-                done = each(disc);
-            }
-        });
-        done
-    })?;
+    let splats = write_ply(levels, args.level, &args.output)?;
     let text = format!("{}: {splats} splats", in_line(&args.output));
     Ok(Written { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) })
 }

@@ -41,14 +41,8 @@ impl<'a> Around<'a> {
     /// What is around a cell of `parents`.
     pub fn new(directions: &'a Directions, parents: &'a Cells<Splat>, parent: &Cell) -> Around<'a> {
         let splats = parents.of(parent);
-        let mut around = Around {
-            directions,
-            splats,
-            count: splats.len(),
-            faces: 0,
-            beside: [([0; 3], 0); 6],
-            known: 0,
-        };
+        let mut around =
+            Around { directions, splats, count: splats.len(), faces: 0, beside: [([0; 3], 0); 6], known: 0 };
         let own = splats.first().map(|splat| directions.vector(splat.normal));
         for (n, step) in FACES.iter().enumerate() {
             let cell = match parents.beside(parent.at, *step) {

@@ -96,7 +96,8 @@ impl Tree {
         let fault = Err(Fault("its directory says what cannot be"));
         let is_sorted = self.entries.windows(2).all(|pair| pair[0].key < pair[1].key);
         let level = |entry: &Entry| level_of(entry.key);
-        let is_deep = |level: Option<u8>| level.map_or(false, |l| l >= self.header.head && l < self.header.deepest);
+        let is_deep =
+            |level: Option<u8>| level.map_or(false, |l| l >= self.header.head && l < self.header.deepest);
         let first = self.entries.iter().filter(|entry| level(entry) == Some(self.header.head));
         let is_first = self.header.head == self.header.deepest
             || first.map(|entry| entry.key).collect::<Vec<_>>() == self.divided(self.header.head);
@@ -161,15 +162,27 @@ impl Tree {
         if bytes.len() != entry.bytes as usize || Entry::crc_of(entry.key, bytes) != entry.crc {
             return Err(Fault("a unit is damaged"));
         }
+        let mut coder = Decoder::new(bytes);
+        let coded = self.decode_with(unit_number, &mut coder)?;
+        if coder.finish() && coded.splats.len() == entry.splats as usize {
+            Ok(coded)
+        } else {
+            Err(Fault("a unit says what cannot be"))
+        }
+    }
+
+    /// The same from any coder, as from one that counts.
+    ///
+    /// # Errors
+    /// What is wrong with what it gives.
+    pub fn decode_with<C: Coder>(&self, unit_number: usize, coder: &mut C) -> Result<Cells<Splat>, Fault> {
+        let entry = self.entries[unit_number];
         let parents = self.pieces.get(&entry.key).filter(|piece| piece.is_divided());
         let parents = parents.ok_or(Fault("a unit has no cells to divide"))?.found_by_place();
         let level = level_of(entry.key).unwrap_or(0);
-        let (mut coder, mut model) = (Decoder::new(bytes), self.model.clone());
-        let coded = unit(&mut coder, &mut model, &self.setting(level), &parents, None);
-        match coded {
-            Some(coded) if coder.finish() && coded.cells.splats.len() == entry.splats as usize => Ok(coded.cells),
-            _ => Err(Fault("a unit says what cannot be")),
-        }
+        let mut model = self.model.clone();
+        let coded = unit(coder, &mut model, &self.setting(level), &parents, None);
+        coded.map(|coded| coded.cells).ok_or(Fault("a unit says what cannot be"))
     }
 
     /// Takes in what was decoded.

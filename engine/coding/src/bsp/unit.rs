@@ -49,7 +49,9 @@ pub fn unit<C: Coder>(
             let at = [0, 1, 2].map(|axis| parent.at[axis] * 2 + (octant >> axis & 1) as u8);
             let given = wanted.and_then(|wanted| Some((wanted, wanted.get(at)?)));
             let is_last = setting.has_parents && octant == 7 && found == 0;
-            if is_last || is_occupied(coder, model, setting, &around, &out.cells, at, octant, found, given.is_some()) {
+            if is_last
+                || is_occupied(coder, model, setting, &around, &out.cells, at, octant, found, given.is_some())
+            {
                 found += 1;
                 cell(coder, model, setting, &around, at, given, &mut out)?;
             }
@@ -224,7 +226,8 @@ impl Sources {
         };
         for (n, cell) in beside.iter().enumerate().filter_map(|(n, cell)| Some((n, cell.as_ref()?))) {
             for splat in cells.of(cell) {
-                let distance = at_cell(directions.vector(splat.normal), i32::from(splat.offset), BEFORE[n], 1);
+                let distance =
+                    at_cell(directions.vector(splat.normal), i32::from(splat.offset), BEFORE[n], 1);
                 sources.add(directions, splat.normal, distance, taken, n < 3);
             }
         }
@@ -238,7 +241,14 @@ impl Sources {
         sources
     }
 
-    fn add(&mut self, directions: &Directions, normal: [i8; 3], distance: i32, taken: &[Splat], counts: bool) {
+    fn add(
+        &mut self,
+        directions: &Directions,
+        normal: [i8; 3],
+        distance: i32,
+        taken: &[Splat],
+        counts: bool,
+    ) {
         if taken.iter().any(|splat| splat.normal == normal) {
             return;
         }

@@ -171,7 +171,8 @@ fn ordered(faces: Vec<Cluster>, face_of: &[usize], places: &[[f64; 3]], cell: f6
         })
     };
     let mut clips = 0;
-    for (pair, [a, b]) in crate::bsp::PAIRS.into_iter().enumerate().filter(|(_, pair)| pair[1] < order.len()) {
+    for (pair, [a, b]) in crate::bsp::PAIRS.into_iter().enumerate().filter(|(_, pair)| pair[1] < order.len())
+    {
         let (a, b) = (order[a], order[b]);
         let cosine = dot(faces[a].normal(), faces[b].normal());
         if cosine.abs() > SAME_FACE {

@@ -106,7 +106,9 @@ impl Frame {
             for (n, (normal, offset)) in planes.iter().enumerate() {
                 let centre = std::array::from_fn(|a| cell_centre[a] + normal[a] * offset * cell_size);
                 let mut cuts = Vec::new();
-                for (pair, [a, b]) in crate::bsp::PAIRS.into_iter().enumerate().filter(|(_, p)| p.contains(&n)) {
+                for (pair, [a, b]) in
+                    crate::bsp::PAIRS.into_iter().enumerate().filter(|(_, p)| p.contains(&n))
+                {
                     let other = if a == n { b } else { a };
                     let sign = match cell.clip(pair) {
                         Clip::None => continue,

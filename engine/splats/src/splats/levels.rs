@@ -118,7 +118,8 @@ fn parents(key: NodeKey, children: &[Open], tolerance: f64, may_divide: bool) ->
     let mut found = Vec::new();
     for group in parts.chunk_by(|a, b| a.0 == b.0) {
         let place = group[0].0;
-        let clusters: Vec<Cluster> = group.iter().flat_map(|(_, faces)| faces.clusters.iter().copied()).collect();
+        let clusters: Vec<Cluster> =
+            group.iter().flat_map(|(_, faces)| faces.clusters.iter().copied()).collect();
         let (clusters, clips) = of_clusters(&clusters, cell_of(key));
         let is_rough = clusters.iter().any(|cluster| cluster.error() > tolerance);
         let at = [place & 31, place >> 5 & 31, place >> 10].map(|c| c as u8);

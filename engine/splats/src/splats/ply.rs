@@ -2,7 +2,8 @@
 //!
 //! Numbers are as training programs write them: scales as logarithms, opacity as log-odds, quaternions with w first.
 
-use super::disc::Disc;
+use super::disc::{Disc, discs_of_levels};
+use super::levels::Levels;
 use crate::error::Result;
 use crate::part::PartFile;
 use std::path::Path;
@@ -17,29 +18,28 @@ const THICKNESS: f64 = 0.05;
 const OPACITY: f32 = 4.595_12;
 /// Names of the fourteen numbers.
 const NAMES: [&str; 14] = [
-    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1",
-    "rot_2", "rot_3",
+    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
+    "rot_1", "rot_2", "rot_3",
 ];
-/// Room for the number of splats, which is known at the end.
-const COUNT_DIGITS: usize = 12;
 
-/// Writes discs as Gaussians; `run` calls what it is given with each. Returns how many they are.
+/// Writes the finest picture, or that of `level`, as Gaussians. Returns how many they are.
 ///
 /// # Errors
 /// What writing gives.
-pub fn write_ply(path: &Path, run: impl FnOnce(&mut dyn FnMut(Disc) -> Result<()>) -> Result<()>) -> Result<u64> {
-    let mut file = PartFile::create(path)?;
-    let before = "ply\nformat binary_little_endian 1.0\ncomment flat splats of Brickfield\nelement vertex ";
-    file.append(before.as_bytes())?;
-    file.append(&[b'0'; COUNT_DIGITS])?;
-    let names: String = NAMES.iter().map(|name| format!("\nproperty float {name}")).collect();
-    file.append(format!("{names}\nend_header\n").as_bytes())?;
+pub fn write_ply(levels: &Levels, level: Option<u8>, path: &Path) -> Result<u64> {
     let mut count = 0u64;
-    run(&mut |disc| {
-        count += 1;
-        file.append(&gaussian(&disc).map(f32::to_le_bytes).concat())
-    })?;
-    file.overwrite(before.len() as u64, format!("{count:0COUNT_DIGITS$}").as_bytes())?;
+    discs_of_levels(levels, level, |_| count += 1);
+    let mut file = PartFile::create(path)?;
+    let before = "ply\nformat binary_little_endian 1.0\ncomment flat splats of Brickfield\nelement vertex";
+    let names: String = NAMES.iter().map(|name| format!("property float {name}\n")).collect();
+    file.append(format!("{before} {count}\n{names}end_header\n").as_bytes())?;
+    let mut done = Ok(());
+    discs_of_levels(levels, level, |disc| {
+        if done.is_ok() {
+            done = file.append(&gaussian(&disc).map(f32::to_le_bytes).concat());
+        }
+    });
+    done?;
     file.finish()?;
     Ok(count)
 }
@@ -71,7 +71,9 @@ mod tests {
 
     #[test]
     fn quaternions_turn_the_z_axis_to_the_normal() {
-        for normal in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [0.48, -0.64, -0.6], [0.0, 1.0, 0.0]] {
+        for normal in
+            [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.0, 0.8], [0.48, -0.64, -0.6], [0.0, 1.0, 0.0]]
+        {
             let [w, x, y, z] = turn(normal).map(f64::from);
             let turned = [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)];
             for axis in 0..3 {

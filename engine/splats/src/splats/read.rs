@@ -20,7 +20,8 @@ pub fn read_bsp(path: &Path, level: Option<u8>, progress: &dyn Progress) -> Resu
         return Err(Error::store(path, "file", what, "write it with a larger --error"));
     }
     let bytes = std::fs::read(path).map_err(Error::io(path, "read"))?;
-    let refused = |Fault(what)| Error::store(path, "file of splats", what, "write it again with `brickfield splats`");
+    let refused =
+        |Fault(what)| Error::store(path, "file of splats", what, "write it again with `brickfield splats`");
     read_tree(&bytes, level, progress)?.map_err(refused)
 }
 
@@ -28,7 +29,11 @@ pub fn read_bsp(path: &Path, level: Option<u8>, progress: &dyn Progress) -> Resu
 ///
 /// # Errors
 /// [`Error::Interrupted`].
-pub fn read_tree(bytes: &[u8], level: Option<u8>, progress: &dyn Progress) -> Result<std::result::Result<Tree, Fault>> {
+pub fn read_tree(
+    bytes: &[u8],
+    level: Option<u8>,
+    progress: &dyn Progress,
+) -> Result<std::result::Result<Tree, Fault>> {
     let mut tree = match Tree::open(bytes) {
         Ok(tree) => tree,
         Err(fault) => return Ok(Err(fault)),

@@ -2,8 +2,8 @@
 
 use super::levels::Levels;
 use crate::bsp::{
-    Cells, Coded, Directions, Entry, HEADER_BYTES, Header, LEVELS_MAX, Level, Model, Piece, Setting, Splat, Wanted,
-    crc32, root, unit,
+    Cells, Coded, Directions, Entry, HEADER_BYTES, Header, LEVELS_MAX, Level, Model, Piece, Setting, Splat,
+    Wanted, crc32, root, unit,
 };
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
@@ -192,13 +192,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    fn unit(
-        &self,
-        key: NodeKey,
-        piece: &Piece<Splat>,
-        coder: &mut Encoder<'_>,
-        model: &mut Model,
-    ) -> Coded {
+    fn unit(&self, key: NodeKey, piece: &Piece<Splat>, coder: &mut Encoder<'_>, model: &mut Model) -> Coded {
         let may_divide = key.level() + 1 < self.levels.deepest();
         let setting = Setting { directions: &self.directions, may_divide, has_parents: true };
         let wanted = self.wanted(key);
