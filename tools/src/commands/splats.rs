@@ -7,7 +7,9 @@ use crate::space::tell_left_behind;
 use crate::splat_args::SplatsArgs;
 use crate::units::Size;
 use brickfield_engine::Progress;
-use brickfield_engine::splats::{Levels, LevelsOptions, write_bsp, write_ply};
+use brickfield_engine::splats::{
+    BspSummary, Levels, LevelsOptions, bsp_bytes, write_bsp, write_page, write_ply,
+};
 use brickfield_engine::store::{Accept, Store};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -17,6 +19,7 @@ use std::path::Path;
 enum Kind {
     Bsp,
     Ply,
+    Page,
 }
 
 impl Kind {
@@ -25,8 +28,9 @@ impl Kind {
         match &*ending {
             "bsp" => Ok(Kind::Bsp),
             "ply" => Ok(Kind::Ply),
+            "html" => Ok(Kind::Page),
             _ => Err(Failure::Usage(format!(
-                "{}: the name of a file of splats ends in one of .bsp, .ply",
+                "{}: the name of a file of splats ends in one of .bsp, .ply, .html",
                 path.display()
             ))),
         }
@@ -52,6 +56,7 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     let written = match kind {
         Kind::Bsp => bsp(args, &store, &levels, &bars)?,
         Kind::Ply => ply(args, &levels)?,
+        Kind::Page => page(args, &store, &levels, &bars)?,
     };
     bars.clear();
     if args.json {
@@ -69,25 +74,38 @@ struct Written {
 fn bsp(args: &SplatsArgs, store: &Store, levels: &Levels, bars: &dyn Progress) -> Result<Written, Failure> {
     let meta = store.meta();
     let summary = write_bsp(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], &args.output, bars)?;
+    Ok(said(args, store, &summary, summary.bytes))
+}
+
+fn page(args: &SplatsArgs, store: &Store, levels: &Levels, bars: &dyn Progress) -> Result<Written, Failure> {
+    let meta = store.meta();
+    let (bytes, summary) = bsp_bytes(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], bars)?;
+    let written = write_page(&bytes, &args.output)?;
+    Ok(said(args, store, &summary, written))
+}
+
+/// What was written, all levels of it.
+fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> Written {
     let bits = summary.bytes as f64 * 8.0 / (summary.splats.max(1)) as f64;
-    let unit = unit_of(meta);
+    let BspSummary { splats, finest, error, .. } = *summary;
+    // What is stated is never less than it is.
+    let shown = (error * 1000.0).ceil() / 1000.0;
+    let (name, unit) = (in_line(&args.output), unit_of(store.meta()));
     let text = format!(
-        "{}: {} splats in {}, {bits:.2} bits each; {} in the finest picture, within {:.3} {unit} of all crossings",
-        in_line(&args.output),
-        summary.splats,
-        Size(summary.bytes),
-        summary.finest,
-        summary.error
+        "{name}: {splats} splats in {}, {bits:.2} bits each; {finest} in the finest picture, at most {shown:.3} {unit} from \
+         the crossings that they stand for",
+        Size(bytes)
     );
     let json = json!({
         "output": args.output.display().to_string(),
-        "splats": summary.splats,
-        "finest": summary.finest,
-        "error": summary.error,
-        "bytes": summary.bytes,
-        "unit": meta.unit,
+        "splats": splats,
+        "finest": finest,
+        "error": error,
+        "bytes": bytes,
+        "splat_bytes": summary.bytes,
+        "unit": store.meta().unit,
     });
-    Ok(Written { text, json })
+    Written { text, json }
 }
 
 fn ply(args: &SplatsArgs, levels: &Levels) -> Result<Written, Failure> {

@@ -8,6 +8,7 @@
 //! | `disc` | a splat in the world |
 //! | `write` | files of splats, `.bsp` |
 //! | `read` | the same, read |
+//! | `page` | a page with its data |
 //! | `ply` | splats as other programs want them |
 //!
 //! A cell of a level is a cube between eight samples. The splat of a face in it is the plane through the mean of the face's
@@ -18,6 +19,7 @@ mod brick;
 mod cluster;
 mod disc;
 mod levels;
+mod page;
 mod ply;
 mod read;
 #[cfg(test)]
@@ -26,6 +28,7 @@ mod write;
 
 pub use disc::{Disc, discs_of_levels, discs_of_tree};
 pub use levels::{Levels, LevelsOptions};
+pub use page::write_page;
 pub use ply::write_ply;
 pub use read::{read_bsp, read_tree};
 pub use write::{BspSummary, bsp_bytes, write_bsp};
