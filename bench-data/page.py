@@ -116,8 +116,9 @@ def check(browser, args, expected, width, height, Image):
     seen = Image.open(io.BytesIO(base64.b64decode(picture.split(",")[1]))).convert("RGB")
     if args.save:
         seen.save(args.save)
-    off = [max(abs(a - b) for a, b in zip(p, q)) for p, q in zip(seen.getdata(), expected.getdata())]
-    drawn = sum(1 for p in seen.getdata() if p != (255, 255, 255))
+    pixels = [[tuple(bytes_[n : n + 3]) for n in range(0, len(bytes_), 3)] for bytes_ in (seen.tobytes(), expected.tobytes())]
+    off = [max(abs(a - b) for a, b in zip(p, q)) for p, q in zip(*pixels)]
+    drawn = sum(1 for p in pixels[0] if p != (255, 255, 255))
     near = sum(1 for o in off if o <= 24) / len(off)
     events = [e for e in browser.events if e.get("method") in ("Runtime.consoleAPICalled", "Log.entryAdded", "Runtime.exceptionThrown")]
     asked = [e["params"]["request"]["url"][:80] for e in browser.events if e.get("method") == "Network.requestWillBeSent"]
