@@ -18,6 +18,9 @@
 mod brick;
 mod cluster;
 mod disc;
+#[cfg(any(test, feature = "fuzzing"))]
+#[doc(hidden)]
+pub mod fuzz;
 mod levels;
 mod page;
 mod ply;
