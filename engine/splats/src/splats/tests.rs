@@ -344,3 +344,49 @@ fn a_part_without_boundary_has_no_splats() {
     assert_eq!((summary.splats, summary.finest), (0, 0));
     assert!(discs(&read(&bytes), None).is_empty());
 }
+
+/// The figure of a torus in the survey of Kobbelt and Botsch (2004), 13: what a number of splats is off by.
+///
+/// `cargo test --release -p brickfield-splats --lib torus_of_few -- --ignored --nocapture`
+#[test]
+#[ignore = "prints a figure of the report"]
+fn torus_of_few_splats() {
+    let tree = tree(torus, 2);
+    let crossings = crossings(&tree);
+    let diameter = 2.0 * 0.84;
+    for step in 4..40 {
+        let error = 0.0005 * f64::from(step);
+        let mut discs = Vec::new();
+        discs_of_levels(&levels(&tree, Some(error)), None, |disc| discs.push(disc));
+        let mut off = 0.0f64;
+        for disc in &discs {
+            for n in 0..31 * 31 {
+                let [u, v] = [n % 31, n / 31].map(|c| (f64::from(c) / 15.0 - 1.0) * disc.radius);
+                let side = if disc.normal[2].abs() < 0.8 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
+                let n = disc.normal;
+                let a = [
+                    n[1] * side[2] - n[2] * side[1],
+                    n[2] * side[0] - n[0] * side[2],
+                    n[0] * side[1] - n[1] * side[0],
+                ];
+                let a = a.map(|c| c / length(a));
+                let b = [n[1] * a[2] - n[2] * a[1], n[2] * a[0] - n[0] * a[2], n[0] * a[1] - n[1] * a[0]];
+                let p: Vector = std::array::from_fn(|c| disc.centre[c] + u * a[c] + v * b[c]);
+                let beyond = |(n, d): &(Vector, f64)| (0..3).map(|a| n[a] * p[a]).sum::<f64>() > *d;
+                let in_cell = (0..3).all(|c| (p[c] - disc.cell_centre[c]).abs() <= disc.cell / 2.0);
+                if in_cell && !disc.cuts.iter().any(beyond) {
+                    off = off.max(torus(p).abs());
+                }
+            }
+        }
+        let covered = worst(&discs, &crossings);
+        let share = |length: f64| length / diameter * 100.0;
+        println!(
+            "{} splats: asked {:.3} %, crossings {:.3} %, splats {:.3} % of the diameter",
+            discs.len(),
+            share(error),
+            share(covered),
+            share(off)
+        );
+    }
+}
