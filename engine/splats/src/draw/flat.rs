@@ -4,7 +4,7 @@ use crate::render::{Cut, Screen};
 use crate::splats::Disc;
 
 /// A splat reaches so far beyond the middle of its cell along each axis, in cells: gaps between planes that bend close.
-const CELL_REACH: f64 = 0.55;
+const CELL_REACH: f64 = 0.65;
 
 /// A splat in coordinates around the middle of what is seen.
 #[derive(Clone, Copy, Debug)]

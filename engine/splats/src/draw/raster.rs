@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// Rows of a band: few enough to stay in the cache.
 const BAND: usize = 16;
 /// Splats this far behind the nearest belong to it, in reaches of a cell.
-const TOGETHER: f32 = 1.3;
+const TOGETHER: f32 = 1.1;
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
