@@ -147,8 +147,8 @@ impl Header {
     }
 
     fn check(&self) -> Result<(), Fault> {
-        let floats = self.origin.iter().chain([&self.edge]).chain(self.bounds.iter().flatten());
-        let is_placed = floats.fold(true, |sound, value| sound && value.is_finite()) && self.edge > 0.0;
+        let mut floats = self.origin.iter().chain([&self.edge]).chain(self.bounds.iter().flatten());
+        let is_placed = floats.all(|value| value.is_finite()) && self.edge > 0.0;
         let has_levels = usize::from(self.deepest) < LEVELS_MAX && self.head <= self.deepest;
         let is_text = self.unit.iter().all(|&c| c == 0 || c.is_ascii_alphabetic());
         if is_placed && has_levels && is_text && (1..=127).contains(&self.radius) && self.units <= UNITS_MAX {

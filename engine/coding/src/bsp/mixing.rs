@@ -55,10 +55,10 @@ impl Logistic {
         let mut upper = Vec::new();
         for _ in 0..=STRETCH_MAX {
             upper.push((65_536 * one / (one + power)) as u32);
-            power = power * DECAY >> 40;
+            power = (power * DECAY) >> 40;
         }
         let lower = upper.iter().skip(1).rev().map(|&p| 65_536 - p);
-        let squashed = lower.chain(upper.iter().copied()).map(|p| p.max(24).min(65_536 - 24) as u16);
+        let squashed = lower.chain(upper.iter().copied()).map(|p| p.clamp(24, 65_536 - 24) as u16);
         let squashed = squashed.collect::<Vec<u16>>();
         let mut stretched = Vec::new();
         let mut at = 0;
@@ -73,7 +73,7 @@ impl Logistic {
     }
 
     fn squash(&self, x: i32) -> u32 {
-        u32::from(self.squashed[(x.max(-STRETCH_MAX).min(STRETCH_MAX) + STRETCH_MAX) as usize])
+        u32::from(self.squashed[(x.clamp(-STRETCH_MAX, STRETCH_MAX) + STRETCH_MAX) as usize])
     }
 }
 
@@ -125,7 +125,7 @@ impl<const N: usize> Mixed<N> {
         let error = if value { 65_535 - one as i32 } else { -(one as i32) };
         for n in 0..N {
             let step = (inputs[n] * (error >> 4) * 3 + 0x4000) >> 15;
-            weights[n] = (weights[n] + step).max(-WEIGHT_MAX).min(WEIGHT_MAX);
+            weights[n] = (weights[n] + step).clamp(-WEIGHT_MAX, WEIGHT_MAX);
             self.opinions[n][contexts[n]].learn(value, &logistic.rates);
         }
         value
@@ -141,7 +141,7 @@ mod tests {
         let logistic = Logistic::new();
         for x in -STRETCH_MAX..=STRETCH_MAX {
             let exact = 65_536.0 / (1.0 + (-f64::from(x) / 256.0).exp());
-            let exact = exact.max(24.0).min(65_512.0);
+            let exact = exact.clamp(24.0, 65_512.0);
             assert!((f64::from(logistic.squash(x)) - exact).abs() < 1.5, "{x}");
         }
         for p in 1..4095 {

@@ -94,5 +94,5 @@ fn to_octant(normal: [i32; 3], octant: usize) -> i32 {
 /// The class of how far a plane passes the middle of a cell, in 1/16 of the farthest at which it meets it.
 #[inline]
 pub fn bin(passes: i32) -> usize {
-    (passes.max(-24).min(23) + 24) as usize % BINS
+    (passes.clamp(-24, 23) + 24) as usize % BINS
 }

@@ -406,7 +406,7 @@ fn offset(directions: &Directions, normal: [i8; 3], wanted: &Wanted) -> i32 {
     let n = directions.vector(normal);
     let limit = OFFSET_MAX * 256;
     let exact = (0..3).map(|axis| n[axis] * i32::from(wanted.mean[axis])).sum::<i32>() / ONE;
-    exact.max(-limit).min(limit)
+    exact.clamp(-limit, limit)
 }
 
 /// Greatest distance of what a splat stands for from its plane, in 1/4096 of the cell.

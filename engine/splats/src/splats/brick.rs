@@ -44,7 +44,7 @@ pub(super) fn cells(key: NodeKey, brick: &Brick) -> Vec<Faces> {
         }
         let edge = hermite.edges[axis.index()][signs.rank(axis, sample, &ranks[axis.index()])];
         let mut place: [i64; 3] = std::array::from_fn(|a| corner[a] + ((sample[a] as i64 * PARTS) << bits));
-        place[axis.index()] += (i64::from(edge.offset) << bits) * PARTS >> 16;
+        place[axis.index()] += ((i64::from(edge.offset) << bits) * PARTS) >> 16;
         let normal = edge.normal.to_vector().map(|c| (c * f64::from(ONE)).round() as i64);
         Some(Crossing { normal, place })
     };
