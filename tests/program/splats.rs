@@ -114,6 +114,8 @@ fn wrong_usage_and_damage_are_told_in_a_line() {
     );
     let bsp = dir.path("a.bsp");
     run(&[&"splats", &store, &"-o", &bsp]).ok();
+    let told = run(&[&"sample", &bsp, &"--points", &"-"]).failed();
+    assert!(told.contains("is a file of splats") && told.contains("render"), "{told}");
     let mut bytes = std::fs::read(&bsp).unwrap();
     let last = bytes.len() - 5;
     bytes[last] ^= 4;
