@@ -108,7 +108,7 @@ fn wrong_usage_and_damage_are_told_in_a_line() {
             .contains("there is no level 7")
     );
     assert!(
-        run(&[&"splats", &dir.file("a.stl", b"solid a\nendsolid a\n".to_vec()), &"-o", &dir.path("a.bsp")])
+        run(&[&"splats", &dir.file("a.stl", b"solid a\nendsolid a\n"), &"-o", &dir.path("a.bsp")])
             .failed()
             .contains("a.stl")
     );
