@@ -11,7 +11,7 @@ type Room = (&'static str, &'static [&'static str]);
 
 /// The crates of the engine with their rooms, each with the rooms of the same crate that it may use. What crates use of
 /// each other is Cargo's to judge.
-const CRATES: [(&str, &[Room]); 12] = [
+const CRATES: [(&str, &[Room]); 14] = [
     (
         "core",
         &[
@@ -55,7 +55,9 @@ const CRATES: [(&str, &[Room]); 12] = [
             ("machining", &["analysis", "csg", "voids"]),
         ],
     ),
+    ("coding", &[("range", &[]), ("bsp", &["range"])]),
     ("export", &[("export", &[])]),
+    ("splats", &[("splats", &[]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
     ("", &[("fuzz", &[]), ("field", &[]), ("octree", &[]), ("builder", &["octree"])]),

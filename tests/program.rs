@@ -32,6 +32,7 @@ mod program {
     mod shards;
     mod shell;
     mod signals;
+    mod splats;
     mod store;
     mod summaries;
     mod thin;

@@ -55,6 +55,7 @@
 //! | [`csg`], [`machining`], [`milling`] | Booleans of stores and solids; what milling programs take off |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
 //! | [`export`] | volumes in the files of other tools |
+//! | [`splats`], [`bsp`] | parts as small clipped planes, level by level, and files of them |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
 //! | [`winding`] | winding numbers of one brick, and the sum that judges all others |
@@ -79,6 +80,7 @@ pub use octree::Octree;
 
 pub use brickfield_analysis::{analysis, csg, distance, fraction, machining, voids};
 pub use brickfield_builder::{backend, build, volumes};
+pub use brickfield_coding::bsp;
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
 pub use brickfield_export::export;
@@ -87,5 +89,6 @@ pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;
 pub use brickfield_octree::{brick, cache, store};
 pub use brickfield_picture::{picture, render, section};
+pub use brickfield_splats::{draw, splats};
 pub use brickfield_toolpath::{bead, milling, toolpath, x3d};
 pub use brickfield_winding::{solid, swept, winding};

@@ -10,6 +10,7 @@ pub use crate::mesh_args::MeshArgs;
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
 use crate::shell_args::{CompletionsArgs, ManArgs};
+use crate::splat_args::SplatsArgs;
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
@@ -45,6 +46,7 @@ pub enum Command {
     Sample(SampleArgs),
     Winding(WindingArgs),
     Export(ExportArgs),
+    Splats(SplatsArgs),
     Voids(VoidsArgs),
     Layers(LayersArgs),
     Overlap(OverlapArgs),

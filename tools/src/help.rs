@@ -14,7 +14,7 @@ const TOP_TEMPLATE: &str =
 /// Commands by task; any that is not here comes last.
 const TASKS: [(&str, &[&str]); 5] = [
     ("Make stores", &["build", "csg", "machine", "offset", "cache", "verify"]),
-    ("Write meshes and arrays", &["mesh", "beads", "export"]),
+    ("Write meshes, arrays and splats", &["mesh", "beads", "export", "splats"]),
     (
         "Ask for numbers",
         &["info", "sample", "winding", "voids", "layers", "overlap", "thickness", "deviation"],

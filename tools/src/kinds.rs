@@ -3,8 +3,11 @@
 use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::Error;
+use brickfield_engine::bsp::MAGIC;
 use brickfield_engine::ingest::Kind;
 use brickfield_engine::store::is_store;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// What a file is, by its content and then by its name.
@@ -60,6 +63,13 @@ pub fn is_mesh_name(path: &Path) -> bool {
 /// What to do with a file of which there is nothing more to say.
 const GIVE_AN_INPUT: &str = "give a mesh as STL, OBJ, PLY, OFF, 3MF, AMF or GLB, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
 
+/// Whether a file begins as those of splats do.
+fn is_splats(path: &Path) -> bool {
+    let mut magic = [0; MAGIC.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut magic));
+    read.is_ok() && magic == MAGIC
+}
+
 /// The command that makes a store of an input.
 fn build_command(path: &Path) -> String {
     format!("`brickfield build {} -o {}`", typed(path), typed(&path.with_extension("brf")))
@@ -68,6 +78,10 @@ fn build_command(path: &Path) -> String {
 /// The error of a file that was given in place of a store. `error` is what its reader says, which stands if the file may be
 /// a store after all. `otherwise` is what the same command does with such a mesh, if anything.
 pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error {
+    if is_splats(path) {
+        let remedy = format!("`brickfield render {} --splats -o view.png` draws it", typed(path));
+        return Error::store(path, "header", "is a file of splats, not a brick store", remedy);
+    }
     let Some(kind) = FileKind::of(path).filter(|kind| *kind != FileKind::Store) else { return error };
     let Some(name) = kind.name() else { return error };
     let remedy = match kind {
@@ -121,7 +135,7 @@ pub fn require_toolpaths(paths: &[PathBuf]) -> Result<(), anyhow::Error> {
 }
 
 /// Endings of files that other programs read, and what writes them, if anything here does.
-const OTHER_ENDINGS: [(&[&str], Option<&str>); 6] = [
+const OTHER_ENDINGS: [(&[&str], Option<&str>); 7] = [
     (&["stl", "ply", "obj", "3mf", "glb"], None),
     (&["gltf", "off", "amf", "step", "stp", "iges", "igs"], None),
     (&["x3d"], Some("beads")),
@@ -134,6 +148,7 @@ const OTHER_ENDINGS: [(&[&str], Option<&str>); 6] = [
     ),
     (&["npy", "json"], Some("export")),
     (&["png", "svg", "dxf"], Some("slice")),
+    (&["bsp", "html"], Some("splats")),
 ];
 
 /// Refuses a name for a store whose ending is that of a file of another kind: what would stand under it is none.

@@ -23,6 +23,7 @@ mod pieces;
 mod points;
 mod shell_args;
 mod space;
+mod splat_args;
 mod style_file;
 mod table;
 mod toolpaths;
@@ -58,6 +59,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Sample(args) => commands::sample::run(&args),
         Command::Winding(args) => commands::winding::run(&args),
         Command::Export(args) => commands::export::run(&args),
+        Command::Splats(args) => commands::splats::run(&args),
         Command::Voids(args) => commands::voids::run(&args),
         Command::Layers(args) => commands::layers::run(&args),
         Command::Overlap(args) => commands::overlap::run(&args),

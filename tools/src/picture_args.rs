@@ -208,7 +208,8 @@ Examples:
   brickfield render part.brf -o inside.png --cut 'z>12mm' --cut 'y<0' --perspective
   brickfield render part.brf -o voids.png --style boundary --view 30,20 --size 1920x1080
   brickfield render part.brf -o turn.apng --turntable 36 --style mine.toml
-  brickfield render part.brf -o view.png --backend vulkan --gpu-memory 1GiB")]
+  brickfield render part.brf -o view.png --backend vulkan --gpu-memory 1GiB
+  brickfield render part.bsp -o view.png --splats")]
 pub struct RenderArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
@@ -224,6 +225,10 @@ pub struct RenderArgs {
     /// folder
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
     pub turntable: Option<u32>,
+    /// Draw splats, as of a file that `splats` wrote, or of the store itself: faster and by the processor alone. --lod and
+    /// --level choose their size
+    #[arg(long, conflicts_with_all = ["preview", "turntable", "style", "backend", "device", "gpu_memory"])]
+    pub splats: bool,
     /// What is shown: solid, boundary, overlap, or what a file says
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "solid")]
     pub style: StyleArg,

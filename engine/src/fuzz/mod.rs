@@ -11,7 +11,7 @@ mod tests;
 pub type Target = fn(&[u8]);
 
 /// All readers. The small files to begin with are in `fuzz/seeds/NAME`.
-pub const TARGETS: [(&str, Target); 14] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("stl", crate::ingest::fuzz::stl),
     ("obj", crate::ingest::fuzz::obj),
     ("ply", crate::ingest::fuzz::ply),
@@ -26,6 +26,7 @@ pub const TARGETS: [(&str, Target); 14] = [
     ("store", crate::store::fuzz::store),
     ("journal", crate::store::fuzz::journal),
     ("brick", crate::store::fuzz::brick),
+    ("bsp", crate::splats::fuzz::bsp),
 ];
 
 /// Feeds the reader of that name.

@@ -25,10 +25,12 @@ pub mod offset;
 mod operands;
 pub mod overlap;
 pub mod render;
+mod render_splats;
 pub mod sample;
 pub mod shell;
 pub mod slice;
 mod slice_layer;
+pub mod splats;
 pub mod thickness;
 pub mod verify;
 #[cfg(feature = "view")]

@@ -63,6 +63,9 @@ impl Kind {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
+    if args.splats {
+        return super::render_splats::run(args);
+    }
     let mut started = Instant::now();
     let kind = Kind::of(args)?;
     let bars = start(args.work)?;
@@ -156,11 +159,11 @@ impl Drawn<'_> {
     }
 }
 
-fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderOptions, Failure> {
-    let meta = store.meta();
+/// What is cut away, in a store's unit.
+pub(super) fn cuts(args: &RenderArgs, unit: &str) -> Result<Vec<Cut>, Failure> {
     let mut cuts = Vec::new();
     for cut in &args.cut {
-        let at = cut.at.in_unit_of(&meta.unit).ok_or_else(no_unit)?;
+        let at = cut.at.in_unit_of(unit).ok_or_else(no_unit)?;
         cuts.push(Cut { axis: cut.axis.into(), at, above: cut.above });
     }
     if let Some(within) = args.within {
@@ -168,6 +171,11 @@ fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderO
             cuts.extend(Axis::ALL.map(|axis| Cut { axis, at: corner[axis.index()], above }));
         }
     }
+    Ok(cuts)
+}
+
+/// From where the part is seen.
+pub(super) fn view(args: &RenderArgs) -> Result<View, Failure> {
     let opening = args.perspective.unwrap_or(0.0);
     if args.perspective.is_some() && !(1.0..=150.0).contains(&opening) {
         return Err(Failure::Usage("--perspective takes 1 to 150 degrees".to_owned()));
@@ -175,6 +183,12 @@ fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderO
     if !(0.0..=LOD_MAX).contains(&args.lod) {
         return Err(Failure::Usage(format!("--lod takes 0 to {LOD_MAX} pixels")));
     }
+    Ok(View { opening, ..args.view.0 })
+}
+
+fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderOptions, Failure> {
+    let meta = store.meta();
+    let (view, cuts) = (view(args)?, cuts(args, &meta.unit)?);
     let StyleFile { style, background } = match &args.style {
         StyleArg::Named(style) => StyleFile { style: style(), background: None },
         StyleArg::File(path) => style_file::read(path, &meta.unit)?,
@@ -183,7 +197,7 @@ fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderO
     Ok(RenderOptions {
         style,
         focus: args.focus.map(|FocusArg(focus)| focus),
-        view: View { opening, ..args.view.0 },
+        view,
         turn: args.turntable.unwrap_or(1),
         bounds: [meta.bounds_min, meta.bounds_max],
         cuts,

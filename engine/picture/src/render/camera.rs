@@ -72,6 +72,18 @@ impl View {
         Ok(Focus { centre: camera.centre, height: camera.pixel * f64::from(size[1]) })
     }
 
+    /// The picture of `size` pixels of the box `corners`, or of a focus in it.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if angles are no numbers, the opening is none, or the focus shows nothing.
+    pub fn screen(self, focus: Option<Focus>, corners: [[f64; 3]; 2], size: [u32; 2]) -> Result<Screen> {
+        let camera = match focus {
+            Some(focus) => Camera::at(self, focus, corners, size)?,
+            None => Camera::fit(&[self], corners, size)?.remove(0),
+        };
+        Ok(camera.screen())
+    }
+
     fn check(self) -> Result<()> {
         let View { azimuth, elevation, opening } = self;
         let sound = azimuth.is_finite() && (-90.0..=90.0).contains(&elevation);
@@ -124,18 +136,20 @@ pub(super) struct Camera {
     parallel: bool,
 }
 
-/// The picture in space.
+/// The picture in space, in world coordinates.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Screen {
+pub struct Screen {
     /// The eye; of parallel rays where the one through the upper left corner begins.
-    pub origin: Vector,
+    pub origin: [f64; 3],
     /// From the eye to the upper left corner; the direction of parallel rays.
-    pub corner: Vector,
+    pub corner: [f64; 3],
     /// From a pixel to the next on the right, and to the one below.
-    pub steps: [Vector; 2],
-    /// Size of a pixel in the middle, and the distance of the eye from there.
+    pub steps: [[f64; 3]; 2],
+    /// Size of a pixel in the middle.
     pub pixel: f64,
+    /// Distance of the eye from there.
     pub distance: f64,
+    /// Whether all rays have one direction.
     pub parallel: bool,
 }
 

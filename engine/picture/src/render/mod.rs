@@ -36,7 +36,7 @@ mod stops;
 mod style;
 mod trace;
 
-pub use camera::{Focus, Ray, View};
+pub use camera::{Focus, Ray, Screen, View};
 pub use caster::{Caster, CasterReport};
 pub use clip::Cut;
 pub use frame::Frame;

@@ -5,9 +5,9 @@
 //!
 //! Where all neighbours agree, a row says once that nothing begins there, and most samples of a brick cost nothing.
 
-use super::coder::{Bit, Coder, Number};
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
+use brickfield_coding::range::{Bit, Coder, Number};
 
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;

@@ -4,9 +4,9 @@
 //! 2003). The plainer one is right where it is linear, which adds up less of the rounding of seven neighbours.
 //! Whichever was nearer at the neighbours is taken, and how near tells how far off to expect.
 
-use super::coder::{Coder, Number, bit_length};
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
+use brickfield_coding::range::{Coder, Number, bit_length};
 
 /// How far back in the linear index the neighbour before lies along each axis.
 const BACK: [usize; 3] = [1, BRICK_POINTS, BRICK_POINTS * BRICK_POINTS];

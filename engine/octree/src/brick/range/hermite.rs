@@ -4,9 +4,9 @@
 //! On a flat facet that leaves what rounding the neighbour's place and normal to 16 bits has left, two bits an edge.
 //! On round ones the mean of both normals is the direction across the chord, exactly so of a circle.
 
-use super::coder::{Bit, Coder, Number, bit_length};
 use crate::brick::{Hermite, HermiteEdge, OctNormal, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS};
+use brickfield_coding::range::{Bit, Coder, Number, bit_length};
 
 /// Samples along an axis of a brick.
 const P: usize = BRICK_POINTS;

@@ -3,14 +3,13 @@
 //! Made for stores that are kept or sent: `cache repack --compression range`. Nothing is lost. What it gains and what
 //! it costs against LZ4 is in `bench-data/REPORT.md`; the bytes are in `FORMAT.md`.
 
-mod coder;
 mod counts;
 mod fractions;
 mod hermite;
 
 use super::fractions::BITS_MAX;
 use super::{Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
-use coder::{Coder, Decoder, Encoder};
+use brickfield_coding::range::{Coder, Decoder, Encoder};
 pub(super) use hermite::Layers;
 
 /// Bits of the number of binary places.

@@ -58,6 +58,9 @@ pub trait Coder {
     /// Codes a decision; gives it back as it is or was.
     fn bit(&mut self, bit: &mut Bit, value: bool) -> bool;
 
+    /// Codes a decision that is a one with the probability `one` in 1/65536, 1 to 65,535.
+    fn given(&mut self, one: u32, value: bool) -> bool;
+
     /// Codes the low `bits` bits of a number, at most 14, all values being equally likely.
     fn raw(&mut self, value: u32, bits: u32) -> u32;
 
@@ -126,6 +129,19 @@ impl Coder for Encoder<'_> {
             self.range -= split;
         }
         bit.learn(value);
+        self.shift();
+        value
+    }
+
+    #[inline(always)]
+    fn given(&mut self, one: u32, value: bool) -> bool {
+        let split = (self.range >> 16) * one;
+        if value {
+            self.range = split;
+        } else {
+            self.raise(split);
+            self.range -= split;
+        }
         self.shift();
         value
     }
@@ -211,6 +227,20 @@ impl Coder for Decoder<'_> {
     }
 
     #[inline(always)]
+    fn given(&mut self, one: u32, _: bool) -> bool {
+        let split = (self.range >> 16) * one;
+        let value = self.code < split;
+        if value {
+            self.range = split;
+        } else {
+            self.code -= split;
+            self.range -= split;
+        }
+        self.shift();
+        value
+    }
+
+    #[inline(always)]
     fn raw(&mut self, _: u32, bits: u32) -> u32 {
         self.range >>= bits;
         let mut value = self.code / self.range;
@@ -271,7 +301,11 @@ impl Number {
     #[inline]
     pub fn unsigned(&mut self, coder: &mut impl Coder, value: u32) -> u32 {
         let length = self.length(coder, value);
-        if length == 0 { 0 } else { self.rest(coder, value, length) }
+        if length == 0 {
+            0
+        } else {
+            self.rest(coder, value, length)
+        }
     }
 
     #[inline]

@@ -1,0 +1,195 @@
+//! Cells of a cube with their splats, found by place.
+
+/// A splat as a file has it: a plane through a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Splat {
+    /// Direction: the sum of its magnitudes is the radius of [`super::Directions`].
+    pub normal: [i8; 3],
+    /// Signed distance of the plane from the centre of the cell along the normal, in 1/16 of the cell.
+    pub offset: i8,
+}
+
+/// A splat to be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wanted {
+    /// Unit normal in 1/16384.
+    pub normal: [i16; 3],
+    /// A point of its plane, from the centre of the cell in 1/4096 of the cell.
+    pub mean: [i16; 3],
+    /// Greatest distance of what it stands for from its plane, in 1/4096 of the cell.
+    pub error: u32,
+}
+
+/// How two splats of a cell cut each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clip {
+    /// They do not.
+    None,
+    /// Of each remains what is behind the other's plane: an edge that stands out.
+    Convex,
+    /// Of each remains what is before the other's plane: an edge that goes in.
+    Concave,
+}
+
+/// Most splats of a cell.
+pub const SPLATS_MAX: usize = 3;
+/// Cells of a node along each axis.
+pub const NODE_SIDE: usize = 32;
+/// Pairs of splats of a cell.
+pub const PAIRS: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
+
+/// A cell with splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cell {
+    /// Its place in the cube.
+    pub at: [u8; 3],
+    /// Its first splat.
+    pub first: u32,
+    /// How many it has, 1 to [`SPLATS_MAX`].
+    pub count: u8,
+    /// How they cut each other, two bits for each of [`PAIRS`].
+    pub clips: u8,
+    /// Whether cells of half the size say more.
+    pub divided: bool,
+}
+
+impl Cell {
+    /// How a pair of [`PAIRS`] cuts each other.
+    pub fn clip(&self, pair: usize) -> Clip {
+        match self.clips >> (2 * pair) & 3 {
+            0 => Clip::None,
+            1 => Clip::Convex,
+            _ => Clip::Concave,
+        }
+    }
+}
+
+/// Cells of a cube.
+#[derive(Clone, Debug)]
+pub struct Cells<S> {
+    side: usize,
+    /// For each place one more than the number of its cell, or 0.
+    grid: Vec<u32>,
+    /// In the order in which they came.
+    pub cells: Vec<Cell>,
+    /// Of all cells.
+    pub splats: Vec<S>,
+}
+
+impl<S: Copy> Cells<S> {
+    /// A cube with so many places along each axis, at most 64, with no cells yet.
+    pub fn new(side: usize) -> Cells<S> {
+        Cells { side, grid: vec![0; side * side * side], cells: Vec::new(), splats: Vec::new() }
+    }
+
+    /// Places along each axis.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    #[inline]
+    fn place(&self, at: [u8; 3]) -> usize {
+        (usize::from(at[2]) * self.side + usize::from(at[1])) * self.side + usize::from(at[0])
+    }
+
+    /// Adds a cell with its splats.
+    pub fn push(&mut self, at: [u8; 3], splats: &[S], clips: u8, divided: bool) {
+        let (first, count) = (self.splats.len() as u32, splats.len() as u8);
+        self.splats.extend_from_slice(splats);
+        self.cells.push(Cell { at, first, count, clips, divided });
+        let place = self.place(at);
+        self.grid[place] = self.cells.len() as u32;
+    }
+
+    /// The cell at a place.
+    #[inline]
+    pub fn get(&self, at: [u8; 3]) -> Option<&Cell> {
+        match self.grid[self.place(at)] {
+            0 => None,
+            number => Some(&self.cells[number as usize - 1]),
+        }
+    }
+
+    /// The cell at a place beside another; none outside of the cube.
+    #[inline]
+    pub fn beside(&self, at: [u8; 3], step: [i8; 3]) -> Option<&Cell> {
+        let mut place = [0u8; 3];
+        for axis in 0..3 {
+            let c = i32::from(at[axis]) + i32::from(step[axis]);
+            if c < 0 || c >= self.side as i32 {
+                return None;
+            }
+            place[axis] = c as u8;
+        }
+        self.get(place)
+    }
+
+    /// The splats of a cell.
+    #[inline]
+    pub fn of(&self, cell: &Cell) -> &[S] {
+        &self.splats[cell.first as usize..cell.first as usize + usize::from(cell.count)]
+    }
+
+    /// One of the eight halves along all axes.
+    pub fn octant(&self, octant: usize) -> Piece<S> {
+        let half = self.side / 2;
+        let mut piece = Piece::new();
+        let low = [0, 1, 2].map(|axis| (octant >> axis & 1) * half);
+        for cell in &self.cells {
+            let is_within = (0..3).all(|axis| usize::from(cell.at[axis]) / half == low[axis] / half);
+            if is_within {
+                let at = [0, 1, 2].map(|axis| (usize::from(cell.at[axis]) - low[axis]) as u8);
+                piece.add(at, self.of(cell), cell.clips, cell.divided);
+            }
+        }
+        piece
+    }
+}
+
+/// The cells of a node, 32 along each axis, in the order in which they came.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Piece<S> {
+    /// The cells.
+    pub cells: Vec<Cell>,
+    /// Their splats.
+    pub splats: Vec<S>,
+}
+
+impl<S: Copy> Piece<S> {
+    /// No cells.
+    pub fn new() -> Piece<S> {
+        Piece { cells: Vec::new(), splats: Vec::new() }
+    }
+
+    /// Adds a cell with its splats.
+    pub fn add(&mut self, at: [u8; 3], splats: &[S], clips: u8, divided: bool) {
+        let (first, count) = (self.splats.len() as u32, splats.len() as u8);
+        self.splats.extend_from_slice(splats);
+        self.cells.push(Cell { at, first, count, clips, divided });
+    }
+
+    /// The splats of a cell.
+    pub fn of(&self, cell: &Cell) -> &[S] {
+        &self.splats[cell.first as usize..cell.first as usize + usize::from(cell.count)]
+    }
+
+    /// Whether any cell is divided.
+    pub fn is_divided(&self) -> bool {
+        self.cells.iter().any(|cell| cell.divided)
+    }
+
+    /// The cells, found by place.
+    pub fn found_by_place(&self) -> Cells<S> {
+        let mut cells = Cells::new(NODE_SIDE);
+        for cell in &self.cells {
+            cells.push(cell.at, self.of(cell), cell.clips, cell.divided);
+        }
+        cells
+    }
+}
+
+impl<S: Copy> Default for Piece<S> {
+    fn default() -> Piece<S> {
+        Piece::new()
+    }
+}

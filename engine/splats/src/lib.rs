@@ -1,0 +1,11 @@
+//! Splats of a brick octree: a part as small clipped planes, level by level, in files and as pictures.
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod draw;
+pub mod splats;
+
+use brickfield_coding::{bsp, range};
+use brickfield_core::{error, lattice, part, progress, schedule};
+use brickfield_octree::{brick, store};
+use brickfield_picture::{picture, render};

@@ -1,0 +1,254 @@
+//! Files of splats, written: the head in one piece, then level by level, units on all threads.
+
+use super::levels::Levels;
+use crate::bsp::{
+    Cells, Coded, Directions, Entry, HEADER_BYTES, Header, LEVELS_MAX, Level, Model, Piece, Setting, Splat,
+    Wanted, crc32, root, unit,
+};
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
+use crate::part::PartFile;
+use crate::progress::Progress;
+use crate::range::Encoder;
+use crate::schedule::run_ordered;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Radius of the directions of normals: 3,846 of them, within 3 degrees of any.
+const RADIUS: u8 = 31;
+/// Deepest level of the head.
+const HEAD_LEVEL: u8 = 1;
+/// Units a thread that are coded ahead of the one that is taken.
+const UNITS_AHEAD: usize = 4;
+
+/// What was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BspSummary {
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// Splats of all levels, and of the finest cells alone.
+    pub splats: u64,
+    /// Splats of cells that are not divided: the finest picture.
+    pub finest: u64,
+    /// Greatest distance of a crossing from the splat that stands for it in the finest picture, in the store's unit.
+    pub error: f64,
+}
+
+/// Writes a file of splats. It gets its name when it is complete.
+///
+/// `unit` is the unit of length, as in `mm`, and `bounds` are the least and greatest coordinates of the part.
+///
+/// # Errors
+/// What writing gives; [`crate::error::Error::Interrupted`].
+pub fn write_bsp(
+    levels: &Levels,
+    unit: &str,
+    bounds: [[f64; 3]; 2],
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<BspSummary> {
+    let mut file = PartFile::create(path)?;
+    let (bytes, summary) = bsp_bytes(levels, unit, bounds, progress)?;
+    file.append(&bytes)?;
+    file.finish()?;
+    Ok(summary)
+}
+
+/// The bytes of a file of splats.
+///
+/// # Errors
+/// [`crate::error::Error::Interrupted`].
+pub fn bsp_bytes(
+    levels: &Levels,
+    unit: &str,
+    bounds: [[f64; 3]; 2],
+    progress: &dyn Progress,
+) -> Result<(Vec<u8>, BspSummary)> {
+    progress.phase("coding splats", Some(levels.nodes().len() as u64), "nodes");
+    let mut writer = Writer {
+        levels,
+        directions: Directions::new(RADIUS),
+        pieces: BTreeMap::new(),
+        header: header(levels, unit, bounds),
+        finest: (0, 0.0),
+    };
+    let (head, model) = writer.head();
+    let (mut entries, mut units) = (Vec::new(), Vec::new());
+    for level in writer.header.head..levels.deepest() {
+        writer.level(level, &model, progress, &mut |entry, bytes| {
+            entries.push(entry);
+            units.extend(bytes);
+        })?;
+    }
+    let directory: Vec<u8> = entries.iter().flat_map(Entry::to_bytes).collect();
+    writer.header.units = entries.len() as u32;
+    writer.header.head_bytes = head.len() as u32;
+    writer.header.head_crc = crc32(0, &head);
+    writer.header.directory_crc = crc32(0, &directory);
+    let mut bytes = writer.header.to_bytes().to_vec();
+    bytes.reserve(directory.len() + head.len() + units.len());
+    bytes.extend(directory);
+    bytes.extend(head);
+    bytes.extend(units);
+    let summary = BspSummary {
+        bytes: bytes.len() as u64,
+        splats: writer.header.levels.iter().map(|level| level.splats).sum(),
+        finest: writer.finest.0,
+        error: writer.finest.1,
+    };
+    debug_assert!(bytes.len() >= HEADER_BYTES);
+    Ok((bytes, summary))
+}
+
+fn header(levels: &Levels, unit: &str, bounds: [[f64; 3]; 2]) -> Header {
+    let mut name = [0; 8];
+    let text = unit.bytes().filter(u8::is_ascii_alphabetic);
+    name.iter_mut().zip(text).for_each(|(to, from)| *to = from);
+    Header {
+        // Cells lie between samples, which are a unit off.
+        origin: levels.root().to_world([1.0; 3]),
+        edge: levels.root().edge,
+        bounds,
+        unit: name,
+        deepest: levels.deepest(),
+        radius: RADIUS,
+        head: HEAD_LEVEL.min(levels.deepest()),
+        units: 0,
+        head_bytes: 0,
+        head_crc: 0,
+        directory_crc: 0,
+        levels: [Level::default(); LEVELS_MAX],
+    }
+}
+
+struct Writer<'a> {
+    levels: &'a Levels,
+    directions: Directions,
+    /// Of the level that is divided next, as readers will have them.
+    pieces: BTreeMap<NodeKey, Piece<Splat>>,
+    header: Header,
+    /// Splats of cells that are not divided, and the greatest error of these, in the store's unit.
+    finest: (u64, f64),
+}
+
+impl Writer<'_> {
+    /// The root's cells and the units of the head's levels.
+    fn head(&mut self) -> (Vec<u8>, Model) {
+        let (mut bytes, mut model) = (Vec::new(), Model::new());
+        let mut coder = Encoder::new(&mut bytes);
+        let none = Piece::new();
+        let wanted = self.levels.nodes().get(&NodeKey::ROOT).unwrap_or(&none).found_by_place();
+        let may_divide = self.levels.deepest() > 0;
+        let coded = root(&mut coder, &mut model, &self.directions, may_divide, Some(&wanted));
+        let coded = coded.expect("an encoder refuses nothing");
+        self.count(0, &coded);
+        let Cells { cells, splats, .. } = coded.cells;
+        self.pieces.insert(NodeKey::ROOT, Piece { cells, splats });
+        for level in 0..self.header.head {
+            let pieces = std::mem::take(&mut self.pieces);
+            for (key, piece) in pieces.iter().filter(|(_, piece)| piece.is_divided()) {
+                let coded = self.unit(*key, piece, &mut coder, &mut model);
+                self.take(level + 1, *key, &coded);
+            }
+        }
+        coder.finish();
+        (bytes, model.elsewhere())
+    }
+
+    /// The units that divide the nodes of a level.
+    fn level(
+        &mut self,
+        level: u8,
+        model: &Model,
+        progress: &dyn Progress,
+        out: &mut (dyn FnMut(Entry, Vec<u8>) + Send),
+    ) -> Result<()> {
+        let pieces = std::mem::take(&mut self.pieces);
+        let divided: Vec<_> = pieces.iter().filter(|(_, piece)| piece.is_divided()).collect();
+        let this = &*self;
+        let work = |(): &mut (), number: usize| {
+            progress.check()?;
+            let (key, piece) = divided[number];
+            let (mut bytes, mut model) = (Vec::new(), model.clone());
+            let mut coder = Encoder::new(&mut bytes);
+            let coded = this.unit(*key, piece, &mut coder, &mut model);
+            coder.finish();
+            progress.advance(8);
+            Ok((*key, bytes, coded))
+        };
+        let mut made = Vec::new();
+        let take = |(key, bytes, coded): (NodeKey, Vec<u8>, Coded)| {
+            let crc = Entry::crc_of(key.code(), &bytes);
+            let splats = coded.cells.splats.len() as u32;
+            out(Entry { key: key.code(), bytes: bytes.len() as u32, crc, splats, error: coded.error }, bytes);
+            made.push((key, coded.error, octants(&coded.cells), splats));
+            Ok(())
+        };
+        run_ordered(divided.len(), UNITS_AHEAD * rayon::current_num_threads(), || (), work, take)?;
+        for (key, error, pieces, splats) in made {
+            self.note(level + 1, error, splats);
+            self.keep(level + 1, error, key, pieces);
+        }
+        Ok(())
+    }
+
+    fn unit(&self, key: NodeKey, piece: &Piece<Splat>, coder: &mut Encoder<'_>, model: &mut Model) -> Coded {
+        let may_divide = key.level() + 1 < self.levels.deepest();
+        let setting = Setting { directions: &self.directions, may_divide, has_parents: true };
+        let wanted = self.wanted(key);
+        let coded = unit(coder, model, &setting, &piece.found_by_place(), Some(&wanted));
+        coded.expect("an encoder refuses nothing")
+    }
+
+    /// The cells of a node's children in one cube.
+    fn wanted(&self, key: NodeKey) -> Cells<Wanted> {
+        let mut cells = Cells::new(2 * BRICK_CELLS);
+        for octant in Octant::all() {
+            let Some(piece) = self.levels.nodes().get(&key.child(octant)) else { continue };
+            let low = octant.offset().map(|c| (c * BRICK_CELLS) as u8);
+            for cell in &piece.cells {
+                let at = std::array::from_fn(|a| cell.at[a] + low[a]);
+                cells.push(at, piece.of(cell), cell.clips, cell.divided);
+            }
+        }
+        cells
+    }
+
+    fn take(&mut self, level: u8, key: NodeKey, coded: &Coded) {
+        self.note(level, coded.error, coded.cells.splats.len() as u32);
+        self.keep(level, coded.error, key, octants(&coded.cells));
+    }
+
+    fn count(&mut self, level: u8, coded: &Coded) {
+        self.note(level, coded.error, coded.cells.splats.len() as u32);
+        let undivided = coded.cells.cells.iter().filter(|cell| !cell.divided);
+        self.finished(level, coded.error, undivided.map(|cell| u64::from(cell.count)).sum());
+    }
+
+    fn note(&mut self, level: u8, error: u32, splats: u32) {
+        let level = &mut self.header.levels[usize::from(level)];
+        level.splats += u64::from(splats);
+        level.error = level.error.max(error);
+    }
+
+    fn finished(&mut self, level: u8, error: u32, splats: u64) {
+        if splats > 0 {
+            self.finest.0 += splats;
+            self.finest.1 = self.finest.1.max(f64::from(error) / 4096.0 * self.header.cell(level));
+        }
+    }
+
+    fn keep(&mut self, level: u8, error: u32, key: NodeKey, pieces: Vec<Piece<Splat>>) {
+        for (octant, piece) in Octant::all().zip(pieces) {
+            let undivided = piece.cells.iter().filter(|cell| !cell.divided);
+            self.finished(level, error, undivided.map(|cell| u64::from(cell.count)).sum());
+            if level < self.levels.deepest() && piece.is_divided() {
+                self.pieces.insert(key.child(octant), piece);
+            }
+        }
+    }
+}
+
+fn octants(cells: &Cells<Splat>) -> Vec<Piece<Splat>> {
+    (0..8).map(|octant| cells.octant(octant)).collect()
+}

@@ -1,0 +1,147 @@
+//! `splats` and `render --splats`, as their users run them.
+
+use crate::support::*;
+use std::path::PathBuf;
+
+/// A store of two boxes that overlap.
+fn boxes(dir: &Scratch) -> PathBuf {
+    let mut facets = cuboid([0.0; 3], [10.0, 8.0, 6.0]);
+    facets.extend(cuboid([6.0, 2.0, 3.0], [14.0, 6.0, 9.0]));
+    let input = dir.file("boxes.stl", binary_stl(24, &facets));
+    let store = dir.path("boxes.brf");
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"2"]).ok();
+    store
+}
+
+#[test]
+fn splats_are_written_for_other_programs() {
+    let dir = Scratch::new();
+    let store = boxes(&dir);
+    let out = dir.path("boxes.ply");
+    run(&[&"splats", &store, &"-o", &out]).ok();
+    let bytes = std::fs::read(&out).unwrap();
+    let end = bytes.windows(11).position(|text| text == b"end_header\n").unwrap() + 11;
+    let head = std::str::from_utf8(&bytes[..end]).unwrap();
+    let names: Vec<&str> = head.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
+    let expected = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    assert_eq!(names.join(" "), expected);
+    let count = head.lines().find_map(|line| line.strip_prefix("element vertex ")).unwrap();
+    let count: usize = count.parse().unwrap();
+    assert_eq!(bytes.len() - end, count * 56);
+    // All of them lie on a face of a box, and are thin across it.
+    let number = |splat: usize, n: usize| {
+        let at = end + splat * 56 + n * 4;
+        f64::from(f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()))
+    };
+    let faces = [[0.0, 10.0, 6.0, 14.0], [0.0, 8.0, 2.0, 6.0], [0.0, 6.0, 3.0, 9.0]];
+    for splat in 0..count {
+        let off = (0..3).flat_map(|axis| faces[axis].map(|face| (number(splat, axis) - face).abs()));
+        assert!(off.fold(f64::MAX, f64::min) < 0.02);
+        assert!(number(splat, 9) < number(splat, 7) - 2.0, "scales are logarithms");
+        let turn = (10..14).map(|n| number(splat, n).powi(2)).sum::<f64>();
+        assert!((turn - 1.0).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn files_of_splats_are_the_same_for_any_number_of_threads_and_draw_the_part() {
+    let dir = Scratch::new();
+    let store = boxes(&dir);
+    let made = |threads: &str| {
+        let out = dir.path(&format!("{threads}.bsp"));
+        run(&[&"splats", &store, &"-o", &out, &"--threads", &threads]).ok();
+        std::fs::read(out).unwrap()
+    };
+    assert!(made("1") == made("3"));
+    let [file, of_store] = ["file.png", "store.png"].map(|name| dir.path(name));
+    let bsp = dir.path("1.bsp");
+    let draw = ["--splats", "--size", "160x120", "--lod", "0"];
+    for (what, out) in [(&bsp, &file), (&store, &of_store)] {
+        let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"render", what, &"-o", out];
+        args.extend(draw.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
+        run(&args).ok();
+    }
+    // Rays through the store meet the part where splats are drawn.
+    let rays = dir.path("rays.png");
+    run(&[&"render", &store, &"-o", &rays, &"--size", &"160x120", &"--lod", &"0"]).ok();
+    let seen = |path: &PathBuf| {
+        let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        assert_eq!((info.width, info.height, info.color_type), (160, 120, png::ColorType::Rgb));
+        bytes.chunks_exact(3).map(|pixel| pixel != [255; 3]).collect::<Vec<bool>>()
+    };
+    let (rays, file, of_store) = (seen(&rays), seen(&file), seen(&of_store));
+    let apart = |a: &[bool], b: &[bool]| a.iter().zip(b).filter(|(a, b)| a != b).count();
+    assert!(rays.iter().filter(|seen| **seen).count() > 3000);
+    assert!(apart(&rays, &file) < 250 && apart(&file, &of_store) < 60, "{}", apart(&rays, &file));
+}
+
+#[test]
+fn a_page_has_all_that_it_needs() {
+    let dir = Scratch::new();
+    let store = boxes(&dir);
+    let (page, bsp) = (dir.path("boxes.html"), dir.path("boxes.bsp"));
+    run(&[&"splats", &store, &"-o", &page]).ok();
+    run(&[&"splats", &store, &"-o", &bsp]).ok();
+    let text = std::fs::read_to_string(&page).unwrap();
+    let bytes = std::fs::metadata(&bsp).unwrap().len() as usize;
+    assert!(text.len() < bytes * 4 / 3 + 150_000, "{} and {bytes}", text.len());
+    for asks in ["http:", "https:", "src=", "@import", "@DATA@", "@DECODER@"] {
+        assert!(!text.contains(asks), "{asks}");
+    }
+}
+
+#[test]
+fn wrong_usage_and_damage_are_told_in_a_line() {
+    let dir = Scratch::new();
+    let store = boxes(&dir);
+    assert!(
+        run(&[&"splats", &store, &"-o", &dir.path("a.xyz")])
+            .misused()
+            .contains("ends in one of .bsp, .ply, .html")
+    );
+    assert!(
+        run(&[&"splats", &store, &"-o", &dir.path("a.bsp"), &"--level", &"7"])
+            .failed()
+            .contains("there is no level 7")
+    );
+    assert!(
+        run(&[&"splats", &dir.file("a.stl", b"solid a\nendsolid a\n"), &"-o", &dir.path("a.bsp")])
+            .failed()
+            .contains("a.stl")
+    );
+    let bsp = dir.path("a.bsp");
+    run(&[&"splats", &store, &"-o", &bsp]).ok();
+    let told = run(&[&"sample", &bsp, &"--points", &"-"]).failed();
+    assert!(told.contains("is a file of splats") && told.contains("render"), "{told}");
+    let mut bytes = std::fs::read(&bsp).unwrap();
+    let last = bytes.len() - 5;
+    bytes[last] ^= 4;
+    let damaged = dir.file("damaged.bsp", bytes);
+    assert!(
+        run(&[&"render", &damaged, &"--splats", &"-o", &dir.path("a.png"), &"--lod", &"0"])
+            .failed()
+            .contains("a unit is damaged")
+    );
+    assert!(
+        run(&[&"render", &bsp, &"--splats", &"-o", &dir.path("a.apng")])
+            .misused()
+            .contains("must end in .png")
+    );
+    assert!(!dir.path("a.png").exists());
+}
+
+#[test]
+fn a_tolerance_makes_fewer_splats() {
+    let dir = Scratch::new();
+    let store = boxes(&dir);
+    let count = |more: &[&str]| {
+        let out = dir.path("a.bsp");
+        let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"splats", &store, &"-o", &out, &"--json"];
+        args.extend(more.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
+        run(&args).json()["finest"].as_u64().unwrap()
+    };
+    assert!(count(&["--error", "0.1"]) * 3 < count(&[]));
+}

@@ -1,0 +1,115 @@
+//! `brickfield splats`: the part as splats in a file.
+
+use super::{CACHE_BYTES, no_unit, of_store, open_store, require_level, start, unit_of};
+use crate::failure::Failure;
+use crate::output::{in_line, print, print_json, require_distinct};
+use crate::space::tell_left_behind;
+use crate::splat_args::SplatsArgs;
+use crate::units::Size;
+use brickfield_engine::Progress;
+use brickfield_engine::splats::{
+    BspSummary, Levels, LevelsOptions, bsp_bytes, write_bsp, write_page, write_ply,
+};
+use brickfield_engine::store::{Accept, Store};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Kinds of files.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Bsp,
+    Ply,
+    Page,
+}
+
+impl Kind {
+    fn of(path: &Path) -> Result<Kind, Failure> {
+        let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or("").to_ascii_lowercase();
+        match &*ending {
+            "bsp" => Ok(Kind::Bsp),
+            "ply" => Ok(Kind::Ply),
+            "html" => Ok(Kind::Page),
+            _ => Err(Failure::Usage(format!(
+                "{}: the name of a file of splats ends in one of .bsp, .ply, .html",
+                path.display()
+            ))),
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
+    let kind = Kind::of(&args.output)?;
+    let bars = start(args.work)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    require_distinct(&[&args.output], &[&args.store])?;
+    if let Some(level) = args.level {
+        require_level(&store, level)?;
+    }
+    tell_left_behind(&args.output, args.work.quiet);
+    let error = match args.error {
+        Some(error) => Some(error.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?),
+        None => None,
+    };
+    let options = LevelsOptions { error, level: args.level };
+    let levels = Levels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
+    let written = match kind {
+        Kind::Bsp => bsp(args, &store, &levels, &bars)?,
+        Kind::Ply => ply(args, &levels)?,
+        Kind::Page => page(args, &store, &levels, &bars)?,
+    };
+    bars.clear();
+    if args.json {
+        return print_json(&written.json);
+    }
+    if args.work.quiet { Ok(()) } else { print(&written.text) }
+}
+
+/// What is said of the file.
+struct Written {
+    text: String,
+    json: Value,
+}
+
+fn bsp(args: &SplatsArgs, store: &Store, levels: &Levels, bars: &dyn Progress) -> Result<Written, Failure> {
+    let meta = store.meta();
+    let summary = write_bsp(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], &args.output, bars)?;
+    Ok(said(args, store, &summary, summary.bytes))
+}
+
+fn page(args: &SplatsArgs, store: &Store, levels: &Levels, bars: &dyn Progress) -> Result<Written, Failure> {
+    let meta = store.meta();
+    let (bytes, summary) = bsp_bytes(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], bars)?;
+    let written = write_page(&bytes, &args.output)?;
+    Ok(said(args, store, &summary, written))
+}
+
+/// What was written, all levels of it.
+fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> Written {
+    let bits = summary.bytes as f64 * 8.0 / (summary.splats.max(1)) as f64;
+    let BspSummary { splats, finest, error, .. } = *summary;
+    // What is stated is never less than it is.
+    let shown = (error * 1000.0).ceil() / 1000.0;
+    let (name, unit) = (in_line(&args.output), unit_of(store.meta()));
+    let text = format!(
+        "{name}: {splats} splats in {}, {bits:.2} bits each; {finest} in the finest picture, at most {shown:.3} {unit} from \
+         the crossings that they stand for",
+        Size(bytes)
+    );
+    let json = json!({
+        "output": args.output.display().to_string(),
+        "splats": splats,
+        "finest": finest,
+        "error": error,
+        "bytes": bytes,
+        "splat_bytes": summary.bytes,
+        "unit": store.meta().unit,
+    });
+    Written { text, json }
+}
+
+fn ply(args: &SplatsArgs, levels: &Levels) -> Result<Written, Failure> {
+    let splats = write_ply(levels, args.level, &args.output)?;
+    let text = format!("{}: {splats} splats", in_line(&args.output));
+    Ok(Written { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) })
+}

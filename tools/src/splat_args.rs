@@ -1,0 +1,47 @@
+//! What the user types for splats.
+
+use crate::args::IoArg;
+use crate::units::Length;
+use crate::work::WorkArgs;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Write the part as splats: small clipped planes, of which any beginning of the file is a picture
+#[derive(Args)]
+#[command(after_help = "\
+The ending says the format.
+  .bsp          all levels, coarse ones first, in a few bits a splat; `render --splats` draws it
+  .html         a page with the same data in it: any browser turns and cuts the part, and asks for nothing else
+  .ply          the finest picture as flat Gaussians, for SuperSplat, PlayCanvas, Spark and others
+
+Each cell that the boundary passes has one to three splats: planes through the crossings of each face, which cut each other \
+at edges. With --error, cells are not divided where their splats are near enough to all crossings in them.
+
+Examples:
+  brickfield splats part.brf -o part.bsp
+  brickfield splats part.brf -o part.html
+  brickfield splats part.brf -o part.ply --error 0.05mm
+  brickfield splats part.brf -o coarse.ply --level 2")]
+pub struct SplatsArgs {
+    /// The store
+    #[arg(value_name = "PART.brf")]
+    pub store: PathBuf,
+    /// The file to write; its ending decides the kind: .bsp, .html or .ply
+    #[arg(long, short, value_name = "OUT")]
+    pub output: PathBuf,
+    /// How far splats may be from the crossings that they stand for, as in 0.05mm [default: as near as cells of the finest
+    /// level get]
+    #[arg(long, value_name = "LEN")]
+    pub error: Option<Length>,
+    /// Deepest level to use
+    #[arg(long, value_name = "L")]
+    pub level: Option<u8>,
+    /// How to read the store
+    #[arg(long, value_enum, default_value_t)]
+    pub io: IoArg,
+    /// Print what was written as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
