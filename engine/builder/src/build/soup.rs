@@ -1,23 +1,30 @@
-//! The field of a closed soup as sorting, jobs and subtrees see it.
+//! The field of a soup as sorting, jobs and subtrees see it.
+//!
+//! An open soup is a closed one, its caps among the triangles, less the sum over the caps. Where that counts for nothing,
+//! its bricks are those of the closed one.
 
-use super::field::{Evaluated, Field, Pieces};
+use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::fit::Tolerance;
+use super::open::{self, OpenSoup, OpenSoupEvaluator};
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
 use crate::brick::{Brick, Samples, Thin, ThinLines};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
-use crate::winding::{CornerGrid, Evaluation, Evaluator};
+use crate::store::Refine;
+use crate::winding::{CornerGrid, Evaluation, Evaluator, OpenBrick};
 
-/// The field of a closed soup of triangles.
+/// The field of a soup of triangles.
 #[derive(Default)]
 pub(super) struct Soup {
-    /// What evaluates bricks, if it is not the processor.
+    /// What evaluates bricks of a closed soup, if it is not the processor.
     pub device: Option<Vulkan>,
+    /// What is taken off the counts of an open one, whose caps are among the triangles.
+    pub open: Option<OpenSoup>,
 }
 
 impl Soup {
-    /// Evaluated on the processor.
-    pub const CPU: Soup = Soup { device: None };
+    /// A closed one, evaluated on the processor.
+    pub const CPU: Soup = Soup { device: None, open: None };
 }
 
 /// Evaluates bricks of soups, on the processor or a device.
@@ -26,10 +33,13 @@ pub(super) struct SoupEvaluator {
     cpu: Evaluator,
     leaves: LeafQueue,
     nodes: NodeQueue,
+    open: OpenSoupEvaluator,
 }
 
 /// What is known of a brick of a soup, evaluated by the processor or by a device.
 pub(super) enum SoupEvaluation<'a> {
+    /// Of an open soup, where the caps count.
+    Open(Box<OpenBrick>),
     /// By the processor.
     Here(Evaluation<'a>),
     /// By a device.
@@ -88,8 +98,26 @@ impl Field for Soup {
         corners.finish(corner)
     }
 
-    fn settled(&self, _: NodeKey, corner: i16, list: Pieces<'_, Triangle>) -> Option<i16> {
-        list.indices.is_empty().then_some(corner)
+    fn settled(&self, key: NodeKey, corner: i16, list: Pieces<'_, Triangle>) -> Option<i16> {
+        (list.indices.is_empty() && !self.is_restless(key)).then_some(corner)
+    }
+
+    fn is_restless(&self, key: NodeKey) -> bool {
+        self.open.as_ref().is_some_and(|open| !open.field.is_quiet(key))
+    }
+
+    fn may_be_restless(&self) -> bool {
+        self.open.is_some()
+    }
+
+    fn refined_unseen(
+        &self,
+        refine: Refine,
+        key: NodeKey,
+        corner: i16,
+        list: Pieces<'_, Triangle>,
+    ) -> Option<[i16; 8]> {
+        self.open.as_ref().and_then(|open| open::refined_unseen(open, refine, key, corner, list))
     }
 
     fn evaluate<'a>(
@@ -99,8 +127,16 @@ impl Field for Soup {
         corner: i16,
         list: Pieces<'a, Triangle>,
     ) -> Result<SoupEvaluation<'a>> {
-        let SoupEvaluator { cpu, nodes, .. } = evaluator;
+        let SoupEvaluator { cpu, nodes, open: of_open, .. } = evaluator;
         let node = Leaf { key, corner, array: list.array, indices: list.indices };
+        if let Some(open) = &self.open {
+            if self.is_restless(key) {
+                return Ok(SoupEvaluation::Open(Box::new(open.evaluate(of_open, &node)?)));
+            }
+            let found = node.evaluate(cpu)?;
+            open.field.require_room(key, &found.samples)?;
+            return Ok(SoupEvaluation::Here(found));
+        }
         let found = match &self.device {
             Some(device) => nodes.take_checked(device, cpu, &node)?,
             None => None,
@@ -125,13 +161,15 @@ impl Field for Soup {
     }
 
     fn foresee(&self, evaluator: &mut SoupEvaluator, nodes: &[Leaf<'_>]) {
-        if let Some(device) = &self.device {
+        if let Some(open) = &self.open {
+            open.foresee(&mut evaluator.open, nodes.iter().map(|node| node.key));
+        } else if let Some(device) = &self.device {
             evaluator.nodes.find(device, nodes);
         }
     }
 
     fn foresees(&self) -> bool {
-        self.device.is_some()
+        self.device.is_some() || self.open.as_ref().is_some_and(OpenSoup::has_device)
     }
 
     fn begin_leaves(&self, evaluator: &mut SoupEvaluator) -> bool {
@@ -178,6 +216,7 @@ impl DeviceEvaluation<'_> {
 impl Evaluated for SoupEvaluation<'_> {
     fn samples(&self) -> &Samples {
         match self {
+            SoupEvaluation::Open(brick) => &brick.samples,
             SoupEvaluation::Here(evaluation) => &evaluation.samples,
             SoupEvaluation::There(evaluation) => &evaluation.found.samples,
         }
@@ -185,13 +224,31 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn into_samples(self) -> Samples {
         match self {
+            SoupEvaluation::Open(brick) => brick.samples,
             SoupEvaluation::Here(evaluation) => evaluation.samples,
             SoupEvaluation::There(evaluation) => evaluation.found.samples,
         }
     }
 
+    fn corners(&self) -> [i16; 8] {
+        match self {
+            SoupEvaluation::Open(brick) => brick.corner_counts,
+            SoupEvaluation::Here(_) | SoupEvaluation::There(_) => self.samples().child_corners(),
+        }
+    }
+
+    fn fractions(&self) -> Option<Fractions> {
+        match self {
+            SoupEvaluation::Open(brick) => {
+                Some(Fractions { bits: brick.samples.1, straight: brick.is_straight() })
+            }
+            SoupEvaluation::Here(_) | SoupEvaluation::There(_) => None,
+        }
+    }
+
     fn has_hidden_crossings(&mut self) -> bool {
         match self {
+            SoupEvaluation::Open(brick) => brick.is_touched(),
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_crossings(),
             SoupEvaluation::There(evaluation) => evaluation.found.has_hidden_crossings(),
         }
@@ -199,6 +256,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn has_hidden_boundary(&mut self) -> bool {
         match self {
+            SoupEvaluation::Open(brick) => brick.may_hide_boundary(),
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_boundary(),
             SoupEvaluation::There(evaluation) => evaluation.has_hidden_boundary(),
         }
@@ -206,6 +264,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
         match self {
+            SoupEvaluation::Open(_) => Ok(Thin::default()),
             SoupEvaluation::Here(evaluation) => Ok(evaluation.thin(lines)),
             SoupEvaluation::There(evaluation) => evaluation.thin(lines),
         }
@@ -213,6 +272,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn into_leaf(self) -> Result<Brick> {
         match self {
+            SoupEvaluation::Open(brick) => Ok(brick.into_leaf()),
             SoupEvaluation::Here(evaluation) => evaluation.into_leaf(),
             SoupEvaluation::There(evaluation) => Ok(evaluation.found.into_leaf()),
         }

@@ -5,6 +5,7 @@ use super::super::scan::{Block, Facet};
 use super::angle::Cap;
 use super::blocks::{SumBlock, SumBlocks};
 use super::cells::{CellCache, Cells, Grain, Points};
+use super::quiet::{Marks, Quiet};
 use super::{ClusterTree, Element, OpenPart};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
@@ -24,25 +25,18 @@ const BITS_MIN: u8 = 8;
 #[derive(Debug)]
 pub struct OpenField {
     part: OpenPart,
+    /// The caps as [`by_vertex`] gives them, sorted.
+    caps: Vec<Triangle>,
     bits: u8,
     error: f64,
-}
-
-/// A triangle of S ∪ C.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OpenPiece {
-    /// Where it is.
-    pub triangle: Triangle,
-    /// Whether it is a cap.
-    pub cap: bool,
 }
 
 /// Working memory; one per thread.
 #[derive(Default)]
 pub struct OpenEvaluator {
     evaluator: Evaluator,
-    triangles: Vec<Triangle>,
-    indices: Vec<u32>,
+    /// Caps among the pieces of a brick.
+    caps: Vec<Triangle>,
     shares: Shares,
 }
 
@@ -115,15 +109,23 @@ pub(in crate::winding) fn fixed_point(
 ) -> Result<Samples> {
     let mut samples = Samples::fractions(bits);
     for (sample, w) in samples.0.iter_mut().zip(values) {
-        *sample = i16::try_from(rounded(w, bits)).map_err(|_| {
-            Error::setting(
-                format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
-                "use a larger --gwn-error",
-            )
-        })?;
+        *sample = i16::try_from(rounded(w, bits)).map_err(|_| too_large(key, w))?;
     }
     keep_root_faces_outside(key, &mut samples);
     Ok(samples)
+}
+
+fn too_large(key: NodeKey, w: f64) -> Error {
+    Error::setting(
+        format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
+        "use a larger --gwn-error",
+    )
+}
+
+/// The same triangle from its first vertex on, which is the least.
+fn by_vertex(t: &Triangle) -> Triangle {
+    let least = if t[0] <= t[1] && t[0] <= t[2] { 0 } else if t[1] <= t[2] { 1 } else { 2 };
+    [0, 1, 2].map(|i| t[(least + i) % 3])
 }
 
 /// A winding number in units of its last binary place.
@@ -142,7 +144,9 @@ impl OpenField {
     /// # Errors
     /// [`Error::Setting`] if samples of 16 bits cannot be that exact.
     pub fn new(part: OpenPart, error: f64) -> Result<OpenField> {
-        Ok(OpenField { part, bits: binary_places(error)?, error })
+        let mut caps: Vec<Triangle> = part.caps.iter().map(by_vertex).collect();
+        caps.sort_unstable();
+        Ok(OpenField { part, caps, bits: binary_places(error)?, error })
     }
 
     /// Binary places of all samples.
@@ -160,6 +164,32 @@ impl OpenField {
         if key.first_sample().contains(&0) { 0 } else { corner }
     }
 
+    /// Whether the sum over the caps counts for nothing at all samples of a brick, which are then the counts of S ∪ C: it
+    /// is at most a quantum, and half of the error.
+    pub fn is_quiet(&self, key: NodeKey) -> bool {
+        self.part.tree.elements().is_empty() || self.quiet().holds(key)
+    }
+
+    /// Where the sum over the caps is taken for 0.
+    fn quiet(&self) -> Quiet<'_, Cap> {
+        Quiet::new(&self.part.tree, f64::from(1u32 << self.bits).recip().min(0.5 * self.error))
+    }
+
+    /// Fails unless counts of a quiet brick fit 16 bits beside the binary places that others have.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if one does not.
+    pub fn require_room(&self, key: NodeKey, counts: &Samples) -> Result<()> {
+        let (low, high) = counts.range();
+        let fits = |w: i16| (w << self.bits) >> self.bits == w;
+        if fits(low) && fits(high) { Ok(()) } else { Err(too_large(key, f64::from(if fits(low) { high } else { low }))) }
+    }
+
+    /// Whether a triangle is a cap; a facet may lie on one.
+    pub fn is_cap(&self, t: &Triangle) -> bool {
+        self.caps.binary_search(&by_vertex(t)).is_ok()
+    }
+
     /// Evaluates the 33³ samples of `key` from all triangles of S ∪ C that touch it and their count at its corner. A
     /// sample's value depends on its position and on nothing else. Samples on the root's own faces count as outside the
     /// surface, so that a surface that goes on beyond the root ends there.
@@ -171,10 +201,10 @@ impl OpenField {
         scratch: &mut OpenEvaluator,
         key: NodeKey,
         corner: i16,
-        pieces: impl Iterator<Item = OpenPiece>,
+        list: Triangles<'_>,
     ) -> Result<OpenBrick> {
-        let (counts, facets) = scratch.count(key, corner, pieces)?;
-        scratch.shares.find(&self.part.tree, self.error, self.bits, key);
+        let (counts, facets) = self.count(scratch, key, corner, list)?;
+        self.find_shares(scratch, key);
         self.finish(key, counts, facets, &scratch.shares)
     }
 
@@ -187,13 +217,13 @@ impl OpenField {
         scratch: &mut OpenEvaluator,
         key: NodeKey,
         corner: i16,
-        pieces: impl Iterator<Item = OpenPiece>,
+        list: Triangles<'_>,
         shares: &RoundedShares,
     ) -> Result<OpenBrick> {
-        let (counts, facets) = scratch.count(key, corner, pieces)?;
-        let Some(samples) = shares.subtracted_from(&counts, key, self.bits) else {
+        let (counts, facets) = self.count(scratch, key, corner, list)?;
+        let Some(samples) = shares.subtracted_from(&counts, key, self.bits, &self.quiet().marks(key)) else {
             // Too much for 16 bits: the error tells how much.
-            scratch.shares.find(&self.part.tree, self.error, self.bits, key);
+            self.find_shares(scratch, key);
             return self.finish(key, counts, facets, &scratch.shares);
         };
         Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
@@ -221,38 +251,52 @@ impl OpenField {
         blocks.settle(&self.cells(), block, samples)
     }
 
+    /// Counts of S ∪ C at the samples of a brick, and the facets among its pieces: all but as many as there are caps of the
+    /// same vertices.
+    fn count(
+        &self,
+        scratch: &mut OpenEvaluator,
+        key: NodeKey,
+        corner: i16,
+        list: Triangles<'_>,
+    ) -> Result<(Samples, Vec<Triangle>)> {
+        let OpenEvaluator { evaluator, caps, .. } = scratch;
+        caps.clear();
+        let mut facets = Vec::new();
+        for &index in list.indices {
+            let t = list.array[index as usize];
+            if self.is_cap(&t) { caps.push(by_vertex(&t)) } else { facets.push(t) }
+        }
+        caps.sort_unstable();
+        for same in caps.chunk_by(|a, b| a == b) {
+            let first = self.caps.partition_point(|cap| *cap < same[0]);
+            let own = self.caps[first..].iter().take_while(|cap| **cap == same[0]).count();
+            facets.extend(same.iter().skip(own));
+        }
+        let counts = evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples;
+        Ok((counts, facets))
+    }
+
+    /// The sums over the caps at the samples of a brick, 0 where they count for nothing.
+    fn find_shares(&self, scratch: &mut OpenEvaluator, key: NodeKey) {
+        let shares = &mut scratch.shares;
+        match self.quiet().marks(key) {
+            Marks::All => shares.values.fill(0.0),
+            Marks::Some(quiet) => {
+                shares.find(&self.part.tree, self.error, self.bits, key);
+                shares.values.iter_mut().zip(quiet.iter()).filter(|(_, quiet)| **quiet).for_each(|(w, _)| *w = 0.0);
+            }
+        }
+    }
+
     fn cells(&self) -> Cells<'_, Cap> {
         cells_of(&self.part.tree, self.error, self.bits)
     }
 }
 
-impl OpenEvaluator {
-    /// Counts of S ∪ C at the samples of a brick, and the facets among its pieces.
-    fn count(
-        &mut self,
-        key: NodeKey,
-        corner: i16,
-        pieces: impl Iterator<Item = OpenPiece>,
-    ) -> Result<(Samples, Vec<Triangle>)> {
-        let OpenEvaluator { evaluator, triangles, indices, .. } = self;
-        triangles.clear();
-        let mut facets = Vec::new();
-        for piece in pieces {
-            triangles.push(piece.triangle);
-            if !piece.cap {
-                facets.push(piece.triangle);
-            }
-        }
-        indices.clear();
-        indices.extend(0..triangles.len() as u32);
-        let list = Triangles { array: triangles, indices };
-        Ok((evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples, facets))
-    }
-}
-
 impl RoundedShares {
-    /// The samples of a brick with these counts; `None` if one does not fit 16 bits.
-    fn subtracted_from(&self, counts: &Samples, key: NodeKey, bits: u8) -> Option<Samples> {
+    /// The samples of a brick with these counts, without shares where it is quiet; `None` if one does not fit 16 bits.
+    fn subtracted_from(&self, counts: &Samples, key: NodeKey, bits: u8, quiet: &Marks) -> Option<Samples> {
         let mut samples = Samples::fractions(bits);
         for ((sample, count), share) in samples.0.iter_mut().zip(counts.0.iter()).zip(self.negative.iter()) {
             *sample = (i32::from(*count) << bits).checked_add(*share)?.try_into().ok()?;
@@ -261,6 +305,11 @@ impl RoundedShares {
             let index = usize::from(index);
             let w = f64::from(counts.0[index]) - share;
             samples.0[index] = rounded(w, bits).try_into().ok()?;
+        }
+        for (index, sample) in samples.0.iter_mut().enumerate() {
+            if matches!(quiet, Marks::All) || matches!(quiet, Marks::Some(quiet) if quiet[index]) {
+                *sample = (i32::from(counts.0[index]) << bits).try_into().ok()?;
+            }
         }
         keep_root_faces_outside(key, &mut samples);
         Some(samples)
@@ -428,7 +477,7 @@ impl OpenBrick {
                 hermite.edges[axis.index()] = smooth.edges(axis, &signs, &crossings[axis.index()]);
             }
         }
-        Brick::from_samples(self.samples, hermite)
+        Brick::from_samples(self.samples.without_idle_places(), hermite)
     }
 
     /// All crossings of the facets with lattice edges along `axis`, edge by edge, in order.
