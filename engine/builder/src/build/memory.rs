@@ -54,7 +54,7 @@ pub fn build_cloud_in_memory(
 ) -> Result<MemoryTree> {
     require_no_tolerance(options.tolerance, POINTS)?;
     let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
-    let field = CloudBricks::new(surfels, root, error)?;
+    let field = CloudBricks::new(surfels, root, error, rules.depth)?;
     let pieces: Vec<_> = field.pieces().collect();
     tree_of(&field, cloud::gather(&field, &pieces), &rules, root)
 }
@@ -95,7 +95,7 @@ pub(super) fn build_any_in_memory(
     require_no_tolerance(options.tolerance, OPEN)?;
     let rules = Rules { evaluate_interior: !rules.refines_all_touched(), ..rules };
     let mut sorted = soup.sorted;
-    let open = OpenSoup::close(sources, root, error, (u64::MAX, None), &Silent)?;
+    let open = OpenSoup::close(sources, root, (error, rules.depth), (u64::MAX, None), &Silent)?;
     sorted.push(&Soup::CPU, &cubes, open.caps());
     tree_of(&Soup { device: None, open: Some(open) }, sorted, &rules, root)
 }

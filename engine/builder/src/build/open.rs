@@ -2,14 +2,15 @@
 
 use super::field::Pieces;
 use super::subtree::corner_at;
-use crate::backend::{DeviceShares, Leaf, ShareQueue, Vulkan};
+use crate::backend::{DeviceShares, ShareQueue, Vulkan};
+use crate::brick::Samples;
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::{NodeKey, RootCube, Triangle};
 use crate::progress::Progress;
 use crate::store::Refine;
 use crate::winding::{
-    CornerGrid, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenBrick, OpenEvaluator, OpenField, OpenPart, Triangles,
+    CornerGrid, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenEvaluator, OpenField, OpenPart, Triangles,
 };
 
 /// The sum over the caps of an open soup, and what evaluates it.
@@ -27,19 +28,19 @@ pub(super) struct OpenSoupEvaluator {
 }
 
 impl OpenSoup {
-    /// Closes the soup of all sources within `memory` bytes.
+    /// Closes the soup of all sources within `memory` bytes, for a tree of this depth.
     ///
     /// # Errors
     /// If its caps take more, or 16 bits are not enough for samples that are off by at most `error`.
     pub fn close(
         sources: &[&dyn Facets],
         root: RootCube,
-        error: f64,
+        (error, depth): (f64, u8),
         (memory, device): (u64, Option<&Vulkan>),
         progress: &dyn Progress,
     ) -> Result<OpenSoup> {
         let part = OpenPart::within(memory, sources, root, progress)?;
-        let field = OpenField::new(part, error)?;
+        let field = OpenField::new(part, error, depth)?;
         let need = OpenSoup::bytes_of(&field);
         if need > memory {
             let mib = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -70,23 +71,35 @@ impl OpenSoup {
         &self.field.part().caps
     }
 
+    /// By how much samples may be off.
+    pub fn error(&self) -> f64 {
+        self.field.error()
+    }
+
+    /// Whether some triangles are not caps alone.
+    pub fn has_facet(&self, list: Triangles<'_>) -> bool {
+        list.indices.iter().any(|&i| !self.field.is_cap(&list.array[i as usize]))
+    }
+
     /// Whether a device helps.
     pub fn has_device(&self) -> bool {
         self.device.is_some()
     }
 
-    /// A brick in which the caps count.
-    pub fn evaluate(&self, evaluator: &mut OpenSoupEvaluator, node: &Leaf<'_>) -> Result<OpenBrick> {
-        let Leaf { key, corner, .. } = *node;
-        let list = || Triangles { array: node.array, indices: node.indices };
+    /// The samples of a brick in which the caps count, from counts with the caps.
+    pub fn samples(
+        &self,
+        evaluator: &mut OpenSoupEvaluator,
+        key: NodeKey,
+        counts: &Samples,
+    ) -> Result<Samples> {
         let OpenSoupEvaluator { cpu, queue } = evaluator;
         let found =
             self.device.as_ref().and_then(|device| Some((device, queue.take(device, &self.field, key)?)));
-        let Some((device, shares)) = found else { return self.field.evaluate(cpu, key, corner, list()) };
-        let brick = self.field.evaluate_with(cpu, key, corner, list(), &shares)?;
-        let here = || Ok(self.field.evaluate(cpu, key, corner, list())?.samples);
-        device.check(key, &brick.samples, here)?;
-        Ok(brick)
+        let Some((device, shares)) = found else { return self.field.samples(cpu, key, counts) };
+        let samples = self.field.samples_with(cpu, key, counts, &shares)?;
+        device.check(key, &samples, || self.field.samples(cpu, key, counts))?;
+        Ok(samples)
     }
 
     /// Tells which nodes are evaluated next.

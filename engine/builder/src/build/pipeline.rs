@@ -218,7 +218,13 @@ fn build_soup(
         }
         let mut sorted = soup.sorted;
         let memory = task.room.memory() / 2;
-        let open = OpenSoup::close(&soups, root, options.gwn_error, (memory, device.as_ref()), progress)?;
+        let open = OpenSoup::close(
+            &soups,
+            root,
+            (options.gwn_error, task.rules.depth),
+            (memory, device.as_ref()),
+            progress,
+        )?;
         opened.iter().try_for_each(Input::check)?;
         task.room.take(open.bytes());
         let summary = open.field.part().summary;

@@ -7,11 +7,11 @@ use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::fit::Tolerance;
 use super::open::{self, OpenSoup, OpenSoupEvaluator};
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
-use crate::brick::{Brick, Samples, Thin, ThinLines};
+use crate::brick::{Brick, Hermite, Samples, Thin, ThinLines};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
 use crate::store::Refine;
-use crate::winding::{CornerGrid, Evaluation, Evaluator, OpenBrick};
+use crate::winding::{CornerGrid, Evaluation, Evaluator, OpenBrick, OpenField, Triangles};
 
 /// The field of a soup of triangles.
 #[derive(Default)]
@@ -39,11 +39,19 @@ pub(super) struct SoupEvaluator {
 /// What is known of a brick of a soup, evaluated by the processor or by a device.
 pub(super) enum SoupEvaluation<'a> {
     /// Of an open soup, where the caps count.
-    Open(Box<OpenBrick>),
+    Open(Box<OpenEvaluation<'a>>),
     /// By the processor.
     Here(Evaluation<'a>),
     /// By a device.
     There(DeviceEvaluation<'a>),
+}
+
+/// A brick of an open soup in which the caps count.
+pub(super) struct OpenEvaluation<'a> {
+    brick: OpenBrick,
+    /// The counts with the caps, if the caps move no passage of 0.5: then these have the brick's Hermite edges.
+    counts: Option<Evaluation<'a>>,
+    is_touched: bool,
 }
 
 /// What a device found, and from what.
@@ -130,12 +138,7 @@ impl Field for Soup {
         let SoupEvaluator { cpu, nodes, open: of_open, .. } = evaluator;
         let node = Leaf { key, corner, array: list.array, indices: list.indices };
         if let Some(open) = &self.open {
-            if self.is_restless(key) {
-                return Ok(SoupEvaluation::Open(Box::new(open.evaluate(of_open, &node)?)));
-            }
-            let found = node.evaluate(cpu)?;
-            open.field.require_room(key, &found.samples)?;
-            return Ok(SoupEvaluation::Here(found));
+            return evaluate_open(open, of_open, cpu, node);
         }
         let found = match &self.device {
             Some(device) => nodes.take_checked(device, cpu, &node)?,
@@ -193,6 +196,48 @@ impl Field for Soup {
     }
 }
 
+/// Evaluates a brick of an open soup on the processor, with sums over the caps from a device if it has them.
+fn evaluate_open<'a>(
+    open: &'a OpenSoup,
+    evaluator: &mut OpenSoupEvaluator,
+    cpu: &'a mut Evaluator,
+    node: Leaf<'a>,
+) -> Result<SoupEvaluation<'a>> {
+    let counts = Leaf { corner: OpenField::corner_count(node.key, node.corner), ..node }.evaluate(cpu)?;
+    if open.field.is_quiet(node.key) {
+        open.field.require_room(node.key, &counts.samples)?;
+        return Ok(SoupEvaluation::Here(counts));
+    }
+    let list = Triangles { array: node.array, indices: node.indices };
+    let samples = open.samples(evaluator, node.key, &counts.samples)?;
+    let is_tame = open.field.is_tame(&counts.samples, &samples, list);
+    let brick = match is_tame {
+        true => OpenBrick::smooth(samples, node.key, open.error()),
+        false => open.field.brick(node.key, &counts.samples, samples, list),
+    };
+    let open = OpenEvaluation { brick, counts: is_tame.then_some(counts), is_touched: open.has_facet(list) };
+    Ok(SoupEvaluation::Open(Box::new(open)))
+}
+
+impl OpenEvaluation<'_> {
+    fn has_hidden_boundary(&self) -> bool {
+        self.counts.as_ref().map_or_else(|| self.brick.may_hide_boundary(), Evaluation::has_hidden_boundary)
+    }
+
+    fn corners(&self) -> [i16; 8] {
+        self.counts.as_ref().map_or(self.brick.corner_counts, |counts| counts.samples.child_corners())
+    }
+
+    fn into_leaf(self) -> Result<Brick> {
+        let Some(counts) = self.counts else { return Ok(self.brick.into_leaf()) };
+        let hermite = match counts.into_leaf()? {
+            Brick::Uniform(_) => Hermite::default(),
+            Brick::Counts { hermite, .. } => hermite,
+        };
+        Ok(self.brick.into_leaf_with(hermite))
+    }
+}
+
 impl DeviceEvaluation<'_> {
     /// Where no edge holds crossings of either way, the running count along it passes 0.5 once at most. Where one does,
     /// their order tells, which the processor finds.
@@ -216,7 +261,7 @@ impl DeviceEvaluation<'_> {
 impl Evaluated for SoupEvaluation<'_> {
     fn samples(&self) -> &Samples {
         match self {
-            SoupEvaluation::Open(brick) => &brick.samples,
+            SoupEvaluation::Open(open) => &open.brick.samples,
             SoupEvaluation::Here(evaluation) => &evaluation.samples,
             SoupEvaluation::There(evaluation) => &evaluation.found.samples,
         }
@@ -224,7 +269,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn into_samples(self) -> Samples {
         match self {
-            SoupEvaluation::Open(brick) => brick.samples,
+            SoupEvaluation::Open(open) => open.brick.samples,
             SoupEvaluation::Here(evaluation) => evaluation.samples,
             SoupEvaluation::There(evaluation) => evaluation.found.samples,
         }
@@ -232,15 +277,15 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn corners(&self) -> [i16; 8] {
         match self {
-            SoupEvaluation::Open(brick) => brick.corner_counts,
+            SoupEvaluation::Open(open) => open.corners(),
             SoupEvaluation::Here(_) | SoupEvaluation::There(_) => self.samples().child_corners(),
         }
     }
 
     fn fractions(&self) -> Option<Fractions> {
         match self {
-            SoupEvaluation::Open(brick) => {
-                Some(Fractions { bits: brick.samples.1, straight: brick.is_straight() })
+            SoupEvaluation::Open(open) => {
+                Some(Fractions { bits: open.brick.samples.1, straight: open.brick.is_straight() })
             }
             SoupEvaluation::Here(_) | SoupEvaluation::There(_) => None,
         }
@@ -248,7 +293,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn has_hidden_crossings(&mut self) -> bool {
         match self {
-            SoupEvaluation::Open(brick) => brick.is_touched(),
+            SoupEvaluation::Open(open) => open.is_touched,
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_crossings(),
             SoupEvaluation::There(evaluation) => evaluation.found.has_hidden_crossings(),
         }
@@ -256,7 +301,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn has_hidden_boundary(&mut self) -> bool {
         match self {
-            SoupEvaluation::Open(brick) => brick.may_hide_boundary(),
+            SoupEvaluation::Open(open) => open.has_hidden_boundary(),
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_boundary(),
             SoupEvaluation::There(evaluation) => evaluation.has_hidden_boundary(),
         }
@@ -272,7 +317,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn into_leaf(self) -> Result<Brick> {
         match self {
-            SoupEvaluation::Open(brick) => Ok(brick.into_leaf()),
+            SoupEvaluation::Open(open) => open.into_leaf(),
             SoupEvaluation::Here(evaluation) => evaluation.into_leaf(),
             SoupEvaluation::There(evaluation) => Ok(evaluation.found.into_leaf()),
         }

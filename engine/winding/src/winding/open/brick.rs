@@ -1,16 +1,17 @@
 //! Bricks of open soups: fixed-point samples, and the Hermite edges of a field that is smooth between jumps.
 
-use super::super::evaluate::{Evaluator, Triangles};
+use super::super::evaluate::Triangles;
 use super::super::scan::{Block, Facet};
 use super::angle::Cap;
 use super::blocks::{SumBlock, SumBlocks};
 use super::cells::{CellCache, Cells, Grain, Points};
-use super::quiet::{Marks, Quiet};
+use super::regions::{Range3, Region, Regions};
 use super::{ClusterTree, Element, OpenPart};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal, spacing_bits};
 use crate::wide::{dispatch, level};
+use std::ops::Range;
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -29,14 +30,18 @@ pub struct OpenField {
     caps: Vec<Triangle>,
     bits: u8,
     error: f64,
+    /// log₂ of the edge of the least cells in which sums are given together.
+    least: u32,
+}
+
+/// log₂ of the least cells among whose parts there are bricks of this depth: 8 of their samples along an edge.
+pub(in crate::winding) fn least_bits(depth: u8) -> u32 {
+    (spacing_bits(depth) + BLOCK_BITS).max(1)
 }
 
 /// Working memory; one per thread.
 #[derive(Default)]
 pub struct OpenEvaluator {
-    evaluator: Evaluator,
-    /// Caps among the pieces of a brick.
-    caps: Vec<Triangle>,
     shares: Shares,
 }
 
@@ -45,12 +50,15 @@ pub(in crate::winding) struct Shares {
     cells: CellCache,
     points: Points,
     values: Box<[f64; POINTS]>,
+    /// Where a brick's samples are neither in a quiet nor in a smooth cell.
+    rough: Box<[bool; POINTS]>,
 }
 
 impl Default for Shares {
     fn default() -> Self {
         let values = vec![0.0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Shares { cells: CellCache::default(), points: Points::default(), values }
+        let rough = vec![false; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
+        Shares { cells: CellCache::default(), points: Points::default(), values, rough }
     }
 }
 
@@ -139,14 +147,20 @@ fn keep_root_faces_outside(key: NodeKey, samples: &mut Samples) {
 }
 
 impl OpenField {
-    /// With samples that are off by at most `error`.
+    /// With samples that are off by at most `error`, for a tree whose deepest bricks are of a level.
     ///
     /// # Errors
     /// [`Error::Setting`] if samples of 16 bits cannot be that exact.
-    pub fn new(part: OpenPart, error: f64) -> Result<OpenField> {
+    pub fn new(part: OpenPart, error: f64, depth: u8) -> Result<OpenField> {
         let mut caps: Vec<Triangle> = part.caps.iter().map(by_vertex).collect();
         caps.sort_unstable();
-        Ok(OpenField { part, caps, bits: binary_places(error)?, error })
+        let (bits, least) = (binary_places(error)?, least_bits(depth));
+        Ok(OpenField { part, caps, bits, error, least })
+    }
+
+    /// By how much samples may be off.
+    pub fn error(&self) -> f64 {
+        self.error
     }
 
     /// Binary places of all samples.
@@ -167,12 +181,11 @@ impl OpenField {
     /// Whether the sum over the caps counts for nothing at all samples of a brick, which are then the counts of S ∪ C: it
     /// is at most a quantum, and half of the error.
     pub fn is_quiet(&self, key: NodeKey) -> bool {
-        self.part.tree.elements().is_empty() || self.quiet().holds(key)
+        self.part.tree.elements().is_empty() || self.regions().are_quiet(key)
     }
 
-    /// Where the sum over the caps is taken for 0.
-    fn quiet(&self) -> Quiet<'_, Cap> {
-        Quiet::new(&self.part.tree, f64::from(1u32 << self.bits).recip().min(0.5 * self.error))
+    fn regions(&self) -> Regions<'_, Cap> {
+        regions_of(&self.part.tree, self.error, self.bits, self.least)
     }
 
     /// Fails unless counts of a quiet brick fit 16 bits beside the binary places that others have.
@@ -190,55 +203,51 @@ impl OpenField {
         self.caps.binary_search(&by_vertex(t)).is_ok()
     }
 
-    /// Evaluates the 33³ samples of `key` from all triangles of S ∪ C that touch it and their count at its corner. A
-    /// sample's value depends on its position and on nothing else. Samples on the root's own faces count as outside the
-    /// surface, so that a surface that goes on beyond the root ends there.
+    /// The samples of a brick with these counts of S ∪ C. A sample's value depends on its position and on nothing else.
+    /// Samples on the root's own faces count as outside the surface, so that a surface that goes on beyond the root ends
+    /// there.
     ///
     /// # Errors
     /// [`Error::Setting`] if a winding number does not fit 16 bits.
-    pub fn evaluate(
-        &self,
-        scratch: &mut OpenEvaluator,
-        key: NodeKey,
-        corner: i16,
-        list: Triangles<'_>,
-    ) -> Result<OpenBrick> {
-        let (counts, facets) = self.count(scratch, key, corner, list)?;
-        self.find_shares(scratch, key);
-        self.finish(key, counts, facets, &scratch.shares)
-    }
-
-    /// As [`OpenField::evaluate`], where the sums over the caps are known already.
-    ///
-    /// # Errors
-    /// [`Error::Setting`] if a winding number does not fit 16 bits.
-    pub fn evaluate_with(
-        &self,
-        scratch: &mut OpenEvaluator,
-        key: NodeKey,
-        corner: i16,
-        list: Triangles<'_>,
-        shares: &RoundedShares,
-    ) -> Result<OpenBrick> {
-        let (counts, facets) = self.count(scratch, key, corner, list)?;
-        let Some(samples) = shares.subtracted_from(&counts, key, self.bits, &self.quiet().marks(key)) else {
-            // Too much for 16 bits: the error tells how much.
-            self.find_shares(scratch, key);
-            return self.finish(key, counts, facets, &scratch.shares);
-        };
-        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
-    }
-
-    fn finish(
-        &self,
-        key: NodeKey,
-        counts: Samples,
-        facets: Vec<Triangle>,
-        shares: &Shares,
-    ) -> Result<OpenBrick> {
+    pub fn samples(&self, scratch: &mut OpenEvaluator, key: NodeKey, counts: &Samples) -> Result<Samples> {
+        let shares = &mut scratch.shares;
+        shares.find(&self.part.tree, (self.error, self.bits, self.least), key);
         let values = counts.0.iter().zip(shares.values.iter());
-        let samples = fixed_point(key, self.bits, values.map(|(count, share)| f64::from(*count) - share))?;
-        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
+        fixed_point(key, self.bits, values.map(|(count, share)| f64::from(*count) - share))
+    }
+
+    /// As [`OpenField::samples`], where the sums over the caps are known already.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if a winding number does not fit 16 bits.
+    pub fn samples_with(
+        &self,
+        scratch: &mut OpenEvaluator,
+        key: NodeKey,
+        counts: &Samples,
+        shares: &RoundedShares,
+    ) -> Result<Samples> {
+        scratch.shares.find_easy(&self.regions(), key);
+        match shares.subtracted_from(counts, key, self.bits, &scratch.shares) {
+            Some(samples) => Ok(samples),
+            // Too much for 16 bits: the error tells how much.
+            None => self.samples(scratch, key, counts),
+        }
+    }
+
+    /// A brick of these counts and samples, which these triangles of S ∪ C touch.
+    pub fn brick(&self, key: NodeKey, counts: &Samples, samples: Samples, list: Triangles<'_>) -> OpenBrick {
+        let facets = self.facets(list);
+        OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error }
+    }
+
+    /// Whether the sum over the caps, at most a quarter at all samples of a brick that no cap touches, moves no passage of
+    /// 0.5: that is where the count passes it.
+    pub fn is_tame(&self, counts: &Samples, samples: &Samples, list: Triangles<'_>) -> bool {
+        let most = 1i32 << self.bits >> 2;
+        let is_near = |(count, w): (&i16, &i16)| ((i32::from(*count) << self.bits) - i32::from(*w)).abs() <= most;
+        counts.0.iter().zip(samples.0.iter()).all(is_near)
+            && list.indices.iter().all(|&i| !self.is_cap(&list.array[i as usize]))
     }
 
     /// The sums over the caps at all samples of a brick, to be computed elsewhere, added to `blocks`.
@@ -251,18 +260,9 @@ impl OpenField {
         blocks.settle(&self.cells(), block, samples)
     }
 
-    /// Counts of S ∪ C at the samples of a brick, and the facets among its pieces: all but as many as there are caps of the
-    /// same vertices.
-    fn count(
-        &self,
-        scratch: &mut OpenEvaluator,
-        key: NodeKey,
-        corner: i16,
-        list: Triangles<'_>,
-    ) -> Result<(Samples, Vec<Triangle>)> {
-        let OpenEvaluator { evaluator, caps, .. } = scratch;
-        caps.clear();
-        let mut facets = Vec::new();
+    /// The facets among the pieces of a brick: all but as many as there are caps of the same vertices.
+    fn facets(&self, list: Triangles<'_>) -> Vec<Triangle> {
+        let (mut caps, mut facets) = (Vec::new(), Vec::new());
         for &index in list.indices {
             let t = list.array[index as usize];
             if self.is_cap(&t) { caps.push(by_vertex(&t)) } else { facets.push(t) }
@@ -273,20 +273,7 @@ impl OpenField {
             let own = self.caps[first..].iter().take_while(|cap| **cap == same[0]).count();
             facets.extend(same.iter().skip(own));
         }
-        let counts = evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples;
-        Ok((counts, facets))
-    }
-
-    /// The sums over the caps at the samples of a brick, 0 where they count for nothing.
-    fn find_shares(&self, scratch: &mut OpenEvaluator, key: NodeKey) {
-        let shares = &mut scratch.shares;
-        match self.quiet().marks(key) {
-            Marks::All => shares.values.fill(0.0),
-            Marks::Some(quiet) => {
-                shares.find(&self.part.tree, self.error, self.bits, key);
-                shares.values.iter_mut().zip(quiet.iter()).filter(|(_, quiet)| **quiet).for_each(|(w, _)| *w = 0.0);
-            }
-        }
+        facets
     }
 
     fn cells(&self) -> Cells<'_, Cap> {
@@ -295,8 +282,9 @@ impl OpenField {
 }
 
 impl RoundedShares {
-    /// The samples of a brick with these counts, without shares where it is quiet; `None` if one does not fit 16 bits.
-    fn subtracted_from(&self, counts: &Samples, key: NodeKey, bits: u8, quiet: &Marks) -> Option<Samples> {
+    /// The samples of a brick with these counts, and with the shares of `easy` where these are known; `None` if one does
+    /// not fit 16 bits.
+    fn subtracted_from(&self, counts: &Samples, key: NodeKey, bits: u8, easy: &Shares) -> Option<Samples> {
         let mut samples = Samples::fractions(bits);
         for ((sample, count), share) in samples.0.iter_mut().zip(counts.0.iter()).zip(self.negative.iter()) {
             *sample = (i32::from(*count) << bits).checked_add(*share)?.try_into().ok()?;
@@ -306,10 +294,9 @@ impl RoundedShares {
             let w = f64::from(counts.0[index]) - share;
             samples.0[index] = rounded(w, bits).try_into().ok()?;
         }
-        for (index, sample) in samples.0.iter_mut().enumerate() {
-            if matches!(quiet, Marks::All) || matches!(quiet, Marks::Some(quiet) if quiet[index]) {
-                *sample = (i32::from(counts.0[index]) << bits).try_into().ok()?;
-            }
+        for index in (0..POINTS).filter(|index| !easy.rough[*index]) {
+            let w = f64::from(counts.0[index]) - easy.values[index];
+            samples.0[index] = rounded(w, bits).try_into().ok()?;
         }
         keep_root_faces_outside(key, &mut samples);
         Some(samples)
@@ -322,33 +309,87 @@ fn cells_of<E: Element>(tree: &ClusterTree<E>, error: f64, bits: u8) -> Cells<'_
     Cells::new(tree, error - 0.5 / f64::from(1u32 << bits))
 }
 
+/// Where these sums are easy: next to nothing is a quantum, and half of the error.
+fn regions_of<E: Element>(tree: &ClusterTree<E>, error: f64, bits: u8, least: u32) -> Regions<'_, E> {
+    Regions::new(cells_of(tree, error, bits), f64::from(1u32 << bits).recip().min(0.5 * error), least)
+}
+
 impl Shares {
     /// The sums found last, by sample.
     pub fn values(&self) -> &[f64; POINTS] {
         &self.values
     }
 
-    /// The sum over a tree's elements at all samples of a brick, so exact that it is off by at most `error` when rounded
+    /// The sum over a tree's elements at all samples of a brick, by regions whose least cells have an edge of 2^least, so exact that it is off by at most `error` when rounded
     /// to `bits` binary places.
     ///
-    /// A sample belongs to the coarsest level whose lattice holds it, and there to a block of 8³ samples of
-    /// that level's lattice, which is a cell of the octree over the elements. The cell answers it, whatever brick asks:
+    /// A sample in a rough cell belongs to the coarsest level whose lattice holds it, and there to a block of 8³ samples
+    /// of that level's lattice, which is a cell of the octree over the elements. The cell answers it, whatever brick asks:
     /// a brick's own, a neighbour for its apron, a parent or a child.
-    pub fn find<E: Element>(&mut self, tree: &ClusterTree<E>, error: f64, bits: u8, key: NodeKey) {
-        let Shares { cells, points, values } = self;
+    pub fn find<E: Element>(
+        &mut self,
+        tree: &ClusterTree<E>,
+        (error, bits, least): (f64, u8, u32),
+        key: NodeKey,
+    ) {
         if tree.elements().is_empty() {
-            values.fill(0.0);
+            self.values.fill(0.0);
             return;
         }
+        if !self.find_easy(&regions_of(tree, error, bits, least), key) {
+            return;
+        }
+        let Shares { cells, points, values, rough } = self;
         let tree = cells_of(tree, error, bits);
         for_blocks(key, |spacing, samples| {
+            let wanted = || samples.iter().filter(|(_, index)| rough[usize::from(*index)]);
             points.positions.clear();
-            points.positions.extend(samples.iter().map(|(position, _)| *position));
+            points.positions.extend(wanted().map(|(position, _)| *position));
             tree.answer(cells, spacing + BLOCK_BITS, Grain::Lattice(spacing), points);
-            for ((_, index), value) in samples.iter().zip(&points.values) {
+            for ((_, index), value) in wanted().zip(&points.values) {
                 values[usize::from(*index)] = *value;
             }
         });
+    }
+
+    /// The same where a brick's samples lie in quiet and in smooth cells; whether there are others.
+    fn find_easy<E: Element>(&mut self, regions: &Regions<'_, E>, key: NodeKey) -> bool {
+        let mut any_rough = false;
+        self.rough.fill(false);
+        regions.visit(key, &mut |part, region| {
+            match region {
+                Region::Quiet => for_rows(part, |row, _, _| self.values[row].fill(0.0)),
+                Region::Smooth(center, local) => {
+                    let (base, bits) = (key.base(), key.spacing_bits());
+                    let from_center = |axis: usize, i: usize| {
+                        f64::from(base[axis] + ((i as i32) << bits) + 1) - center[axis]
+                    };
+                    for_rows(part, |row, j, k| {
+                        let line = local.along_x(from_center(1, j), from_center(2, k));
+                        for (value, i) in self.values[row].iter_mut().zip(part[0][0]..) {
+                            let x = from_center(0, i);
+                            *value = line.iter().rev().fold(0.0, |sum, c| sum * x + c);
+                        }
+                    });
+                }
+                Region::Rough => {
+                    any_rough = true;
+                    for_rows(part, |row, _, _| self.rough[row].fill(true));
+                }
+            }
+            true
+        });
+        any_rough
+    }
+}
+
+/// Calls `row` with the rows of a box of a brick's samples, and their numbers along y and z.
+fn for_rows([from, to]: Range3, mut row: impl FnMut(Range<usize>, usize, usize)) {
+    for k in from[2]..=to[2] {
+        for j in from[1]..=to[1] {
+            let first = (k * P + j) * P;
+            row(first + from[0]..first + to[0] + 1, j, k);
+        }
     }
 }
 
@@ -430,8 +471,8 @@ fn for_root_face(key: NodeKey, mut sample: impl FnMut(usize)) {
 }
 
 impl OpenBrick {
-    /// Of a field without facets.
-    pub(in crate::winding) fn smooth(samples: Samples, key: NodeKey, error: f64) -> OpenBrick {
+    /// Of a field without facets, or whose Hermite edges are known from elsewhere.
+    pub fn smooth(samples: Samples, key: NodeKey, error: f64) -> OpenBrick {
         OpenBrick { samples, corner_counts: [0; 8], key, facets: Vec::new(), error }
     }
 
@@ -464,6 +505,11 @@ impl OpenBrick {
                 edge.len() > 1 || !changes
             })
         })
+    }
+
+    /// The leaf's brick with these Hermite edges.
+    pub fn into_leaf_with(self, hermite: Hermite) -> Brick {
+        Brick::from_samples(self.samples.without_idle_places(), hermite)
     }
 
     /// The leaf's brick with its Hermite edges.
@@ -563,11 +609,17 @@ impl<'a> Smooth<'a> {
     }
 
     /// The first point of a lattice edge where the field passes 0.5: a facet where it jumps across, or the root
-    /// of the part between, which is taken to be linear.
+    /// of the part between. Without a facet on the edge that part is taken for the cubic with the samples' slopes, else to
+    /// be linear.
     fn settle(&self, axis: Axis, lower: usize, crossings: &[Crossing]) -> HermiteEdge {
         let bits = self.samples.1;
         let half = f64::from(1u32 << bits) * 0.5;
         let start = f64::from(self.samples.0[lower]);
+        if crossings.is_empty() {
+            let end = f64::from(self.samples.0[lower + stride(axis)]);
+            let slopes = [lower, lower + stride(axis)].map(|index| 0.5 * self.slope(axis, index) as f64);
+            return self.root(axis, lower, cubic_root([start - half, end - half], slopes));
+        }
         let inside = start >= half;
         let step = f64::from(self.step(axis, lower));
         let mut jumped = 0.0;
@@ -599,6 +651,27 @@ impl<'a> Smooth<'a> {
         }
         HermiteEdge { offset, normal: OctNormal::from_integer(normal) }
     }
+}
+
+/// Where in 0..1 the cubic with these values at both ends, of which one is negative, and these slopes is 0.
+fn cubic_root([start, end]: [f64; 2], [from, to]: [f64; 2]) -> f64 {
+    // As a Bernstein polynomial, which de Casteljau's rule halves: its sign at the middle tells in which half it passes 0.
+    let mut c = [start, start + from / 3.0, end - to / 3.0, end];
+    let (mut low, mut size) = (0.0, 1.0);
+    for _ in 0..24 {
+        let middle = |a: f64, b: f64| 0.5 * (a + b);
+        let [ab, bc, cd] = [middle(c[0], c[1]), middle(c[1], c[2]), middle(c[2], c[3])];
+        let (abc, bcd) = (middle(ab, bc), middle(bc, cd));
+        let all = middle(abc, bcd);
+        size *= 0.5;
+        if (all < 0.0) == (c[0] < 0.0) {
+            low += size;
+            c = [all, bcd, cd, c[3]];
+        } else {
+            c = [c[0], ab, abc, all];
+        }
+    }
+    low
 }
 
 fn stride(axis: Axis) -> usize {

@@ -161,6 +161,19 @@ impl Local {
         to
     }
 
+    /// The polynomial on a line along x: coefficients by power.
+    pub fn along_x(&self, y: f64, z: f64) -> [f64; C] {
+        let mut line = [0.0; C];
+        for k in (0..C).rev() {
+            let mut plane = [0.0; C];
+            for j in (0..C - k).rev() {
+                (0..C).for_each(|i| plane[i] = plane[i] * y + self.0[k][j][i]);
+            }
+            (0..C).for_each(|i| line[i] = line[i] * z + plane[i]);
+        }
+        line
+    }
+
     /// The values at some points, given by their ways from the centre.
     #[inline(always)]
     pub fn at(&self, x: &[f64; GROUP], y: &[f64; GROUP], z: &[f64; GROUP]) -> [f64; GROUP] {

@@ -21,14 +21,14 @@ mod local;
 mod loops;
 mod moments;
 mod points;
-mod quiet;
+mod regions;
 mod tree;
 mod wide;
 
 pub use blocks::{BlockSample, ClusterParts, SumBlock, SumBlocks};
 pub use boundary::{Boundary, OpenEdge};
 pub use brick::{OpenBrick, OpenEvaluator, OpenField, RoundedShares};
-pub(super) use brick::{Shares, binary_places, fixed_point};
+pub(super) use brick::{Shares, binary_places, fixed_point, least_bits};
 pub use cells::FAR_FIELD_BYTES;
 pub use local::GROUP;
 pub use moments::{Element, Moments, Reach};
