@@ -217,7 +217,8 @@ fn build_soup(
             task.rules.evaluate_interior = true;
         }
         let mut sorted = soup.sorted;
-        let memory = task.room.memory() / 2;
+        // The sorted facets take the rest.
+        let memory = task.room.memory() / 4;
         let open = OpenSoup::close(
             &soups,
             root,

@@ -9,6 +9,9 @@ use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, Units};
 /// Cells across a ball's radius below which samples may miss what it holds.
 const CELLS_TO_SEE: i64 = 2;
 
+/// Fewest binary places of samples: normals of the surface come from their differences.
+const BITS_MIN: u8 = 10;
+
 /// The field of a cloud as bricks see it.
 #[derive(Debug)]
 pub struct CloudBricks {
@@ -45,7 +48,7 @@ impl CloudBricks {
     /// # Errors
     /// [`crate::error::Error::Setting`] if samples of 16 bits cannot be that exact.
     pub fn new(surfels: &Surfels, root: RootCube, error: f64, depth: u8) -> Result<CloudBricks> {
-        let (bits, least) = (binary_places(error)?, least_bits(depth));
+        let (bits, least) = (binary_places(error)?.max(BITS_MIN), least_bits(depth));
         Ok(CloudBricks { field: CloudField::new(surfels, root), bits, error, least })
     }
 
