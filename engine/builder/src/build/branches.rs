@@ -95,7 +95,13 @@ impl<F: Field> Branch<F> {
 
     /// The jobs of its cubes that pieces touch, or that are restless and among `cells`, and what their consumer has to know.
     /// `cell` as in [`Opening`].
-    fn open(self, field: &F, cell: usize, cells: &Range<u64>, shares: Shares) -> (Opening, Vec<(Place, Job<F>)>) {
+    fn open(
+        self,
+        field: &F,
+        cell: usize,
+        cells: &Range<u64>,
+        shares: Shares,
+    ) -> (Opening, Vec<(Place, Job<F>)>) {
         let branch = Arc::new(self);
         let cube = |cell| Cube { cell, pieces: branch.sorted.count(cell) as u64 };
         let comes = |cube: &Cube| {
@@ -173,7 +179,8 @@ impl Shares {
         if pieces > 0 && below > DEPTH_AT_ONCE {
             return Some(STRIDE.min(below - DEPTH_OF_JOBS));
         }
-        (below > 0 && !self.whole && pieces > 0 && self.whole_bytes::<F>(level, pieces) > self.job).then_some(below.min(STRIDE))
+        (below > 0 && !self.whole && pieces > 0 && self.whole_bytes::<F>(level, pieces) > self.job)
+            .then_some(below.min(STRIDE))
     }
 
     /// Memory that a cube's pieces take, sorted again.
@@ -205,8 +212,12 @@ pub(super) fn follow_pieces<F: Field>(
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
     // Of every two jobs a thread one runs and one waits for its turn; one more can always begin.
-    let shares =
-        Shares { depth: rules.depth, job: memory / (2 * threads + 1), together: field.leaves_together(), whole: field.may_be_restless() };
+    let shares = Shares {
+        depth: rules.depth,
+        job: memory / (2 * threads + 1),
+        together: field.leaves_together(),
+        whole: field.may_be_restless(),
+    };
     let bounds = Bounds { memory, reserve: shares.job, window: 2 * threads as usize };
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
     let cells = share.map_or(0..u64::MAX, |share| share.cells());

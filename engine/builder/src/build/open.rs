@@ -28,7 +28,8 @@ pub(super) struct OpenSoupEvaluator {
 }
 
 impl OpenSoup {
-    /// Closes the soup of all sources within `memory` bytes, for a tree of this depth.
+    /// Closes the soup of all sources, for a tree of this depth. Its caps must fit in `memory` bytes, of which a quarter may be
+    /// taken while they are found.
     ///
     /// # Errors
     /// If its caps take more, or 16 bits are not enough for samples that are off by at most `error`.
@@ -39,7 +40,7 @@ impl OpenSoup {
         (memory, device): (u64, Option<&Vulkan>),
         progress: &dyn Progress,
     ) -> Result<OpenSoup> {
-        let part = OpenPart::within(memory, sources, root, progress)?;
+        let part = OpenPart::within(memory / 4, sources, root, progress)?;
         let field = OpenField::new(part, error, depth)?;
         let need = OpenSoup::bytes_of(&field);
         if need > memory {
@@ -47,7 +48,7 @@ impl OpenSoup {
             let caps = field.part().summary.caps;
             return Err(Error::setting(
                 format!(
-                    "the surface is open, and {caps} triangles that close it need {} MiB of the {} MiB that there are",
+                    "the surface is open, and the {caps} triangles that close it need {} MiB of the {} MiB that there are",
                     mib(need),
                     mib(memory)
                 ),

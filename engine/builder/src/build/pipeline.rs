@@ -217,8 +217,7 @@ fn build_soup(
             task.rules.evaluate_interior = true;
         }
         let mut sorted = soup.sorted;
-        // The sorted facets take the rest.
-        let memory = task.room.memory() / 4;
+        let memory = task.room.memory();
         let open = OpenSoup::close(
             &soups,
             root,

@@ -7,19 +7,16 @@ use std::f64::consts::PI;
 
 /// A surfel in lattice units.
 ///
-/// With the area vector a at x, spread over a ball of radius ρ around x with a density that goes as (1 − t²)(1 − 9 t²/5),
-/// t = s/ρ, from the middle, it is seen from p at the distance r = |x − p| as
+/// With the area vector a at x, spread over a ball of radius ρ around x with a density that falls as 1 − (s/ρ)² from
+/// the middle (Epanechnikov's kernel), it is seen from p at the distance r = |x − p| as
 ///
-///   w = a·(x − p)/(4π) · { 1/r³ for r ≥ ρ;  (10.9375 − 18.375 t² + 8.4375 t⁴)/ρ³, t = r/ρ, for r < ρ }.
+///   w = a·(x − p)/(4π) · { 1/r³ for r ≥ ρ;  (5 − 3 (r/ρ)²)/(2ρ³) for r < ρ }.
 ///
 /// A dipole spread over a ball acts outside it as if all of it were in the middle (Newton's shell theorem), so beyond
 /// ρ this is the dipole of Barill et al. 2018 itself, with the same expansions.
 ///
-/// Within, the share of the density at less than r acts as if it were in the middle, and the rest not at all. The second
-/// moment of the density is 0, so a surface of some curvature stays where it is: with 1 − t² alone the surface w = 0.5 of a
-/// torus lay inside by two thirds of its error.
-///
-/// w has a continuous gradient everywhere and is at most 0.274 a/ρ².
+/// Within, the share of the density at less than r, (5 (r/ρ)³ − 3 (r/ρ)⁵)/2, acts as if it were in the middle, and the
+/// rest not at all. w has a continuous gradient everywhere and is at most 0.099 a/ρ².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dipole {
     position: [f64; 3],
@@ -61,13 +58,11 @@ impl Dipole {
     fn add_to_group(&self, at: &[[f64; GROUP]; 3], sums: &mut [f64; GROUP]) {
         let area = self.area.map(|c| c / (4.0 * PI));
         let ball = self.radius * self.radius;
-        let [middle, falling, rising] = [10.9375, 18.375, 8.4375].map(|c| c / (ball * self.radius));
-        let inverse = 1.0 / ball;
+        let (middle, falling) = (2.5 / (ball * self.radius), 1.5 / (ball * ball * self.radius));
         for l in 0..GROUP {
             let [x, y, z] = [0, 1, 2].map(|a| self.position[a] - at[a][l]);
             let squared = x * x + y * y + z * z;
-            let share = squared * inverse;
-            let within = middle - share * (falling - share * rising);
+            let within = middle - falling * squared;
             let beyond = 1.0 / (squared * squared.sqrt());
             let along = area[0] * x + area[1] * y + area[2] * z;
             sums[l] += along * if squared < ball { within } else { beyond };

@@ -157,16 +157,15 @@ fn a_spread_point_is_what_many_dipoles_add_up_to() {
         let (mut sum, mut weights) = (0.0, 0.0);
         for _ in 0..400_000 {
             let shift: [f64; 3] = std::array::from_fn(|_| rng.range(-1.0, 1.0));
-            let share = shift.iter().map(|c| c * c).sum::<f64>();
-            let weight = if share < 1.0 { (1.0 - share) * (1.0 - 1.8 * share) } else { 0.0 };
+            let weight = 1.0 - shift.iter().map(|c| c * c).sum::<f64>();
             let r: [f64; 3] = std::array::from_fn(|a| middle[a] + 1e6 * shift[a] - p[a]);
             let squared: f64 = r.iter().map(|c| c * c).sum();
             // What the nearest ones give has a mean of 0.
-            if weight != 0.0 && squared > 1e10 {
+            if weight > 0.0 && squared > 1e10 {
                 let along: f64 = (0..3).map(|a| surfel.area[a] * r[a]).sum();
                 sum += weight * along / (4.0 * std::f64::consts::PI * squared * squared.sqrt());
             }
-            weights += weight;
+            weights += weight.max(0.0);
         }
         let found = dipole.seen_from(p);
         assert!((found - sum / weights).abs() < 0.02 * found.abs() + 1e-4, "{found} {}", sum / weights);

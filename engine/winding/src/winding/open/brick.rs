@@ -132,7 +132,13 @@ fn too_large(key: NodeKey, w: f64) -> Error {
 
 /// The same triangle from its first vertex on, which is the least.
 fn by_vertex(t: &Triangle) -> Triangle {
-    let least = if t[0] <= t[1] && t[0] <= t[2] { 0 } else if t[1] <= t[2] { 1 } else { 2 };
+    let least = if t[0] <= t[1] && t[0] <= t[2] {
+        0
+    } else if t[1] <= t[2] {
+        1
+    } else {
+        2
+    };
     [0, 1, 2].map(|i| t[(least + i) % 3])
 }
 
@@ -195,7 +201,11 @@ impl OpenField {
     pub fn require_room(&self, key: NodeKey, counts: &Samples) -> Result<()> {
         let (low, high) = counts.range();
         let fits = |w: i16| (w << self.bits) >> self.bits == w;
-        if fits(low) && fits(high) { Ok(()) } else { Err(too_large(key, f64::from(if fits(low) { high } else { low }))) }
+        if fits(low) && fits(high) {
+            Ok(())
+        } else {
+            Err(too_large(key, f64::from(if fits(low) { high } else { low })))
+        }
     }
 
     /// Whether a triangle is a cap; a facet may lie on one.
@@ -245,7 +255,8 @@ impl OpenField {
     /// 0.5: that is where the count passes it.
     pub fn is_tame(&self, counts: &Samples, samples: &Samples, list: Triangles<'_>) -> bool {
         let most = 1i32 << self.bits >> 2;
-        let is_near = |(count, w): (&i16, &i16)| ((i32::from(*count) << self.bits) - i32::from(*w)).abs() <= most;
+        let is_near =
+            |(count, w): (&i16, &i16)| ((i32::from(*count) << self.bits) - i32::from(*w)).abs() <= most;
         counts.0.iter().zip(samples.0.iter()).all(is_near)
             && list.indices.iter().all(|&i| !self.is_cap(&list.array[i as usize]))
     }

@@ -124,11 +124,7 @@ pub(super) struct Made {
 
 impl Default for Made {
     fn default() -> Self {
-        Made {
-            cells: Kept::new(KEPT_BYTES),
-            plans: Kept::new(KEPT_BYTES),
-            regions: Kept::new(REGION_BYTES),
-        }
+        Made { cells: Kept::new(KEPT_BYTES), plans: Kept::new(KEPT_BYTES), regions: Kept::new(REGION_BYTES) }
     }
 }
 

@@ -44,8 +44,7 @@ use angle::Cap;
 use loops::Loops;
 
 /// What a cap takes for good: itself twice, and its part of the clusters.
-pub const OPEN_BYTES_A_CAP: u64 =
-    (2 * size_of::<Triangle>() + size_of::<Cap>() + tree::CLUSTER_BYTES) as u64;
+pub const OPEN_BYTES_A_CAP: u64 = (2 * size_of::<Triangle>() + size_of::<Cap>() + tree::CLUSTER_BYTES) as u64;
 
 /// What is known of a soup's openness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

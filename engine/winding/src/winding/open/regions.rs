@@ -9,10 +9,10 @@
 //!
 //! All of this depends on the tree, the limits, the least cells and the cell alone: so a sample has one value whatever brick it is a part of.
 
+use super::Element;
 use super::cells::{CellId, Cells, TOP_BITS, TOP_LOW};
 use super::kept::Weighed;
 use super::local::Local;
-use super::Element;
 use crate::lattice::{BRICK_CELLS, NodeKey, ROOT_BITS};
 use std::sync::Arc;
 
