@@ -13,7 +13,7 @@
 use super::kept::{Kept, Weighed};
 use super::local::{GROUP, Local, local_bound};
 use super::moments::{Element, error_bound};
-use super::regions::Region;
+use super::region::Region;
 use super::tree::{Cluster, ClusterTree};
 use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level, way};
 use crate::lattice::{ROOT_BITS, Units};

@@ -21,6 +21,7 @@ mod local;
 mod loops;
 mod moments;
 mod points;
+mod region;
 mod regions;
 mod tree;
 mod wide;

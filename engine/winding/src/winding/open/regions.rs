@@ -11,28 +11,9 @@
 
 use super::Element;
 use super::cells::{CellId, Cells, TOP_BITS, TOP_LOW};
-use super::kept::Weighed;
-use super::local::Local;
+use super::region::Region;
 use crate::lattice::{BRICK_CELLS, NodeKey, ROOT_BITS};
 use std::sync::Arc;
-
-/// What is known of the sum in a cell.
-#[derive(Debug)]
-pub(super) enum Region {
-    /// It counts for nothing.
-    Quiet,
-    /// A polynomial about this centre gives it.
-    Smooth([f64; 3], Box<Local>),
-    /// Nothing.
-    Rough,
-}
-
-impl Weighed for Arc<Region> {
-    /// With its key, its counts and its place in a table.
-    fn bytes(&self) -> usize {
-        size_of::<Local>() * usize::from(matches!(**self, Region::Smooth(..))) + 160
-    }
-}
 
 /// Samples of a brick in a cell: the first and the last along each axis.
 pub(super) type Range3 = [[usize; 3]; 2];
