@@ -23,6 +23,7 @@ mod moments;
 mod points;
 mod region;
 mod regions;
+mod smooth;
 mod tree;
 mod wide;
 
