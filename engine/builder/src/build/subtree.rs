@@ -93,6 +93,10 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
             return Ok(Node::Empty(w));
         }
         if key.level() == self.rules.depth {
+            if self.field.may_be_restless() {
+                let leaf = Leaf { key, corner, array: pieces, indices: &all };
+                self.field.foresee(&mut self.evaluator, &[leaf]);
+            }
             self.leaf(key, corner, list)
         } else if pieces.is_empty() {
             self.restless(key, corner)
@@ -108,6 +112,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
         if let Some(w) = self.field.settled(key, corner, none) {
             return Ok(Node::Empty(w));
         }
+        self.field.foresee(&mut self.evaluator, &[Leaf { key, corner, array: &[], indices: &[] }]);
         if key.level() == self.rules.depth {
             return self.leaf(key, corner, none);
         }
