@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Name of arrays in messages and in stores.
 const ARRAYS: &str = "(memory)";
 /// Largest error of the samples of point clouds: where points lie moves w near them by more.
-const CLOUD_ERROR: f64 = 1e-2;
+const CLOUD_ERROR: f64 = 5e-2;
 
 /// One input, not opened yet.
 enum Source {

@@ -49,7 +49,12 @@ proptest! {
         for number in 1..=of {
             let path = dir.path().join(format!("share {number}"));
             // So little that every leaf is a job of its own.
-            let memory = if little && !is_open { 1 << 16 } else { Resources::default().memory };
+            let memory = match (little, is_open) {
+                (true, false) => 1 << 16,
+                // What the caps' far field takes, and little more.
+                (true, true) => 84 << 20,
+                _ => Resources::default().memory,
+            };
             let resources = Resources { memory, ..Resources::default() };
             let options = BuildOptions { share: ShareId::new(number, of), resources, ..options.clone() };
             build_on(number as usize % 3 + 1, &input, &path, &options);

@@ -143,7 +143,7 @@ pub struct BuildArgs {
     #[arg(long, alias = "tolerance", value_name = "LENGTH", default_value = "0", hide_default_value = true)]
     pub boundary_error: Tolerance,
     /// Largest error of the samples where the input is open or a point cloud; 2.5e-4 to 0.5. Those of closed input are
-    /// exact [default: 0.001; of point clouds 0.01]
+    /// exact [default: 0.001; of point clouds 0.05]
     #[arg(long, value_name = "E")]
     pub gwn_error: Option<GwnError>,
     /// Find the normals of a point cloud from 16 neighbours each, turned outward along a spanning tree

@@ -82,7 +82,7 @@ impl Joiner {
             let children = std::mem::take(siblings);
             let children: [Node; 8] = children.try_into().expect("there are eight");
             let to = if parent.level() < self.level { &mut self.top } else { &mut records };
-            node = join(parent, children, 0, to);
+            node = join(parent, children, to);
             key = parent;
         }
     }

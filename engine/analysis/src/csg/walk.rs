@@ -142,7 +142,7 @@ impl Chain<'_> {
             for octant in Octant::all() {
                 children[octant.index()] = self.walk(key.child(octant), &within, desk, records)?;
             }
-            return Ok(join(key, children, 0, records));
+            return Ok(join(key, children, records));
         }
         let brick = self.leaf(key, &within, desk)?;
         records.push(key, true, &brick);

@@ -214,14 +214,14 @@ impl<'a> Grown<'a> {
                         children[octant.index()] =
                             Node::Stored(child.expect("children stand before their parents"));
                     }
-                    joined(&children, 0)
+                    joined(&children)
                 }
             };
             writer.append_brick(key, side.is_some(), &brick)?;
             tops.insert(key, Half::of(&brick));
         }
         match tops.get(&NodeKey::ROOT) {
-            Some(Half::Counts(_)) => Ok(()),
+            Some(Half::Counts(..)) => Ok(()),
             _ => Err(Error::setting("nothing is left of the part", "choose a shorter length")),
         }
     }
@@ -257,7 +257,7 @@ impl<'a> Grown<'a> {
                     children[octant.index()] =
                         Node::Stored(self.subtree(key.child(octant), records, progress)?);
                 }
-                (false, joined(&children, 0))
+                (false, joined(&children))
             }
         };
         records.push(key, leaf, &brick);

@@ -152,7 +152,7 @@ impl Open {
             number /= 8;
             let code = self.opening.key.code() << (3 * u32::from(level)) | number;
             let key = NodeKey::from_code(code).expect("an ancestor of a legal key");
-            node = join(key, children, 0, records);
+            node = join(key, children, records);
         }
         self.siblings[0].push(node);
     }

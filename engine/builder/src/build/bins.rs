@@ -145,6 +145,16 @@ pub(super) struct CellLists {
 }
 
 impl CellLists {
+    /// Number of descendants.
+    pub fn cells(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Whether no piece touches any of some descendants.
+    pub fn are_empty(&self, cells: &Range<usize>) -> bool {
+        self.starts[cells.start] == self.starts[cells.end]
+    }
+
     pub fn of(&self, cell: usize) -> &[u32] {
         &self.indices[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }

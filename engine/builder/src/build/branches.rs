@@ -12,6 +12,7 @@ use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
 use crate::schedule::{Bounds, Held, Outcome, Place, run_tasks};
 use crate::store::{Node, Records};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// What a piece takes of a job: itself and its places in the lists of cubes, which it touches 1.5 of in the mean, with
@@ -92,12 +93,25 @@ impl<F: Field> Branch<F> {
         corner_at(&self.corners, self.stride, cube.cell)
     }
 
-    /// The jobs of its touched cubes, and what their consumer has to know. `cell` as in [`Opening`].
-    fn open(self, cell: usize, shares: Shares) -> (Opening, Vec<(Place, Job<F>)>) {
+    /// The jobs of its cubes that pieces touch, or that are restless and among `cells`, and what their consumer has to know.
+    /// `cell` as in [`Opening`].
+    fn open(
+        self,
+        field: &F,
+        cell: usize,
+        cells: &Range<u64>,
+        shares: Shares,
+    ) -> (Opening, Vec<(Place, Job<F>)>) {
         let branch = Arc::new(self);
         let cube = |cell| Cube { cell, pieces: branch.sorted.count(cell) as u64 };
+        let comes = |cube: &Cube| {
+            cube.pieces > 0
+                || field.may_be_restless()
+                    && cells.contains(&(cube.cell as u64))
+                    && field.is_restless(branch.key_of(*cube))
+        };
         let cubes: Vec<Cube> =
-            (0..1usize << (3 * u32::from(branch.stride))).map(cube).filter(|cube| cube.pieces > 0).collect();
+            (0..1usize << (3 * u32::from(branch.stride))).map(cube).filter(comes).collect();
         let level = branch.key.level() + branch.stride;
         let coming = cubes.len();
         let job = |cubes| {
@@ -118,17 +132,21 @@ struct Shares {
     job: u64,
     /// Leaves that are worth having together: see [`Field::leaves_together`].
     together: u64,
+    /// Cubes are built as a whole however many pieces they have, unless they are deep: of fields whose untouched nodes
+    /// decide, which those that a branch reaches cannot.
+    whole: bool,
 }
 
 impl Shares {
     /// Leaves that pieces may have in a cube.
     fn leaves(&self, level: u8, pieces: u64) -> u64 {
         let leaves = 1u64.checked_shl(3 * u32::from(self.depth - level)).unwrap_or(u64::MAX);
-        leaves.min(pieces.saturating_mul(8))
+        // What no piece touches has few.
+        leaves.min(pieces.max(1).saturating_mul(8))
     }
 
     /// What a cube takes if it is built as a whole.
-    fn whole<F: Field>(&self, level: u8, pieces: u64) -> u64 {
+    fn whole_bytes<F: Field>(&self, level: u8, pieces: u64) -> u64 {
         let records = self.leaves(level, pieces).saturating_mul(LEAF_BYTES);
         let crossings = if level == self.depth { CROSSING_BYTES } else { 0 };
         pieces.saturating_mul(size_of::<F::Piece>() as u64 + LIST_BYTES + crossings).saturating_add(records)
@@ -139,7 +157,7 @@ impl Shares {
         let mut groups: Vec<Vec<Cube>> = Vec::new();
         let (mut leaves, mut bytes) = (0u64, 0u64);
         for cube in cubes {
-            let own = (self.leaves(level, cube.pieces), self.whole::<F>(level, cube.pieces));
+            let own = (self.leaves(level, cube.pieces), self.whole_bytes::<F>(level, cube.pieces));
             leaves = leaves.saturating_add(own.0);
             bytes = bytes.saturating_add(own.1);
             let is_whole = self.branches::<F>(level, cube.pieces).is_none();
@@ -158,10 +176,11 @@ impl Shares {
     /// Levels that a branch at a cube descends; `None` if the cube is built as a whole.
     fn branches<F: Field>(&self, level: u8, pieces: u64) -> Option<u8> {
         let below = self.depth - level;
-        if below > DEPTH_AT_ONCE {
+        if pieces > 0 && below > DEPTH_AT_ONCE {
             return Some(STRIDE.min(below - DEPTH_OF_JOBS));
         }
-        (below > 0 && self.whole::<F>(level, pieces) > self.job).then_some(below.min(STRIDE))
+        (below > 0 && !self.whole && pieces > 0 && self.whole_bytes::<F>(level, pieces) > self.job)
+            .then_some(below.min(STRIDE))
     }
 
     /// Memory that a cube's pieces take, sorted again.
@@ -172,7 +191,7 @@ impl Shares {
     fn need<F: Field>(&self, job: &Job<F>) -> u64 {
         let level = job.branch.key.level() + job.branch.stride;
         let of_cube = |cube: &Cube| match self.branches::<F>(level, cube.pieces) {
-            None => self.whole::<F>(level, cube.pieces),
+            None => self.whole_bytes::<F>(level, cube.pieces),
             Some(_) => self.sorted::<F>(cube.pieces).min(self.job),
         };
         job.cubes.iter().map(of_cube).fold(0, u64::saturating_add)
@@ -193,11 +212,16 @@ pub(super) fn follow_pieces<F: Field>(
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
     // Of every two jobs a thread one runs and one waits for its turn; one more can always begin.
-    let shares =
-        Shares { depth: rules.depth, job: memory / (2 * threads + 1), together: field.leaves_together() };
+    let shares = Shares {
+        depth: rules.depth,
+        job: memory / (2 * threads + 1),
+        together: field.leaves_together(),
+        whole: field.may_be_restless(),
+    };
     let bounds = Bounds { memory, reserve: shares.job, window: 2 * threads as usize };
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
-    let (opening, jobs) = root.open(0, shares);
+    let cells = share.map_or(0..u64::MAX, |share| share.cells());
+    let (opening, jobs) = root.open(field, 0, &cells, shares);
     progress.phase("building", Some(opening.coming as u64), "subtrees");
     let mut assembler = Assembler::new(share.map(|share| share.cells()), rules.compression);
     let mut joined = Records::new(rules.compression);
@@ -296,7 +320,9 @@ fn branch<F: Field>(
     let from = &job.branch.sorted;
     let sorted = match &from.elsewhere {
         Some(store) if shares.sorted::<F>(cube.pieces) > shares.job => {
-            store.split(cube.cell, &binner, shares.job / 2)?
+            let mut sorted = store.split(cube.cell, &binner, shares.job / 2)?;
+            from.push_own_of(cube.cell, field, &binner, &mut sorted);
+            sorted
         }
         _ => {
             let mut sorted = SortedPieces::default();
@@ -309,7 +335,7 @@ fn branch<F: Field>(
     };
     held.resize(sorted.heap_bytes());
     let branch = Branch::new(field, binner, i64::from(job.branch.corner_of(cube)), sorted, Some(held));
-    let (opening, jobs) = branch.open(cube.cell, shares);
+    let (opening, jobs) = branch.open(field, cube.cell, &(0..u64::MAX), shares);
     Ok(Outcome::Opened(Yield::Opened(opening), jobs))
 }
 
@@ -329,13 +355,13 @@ mod tests {
     #[test]
     fn cubes_join_while_they_are_small() {
         // A cube one level above the leaves has as many leaves as pieces can make, eight at most.
-        let mut shares = Shares { depth: 4, job: u64::MAX, together: 20 };
+        let mut shares = Shares { depth: 4, job: u64::MAX, together: 20, whole: false };
         assert_eq!(groups(&shares, 3, &[9, 9, 9, 9, 9]), [vec![0, 1], vec![2, 3], vec![4]]);
         assert!(groups(&shares, 3, &[]).is_empty());
         shares.together = 1;
         assert_eq!(groups(&shares, 3, &[9, 9, 9]), [[0], [1], [2]]);
         // Three of these take more than a job may, two do not.
-        shares = Shares { job: 5 * shares.whole::<Soup>(3, 1000) / 2, together: 1000, ..shares };
+        shares = Shares { job: 5 * shares.whole_bytes::<Soup>(3, 1000) / 2, together: 1000, ..shares };
         assert_eq!(groups(&shares, 3, &[1000, 1000, 1, 1, 1000]), [vec![0, 1], vec![2, 3], vec![4]]);
         // Nothing joins one that is opened, and it joins nothing.
         let large = shares.job / size_of::<Triangle>() as u64;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::ingest::CloudInput;
 use crate::lattice::{MAX_LEVEL, NodeKey, RootCube, Units};
 use crate::progress::Progress;
-use crate::store::{Source, check_target};
+use crate::store::{Refine, Source, check_target};
 use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece, Surfels, estimate_normals};
 use std::path::Path;
 
@@ -52,6 +52,18 @@ impl Field for CloudBricks {
     /// The field changes everywhere.
     fn settled(&self, _: NodeKey, _: i16, _: Pieces<'_, CloudPiece>) -> Option<i16> {
         None
+    }
+
+    /// A node that holds a ball too small for its samples has hidden crossings.
+    fn refined_unseen(
+        &self,
+        refine: Refine,
+        key: NodeKey,
+        _: i16,
+        list: Pieces<'_, CloudPiece>,
+    ) -> Option<[i16; 8]> {
+        let is_hidden = |&i: &u32| !list.array[i as usize].is_seen_by(key);
+        (refine == Refine::Hidden && list.indices.iter().any(is_hidden)).then_some([0; 8])
     }
 
     fn evaluate<'a>(
@@ -133,7 +145,7 @@ pub fn build_clouds(
         (surfels.all.len() as u64 + surfels.void, surfels.void, surfels.spacing);
     task.meta.numbers.facets = points;
     task.meta.numbers.degenerate_facets = void_points;
-    let field = CloudBricks::new(&surfels, root, options.gwn_error)?;
+    let field = CloudBricks::new(&surfels, root, options.gwn_error, depth)?;
     drop(surfels);
     clock.lap("cluster");
     let pieces: Vec<CloudPiece> = field.pieces().collect();

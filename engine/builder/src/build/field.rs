@@ -21,10 +21,6 @@ pub(super) trait Field: Sync {
     where
         Self: 'a;
 
-    /// Binary places of all samples.
-    fn binary_places(&self) -> u8 {
-        0
-    }
     /// Smallest and largest coordinate along each axis.
     fn bounds(&self, piece: &Self::Piece) -> (Units, Units);
     /// Some points of the piece, which may be equal: a cube that holds one needs no further test.
@@ -48,6 +44,14 @@ pub(super) trait Field: Sync {
     /// The value of all samples of `key`, at whatever level, if it is known without evaluating: no piece of
     /// the list has its surface there.
     fn settled(&self, key: NodeKey, corner: i16, list: Pieces<'_, Self::Piece>) -> Option<i16>;
+    /// Whether the field changes in a node that no piece touches, so that it has to be evaluated.
+    fn is_restless(&self, _key: NodeKey) -> bool {
+        false
+    }
+    /// Whether there may be such nodes.
+    fn may_be_restless(&self) -> bool {
+        false
+    }
     /// The corners of the children of `key`, by octant, if the criterion refines it whatever its samples are: then
     /// they are a part of its children's.
     fn refined_unseen(

@@ -144,7 +144,7 @@ fn decide_from_the_top<F: Field>(
     }
     if !unseen.is_empty() {
         let jobs = frontier.iter().map(|job| job.key).zip(done);
-        join_unseen(field, unseen, jobs.collect(), &mut settled);
+        join_unseen(unseen, jobs.collect(), &mut settled);
     }
     settled.sort_by_key(|(key, ..)| key.post_order());
     let mut top = Records::new(rules.compression);
@@ -154,8 +154,7 @@ fn decide_from_the_top<F: Field>(
 
 /// Joins nodes above the jobs, parents before their children, from `nodes`, the jobs', and those that are settled, to
 /// which they are added.
-fn join_unseen<F: Field>(
-    field: &F,
+fn join_unseen(
     unseen: Vec<NodeKey>,
     mut nodes: HashMap<NodeKey, Node>,
     settled: &mut Vec<(NodeKey, bool, Brick)>,
@@ -165,7 +164,7 @@ fn join_unseen<F: Field>(
     for key in unseen.into_iter().rev() {
         let child = |octant| nodes.remove(&key.child(octant)).expect("every child was settled or a job");
         let children: Vec<Node> = Octant::all().map(child).collect();
-        let brick = joined(&children.try_into().expect("there are eight"), field.binary_places());
+        let brick = joined(&children.try_into().expect("there are eight"));
         nodes.insert(key, Node::Stored(Half::of(&brick)));
         settled.push((key, false, brick));
     }

@@ -3,7 +3,7 @@
 use super::cloud;
 use super::field::Field;
 use super::jobs::{Plan, build_tree, sort_cubes};
-use super::open::{self, OpenSoup};
+use super::open::OpenSoup;
 use super::resources::Room;
 use super::rules::{OPEN, POINTS, Rules, SOLIDS, TreeOptions, require_no_tolerance};
 use super::snap::snap;
@@ -18,7 +18,7 @@ use crate::progress::Silent;
 use crate::solid::{Outline, Solids};
 use crate::store::{MemoryTree, Records};
 use crate::toolpath::Toolpath;
-use crate::winding::{CloudBricks, OpenField, OpenPart, Surfels};
+use crate::winding::{CloudBricks, Surfels};
 use std::sync::Mutex;
 
 /// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
@@ -39,11 +39,7 @@ pub fn build_open_in_memory(
     options: TreeOptions,
     error: f64,
 ) -> Result<MemoryTree> {
-    require_no_tolerance(options.tolerance, OPEN)?;
-    let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
-    let field = OpenSoup::new(OpenField::new(OpenPart::of(sources, root, &Silent)?, error)?, None);
-    let sorted = open::gather(&field, sources, root, &Silent)?;
-    tree_of(&field, sorted, &rules, root)
+    build_any_in_memory(sources, root, options, error)
 }
 
 /// Builds the tree of a point cloud in memory, with samples that are off by at most `error`.
@@ -58,7 +54,7 @@ pub fn build_cloud_in_memory(
 ) -> Result<MemoryTree> {
     require_no_tolerance(options.tolerance, POINTS)?;
     let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
-    let field = CloudBricks::new(surfels, root, error)?;
+    let field = CloudBricks::new(surfels, root, error, rules.depth)?;
     let pieces: Vec<_> = field.pieces().collect();
     tree_of(&field, cloud::gather(&field, &pieces), &rules, root)
 }
@@ -91,12 +87,17 @@ pub(super) fn build_any_in_memory(
     error: f64,
 ) -> Result<MemoryTree> {
     let rules = Rules::new(options, root)?;
-    let soup = snap(sources, root, (sort_cubes(&rules), rules.sieved()), &Room::unbounded(), &Silent)?;
+    let cubes = sort_cubes(&rules);
+    let soup = snap(sources, root, (cubes, rules.sieved()), &Room::unbounded(), &Silent)?;
     if soup.balance.is_closed() {
         return tree_of(&Soup::CPU, soup.sorted, &rules, root);
     }
-    drop(soup);
-    build_open_in_memory(sources, root, options, error)
+    require_no_tolerance(options.tolerance, OPEN)?;
+    let rules = Rules { evaluate_interior: !rules.refines_all_touched(), ..rules };
+    let mut sorted = soup.sorted;
+    let open = OpenSoup::close(sources, root, (error, rules.depth), (u64::MAX, None), &Silent)?;
+    sorted.push(&Soup::CPU, &cubes, open.caps());
+    tree_of(&Soup { device: None, open: Some(open) }, sorted, &rules, root)
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {

@@ -1,31 +1,23 @@
-//! The field of an open soup as sorting, jobs and subtrees see it.
+//! What is taken off the counts of an open soup, and how its nodes are refined.
 
-use super::bins::{Binner, SortedRun};
-use super::field::{Evaluated, Field, Fractions, Pieces};
-use super::sorted::SortedPieces;
+use super::field::Pieces;
 use super::subtree::corner_at;
-use crate::backend::{DeviceShares, Leaf, ShareQueue, Vulkan};
-use crate::brick::{Brick, Samples};
-use crate::error::Result;
-use crate::ingest::{Facets, runs};
-use crate::lattice::{CubeTest, NodeKey, RootCube, Triangle, Units, bounds, has_area};
+use crate::backend::{DeviceShares, ShareQueue, Vulkan};
+use crate::brick::Samples;
+use crate::error::{Error, Result};
+use crate::ingest::Facets;
+use crate::lattice::{NodeKey, RootCube, Triangle};
 use crate::progress::Progress;
 use crate::store::Refine;
-use crate::winding::{CornerGrid, OpenBrick, OpenEvaluator, OpenField, OpenPiece};
-use rayon::prelude::*;
+use crate::winding::{
+    CornerGrid, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenEvaluator, OpenField, OpenPart, Triangles,
+};
 
-/// The field of an open soup, and what evaluates it.
+/// The sum over the caps of an open soup, and what evaluates it.
 pub(super) struct OpenSoup {
     pub field: OpenField,
     /// What sums over the caps, if it is not the processor alone.
-    pub device: Option<DeviceShares>,
-}
-
-impl OpenSoup {
-    /// Evaluated on the processor, or with a device.
-    pub fn new(field: OpenField, device: Option<&Vulkan>) -> OpenSoup {
-        OpenSoup { field, device: device.map(DeviceShares::new) }
-    }
+    device: Option<DeviceShares>,
 }
 
 /// Evaluates bricks of open soups.
@@ -35,151 +27,105 @@ pub(super) struct OpenSoupEvaluator {
     queue: ShareQueue,
 }
 
-impl Field for OpenSoup {
-    type Piece = OpenPiece;
-    /// Corners are counts of the parent, or of its pieces: no node is reached but through its parent.
-    type Corners = ();
-    type Evaluator = OpenSoupEvaluator;
-    type Evaluation<'a> = OpenBrick;
-
-    fn binary_places(&self) -> u8 {
-        self.field.binary_places()
-    }
-
-    fn bounds(&self, piece: &OpenPiece) -> (Units, Units) {
-        bounds(&piece.triangle)
-    }
-
-    fn points(&self, piece: &OpenPiece) -> [Units; 3] {
-        piece.triangle
-    }
-
-    fn cube_test(&self, piece: &OpenPiece, size: i32) -> impl Fn(Units) -> bool {
-        let test = CubeTest::new(&piece.triangle, size);
-        move |low| test.touches(low)
-    }
-
-    fn is_void(&self, piece: &OpenPiece) -> bool {
-        !has_area(&piece.triangle)
-    }
-
-    fn corners(&self, _: NodeKey, _: u8) {}
-
-    fn add_corners(&self, (): &mut (), _: &OpenPiece) {}
-
-    fn merge_corners(&self, (): &mut (), (): &()) {}
-
-    fn finish_corners(&self, (): (), _: i64) -> Vec<i64> {
-        Vec::new()
-    }
-
-    /// The field changes everywhere.
-    fn settled(&self, _: NodeKey, _: i16, _: Pieces<'_, OpenPiece>) -> Option<i16> {
-        None
-    }
-
-    /// A node that a facet touches has hidden crossings.
-    fn refined_unseen(
-        &self,
-        refine: Refine,
-        key: NodeKey,
-        corner: i16,
-        list: Pieces<'_, OpenPiece>,
-    ) -> Option<[i16; 8]> {
-        let pieces = || list.indices.iter().map(|&i| &list.array[i as usize]);
-        if refine != Refine::Hidden || pieces().all(|piece| piece.cap) {
-            return None;
+impl OpenSoup {
+    /// Closes the soup of all sources, for a tree of this depth. Its caps must fit in `memory` bytes, of which a quarter may be
+    /// taken while they are found.
+    ///
+    /// # Errors
+    /// If its caps take more, or 16 bits are not enough for samples that are off by at most `error`.
+    pub fn close(
+        sources: &[&dyn Facets],
+        root: RootCube,
+        (error, depth): (f64, u8),
+        (memory, device): (u64, Option<&Vulkan>),
+        progress: &dyn Progress,
+    ) -> Result<OpenSoup> {
+        let part = OpenPart::within(memory / 4, sources, root, progress)?;
+        let field = OpenField::new(part, error, depth)?;
+        let need = OpenSoup::bytes_of(&field);
+        if need > memory {
+            let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+            let caps = field.part().summary.caps;
+            return Err(Error::setting(
+                format!(
+                    "the surface is open, and the {caps} triangles that close it need {} MiB of the {} MiB that there are",
+                    mib(need),
+                    mib(memory)
+                ),
+                "allow more with --memory, or close the surface",
+            ));
         }
-        let mut grid = CornerGrid::new(key, 1);
-        pieces().for_each(|piece| grid.add(&piece.triangle));
-        let counts = grid.finish(i64::from(OpenField::corner_count(key, corner)));
-        Some(std::array::from_fn(|octant| corner_at(&counts, 1, octant)))
+        Ok(OpenSoup { field, device: device.map(DeviceShares::new) })
     }
 
-    fn evaluate<'a>(
-        &'a self,
-        evaluator: &'a mut OpenSoupEvaluator,
+    /// Memory that the caps take for as long as it lives.
+    pub fn bytes(&self) -> u64 {
+        OpenSoup::bytes_of(&self.field)
+    }
+
+    fn bytes_of(field: &OpenField) -> u64 {
+        field.part().summary.caps * OPEN_BYTES_A_CAP + FAR_FIELD_BYTES
+    }
+
+    /// The caps, which are a part of the soup's triangles.
+    pub fn caps(&self) -> &[Triangle] {
+        &self.field.part().caps
+    }
+
+    /// By how much samples may be off.
+    pub fn error(&self) -> f64 {
+        self.field.error()
+    }
+
+    /// Whether some triangles are not caps alone.
+    pub fn has_facet(&self, list: Triangles<'_>) -> bool {
+        list.indices.iter().any(|&i| !self.field.is_cap(&list.array[i as usize]))
+    }
+
+    /// Whether a device helps.
+    pub fn has_device(&self) -> bool {
+        self.device.is_some()
+    }
+
+    /// The samples of a brick in which the caps count, from counts with the caps.
+    pub fn samples(
+        &self,
+        evaluator: &mut OpenSoupEvaluator,
         key: NodeKey,
-        corner: i16,
-        list: Pieces<'a, OpenPiece>,
-    ) -> Result<OpenBrick> {
-        let pieces = || list.indices.iter().map(|&i| list.array[i as usize]);
+        counts: &Samples,
+    ) -> Result<Samples> {
         let OpenSoupEvaluator { cpu, queue } = evaluator;
         let found =
             self.device.as_ref().and_then(|device| Some((device, queue.take(device, &self.field, key)?)));
-        let Some((device, shares)) = found else { return self.field.evaluate(cpu, key, corner, pieces()) };
-        let brick = self.field.evaluate_with(cpu, key, corner, pieces(), &shares)?;
-        let here = || Ok(self.field.evaluate(cpu, key, corner, pieces())?.samples);
-        device.check(key, &brick.samples, here)?;
-        Ok(brick)
+        let Some((device, shares)) = found else { return self.field.samples(cpu, key, counts) };
+        let samples = self.field.samples_with(cpu, key, counts, &shares)?;
+        device.check(key, &samples, || self.field.samples(cpu, key, counts))?;
+        Ok(samples)
     }
 
-    fn foresee(&self, evaluator: &mut OpenSoupEvaluator, nodes: &[Leaf<'_, OpenPiece>]) {
+    /// Tells which nodes are evaluated next.
+    pub fn foresee(&self, evaluator: &mut OpenSoupEvaluator, nodes: impl Iterator<Item = NodeKey>) {
         if let Some(device) = &self.device {
-            let keys: Vec<NodeKey> = nodes.iter().map(|node| node.key).collect();
+            let keys: Vec<NodeKey> = nodes.filter(|key| !self.field.is_quiet(*key)).collect();
             evaluator.queue.find(device, &self.field, &keys);
         }
     }
-
-    fn foresees(&self) -> bool {
-        self.device.is_some()
-    }
 }
 
-impl Evaluated for OpenBrick {
-    fn samples(&self) -> &Samples {
-        &self.samples
+/// The corners of the children of a node that a facet touches: it has hidden crossings.
+pub(super) fn refined_unseen(
+    open: &OpenSoup,
+    refine: Refine,
+    key: NodeKey,
+    corner: i16,
+    list: Pieces<'_, Triangle>,
+) -> Option<[i16; 8]> {
+    let pieces = || list.indices.iter().map(|&i| &list.array[i as usize]);
+    if refine != Refine::Hidden || pieces().all(|t| open.field.is_cap(t)) {
+        return None;
     }
-
-    fn into_samples(self) -> Samples {
-        self.samples
-    }
-
-    fn corners(&self) -> [i16; 8] {
-        self.corner_counts
-    }
-
-    fn has_hidden_crossings(&mut self) -> bool {
-        self.is_touched()
-    }
-
-    fn has_hidden_boundary(&mut self) -> bool {
-        self.may_hide_boundary()
-    }
-
-    fn into_leaf(self) -> Result<Brick> {
-        Ok(OpenBrick::into_leaf(self))
-    }
-
-    fn fractions(&self) -> Option<Fractions> {
-        Some(Fractions { bits: self.samples.1, straight: self.is_straight() })
-    }
-}
-
-/// All triangles of the sources and the caps, for a tree whose nodes decide from the root on.
-pub(super) fn gather(
-    soup: &OpenSoup,
-    sources: &[&dyn Facets],
-    root: RootCube,
-    progress: &dyn Progress,
-) -> Result<SortedPieces<OpenSoup>> {
-    let snapper = root.snapper();
-    let binner = Binner::new(NodeKey::ROOT, 0);
-    let of_run = |(source, range): (usize, std::ops::Range<u64>)| {
-        let mut world = Vec::new();
-        if !progress.cancelled() {
-            sources[source].read(range, &mut world);
-        }
-        let piece = |t: [[f64; 3]; 3]| OpenPiece { triangle: t.map(snapper), cap: false };
-        world.into_iter().map(piece).collect::<Vec<OpenPiece>>()
-    };
-    let runs: Vec<SortedRun<OpenPiece>> =
-        runs(sources).into_par_iter().map(|run| SortedRun::new(soup, &binner, &of_run(run))).collect();
-    progress.check()?;
-    let mut sorted = SortedPieces::default();
-    runs.into_iter().for_each(|run| sorted.push_sorted(run));
-    let caps: Vec<OpenPiece> =
-        soup.field.part().caps.iter().map(|&triangle: &Triangle| OpenPiece { triangle, cap: true }).collect();
-    sorted.push(soup, &binner, &caps);
-    Ok(sorted)
+    let mut grid = CornerGrid::new(key, 1);
+    pieces().for_each(|t| grid.add(t));
+    let counts = grid.finish(i64::from(OpenField::corner_count(key, corner)));
+    Some(std::array::from_fn(|octant| corner_at(&counts, 1, octant)))
 }

@@ -7,7 +7,7 @@ use super::cut::cut;
 use super::field::Field;
 use super::foresee::{Foreseen, foresee};
 use super::jobs::{Plan, build_tree, job_level, sort_cubes};
-use super::open::{self, OpenSoup};
+use super::open::OpenSoup;
 use super::orient;
 use super::resources::{Resources, Room};
 use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
@@ -30,7 +30,7 @@ use crate::store::{
     Stats, StoreWriter, check_target,
 };
 use crate::volumes::facet_volumes;
-use crate::winding::{FAR_FIELD_BYTES, OpenField, OpenPart, OpenSummary};
+use crate::winding::{FAR_FIELD_BYTES, OpenSummary};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
@@ -194,34 +194,45 @@ fn build_soup(
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
-    let soup = snap(&soups, root, (task.cubes(), task.rules.sieved()), &task.room, progress)?;
+    let cubes = task.cubes();
+    let soup = snap(&soups, root, (cubes, task.rules.sieved()), &task.room, progress)?;
     opened.iter().try_for_each(Input::check)?;
     require_area(&soup, opened)?;
     task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
+    let device = options.resources.device.clone();
     let open = if soup.balance.is_closed() {
-        let device = options.resources.device.clone();
-        task.build(&Soup { device }, soup.sorted, progress)?;
+        task.build(&Soup { device, open: None }, soup.sorted, progress)?;
         clock.lap("build");
         let volumes = facet_volumes(&soups, (min, max), task.room.memory() / 8, progress);
         task.meta.volumes = task.keep(volumes)?;
         clock.lap("volumes");
         OpenSummary::default()
     } else {
-        drop(soup);
         require_no_tolerance(options.tolerance, OPEN)?;
         options.thin.require_none(OPEN)?;
-        require_open_room(task.meta.numbers.facets, &options.resources)?;
-        task.rules.evaluate_interior = true;
-        let field = OpenField::new(OpenPart::of(&soups, root, progress)?, options.gwn_error)?;
-        clock.lap("close");
-        let field = OpenSoup::new(field, options.resources.device.as_ref());
-        let pieces = open::gather(&field, &soups, root, progress)?;
+        if !task.rules.refines_all_touched() {
+            require_open_room(task.meta.numbers.facets, &options.resources)?;
+            task.rules.evaluate_interior = true;
+        }
+        let mut sorted = soup.sorted;
+        let memory = task.room.memory();
+        let open = OpenSoup::close(
+            &soups,
+            root,
+            (options.gwn_error, task.rules.depth),
+            (memory, device.as_ref()),
+            progress,
+        )?;
         opened.iter().try_for_each(Input::check)?;
-        task.build(&field, pieces, progress)?;
+        task.room.take(open.bytes());
+        let summary = open.field.part().summary;
+        sorted.push(&Soup::CPU, &cubes, open.caps());
+        clock.lap("close");
+        task.build(&Soup { device: None, open: Some(open) }, sorted, progress)?;
         clock.lap("build");
-        field.field.part().summary
+        summary
     };
     let inside_out = task.find_inside_out(&soups, progress)?;
     clock.lap_if(inside_out.is_some(), "pieces");
@@ -535,7 +546,7 @@ fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
     }
 }
 
-/// The pieces of an open soup stay in memory, those of two levels of nodes at a time. Measured beside the far field: 93
+/// The pieces of an open soup whose nodes decide for themselves stay in memory, those of two levels of nodes at a time. Measured beside the far field: 93
 /// bytes a facet of 5 million.
 const OPEN_BYTES_A_FACET: u64 = 100;
 

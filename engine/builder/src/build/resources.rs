@@ -60,6 +60,11 @@ impl Room {
         self.memory
     }
 
+    /// Takes some of them away for good.
+    pub fn take(&mut self, bytes: u64) {
+        self.memory = self.memory.saturating_sub(bytes);
+    }
+
     /// Those of them that the index may take.
     pub fn index(&self) -> u64 {
         self.index

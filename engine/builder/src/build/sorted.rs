@@ -54,6 +54,12 @@ impl<F: Field> SortedPieces<F> {
         std::mem::take(&mut self.runs)
     }
 
+    /// Those of its own pieces of a cube that are not elsewhere, sorted by parts of the cube.
+    pub fn push_own_of(&self, cell: usize, field: &F, binner: &Binner, to: &mut SortedPieces<F>) {
+        let own = self.runs.iter().map(|run| run.of(cell)).filter(|pieces| !pieces.is_empty());
+        own.for_each(|pieces| to.push(field, binner, pieces));
+    }
+
     /// Adds the runs of another part, which must not hold pieces elsewhere.
     pub fn merge(&mut self, field: &F, mut other: SortedPieces<F>) {
         self.runs.append(&mut other.runs);

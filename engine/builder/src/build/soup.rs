@@ -1,23 +1,30 @@
-//! The field of a closed soup as sorting, jobs and subtrees see it.
+//! The field of a soup as sorting, jobs and subtrees see it.
+//!
+//! An open soup is a closed one, its caps among the triangles, less the sum over the caps. Where that counts for nothing,
+//! its bricks are those of the closed one.
 
-use super::field::{Evaluated, Field, Pieces};
+use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::fit::Tolerance;
+use super::open::{self, OpenSoup, OpenSoupEvaluator};
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
-use crate::brick::{Brick, Samples, Thin, ThinLines};
+use crate::brick::{Brick, Hermite, Samples, Thin, ThinLines};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
-use crate::winding::{CornerGrid, Evaluation, Evaluator};
+use crate::store::Refine;
+use crate::winding::{CornerGrid, Evaluation, Evaluator, OpenBrick, OpenField, Triangles};
 
-/// The field of a closed soup of triangles.
+/// The field of a soup of triangles.
 #[derive(Default)]
 pub(super) struct Soup {
-    /// What evaluates bricks, if it is not the processor.
+    /// What evaluates bricks of a closed soup, if it is not the processor.
     pub device: Option<Vulkan>,
+    /// What is taken off the counts of an open one, whose caps are among the triangles.
+    pub open: Option<OpenSoup>,
 }
 
 impl Soup {
-    /// Evaluated on the processor.
-    pub const CPU: Soup = Soup { device: None };
+    /// A closed one, evaluated on the processor.
+    pub const CPU: Soup = Soup { device: None, open: None };
 }
 
 /// Evaluates bricks of soups, on the processor or a device.
@@ -26,14 +33,25 @@ pub(super) struct SoupEvaluator {
     cpu: Evaluator,
     leaves: LeafQueue,
     nodes: NodeQueue,
+    open: OpenSoupEvaluator,
 }
 
 /// What is known of a brick of a soup, evaluated by the processor or by a device.
 pub(super) enum SoupEvaluation<'a> {
+    /// Of an open soup, where the caps count.
+    Open(Box<OpenEvaluation<'a>>),
     /// By the processor.
     Here(Evaluation<'a>),
     /// By a device.
     There(DeviceEvaluation<'a>),
+}
+
+/// A brick of an open soup in which the caps count.
+pub(super) struct OpenEvaluation<'a> {
+    brick: OpenBrick,
+    /// The counts with the caps, if the caps move no passage of 0.5: then these have the brick's Hermite edges.
+    counts: Option<Evaluation<'a>>,
+    is_touched: bool,
 }
 
 /// What a device found, and from what.
@@ -88,8 +106,26 @@ impl Field for Soup {
         corners.finish(corner)
     }
 
-    fn settled(&self, _: NodeKey, corner: i16, list: Pieces<'_, Triangle>) -> Option<i16> {
-        list.indices.is_empty().then_some(corner)
+    fn settled(&self, key: NodeKey, corner: i16, list: Pieces<'_, Triangle>) -> Option<i16> {
+        (list.indices.is_empty() && !self.is_restless(key)).then_some(corner)
+    }
+
+    fn is_restless(&self, key: NodeKey) -> bool {
+        self.open.as_ref().is_some_and(|open| !open.field.is_quiet(key))
+    }
+
+    fn may_be_restless(&self) -> bool {
+        self.open.is_some()
+    }
+
+    fn refined_unseen(
+        &self,
+        refine: Refine,
+        key: NodeKey,
+        corner: i16,
+        list: Pieces<'_, Triangle>,
+    ) -> Option<[i16; 8]> {
+        self.open.as_ref().and_then(|open| open::refined_unseen(open, refine, key, corner, list))
     }
 
     fn evaluate<'a>(
@@ -99,8 +135,11 @@ impl Field for Soup {
         corner: i16,
         list: Pieces<'a, Triangle>,
     ) -> Result<SoupEvaluation<'a>> {
-        let SoupEvaluator { cpu, nodes, .. } = evaluator;
+        let SoupEvaluator { cpu, nodes, open: of_open, .. } = evaluator;
         let node = Leaf { key, corner, array: list.array, indices: list.indices };
+        if let Some(open) = &self.open {
+            return evaluate_open(open, of_open, cpu, node);
+        }
         let found = match &self.device {
             Some(device) => nodes.take_checked(device, cpu, &node)?,
             None => None,
@@ -125,13 +164,15 @@ impl Field for Soup {
     }
 
     fn foresee(&self, evaluator: &mut SoupEvaluator, nodes: &[Leaf<'_>]) {
-        if let Some(device) = &self.device {
+        if let Some(open) = &self.open {
+            open.foresee(&mut evaluator.open, nodes.iter().map(|node| node.key));
+        } else if let Some(device) = &self.device {
             evaluator.nodes.find(device, nodes);
         }
     }
 
     fn foresees(&self) -> bool {
-        self.device.is_some()
+        self.device.is_some() || self.open.as_ref().is_some_and(OpenSoup::has_device)
     }
 
     fn begin_leaves(&self, evaluator: &mut SoupEvaluator) -> bool {
@@ -152,6 +193,48 @@ impl Field for Soup {
         /// at 1024³; at 512 it takes no less, and fewer jobs are there for threads.
         const LEAVES: u64 = 128;
         if self.device.is_some() { LEAVES } else { 1 }
+    }
+}
+
+/// Evaluates a brick of an open soup on the processor, with sums over the caps from a device if it has them.
+fn evaluate_open<'a>(
+    open: &'a OpenSoup,
+    evaluator: &mut OpenSoupEvaluator,
+    cpu: &'a mut Evaluator,
+    node: Leaf<'a>,
+) -> Result<SoupEvaluation<'a>> {
+    let counts = Leaf { corner: OpenField::corner_count(node.key, node.corner), ..node }.evaluate(cpu)?;
+    if open.field.is_quiet(node.key) {
+        open.field.require_room(node.key, &counts.samples)?;
+        return Ok(SoupEvaluation::Here(counts));
+    }
+    let list = Triangles { array: node.array, indices: node.indices };
+    let samples = open.samples(evaluator, node.key, &counts.samples)?;
+    let is_tame = open.field.is_tame(&counts.samples, &samples, list);
+    let brick = match is_tame {
+        true => OpenBrick::smooth(samples, node.key, open.error()),
+        false => open.field.brick(node.key, &counts.samples, samples, list),
+    };
+    let open = OpenEvaluation { brick, counts: is_tame.then_some(counts), is_touched: open.has_facet(list) };
+    Ok(SoupEvaluation::Open(Box::new(open)))
+}
+
+impl OpenEvaluation<'_> {
+    fn has_hidden_boundary(&self) -> bool {
+        self.counts.as_ref().map_or_else(|| self.brick.may_hide_boundary(), Evaluation::has_hidden_boundary)
+    }
+
+    fn corners(&self) -> [i16; 8] {
+        self.counts.as_ref().map_or(self.brick.corner_counts, |counts| counts.samples.child_corners())
+    }
+
+    fn into_leaf(self) -> Result<Brick> {
+        let Some(counts) = self.counts else { return Ok(self.brick.into_leaf()) };
+        let hermite = match counts.into_leaf()? {
+            Brick::Uniform(_) => Hermite::default(),
+            Brick::Counts { hermite, .. } => hermite,
+        };
+        Ok(self.brick.into_leaf_with(hermite))
     }
 }
 
@@ -178,6 +261,7 @@ impl DeviceEvaluation<'_> {
 impl Evaluated for SoupEvaluation<'_> {
     fn samples(&self) -> &Samples {
         match self {
+            SoupEvaluation::Open(open) => &open.brick.samples,
             SoupEvaluation::Here(evaluation) => &evaluation.samples,
             SoupEvaluation::There(evaluation) => &evaluation.found.samples,
         }
@@ -185,13 +269,31 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn into_samples(self) -> Samples {
         match self {
+            SoupEvaluation::Open(open) => open.brick.samples,
             SoupEvaluation::Here(evaluation) => evaluation.samples,
             SoupEvaluation::There(evaluation) => evaluation.found.samples,
         }
     }
 
+    fn corners(&self) -> [i16; 8] {
+        match self {
+            SoupEvaluation::Open(open) => open.corners(),
+            SoupEvaluation::Here(_) | SoupEvaluation::There(_) => self.samples().child_corners(),
+        }
+    }
+
+    fn fractions(&self) -> Option<Fractions> {
+        match self {
+            SoupEvaluation::Open(open) => {
+                Some(Fractions { bits: open.brick.samples.1, straight: open.brick.is_straight() })
+            }
+            SoupEvaluation::Here(_) | SoupEvaluation::There(_) => None,
+        }
+    }
+
     fn has_hidden_crossings(&mut self) -> bool {
         match self {
+            SoupEvaluation::Open(open) => open.is_touched,
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_crossings(),
             SoupEvaluation::There(evaluation) => evaluation.found.has_hidden_crossings(),
         }
@@ -199,6 +301,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn has_hidden_boundary(&mut self) -> bool {
         match self {
+            SoupEvaluation::Open(open) => open.has_hidden_boundary(),
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_boundary(),
             SoupEvaluation::There(evaluation) => evaluation.has_hidden_boundary(),
         }
@@ -206,6 +309,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
         match self {
+            SoupEvaluation::Open(_) => Ok(Thin::default()),
             SoupEvaluation::Here(evaluation) => Ok(evaluation.thin(lines)),
             SoupEvaluation::There(evaluation) => evaluation.thin(lines),
         }
@@ -213,6 +317,7 @@ impl Evaluated for SoupEvaluation<'_> {
 
     fn into_leaf(self) -> Result<Brick> {
         match self {
+            SoupEvaluation::Open(open) => open.into_leaf(),
             SoupEvaluation::Here(evaluation) => evaluation.into_leaf(),
             SoupEvaluation::There(evaluation) => Ok(evaluation.found.into_leaf()),
         }

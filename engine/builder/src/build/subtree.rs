@@ -18,6 +18,9 @@ use std::collections::VecDeque;
 /// Levels that one sorting of pieces descends: 8³ cells of lists, and their corners in one small grid.
 pub(super) const STRIDE: u8 = 3;
 
+/// Leaves that are foreseen together.
+const LEAVES_AHEAD: usize = 64;
+
 /// A subtree to build.
 pub(super) struct Top<'a, P> {
     /// Its node.
@@ -90,10 +93,42 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
             return Ok(Node::Empty(w));
         }
         if key.level() == self.rules.depth {
+            if self.field.may_be_restless() {
+                let leaf = Leaf { key, corner, array: pieces, indices: &all };
+                self.field.foresee(&mut self.evaluator, &[leaf]);
+            }
             self.leaf(key, corner, list)
+        } else if pieces.is_empty() {
+            self.restless(key, corner)
         } else {
             self.descend_to_leaves(key, corner, pieces)
         }
+    }
+
+    /// Builds a node above the depth that no piece touches, and in which the field may change: it is divided where its
+    /// samples do not tell how.
+    fn restless(&mut self, key: NodeKey, corner: i16) -> Result<Node> {
+        let none = Pieces { array: &[], indices: &[] };
+        if let Some(w) = self.field.settled(key, corner, none) {
+            return Ok(Node::Empty(w));
+        }
+        self.field.foresee(&mut self.evaluator, &[Leaf { key, corner, array: &[], indices: &[] }]);
+        if key.level() == self.rules.depth {
+            return self.leaf(key, corner, none);
+        }
+        self.progress.check()?;
+        let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, none)?;
+        if self.rules.keeps(&mut evaluation) {
+            let brick = evaluation.into_leaf()?;
+            self.records.push(key, true, &brick);
+            return Ok(Node::Stored(Half::of(&brick)));
+        }
+        drop(evaluation);
+        let mut children = [const { Node::Empty(0) }; 8];
+        for octant in Octant::all() {
+            children[octant.index()] = self.restless(key.child(octant), corner)?;
+        }
+        Ok(join(key, children, &mut self.records))
     }
 
     /// Builds a node at the depth to which all is divided, or below it: a leaf unless something hides in it.
@@ -126,7 +161,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
                 None => self.leaf(key, corner, list)?,
             };
         }
-        Ok(join(key, children, self.field.binary_places(), &mut self.records))
+        Ok(join(key, children, &mut self.records))
     }
 
     /// Builds several subtrees of a tree that follows the pieces, those of each with its records apart.
@@ -159,17 +194,18 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
         let mut built = Vec::with_capacity(tops.len());
         for (top, cells) in tops.iter().zip(&cells) {
             let node = descend(top.key, cells.stride, &mut |step, number| match step {
-                Step::Joined(key, children) => Ok(join(key, children, field.binary_places(), records)),
+                Step::Entered(..) => Ok(None),
+                Step::Joined(key, children) => Ok(Some(join(key, children, records))),
                 Step::Reached(key) => {
                     let leaf = cells.leaf(top, number);
                     if let Some(w) = field.settled(key, leaf.corner, (&leaf).into()) {
-                        return Ok(Node::Empty(w));
+                        return Ok(Some(Node::Empty(w)));
                     }
                     progress.check()?;
                     let (brick, thin) = field.next_leaf(evaluator, &leaves)?;
                     plan.add_thin(&thin);
                     records.push(key, true, &brick);
-                    Ok(Node::Stored(Half::of(&brick)))
+                    Ok(Some(Node::Stored(Half::of(&brick))))
                 }
             })?;
             built.push((node, records.take()));
@@ -191,25 +227,54 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     fn descend_to_leaves(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
         let Cells { stride, corners, lists } = self.cells(key, corner, pieces);
         let mut copies = Vec::new();
+        let decides = self.field.may_be_restless();
+        let mut foreseen = 0;
         descend(key, stride, &mut |step, number| {
             let key = match step {
+                Step::Entered(key, levels) => {
+                    let below = number << (3 * levels)..(number + 1) << (3 * levels);
+                    if !decides || !lists.are_empty(&below) {
+                        return Ok(None);
+                    }
+                    return self.restless(key, corner_at(&corners, stride, below.start)).map(Some);
+                }
                 Step::Reached(key) => key,
                 Step::Joined(key, children) => {
-                    return Ok(join(key, children, self.field.binary_places(), &mut self.records));
+                    return Ok(Some(join(key, children, &mut self.records)));
                 }
             };
+            if key.level() == self.rules.depth && number >= foreseen {
+                foreseen = number + LEAVES_AHEAD;
+                self.foresee_leaves(key, number, &lists, pieces);
+            }
             let corner = corner_at(&corners, stride, number);
             let list = Pieces { array: pieces, indices: lists.of(number) };
-            if let Some(w) = self.field.settled(key, corner, list) {
-                Ok(Node::Empty(w))
+            let node = if let Some(w) = self.field.settled(key, corner, list) {
+                Node::Empty(w)
             } else if key.level() == self.rules.depth {
-                self.leaf(key, corner, list)
+                self.leaf(key, corner, list)?
             } else {
                 copies.clear();
                 copies.extend(list.indices.iter().map(|&i| pieces[i as usize]));
-                self.descend_to_leaves(key, corner, &copies)
-            }
+                self.descend_to_leaves(key, corner, &copies)?
+            };
+            Ok(Some(node))
         })
+    }
+
+    /// Tells the field which leaves of a sorting come next, from one with this number on.
+    fn foresee_leaves(&mut self, key: NodeKey, number: usize, lists: &CellLists, pieces: &[F::Piece]) {
+        if !self.field.foresees() {
+            return;
+        }
+        let end = (number + LEAVES_AHEAD).min(lists.cells());
+        let leaf = |number: usize, ahead: u64| {
+            let key = NodeKey::from_code(key.code() + ahead).expect("a descendant of the same node");
+            Leaf { key, corner: 0, array: pieces, indices: lists.of(number) }
+        };
+        let leaves: Vec<_> = (number..end).zip(0..).map(|(number, ahead)| leaf(number, ahead)).collect();
+        let touched: Vec<_> = leaves.into_iter().filter(|leaf| !leaf.indices.is_empty()).collect();
+        self.field.foresee(&mut self.evaluator, &touched);
     }
 
     /// Builds several subtrees of a tree whose nodes decide for themselves, those of each with its records apart.
@@ -293,7 +358,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
         self.record_all(children, &mut |_, node| nodes.push(node))?;
         let children: [Node; 8] = nodes.try_into().expect("a node has eight children");
         let Some(samples) = samples else {
-            return Ok(join(key, children, self.field.binary_places(), &mut self.records));
+            return Ok(join(key, children, &mut self.records));
         };
         if let Some(w) = common_empty(&children) {
             return Ok(Node::Empty(w));
@@ -329,30 +394,35 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
 
 /// What [`descend`] meets.
 enum Step {
+    /// A node above the bottom of the stride, so many levels, before what is below it; if `visit` makes a node of it, nothing
+    /// below it is met. Its number is that within the top at its own level.
+    Entered(NodeKey, u8),
     /// A node at the bottom of the stride.
     Reached(NodeKey),
     /// A node whose children are done.
     Joined(NodeKey, [Node; 8]),
 }
 
+/// What gets the nodes that [`descend`] meets, and makes nodes of them: of all but those that are entered it must.
+type Visit<'a> = dyn FnMut(Step, usize) -> Result<Option<Node>> + 'a;
+
 /// Walks the `stride` levels below `top` depth-first in Morton order; `visit` gets every bottom node with
 /// its Morton number within `top`, then, after its children, every node above.
-fn descend(top: NodeKey, stride: u8, visit: &mut dyn FnMut(Step, usize) -> Result<Node>) -> Result<Node> {
-    fn walk(
-        key: NodeKey,
-        levels: u8,
-        number: usize,
-        visit: &mut dyn FnMut(Step, usize) -> Result<Node>,
-    ) -> Result<Node> {
+fn descend(top: NodeKey, stride: u8, visit: &mut Visit<'_>) -> Result<Node> {
+    fn walk(key: NodeKey, levels: u8, number: usize, visit: &mut Visit<'_>) -> Result<Node> {
+        let made = |node: Option<Node>| node.expect("a node is made of what is reached or joined");
         if levels == 0 {
-            return visit(Step::Reached(key), number);
+            return visit(Step::Reached(key), number).map(made);
+        }
+        if let Some(node) = visit(Step::Entered(key, levels), number)? {
+            return Ok(node);
         }
         let mut children = [const { Node::Empty(0) }; 8];
         for octant in Octant::all() {
             children[octant.index()] =
                 walk(key.child(octant), levels - 1, number * 8 + octant.index(), visit)?;
         }
-        visit(Step::Joined(key, children), number)
+        visit(Step::Joined(key, children), number).map(made)
     }
     walk(top, stride, 0, visit)
 }

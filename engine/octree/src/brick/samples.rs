@@ -45,6 +45,17 @@ impl Samples {
         ((i32::from(stored) + (1 << self.1 >> 1)) >> self.1) as i16
     }
 
+    /// The same samples without binary places, if all are whole.
+    #[inline]
+    pub fn without_idle_places(mut self) -> Samples {
+        let places = (1i16 << self.1) - 1;
+        if self.1 > 0 && self.0.iter().fold(0, |any, w| any | w) & places == 0 {
+            self.0.iter_mut().for_each(|w| *w >>= self.1);
+            self.1 = 0;
+        }
+        self
+    }
+
     /// The winding number at `(i, j, k)`, each in 0..=32.
     #[inline]
     pub fn value(&self, ijk: [usize; 3]) -> f64 {

@@ -22,8 +22,8 @@ const HALF_POINTS: usize = BRICK_CELLS / 2 + 1;
 pub enum Half {
     /// All samples equal.
     Uniform(i16),
-    /// x fastest, z slowest.
-    Counts(Box<[i16; HALF_POINTS * HALF_POINTS * HALF_POINTS]>),
+    /// x fastest, z slowest, and their binary places.
+    Counts(Box<[i16; HALF_POINTS * HALF_POINTS * HALF_POINTS]>, u8),
 }
 
 impl Half {
@@ -41,18 +41,25 @@ impl Half {
                 half.extend_from_slice(&std::array::from_fn::<i16, HALF_POINTS, _>(|i| row[2 * i]));
             }
         }
-        Half::Counts(half.into_boxed_slice().try_into().expect("all rows were taken"))
+        Half::Counts(half.into_boxed_slice().try_into().expect("all rows were taken"), samples.1)
+    }
+
+    fn bits(&self) -> u8 {
+        match self {
+            Half::Uniform(_) => 0,
+            Half::Counts(_, bits) => *bits,
+        }
     }
 }
 
 /// Makes a node from its children: empty if they all are, else their common interior node, recording the
-/// empty children as uniform leaves. Samples have `bits` binary places.
-pub fn join(key: NodeKey, children: [Node; 8], bits: u8, records: &mut Records) -> Node {
+/// empty children as uniform leaves.
+pub fn join(key: NodeKey, children: [Node; 8], records: &mut Records) -> Node {
     if let Some(w) = common_empty(&children) {
         return Node::Empty(w);
     }
     record_empty(key, &children, records);
-    let brick = joined(&children, bits);
+    let brick = joined(&children);
     records.push(key, false, &brick);
     Node::Stored(Half::of(&brick))
 }
@@ -66,8 +73,13 @@ pub fn record_empty(key: NodeKey, children: &[Node; 8], records: &mut Records) {
     }
 }
 
-/// The interior node of eight children whose samples have so many binary places.
-pub fn joined(children: &[Node; 8], bits: u8) -> Brick {
+/// The interior node of eight children. Its samples have as many binary places as theirs.
+pub fn joined(children: &[Node; 8]) -> Brick {
+    let bits_of = |child: &Node| match child {
+        Node::Stored(half) => half.bits(),
+        Node::Empty(_) => 0,
+    };
+    let bits = children.iter().map(bits_of).max().unwrap_or(0);
     let mut samples = Samples::fractions(bits);
     for (octant, child) in Octant::all().zip(children) {
         match child {
@@ -84,9 +96,10 @@ pub fn common_empty(children: &[Node; 8]) -> Option<i16> {
     children.iter().all(|c| matches!(c, Node::Empty(v) if *v == w)).then_some(w)
 }
 
-/// The brick of an interior node.
+/// The brick of an interior node. Samples that are all whole have no binary places: so it does not matter whether they
+/// were found for the node, or are its children's, of which some may have places.
 pub fn interior(samples: Samples) -> Brick {
-    Brick::from_samples(samples, Default::default())
+    Brick::from_samples(samples.without_idle_places(), Default::default())
 }
 
 /// Copies a child's half samples, apron included, to where the parent has them.
@@ -99,8 +112,9 @@ fn place_half(parent: &mut Samples, octant: Octant, child: &Half) {
             match child {
                 // A winding number that leaves no 16 bits beside its binary places was refused.
                 Half::Uniform(w) => to.fill(*w << bits),
-                Half::Counts(half) => {
-                    to.copy_from_slice(&half[(k * HALF_POINTS + j) * HALF_POINTS..][..HALF_POINTS]);
+                Half::Counts(half, own) => {
+                    let from = &half[(k * HALF_POINTS + j) * HALF_POINTS..][..HALF_POINTS];
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to = from << (bits - own));
                 }
             }
         }

@@ -25,8 +25,8 @@ pub use cloud::{
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, Triangles};
 pub use open::{
-    BlockSample, Boundary, ClusterParts, ClusterTree, Element, FAR_FIELD_BYTES, OpenBrick, OpenEdge,
-    OpenEvaluator, OpenField, OpenPart, OpenPiece, OpenSummary, RoundedShares, SumBlock, SumBlocks,
+    BlockSample, Boundary, ClusterParts, ClusterTree, Element, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenBrick,
+    OpenEdge, OpenEvaluator, OpenField, OpenPart, OpenSummary, RoundedShares, SumBlock, SumBlocks,
     open_winding_at,
 };
 pub use points::{brute_at, winding_at};

@@ -1,6 +1,6 @@
 //! Bricks of point clouds.
 
-use super::super::open::{OpenBrick, Shares, binary_places, fixed_point};
+use super::super::open::{OpenBrick, Shares, binary_places, fixed_point, least_bits};
 use super::{CloudField, Surfels};
 use crate::brick::{Brick, POINTS, Samples};
 use crate::error::Result;
@@ -9,12 +9,16 @@ use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, Units};
 /// Cells across a ball's radius below which samples may miss what it holds.
 const CELLS_TO_SEE: i64 = 2;
 
+/// Fewest binary places of samples: normals of the surface come from their differences.
+const BITS_MIN: u8 = 10;
+
 /// The field of a cloud as bricks see it.
 #[derive(Debug)]
 pub struct CloudBricks {
     field: CloudField,
     bits: u8,
     error: f64,
+    least: u32,
 }
 
 /// A point of a cloud as the octree sees it: the ball over which it is spread.
@@ -39,12 +43,13 @@ pub struct CloudBrick {
 }
 
 impl CloudBricks {
-    /// With samples that are off by at most `error`.
+    /// With samples that are off by at most `error`, for a tree whose deepest bricks are of a level.
     ///
     /// # Errors
     /// [`crate::error::Error::Setting`] if samples of 16 bits cannot be that exact.
-    pub fn new(surfels: &Surfels, root: RootCube, error: f64) -> Result<CloudBricks> {
-        Ok(CloudBricks { field: CloudField::new(surfels, root), bits: binary_places(error)?, error })
+    pub fn new(surfels: &Surfels, root: RootCube, error: f64, depth: u8) -> Result<CloudBricks> {
+        let (bits, least) = (binary_places(error)?.max(BITS_MIN), least_bits(depth));
+        Ok(CloudBricks { field: CloudField::new(surfels, root), bits, error, least })
     }
 
     /// The balls of all points.
@@ -66,7 +71,7 @@ impl CloudBricks {
         key: NodeKey,
         mut pieces: impl Iterator<Item = CloudPiece>,
     ) -> Result<CloudBrick> {
-        scratch.shares.find(&self.field.tree, self.error, self.bits, key);
+        scratch.shares.find(&self.field.tree, (self.error, self.bits, self.least), key);
         let shares = scratch.shares.values();
         let samples = fixed_point(key, self.bits, (0..POINTS).map(|index| shares[index]))?;
         let has_details = pieces.any(|piece| !piece.is_seen_by(key));
@@ -88,7 +93,7 @@ impl CloudPiece {
     }
 
     /// Whether the samples of a brick show what the field does over the ball.
-    fn is_seen_by(&self, key: NodeKey) -> bool {
+    pub fn is_seen_by(&self, key: NodeKey) -> bool {
         i64::from(self.radius) >= CELLS_TO_SEE << key.spacing_bits()
     }
 }

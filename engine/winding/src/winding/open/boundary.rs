@@ -89,10 +89,21 @@ impl Boundary {
     /// # Errors
     /// If the user interrupts.
     pub fn of(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> Result<Boundary> {
-        Boundary::within(EDGES_AT_ONCE, sources, root, progress)
+        Boundary::within(u64::MAX, sources, root, progress)
     }
 
-    fn within(
+    /// As [`Boundary::of`], with edges of at most `memory` bytes at a time, or of one bucket.
+    pub(super) fn within(
+        memory: u64,
+        sources: &[&dyn Facets],
+        root: RootCube,
+        progress: &dyn Progress,
+    ) -> Result<Boundary> {
+        let edges = (memory / size_of::<Entry>() as u64).clamp(1, EDGES_AT_ONCE);
+        Boundary::found(edges, sources, root, progress)
+    }
+
+    fn found(
         budget: u64,
         sources: &[&dyn Facets],
         root: RootCube,
@@ -203,7 +214,7 @@ mod tests {
 
     fn find(soup: &Vec<Facet>, budget: u64) -> Boundary {
         let root = RootCube { origin: [0.0; 3], edge: f64::from(1u32 << ROOT_BITS) };
-        Boundary::within(budget, &[soup], root, &Silent).unwrap()
+        Boundary::found(budget, &[soup], root, &Silent).unwrap()
     }
 
     #[test]

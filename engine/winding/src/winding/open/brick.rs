@@ -1,15 +1,19 @@
 //! Bricks of open soups: fixed-point samples, and the Hermite edges of a field that is smooth between jumps.
 
-use super::super::evaluate::{Evaluator, Triangles};
+use super::super::evaluate::Triangles;
 use super::super::scan::{Block, Facet};
 use super::angle::Cap;
 use super::blocks::{SumBlock, SumBlocks};
 use super::cells::{CellCache, Cells, Grain, Points};
+use super::region::Region;
+use super::regions::{Range3, Regions};
+use super::smooth::{Crossing, Smooth};
 use super::{ClusterTree, Element, OpenPart};
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal, spacing_bits};
 use crate::wide::{dispatch, level};
+use std::ops::Range;
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
@@ -24,25 +28,22 @@ const BITS_MIN: u8 = 8;
 #[derive(Debug)]
 pub struct OpenField {
     part: OpenPart,
+    /// The caps as [`by_vertex`] gives them, sorted.
+    caps: Vec<Triangle>,
     bits: u8,
     error: f64,
+    /// log₂ of the edge of the least cells in which sums are given together.
+    least: u32,
 }
 
-/// A triangle of S ∪ C.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OpenPiece {
-    /// Where it is.
-    pub triangle: Triangle,
-    /// Whether it is a cap.
-    pub cap: bool,
+/// log₂ of the least cells among whose parts there are bricks of this depth: 8 of their samples along an edge.
+pub(in crate::winding) fn least_bits(depth: u8) -> u32 {
+    (spacing_bits(depth) + BLOCK_BITS).max(1)
 }
 
 /// Working memory; one per thread.
 #[derive(Default)]
 pub struct OpenEvaluator {
-    evaluator: Evaluator,
-    triangles: Vec<Triangle>,
-    indices: Vec<u32>,
     shares: Shares,
 }
 
@@ -51,12 +52,15 @@ pub(in crate::winding) struct Shares {
     cells: CellCache,
     points: Points,
     values: Box<[f64; POINTS]>,
+    /// Where a brick's samples are neither in a quiet nor in a smooth cell.
+    rough: Box<[bool; POINTS]>,
 }
 
 impl Default for Shares {
     fn default() -> Self {
         let values = vec![0.0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Shares { cells: CellCache::default(), points: Points::default(), values }
+        let rough = vec![false; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
+        Shares { cells: CellCache::default(), points: Points::default(), values, rough }
     }
 }
 
@@ -79,15 +83,6 @@ pub struct OpenBrick {
     key: NodeKey,
     facets: Vec<Triangle>,
     error: f64,
-}
-
-/// A crossing of a lattice edge with a facet, in the order in which they are passed.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Crossing {
-    lower: u16,
-    offset: u16,
-    normal: OctNormal,
-    jump: i32,
 }
 
 /// The fewest binary places whose rounding takes no more than a quarter of an error.
@@ -115,15 +110,29 @@ pub(in crate::winding) fn fixed_point(
 ) -> Result<Samples> {
     let mut samples = Samples::fractions(bits);
     for (sample, w) in samples.0.iter_mut().zip(values) {
-        *sample = i16::try_from(rounded(w, bits)).map_err(|_| {
-            Error::setting(
-                format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
-                "use a larger --gwn-error",
-            )
-        })?;
+        *sample = i16::try_from(rounded(w, bits)).map_err(|_| too_large(key, w))?;
     }
     keep_root_faces_outside(key, &mut samples);
     Ok(samples)
+}
+
+fn too_large(key: NodeKey, w: f64) -> Error {
+    Error::setting(
+        format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
+        "use a larger --gwn-error",
+    )
+}
+
+/// The same triangle from its first vertex on, which is the least.
+fn by_vertex(t: &Triangle) -> Triangle {
+    let least = if t[0] <= t[1] && t[0] <= t[2] {
+        0
+    } else if t[1] <= t[2] {
+        1
+    } else {
+        2
+    };
+    [0, 1, 2].map(|i| t[(least + i) % 3])
 }
 
 /// A winding number in units of its last binary place.
@@ -137,12 +146,20 @@ fn keep_root_faces_outside(key: NodeKey, samples: &mut Samples) {
 }
 
 impl OpenField {
-    /// With samples that are off by at most `error`.
+    /// With samples that are off by at most `error`, for a tree whose deepest bricks are of a level.
     ///
     /// # Errors
     /// [`Error::Setting`] if samples of 16 bits cannot be that exact.
-    pub fn new(part: OpenPart, error: f64) -> Result<OpenField> {
-        Ok(OpenField { part, bits: binary_places(error)?, error })
+    pub fn new(part: OpenPart, error: f64, depth: u8) -> Result<OpenField> {
+        let mut caps: Vec<Triangle> = part.caps.iter().map(by_vertex).collect();
+        caps.sort_unstable();
+        let (bits, least) = (binary_places(error)?, least_bits(depth));
+        Ok(OpenField { part, caps, bits, error, least })
+    }
+
+    /// By how much samples may be off.
+    pub fn error(&self) -> f64 {
+        self.error
     }
 
     /// Binary places of all samples.
@@ -160,55 +177,81 @@ impl OpenField {
         if key.first_sample().contains(&0) { 0 } else { corner }
     }
 
-    /// Evaluates the 33³ samples of `key` from all triangles of S ∪ C that touch it and their count at its corner. A
-    /// sample's value depends on its position and on nothing else. Samples on the root's own faces count as outside the
-    /// surface, so that a surface that goes on beyond the root ends there.
+    /// Whether the sum over the caps counts for nothing at all samples of a brick, which are then the counts of S ∪ C: it
+    /// is at most a quantum, and half of the error.
+    pub fn is_quiet(&self, key: NodeKey) -> bool {
+        self.part.tree.elements().is_empty() || self.regions().are_quiet(key)
+    }
+
+    fn regions(&self) -> Regions<'_, Cap> {
+        regions_of(&self.part.tree, self.error, self.bits, self.least)
+    }
+
+    /// Fails unless counts of a quiet brick fit 16 bits beside the binary places that others have.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if one does not.
+    pub fn require_room(&self, key: NodeKey, counts: &Samples) -> Result<()> {
+        let (low, high) = counts.range();
+        let fits = |w: i16| (w << self.bits) >> self.bits == w;
+        if fits(low) && fits(high) {
+            Ok(())
+        } else {
+            Err(too_large(key, f64::from(if fits(low) { high } else { low })))
+        }
+    }
+
+    /// Whether a triangle is a cap; a facet may lie on one.
+    pub fn is_cap(&self, t: &Triangle) -> bool {
+        self.caps.binary_search(&by_vertex(t)).is_ok()
+    }
+
+    /// The samples of a brick with these counts of S ∪ C. A sample's value depends on its position and on nothing else.
+    /// Samples on the root's own faces count as outside the surface, so that a surface that goes on beyond the root ends
+    /// there.
     ///
     /// # Errors
     /// [`Error::Setting`] if a winding number does not fit 16 bits.
-    pub fn evaluate(
-        &self,
-        scratch: &mut OpenEvaluator,
-        key: NodeKey,
-        corner: i16,
-        pieces: impl Iterator<Item = OpenPiece>,
-    ) -> Result<OpenBrick> {
-        let (counts, facets) = scratch.count(key, corner, pieces)?;
-        scratch.shares.find(&self.part.tree, self.error, self.bits, key);
-        self.finish(key, counts, facets, &scratch.shares)
-    }
-
-    /// As [`OpenField::evaluate`], where the sums over the caps are known already.
-    ///
-    /// # Errors
-    /// [`Error::Setting`] if a winding number does not fit 16 bits.
-    pub fn evaluate_with(
-        &self,
-        scratch: &mut OpenEvaluator,
-        key: NodeKey,
-        corner: i16,
-        pieces: impl Iterator<Item = OpenPiece>,
-        shares: &RoundedShares,
-    ) -> Result<OpenBrick> {
-        let (counts, facets) = scratch.count(key, corner, pieces)?;
-        let Some(samples) = shares.subtracted_from(&counts, key, self.bits) else {
-            // Too much for 16 bits: the error tells how much.
-            scratch.shares.find(&self.part.tree, self.error, self.bits, key);
-            return self.finish(key, counts, facets, &scratch.shares);
-        };
-        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
-    }
-
-    fn finish(
-        &self,
-        key: NodeKey,
-        counts: Samples,
-        facets: Vec<Triangle>,
-        shares: &Shares,
-    ) -> Result<OpenBrick> {
+    pub fn samples(&self, scratch: &mut OpenEvaluator, key: NodeKey, counts: &Samples) -> Result<Samples> {
+        let shares = &mut scratch.shares;
+        shares.find(&self.part.tree, (self.error, self.bits, self.least), key);
         let values = counts.0.iter().zip(shares.values.iter());
-        let samples = fixed_point(key, self.bits, values.map(|(count, share)| f64::from(*count) - share))?;
-        Ok(OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error })
+        fixed_point(key, self.bits, values.map(|(count, share)| f64::from(*count) - share))
+    }
+
+    /// As [`OpenField::samples`], where the sums over the caps are known already.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if a winding number does not fit 16 bits.
+    pub fn samples_with(
+        &self,
+        scratch: &mut OpenEvaluator,
+        key: NodeKey,
+        counts: &Samples,
+        shares: &RoundedShares,
+    ) -> Result<Samples> {
+        scratch.shares.find_easy(&self.regions(), key);
+        match shares.subtracted_from(counts, key, self.bits, &scratch.shares) {
+            Some(samples) => Ok(samples),
+            // Too much for 16 bits: the error tells how much.
+            None => self.samples(scratch, key, counts),
+        }
+    }
+
+    /// A brick of these counts and samples, which these triangles of S ∪ C touch.
+    pub fn brick(&self, key: NodeKey, counts: &Samples, samples: Samples, list: Triangles<'_>) -> OpenBrick {
+        let facets = self.facets(list);
+        OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error }
+    }
+
+    /// Whether the sum over the caps, at most a quarter at all samples of a brick that no cap touches, moves no passage of
+    /// 0.5: that is where the count passes it.
+    pub fn is_tame(&self, counts: &Samples, samples: &Samples, list: Triangles<'_>) -> bool {
+        let most = 1i32 << self.bits >> 2;
+        let is_near =
+            |(count, w): (&i16, &i16)| ((i32::from(*count) << self.bits) - i32::from(*w)).abs() <= most;
+        counts.0.iter().zip(samples.0.iter()).all(is_near)
+            && list.indices.iter().all(|&i| !self.is_cap(&list.array[i as usize]))
     }
 
     /// The sums over the caps at all samples of a brick, to be computed elsewhere, added to `blocks`.
@@ -221,38 +264,31 @@ impl OpenField {
         blocks.settle(&self.cells(), block, samples)
     }
 
+    /// The facets among the pieces of a brick: all but as many as there are caps of the same vertices.
+    fn facets(&self, list: Triangles<'_>) -> Vec<Triangle> {
+        let (mut caps, mut facets) = (Vec::new(), Vec::new());
+        for &index in list.indices {
+            let t = list.array[index as usize];
+            if self.is_cap(&t) { caps.push(by_vertex(&t)) } else { facets.push(t) }
+        }
+        caps.sort_unstable();
+        for same in caps.chunk_by(|a, b| a == b) {
+            let first = self.caps.partition_point(|cap| *cap < same[0]);
+            let own = self.caps[first..].iter().take_while(|cap| **cap == same[0]).count();
+            facets.extend(same.iter().skip(own));
+        }
+        facets
+    }
+
     fn cells(&self) -> Cells<'_, Cap> {
         cells_of(&self.part.tree, self.error, self.bits)
     }
 }
 
-impl OpenEvaluator {
-    /// Counts of S ∪ C at the samples of a brick, and the facets among its pieces.
-    fn count(
-        &mut self,
-        key: NodeKey,
-        corner: i16,
-        pieces: impl Iterator<Item = OpenPiece>,
-    ) -> Result<(Samples, Vec<Triangle>)> {
-        let OpenEvaluator { evaluator, triangles, indices, .. } = self;
-        triangles.clear();
-        let mut facets = Vec::new();
-        for piece in pieces {
-            triangles.push(piece.triangle);
-            if !piece.cap {
-                facets.push(piece.triangle);
-            }
-        }
-        indices.clear();
-        indices.extend(0..triangles.len() as u32);
-        let list = Triangles { array: triangles, indices };
-        Ok((evaluator.evaluate(key, OpenField::corner_count(key, corner), list)?.samples, facets))
-    }
-}
-
 impl RoundedShares {
-    /// The samples of a brick with these counts; `None` if one does not fit 16 bits.
-    fn subtracted_from(&self, counts: &Samples, key: NodeKey, bits: u8) -> Option<Samples> {
+    /// The samples of a brick with these counts, and with the shares of `easy` where these are known; `None` if one does
+    /// not fit 16 bits.
+    fn subtracted_from(&self, counts: &Samples, key: NodeKey, bits: u8, easy: &Shares) -> Option<Samples> {
         let mut samples = Samples::fractions(bits);
         for ((sample, count), share) in samples.0.iter_mut().zip(counts.0.iter()).zip(self.negative.iter()) {
             *sample = (i32::from(*count) << bits).checked_add(*share)?.try_into().ok()?;
@@ -260,6 +296,10 @@ impl RoundedShares {
         for &(index, share) in &self.exact {
             let index = usize::from(index);
             let w = f64::from(counts.0[index]) - share;
+            samples.0[index] = rounded(w, bits).try_into().ok()?;
+        }
+        for index in (0..POINTS).filter(|index| !easy.rough[*index]) {
+            let w = f64::from(counts.0[index]) - easy.values[index];
             samples.0[index] = rounded(w, bits).try_into().ok()?;
         }
         keep_root_faces_outside(key, &mut samples);
@@ -273,33 +313,87 @@ fn cells_of<E: Element>(tree: &ClusterTree<E>, error: f64, bits: u8) -> Cells<'_
     Cells::new(tree, error - 0.5 / f64::from(1u32 << bits))
 }
 
+/// Where these sums are easy: next to nothing is a quantum, and half of the error.
+fn regions_of<E: Element>(tree: &ClusterTree<E>, error: f64, bits: u8, least: u32) -> Regions<'_, E> {
+    Regions::new(cells_of(tree, error, bits), f64::from(1u32 << bits).recip().min(0.5 * error), least)
+}
+
 impl Shares {
     /// The sums found last, by sample.
     pub fn values(&self) -> &[f64; POINTS] {
         &self.values
     }
 
-    /// The sum over a tree's elements at all samples of a brick, so exact that it is off by at most `error` when rounded
+    /// The sum over a tree's elements at all samples of a brick, by regions whose least cells have an edge of 2^least, so exact that it is off by at most `error` when rounded
     /// to `bits` binary places.
     ///
-    /// A sample belongs to the coarsest level whose lattice holds it, and there to a block of 8³ samples of
-    /// that level's lattice, which is a cell of the octree over the elements. The cell answers it, whatever brick asks:
+    /// A sample in a rough cell belongs to the coarsest level whose lattice holds it, and there to a block of 8³ samples
+    /// of that level's lattice, which is a cell of the octree over the elements. The cell answers it, whatever brick asks:
     /// a brick's own, a neighbour for its apron, a parent or a child.
-    pub fn find<E: Element>(&mut self, tree: &ClusterTree<E>, error: f64, bits: u8, key: NodeKey) {
-        let Shares { cells, points, values } = self;
+    pub fn find<E: Element>(
+        &mut self,
+        tree: &ClusterTree<E>,
+        (error, bits, least): (f64, u8, u32),
+        key: NodeKey,
+    ) {
         if tree.elements().is_empty() {
-            values.fill(0.0);
+            self.values.fill(0.0);
             return;
         }
+        if !self.find_easy(&regions_of(tree, error, bits, least), key) {
+            return;
+        }
+        let Shares { cells, points, values, rough } = self;
         let tree = cells_of(tree, error, bits);
         for_blocks(key, |spacing, samples| {
+            let wanted = || samples.iter().filter(|(_, index)| rough[usize::from(*index)]);
             points.positions.clear();
-            points.positions.extend(samples.iter().map(|(position, _)| *position));
+            points.positions.extend(wanted().map(|(position, _)| *position));
             tree.answer(cells, spacing + BLOCK_BITS, Grain::Lattice(spacing), points);
-            for ((_, index), value) in samples.iter().zip(&points.values) {
+            for ((_, index), value) in wanted().zip(&points.values) {
                 values[usize::from(*index)] = *value;
             }
         });
+    }
+
+    /// The same where a brick's samples lie in quiet and in smooth cells; whether there are others.
+    fn find_easy<E: Element>(&mut self, regions: &Regions<'_, E>, key: NodeKey) -> bool {
+        let mut any_rough = false;
+        self.rough.fill(false);
+        regions.visit(key, &mut |part, region| {
+            match region {
+                Region::Quiet => for_rows(part, |row, _, _| self.values[row].fill(0.0)),
+                Region::Smooth(center, local) => {
+                    let (base, bits) = (key.base(), key.spacing_bits());
+                    let from_center = |axis: usize, i: usize| {
+                        f64::from(base[axis] + ((i as i32) << bits) + 1) - center[axis]
+                    };
+                    for_rows(part, |row, j, k| {
+                        let line = local.along_x(from_center(1, j), from_center(2, k));
+                        for (value, i) in self.values[row].iter_mut().zip(part[0][0]..) {
+                            let x = from_center(0, i);
+                            *value = line.iter().rev().fold(0.0, |sum, c| sum * x + c);
+                        }
+                    });
+                }
+                Region::Rough => {
+                    any_rough = true;
+                    for_rows(part, |row, _, _| self.rough[row].fill(true));
+                }
+            }
+            true
+        });
+        any_rough
+    }
+}
+
+/// Calls `row` with the rows of a box of a brick's samples, and their numbers along y and z.
+fn for_rows([from, to]: Range3, mut row: impl FnMut(Range<usize>, usize, usize)) {
+    for k in from[2]..=to[2] {
+        for j in from[1]..=to[1] {
+            let first = (k * P + j) * P;
+            row(first + from[0]..first + to[0] + 1, j, k);
+        }
     }
 }
 
@@ -381,8 +475,8 @@ fn for_root_face(key: NodeKey, mut sample: impl FnMut(usize)) {
 }
 
 impl OpenBrick {
-    /// Of a field without facets.
-    pub(in crate::winding) fn smooth(samples: Samples, key: NodeKey, error: f64) -> OpenBrick {
+    /// Of a field without facets, or whose Hermite edges are known from elsewhere.
+    pub fn smooth(samples: Samples, key: NodeKey, error: f64) -> OpenBrick {
         OpenBrick { samples, corner_counts: [0; 8], key, facets: Vec::new(), error }
     }
 
@@ -417,6 +511,11 @@ impl OpenBrick {
         })
     }
 
+    /// The leaf's brick with these Hermite edges.
+    pub fn into_leaf_with(self, hermite: Hermite) -> Brick {
+        Brick::from_samples(self.samples.without_idle_places(), hermite)
+    }
+
     /// The leaf's brick with its Hermite edges.
     pub fn into_leaf(self) -> Brick {
         let signs = SignChanges::of(&self.samples);
@@ -428,7 +527,7 @@ impl OpenBrick {
                 hermite.edges[axis.index()] = smooth.edges(axis, &signs, &crossings[axis.index()]);
             }
         }
-        Brick::from_samples(self.samples, hermite)
+        Brick::from_samples(self.samples.without_idle_places(), hermite)
     }
 
     /// All crossings of the facets with lattice edges along `axis`, edge by edge, in order.
@@ -454,108 +553,5 @@ impl OpenBrick {
         }
         found.sort_unstable();
         found
-    }
-}
-
-/// The field without its jumps: what is left of the difference of two neighbouring samples when the facets
-/// between them are taken off.
-struct Smooth<'a> {
-    samples: &'a Samples,
-    /// Sum of the jumps on each lattice edge, by axis and lower sample.
-    jumps: [Vec<i32>; 3],
-}
-
-impl<'a> Smooth<'a> {
-    fn new(samples: &'a Samples, crossings: &[Vec<Crossing>; 3]) -> Smooth<'a> {
-        let jumps = [0, 1, 2].map(|axis| {
-            let mut jumps = vec![0; POINTS];
-            crossings[axis].iter().for_each(|c: &Crossing| jumps[usize::from(c.lower)] += c.jump);
-            jumps
-        });
-        Smooth { samples, jumps }
-    }
-
-    /// Change along the lattice edge from sample `lower`, in quanta, without the jumps.
-    fn step(&self, axis: Axis, lower: usize) -> i32 {
-        let upper = lower + stride(axis);
-        let change = i32::from(self.samples.0[upper]) - i32::from(self.samples.0[lower]);
-        change - (self.jumps[axis.index()][lower] << self.samples.1)
-    }
-
-    /// Twice the slope at a sample, one-sided at the border of the brick.
-    fn slope(&self, axis: Axis, index: usize) -> i64 {
-        let at = index / stride(axis) % P;
-        let before = (at > 0).then(|| self.step(axis, index - stride(axis)));
-        let behind = (at + 1 < P).then(|| self.step(axis, index));
-        match (before, behind) {
-            (Some(a), Some(b)) => i64::from(a) + i64::from(b),
-            (a, b) => 2 * i64::from(a.or(b).unwrap_or(0)),
-        }
-    }
-
-    /// One Hermite edge for each sign-changing edge along `axis`.
-    fn edges(&self, axis: Axis, signs: &SignChanges, crossings: &[Crossing]) -> Vec<HermiteEdge> {
-        let mut edges = Vec::new();
-        let mut next = 0;
-        for row in 0..P * P {
-            let mut bits = signs.edges(axis, row % P, row / P);
-            while bits != 0 {
-                let lower = row * P + bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                while crossings.get(next).is_some_and(|c| usize::from(c.lower) < lower) {
-                    next += 1;
-                }
-                let count = crossings[next..].iter().take_while(|c| usize::from(c.lower) == lower).count();
-                edges.push(self.settle(axis, lower, &crossings[next..next + count]));
-                next += count;
-            }
-        }
-        edges
-    }
-
-    /// The first point of a lattice edge where the field passes 0.5: a facet where it jumps across, or the root
-    /// of the part between, which is taken to be linear.
-    fn settle(&self, axis: Axis, lower: usize, crossings: &[Crossing]) -> HermiteEdge {
-        let bits = self.samples.1;
-        let half = f64::from(1u32 << bits) * 0.5;
-        let start = f64::from(self.samples.0[lower]);
-        let inside = start >= half;
-        let step = f64::from(self.step(axis, lower));
-        let mut jumped = 0.0;
-        for group in crossings.chunk_by(|a, b| a.offset == b.offset) {
-            let at = f64::from(group[0].offset) / 65536.0;
-            let before = start + step * at + jumped;
-            if (before >= half) != inside {
-                return self.root(axis, lower, (half - start - jumped) / step);
-            }
-            jumped += f64::from(group.iter().map(|c| c.jump).sum::<i32>()) * 2.0 * half;
-            let after = start + step * at + jumped;
-            if (after >= half) != inside {
-                let direction = if inside { -1 } else { 1 };
-                let facet = group.iter().find(|c| c.jump == direction).unwrap_or(&group[0]);
-                return HermiteEdge { offset: group[0].offset, normal: facet.normal };
-            }
-        }
-        self.root(axis, lower, (half - start - jumped) / step)
-    }
-
-    /// A passage between facets, with the normal −∇w.
-    fn root(&self, axis: Axis, lower: usize, fraction: f64) -> HermiteEdge {
-        let upper = lower + stride(axis);
-        let offset = (fraction.clamp(0.0, 1.0) * 65536.0).min(65535.0) as u16;
-        let mut normal = Axis::ALL.map(|a| -(self.slope(a, lower) + self.slope(a, upper)));
-        if normal == [0; 3] {
-            let falls = self.samples.0[lower] > self.samples.0[upper];
-            normal[axis.index()] = if falls { 1 } else { -1 };
-        }
-        HermiteEdge { offset, normal: OctNormal::from_integer(normal) }
-    }
-}
-
-fn stride(axis: Axis) -> usize {
-    match axis {
-        Axis::X => 1,
-        Axis::Y => P,
-        Axis::Z => P * P,
     }
 }

@@ -13,6 +13,7 @@
 use super::kept::{Kept, Weighed};
 use super::local::{GROUP, Local, local_bound};
 use super::moments::{Element, error_bound};
+use super::region::Region;
 use super::tree::{Cluster, ClusterTree};
 use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level, way};
 use crate::lattice::{ROOT_BITS, Units};
@@ -23,11 +24,13 @@ use std::sync::Arc;
 /// log₂ of the edge of the cell that holds every position answered.
 pub(super) const TOP_BITS: u32 = ROOT_BITS + 7;
 /// Lowest coordinate of that cell; the root's own cube is one of its descendants.
-const TOP_LOW: i64 = -(1 << (TOP_BITS - 1));
+pub(super) const TOP_LOW: i64 = -(1 << (TOP_BITS - 1));
 /// Cells, and as many bytes of plans, that are kept: some thousands of each.
 const KEPT_BYTES: usize = 32 << 20;
+/// The same for the regions of cells: some thousands of polynomials.
+const REGION_BYTES: usize = 16 << 20;
 /// What a hierarchy of clusters takes at most, besides the clusters, of what it keeps of the far field.
-pub const FAR_FIELD_BYTES: u64 = 2 * KEPT_BYTES as u64;
+pub const FAR_FIELD_BYTES: u64 = (2 * KEPT_BYTES + REGION_BYTES) as u64;
 /// Share of the error that polynomials handed down may take. This and the next four constants were tuned on a million
 /// facets less 3 % at 128³ samples; none matters by more than a fifth over a factor of 1.5 to either side.
 const DOWN_SHARE: f64 = 0.3;
@@ -38,6 +41,14 @@ const LEVEL_SHARE: f64 = 0.3;
 const OWN_SHARE: f64 = 0.6;
 /// Clusters that reach farther than this share of a cell's radius are divided rather than handed down.
 const SIZE_MAX: f64 = 1.0;
+/// Clusters that reach farther than this share of their distance are divided for a bound on what they add.
+const NEAR_SIZE: f64 = 0.4;
+/// Share of what is left of the error that the clusters near a smooth cell may take.
+const SMOOTH_SHARE: f64 = 0.95;
+/// Share of what is left of that which one of them may take.
+const CLUSTER_SHARE: f64 = 0.25;
+/// Clusters that a smooth cell takes at most.
+const SMOOTH_CLUSTERS: usize = 256;
 /// Near elements times samples above which a block of samples is divided: less is better for large errors, more for
 /// small ones.
 const WORK_MAX: usize = 200_000;
@@ -99,18 +110,21 @@ pub(super) struct Found {
     pub steps: u32,
 }
 
-type CellId = (u32, [u32; 3]);
+/// log₂ of a cell's edge, and its number along each axis.
+pub(super) type CellId = (u32, [u32; 3]);
 
 /// Cells and plans of a tree, by the bits of the error for which they hold.
 #[derive(Debug)]
 pub(super) struct Made {
     cells: Kept<(u64, CellId), Cell>,
     plans: Kept<(u64, CellId, u32), Plan>,
+    /// By the bits of the limit below which a sum counts for nothing, and those of the least cells.
+    pub regions: Kept<(u64, u32, CellId), Arc<Region>>,
 }
 
 impl Default for Made {
     fn default() -> Self {
-        Made { cells: Kept::new(KEPT_BYTES), plans: Kept::new(KEPT_BYTES) }
+        Made { cells: Kept::new(KEPT_BYTES), plans: Kept::new(KEPT_BYTES), regions: Kept::new(REGION_BYTES) }
     }
 }
 
@@ -230,6 +244,60 @@ impl<'a, E: Element> Cells<'a, E> {
     pub fn new(tree: &'a ClusterTree<E>, error: f64) -> Cells<'a, E> {
         // Rounding takes far less than the rest.
         Cells { tree, error: error * (1.0 - 1e-6) }
+    }
+
+    /// The tree.
+    pub fn tree(&self) -> &'a ClusterTree<E> {
+        self.tree
+    }
+
+    /// A bound on the absolute value of the sum anywhere in a cell; any number above `limit` if it is not within that.
+    pub fn magnitude(&self, id: CellId, limit: f64) -> f64 {
+        let cell = self.cell(id);
+        let (low, high, _) = extent(id, Grain::Anywhere);
+        let mut total = cell.spent + cell.local.magnitude(0.5 * (1u64 << id.0) as f64);
+        let clusters = self.tree.clusters();
+        let mut waiting = cell.near.clone();
+        while total <= limit
+            && let Some(c) = waiting.pop()
+        {
+            let cluster = &clusters[c as usize];
+            let center = cluster.center;
+            let distance =
+                length(std::array::from_fn(|a| (low[a] - center[a]).max(center[a] - high[a]).max(0.0)));
+            match cluster.halves(c) {
+                Some(halves) if cluster.reach.farthest > NEAR_SIZE * distance => waiting.extend(halves),
+                _ => total += cluster.magnitude(distance),
+            }
+        }
+        // Sums of this kind lose far less.
+        if waiting.is_empty() { total * (1.0 + 1e-9) } else { f64::INFINITY }
+    }
+
+    /// A polynomial, with its centre, that gives the sum anywhere in a cell within the error, if there is one that takes no
+    /// cluster that is too near.
+    pub fn as_polynomial(&self, id: CellId) -> Option<([f64; 3], Local)> {
+        let cell = self.cell(id);
+        let clusters = self.tree.clusters();
+        let radius = 0.5 * 3f64.sqrt() * (1u64 << id.0) as f64;
+        let (mut left, mut taken) = (SMOOTH_SHARE * (self.error - cell.spent), Vec::new());
+        let mut waiting = cell.near.clone();
+        while let Some(c) = waiting.pop() {
+            let cluster = &clusters[c as usize];
+            let way: [f64; 3] = std::array::from_fn(|a| cluster.center[a] - cell.center[a]);
+            let bound = local_bound(cluster.reach, length(way), radius);
+            match cluster.halves(c) {
+                _ if bound <= left * CLUSTER_SHARE => {
+                    left -= bound;
+                    taken.push((way, &cluster.expansion));
+                }
+                Some(halves) if taken.len() < SMOOTH_CLUSTERS => waiting.extend(halves),
+                _ => return None,
+            }
+        }
+        let mut local = cell.local.clone();
+        local.add(&taken);
+        Some((cell.center, local))
     }
 
     /// The sums at points that all lie in the cell with the edge 2^bits that holds the first of them.

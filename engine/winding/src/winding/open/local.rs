@@ -113,6 +113,19 @@ impl Local {
         all.iter_mut().zip(found.0.as_flattened().as_flattened()).for_each(|(a, b)| *a += b);
     }
 
+    /// A bound on its absolute value in the cube that reaches so far from its centre along each axis.
+    pub fn magnitude(&self, half: f64) -> f64 {
+        let mut sum = 0.0;
+        for plane in self.0.iter().rev() {
+            let mut of_plane = 0.0;
+            for row in plane.iter().rev() {
+                of_plane = of_plane * half + row.iter().rev().fold(0.0, |sum, c| sum * half + c.abs());
+            }
+            sum = sum * half + of_plane;
+        }
+        sum
+    }
+
     /// Powers of x, y, z with their coefficients, in the order of [`Local::at`]: falling, those of z first.
     pub fn coefficients(&self) -> impl Iterator<Item = ([usize; 3], f64)> {
         let falling = |last: usize| (0..=last).rev();
@@ -146,6 +159,19 @@ impl Local {
             }
         }
         to
+    }
+
+    /// The polynomial on a line along x: coefficients by power.
+    pub fn along_x(&self, y: f64, z: f64) -> [f64; C] {
+        let mut line = [0.0; C];
+        for k in (0..C).rev() {
+            let mut plane = [0.0; C];
+            for j in (0..C - k).rev() {
+                (0..C).for_each(|i| plane[i] = plane[i] * y + self.0[k][j][i]);
+            }
+            (0..C).for_each(|i| line[i] = line[i] * z + plane[i]);
+        }
+        line
     }
 
     /// The values at some points, given by their ways from the centre.

@@ -21,13 +21,16 @@ mod local;
 mod loops;
 mod moments;
 mod points;
+mod region;
+mod regions;
+mod smooth;
 mod tree;
 mod wide;
 
 pub use blocks::{BlockSample, ClusterParts, SumBlock, SumBlocks};
 pub use boundary::{Boundary, OpenEdge};
-pub use brick::{OpenBrick, OpenEvaluator, OpenField, OpenPiece, RoundedShares};
-pub(super) use brick::{Shares, binary_places, fixed_point};
+pub use brick::{OpenBrick, OpenEvaluator, OpenField, RoundedShares};
+pub(super) use brick::{Shares, binary_places, fixed_point, least_bits};
 pub use cells::FAR_FIELD_BYTES;
 pub use local::GROUP;
 pub use moments::{Element, Moments, Reach};
@@ -41,6 +44,9 @@ use crate::progress::Progress;
 use crate::soup::Facets;
 use angle::Cap;
 use loops::Loops;
+
+/// What a cap takes for good: itself twice, and its part of the clusters.
+pub const OPEN_BYTES_A_CAP: u64 = (2 * size_of::<Triangle>() + size_of::<Cap>() + tree::CLUSTER_BYTES) as u64;
 
 /// What is known of a soup's openness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,8 +80,21 @@ impl OpenPart {
     /// # Errors
     /// If the user interrupts.
     pub fn of(sources: &[&dyn Facets], root: RootCube, progress: &dyn Progress) -> Result<OpenPart> {
+        OpenPart::within(u64::MAX, sources, root, progress)
+    }
+
+    /// As [`OpenPart::of`], with edges of at most `memory` bytes at a time while open ones are found.
+    ///
+    /// # Errors
+    /// If the user interrupts.
+    pub fn within(
+        memory: u64,
+        sources: &[&dyn Facets],
+        root: RootCube,
+        progress: &dyn Progress,
+    ) -> Result<OpenPart> {
         progress.phase("finding open edges", None, "facets");
-        Ok(OpenPart::from_boundary(&Boundary::of(sources, root, progress)?))
+        Ok(OpenPart::from_boundary(&Boundary::within(memory, sources, root, progress)?))
     }
 
     /// Closes a boundary.

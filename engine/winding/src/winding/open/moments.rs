@@ -152,6 +152,18 @@ impl Expansion {
         ]
     }
 
+    /// A bound on the absolute value at this distance from the centre: that of a symmetric form is at most the root of the
+    /// sum of its squared components.
+    pub fn magnitude(&self, distance: f64) -> f64 {
+        let squares = |some: &[f64]| some.iter().map(|c| c * c).sum::<f64>();
+        let (q, t) = (&self.quadrupole, &self.octupole);
+        let dipole = squares(&self.dipole).sqrt();
+        let quadrupole = (squares(&q[..3]) + squares(&q[3..]) / 2.0).sqrt();
+        let octupole = (squares(&t[..3]) + squares(&t[3..9]) / 3.0 + t[9] * t[9] / 6.0).sqrt();
+        let inverse = 1.0 / distance;
+        (dipole + inverse * (quadrupole + inverse * octupole)) * inverse * inverse
+    }
+
     /// Factors of the dipole, the quadrupole and the octupole: see [`Expansion::at_each`].
     pub fn factors(&self) -> ([f64; 3], [f64; 6], [f64; 10]) {
         (self.dipole, self.quadrupole, self.octupole)

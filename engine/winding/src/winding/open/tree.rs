@@ -1,8 +1,9 @@
 //! The hierarchy of clusters.
 
 use super::cells::Made;
-use super::moments::{Element, Expansion, Moments, Reach};
+use super::moments::{Element, Expansion, Moments, Reach, error_bound};
 use crate::lattice::Units;
+use std::f64::consts::PI;
 use std::ops::Range;
 
 /// Elements of a cluster that is not divided: an expansion costs about half as much as a solid angle.
@@ -32,10 +33,24 @@ impl Cluster {
         self.first..self.first + self.count
     }
 
+    /// A bound on the absolute value of what its elements add at this distance from its centre: from all of its area, or
+    /// from its moments and the error of their expansion, in which elements that face each other cancel.
+    pub fn magnitude(&self, distance: f64) -> f64 {
+        let beyond = distance - self.reach.farthest;
+        if beyond <= 0.0 {
+            return f64::INFINITY;
+        }
+        let by_area = self.reach.area / (4.0 * PI * beyond * beyond);
+        by_area.min(self.expansion.magnitude(distance) + error_bound(self.reach, distance))
+    }
+
     fn seen_from(&self, p: [f64; 3]) -> f64 {
         self.expansion.at(std::array::from_fn(|a| self.center[a] - p[a]))
     }
 }
+
+/// What one takes.
+pub(super) const CLUSTER_BYTES: usize = size_of::<Cluster>();
 
 /// Elements of surface in clusters, halved again and again.
 #[derive(Debug)]
