@@ -5,6 +5,7 @@ use super::super::scan::{Block, Facet};
 use super::angle::Cap;
 use super::blocks::{SumBlock, SumBlocks};
 use super::cells::{CellCache, Cells, Grain, Points};
+use super::local::Local;
 use super::region::Region;
 use super::regions::{Range3, Regions};
 use super::smooth::{Crossing, Smooth};
@@ -365,16 +366,12 @@ impl Shares {
                 Region::Quiet => for_rows(part, |row, _, _| self.values[row].fill(0.0)),
                 Region::Smooth(center, local) => {
                     let (base, bits) = (key.base(), key.spacing_bits());
-                    let from_center = |axis: usize, i: usize| {
-                        f64::from(base[axis] + ((i as i32) << bits) + 1) - center[axis]
-                    };
-                    for_rows(part, |row, j, k| {
-                        let line = local.along_x(from_center(1, j), from_center(2, k));
-                        for (value, i) in self.values[row].iter_mut().zip(part[0][0]..) {
-                            let x = from_center(0, i);
-                            *value = line.iter().rev().fold(0.0, |sum, c| sum * x + c);
-                        }
+                    let ways: [[f64; P]; 3] = std::array::from_fn(|axis| {
+                        std::array::from_fn(|i| {
+                            f64::from(base[axis] + ((i as i32) << bits) + 1) - center[axis]
+                        })
                     });
+                    dispatch!(level(), _simd => fill_smooth(&mut self.values, part, local, &ways));
                 }
                 Region::Rough => {
                     any_rough = true;
@@ -385,6 +382,17 @@ impl Shares {
         });
         any_rough
     }
+}
+
+/// Fills a box of a brick's samples with the values of a polynomial; `ways` tell how far samples are from its centre.
+#[inline(always)]
+fn fill_smooth(values: &mut [f64; POINTS], [from, to]: Range3, local: &Local, ways: &[[f64; P]; 3]) {
+    let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..=to[axis]]);
+    local.at_grid(
+        of_box,
+        |j, k| (((from[2] + k) * P + from[1] + j) * P + from[0], to[0] + 1 - from[0]),
+        values,
+    );
 }
 
 /// Calls `row` with the rows of a box of a brick's samples, and their numbers along y and z.

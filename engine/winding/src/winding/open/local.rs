@@ -161,17 +161,38 @@ impl Local {
         to
     }
 
-    /// The polynomial on a line along x: coefficients by power.
-    pub fn along_x(&self, y: f64, z: f64) -> [f64; C] {
-        let mut line = [0.0; C];
-        for k in (0..C).rev() {
-            let mut plane = [0.0; C];
-            for j in (0..C - k).rev() {
-                (0..C).for_each(|i| plane[i] = plane[i] * y + self.0[k][j][i]);
+    /// The values at a grid of points: by axis how far they are from the centre. `row` tells where in `all` a row along x
+    /// belongs, by its numbers along y and z: the first place, and how many.
+    #[inline(always)]
+    pub fn at_grid(&self, ways: [&[f64]; 3], row: impl Fn(usize, usize) -> (usize, usize), all: &mut [f64]) {
+        let [xs, ys, zs] = ways;
+        for (j, y) in ys.iter().enumerate() {
+            // By power of z, the coefficients by power of x.
+            let mut planes = [[0.0; C]; C];
+            for k in 0..C {
+                for of_y in self.0[k][..C - k].iter().rev() {
+                    for i in 0..C {
+                        planes[k][i] = planes[k][i] * y + of_y[i];
+                    }
+                }
             }
-            (0..C).for_each(|i| line[i] = line[i] * z + plane[i]);
+            for (k, z) in zs.iter().enumerate() {
+                let mut line = [0.0; C];
+                for plane in planes.iter().rev() {
+                    for i in 0..C {
+                        line[i] = line[i] * z + plane[i];
+                    }
+                }
+                let (first, count) = row(j, k);
+                let values = &mut all[first..first + count];
+                values.fill(0.0);
+                for c in line.iter().rev() {
+                    for (value, x) in values.iter_mut().zip(xs) {
+                        *value = *value * x + c;
+                    }
+                }
+            }
         }
-        line
     }
 
     /// The values at some points, given by their ways from the centre.
