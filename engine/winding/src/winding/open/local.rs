@@ -169,19 +169,15 @@ impl Local {
         for (j, y) in ys.iter().enumerate() {
             // By power of z, the coefficients by power of x.
             let mut planes = [[0.0; C]; C];
-            for k in 0..C {
-                for of_y in self.0[k][..C - k].iter().rev() {
-                    for i in 0..C {
-                        planes[k][i] = planes[k][i] * y + of_y[i];
-                    }
+            for (k, (plane, of_z)) in planes.iter_mut().zip(&self.0).enumerate() {
+                for of_y in of_z[..C - k].iter().rev() {
+                    plane.iter_mut().zip(of_y).for_each(|(sum, c)| *sum = *sum * y + c);
                 }
             }
             for (k, z) in zs.iter().enumerate() {
                 let mut line = [0.0; C];
                 for plane in planes.iter().rev() {
-                    for i in 0..C {
-                        line[i] = line[i] * z + plane[i];
-                    }
+                    line.iter_mut().zip(plane).for_each(|(sum, c)| *sum = *sum * z + c);
                 }
                 let (first, count) = row(j, k);
                 let values = &mut all[first..first + count];
