@@ -1,9 +1,6 @@
 //! The decoder of a page in a browser, as WebAssembly. `build.sh` compiles it; `engine/splats/page` has the result.
 //!
 //! The page writes a file's bytes to where [`input`] says, and reads splats from where [`output`] does.
-#![deny(unsafe_code)]
-// Names for the page; nothing else of this file is out of the ordinary.
-#![allow(unsafe_code)]
 
 use brickfield_coding::bsp::{Cell, Clip, Entry, Piece, Splat, Tree, PAIRS};
 use std::cell::RefCell;
