@@ -50,6 +50,12 @@ impl Bit {
     }
 }
 
+/// The part of the range that stands for a one of probability `one` in 1/65536.
+#[inline(always)]
+fn given_split(range: u32, one: u32) -> u32 {
+    (range >> 16) * one
+}
+
 /// One direction of coding.
 pub trait Coder {
     /// Whether what a model gives is what is coded, rather than of no meaning.
@@ -84,6 +90,18 @@ impl Encoder<'_> {
     /// Writes what is still held back.
     pub fn finish(self) {
         self.out.extend_from_slice(&self.low.to_be_bytes());
+    }
+
+    /// Codes a decision of which a one has this part of the range.
+    #[inline(always)]
+    fn decide(&mut self, split: u32, value: bool) {
+        if value {
+            self.range = split;
+        } else {
+            self.raise(split);
+            self.range -= split;
+        }
+        self.shift();
     }
 
     #[inline(always)]
@@ -121,28 +139,14 @@ impl Coder for Encoder<'_> {
 
     #[inline(always)]
     fn bit(&mut self, bit: &mut Bit, value: bool) -> bool {
-        let split = bit.split(self.range);
-        if value {
-            self.range = split;
-        } else {
-            self.raise(split);
-            self.range -= split;
-        }
+        self.decide(bit.split(self.range), value);
         bit.learn(value);
-        self.shift();
         value
     }
 
     #[inline(always)]
     fn given(&mut self, one: u32, value: bool) -> bool {
-        let split = (self.range >> 16) * one;
-        if value {
-            self.range = split;
-        } else {
-            self.raise(split);
-            self.range -= split;
-        }
-        self.shift();
+        self.decide(given_split(self.range, one), value);
         value
     }
 
@@ -185,6 +189,20 @@ impl<'a> Decoder<'a> {
         !self.is_damaged && self.rest.is_empty() && self.code == 0
     }
 
+    /// Reads a decision of which a one has this part of the range.
+    #[inline(always)]
+    fn decide(&mut self, split: u32) -> bool {
+        let value = self.code < split;
+        if value {
+            self.range = split;
+        } else {
+            self.code -= split;
+            self.range -= split;
+        }
+        self.shift();
+        value
+    }
+
     #[inline(always)]
     fn next_byte(&mut self) -> u32 {
         match self.rest.split_first() {
@@ -213,31 +231,14 @@ impl Coder for Decoder<'_> {
 
     #[inline(always)]
     fn bit(&mut self, bit: &mut Bit, _: bool) -> bool {
-        let split = bit.split(self.range);
-        let value = self.code < split;
-        if value {
-            self.range = split;
-        } else {
-            self.code -= split;
-            self.range -= split;
-        }
+        let value = self.decide(bit.split(self.range));
         bit.learn(value);
-        self.shift();
         value
     }
 
     #[inline(always)]
     fn given(&mut self, one: u32, _: bool) -> bool {
-        let split = (self.range >> 16) * one;
-        let value = self.code < split;
-        if value {
-            self.range = split;
-        } else {
-            self.code -= split;
-            self.range -= split;
-        }
-        self.shift();
-        value
+        self.decide(given_split(self.range, one))
     }
 
     #[inline(always)]

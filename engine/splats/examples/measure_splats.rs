@@ -63,7 +63,7 @@ fn main() {
         seconds += began.elapsed().as_secs_f64();
         let mut counting = Counting { decoder: Decoder::new(part), bits: 0.0, decisions: 0 };
         tree.decode_with(unit, &mut counting).expect("a unit");
-        (bits, splats) = (bits + counting.bits, splats + cells.splats.len() as u64);
+        (bits, splats) = (bits + counting.bits, splats + cells.piece.splats.len() as u64);
         decisions += counting.decisions;
         tree.take(unit, &cells);
     }

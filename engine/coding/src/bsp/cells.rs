@@ -22,6 +22,7 @@ pub struct Wanted {
 
 /// How two splats of a cell cut each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Clip {
     /// They do not.
     None,
@@ -29,6 +30,13 @@ pub enum Clip {
     Convex,
     /// Of each remains what is before the other's plane: an edge that goes in.
     Concave,
+}
+
+impl Clip {
+    /// Its bits in [`Cell::clips`], as of a pair of [`PAIRS`].
+    pub fn of_pair(self, pair: usize) -> u8 {
+        (self as u8) << (2 * pair)
+    }
 }
 
 /// Most splats of a cell.
@@ -47,7 +55,7 @@ pub struct Cell {
     pub first: u32,
     /// How many it has, 1 to [`SPLATS_MAX`].
     pub count: u8,
-    /// How they cut each other, two bits for each of [`PAIRS`].
+    /// How they cut each other, two bits for each of [`PAIRS`]: see [`Clip::of_pair`].
     pub clips: u8,
     /// Whether cells of half the size say more.
     pub divided: bool,
@@ -71,15 +79,13 @@ pub struct Cells<S> {
     /// For each place one more than the number of its cell, or 0.
     grid: Vec<u32>,
     /// In the order in which they came.
-    pub cells: Vec<Cell>,
-    /// Of all cells.
-    pub splats: Vec<S>,
+    pub piece: Piece<S>,
 }
 
 impl<S: Copy> Cells<S> {
     /// A cube with so many places along each axis, at most 64, with no cells yet.
     pub fn new(side: usize) -> Cells<S> {
-        Cells { side, grid: vec![0; side * side * side], cells: Vec::new(), splats: Vec::new() }
+        Cells { side, grid: vec![0; side * side * side], piece: Piece::new() }
     }
 
     /// Places along each axis.
@@ -94,11 +100,9 @@ impl<S: Copy> Cells<S> {
 
     /// Adds a cell with its splats.
     pub fn push(&mut self, at: [u8; 3], splats: &[S], clips: u8, divided: bool) {
-        let (first, count) = (self.splats.len() as u32, splats.len() as u8);
-        self.splats.extend_from_slice(splats);
-        self.cells.push(Cell { at, first, count, clips, divided });
+        self.piece.add(at, splats, clips, divided);
         let place = self.place(at);
-        self.grid[place] = self.cells.len() as u32;
+        self.grid[place] = self.piece.cells.len() as u32;
     }
 
     /// The cell at a place.
@@ -106,7 +110,7 @@ impl<S: Copy> Cells<S> {
     pub fn get(&self, at: [u8; 3]) -> Option<&Cell> {
         match self.grid[self.place(at)] {
             0 => None,
-            number => Some(&self.cells[number as usize - 1]),
+            number => Some(&self.piece.cells[number as usize - 1]),
         }
     }
 
@@ -127,22 +131,18 @@ impl<S: Copy> Cells<S> {
     /// The splats of a cell.
     #[inline]
     pub fn of(&self, cell: &Cell) -> &[S] {
-        &self.splats[cell.first as usize..cell.first as usize + usize::from(cell.count)]
+        self.piece.of(cell)
     }
 
-    /// One of the eight halves along all axes.
-    pub fn octant(&self, octant: usize) -> Piece<S> {
-        let half = self.side / 2;
-        let mut piece = Piece::new();
-        let low = [0, 1, 2].map(|axis| (octant >> axis & 1) * half);
-        for cell in &self.cells {
-            let is_within = (0..3).all(|axis| usize::from(cell.at[axis]) / half == low[axis] / half);
-            if is_within {
-                let at = [0, 1, 2].map(|axis| (usize::from(cell.at[axis]) - low[axis]) as u8);
-                piece.add(at, self.of(cell), cell.clips, cell.divided);
-            }
+    /// The eight halves along all axes, by octant.
+    pub fn octants(&self) -> [Piece<S>; 8] {
+        let half = (self.side / 2) as u8;
+        let mut pieces = [0; 8].map(|_| Piece::new());
+        for cell in &self.piece.cells {
+            let octant = (0..3).map(|axis| usize::from(cell.at[axis] / half) << axis).sum::<usize>();
+            pieces[octant].add(cell.at.map(|c| c % half), self.of(cell), cell.clips, cell.divided);
         }
-        piece
+        pieces
     }
 }
 
@@ -169,6 +169,7 @@ impl<S: Copy> Piece<S> {
     }
 
     /// The splats of a cell.
+    #[inline]
     pub fn of(&self, cell: &Cell) -> &[S] {
         &self.splats[cell.first as usize..cell.first as usize + usize::from(cell.count)]
     }

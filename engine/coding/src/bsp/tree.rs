@@ -72,8 +72,7 @@ impl Tree {
         let (mut coder, mut model) = (Decoder::new(head), Model::new());
         let may_divide = self.header.deepest > 0;
         let cells = root(&mut coder, &mut model, &self.directions, may_divide, None)?.cells;
-        let Cells { cells, splats, .. } = cells;
-        self.pieces.insert(ROOT, Piece { cells, splats });
+        self.pieces.insert(ROOT, cells.piece);
         for level in 0..self.header.head {
             let keys = self.divided(level);
             for key in keys {
@@ -120,8 +119,7 @@ impl Tree {
     }
 
     fn insert(&mut self, key: u64, cells: &Cells<Splat>) {
-        for octant in 0..8 {
-            let piece = cells.octant(octant);
+        for (octant, piece) in cells.octants().into_iter().enumerate() {
             if !piece.cells.is_empty() {
                 self.pieces.insert(key * 8 + octant as u64, piece);
             }
@@ -164,7 +162,7 @@ impl Tree {
         }
         let mut coder = Decoder::new(bytes);
         let coded = self.decode_with(unit_number, &mut coder)?;
-        if coder.finish() && coded.splats.len() == entry.splats as usize {
+        if coder.finish() && coded.piece.splats.len() == entry.splats as usize {
             Ok(coded)
         } else {
             Err(Fault("a unit says what cannot be"))

@@ -42,7 +42,7 @@ pub fn unit<C: Coder>(
     wanted: Option<&Cells<Wanted>>,
 ) -> Option<Coded> {
     let mut out = Coded { cells: Cells::new(parents.side() * 2), error: 0 };
-    for parent in parents.cells.iter().filter(|parent| parent.divided) {
+    for parent in parents.piece.cells.iter().filter(|parent| parent.divided) {
         let around = Around::new(setting.directions, parents, parent);
         let mut found = 0usize;
         for octant in 0..8usize {
@@ -173,7 +173,7 @@ fn cell<C: Coder>(
             let context = beside.iter().flatten().map(|cell| cell.clip(0)).find(|clip| *clip != Clip::None);
             let context = context.map_or(0, |clip| if clip == Clip::Convex { 1 } else { 2 });
             let is_convex = coder.bit(&mut model.convex[context], clip == Clip::Convex);
-            clips |= (if is_convex { 1 } else { 2 }) << (2 * pair);
+            clips |= (if is_convex { Clip::Convex } else { Clip::Concave }).of_pair(pair);
         }
     }
     let mut divided = false;

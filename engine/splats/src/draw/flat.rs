@@ -1,5 +1,6 @@
 //! Splats as a picture needs them: small numbers around its middle, and the pixels that they may touch.
 
+use crate::lattice::{cross, dot};
 use crate::render::{Cut, Screen};
 use crate::splats::Disc;
 
@@ -43,17 +44,9 @@ pub(super) struct Frame {
     axes: [[f64; 3]; 3],
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 fn unit(a: [f64; 3]) -> [f64; 3] {
     let length = dot(a, a).sqrt();
     a.map(|c| c / length)
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 impl Frame {

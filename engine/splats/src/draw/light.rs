@@ -1,24 +1,26 @@
 //! What light makes of a normal.
 
-/// Lamps as `render` has them in its solid style: from the left above, a weaker one from the right.
-const KEY: [f32; 3] = [-0.55, 0.65, 0.55];
+use crate::render::Lighting;
+
+/// Where the weaker lamp of `render` stands.
 const FILL: [f32; 3] = [0.8, -0.1, 0.5];
 const COLOUR: [f32; 3] = [158.0, 168.0, 182.0];
 /// Of what is seen from within.
 const INNER: [f32; 3] = [206.0, 148.0, 96.0];
-const AMBIENT: f32 = 0.3;
-const STRENGTH: f32 = 0.62;
-const WEAK: f32 = 0.22;
-const GLOSS: f32 = 0.133;
 
-/// The lamps of a view.
+/// The lamps of a view, as `render` has them in its solid style.
 pub(super) struct Light {
+    ambient: f32,
+    strength: f32,
+    weak: f32,
+    gloss: f32,
     key: [f32; 3],
     fill: [f32; 3],
     half: [f32; 3],
 }
 
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+#[inline]
+pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -34,19 +36,21 @@ impl Light {
         let from = |lamp: [f32; 3]| {
             unit(std::array::from_fn(|a| lamp[0] * axes[0][a] + lamp[1] * axes[1][a] + lamp[2] * axes[2][a]))
         };
-        let (key, fill) = (from(KEY), from(FILL));
+        let Lighting { from: lamp, ambient, strength, fill: weak, gloss } = Lighting::default();
+        let (key, fill) = (from(lamp.map(|c| c as f32)), from(FILL));
         let half = unit(std::array::from_fn(|a| key[a] + axes[2][a]));
-        Light { key, fill, half }
+        let [ambient, strength, weak, gloss] = [ambient, strength, weak, gloss].map(|c| c as f32);
+        Light { ambient, strength, weak, gloss, key, fill, half }
     }
 
     /// The colour of a surface with a normal, which faces the eye or is seen from within.
     pub fn colour(&self, normal: [f32; 3], within: bool) -> [u8; 3] {
         let lit = |from: [f32; 3]| dot(normal, from).max(0.0);
-        let light = AMBIENT + STRENGTH * lit(self.key) + WEAK * lit(self.fill);
+        let light = self.ambient + self.strength * lit(self.key) + self.weak * lit(self.fill);
         // Products have the same bits everywhere.
         let two = lit(self.half) * lit(self.half);
         let eight = two * two * two * two;
-        let gloss = if within { 0.0 } else { 255.0 * GLOSS * eight * eight * eight };
+        let gloss = if within { 0.0 } else { 255.0 * self.gloss * eight * eight * eight };
         let colour = if within { INNER } else { COLOUR };
         colour.map(|c| (c * light + gloss + 0.5).clamp(0.0, 255.0) as u8)
     }

@@ -11,13 +11,11 @@ mod raster;
 use crate::error::{Error, Result};
 use crate::picture::{Rgba, SIDE_MAX, mean, write_png};
 use crate::progress::Progress;
-use crate::render::{Cut, Focus, View};
+use crate::render::{Cut, Focus, SUPERSAMPLE_MAX, View};
 use crate::splats::Disc;
 use flat::{Flat, Frame};
 use std::path::Path;
 
-/// Most rays along each side of a pixel.
-pub const SUPERSAMPLE_MAX: u32 = 8;
 /// Most rays of a picture: 32 bytes each are in memory.
 const RAYS_MAX: u64 = 1 << 28;
 

@@ -1,7 +1,7 @@
 //! Splats to pixels, by bands of rows.
 
 use super::flat::{Flat, Frame};
-use super::light::{Light, unit};
+use super::light::{Light, dot, unit};
 use crate::error::Result;
 use crate::picture::Rgba;
 use crate::progress::Progress;
@@ -11,10 +11,6 @@ use rayon::prelude::*;
 const BAND: usize = 16;
 /// Splats this far behind the nearest belong to it, in reaches of a cell.
 const TOGETHER: f32 = 1.1;
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
 
 /// The colours of all pixels.
 pub(super) fn shade(

@@ -1,6 +1,7 @@
 //! Crossings of one face in a cell: sums of whole numbers, so that no order shows, and bounds on what they leave out.
 
 use crate::bsp::{Clip, ONE, Wanted};
+use crate::lattice::{dot, minus};
 
 /// Parts of a lattice unit in which places are counted.
 pub(super) const PARTS: i64 = 256;
@@ -22,14 +23,6 @@ pub(super) struct Cluster {
     pub high: f64,
     /// What it stands for is no farther than this from the mean.
     pub reach: f64,
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 fn length(a: [f64; 3]) -> f64 {
@@ -187,12 +180,7 @@ fn ordered(faces: Vec<Cluster>, face_of: &[usize], places: &[[f64; 3]], cell: f6
         } else {
             Clip::None
         };
-        let code = match clip {
-            Clip::None => 0,
-            Clip::Convex => 1,
-            Clip::Concave => 2,
-        };
-        clips |= code << (2 * pair);
+        clips |= clip.of_pair(pair);
     }
     (order.into_iter().map(|n| faces[n]).collect(), clips)
 }

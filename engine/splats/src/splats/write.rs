@@ -140,15 +140,13 @@ impl Writer<'_> {
         let wanted = self.levels.nodes().get(&NodeKey::ROOT).unwrap_or(&none).found_by_place();
         let may_divide = self.levels.deepest() > 0;
         let coded = root(&mut coder, &mut model, &self.directions, may_divide, Some(&wanted));
-        let coded = coded.expect("an encoder refuses nothing");
-        self.count(0, &coded);
-        let Cells { cells, splats, .. } = coded.cells;
-        self.pieces.insert(NodeKey::ROOT, Piece { cells, splats });
+        let Coded { cells, error } = coded.expect("an encoder refuses nothing");
+        self.take(0, error, [(NodeKey::ROOT, cells.piece)]);
         for level in 0..self.header.head {
             let pieces = std::mem::take(&mut self.pieces);
             for (key, piece) in pieces.iter().filter(|(_, piece)| piece.is_divided()) {
                 let coded = self.unit(*key, piece, &mut coder, &mut model);
-                self.take(level + 1, *key, &coded);
+                self.take(level + 1, coded.error, children(*key, &coded));
             }
         }
         coder.finish();
@@ -179,15 +177,14 @@ impl Writer<'_> {
         let mut made = Vec::new();
         let take = |(key, bytes, coded): (NodeKey, Vec<u8>, Coded)| {
             let crc = Entry::crc_of(key.code(), &bytes);
-            let splats = coded.cells.splats.len() as u32;
+            let splats = coded.cells.piece.splats.len() as u32;
             out(Entry { key: key.code(), bytes: bytes.len() as u32, crc, splats, error: coded.error }, bytes);
-            made.push((key, coded.error, octants(&coded.cells), splats));
+            made.push((coded.error, children(key, &coded)));
             Ok(())
         };
         run_ordered(divided.len(), UNITS_AHEAD * rayon::current_num_threads(), || (), work, take)?;
-        for (key, error, pieces, splats) in made {
-            self.note(level + 1, error, splats);
-            self.keep(level + 1, error, key, pieces);
+        for (error, pieces) in made {
+            self.take(level + 1, error, pieces);
         }
         Ok(())
     }
@@ -214,41 +211,27 @@ impl Writer<'_> {
         cells
     }
 
-    fn take(&mut self, level: u8, key: NodeKey, coded: &Coded) {
-        self.note(level, coded.error, coded.cells.splats.len() as u32);
-        self.keep(level, coded.error, key, octants(&coded.cells));
-    }
-
-    fn count(&mut self, level: u8, coded: &Coded) {
-        self.note(level, coded.error, coded.cells.splats.len() as u32);
-        let undivided = coded.cells.cells.iter().filter(|cell| !cell.divided);
-        self.finished(level, coded.error, undivided.map(|cell| u64::from(cell.count)).sum());
-    }
-
-    fn note(&mut self, level: u8, error: u32, splats: u32) {
-        let level = &mut self.header.levels[usize::from(level)];
-        level.splats += u64::from(splats);
-        level.error = level.error.max(error);
-    }
-
-    fn finished(&mut self, level: u8, error: u32, splats: u64) {
-        if splats > 0 {
-            self.finest.0 += splats;
-            self.finest.1 = self.finest.1.max(f64::from(error) / 4096.0 * self.header.cell(level));
-        }
-    }
-
-    fn keep(&mut self, level: u8, error: u32, key: NodeKey, pieces: Vec<Piece<Splat>>) {
-        for (octant, piece) in Octant::all().zip(pieces) {
+    /// Counts the nodes of a unit, and keeps those that are divided. `error` is the unit's.
+    fn take(&mut self, level: u8, error: u32, pieces: impl IntoIterator<Item = (NodeKey, Piece<Splat>)>) {
+        let cell = self.header.cell(level);
+        let of_level = &mut self.header.levels[usize::from(level)];
+        of_level.error = of_level.error.max(error);
+        for (key, piece) in pieces {
+            of_level.splats += piece.splats.len() as u64;
             let undivided = piece.cells.iter().filter(|cell| !cell.divided);
-            self.finished(level, error, undivided.map(|cell| u64::from(cell.count)).sum());
+            let finest = undivided.map(|cell| u64::from(cell.count)).sum::<u64>();
+            if finest > 0 {
+                self.finest.0 += finest;
+                self.finest.1 = self.finest.1.max(f64::from(error) / 4096.0 * cell);
+            }
             if level < self.levels.deepest() && piece.is_divided() {
-                self.pieces.insert(key.child(octant), piece);
+                self.pieces.insert(key, piece);
             }
         }
     }
 }
 
-fn octants(cells: &Cells<Splat>) -> Vec<Piece<Splat>> {
-    (0..8).map(|octant| cells.octant(octant)).collect()
+/// The children of a node, of its unit.
+fn children(key: NodeKey, coded: &Coded) -> Vec<(NodeKey, Piece<Splat>)> {
+    Octant::all().map(|octant| key.child(octant)).zip(coded.cells.octants()).collect()
 }

@@ -363,7 +363,7 @@ impl Shares {
         self.rough.fill(false);
         regions.visit(key, &mut |part, region| {
             match region {
-                Region::Quiet => for_rows(part, |row, _, _| self.values[row].fill(0.0)),
+                Region::Quiet => for_rows(part, |row| self.values[row].fill(0.0)),
                 Region::Smooth(center, local) => {
                     let (base, bits) = (key.base(), key.spacing_bits());
                     let ways: [[f64; P]; 3] = std::array::from_fn(|axis| {
@@ -375,7 +375,7 @@ impl Shares {
                 }
                 Region::Rough => {
                     any_rough = true;
-                    for_rows(part, |row, _, _| self.rough[row].fill(true));
+                    for_rows(part, |row| self.rough[row].fill(true));
                 }
             }
             true
@@ -395,12 +395,12 @@ fn fill_smooth(values: &mut [f64; POINTS], [from, to]: Range3, local: &Local, wa
     );
 }
 
-/// Calls `row` with the rows of a box of a brick's samples, and their numbers along y and z.
-fn for_rows([from, to]: Range3, mut row: impl FnMut(Range<usize>, usize, usize)) {
+/// Calls `row` with the rows of a box of a brick's samples.
+fn for_rows([from, to]: Range3, mut row: impl FnMut(Range<usize>)) {
     for k in from[2]..=to[2] {
         for j in from[1]..=to[1] {
             let first = (k * P + j) * P;
-            row(first + from[0]..first + to[0] + 1, j, k);
+            row(first + from[0]..first + to[0] + 1);
         }
     }
 }
