@@ -2,9 +2,9 @@
 
 /// Disjoint sets of numbers, each known by its least one.
 #[derive(Clone, Debug, Default)]
-pub struct Sets(Vec<u32>);
+pub struct DisjointSets(Vec<u32>);
 
-impl Sets {
+impl DisjointSets {
     /// How many numbers there are.
     pub fn len(&self) -> usize {
         self.0.len()

@@ -1,7 +1,7 @@
 //! The seeds as they are, and changed at random in ways that can be repeated.
 
 use super::TARGETS;
-use brickfield_core::disk::sim::Rng;
+use brickfield_core::disk::sim::SimRng;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ fn seeds(name: &str) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 /// Changes some bytes, cuts, repeats, or takes over a part of another file.
-fn change(bytes: &mut Vec<u8>, other: &[u8], rng: &mut Rng) {
+fn change(bytes: &mut Vec<u8>, other: &[u8], rng: &mut SimRng) {
     for _ in 0..=rng.below(4) {
         let at = rng.below(bytes.len().max(1));
         let end = (at + 1 + rng.below(32)).min(bytes.len());
@@ -40,7 +40,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], rng: &mut Rng) {
 fn feed_changed(turns: usize) {
     for (name, target) in TARGETS {
         let seeds: Vec<Vec<u8>> = seeds(name).into_values().collect();
-        let mut rng = Rng(name.len() as u64);
+        let mut rng = SimRng(name.len() as u64);
         for _ in 0..turns {
             let mut bytes = seeds[rng.below(seeds.len())].clone();
             change(&mut bytes, &seeds[rng.below(seeds.len())], &mut rng);

@@ -7,7 +7,7 @@ use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{MAX_LEVEL, NodeKey, Octant};
 use crate::progress::Progress;
-use crate::schedule::{Bounds, Held, Outcome, Place, run_tasks};
+use crate::schedule::{MemoryReservation, RunLimits, TaskOrder, TaskOutcome, run_tasks};
 use crate::store::{Compression, Half, Kept, Meta, Node, Records, Settings, Stats, Store, StoreWriter, join};
 use std::path::Path;
 use std::time::Duration;
@@ -141,7 +141,7 @@ impl Chain<'_> {
         let records = || Records::new(Some(Compression::Lz4));
         let mut joiner = Joiner { pending, top: records(), level };
         let mut hidden = Hidden::default();
-        let work = |desk: &mut Desk, task: Task, mut held: Held| {
+        let work = |desk: &mut Desk, task: Task, mut held: MemoryReservation| {
             progress.check()?;
             let kept = kept.map_or(Ok(None), |kept| kept.brick(task.key))?;
             let (node, records) = match (task.known, kept) {
@@ -153,7 +153,7 @@ impl Chain<'_> {
                 }
             };
             held.resize(records.heap_bytes());
-            Ok(Outcome::Done((task.key, node, records, std::mem::take(&mut desk.hidden)), held))
+            Ok(TaskOutcome::Done((task.key, node, records, std::mem::take(&mut desk.hidden)), held))
         };
         let consume = |(key, node, records, found): (NodeKey, Node, Records, Hidden)| {
             hidden.add(found);
@@ -220,11 +220,11 @@ fn descendants(store: &Store, key: NodeKey) -> usize {
 fn run<T: Send>(
     tasks: Vec<Task>,
     memory: u64,
-    work: impl Fn(&mut Desk, Task, Held) -> Result<Outcome<Task, T>> + Sync,
+    work: impl Fn(&mut Desk, Task, MemoryReservation) -> Result<TaskOutcome<Task, T>> + Sync,
     consume: impl FnMut(T) -> Result<Option<u64>> + Send,
 ) -> Result<()> {
-    let bounds = Bounds { memory, reserve: memory / 8, window: 8 * rayon::current_num_threads() };
-    let place = |(n, task): (usize, Task)| -> (Place, Task) { ((n as u64, 0), task) };
+    let bounds = RunLimits { memory, reserve: memory / 8, window: 8 * rayon::current_num_threads() };
+    let place = |(n, task): (usize, Task)| -> (TaskOrder, Task) { ((n as u64, 0), task) };
     let tasks = tasks.into_iter().enumerate().map(place).collect();
     run_tasks(tasks, bounds, Desk::default, |task: &Task| task.bytes, work, consume)
 }

@@ -4,7 +4,7 @@ use super::surface::{PatchInfo, Place, Surface};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
-use crate::sets::Sets;
+use crate::sets::DisjointSets;
 use std::collections::HashMap;
 
 /// A patch that counts, in world units.
@@ -90,7 +90,7 @@ pub(super) fn marked(
 
 /// Regions of patches in Morton order, the largest area first.
 pub(super) fn joined(marked: Vec<Marked>) -> Vec<Region> {
-    let mut sets = Sets::default();
+    let mut sets = DisjointSets::default();
     sets.extend(marked.len());
     let mut by_corner: HashMap<[i64; 3], u32> = HashMap::new();
     for (n, patch) in marked.iter().enumerate() {

@@ -12,7 +12,7 @@ use super::measure::{Sums, sums_of};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::progress::Progress;
-use crate::sets::Sets;
+use crate::sets::DisjointSets;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
 use std::collections::HashMap;
 
@@ -139,7 +139,7 @@ impl Labelling {
 struct Joiner<'a> {
     order: &'a LeafOrder,
     /// Of the outside and the components of leaves.
-    sets: Sets,
+    sets: DisjointSets,
     first: Vec<u32>,
     /// Of the first components of sets.
     sums: HashMap<u32, Component>,
@@ -149,7 +149,7 @@ struct Joiner<'a> {
 impl<'a> Joiner<'a> {
     fn new(order: &'a LeafOrder) -> Joiner<'a> {
         let outside = Component { solid: false, sums: Sums::default(), uneven: false };
-        let mut sets = Sets::default();
+        let mut sets = DisjointSets::default();
         sets.extend(1);
         Joiner {
             order,

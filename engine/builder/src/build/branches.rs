@@ -10,7 +10,7 @@ use super::subtree::{STRIDE, SubtreeBuilder, Top, corner_at};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
-use crate::schedule::{Bounds, Held, Outcome, Place, run_tasks};
+use crate::schedule::{MemoryReservation, RunLimits, TaskOrder, TaskOutcome, run_tasks};
 use crate::store::{Node, Records};
 use std::ops::Range;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ struct Branch<F: Field> {
     sorted: SortedPieces<F>,
     corners: Arc<Vec<i64>>,
     /// Counts as long as a job needs the branch; nothing for the root's, which is taken off beforehand.
-    _held: Option<Held>,
+    _held: Option<MemoryReservation>,
 }
 
 /// A touched cube of a branch.
@@ -65,7 +65,7 @@ enum Yield {
 
 impl<F: Field> Job<F> {
     /// Where the job's records stand: by its first descendant, nodes before those below them.
-    fn place(&self) -> Place {
+    fn place(&self) -> TaskOrder {
         let key = self.branch.key_of(self.cubes[0]);
         (key.code() << (3 * u32::from(MAX_LEVEL - key.level())), key.level())
     }
@@ -73,7 +73,13 @@ impl<F: Field> Job<F> {
 
 impl<F: Field> Branch<F> {
     /// Of sorted pieces, given the sample at the node's corner.
-    fn new(field: &F, binner: Binner, corner: i64, sorted: SortedPieces<F>, held: Option<Held>) -> Branch<F> {
+    fn new(
+        field: &F,
+        binner: Binner,
+        corner: i64,
+        sorted: SortedPieces<F>,
+        held: Option<MemoryReservation>,
+    ) -> Branch<F> {
         let corners = sorted.corners.clone().map_or(Vec::new(), |sums| field.finish_corners(sums, corner));
         Branch {
             key: binner.node(),
@@ -101,7 +107,7 @@ impl<F: Field> Branch<F> {
         cell: usize,
         cells: &Range<u64>,
         shares: Shares,
-    ) -> (Opening, Vec<(Place, Job<F>)>) {
+    ) -> (Opening, Vec<(TaskOrder, Job<F>)>) {
         let branch = Arc::new(self);
         let cube = |cell| Cube { cell, pieces: branch.sorted.count(cell) as u64 };
         let comes = |cube: &Cube| {
@@ -218,7 +224,7 @@ pub(super) fn follow_pieces<F: Field>(
         together: field.leaves_together(),
         whole: field.may_be_restless(),
     };
-    let bounds = Bounds { memory, reserve: shares.job, window: 2 * threads as usize };
+    let bounds = RunLimits { memory, reserve: shares.job, window: 2 * threads as usize };
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
     let cells = share.map_or(0..u64::MAX, |share| share.cells());
     let (opening, jobs) = root.open(field, 0, &cells, shares);
@@ -226,20 +232,21 @@ pub(super) fn follow_pieces<F: Field>(
     let mut assembler = Assembler::new(share.map(|share| share.cells()), rules.compression);
     let mut joined = Records::new(rules.compression);
     assembler.open(opening, &mut joined);
-    let work =
-        |(builder, pieces): &mut (SubtreeBuilder<F>, Vec<Vec<F::Piece>>), job: Job<F>, mut held: Held| {
-            progress.check()?;
-            let first = job.cubes[0];
-            let key = job.branch.key_of(first);
-            if let Some(stride) = shares.branches::<F>(key.level(), first.pieces)
-                && plan.built(key)?.is_none()
-            {
-                return branch(field, &job, first, stride, shares, held);
-            }
-            let built = build(builder, pieces, &job, plan)?;
-            held.resize(built.iter().map(|built| built.records.heap_bytes()).sum());
-            Ok(Outcome::Done(Yield::Built(built), held))
-        };
+    let work = |(builder, pieces): &mut (SubtreeBuilder<F>, Vec<Vec<F::Piece>>),
+                job: Job<F>,
+                mut held: MemoryReservation| {
+        progress.check()?;
+        let first = job.cubes[0];
+        let key = job.branch.key_of(first);
+        if let Some(stride) = shares.branches::<F>(key.level(), first.pieces)
+            && plan.built(key)?.is_none()
+        {
+            return branch(field, &job, first, stride, shares, held);
+        }
+        let built = build(builder, pieces, &job, plan)?;
+        held.resize(built.iter().map(|built| built.records.heap_bytes()).sum());
+        Ok(TaskOutcome::Done(Yield::Built(built), held))
+    };
     let local = || (SubtreeBuilder::<F>::new(field, plan, progress), Vec::new());
     run_tasks(
         jobs,
@@ -314,8 +321,8 @@ fn branch<F: Field>(
     cube: Cube,
     stride: u8,
     shares: Shares,
-    mut held: Held,
-) -> Result<Outcome<Job<F>, Yield>> {
+    mut held: MemoryReservation,
+) -> Result<TaskOutcome<Job<F>, Yield>> {
     let binner = Binner::new(job.branch.key_of(cube), stride);
     let from = &job.branch.sorted;
     let sorted = match &from.elsewhere {
@@ -336,7 +343,7 @@ fn branch<F: Field>(
     held.resize(sorted.heap_bytes());
     let branch = Branch::new(field, binner, i64::from(job.branch.corner_of(cube)), sorted, Some(held));
     let (opening, jobs) = branch.open(field, cube.cell, &(0..u64::MAX), shares);
-    Ok(Outcome::Opened(Yield::Opened(opening), jobs))
+    Ok(TaskOutcome::Opened(Yield::Opened(opening), jobs))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::{BuildOptions, Keeping, Resolution, Resources, Summary, build_opened};
 use crate::disk::Disk;
-use crate::disk::sim::{Fault, ReadFault, SimDisk};
+use crate::disk::sim::{DiskFault, ReadFault, SimDisk};
 use crate::error::Result;
 use crate::ingest::Input;
 use crate::part::temporary::stand_in;
@@ -89,7 +89,7 @@ fn a_failing_temporary_file_is_an_error_and_what_was_committed_is_gone_on_with()
     let (mut errors, mut builds) = (0, 0);
     // The first call makes the file.
     for at in some_of(sound.calls() - 1) {
-        for fault in [Fault::Broken, Fault::Full, Fault::Short] {
+        for fault in [DiskFault::Broken, DiskFault::Full, DiskFault::Short] {
             let what = format!("write {at}, {fault:?}");
             errors += u32::from(!site.build_twice(|disk| disk.plan(at, fault), &expected, &what));
             builds += 1;

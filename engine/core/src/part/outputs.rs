@@ -2,7 +2,7 @@
 
 use super::part_path;
 use crate::disk::Disk;
-use crate::disk::sim::{Crash, Fault, Op, Rng, SimDisk, image};
+use crate::disk::sim::{Crash, DiskFault, Op, SimDisk, SimRng, image};
 use crate::error::Result;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// The name that is to be written.
 pub const NAME: &str = "output.x";
 const OLD: &[u8] = b"an older file";
-const FAULTS: [Fault; 4] = [Fault::Broken, Fault::Full, Fault::Short, Fault::Kill];
+const FAULTS: [DiskFault; 4] = [DiskFault::Broken, DiskFault::Full, DiskFault::Short, DiskFault::Kill];
 const CRASHES: [Crash; 4] = [Crash::Dropped, Crash::Kept, Crash::Reordered, Crash::Torn];
 
 type Files = BTreeMap<PathBuf, Vec<u8>>;
@@ -58,7 +58,7 @@ pub fn fail_everywhere(write: Write<'_>) -> usize {
                 }
             }
             let left: Vec<_> = files.keys().filter(|name| *name != Path::new(NAME)).collect();
-            let killed = fault == Fault::Kill;
+            let killed = fault == DiskFault::Kill;
             assert!(left.iter().all(|name| killed && **name == part_path(Path::new(NAME))), "{left:?}");
             write(Arc::new(disk.clone())).unwrap_or_else(|error| panic!("call {at}, {fault:?}: {error}"));
             assert!(disk.files() == Files::from([(NAME.into(), expected.clone())]), "call {at}, {fault:?}");
@@ -79,7 +79,7 @@ pub fn cut_everywhere(write: Write<'_>, repeats: usize) -> usize {
     let (disk, expected) = undisturbed(write);
     disk.note(Op::Finished);
     let log = disk.log();
-    let (mut rng, mut images) = (Rng(11), 0);
+    let (mut rng, mut images) = (SimRng(11), 0);
     for cut in 0..=log.len() {
         for crash in CRASHES {
             let repeats = if matches!(crash, Crash::Dropped | Crash::Kept) { 1 } else { repeats };

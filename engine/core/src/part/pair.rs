@@ -61,7 +61,7 @@ impl PartFile {
 mod tests {
     use super::*;
     use crate::disk::Disk;
-    use crate::disk::sim::{Crash, Fault, Rng, SimDisk, image};
+    use crate::disk::sim::{Crash, DiskFault, SimDisk, SimRng, image};
     use std::collections::BTreeMap;
     use std::path::PathBuf;
     use std::sync::Arc;
@@ -94,7 +94,7 @@ mod tests {
         write(Arc::new(disk.clone())).unwrap();
         assert_eq!(check(&disk.files(), "in the end").as_deref(), Some(&b"new"[..]));
         assert_eq!(disk.files().len(), 2);
-        let (log, mut rng) = (disk.log(), Rng(5));
+        let (log, mut rng) = (disk.log(), SimRng(5));
         for cut in 0..=log.len() {
             for crash in [Crash::Dropped, Crash::Kept, Crash::Reordered, Crash::Torn] {
                 for _ in 0..20 {
@@ -107,7 +107,7 @@ mod tests {
             }
         }
         for at in 0..disk.calls() {
-            for fault in [Fault::Broken, Fault::Full, Fault::Short, Fault::Kill] {
+            for fault in [DiskFault::Broken, DiskFault::Full, DiskFault::Short, DiskFault::Kill] {
                 let disk = SimDisk::holding(&old());
                 disk.plan(at, fault);
                 let written = write(Arc::new(disk.clone()));

@@ -27,7 +27,7 @@ type Flat = [f64; 2];
 
 /// A triangle with an area.
 #[derive(Clone, Debug)]
-pub struct Triangle {
+pub struct ProperTriangle {
     /// Its number.
     pub face: u32,
     /// The numbers of its vertices: what two triangles have in common is told by these.
@@ -38,17 +38,17 @@ pub struct Triangle {
     axis: usize,
 }
 
-impl Triangle {
+impl ProperTriangle {
     /// The triangle of a face with these vertices and corners, unless its corners are on a line.
     #[inline]
-    pub fn of_face(face: u32, vertices: [u32; 3], corners: [Point; 3]) -> Option<Triangle> {
-        Some(Triangle { face, vertices, corners, axis: axis(&corners)? })
+    pub fn of_face(face: u32, vertices: [u32; 3], corners: [Point; 3]) -> Option<ProperTriangle> {
+        Some(ProperTriangle { face, vertices, corners, axis: axis(&corners)? })
     }
 
     /// One by itself, unless its corners are on a line.
-    fn placed(corners: &[[f32; 3]; 3]) -> Option<Triangle> {
+    fn placed(corners: &[[f32; 3]; 3]) -> Option<ProperTriangle> {
         let corners = corners.map(|corner| corner.map(f64::from));
-        Some(Triangle { face: 0, vertices: [0, 1, 2], corners, axis: axis(&corners)? })
+        Some(ProperTriangle { face: 0, vertices: [0, 1, 2], corners, axis: axis(&corners)? })
     }
 }
 
@@ -89,7 +89,7 @@ pub fn side_of_plane(p: Point, q: Point, r: Point, s: Point) -> i8 {
 }
 
 /// How `a` and `b` meet where they need not; `None` if they do not.
-pub fn meeting(a: &Triangle, b: &Triangle) -> Option<Meeting> {
+pub fn meeting(a: &ProperTriangle, b: &ProperTriangle) -> Option<Meeting> {
     let common = |v: &u32| b.vertices.contains(v);
     match a.vertices.iter().filter(|v| common(v)).count() {
         0 => apart(&a.corners, &b.corners, a.axis),
@@ -112,7 +112,7 @@ pub fn meeting(a: &Triangle, b: &Triangle) -> Option<Meeting> {
 /// Whether the corners of a triangle are not on a line.
 #[inline]
 pub fn has_area(corners: &[[f32; 3]; 3]) -> bool {
-    Triangle::placed(corners).is_some()
+    ProperTriangle::placed(corners).is_some()
 }
 
 /// Whether two triangles meet elsewhere than they must; corners at the same place are one vertex, and what has no area
@@ -125,11 +125,11 @@ pub fn meet_by_place(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> bool {
 /// How two triangles meet elsewhere than they must, as [`meet_by_place`] has it.
 #[inline]
 pub fn meeting_by_place(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> Option<Meeting> {
-    let (a, b) = (Triangle::placed(a)?, Triangle::placed(b)?);
+    let (a, b) = (ProperTriangle::placed(a)?, ProperTriangle::placed(b)?);
     let vertex =
         |n: usize| a.corners.iter().position(|corner| *corner == b.corners[n]).unwrap_or(3 + n) as u32;
     let vertices = [0, 1, 2].map(vertex);
-    meeting(&a, &Triangle { vertices, ..b })
+    meeting(&a, &ProperTriangle { vertices, ..b })
 }
 
 /// Of two triangles without a common vertex. `a` has an area along `axis`.

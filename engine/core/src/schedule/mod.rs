@@ -14,15 +14,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Where a task stands; what a task is opened into stands behind it and before the next.
-pub type Place = (u64, u8);
+pub type TaskOrder = (u64, u8);
 
 /// Memory that counts towards the bound until it is dropped.
-pub struct Held {
+pub struct MemoryReservation {
     bytes: u64,
     total: Arc<AtomicU64>,
 }
 
-impl Held {
+impl MemoryReservation {
     /// Changes how much it is.
     pub fn resize(&mut self, bytes: u64) {
         self.total.fetch_add(bytes, Ordering::Relaxed);
@@ -31,23 +31,23 @@ impl Held {
     }
 }
 
-impl Drop for Held {
+impl Drop for MemoryReservation {
     fn drop(&mut self) {
         self.total.fetch_sub(self.bytes, Ordering::Relaxed);
     }
 }
 
 /// What became of a task.
-pub enum Outcome<T, E> {
+pub enum TaskOutcome<T, E> {
     /// It is done. The result, and what is held for it.
-    Done(E, Held),
+    Done(E, MemoryReservation),
     /// It was opened into tasks, each with its place; `E` is what the consumer is to know before theirs.
-    Opened(E, Vec<(Place, T)>),
+    Opened(E, Vec<(TaskOrder, T)>),
 }
 
 /// Bounds of a run.
 #[derive(Clone, Copy)]
-pub struct Bounds {
+pub struct RunLimits {
     /// Bytes that tasks and results may take together.
     pub memory: u64,
     /// Bytes of that which only the task to be consumed next may take, so that it can go on whatever the others hold.
@@ -57,9 +57,9 @@ pub struct Bounds {
 }
 
 struct State<T, E> {
-    waiting: BTreeMap<Place, T>,
-    running: BTreeSet<Place>,
-    ready: BTreeMap<Place, (E, Option<Held>)>,
+    waiting: BTreeMap<TaskOrder, T>,
+    running: BTreeSet<TaskOrder>,
+    ready: BTreeMap<TaskOrder, (E, Option<MemoryReservation>)>,
     consuming: bool,
     /// Threads that wait for a task.
     idle: usize,
@@ -72,7 +72,7 @@ struct Shared<T, E> {
     state: Mutex<State<T, E>>,
     moved: Condvar,
     held: Arc<AtomicU64>,
-    bounds: Bounds,
+    bounds: RunLimits,
 }
 
 /// Runs `work` on `tasks`, and on those into which they are opened, on the threads of the current pool, and passes what
@@ -81,11 +81,11 @@ struct Shared<T, E> {
 /// nothing else runs and nothing is being consumed, in any case.
 /// The first error ends everything.
 pub fn run_tasks<L, T: Send, E: Send>(
-    tasks: Vec<(Place, T)>,
-    bounds: Bounds,
+    tasks: Vec<(TaskOrder, T)>,
+    bounds: RunLimits,
     local: impl Fn() -> L + Sync,
     need: impl Fn(&T) -> u64 + Sync,
-    work: impl Fn(&mut L, T, Held) -> Result<Outcome<T, E>> + Sync,
+    work: impl Fn(&mut L, T, MemoryReservation) -> Result<TaskOutcome<T, E>> + Sync,
     consume: impl FnMut(E) -> Result<Option<u64>> + Send,
 ) -> Result<()> {
     let state = State {
@@ -141,7 +141,7 @@ impl<T, E> Shared<T, E> {
     }
 
     /// The next task and the memory for it; `None` when there is none left or something failed.
-    fn claim(&self, need: impl Fn(&T) -> u64) -> Option<(Place, T, Held)> {
+    fn claim(&self, need: impl Fn(&T) -> u64) -> Option<(TaskOrder, T, MemoryReservation)> {
         let mut state = self.lock();
         loop {
             if state.failure.is_some() || (state.waiting.is_empty() && state.running.is_empty()) {
@@ -154,7 +154,7 @@ impl<T, E> Shared<T, E> {
             {
                 state.running.insert(place);
                 self.held.fetch_add(bytes, Ordering::Relaxed);
-                return Some((place, task, Held { bytes, total: Arc::clone(&self.held) }));
+                return Some((place, task, MemoryReservation { bytes, total: Arc::clone(&self.held) }));
             }
             state.idle += 1;
             state = self.moved.wait(state).expect("no thread panicked");
@@ -179,15 +179,15 @@ impl<T, E> Shared<T, E> {
     /// Takes what became of a task; consumes what is next, and what follows it, if nobody else is at it.
     fn hand_in(
         &self,
-        place: Place,
-        outcome: Outcome<T, E>,
+        place: TaskOrder,
+        outcome: TaskOutcome<T, E>,
         consume: &Mutex<impl FnMut(E) -> Result<Option<u64>>>,
     ) {
         let mut state = self.lock();
         state.running.remove(&place);
         match outcome {
-            Outcome::Done(result, held) => drop(state.ready.insert(place, (result, Some(held)))),
-            Outcome::Opened(opening, tasks) => {
+            TaskOutcome::Done(result, held) => drop(state.ready.insert(place, (result, Some(held)))),
+            TaskOutcome::Opened(opening, tasks) => {
                 state.ready.insert(place, (opening, None));
                 state.waiting.extend(tasks);
             }
@@ -223,7 +223,7 @@ impl<T, E> Shared<T, E> {
 
 impl<T, E> State<T, E> {
     /// The first result, if nothing that is still to come stands before it.
-    fn next_result(&mut self) -> Option<(E, Option<Held>)> {
+    fn next_result(&mut self) -> Option<(E, Option<MemoryReservation>)> {
         let place = *self.ready.first_key_value()?.0;
         let pending = self.running.first().into_iter().chain(self.waiting.keys().next());
         if pending.min().is_some_and(|first| *first < place) {
@@ -245,7 +245,7 @@ mod tests {
     /// A task is a range of numbers; ranges above a size are opened.
     type Range = std::ops::Range<u64>;
 
-    fn split(range: &Range, size: u64) -> Vec<(Place, Range)> {
+    fn split(range: &Range, size: u64) -> Vec<(TaskOrder, Range)> {
         let level = (64 - (range.end - range.start).leading_zeros()) as u8;
         let part = |from| ((from, 64 - level + 1), from..range.end.min(from + size));
         (range.start..range.end).step_by(size as usize).map(part).collect()
@@ -257,18 +257,18 @@ mod tests {
             for memory in [1, 40, 1000] {
                 let mut seen = Vec::new();
                 let now = AtomicU64::new(0);
-                let bounds = Bounds { memory, reserve: memory / 4, window: 5 };
-                let work = |_: &mut (), range: Range, mut held: Held| {
+                let bounds = RunLimits { memory, reserve: memory / 4, window: 5 };
+                let work = |_: &mut (), range: Range, mut held: MemoryReservation| {
                     let size = range.end - range.start;
                     std::thread::sleep(std::time::Duration::from_micros((range.start * 7919) % 200));
                     if size > 3 {
                         let parts = split(&range, size.div_ceil(4));
-                        return Ok(Outcome::Opened(range.start..range.start, parts));
+                        return Ok(TaskOutcome::Opened(range.start..range.start, parts));
                     }
                     let taken = now.fetch_add(size, Ordering::Relaxed) + size;
                     assert!(taken <= memory.max(3), "{taken} of {memory}");
                     held.resize(size);
-                    Ok(Outcome::Done(range, held))
+                    Ok(TaskOutcome::Done(range, held))
                 };
                 let consume = |range: Range| {
                     now.fetch_sub(range.end - range.start, Ordering::Relaxed);
@@ -283,20 +283,20 @@ mod tests {
         }
     }
 
-    const WIDE: Bounds = Bounds { memory: u64::MAX, reserve: 0, window: 4 };
+    const WIDE: RunLimits = RunLimits { memory: u64::MAX, reserve: 0, window: 4 };
 
-    fn numbers(count: u64) -> Vec<(Place, u64)> {
+    fn numbers(count: u64) -> Vec<(TaskOrder, u64)> {
         (0..count).map(|n| ((n, 0), n)).collect()
     }
 
     #[test]
     fn no_more_than_the_window_is_held() {
         let held = AtomicUsize::new(0);
-        let work = |_: &mut (), n: u64, of: Held| {
+        let work = |_: &mut (), n: u64, of: MemoryReservation| {
             // One more is being consumed.
             assert!(held.fetch_add(1, Ordering::SeqCst) < 5);
             std::thread::sleep(std::time::Duration::from_micros((n * 7919) % 300));
-            Ok(Outcome::Done(n, of))
+            Ok(TaskOutcome::Done(n, of))
         };
         let consume = |_| {
             held.fetch_sub(1, Ordering::SeqCst);
@@ -308,9 +308,9 @@ mod tests {
     #[test]
     fn a_slow_consumer_is_waited_for() {
         let held = AtomicUsize::new(0);
-        let work = |_: &mut (), n: u64, of: Held| {
+        let work = |_: &mut (), n: u64, of: MemoryReservation| {
             assert!(held.fetch_add(1, Ordering::SeqCst) < 5);
-            Ok(Outcome::Done(n, of))
+            Ok(TaskOutcome::Done(n, of))
         };
         let consume = |_| {
             std::thread::sleep(std::time::Duration::from_millis(2));
@@ -323,20 +323,20 @@ mod tests {
     #[test]
     #[should_panic(expected = "number 9")]
     fn a_panic_is_passed_on_and_nobody_waits() {
-        let work = |_: &mut (), n: u64, held: Held| {
-            if n == 9 { panic!("number {n}") } else { Ok(Outcome::Done(n, held)) }
+        let work = |_: &mut (), n: u64, held: MemoryReservation| {
+            if n == 9 { panic!("number {n}") } else { Ok(TaskOutcome::Done(n, held)) }
         };
         let _ = pool(3).install(|| run_tasks(numbers(1000), WIDE, || (), |_| 1, work, |_| Ok(None)));
     }
 
     #[test]
     fn an_error_from_either_side_ends_the_run() {
-        let bad_work = |_: &mut (), n: u64, held: Held| {
-            if n == 17 { Err(Error::Interrupted) } else { Ok(Outcome::Done(n, held)) }
+        let bad_work = |_: &mut (), n: u64, held: MemoryReservation| {
+            if n == 17 { Err(Error::Interrupted) } else { Ok(TaskOutcome::Done(n, held)) }
         };
         let run = || run_tasks(numbers(100), WIDE, || (), |_| 1, bad_work, |_| Ok(None));
         assert!(pool(3).install(run).is_err());
-        let work = |_: &mut (), n: u64, held: Held| Ok(Outcome::Done(n, held));
+        let work = |_: &mut (), n: u64, held: MemoryReservation| Ok(TaskOutcome::Done(n, held));
         let bad_consume = |n| if n == 5 { Err(Error::Interrupted) } else { Ok(None) };
         let run = || run_tasks(numbers(100), WIDE, || (), |_| 1, work, bad_consume);
         assert!(pool(3).install(run).is_err());

@@ -1,6 +1,6 @@
 //! Work handed out to all threads in order.
 
-use super::{Bounds, Outcome, run_tasks};
+use super::{RunLimits, TaskOutcome, run_tasks};
 use crate::error::Result;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -16,8 +16,8 @@ pub fn run_ordered<L, T: Send>(
 ) -> Result<()> {
     let tasks = (0..count).map(|number| ((number as u64, 0), number)).collect();
     // The result that is being consumed counts too.
-    let bounds = Bounds { memory: u64::MAX, reserve: 0, window: window.saturating_sub(1) };
-    let work = |local: &mut L, number, held| Ok(Outcome::Done(work(local, number)?, held));
+    let bounds = RunLimits { memory: u64::MAX, reserve: 0, window: window.saturating_sub(1) };
+    let work = |local: &mut L, number, held| Ok(TaskOutcome::Done(work(local, number)?, held));
     run_tasks(tasks, bounds, local, |_| 0, work, |result| consume(result).map(|()| None))
 }
 

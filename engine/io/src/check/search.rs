@@ -5,7 +5,7 @@ use super::report::{Intersections, Pair};
 use super::tally::Tally;
 use super::tree::Tree;
 use crate::error::Result;
-use crate::predicates::{Meeting, Triangle, meeting};
+use crate::predicates::{Meeting, ProperTriangle, meeting};
 use crate::progress::Progress;
 use rayon::prelude::*;
 
@@ -52,13 +52,13 @@ pub(super) fn search(mesh: &Mesh, progress: &dyn Progress) -> Result<Searched> {
 }
 
 /// The triangle of a whole face, unless its corners are on a line.
-fn triangle_of(mesh: &Mesh, face: u32) -> Option<Triangle> {
-    Triangle::of_face(face, mesh.triangles[face as usize], mesh.corners(face as usize))
+fn triangle_of(mesh: &Mesh, face: u32) -> Option<ProperTriangle> {
+    ProperTriangle::of_face(face, mesh.triangles[face as usize], mesh.corners(face as usize))
 }
 
 /// A triangle and the box around it.
 struct Boxed {
-    triangle: Triangle,
+    triangle: ProperTriangle,
     bounds: [[f64; 3]; 2],
 }
 

@@ -4,7 +4,7 @@ use super::cut::Facet;
 use super::sink::MeshSink;
 use crate::error::{Error, Result};
 use crate::lattice::{cross, dot, minus};
-use crate::sets::Sets;
+use crate::sets::DisjointSets;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -29,7 +29,7 @@ pub struct Shell {
 pub struct ShellSink {
     positions: Vec<[f32; 3]>,
     /// Vertices that hang together, by the first of them.
-    sets: Sets,
+    sets: DisjointSets,
     /// By vertex, the volumes of triangles that begin at it, and their number.
     volumes: Vec<f64>,
     counts: Vec<u32>,

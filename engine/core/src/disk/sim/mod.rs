@@ -11,7 +11,7 @@ const SECTOR_BYTES: u64 = 512;
 
 /// What goes wrong at a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub enum DiskFault {
     /// The system reports an error.
     Broken,
     /// The disk is full; a write gets half way.
@@ -60,7 +60,7 @@ struct State {
     locked: BTreeSet<usize>,
     log: Vec<Op>,
     calls: usize,
-    fault: Option<(usize, Fault)>,
+    fault: Option<(usize, DiskFault)>,
     dead: bool,
     reads: usize,
     read_fault: Option<(usize, ReadFault)>,
@@ -84,13 +84,13 @@ impl State {
         self.calls += 1;
         match self.fault {
             Some((at, fault)) if at + 1 == self.calls => match fault {
-                Fault::Broken => Err(Error::other("broken")),
-                Fault::Full if length < 2 => Err(ErrorKind::StorageFull.into()),
-                Fault::Full | Fault::Short => {
-                    self.fault = Some((self.calls, Fault::Broken));
+                DiskFault::Broken => Err(Error::other("broken")),
+                DiskFault::Full if length < 2 => Err(ErrorKind::StorageFull.into()),
+                DiskFault::Full | DiskFault::Short => {
+                    self.fault = Some((self.calls, DiskFault::Broken));
                     Ok((length / 2).max(length.min(1)))
                 }
-                Fault::Kill => {
+                DiskFault::Kill => {
                     self.dead = true;
                     Ok(length / 2)
                 }
@@ -150,7 +150,7 @@ impl SimDisk {
     }
 
     /// Lets the call number `at` from now, counted from 0, go wrong.
-    pub fn plan(&self, at: usize, fault: Fault) {
+    pub fn plan(&self, at: usize, fault: DiskFault) {
         let mut state = self.lock();
         state.fault = Some((state.calls + at, fault));
     }
@@ -297,9 +297,9 @@ impl Drop for SimFile {
 }
 
 /// Chance that a test can repeat.
-pub struct Rng(pub u64);
+pub struct SimRng(pub u64);
 
-impl Rng {
+impl SimRng {
     /// A number below `bound`.
     pub fn below(&mut self, bound: usize) -> usize {
         // Knuth's MMIX generator; its high bits are good enough to choose by.
@@ -326,7 +326,7 @@ pub fn image(
     before: &BTreeMap<PathBuf, Vec<u8>>,
     log: &[Op],
     crash: Crash,
-    rng: &mut Rng,
+    rng: &mut SimRng,
 ) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut names: BTreeMap<PathBuf, usize> = before.keys().cloned().zip(0..).collect();
     let mut inodes: Vec<Vec<u8>> = before.values().cloned().collect();
@@ -349,7 +349,7 @@ pub fn image(
             Op::Committed(_) | Op::Finished => {}
         }
     }
-    let survives = |rng: &mut Rng| match crash {
+    let survives = |rng: &mut SimRng| match crash {
         Crash::Dropped => false,
         Crash::Kept => true,
         Crash::Reordered | Crash::Torn => rng.below(2) == 0,

@@ -1,7 +1,7 @@
 //! Power cuts: what is on the disk may be any part of what was not made durable.
 
 use super::{NAME, build, expected, job, name, nodes_left};
-use crate::disk::sim::{Crash, Op, Rng, SimDisk, image};
+use crate::disk::sim::{Crash, Op, SimDisk, SimRng, image};
 use crate::store::reader::Store;
 use crate::store::source::Source;
 use crate::store::{BrickTree, testing::brick_at};
@@ -18,7 +18,7 @@ const CRASHES: [Crash; 4] = [Crash::Dropped, Crash::Kept, Crash::Reordered, Cras
 /// # Panics
 /// If one has lost or changed something that was committed, or does not end in the same bytes.
 pub fn cut_everywhere(repeats: usize, seed: u64) -> usize {
-    let mut rng = Rng(seed);
+    let mut rng = SimRng(seed);
     let disk = SimDisk::default();
     build(&disk).expect("nothing fails");
     let log = disk.log();

@@ -1,13 +1,13 @@
 //! Calls that fail, disks that are full, and programs that are killed.
 
 use super::{NAME, build, expected, job, name, nodes_left, settings};
-use crate::disk::sim::{Crash, Fault, Op, Rng, SimDisk, image};
+use crate::disk::sim::{Crash, DiskFault, Op, SimDisk, SimRng, image};
 use crate::store::writer::StoreWriter;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-const FAULTS: [Fault; 4] = [Fault::Broken, Fault::Full, Fault::Short, Fault::Kill];
+const FAULTS: [DiskFault; 4] = [DiskFault::Broken, DiskFault::Full, DiskFault::Short, DiskFault::Kill];
 
 /// Lets each call of a build go wrong in each way, then goes on. Returns how many builds that were.
 ///
@@ -65,7 +65,7 @@ pub fn go_on_after_failed_syncs() {
     build(&counting).expect("nothing fails");
     for at in 0..counting.calls() {
         let disk = SimDisk::default();
-        disk.plan(at, Fault::Broken);
+        disk.plan(at, DiskFault::Broken);
         let mut writer = begin(&disk).ok();
         for (key, leaf, payload) in &job().records {
             let Some(writer) = &mut writer else { break };
@@ -82,7 +82,7 @@ pub fn go_on_after_failed_syncs() {
         });
         let committed = committed.max().unwrap_or(0);
         std::mem::forget(writer);
-        let files = image(&BTreeMap::new(), &log, Crash::Dropped, &mut Rng(1));
+        let files = image(&BTreeMap::new(), &log, Crash::Dropped, &mut SimRng(1));
         assert!(
             nodes_left(&files) >= committed,
             "call {at}: nodes are lost of {committed} that were committed"
@@ -101,7 +101,7 @@ fn a_failed_sync_is_not_tried_again() {
     let mut writer = begin(&disk).unwrap();
     let (key, leaf, payload) = &job().records[0];
     writer.append(*key, *leaf, payload.head, &payload.bytes).unwrap();
-    disk.plan(0, Fault::Broken);
+    disk.plan(0, DiskFault::Broken);
     assert!(writer.commit().unwrap_err().to_string().contains("cannot write"));
     let refused = writer.append(*key, *leaf, payload.head, &payload.bytes).unwrap_err();
     assert!(refused.to_string().contains("an earlier write failed"), "{refused}");

@@ -2,7 +2,7 @@
 
 use super::{NAME, expected, job, name, settings};
 use crate::brick::{Brick, Hermite, Samples};
-use crate::disk::sim::{Rng, SimDisk};
+use crate::disk::sim::{SimDisk, SimRng};
 use crate::lattice::NodeKey;
 use crate::progress::Silent;
 use crate::store::layout::{
@@ -95,7 +95,7 @@ const NOISE_SAMPLES: usize = 30_000;
 
 fn noise() -> Brick {
     let mut samples = Samples::filled(0);
-    let mut rng = Rng(5);
+    let mut rng = SimRng(5);
     samples.0[..NOISE_SAMPLES].fill_with(|| rng.below(256) as i16);
     Brick::Counts { samples, hermite: Hermite::default() }
 }
