@@ -9,7 +9,7 @@ use brickfield_bench_data::judge::mesh::check;
 use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::analysis::{Covering, beads_at_points, sample_at, volume};
-use brickfield_engine::bead::{Sweep, SweepOptions, Swept};
+use brickfield_engine::bead::{Sweep, SweepOptions, SweptToolpath};
 use brickfield_engine::brick::{Brick, Count};
 use brickfield_engine::build::{
     BuildOptions, Resolution, TreeOptions, bead_sources, bounds_of_sources, build_beads_in_memory,
@@ -390,7 +390,7 @@ fn swept_meshes_approach_the_solids_as_their_sides_grow() {
     };
     let differing = |sides: usize| {
         let sweep = Sweep::new(&SweepOptions { sides, ..SweepOptions::default() }).unwrap();
-        let swept = Swept::new(path.clone(), sweep);
+        let swept = SweptToolpath::new(path.clone(), sweep);
         let mut soup = Vec::new();
         swept.read(0..swept.facets(), &mut soup);
         let mesh = build_in_memory(&[&soup], root, options).unwrap();

@@ -4,12 +4,12 @@ use crate::args::BeadsArg;
 use crate::failure::Failure;
 use crate::output::one_line;
 use crate::units::{Length, Unit};
-use brickfield_engine::bead::{Joints, Shape, Sweep, SweepOptions, read_outline};
+use brickfield_engine::bead::{Joints, ProfileShape, Sweep, SweepOptions, read_outline};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::solid::Outline;
 use brickfield_engine::toolpath::gcode::{
-    ExtruderAxis, FeatureReport, FilamentSource, Firmware, FirmwareSource, GcodeOptions, GcodeReport,
-    LayerAxis, Mark, SettingsReport, SizeReport, is_auxiliary,
+    DepositionCode, ExtruderAxis, FeatureReport, FilamentSource, Firmware, FirmwareSource, GcodeOptions,
+    GcodeReport, LayerAxis, SettingsReport, SizeReport, is_auxiliary,
 };
 use brickfield_engine::toolpath::{LayerFill, LayerFills};
 use clap::Args;
@@ -63,10 +63,10 @@ pub struct ToolpathArgs {
     /// Code that switches deposition on, as in M101, "M64 P8" or EXTRUDER, in the place of E, of M3 and of the codes of
     /// known machines; may be repeated. A command with an argument, as in EXTRUDER(120), switches off by 0
     #[arg(long, value_name = "CODE")]
-    pub deposit_on: Vec<Mark>,
+    pub deposit_on: Vec<DepositionCode>,
     /// Code that switches deposition off; may be repeated
     #[arg(long, value_name = "CODE")]
-    pub deposit_off: Vec<Mark>,
+    pub deposit_off: Vec<DepositionCode>,
     /// Value of a variable that the program uses and the machine knows, as in '#200=0'; may be repeated
     #[arg(long, value_name = "NAME=NUMBER", value_parser = variable)]
     pub variable: Vec<(String, f64)>,
@@ -100,7 +100,7 @@ fn is_auto(name: &str) -> bool {
 /// A cross-section by name, or the file of one.
 #[derive(Clone, Debug)]
 pub enum SectionArg {
-    Named(Shape),
+    Named(ProfileShape),
     File(PathBuf),
 }
 
@@ -109,9 +109,9 @@ impl FromStr for SectionArg {
 
     fn from_str(text: &str) -> Result<SectionArg, Infallible> {
         Ok(match text {
-            "stadium" => SectionArg::Named(Shape::Stadium),
-            "ellipse" => SectionArg::Named(Shape::Ellipse),
-            "rectangle" => SectionArg::Named(Shape::Rectangle),
+            "stadium" => SectionArg::Named(ProfileShape::Stadium),
+            "ellipse" => SectionArg::Named(ProfileShape::Ellipse),
+            "rectangle" => SectionArg::Named(ProfileShape::Rectangle),
             path => SectionArg::File(path.into()),
         })
     }
@@ -194,7 +194,9 @@ impl ToolpathArgs {
             length.map_or("that of the file".to_owned(), |length| format!("{} mm", length.in_unit(Unit::Mm)))
         };
         let of_file = || "that of the file".to_owned();
-        let list = |marks: &[Mark]| marks.iter().map(Mark::to_string).collect::<Vec<String>>().join(", ");
+        let list = |marks: &[DepositionCode]| {
+            marks.iter().map(DepositionCode::to_string).collect::<Vec<String>>().join(", ")
+        };
         let named = [
             ("cross-section", format!("{:?}", options.sweep.shape)),
             ("number of sides", sides.to_string()),
@@ -223,14 +225,16 @@ impl ToolpathArgs {
 /// If solids were asked for and cannot be made.
 pub fn solids(
     asked: Option<BeadsArg>,
-    shape: &Shape,
+    shape: &ProfileShape,
     inputs: &[Input],
 ) -> Result<(Option<Outline>, Option<&'static str>), Failure> {
     let toolpaths = inputs.iter().filter(|input| input.beads().is_some()).count();
     let outline = match shape {
-        Shape::Stadium => Ok(Outline::Stadium),
-        Shape::Ellipse => Ok(Outline::Ellipse),
-        Shape::Rectangle | Shape::Outline(_) => Err("only stadium and ellipse sections have solids"),
+        ProfileShape::Stadium => Ok(Outline::Stadium),
+        ProfileShape::Ellipse => Ok(Outline::Ellipse),
+        ProfileShape::Rectangle | ProfileShape::Outline(_) => {
+            Err("only stadium and ellipse sections have solids")
+        }
     };
     let possible = match outline {
         Ok(_) if toolpaths < inputs.len() => Err("there are meshes among the inputs"),

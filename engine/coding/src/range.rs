@@ -267,15 +267,15 @@ const MODELLED: u32 = 2;
 /// A number of 16 bits that is likely small: how many bits its magnitude has, in five decisions along a binary tree;
 /// its sign. Then the two bits below the first with probabilities that depend on the length; the rest as they are.
 #[derive(Clone)]
-pub struct Number {
+pub struct NumberModel {
     lengths: [Bit; 32],
     signs: [Bit; LENGTH_MAX + 1],
     below: [[Bit; 3]; LENGTH_MAX + 1],
 }
 
-impl Number {
+impl NumberModel {
     /// Nothing is known yet.
-    pub const NEW: Number = Number {
+    pub const NEW: NumberModel = NumberModel {
         lengths: [Bit::NEW; 32],
         signs: [Bit::NEW; LENGTH_MAX + 1],
         below: [[Bit::NEW; 3]; LENGTH_MAX + 1],
@@ -360,7 +360,7 @@ mod tests {
     /// Codes decisions, numbers and raw bits by turns.
     fn model(coder: &mut impl Coder, values: &mut [Values]) {
         let mut common = Bit::NEW;
-        let mut numbers = [Number::NEW, Number::NEW];
+        let mut numbers = [NumberModel::NEW, NumberModel::NEW];
         for (bit, signed, unsigned, noise) in values {
             *bit = coder.bit(&mut common, *bit);
             *signed = numbers[0].signed(coder, *signed);

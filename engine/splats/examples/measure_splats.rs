@@ -2,7 +2,7 @@
 //!
 //! Rates are of one thread.
 
-use brickfield_coding::bsp::{Tree, Wanted};
+use brickfield_coding::bsp::{SplatInput, SplatTree};
 use brickfield_coding::range::{Bit, Coder, Decoder};
 use brickfield_core::Silent;
 use brickfield_octree::store::Store;
@@ -54,7 +54,7 @@ fn main() {
         summary.splats,
         bytes.len()
     );
-    let mut tree = Tree::open(&bytes).expect("a head");
+    let mut tree = SplatTree::open(&bytes).expect("a head");
     let (mut bits, mut seconds, mut splats, mut decisions) = (0.0, 0.0, 0u64, 0);
     for unit in 0..tree.entries().len() {
         let part = &bytes[tree.start(unit) as usize..tree.start(unit + 1) as usize];
@@ -78,14 +78,14 @@ fn main() {
 }
 
 /// Mean and greatest angle between the normals of the finest level and those in the file.
-fn normals(levels: &Levels, tree: &Tree) {
+fn normals(levels: &Levels, tree: &SplatTree) {
     let (mut sum, mut most, mut count) = (0.0, 0.0f64, 0u64);
     for (key, piece) in levels.nodes().iter().filter(|(key, _)| key.level() == levels.deepest()) {
         let read = tree.pieces()[&key.code()].found_by_place();
         for cell in &piece.cells {
             let there = read.of(read.get(cell.at).expect("the cell"));
             for (wanted, splat) in piece.of(cell).iter().zip(there) {
-                let Wanted { normal, .. } = wanted;
+                let SplatInput { normal, .. } = wanted;
                 let other = tree.directions().vector(splat.normal);
                 let [a, b] = [normal.map(f64::from), other.map(f64::from)];
                 let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

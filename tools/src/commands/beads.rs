@@ -9,13 +9,13 @@ use crate::output::{one_line, print, print_json, require_distinct, warn};
 use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::toolpaths::{ToolpathReport, joints_text};
 use crate::units::Size;
-use brickfield_engine::bead::{Joints, StlBeads, Sweep, Written};
+use brickfield_engine::bead::{Joints, StlBeads, StlSummary, Sweep};
 use brickfield_engine::ingest::read_beads;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::part::free_beside;
 use brickfield_engine::toolpath::BeadView;
 use brickfield_engine::toolpath::gcode::GcodeOptions;
-use brickfield_engine::x3d::{Style, Writer};
+use brickfield_engine::x3d::{ExtrusionStyle, Writer};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -140,7 +140,7 @@ struct X3dBeads {
 
 impl X3dBeads {
     fn create(path: &Path, sweep: Sweep, bend_degrees: f64) -> Result<X3dBeads, Error> {
-        let style = Style { bend_degrees, ..Style::default() };
+        let style = ExtrusionStyle { bend_degrees, ..ExtrusionStyle::default() };
         let writer = Writer::new(PartFile::create(path)?, path, style)?;
         Ok(X3dBeads { writer, sweep, beads: 0, segments: 0, bead_volume: 0.0 })
     }
@@ -188,9 +188,9 @@ struct Numbers {
     swept_volume: Option<f64>,
 }
 
-impl From<Written> for Numbers {
-    fn from(written: Written) -> Numbers {
-        let Written { beads, segments, tubes, facets, bytes, joints, bead_volume, swept_volume } = written;
+impl From<StlSummary> for Numbers {
+    fn from(written: StlSummary) -> Numbers {
+        let StlSummary { beads, segments, tubes, facets, bytes, joints, bead_volume, swept_volume } = written;
         let (facets, joints, swept_volume) = (Some(facets), Some(joints), Some(swept_volume));
         Numbers { beads, segments, tubes, facets, bytes, joints, bead_volume, swept_volume }
     }

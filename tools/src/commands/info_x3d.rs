@@ -12,7 +12,7 @@ use brickfield_engine::Progress;
 use brickfield_engine::build::{Measures, measure};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::lattice::RootCube;
-use brickfield_engine::x3d::Shape;
+use brickfield_engine::x3d::PlacedExtrusion;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -51,7 +51,7 @@ struct Told<'a> {
     input: &'a Input,
     path: String,
     bounds: ([f64; 3], [f64; 3]),
-    shapes: Vec<(Shape<'a>, Measures)>,
+    shapes: Vec<(PlacedExtrusion<'a>, Measures)>,
 }
 
 impl Told<'_> {
@@ -70,7 +70,7 @@ impl Told<'_> {
         let Told { input, path, bounds, shapes } = self;
         let (area, volume) = self.sums();
         let is_closed = self.open() == 0;
-        let shape = |(shape, m): &(Shape<'_>, Measures)| -> Value {
+        let shape = |(shape, m): &(PlacedExtrusion<'_>, Measures)| -> Value {
             json!({
                 "def": shape.def,
                 "line": shape.line,

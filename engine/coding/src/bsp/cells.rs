@@ -11,7 +11,7 @@ pub struct Splat {
 
 /// A splat to be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wanted {
+pub struct SplatInput {
     /// Unit normal in 1/16384.
     pub normal: [i16; 3],
     /// A point of its plane, from the centre of the cell in 1/4096 of the cell.
@@ -79,13 +79,13 @@ pub struct Cells<S> {
     /// For each place one more than the number of its cell, or 0.
     grid: Vec<u32>,
     /// In the order in which they came.
-    pub piece: Piece<S>,
+    pub piece: NodeCells<S>,
 }
 
 impl<S: Copy> Cells<S> {
     /// A cube with so many places along each axis, at most 64, with no cells yet.
     pub fn new(side: usize) -> Cells<S> {
-        Cells { side, grid: vec![0; side * side * side], piece: Piece::new() }
+        Cells { side, grid: vec![0; side * side * side], piece: NodeCells::new() }
     }
 
     /// Places along each axis.
@@ -135,9 +135,9 @@ impl<S: Copy> Cells<S> {
     }
 
     /// The eight halves along all axes, by octant.
-    pub fn octants(&self) -> [Piece<S>; 8] {
+    pub fn octants(&self) -> [NodeCells<S>; 8] {
         let half = (self.side / 2) as u8;
-        let mut pieces = [0; 8].map(|_| Piece::new());
+        let mut pieces = [0; 8].map(|_| NodeCells::new());
         for cell in &self.piece.cells {
             let octant = (0..3).map(|axis| usize::from(cell.at[axis] / half) << axis).sum::<usize>();
             pieces[octant].add(cell.at.map(|c| c % half), self.of(cell), cell.clips, cell.divided);
@@ -148,17 +148,17 @@ impl<S: Copy> Cells<S> {
 
 /// The cells of a node, 32 along each axis, in the order in which they came.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Piece<S> {
+pub struct NodeCells<S> {
     /// The cells.
     pub cells: Vec<Cell>,
     /// Their splats.
     pub splats: Vec<S>,
 }
 
-impl<S: Copy> Piece<S> {
+impl<S: Copy> NodeCells<S> {
     /// No cells.
-    pub fn new() -> Piece<S> {
-        Piece { cells: Vec::new(), splats: Vec::new() }
+    pub fn new() -> NodeCells<S> {
+        NodeCells { cells: Vec::new(), splats: Vec::new() }
     }
 
     /// Adds a cell with its splats.
@@ -189,8 +189,8 @@ impl<S: Copy> Piece<S> {
     }
 }
 
-impl<S: Copy> Default for Piece<S> {
-    fn default() -> Piece<S> {
-        Piece::new()
+impl<S: Copy> Default for NodeCells<S> {
+    fn default() -> NodeCells<S> {
+        NodeCells::new()
     }
 }

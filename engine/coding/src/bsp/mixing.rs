@@ -15,14 +15,14 @@ const DECAY: u128 = 1_095_225_038_175;
 
 /// What is known of a decision in one context: the probability of a one in 1/65536, and of how many decisions.
 #[derive(Clone, Copy)]
-pub struct Opinion {
+pub struct AdaptiveProbability {
     one: u16,
     seen: u16,
 }
 
-impl Opinion {
+impl AdaptiveProbability {
     /// Nothing is known yet.
-    pub const NEW: Opinion = Opinion { one: 1 << 15, seen: 0 };
+    pub const NEW: AdaptiveProbability = AdaptiveProbability { one: 1 << 15, seen: 0 };
 
     fn learn(&mut self, one: bool, rates: &[i32]) {
         let target = if one { 65_535 } else { 0 };
@@ -85,21 +85,24 @@ impl Default for Logistic {
 
 /// Opinions of `N` contexts with the weights of each, of which there are several sets.
 #[derive(Clone)]
-pub struct Mixed<const N: usize> {
-    opinions: [Vec<Opinion>; N],
+pub struct ContextMixer<const N: usize> {
+    opinions: [Vec<AdaptiveProbability>; N],
     weights: Vec<[i32; N]>,
 }
 
-impl<const N: usize> Mixed<N> {
+impl<const N: usize> ContextMixer<N> {
     /// Nothing is known yet: so many contexts of each kind, so many sets of weights.
-    pub fn new(sizes: [usize; N], sets: usize) -> Mixed<N> {
+    pub fn new(sizes: [usize; N], sets: usize) -> ContextMixer<N> {
         let weight = 65_536 * 2 / (N as i32 + 2);
-        Mixed { opinions: sizes.map(|size| vec![Opinion::NEW; size]), weights: vec![[weight; N]; sets] }
+        ContextMixer {
+            opinions: sizes.map(|size| vec![AdaptiveProbability::NEW; size]),
+            weights: vec![[weight; N]; sets],
+        }
     }
 
     /// Learns fast again, as at the beginning of a unit.
     pub fn forget(&mut self) {
-        self.opinions.iter_mut().flatten().for_each(Opinion::forget);
+        self.opinions.iter_mut().flatten().for_each(AdaptiveProbability::forget);
     }
 
     /// Codes a decision.

@@ -1,7 +1,7 @@
 //! Files of splats, `.bsp`: a tree of cells of which every level is a picture.
 //!
 //! The bytes are in `FORMAT.md` beside this crate. [`unit`](unit()) codes the cells of a node given those of the level above,
-//! in either direction; [`Tree`] reads a file as its bytes arrive.
+//! in either direction; [`SplatTree`] reads a file as its bytes arrive.
 
 mod cells;
 mod directions;
@@ -12,9 +12,9 @@ mod planes;
 mod tree;
 mod unit;
 
-pub use cells::{Cell, Cells, Clip, Piece, Splat, Wanted, NODE_SIDE, PAIRS, SPLATS_MAX};
+pub use cells::{Cell, Cells, Clip, NodeCells, Splat, SplatInput, NODE_SIDE, PAIRS, SPLATS_MAX};
 pub use directions::{Directions, ONE};
 pub use header::{crc32, Entry, Fault, Header, Level, ENTRY_BYTES, HEADER_BYTES, LEVELS_MAX, MAGIC, VERSION};
 pub use model::Model;
-pub use tree::{root, Tree};
-pub use unit::{unit, Coded, Setting};
+pub use tree::{root, SplatTree};
+pub use unit::{unit, CodedUnit, Setting};

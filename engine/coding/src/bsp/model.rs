@@ -1,7 +1,7 @@
 //! What is learnt while units are coded.
 
-use super::mixing::{Logistic, Mixed};
-use crate::range::{Bit, Number};
+use super::mixing::{ContextMixer, Logistic};
+use crate::range::{Bit, NumberModel};
 
 /// Distances of a plane from the middle of a cell fall into so many classes.
 pub const BINS: usize = 48;
@@ -20,14 +20,14 @@ pub const SPREADS: usize = 6;
 #[derive(Clone)]
 pub struct Model {
     pub(super) logistic: Logistic,
-    pub(super) occupied: Mixed<OPINIONS>,
+    pub(super) occupied: ContextMixer<OPINIONS>,
     pub(super) divided: [Bit; 4],
     pub(super) more: [[Bit; 4]; 3],
     pub(super) third: [Bit; 4],
     pub(super) same: Vec<Bit>,
-    pub(super) residuals: [[Number; SPREADS]; 3],
+    pub(super) residuals: [[NumberModel; SPREADS]; 3],
     pub(super) below: [Bit; SPREADS],
-    pub(super) offsets: [Number; 6],
+    pub(super) offsets: [NumberModel; 6],
     pub(super) clipped: [Bit; 2],
     pub(super) convex: [Bit; 3],
 }
@@ -45,14 +45,14 @@ impl Model {
         ];
         Model {
             logistic: Logistic::new(),
-            occupied: Mixed::new(sizes, 16),
+            occupied: ContextMixer::new(sizes, 16),
             divided: [Bit::NEW; 4],
             more: [[Bit::NEW; 4]; 3],
             third: [Bit::NEW; 4],
             same: vec![Bit::NEW; CANDIDATES_MAX * 2 * 5 * 3],
-            residuals: [0; 3].map(|_| [0; SPREADS].map(|_| Number::NEW)),
+            residuals: [0; 3].map(|_| [0; SPREADS].map(|_| NumberModel::NEW)),
             below: [Bit::NEW; SPREADS],
-            offsets: [0; 6].map(|_| Number::NEW),
+            offsets: [0; 6].map(|_| NumberModel::NEW),
             clipped: [Bit::NEW; 2],
             convex: [Bit::NEW; 3],
         }

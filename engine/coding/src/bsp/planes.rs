@@ -21,7 +21,7 @@ pub fn support(normal: [i32; 3]) -> i32 {
 }
 
 /// What is known of a cell that is divided, before its eight are.
-pub struct Around<'a> {
+pub struct NeighbourPlanes<'a> {
     directions: &'a Directions,
     /// Its splats.
     pub splats: &'a [Splat],
@@ -37,12 +37,18 @@ pub struct Around<'a> {
 /// The six cells beside one.
 const FACES: [[i8; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
-impl<'a> Around<'a> {
+impl<'a> NeighbourPlanes<'a> {
     /// What is around a cell of `parents`.
-    pub fn new(directions: &'a Directions, parents: &'a Cells<Splat>, parent: &Cell) -> Around<'a> {
+    pub fn new(directions: &'a Directions, parents: &'a Cells<Splat>, parent: &Cell) -> NeighbourPlanes<'a> {
         let splats = parents.of(parent);
-        let mut around =
-            Around { directions, splats, count: splats.len(), faces: 0, beside: [([0; 3], 0); 6], known: 0 };
+        let mut around = NeighbourPlanes {
+            directions,
+            splats,
+            count: splats.len(),
+            faces: 0,
+            beside: [([0; 3], 0); 6],
+            known: 0,
+        };
         let own = splats.first().map(|splat| directions.vector(splat.normal));
         for (n, step) in FACES.iter().enumerate() {
             let cell = match parents.beside(parent.at, *step) {

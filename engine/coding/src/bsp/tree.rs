@@ -1,10 +1,10 @@
 //! A file of splats as it is read: the head first, then any unit whose parents are there.
 
-use super::cells::{Cells, Piece, Splat, Wanted};
+use super::cells::{Cells, NodeCells, Splat, SplatInput};
 use super::directions::Directions;
 use super::header::{crc32, Entry, Fault, Header, ENTRY_BYTES};
 use super::model::Model;
-use super::unit::{unit, Coded, Setting};
+use super::unit::{unit, CodedUnit, Setting};
 use crate::range::{Coder, Decoder};
 use std::collections::BTreeMap;
 
@@ -17,8 +17,8 @@ pub fn root<C: Coder>(
     model: &mut Model,
     directions: &Directions,
     may_divide: bool,
-    wanted: Option<&Cells<Wanted>>,
-) -> Option<Coded> {
+    wanted: Option<&Cells<SplatInput>>,
+) -> Option<CodedUnit> {
     let mut above = Cells::new(16);
     for n in 0..16u32 * 16 * 16 {
         above.push([n % 16, n / 16 % 16, n / 256].map(|c| c as u8), &[], 0, true);
@@ -27,22 +27,22 @@ pub fn root<C: Coder>(
 }
 
 /// What was read of a file.
-pub struct Tree {
+pub struct SplatTree {
     header: Header,
     entries: Vec<Entry>,
     /// Where each unit begins.
     starts: Vec<u64>,
     directions: Directions,
     model: Model,
-    pieces: BTreeMap<u64, Piece<Splat>>,
+    pieces: BTreeMap<u64, NodeCells<Splat>>,
 }
 
-impl Tree {
+impl SplatTree {
     /// Reads header, directory and head from the beginning of a file.
     ///
     /// # Errors
     /// What is wrong with them. All that is read is checked against the bytes that are there.
-    pub fn open(bytes: &[u8]) -> Result<Tree, Fault> {
+    pub fn open(bytes: &[u8]) -> Result<SplatTree, Fault> {
         let header = Header::read(bytes)?;
         if bytes.len() < header.units_start() {
             return Err(Fault("it ends within its head"));
@@ -62,7 +62,7 @@ impl Tree {
         }
         let directions = Directions::new(header.radius);
         let mut tree =
-            Tree { header, entries, starts, directions, model: Model::new(), pieces: BTreeMap::new() };
+            SplatTree { header, entries, starts, directions, model: Model::new(), pieces: BTreeMap::new() };
         tree.read_head(head).ok_or(Fault("its head says what cannot be"))?;
         tree.check_directory()?;
         Ok(tree)
@@ -147,7 +147,7 @@ impl Tree {
     }
 
     /// The nodes that were read, with their cells.
-    pub fn pieces(&self) -> &BTreeMap<u64, Piece<Splat>> {
+    pub fn pieces(&self) -> &BTreeMap<u64, NodeCells<Splat>> {
         &self.pieces
     }
 

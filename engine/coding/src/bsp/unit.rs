@@ -1,9 +1,9 @@
 //! A unit: the cells into which those of a node are divided, coded given these.
 
-use super::cells::{Cell, Cells, Clip, Splat, Wanted, PAIRS, SPLATS_MAX};
+use super::cells::{Cell, Cells, Clip, Splat, SplatInput, PAIRS, SPLATS_MAX};
 use super::directions::{Directions, ONE};
 use super::model::{Model, CANDIDATES_MAX, COARSE_BINS, NO_BIN};
-use super::planes::{at_cell, bin, support, Around, SUB};
+use super::planes::{at_cell, bin, support, NeighbourPlanes, SUB};
 use crate::range::Coder;
 
 /// A plane as far from a cell as this, in 1/16 of the cell, cannot be told.
@@ -24,7 +24,7 @@ pub struct Setting<'a> {
 }
 
 /// What is coded, and how far the worst of the splats is from what it stands for, in 1/4096 of a cell; not known to decoders.
-pub struct Coded {
+pub struct CodedUnit {
     /// The cells.
     pub cells: Cells<Splat>,
     /// The distance.
@@ -39,11 +39,11 @@ pub fn unit<C: Coder>(
     model: &mut Model,
     setting: &Setting<'_>,
     parents: &Cells<Splat>,
-    wanted: Option<&Cells<Wanted>>,
-) -> Option<Coded> {
-    let mut out = Coded { cells: Cells::new(parents.side() * 2), error: 0 };
+    wanted: Option<&Cells<SplatInput>>,
+) -> Option<CodedUnit> {
+    let mut out = CodedUnit { cells: Cells::new(parents.side() * 2), error: 0 };
     for parent in parents.piece.cells.iter().filter(|parent| parent.divided) {
-        let around = Around::new(setting.directions, parents, parent);
+        let around = NeighbourPlanes::new(setting.directions, parents, parent);
         let mut found = 0usize;
         for octant in 0..8usize {
             let at = [0, 1, 2].map(|axis| parent.at[axis] * 2 + (octant >> axis & 1) as u8);
@@ -67,7 +67,7 @@ fn is_occupied<C: Coder>(
     coder: &mut C,
     model: &mut Model,
     setting: &Setting<'_>,
-    around: &Around<'_>,
+    around: &NeighbourPlanes<'_>,
     cells: &Cells<Splat>,
     at: [u8; 3],
     octant: usize,
@@ -145,10 +145,10 @@ fn cell<C: Coder>(
     coder: &mut C,
     model: &mut Model,
     setting: &Setting<'_>,
-    around: &Around<'_>,
+    around: &NeighbourPlanes<'_>,
     at: [u8; 3],
-    given: Option<(&Cells<Wanted>, &Cell)>,
-    out: &mut Coded,
+    given: Option<(&Cells<SplatInput>, &Cell)>,
+    out: &mut CodedUnit,
 ) -> Option<()> {
     let wanted = given.map_or(&[][..], |(cells, cell)| cells.of(cell));
     let octant = (0..3).map(|axis| usize::from(at[axis] & 1) << axis).sum::<usize>();
@@ -209,7 +209,7 @@ struct Sources {
 impl Sources {
     fn new(
         directions: &Directions,
-        around: &Around<'_>,
+        around: &NeighbourPlanes<'_>,
         cells: &Cells<Splat>,
         beside: &[Option<Cell>; 7],
         octant: usize,
@@ -330,7 +330,7 @@ fn splat<C: Coder>(
     model: &mut Model,
     directions: &Directions,
     sources: &Sources,
-    wanted: Option<&Wanted>,
+    wanted: Option<&SplatInput>,
 ) -> Option<Splat> {
     let mut normal = None;
     for (n, candidate) in sources.candidates[..sources.count].iter().enumerate() {
@@ -368,7 +368,7 @@ fn residual<C: Coder>(
     model: &mut Model,
     directions: &Directions,
     sources: &Sources,
-    wanted: Option<&Wanted>,
+    wanted: Option<&SplatInput>,
 ) -> Option<[i8; 3]> {
     let (foretold, spread, radius) = (sources.normal, sources.spread, directions.radius());
     // The axis along which it points is told last, by what the others leave.
@@ -395,14 +395,14 @@ fn residual<C: Coder>(
     Some(normal)
 }
 
-fn is_same(directions: &Directions, normal: [i8; 3], wanted: &Wanted) -> bool {
+fn is_same(directions: &Directions, normal: [i8; 3], wanted: &SplatInput) -> bool {
     let n = directions.vector(normal);
     let cosine = (0..3).map(|axis| i64::from(n[axis]) * i64::from(wanted.normal[axis])).sum::<i64>();
     cosine >= SAME_COSINE
 }
 
 /// Distance of the wanted plane with this normal from the middle of the cell, in 1/4096 of the cell.
-fn offset(directions: &Directions, normal: [i8; 3], wanted: &Wanted) -> i32 {
+fn offset(directions: &Directions, normal: [i8; 3], wanted: &SplatInput) -> i32 {
     let n = directions.vector(normal);
     let limit = OFFSET_MAX * 256;
     let exact = (0..3).map(|axis| n[axis] * i32::from(wanted.mean[axis])).sum::<i32>() / ONE;
@@ -410,7 +410,7 @@ fn offset(directions: &Directions, normal: [i8; 3], wanted: &Wanted) -> i32 {
 }
 
 /// Greatest distance of what a splat stands for from its plane, in 1/4096 of the cell.
-fn error(directions: &Directions, splat: &Splat, wanted: &Wanted) -> u32 {
+fn error(directions: &Directions, splat: &Splat, wanted: &SplatInput) -> u32 {
     let n = directions.vector(splat.normal);
     let tilt = (0..3).map(|axis| (n[axis] - i32::from(wanted.normal[axis])).pow(2)).sum::<i32>();
     let tilt = f64::from(tilt).sqrt() / f64::from(ONE);

@@ -1,7 +1,7 @@
 //! Toolpaths as inputs: beads are read once and kept, their triangles are made when they are asked for.
 
 use super::detect::{self, Family};
-use crate::bead::{Sweep, SweepOptions, Swept};
+use crate::bead::{Sweep, SweepOptions, SweptToolpath};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use crate::progress::Progress;
@@ -22,7 +22,7 @@ pub struct OpenOptions {
 #[derive(Debug)]
 pub struct Beads {
     /// The beads and their sweep.
-    pub swept: Swept,
+    pub swept: SweptToolpath,
     /// What reading them found.
     pub report: GcodeReport,
 }
@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path, options: &OpenOptions, progress: &dyn Progress) 
         toolpath.push(bead);
         Ok(())
     })?;
-    Ok(Beads { swept: Swept::new(toolpath, sweep), report })
+    Ok(Beads { swept: SweptToolpath::new(toolpath, sweep), report })
 }
 
 /// Hands the beads of a toolpath's file to `sink` in order, keeping none.

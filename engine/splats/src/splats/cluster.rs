@@ -1,6 +1,6 @@
 //! Crossings of one face in a cell: sums of whole numbers, so that no order shows, and bounds on what they leave out.
 
-use crate::bsp::{Clip, ONE, Wanted};
+use crate::bsp::{Clip, ONE, SplatInput};
 use crate::lattice::{dot, minus};
 
 /// Parts of a lattice unit in which places are counted.
@@ -70,12 +70,12 @@ impl Cluster {
     }
 
     /// As it is written, in a cell of this centre and size.
-    pub fn wanted(&self, centre: [f64; 3], cell: f64) -> Wanted {
+    pub fn wanted(&self, centre: [f64; 3], cell: f64) -> SplatInput {
         let part = 4096.0 / cell;
         let mean = minus(self.middle(), centre).map(|c| (c * part).round().clamp(-8192.0, 8192.0) as i16);
         // What rounding moves is less than a part along each axis.
         let error = (self.error() * part).ceil().clamp(0.0, 16_384.0) as u32 + 2;
-        Wanted { normal: self.normal().map(|c| (c * f64::from(ONE)).round() as i16), mean, error }
+        SplatInput { normal: self.normal().map(|c| (c * f64::from(ONE)).round() as i16), mean, error }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Splats in the world.
 
 use super::levels::Levels;
-use crate::bsp::{Cell, Clip, Piece, Tree};
+use crate::bsp::{Cell, Clip, NodeCells, SplatTree};
 use crate::lattice::NodeKey;
 
 /// Half the diagonal of a cell: a disc of this radius covers what a plane and the cell share.
@@ -41,7 +41,7 @@ pub fn discs_of_levels(levels: &Levels, level: Option<u8>, mut each: impl FnMut(
 }
 
 /// The same of a file.
-pub fn discs_of_tree(tree: &Tree, level: Option<u8>, mut each: impl FnMut(Disc)) {
+pub fn discs_of_tree(tree: &SplatTree, level: Option<u8>, mut each: impl FnMut(Disc)) {
     let header = tree.header();
     let last = level.unwrap_or(header.deepest).min(header.deepest);
     let frame = Frame { origin: header.origin, edge: header.edge };
@@ -87,7 +87,7 @@ impl Frame {
         &self,
         key: NodeKey,
         last: u8,
-        piece: &Piece<S>,
+        piece: &NodeCells<S>,
         hidden: impl Fn(&Cell) -> bool,
         plane: impl Fn(&Cell, usize) -> ([f64; 3], f64),
         each: &mut impl FnMut(Disc),

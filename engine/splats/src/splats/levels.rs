@@ -2,7 +2,7 @@
 
 use super::brick::{Faces, cell_of, cells, centre_of};
 use super::cluster::{Cluster, of_clusters};
-use crate::bsp::{Piece, Wanted};
+use crate::bsp::{NodeCells, SplatInput};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use crate::progress::Progress;
@@ -22,7 +22,7 @@ pub struct LevelsOptions {
 pub struct Levels {
     root: RootCube,
     deepest: u8,
-    nodes: BTreeMap<NodeKey, Piece<Wanted>>,
+    nodes: BTreeMap<NodeKey, NodeCells<SplatInput>>,
 }
 
 /// A node whose parent is still to be made.
@@ -77,7 +77,7 @@ impl Levels {
         if faces.is_empty() {
             return;
         }
-        let (mut piece, mut wanted) = (Piece::new(), Vec::new());
+        let (mut piece, mut wanted) = (NodeCells::new(), Vec::new());
         for face in faces {
             let centre = centre_of(key, face.at);
             wanted.clear();
@@ -98,7 +98,7 @@ impl Levels {
     }
 
     /// The nodes that have splats, level by level, along the Morton curve within a level.
-    pub fn nodes(&self) -> &BTreeMap<NodeKey, Piece<Wanted>> {
+    pub fn nodes(&self) -> &BTreeMap<NodeKey, NodeCells<SplatInput>> {
         &self.nodes
     }
 }

@@ -1,6 +1,6 @@
 //! Files of splats, read.
 
-use crate::bsp::{Fault, Header, Tree};
+use crate::bsp::{Fault, Header, SplatTree};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ const BYTES_MAX: u64 = 4 << 30;
 ///
 /// # Errors
 /// [`Error::Store`] if it is none or damaged; what reading gives.
-pub fn read_bsp(path: &Path, level: Option<u8>, progress: &dyn Progress) -> Result<Tree> {
+pub fn read_bsp(path: &Path, level: Option<u8>, progress: &dyn Progress) -> Result<SplatTree> {
     let size = std::fs::metadata(path).map_err(Error::io(path, "read"))?.len();
     if size > BYTES_MAX {
         let what = format!("it has {size} bytes, and files of splats are read up to {BYTES_MAX}");
@@ -33,8 +33,8 @@ pub fn read_tree(
     bytes: &[u8],
     level: Option<u8>,
     progress: &dyn Progress,
-) -> Result<std::result::Result<Tree, Fault>> {
-    let mut tree = match Tree::open(bytes) {
+) -> Result<std::result::Result<SplatTree, Fault>> {
+    let mut tree = match SplatTree::open(bytes) {
         Ok(tree) => tree,
         Err(fault) => return Ok(Err(fault)),
     };

@@ -157,11 +157,11 @@ fn written(levels: &Levels) -> (Vec<u8>, BspSummary) {
     bsp_bytes(levels, "mm", [[-1.0; 3], [1.0; 3]], &Silent).unwrap()
 }
 
-fn read(bytes: &[u8]) -> crate::bsp::Tree {
+fn read(bytes: &[u8]) -> crate::bsp::SplatTree {
     read_tree(bytes, None, &Silent).unwrap().unwrap()
 }
 
-fn discs(tree: &crate::bsp::Tree, level: Option<u8>) -> Vec<Disc> {
+fn discs(tree: &crate::bsp::SplatTree, level: Option<u8>) -> Vec<Disc> {
     let mut discs = Vec::new();
     discs_of_tree(tree, level, |disc| discs.push(disc));
     discs

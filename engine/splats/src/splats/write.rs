@@ -2,8 +2,8 @@
 
 use super::levels::Levels;
 use crate::bsp::{
-    Cells, Coded, Directions, Entry, HEADER_BYTES, Header, LEVELS_MAX, Level, Model, Piece, Setting, Splat,
-    Wanted, crc32, root, unit,
+    Cells, CodedUnit, Directions, Entry, HEADER_BYTES, Header, LEVELS_MAX, Level, Model, NodeCells, Setting,
+    Splat, SplatInput, crc32, root, unit,
 };
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
@@ -125,7 +125,7 @@ struct Writer<'a> {
     levels: &'a Levels,
     directions: Directions,
     /// Of the level that is divided next, as readers will have them.
-    pieces: BTreeMap<NodeKey, Piece<Splat>>,
+    pieces: BTreeMap<NodeKey, NodeCells<Splat>>,
     header: Header,
     /// Splats of cells that are not divided, and the greatest error of these, in the store's unit.
     finest: (u64, f64),
@@ -136,11 +136,11 @@ impl Writer<'_> {
     fn head(&mut self) -> (Vec<u8>, Model) {
         let (mut bytes, mut model) = (Vec::new(), Model::new());
         let mut coder = Encoder::new(&mut bytes);
-        let none = Piece::new();
+        let none = NodeCells::new();
         let wanted = self.levels.nodes().get(&NodeKey::ROOT).unwrap_or(&none).found_by_place();
         let may_divide = self.levels.deepest() > 0;
         let coded = root(&mut coder, &mut model, &self.directions, may_divide, Some(&wanted));
-        let Coded { cells, error } = coded.expect("an encoder refuses nothing");
+        let CodedUnit { cells, error } = coded.expect("an encoder refuses nothing");
         self.take(0, error, [(NodeKey::ROOT, cells.piece)]);
         for level in 0..self.header.head {
             let pieces = std::mem::take(&mut self.pieces);
@@ -175,7 +175,7 @@ impl Writer<'_> {
             Ok((*key, bytes, coded))
         };
         let mut made = Vec::new();
-        let take = |(key, bytes, coded): (NodeKey, Vec<u8>, Coded)| {
+        let take = |(key, bytes, coded): (NodeKey, Vec<u8>, CodedUnit)| {
             let crc = Entry::crc_of(key.code(), &bytes);
             let splats = coded.cells.piece.splats.len() as u32;
             out(Entry { key: key.code(), bytes: bytes.len() as u32, crc, splats, error: coded.error }, bytes);
@@ -189,7 +189,13 @@ impl Writer<'_> {
         Ok(())
     }
 
-    fn unit(&self, key: NodeKey, piece: &Piece<Splat>, coder: &mut Encoder<'_>, model: &mut Model) -> Coded {
+    fn unit(
+        &self,
+        key: NodeKey,
+        piece: &NodeCells<Splat>,
+        coder: &mut Encoder<'_>,
+        model: &mut Model,
+    ) -> CodedUnit {
         let may_divide = key.level() + 1 < self.levels.deepest();
         let setting = Setting { directions: &self.directions, may_divide, has_parents: true };
         let wanted = self.wanted(key);
@@ -198,7 +204,7 @@ impl Writer<'_> {
     }
 
     /// The cells of a node's children in one cube.
-    fn wanted(&self, key: NodeKey) -> Cells<Wanted> {
+    fn wanted(&self, key: NodeKey) -> Cells<SplatInput> {
         let mut cells = Cells::new(2 * BRICK_CELLS);
         for octant in Octant::all() {
             let Some(piece) = self.levels.nodes().get(&key.child(octant)) else { continue };
@@ -212,7 +218,7 @@ impl Writer<'_> {
     }
 
     /// Counts the nodes of a unit, and keeps those that are divided. `error` is the unit's.
-    fn take(&mut self, level: u8, error: u32, pieces: impl IntoIterator<Item = (NodeKey, Piece<Splat>)>) {
+    fn take(&mut self, level: u8, error: u32, pieces: impl IntoIterator<Item = (NodeKey, NodeCells<Splat>)>) {
         let cell = self.header.cell(level);
         let of_level = &mut self.header.levels[usize::from(level)];
         of_level.error = of_level.error.max(error);
@@ -232,6 +238,6 @@ impl Writer<'_> {
 }
 
 /// The children of a node, of its unit.
-fn children(key: NodeKey, coded: &Coded) -> Vec<(NodeKey, Piece<Splat>)> {
+fn children(key: NodeKey, coded: &CodedUnit) -> Vec<(NodeKey, NodeCells<Splat>)> {
     Octant::all().map(|octant| key.child(octant)).zip(coded.cells.octants()).collect()
 }

@@ -1,7 +1,7 @@
 //! How two segments of a bead meet: in a mitre, or not at all.
 
 use super::profile::Profile;
-use super::tube::Course;
+use super::tube::BeadPath;
 use crate::toolpath::Section;
 use glam::DVec3;
 
@@ -18,7 +18,7 @@ const UPRIGHT_SIN_SQUARED: f64 = 1e-4;
 
 /// A segment with its frame: right-handed, across the path, up and along it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segment {
+pub(super) struct FramedSegment {
     pub along: DVec3,
     pub across: DVec3,
     pub up: DVec3,
@@ -40,13 +40,13 @@ pub(super) enum Joint {
 }
 
 /// Where the middle of the bead is when the tool's tip is at `point`: the tip runs along its upper side.
-fn middle(course: &impl Course, point: usize, height: f64) -> DVec3 {
+fn middle(course: &impl BeadPath, point: usize, height: f64) -> DVec3 {
     DVec3::from(course.points()[point]) - DVec3::from(course.axis(point)) * (height / 2.0)
 }
 
-impl Segment {
+impl FramedSegment {
     /// The segment from point `number` to the next.
-    pub fn of(course: &impl Course, number: usize) -> Segment {
+    pub fn of(course: &impl BeadPath, number: usize) -> FramedSegment {
         let section = course.section(number);
         let ends = [number, number + 1].map(|point| middle(course, point, section.height));
         let mut step = ends[1] - ends[0];
@@ -66,7 +66,7 @@ impl Segment {
             least_axis(along).cross(along)
         };
         let across = across / across.length();
-        Segment { along, across, up: along.cross(across), length, section }
+        FramedSegment { along, across, up: along.cross(across), length, section }
     }
 }
 
@@ -83,7 +83,13 @@ fn least_axis(direction: DVec3) -> DVec3 {
 }
 
 /// Decides how `a` and the segment `b` that follows it meet, at a point where the tool's axis is `axis`.
-pub(super) fn joint(profile: &Profile, bend_cos: f64, a: &Segment, b: &Segment, axis: DVec3) -> Joint {
+pub(super) fn joint(
+    profile: &Profile,
+    bend_cos: f64,
+    a: &FramedSegment,
+    b: &FramedSegment,
+    axis: DVec3,
+) -> Joint {
     let differ = |p: f64, q: f64| (p - q).abs() > SECTION_CHANGE_MAX * p.max(q);
     if differ(a.section.width, b.section.width)
         || differ(a.section.height, b.section.height)
@@ -100,7 +106,7 @@ pub(super) fn joint(profile: &Profile, bend_cos: f64, a: &Segment, b: &Segment, 
     }
     let ring = Ring::between(a, b);
     // Half the difference of heights moves the middle along the axis.
-    let slip = |s: &Segment| ((s.section.height - ring.section.height) / 2.0 * axis.dot(s.along)).abs();
+    let slip = |s: &FramedSegment| ((s.section.height - ring.section.height) / 2.0 * axis.dot(s.along)).abs();
     let reach = ring.reach;
     // Each end of a segment may take half of its length, so that both never meet.
     if reach + slip(a) >= a.length / 2.0 || reach + slip(b) >= b.length / 2.0 {
@@ -122,13 +128,13 @@ pub(super) struct Ring {
 
 impl Ring {
     /// The end of a segment, at a right angle to it.
-    pub fn end(segment: &Segment) -> Ring {
+    pub fn end(segment: &FramedSegment) -> Ring {
         Ring { section: segment.section, across: segment.across, up: segment.up, reach: 0.0 }
     }
 
     /// The mitre of two segments: the section, in the plane that bisects them, stretched in the plane of the
     /// bend by 1 / cos(θ/2), so that either segment keeps its full section right up to it.
-    pub fn between(a: &Segment, b: &Segment) -> Ring {
+    pub fn between(a: &FramedSegment, b: &FramedSegment) -> Ring {
         let sum = a.along + b.along;
         let twice_cos = sum.length();
         let tangent = sum / twice_cos;
@@ -150,7 +156,7 @@ impl Ring {
     }
 
     /// The middle of the ring at a point of the course.
-    pub fn middle(&self, course: &impl Course, point: usize) -> DVec3 {
+    pub fn middle(&self, course: &impl BeadPath, point: usize) -> DVec3 {
         middle(course, point, self.section.height)
     }
 

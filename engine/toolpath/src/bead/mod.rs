@@ -11,7 +11,7 @@
 //! triangles can be made on its own, and neighbours agree on every bit.
 //!
 //! Directed edges cancel exactly, and the winding number of each tube is 1 inside and 0 outside. Triangles are never
-//! kept; a range of a [`Swept`] costs time by its length.
+//! kept; a range of a [`SweptToolpath`] costs time by its length.
 
 mod joint;
 mod outline;
@@ -23,7 +23,7 @@ mod tests;
 mod tube;
 
 pub use outline::read_outline;
-pub use profile::{Profile, Shape};
-pub use stl::{StlBeads, Written};
-pub use swept::{Sweep, SweepOptions, Swept};
-pub use tube::{Course, Joints};
+pub use profile::{Profile, ProfileShape};
+pub use stl::{StlBeads, StlSummary};
+pub use swept::{Sweep, SweepOptions, SweptToolpath};
+pub use tube::{BeadPath, Joints};

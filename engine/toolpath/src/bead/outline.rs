@@ -1,6 +1,6 @@
 //! Reads a cross-section that the user gives as a polygon.
 
-use super::profile::{OUTLINE_MAX, Shape, moments};
+use super::profile::{OUTLINE_MAX, ProfileShape, moments};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -21,7 +21,7 @@ type Corner = [i64; 2];
 /// # Errors
 /// If the file cannot be read or a line is not two numbers within ±0.5; if the polygon has fewer than three
 /// corners or more than 1,024, touches or crosses itself, or is nearly without area. The line is named.
-pub fn read_outline(path: &Path) -> Result<Shape> {
+pub fn read_outline(path: &Path) -> Result<ProfileShape> {
     let inspect = std::fs::metadata(path).map_err(Error::io(path, "open"))?;
     if !inspect.is_file() || inspect.len() > BYTES_MAX {
         let what = "is no text of at most 1 MiB";
@@ -63,7 +63,7 @@ fn corner(line: &str) -> Option<Corner> {
 }
 
 /// Checks the corners, each with its line, and turns them counter-clockwise.
-fn polygon(path: &Path, corners: &[(usize, Corner)]) -> Result<Shape> {
+fn polygon(path: &Path, corners: &[(usize, Corner)]) -> Result<ProfileShape> {
     let count = corners.len();
     if !(3..=OUTLINE_MAX).contains(&count) {
         let what = format!("has {count} corners");
@@ -94,7 +94,7 @@ fn polygon(path: &Path, corners: &[(usize, Corner)]) -> Result<Shape> {
     if area < 0.0 {
         points.reverse();
     }
-    Ok(Shape::Outline(points))
+    Ok(ProfileShape::Outline(points))
 }
 
 /// Twice the signed area of a triangle.
@@ -124,7 +124,7 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), text).unwrap();
         match read_outline(file.path()) {
-            Ok(Shape::Outline(corners)) => Ok(corners),
+            Ok(ProfileShape::Outline(corners)) => Ok(corners),
             Ok(other) => panic!("{other:?}"),
             Err(error) => Err(error.to_string()),
         }

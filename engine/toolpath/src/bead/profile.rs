@@ -17,7 +17,7 @@ const SIDES_A_CAP_STEP: usize = 6;
 
 /// Form of the cross-section within its width and height.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Shape {
+pub enum ProfileShape {
     /// A rectangle between two half circles, the form that slicers assume.
     #[default]
     Stadium,
@@ -35,7 +35,7 @@ pub enum Shape {
 /// Round forms keep their area: an inscribed polygon would lose 6 % of it with 8 sides and 1.4 % with 12.
 #[derive(Clone, Debug)]
 pub struct Profile {
-    shape: Shape,
+    shape: ProfileShape,
     /// Of the round forms, (cos, sin) of the corners: of the right half circle, or of the whole ellipse.
     unit: Vec<[f64; 2]>,
     /// Corners.
@@ -54,7 +54,7 @@ impl Profile {
     ///
     /// # Errors
     /// [`Error::Setting`] if `sides` is odd or beyond reason.
-    pub fn new(shape: &Shape, sides: usize) -> Result<Profile> {
+    pub fn new(shape: &ProfileShape, sides: usize) -> Result<Profile> {
         if !(SIDES.contains(&sides) && sides.is_multiple_of(2)) {
             let (least, most) = (SIDES.start(), SIDES.end());
             return Err(Error::setting(
@@ -76,20 +76,20 @@ impl Profile {
             unit_area: 1.0,
         };
         match shape {
-            Shape::Stadium => {
+            ProfileShape::Stadium => {
                 let chords = sides / 2 - 1;
                 profile.unit = (0..=chords).map(|i| at(i, chords, PI)).collect();
                 // The chords of both halves cut off r²(π − m sin(π/m)), which a strip of height 2r makes good.
                 profile.correction = (PI - chords as f64 * libm::sin(PI / chords as f64)) / 2.0;
             }
-            Shape::Ellipse => {
+            ProfileShape::Ellipse => {
                 profile.unit = (0..sides).map(|i| at(i, sides, 2.0 * PI)).collect();
                 let turn = 2.0 * PI / sides as f64;
                 profile.correction = turn / libm::sin(turn);
                 profile.unit_area = PI / 4.0;
             }
-            Shape::Rectangle => profile.sides = 4,
-            Shape::Outline(corners) => {
+            ProfileShape::Rectangle => profile.sides = 4,
+            ProfileShape::Outline(corners) => {
                 profile.sides = corners.len();
                 (profile.unit_area, profile.centroid) = moments(corners);
             }
@@ -106,7 +106,7 @@ impl Profile {
     pub fn area(&self, section: Section) -> f64 {
         let Section { width, height } = section;
         match self.shape {
-            Shape::Stadium => section.stadium_area(),
+            ProfileShape::Stadium => section.stadium_area(),
             _ => self.unit_area * width * height,
         }
     }
@@ -114,7 +114,9 @@ impl Profile {
     /// Steps from the end of a tube to the tip of its cap.
     pub(super) fn cap_steps(&self) -> usize {
         match self.shape {
-            Shape::Stadium | Shape::Ellipse => (self.sides / SIDES_A_CAP_STEP).max(CAP_STEPS_MIN),
+            ProfileShape::Stadium | ProfileShape::Ellipse => {
+                (self.sides / SIDES_A_CAP_STEP).max(CAP_STEPS_MIN)
+            }
             _ => CAP_STEPS_MIN,
         }
     }
@@ -122,7 +124,7 @@ impl Profile {
     /// Whether corners of the two sizes belong together one by one: those of a stadium that stands on end
     /// begin elsewhere.
     pub(super) fn can_join(&self, a: Section, b: Section) -> bool {
-        self.shape != Shape::Stadium || (a.width >= a.height) == (b.width >= b.height)
+        self.shape != ProfileShape::Stadium || (a.width >= a.height) == (b.width >= b.height)
     }
 
     /// What caps shrink to, as (across, up) from the middle.
@@ -143,7 +145,7 @@ impl Profile {
         let Section { width, height } = section;
         out.clear();
         match &self.shape {
-            Shape::Stadium => {
+            ProfileShape::Stadium => {
                 let lies = width >= height;
                 let (small, large) = if lies { (height, width) } else { (width, height) };
                 let radius = small / 2.0;
@@ -157,15 +159,17 @@ impl Profile {
                     out.iter_mut().for_each(|[y, z]| (*y, *z) = (-*z, *y));
                 }
             }
-            Shape::Ellipse => {
+            ProfileShape::Ellipse => {
                 let (half_width, half_height) = (width / 2.0 * self.correction, height / 2.0);
                 out.extend(self.unit.iter().map(|[cos, sin]| [half_width * cos, half_height * sin]));
             }
-            Shape::Rectangle => {
+            ProfileShape::Rectangle => {
                 let (y, z) = (width / 2.0, height / 2.0);
                 out.extend([[-y, -z], [y, -z], [y, z], [-y, z]]);
             }
-            Shape::Outline(corners) => out.extend(corners.iter().map(|[y, z]| [y * width, z * height])),
+            ProfileShape::Outline(corners) => {
+                out.extend(corners.iter().map(|[y, z]| [y * width, z * height]))
+            }
         }
     }
 }
@@ -186,7 +190,7 @@ pub(super) fn moments(corners: &[[f64; 2]]) -> (f64, [f64; 2]) {
 mod tests {
     use super::*;
 
-    fn drawn(shape: &Shape, sides: usize, width: f64, height: f64) -> Vec<[f64; 2]> {
+    fn drawn(shape: &ProfileShape, sides: usize, width: f64, height: f64) -> Vec<[f64; 2]> {
         let mut out = Vec::new();
         Profile::new(shape, sides).unwrap().draw(Section { width, height }, &mut out);
         out
@@ -195,7 +199,7 @@ mod tests {
     #[test]
     fn polygons_have_the_area_of_what_they_stand_for() {
         for sides in [6, 8, 12, 14, 16, 64] {
-            for shape in [Shape::Stadium, Shape::Ellipse, Shape::Rectangle] {
+            for shape in [ProfileShape::Stadium, ProfileShape::Ellipse, ProfileShape::Rectangle] {
                 for (width, height) in [(0.6, 0.2), (0.4, 0.4), (0.3, 0.5)] {
                     let section = Section { width, height };
                     let (area, centroid) = moments(&drawn(&shape, sides, width, height));
@@ -208,14 +212,15 @@ mod tests {
                 }
             }
         }
-        let stadium = Profile::new(&Shape::Stadium, 8).unwrap().area(Section { width: 6.0, height: 1.5 });
+        let stadium =
+            Profile::new(&ProfileShape::Stadium, 8).unwrap().area(Section { width: 6.0, height: 1.5 });
         assert!((stadium - (1.5 * 4.5 + PI * 2.25 / 4.0)).abs() < 1e-12);
     }
 
     #[test]
     fn heights_are_kept_and_widths_nearly() {
         for sides in [8, 12, 14, 32] {
-            let corners = drawn(&Shape::Stadium, sides, 0.6, 0.2);
+            let corners = drawn(&ProfileShape::Stadium, sides, 0.6, 0.2);
             let extent = |n: usize| corners.iter().map(|c| c[n]).fold(0.0f64, f64::max) * 2.0;
             assert_eq!(extent(1), 0.2);
             assert!((extent(0) / 0.6 - 1.0).abs() < 0.02, "{sides}: {}", extent(0));
@@ -226,7 +231,7 @@ mod tests {
     #[test]
     fn odd_and_wild_numbers_of_sides_are_refused() {
         for sides in [0, 2, 7, 258] {
-            let message = Profile::new(&Shape::Stadium, sides).unwrap_err().to_string();
+            let message = Profile::new(&ProfileShape::Stadium, sides).unwrap_err().to_string();
             assert!(message.contains("even number"), "{message}");
         }
     }

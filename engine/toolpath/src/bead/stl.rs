@@ -1,6 +1,6 @@
 //! Streams beads to a binary STL: the toolpath may be of any length, its triangles are never held together.
 
-use super::swept::{Sweep, Swept};
+use super::swept::{Sweep, SweptToolpath};
 use super::tube::Joints;
 use crate::error::{Error, Result};
 use crate::part::PartFile;
@@ -37,12 +37,12 @@ pub struct StlBeads {
     origin: Option<[f64; 3]>,
     /// The pieces that are swept at once, each with its signed volume.
     pieces: Vec<(Vec<u8>, f64)>,
-    written: Written,
+    written: StlSummary,
 }
 
 /// What was written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Written {
+pub struct StlSummary {
     /// Beads taken.
     pub beads: u64,
     /// Their segments.
@@ -76,7 +76,7 @@ impl StlBeads {
         header[..TITLE.len()].copy_from_slice(TITLE);
         header[TITLE_BYTES..].fill(0);
         part.append(&header)?;
-        let written = Written { bytes: header.len() as u64, ..Written::default() };
+        let written = StlSummary { bytes: header.len() as u64, ..StlSummary::default() };
         Ok(StlBeads {
             sweep,
             part,
@@ -123,7 +123,7 @@ impl StlBeads {
 
     /// Sweeps and writes what has been gathered.
     fn flush(&mut self, progress: &dyn Progress) -> Result<()> {
-        let swept = Swept::new(std::mem::take(&mut self.batch), self.sweep.clone());
+        let swept = SweptToolpath::new(std::mem::take(&mut self.batch), self.sweep.clone());
         self.batch_points = 0;
         let facets = self.written.facets + swept.facets();
         if facets > u64::from(u32::MAX) {
@@ -155,7 +155,7 @@ impl StlBeads {
     ///
     /// # Errors
     /// If writing fails or the user interrupts.
-    pub fn finish(mut self, progress: &dyn Progress) -> Result<Written> {
+    pub fn finish(mut self, progress: &dyn Progress) -> Result<StlSummary> {
         self.flush(progress)?;
         self.part.overwrite(TITLE_BYTES as u64, &(self.written.facets as u32).to_le_bytes())?;
         self.part.finish()?;
@@ -165,7 +165,7 @@ impl StlBeads {
 
 /// Replaces `out` by the records of the triangles of `range`, and returns their part of the volume: the sum
 /// over the cones from them to `origin`.
-fn encode(swept: &Swept, range: Range<u64>, origin: DVec3, out: &mut Vec<u8>) -> f64 {
+fn encode(swept: &SweptToolpath, range: Range<u64>, origin: DVec3, out: &mut Vec<u8>) -> f64 {
     out.clear();
     out.reserve(FACET_BYTES * FACETS_AT_ONCE as usize);
     let mut six_volumes = 0.0;

@@ -1,6 +1,6 @@
 //! A toolpath as numbered triangles, none of which is kept.
 
-use super::profile::{Profile, Shape};
+use super::profile::{Profile, ProfileShape};
 use super::tube::{Joints, Tube, for_tubes};
 use crate::error::{Error, Result};
 use crate::toolpath::Toolpath;
@@ -15,7 +15,7 @@ const BEND_MAX_DEGREES: f64 = 120.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepOptions {
     /// The cross-section.
-    pub shape: Shape,
+    pub shape: ProfileShape,
     /// Sides of a round cross-section: an even number from 6 to 256.
     pub sides: usize,
     /// Bends sharper than this are split instead of mitred, in degrees from 0 to 120.
@@ -26,7 +26,7 @@ impl Default for SweepOptions {
     /// Stadiums of 12 sides: their chords stay within 3.5 % of the height from the true outline. 45° as the
     /// limit of bends: a mitre sticks out by 8 % there.
     fn default() -> SweepOptions {
-        SweepOptions { shape: Shape::Stadium, sides: 12, bend: 45.0 }
+        SweepOptions { shape: ProfileShape::Stadium, sides: 12, bend: 45.0 }
     }
 }
 
@@ -79,7 +79,7 @@ impl Sweep {
     }
 
     /// Volume of a bead as slicers reckon it: area of the section times length, ends cut square.
-    pub fn volume(&self, course: &impl super::Course) -> f64 {
+    pub fn volume(&self, course: &impl super::BeadPath) -> f64 {
         let pairs = course.points().windows(2).enumerate();
         let of_pair = |(segment, pair): (usize, &[[f64; 3]])| {
             self.profile.area(course.section(segment)) * DVec3::from(pair[0]).distance(pair[1].into())
@@ -100,7 +100,7 @@ struct Entry {
 
 /// A toolpath and its sweep: a soup of closed tubes, by number. Takes 16 bytes a tube beside the toolpath.
 #[derive(Clone, Debug)]
-pub struct Swept {
+pub struct SweptToolpath {
     toolpath: Toolpath,
     sweep: Sweep,
     tubes: Vec<Entry>,
@@ -108,9 +108,9 @@ pub struct Swept {
     joints: Joints,
 }
 
-impl Swept {
+impl SweptToolpath {
     /// Splits all beads into tubes and counts their triangles; makes none.
-    pub fn new(toolpath: Toolpath, sweep: Sweep) -> Swept {
+    pub fn new(toolpath: Toolpath, sweep: Sweep) -> SweptToolpath {
         let (mut tubes, mut facets, mut joints) = (Vec::new(), 0, Joints::default());
         for bead in 0..toolpath.len() {
             for_tubes(&sweep, &(&toolpath, bead), &mut joints, |points| {
@@ -122,7 +122,7 @@ impl Swept {
                 facets += sweep.facets(points.len());
             });
         }
-        Swept { toolpath, sweep, tubes, facets, joints }
+        SweptToolpath { toolpath, sweep, tubes, facets, joints }
     }
 
     /// The toolpath.

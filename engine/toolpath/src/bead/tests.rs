@@ -1,6 +1,6 @@
 //! Swept beads are closed, of the right volume, and nowhere inside out.
 
-use super::{Course, Joints, Shape, StlBeads, Sweep, SweepOptions, Swept};
+use super::{BeadPath, Joints, ProfileShape, StlBeads, Sweep, SweepOptions, SweptToolpath};
 use crate::Silent;
 use crate::part::PartFile;
 use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
@@ -22,12 +22,12 @@ fn one_bead(points: &[[f64; 3]], axes: &[[f64; 3]], sections: &[Section]) -> Too
     toolpath
 }
 
-fn sweep(points: &[[f64; 3]], section: Section, options: SweepOptions) -> Swept {
+fn sweep(points: &[[f64; 3]], section: Section, options: SweepOptions) -> SweptToolpath {
     let sections = vec![section; points.len() - 1];
-    Swept::new(one_bead(points, &[], &sections), Sweep::new(&options).unwrap())
+    SweptToolpath::new(one_bead(points, &[], &sections), Sweep::new(&options).unwrap())
 }
 
-fn all_facets(swept: &Swept) -> Vec<[[f64; 3]; 3]> {
+fn all_facets(swept: &SweptToolpath) -> Vec<[[f64; 3]; 3]> {
     let mut facets = Vec::new();
     swept.read(0..u64::MAX, &mut facets);
     assert_eq!(facets.len() as u64, swept.facets());
@@ -61,7 +61,7 @@ fn caps(sweep: &Sweep, section: Section) -> f64 {
 }
 
 #[track_caller]
-fn assert_volume(swept: &Swept, length: f64, tubes: u64) {
+fn assert_volume(swept: &SweptToolpath, length: f64, tubes: u64) {
     let report = judge(&all_facets(swept));
     assert!(report.is_closed_manifold() && report.is_clean(), "{report}");
     assert_eq!((report.components, swept.tubes()), (tubes, tubes));
@@ -72,9 +72,9 @@ fn assert_volume(swept: &Swept, length: f64, tubes: u64) {
     assert!((swept.bead_volume() / swept.sweep().profile.area(section) - length).abs() < 1e-9);
 }
 
-fn every_shape() -> [Shape; 4] {
+fn every_shape() -> [ProfileShape; 4] {
     let arrow = vec![[-0.5, -0.5], [0.5, -0.5], [0.3, 0.5], [0.0, 0.0], [-0.5, 0.5]];
-    [Shape::Stadium, Shape::Ellipse, Shape::Rectangle, Shape::Outline(arrow)]
+    [ProfileShape::Stadium, ProfileShape::Ellipse, ProfileShape::Rectangle, ProfileShape::Outline(arrow)]
 }
 
 #[test]
@@ -131,7 +131,7 @@ fn arcs_keep_the_volume_of_their_length() {
         .map(|(sin, cos)| [4.0 * cos, 4.0 * sin, 0.2])
         .collect();
     let length = 60.0 * 8.0 * 0.05f64.sin();
-    for shape in [Shape::Stadium, Shape::Ellipse, Shape::Rectangle] {
+    for shape in [ProfileShape::Stadium, ProfileShape::Ellipse, ProfileShape::Rectangle] {
         assert_volume(&sweep(&arc, FLAT, SweepOptions { shape, ..SweepOptions::default() }), length, 1);
     }
 }
@@ -166,7 +166,7 @@ fn small_changes_of_width_taper_and_large_ones_split() {
     let points: Vec<[f64; 3]> = (0..4).map(|i| [f64::from(i), 0.0, 0.0]).collect();
     let widths = |w: [f64; 3]| {
         let sections = w.map(|width| Section { width, height: 0.2 });
-        Swept::new(one_bead(&points, &[], &sections), Sweep::new(&SweepOptions::default()).unwrap())
+        SweptToolpath::new(one_bead(&points, &[], &sections), Sweep::new(&SweepOptions::default()).unwrap())
     };
     let tapered = widths([0.5, 0.53, 0.55]);
     assert_eq!((tapered.tubes(), tapered.joints().mitred), (1, 2));
@@ -282,7 +282,7 @@ proptest! {
     ) {
         let options = SweepOptions { shape: every_shape()[shape].clone(), sides: 8, bend };
         let toolpath = one_bead(&bead.points, &bead.axes, &bead.sections);
-        let swept = Swept::new(toolpath, Sweep::new(&options).unwrap());
+        let swept = SweptToolpath::new(toolpath, Sweep::new(&options).unwrap());
         let facets = all_facets(&swept);
         let report = judge(&facets);
         prop_assert!(report.is_balanced() && report.repeated_index_triangles == 0, "{report}");
@@ -316,7 +316,7 @@ proptest! {
     fn any_range_is_the_part_of_the_whole(bead in wild(), from in 0.0..1.0f64, length in 0..400u64) {
         let mut toolpath = one_bead(&bead.points, &bead.axes, &bead.sections);
         toolpath.push(BeadView { points: &bead.points, axes: &[], sections: &bead.sections, lines: &[], attributes: NO_ATTRIBUTES });
-        let swept = Swept::new(toolpath, Sweep::new(&SweepOptions::default()).unwrap());
+        let swept = SweptToolpath::new(toolpath, Sweep::new(&SweepOptions::default()).unwrap());
         let all = all_facets(&swept);
         let from = (from * all.len() as f64) as u64;
         let mut part = Vec::new();

@@ -1,13 +1,13 @@
 //! One tube: a closed surface of bands between rings.
 
-use super::joint::{Joint, Ring, Segment, joint};
+use super::joint::{FramedSegment, Joint, Ring, joint};
 use super::swept::Sweep;
 use crate::toolpath::{BeadView, Section, Toolpath, UP};
 use glam::DVec3;
 use std::ops::{AddAssign, Range};
 
 /// The path of one bead, wherever it is kept.
-pub trait Course {
+pub trait BeadPath {
     /// Where the tool's tip goes; consecutive points differ.
     fn points(&self) -> &[[f64; 3]];
     /// The tool's axis at a point.
@@ -16,7 +16,7 @@ pub trait Course {
     fn section(&self, segment: usize) -> Section;
 }
 
-impl Course for BeadView<'_> {
+impl BeadPath for BeadView<'_> {
     fn points(&self) -> &[[f64; 3]] {
         self.points
     }
@@ -31,7 +31,7 @@ impl Course for BeadView<'_> {
 }
 
 /// A bead of a toolpath, by its number.
-impl Course for (&Toolpath, usize) {
+impl BeadPath for (&Toolpath, usize) {
     fn points(&self) -> &[[f64; 3]] {
         self.0.points(self.1)
     }
@@ -70,7 +70,7 @@ impl AddAssign for Joints {
 /// Tells the tubes of a bead in order, and counts its joints.
 pub(super) fn for_tubes(
     sweep: &Sweep,
-    course: &impl Course,
+    course: &impl BeadPath,
     joints: &mut Joints,
     mut each: impl FnMut(Range<usize>),
 ) {
@@ -79,9 +79,9 @@ pub(super) fn for_tubes(
         return;
     }
     let mut first = 0;
-    let mut before = Segment::of(course, 0);
+    let mut before = FramedSegment::of(course, 0);
     for point in 1..count - 1 {
-        let after = Segment::of(course, point);
+        let after = FramedSegment::of(course, point);
         let axis = DVec3::from(course.axis(point));
         let joint = joint(&sweep.profile, sweep.bend_cos, &before, &after, axis);
         match joint {
@@ -113,11 +113,11 @@ pub(super) struct Tube<'a, C> {
     course: &'a C,
     points: Range<usize>,
     /// The last segment whose frame was needed, and that frame.
-    held: Option<(usize, Segment)>,
+    held: Option<(usize, FramedSegment)>,
     corners: Vec<[f64; 2]>,
 }
 
-impl<'a, C: Course> Tube<'a, C> {
+impl<'a, C: BeadPath> Tube<'a, C> {
     pub fn new(sweep: &'a Sweep, course: &'a C, points: Range<usize>) -> Tube<'a, C> {
         Tube { sweep, course, points, held: None, corners: Vec::new() }
     }
@@ -213,11 +213,11 @@ impl<'a, C: Course> Tube<'a, C> {
     }
 
     /// The frame of a segment; the last one asked for is kept, since neighbouring rings share it.
-    fn segment(&mut self, number: usize) -> Segment {
+    fn segment(&mut self, number: usize) -> FramedSegment {
         match self.held {
             Some((held, segment)) if held == number => segment,
             _ => {
-                let segment = Segment::of(self.course, number);
+                let segment = FramedSegment::of(self.course, number);
                 self.held = Some((number, segment));
                 segment
             }

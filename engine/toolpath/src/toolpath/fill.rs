@@ -17,8 +17,8 @@ mod raster;
 
 use super::gcode::UNNAMED;
 use super::{BeadView, Section, UP};
-use outline::Loops;
-use raster::{Line, Raster};
+use outline::OutlineLoops;
+use raster::{Raster, RasterLine};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -101,8 +101,8 @@ struct Part {
     length: f64,
     fed: f64,
     /// Of the layer that grows.
-    straight: Vec<Line>,
-    loops: Loops,
+    straight: Vec<RasterLine>,
+    loops: OutlineLoops,
     raster: Option<Raster>,
     /// Area within closed beads and half a width around, mm², if all beads are closed, and the height of the highest.
     area: Option<f64>,
@@ -133,7 +133,7 @@ impl LayerFills {
         let mut volume = 0.0;
         for (pair, section) in bead.points.windows(2).zip(bead.sections) {
             let Section { width, height } = *section;
-            let line = Line::new(pair[0], pair[1], *section);
+            let line = RasterLine::new(pair[0], pair[1], *section);
             part.length += line.length;
             part.height = part.height.max(height);
             volume += line.length * section.stadium_area();

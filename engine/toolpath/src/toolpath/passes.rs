@@ -22,8 +22,8 @@ mod contact;
 mod grid;
 
 use super::{Section, Toolpath, UP};
-use contact::{Contact, Stretch};
-use grid::Grid;
+use contact::{Contact, ContactSegment};
+use grid::SegmentGrid;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -54,7 +54,7 @@ impl Passes {
         let found: Vec<Vec<u32>> = (0..path.len())
             .into_par_iter()
             .with_min_len(BEADS_AT_ONCE)
-            .map_init(Grid::default, |grid, bead| starts(path, bead, grid))
+            .map_init(SegmentGrid::default, |grid, bead| starts(path, bead, grid))
             .collect();
         let mut passes = Passes::default();
         for starts in found {
@@ -86,7 +86,7 @@ impl Passes {
 }
 
 /// The segments with which passes of a bead begin that are not its first.
-fn starts(path: &Toolpath, bead: usize, grid: &mut Grid) -> Vec<u32> {
+fn starts(path: &Toolpath, bead: usize, grid: &mut SegmentGrid) -> Vec<u32> {
     let mut found = Vec::new();
     let Some(mut walk) = Walk::new(path, bead, grid) else { return found };
     for number in 1..walk.segments() {
@@ -115,12 +115,12 @@ struct Walk<'a> {
     /// Segments of the pass that are in the grid, by number: from `first` to `known`.
     first: usize,
     known: usize,
-    grid: &'a mut Grid,
+    grid: &'a mut SegmentGrid,
 }
 
 impl<'a> Walk<'a> {
     /// At the bead's beginning; `None` if it is too short to come back.
-    fn new(path: &'a Toolpath, bead: usize, grid: &'a mut Grid) -> Option<Walk<'a>> {
+    fn new(path: &'a Toolpath, bead: usize, grid: &'a mut SegmentGrid) -> Option<Walk<'a>> {
         let points = path.points(bead);
         if points.len() < 3 {
             return None;
@@ -153,9 +153,9 @@ impl<'a> Walk<'a> {
         self.points.len() - 1
     }
 
-    fn stretch(&self, number: usize) -> Stretch {
+    fn stretch(&self, number: usize) -> ContactSegment {
         let Section { width, height } = self.path.section(self.bead, number);
-        Stretch {
+        ContactSegment {
             a: self.points[number],
             b: self.points[number + 1],
             way: (self.way[number], self.way[number + 1]),

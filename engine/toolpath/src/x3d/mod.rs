@@ -21,7 +21,7 @@ mod tests;
 mod writer;
 
 pub use fields::Extrusion;
-pub use reader::{Piece, Sink, read};
-pub use report::{Refused, Report};
-pub use sweeps::{Shape, Sweeps};
-pub use writer::{Style, Writer};
+pub use reader::{Sink, X3dItem, read};
+pub use report::{SkippedNode, X3dReport};
+pub use sweeps::{PlacedExtrusion, Sweeps};
+pub use writer::{ExtrusionStyle, Writer};

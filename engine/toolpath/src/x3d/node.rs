@@ -2,7 +2,7 @@
 
 /// The part that an element plays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum NodeRole {
     /// Holds nodes and changes nothing: Scene, Group, Shape and the like.
     Group,
     /// Moves its children.
@@ -78,17 +78,19 @@ const SKIPPED: [&str; 51] = [
 ];
 
 /// What the element `name` (without a prefix) is.
-pub(super) fn kind(name: &str) -> Kind {
+pub(super) fn kind(name: &str) -> NodeRole {
     match name {
         "Scene" | "Group" | "StaticGroup" | "Shape" | "Anchor" | "Billboard" | "Collision"
         | "CADAssembly" | "CADFace" | "CADLayer" | "Layer" | "LayerSet" | "LayoutGroup" | "LayoutLayer"
-        | "PickableGroup" | "ScreenGroup" | "Viewport" => Kind::Group,
-        "Transform" | "CADPart" => Kind::Transform,
-        "Switch" => Kind::Switch,
-        "LOD" => Kind::Lod,
-        "Extrusion" => Kind::Extrusion,
-        "ROUTE" | "IS" | "IMPORT" | "EXPORT" => Kind::Remark,
-        _ if name.starts_with("Metadata") => Kind::Remark,
-        _ => SKIPPED.iter().find(|skipped| **skipped == name).map_or(Kind::Other, |s| Kind::Skipped(s)),
+        | "PickableGroup" | "ScreenGroup" | "Viewport" => NodeRole::Group,
+        "Transform" | "CADPart" => NodeRole::Transform,
+        "Switch" => NodeRole::Switch,
+        "LOD" => NodeRole::Lod,
+        "Extrusion" => NodeRole::Extrusion,
+        "ROUTE" | "IS" | "IMPORT" | "EXPORT" => NodeRole::Remark,
+        _ if name.starts_with("Metadata") => NodeRole::Remark,
+        _ => {
+            SKIPPED.iter().find(|skipped| **skipped == name).map_or(NodeRole::Other, |s| NodeRole::Skipped(s))
+        }
     }
 }

@@ -5,8 +5,8 @@
 
 use super::affine::Transform;
 use super::fields::{self, Extrusion};
-use super::node::{self, Kind};
-use super::report::Report;
+use super::node::{self, NodeRole};
+use super::report::X3dReport;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use glam::DAffine3;
@@ -28,7 +28,7 @@ const REMEDY: &str = "export or copy the file again";
 
 /// What a reader hands over.
 #[derive(Debug)]
-pub enum Piece<'a> {
+pub enum X3dItem<'a> {
     /// The next Extrusion; they are numbered from 0. It shows only where it is placed.
     Extrusion(&'a Extrusion),
     /// Extrusion number `extrusion`, handed over earlier, is shown.
@@ -41,7 +41,7 @@ pub enum Piece<'a> {
 }
 
 /// Takes the pieces of a file in its order.
-pub type Sink<'a> = dyn FnMut(Piece<'_>) -> Result<()> + 'a;
+pub type Sink<'a> = dyn FnMut(X3dItem<'_>) -> Result<()> + 'a;
 
 /// Reads `bytes`, the content of the X3D file `path`, and hands its sweeps to `sink`, in the file's order.
 /// Memory is that of the largest Extrusion, and some 200 bytes for each node with a DEF name.
@@ -53,7 +53,7 @@ pub type Sink<'a> = dyn FnMut(Piece<'_>) -> Result<()> + 'a;
 /// # Errors
 /// If the text is no well-formed XML or no X3D; if it is nested more than 1,024 levels deep or USE places
 /// more than 1,048,576 Extrusions; what `sink` returns; if the user interrupts.
-pub fn read(path: &Path, bytes: &[u8], progress: &dyn Progress, sink: &mut Sink<'_>) -> Result<Report> {
+pub fn read(path: &Path, bytes: &[u8], progress: &dyn Progress, sink: &mut Sink<'_>) -> Result<X3dReport> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(Error::input(path, "byte 0", "is text in UTF-16", "save it in UTF-8"));
     }
@@ -136,7 +136,7 @@ struct Definition {
 /// An element whose end has not come yet.
 #[derive(Debug)]
 struct Open {
-    kind: Kind,
+    kind: NodeRole,
     shown: bool,
     to_scene: DAffine3,
     /// To the coordinates around the innermost open node with a DEF name.
@@ -150,7 +150,7 @@ struct Open {
 
 impl Open {
     /// An element that changes nothing.
-    fn like(parent: &Open, kind: Kind) -> Open {
+    fn like(parent: &Open, kind: NodeRole) -> Open {
         Open { kind, def: None, children: 0, choice: 0, ..*parent }
     }
 }
@@ -159,7 +159,7 @@ impl Open {
 struct Scene<'a, 'b> {
     path: &'a Path,
     sink: &'a mut Sink<'b>,
-    report: Report,
+    report: X3dReport,
     open: Vec<Open>,
     /// Parts of the open nodes with a DEF name, outermost first.
     parts: Vec<Vec<Part>>,
@@ -177,7 +177,7 @@ impl<'a, 'b> Scene<'a, 'b> {
         Scene {
             path,
             sink,
-            report: Report::default(),
+            report: X3dReport::default(),
             open: Vec::new(),
             parts: Vec::new(),
             definitions: Vec::new(),
@@ -196,28 +196,28 @@ impl<'a, 'b> Scene<'a, 'b> {
             return self.begin_root(name, line);
         };
         let kind = match (parent.kind, node::kind(name)) {
-            (Kind::Other, Kind::Extrusion) => {
+            (NodeRole::Other, NodeRole::Extrusion) => {
                 self.report.skip(line, "Extrusion in an element that is not read");
-                Kind::Remark
+                NodeRole::Remark
             }
             // Nothing is looked for in such elements.
-            (inert @ (Kind::Other | Kind::Skipped(_) | Kind::Remark), _) => inert,
-            (Kind::Extrusion, _) => Kind::Remark,
+            (inert @ (NodeRole::Other | NodeRole::Skipped(_) | NodeRole::Remark), _) => inert,
+            (NodeRole::Extrusion, _) => NodeRole::Remark,
             (_, kind) => kind,
         };
-        let is_inside_inert = matches!(parent.kind, Kind::Skipped(_));
+        let is_inside_inert = matches!(parent.kind, NodeRole::Skipped(_));
         let mut open = Open::like(parent, kind);
-        if matches!(parent.kind, Kind::Switch | Kind::Lod) && kind != Kind::Remark {
+        if matches!(parent.kind, NodeRole::Switch | NodeRole::Lod) && kind != NodeRole::Remark {
             open.shown &= parent.children == parent.choice;
             parent.children += 1;
         }
         match kind {
-            Kind::Group | Kind::Transform | Kind::Switch | Kind::Lod => {
+            NodeRole::Group | NodeRole::Transform | NodeRole::Switch | NodeRole::Lod => {
                 self.group(&mut open, tag, name, line)?
             }
-            Kind::Extrusion => self.extrusion(&open, tag, line)?,
-            Kind::Skipped(name) if !is_inside_inert => self.report.skip(line, name),
-            Kind::Skipped(_) | Kind::Remark | Kind::Other => {}
+            NodeRole::Extrusion => self.extrusion(&open, tag, line)?,
+            NodeRole::Skipped(name) if !is_inside_inert => self.report.skip(line, name),
+            NodeRole::Skipped(_) | NodeRole::Remark | NodeRole::Other => {}
         }
         if self.open.len() >= DEPTH_MAX {
             let what = format!("elements are nested more than {DEPTH_MAX} levels deep");
@@ -239,7 +239,7 @@ impl<'a, 'b> Scene<'a, 'b> {
         }
         self.begun = true;
         self.open.push(Open {
-            kind: Kind::Group,
+            kind: NodeRole::Group,
             shown: true,
             to_scene: DAffine3::IDENTITY,
             to_definition: DAffine3::IDENTITY,
@@ -253,11 +253,11 @@ impl<'a, 'b> Scene<'a, 'b> {
     /// A node that holds others begins, or shows what another holds.
     fn group(&mut self, open: &mut Open, tag: &BytesStart<'_>, name: &str, line: u64) -> Result<()> {
         let mut matrix = Ok(Transform::default());
-        if open.kind == Kind::Transform {
+        if open.kind == NodeRole::Transform {
             matrix = fields::transform(tag.attributes());
         }
         // A Switch chooses nothing by itself.
-        open.choice = if open.kind == Kind::Switch { -1 } else { 0 };
+        open.choice = if open.kind == NodeRole::Switch { -1 } else { 0 };
         let mut used = None;
         for (field, value) in fields::fields(tag.attributes()) {
             let Ok(value) = fields::text(value) else { continue };
@@ -280,7 +280,7 @@ impl<'a, 'b> Scene<'a, 'b> {
             self.parts.push(Vec::new());
         }
         match matrix {
-            Ok(transform) if open.kind == Kind::Transform => {
+            Ok(transform) if open.kind == NodeRole::Transform => {
                 let matrix = transform.matrix();
                 open.to_scene *= matrix;
                 open.to_definition *= matrix;
@@ -290,7 +290,7 @@ impl<'a, 'b> Scene<'a, 'b> {
                 self.report
                     .refuse(line, format!("{} and all in it: {what}", named(name, open.def.as_deref())));
                 open.shown = false;
-                open.kind = Kind::Skipped("");
+                open.kind = NodeRole::Skipped("");
             }
         }
         Ok(())
@@ -320,7 +320,7 @@ impl<'a, 'b> Scene<'a, 'b> {
         let number = self.extrusions;
         self.extrusions += 1;
         self.report.extrusions += 1;
-        (self.sink)(Piece::Extrusion(&self.extrusion))?;
+        (self.sink)(X3dItem::Extrusion(&self.extrusion))?;
         if let Some(def) = &self.extrusion.def {
             self.names.insert(def.clone(), Some((Target::Extrusion(number), DAffine3::IDENTITY)));
         }
@@ -390,7 +390,7 @@ impl<'a, 'b> Scene<'a, 'b> {
 
     fn place(&mut self, extrusion: u64, to_scene: DAffine3) -> Result<()> {
         self.report.placed += 1;
-        (self.sink)(Piece::Place { extrusion, to_scene })
+        (self.sink)(X3dItem::Place { extrusion, to_scene })
     }
 
     /// An element ends.
@@ -415,7 +415,7 @@ impl<'a, 'b> Scene<'a, 'b> {
     }
 
     /// The text ends, in line `line`.
-    fn finish(self, line: u64) -> Result<Report> {
+    fn finish(self, line: u64) -> Result<X3dReport> {
         if !self.begun || !self.open.is_empty() {
             let what = match self.begun {
                 true => format!("the file ends inside {} open elements", self.open.len()),

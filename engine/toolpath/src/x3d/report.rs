@@ -8,7 +8,7 @@ const NAMED: usize = 16;
 
 /// A node that was left out because something is wrong with it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refused {
+pub struct SkippedNode {
     /// Line of the file, from 1.
     pub line: u64,
     /// The node and what is wrong with it.
@@ -17,7 +17,7 @@ pub struct Refused {
 
 /// Counts of what was read and left out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Report {
+pub struct X3dReport {
     /// Extrusion nodes read.
     pub extrusions: u64,
     /// How often they are placed, by themselves or by USE.
@@ -32,18 +32,18 @@ pub struct Report {
     /// Line of the first of those.
     pub turned_line: u64,
     /// The first nodes that were left out because something is wrong with them.
-    pub refused: Vec<Refused>,
+    pub refused: Vec<SkippedNode>,
     /// Number of all of them.
     pub refused_count: u64,
     /// Nodes that are not read, by name: their number and the line of the first.
     pub skipped: BTreeMap<&'static str, (u64, u64)>,
 }
 
-impl Report {
+impl X3dReport {
     pub(super) fn refuse(&mut self, line: u64, what: String) {
         self.refused_count += 1;
         if self.refused.len() < NAMED {
-            self.refused.push(Refused { line, what });
+            self.refused.push(SkippedNode { line, what });
         }
     }
 
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn warnings_name_the_first_and_count_the_rest() {
-        let mut report = Report::default();
+        let mut report = X3dReport::default();
         assert!(report.warnings().is_empty());
         for line in 1..=NAMED as u64 + 2 {
             report.refuse(line, "Extrusion: bad".to_owned());

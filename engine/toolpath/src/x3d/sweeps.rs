@@ -18,8 +18,8 @@
 use super::affine::rotation;
 use super::cap;
 use super::fields::Extrusion;
-use super::reader::{self, Piece};
-use super::report::Report;
+use super::reader::{self, X3dItem};
+use super::report::X3dReport;
 use super::scp;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -72,7 +72,7 @@ struct Tube {
 
 /// One Extrusion where it shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Shape<'a> {
+pub struct PlacedExtrusion<'a> {
     /// Its DEF name.
     pub def: Option<&'a str>,
     /// Line of the file, from 1.
@@ -103,7 +103,7 @@ pub struct Sweeps {
     /// In the file's order, only those with triangles.
     placed: Vec<Placed>,
     facets: u64,
-    report: Report,
+    report: X3dReport,
 }
 
 impl Sweeps {
@@ -117,8 +117,8 @@ impl Sweeps {
         let mut known = HashMap::new();
         let mut report = reader::read(path, bytes, progress, &mut |piece| {
             match piece {
-                Piece::Extrusion(extrusion) => sweeps.add(extrusion, &mut known),
-                Piece::Place { extrusion, to_scene } => sweeps.place(extrusion as usize, to_scene),
+                X3dItem::Extrusion(extrusion) => sweeps.add(extrusion, &mut known),
+                X3dItem::Place { extrusion, to_scene } => sweeps.place(extrusion as usize, to_scene),
             }
             if sweeps.facets <= FACETS_MAX && sweeps.tubes.len() < u32::MAX as usize {
                 return Ok(());
@@ -284,16 +284,16 @@ impl Sweeps {
     }
 
     /// The Extrusions that show, in the order of the file; one that shows several times is there as often.
-    pub fn shapes(&self) -> impl Iterator<Item = Shape<'_>> {
+    pub fn shapes(&self) -> impl Iterator<Item = PlacedExtrusion<'_>> {
         self.placed.iter().enumerate().map(|(number, placed)| {
             let end = self.placed.get(number + 1).map_or(self.facets, |next| next.first);
             let Tube { def, line, .. } = &self.tubes[placed.tube as usize];
-            Shape { def: def.as_deref(), line: *line, facets: placed.first..end }
+            PlacedExtrusion { def: def.as_deref(), line: *line, facets: placed.first..end }
         })
     }
 
     /// What was read and what was left out.
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &X3dReport {
         &self.report
     }
 

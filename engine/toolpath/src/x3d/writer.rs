@@ -33,17 +33,17 @@ const UPRIGHT_SIN: f64 = 1e-2;
 
 /// How beads become Extrusions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Style {
+pub struct ExtrusionStyle {
     /// Bends sharper than this split the bead. In degrees, up to 150.
     pub bend_degrees: f64,
     /// Extra spine points at each end; 0 leaves it flat.
     pub cap_rings: u32,
 }
 
-impl Default for Style {
+impl Default for ExtrusionStyle {
     /// Two rings leave out a quarter of the rounded end's volume, a thousandth of a usual bead's.
-    fn default() -> Style {
-        Style { bend_degrees: 45.0, cap_rings: 2 }
+    fn default() -> ExtrusionStyle {
+        ExtrusionStyle { bend_degrees: 45.0, cap_rings: 2 }
     }
 }
 
@@ -83,7 +83,7 @@ impl<W: Write> Writer<W> {
     ///
     /// # Errors
     /// If `out` cannot be written, or the style's angle is not from 0 to 150 degrees.
-    pub fn new(out: W, path: &Path, style: Style) -> Result<Writer<W>> {
+    pub fn new(out: W, path: &Path, style: ExtrusionStyle) -> Result<Writer<W>> {
         if !(0.0..=150.0).contains(&style.bend_degrees) {
             let what = format!("bends cannot be split beyond {} degrees", style.bend_degrees);
             return Err(Error::setting(what, "give an angle from 0 to 150"));

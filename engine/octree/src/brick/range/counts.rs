@@ -7,7 +7,7 @@
 
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
-use brickfield_coding::range::{Bit, Coder, Number};
+use brickfield_coding::range::{Bit, Coder, NumberModel};
 
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
@@ -29,7 +29,7 @@ struct Model {
     /// Whether it is that of the layer before.
     back: [Bit; 16],
     /// By how much it is another.
-    step: Number,
+    step: NumberModel,
 }
 
 /// The rows around the one that is coded.
@@ -50,7 +50,7 @@ pub fn samples<C: Coder>(coder: &mut C, samples: &mut [i16; POINTS]) {
         same: Box::new([Bit::NEW; 512]),
         up: [Bit::NEW; 16],
         back: [Bit::NEW; 16],
-        step: Number::NEW,
+        step: NumberModel::NEW,
     };
     let mut surprises = 0;
     for row in 0..ROWS {

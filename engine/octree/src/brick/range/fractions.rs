@@ -6,7 +6,7 @@
 
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
-use brickfield_coding::range::{Coder, Number, bit_length};
+use brickfield_coding::range::{Coder, NumberModel, bit_length};
 
 /// How far back in the linear index the neighbour before lies along each axis.
 const BACK: [usize; 3] = [1, BRICK_POINTS, BRICK_POINTS * BRICK_POINTS];
@@ -17,7 +17,7 @@ const SETS: usize = 12;
 
 /// Codes all samples of a brick. Differences wrap modulo 2^16.
 pub fn samples<C: Coder>(coder: &mut C, samples: &mut [i16; POINTS]) {
-    let mut numbers = vec![Number::NEW; SETS];
+    let mut numbers = vec![NumberModel::NEW; SETS];
     let mut errors = vec![[0u32; 2]; POINTS];
     for index in 0..POINTS {
         let place = [index % BRICK_POINTS, index / BACK[1] % BRICK_POINTS, index / BACK[2]];

@@ -6,7 +6,7 @@
 
 use crate::brick::{Hermite, HermiteEdge, OctNormal, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS};
-use brickfield_coding::range::{Bit, Coder, Number, bit_length};
+use brickfield_coding::range::{Bit, Coder, NumberModel, bit_length};
 
 /// Samples along an axis of a brick.
 const P: usize = BRICK_POINTS;
@@ -121,19 +121,19 @@ struct Model {
     /// Whether another normal is a remembered one.
     is_known: Bit,
     /// Which: 0 for the one used last.
-    rank: Number,
+    rank: NumberModel,
     /// Remembered normals, the one used last at the end.
     known: Vec<u32>,
     /// New normals, first and second coordinate from what is foretold: by how far the one before was off.
-    first: [Number; 8],
-    second: [Number; 8],
+    first: [NumberModel; 8],
+    second: [NumberModel; 8],
     error: u16,
     /// Offsets under a neighbour's normal, by how steep the edge is to the plane.
-    along: [Number; 5],
+    along: [NumberModel; 5],
     /// Under a new normal, by how far the one before was off; under a remembered one.
-    anew: [Number; 8],
+    anew: [NumberModel; 8],
     anew_error: u16,
-    again: Number,
+    again: NumberModel,
 }
 
 /// How an edge came to its normal.
@@ -228,15 +228,15 @@ impl Model {
             same: Box::new([Bit::NEW; 512]),
             firsts: 0,
             is_known: Bit::NEW,
-            rank: Number::NEW,
+            rank: NumberModel::NEW,
             known: Vec::with_capacity(KNOWN_MAX),
-            first: [const { Number::NEW }; 8],
-            second: [const { Number::NEW }; 8],
+            first: [const { NumberModel::NEW }; 8],
+            second: [const { NumberModel::NEW }; 8],
             error: 0,
-            along: [const { Number::NEW }; 5],
-            anew: [const { Number::NEW }; 8],
+            along: [const { NumberModel::NEW }; 5],
+            anew: [const { NumberModel::NEW }; 8],
             anew_error: 0,
-            again: Number::NEW,
+            again: NumberModel::NEW,
         }
     }
 

@@ -5,7 +5,7 @@ const CORNERS_MAX: usize = 1 << 20;
 
 /// Closed beads of a feature in a layer.
 #[derive(Default)]
-pub(super) struct Loops {
+pub(super) struct OutlineLoops {
     loops: Vec<Loop>,
     corners: usize,
     /// Whether there are beads that are not closed, or too many.
@@ -20,7 +20,7 @@ struct Loop {
     width: f64,
 }
 
-impl Loops {
+impl OutlineLoops {
     /// Takes a bead; tells whether it is closed, so that its ends are within a width of each other.
     pub fn push(&mut self, points: &[[f64; 3]], width: f64) -> bool {
         let (first, last) = (points[0], points[points.len() - 1]);

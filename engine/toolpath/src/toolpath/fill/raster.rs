@@ -17,18 +17,18 @@ const AHEAD: usize = 64;
 
 /// A straight piece of a bead in its layer.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Line {
+pub(super) struct RasterLine {
     a: [f64; 2],
     b: [f64; 2],
     pub length: f64,
     section: Section,
 }
 
-impl Line {
-    pub fn new(a: [f64; 3], b: [f64; 3], section: Section) -> Line {
+impl RasterLine {
+    pub fn new(a: [f64; 3], b: [f64; 3], section: Section) -> RasterLine {
         let d = [0, 1, 2].map(|i| b[i] - a[i]);
         let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-        Line { a: [a[0], a[1]], b: [b[0], b[1]], length, section }
+        RasterLine { a: [a[0], a[1]], b: [b[0], b[1]], length, section }
     }
 
     /// A unit vector along it, with x ≥ 0.
@@ -59,7 +59,7 @@ impl Raster {
 }
 
 /// The raster that most of these lines make, if they do.
-pub(super) fn of(lines: Vec<Line>) -> Option<Raster> {
+pub(super) fn of(lines: Vec<RasterLine>) -> Option<Raster> {
     let all: f64 = lines.iter().map(|line| line.length).sum();
     let along = main_direction(&lines)?;
     let cross = |d: [f64; 2]| along[0] * d[1] - along[1] * d[0];
@@ -114,10 +114,10 @@ impl Parallel {
 }
 
 /// That of the longest line among those of the angle that has the most length.
-fn main_direction(lines: &[Line]) -> Option<[f64; 2]> {
+fn main_direction(lines: &[RasterLine]) -> Option<[f64; 2]> {
     const BINS: usize = 90;
     // The slope of x ≥ 0 grows with the angle, and needs no trigonometry.
-    let bin = |line: &Line| {
+    let bin = |line: &RasterLine| {
         let [x, y] = line.direction();
         let place = match y.abs() < x {
             true => 1.0 + y / x,
@@ -129,7 +129,7 @@ fn main_direction(lines: &[Line]) -> Option<[f64; 2]> {
     lines.iter().for_each(|line| lengths[bin(line)] += line.length);
     let most = (0..BINS).max_by(|&a, &b| lengths[a].total_cmp(&lengths[b]))?;
     let of_bin = lines.iter().filter(|line| bin(line) == most);
-    of_bin.max_by(|a, b| a.length.total_cmp(&b.length)).map(Line::direction)
+    of_bin.max_by(|a, b| a.length.total_cmp(&b.length)).map(RasterLine::direction)
 }
 
 /// The middle value; of an even number of values the lower one of two.

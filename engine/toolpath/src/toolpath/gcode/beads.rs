@@ -2,8 +2,8 @@
 
 use super::auxiliary::is_auxiliary;
 use super::report::{FeatureReport, GcodeReport};
-use super::settings::Settings;
-use super::sizes::{Layering, Piece, Resolution};
+use super::settings::SlicerSettings;
+use super::sizes::{BeadMove, Layering, NumberResolution};
 use super::{GcodeOptions, MERGE_MM, UNNAMED, tilt};
 use crate::error::{Error, Result};
 use crate::toolpath::{Attributes, BeadSink, BeadView, Section, UP};
@@ -50,7 +50,7 @@ impl Pose {
 
 /// What makes two steps parts of one bead.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Kind {
+pub(super) struct BeadKey {
     /// By the slicer's comments; 0 if there are none.
     pub(super) layer: u32,
     pub(super) tool: u16,
@@ -58,7 +58,7 @@ pub(super) struct Kind {
 }
 
 /// The bead that grows, and what all beads share.
-pub(super) struct Beads<'s, 'k> {
+pub(super) struct BeadAssembler<'s, 'k> {
     path: PathBuf,
     sink: &'s mut BeadSink<'k>,
     pub(super) report: GcodeReport,
@@ -72,12 +72,12 @@ pub(super) struct Beads<'s, 'k> {
     pub(super) layering: Layering,
     /// Lowest and highest position of the table while material was laid.
     pub(super) tables: Option<(f64, f64)>,
-    pub(super) resolution: Resolution,
-    kind: Kind,
+    pub(super) resolution: NumberResolution,
+    kind: BeadKey,
     points: Vec<[f64; 3]>,
     /// As long as `points`.
     axes: Vec<[f64; 3]>,
-    pieces: Vec<Piece>,
+    pieces: Vec<BeadMove>,
     /// The line of each piece.
     piece_lines: Vec<u64>,
     sections: Vec<Section>,
@@ -86,16 +86,16 @@ pub(super) struct Beads<'s, 'k> {
     lines: (u64, u64),
 }
 
-impl<'s, 'k> Beads<'s, 'k> {
+impl<'s, 'k> BeadAssembler<'s, 'k> {
     pub(super) fn new(
         path: &Path,
         options: &GcodeOptions,
-        settings: &Settings,
+        settings: &SlicerSettings,
         feeds: bool,
         has_layer_marks: bool,
         sink: &'s mut BeadSink<'k>,
-    ) -> Beads<'s, 'k> {
-        Beads {
+    ) -> BeadAssembler<'s, 'k> {
+        BeadAssembler {
             path: path.to_owned(),
             sink,
             report: GcodeReport::default(),
@@ -107,8 +107,8 @@ impl<'s, 'k> Beads<'s, 'k> {
             feeds,
             layering: Layering::new(options, settings, has_layer_marks),
             tables: None,
-            resolution: Resolution::default(),
-            kind: Kind::default(),
+            resolution: NumberResolution::default(),
+            kind: BeadKey::default(),
             points: Vec::new(),
             axes: Vec::new(),
             pieces: Vec::new(),
@@ -144,10 +144,10 @@ impl<'s, 'k> Beads<'s, 'k> {
     /// Adds a straight step of the tool from one pose to another, which deposits a piece of the given kind.
     pub(super) fn deposit(
         &mut self,
-        kind: Kind,
+        kind: BeadKey,
         from: &Pose,
         to: &Pose,
-        piece: Piece,
+        piece: BeadMove,
         line: u64,
     ) -> Result<()> {
         let too_long = self.pieces.len() >= SEGMENTS_MAX;
@@ -170,7 +170,7 @@ impl<'s, 'k> Beads<'s, 'k> {
             return Ok(());
         }
         self.push(to);
-        self.pieces.push(Piece { fed: piece.fed + self.carried, ..piece });
+        self.pieces.push(BeadMove { fed: piece.fed + self.carried, ..piece });
         self.piece_lines.push(line);
         self.carried = 0.0;
         Ok(())

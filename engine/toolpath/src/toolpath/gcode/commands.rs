@@ -1,16 +1,16 @@
 //! Codes: G, M and T words.
 
 use super::firmware::Firmware;
-use super::machine::Machine;
+use super::machine::MachineState;
 use super::neutral;
 use super::offsets::OffsetCode;
 use super::settings::m200_diameters;
 use super::signs::INCH;
-use super::words::{Malformed, Word, Words, token};
+use super::words::{MalformedWord, Word, Words, token};
 use crate::error::Result;
 
 /// What is to be done after a code.
-pub(super) enum Effect {
+pub(super) enum CodeEffect {
     /// Go on with the line's words.
     Modal,
     /// The line moves the tool.
@@ -25,22 +25,22 @@ pub(super) enum Effect {
 
 /// Carries out a G, M or T word; `first` if no other code stands before it.
 pub(super) fn code(
-    machine: &mut Machine<'_, '_>,
+    machine: &mut MachineState<'_, '_>,
     word: &Word<'_>,
     value: f64,
     first: bool,
     words: &mut Words<'_>,
-) -> Result<Effect> {
+) -> Result<CodeEffect> {
     let tenfold = (value * 10.0).round();
     let is_code = (0.0..100_000.0).contains(&tenfold) && (tenfold / 10.0 - value).abs() < 1e-9;
     if is_code && !machine.by_extruder && machine.switch.code(word, value, words) {
-        return Ok(if first && !goes_on(words) { Effect::LineDone } else { Effect::Modal });
+        return Ok(if first && !goes_on(words) { CodeEffect::LineDone } else { CodeEffect::Modal });
     }
     match word.letter {
         b'T' => tool(machine, word, value),
         _ if !is_code => {
             machine.beads.report.unknown(word.text, machine.line);
-            Ok(if first { Effect::LineDone } else { Effect::Modal })
+            Ok(if first { CodeEffect::LineDone } else { CodeEffect::Modal })
         }
         b'G' => general(machine, word, tenfold as u32, first, words),
         _ => miscellaneous(machine, word, tenfold as u32, first, words),
@@ -48,37 +48,37 @@ pub(super) fn code(
 }
 
 fn general(
-    machine: &mut Machine<'_, '_>,
+    machine: &mut MachineState<'_, '_>,
     word: &Word<'_>,
     tenfold: u32,
     first: bool,
     words: &mut Words<'_>,
-) -> Result<Effect> {
+) -> Result<CodeEffect> {
     match tenfold {
         0 | 10 | 20 | 30 => {
             machine.motion = Some((tenfold / 10) as u8);
-            return Ok(Effect::Motion);
+            return Ok(CodeEffect::Motion);
         }
         50 | 51 => {
             let what = "is a spline, which is not read: export straight moves or arcs";
-            return Err(machine.malformed(&Malformed { text: word.text, what }));
+            return Err(machine.malformed(&MalformedWord { text: word.text, what }));
         }
-        100 => return Ok(Effect::SetOffsets(OffsetCode::G10)),
-        110 => return Ok(Effect::LineDone),
+        100 => return Ok(CodeEffect::SetOffsets(OffsetCode::G10)),
+        110 => return Ok(CodeEffect::LineDone),
         170 | 180 | 190 => machine.plane = (tenfold / 10 - 17) as usize,
         200 | 7000 => machine.set_unit(INCH),
         210 | 7100 => machine.set_unit(1.0),
         // On lathes they are cycles, with words P and Q.
         700 | 710 if !has_letter(words, b"PQ") => machine.set_unit(if tenfold == 700 { INCH } else { 1.0 }),
         430..=440 => machine.use_tool_length(),
-        520 => return Ok(Effect::SetOffsets(OffsetCode::G52)),
+        520 => return Ok(CodeEffect::SetOffsets(OffsetCode::G52)),
         530 | 1530 => machine.in_machine = true,
-        541 => return Ok(Effect::SetOffsets(OffsetCode::G54Extended)),
+        541 => return Ok(CodeEffect::SetOffsets(OffsetCode::G54Extended)),
         540 | 550 | 560 | 570 | 580 | 590 => machine.position.select_system((tenfold / 10 - 53) as u16),
         591..=593 => machine.position.select_system((tenfold - 584) as u16),
         280 => {
             machine.home(words.rest())?;
-            return Ok(Effect::LineDone);
+            return Ok(CodeEffect::LineDone);
         }
         900 | 910 => {
             machine.position.relative = tenfold == 910;
@@ -86,7 +86,7 @@ fn general(
         }
         901 => machine.absolute_centres = true,
         911 => machine.absolute_centres = false,
-        920 => return Ok(Effect::SetPosition),
+        920 => return Ok(CodeEffect::SetPosition),
         921 => machine.position.clear_offset(false),
         922 => machine.position.clear_offset(true),
         923 => machine.position.restore_offset(),
@@ -96,46 +96,48 @@ fn general(
             }
             // Their words have meanings of their own, unless other codes follow.
             let ends = first && !has_letter(words, b"G");
-            return Ok(if ends { Effect::LineDone } else { Effect::Modal });
+            return Ok(if ends { CodeEffect::LineDone } else { CodeEffect::Modal });
         }
     }
-    Ok(Effect::Modal)
+    Ok(CodeEffect::Modal)
 }
 
 fn miscellaneous(
-    machine: &mut Machine<'_, '_>,
+    machine: &mut MachineState<'_, '_>,
     word: &Word<'_>,
     tenfold: u32,
     first: bool,
     words: &mut Words<'_>,
-) -> Result<Effect> {
+) -> Result<CodeEffect> {
     match tenfold {
         // Spindles, where something else deposits.
-        30 | 40 | 50 => return Ok(if first && !goes_on(words) { Effect::LineDone } else { Effect::Modal }),
+        30 | 40 | 50 => {
+            return Ok(if first && !goes_on(words) { CodeEffect::LineDone } else { CodeEffect::Modal });
+        }
         820 => machine.extruder.set_relative(false),
         830 => machine.extruder.set_relative(true),
         // The firmware changes, loads or unloads the filament.
         6000 | 7010 | 7020 => {
             machine.extruder.is_loaded();
-            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+            return Ok(if first { CodeEffect::LineDone } else { CodeEffect::Modal });
         }
         2000 => volumetric(machine, words),
         2210 => machine.set_flow(words),
         _ if neutral::is_miscellaneous(tenfold) => {
             // What follows may be any text.
             let ends = first && !(matches!(tenfold, 60..=90) && has_letter(words, b"GM"));
-            return Ok(if ends { Effect::LineDone } else { Effect::Modal });
+            return Ok(if ends { CodeEffect::LineDone } else { CodeEffect::Modal });
         }
         // Codes of large machines: operators, servos, purging, relays, materials.
         100..=160 | 520..=690 | 1000..=1030 | 2220 | 2370 | 2700 => {
-            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+            return Ok(if first { CodeEffect::LineDone } else { CodeEffect::Modal });
         }
         _ => {
             machine.beads.report.unknown(word.text, machine.line);
-            return Ok(if first { Effect::LineDone } else { Effect::Modal });
+            return Ok(if first { CodeEffect::LineDone } else { CodeEffect::Modal });
         }
     }
-    Ok(if first { Effect::LineDone } else { Effect::Modal })
+    Ok(if first { CodeEffect::LineDone } else { CodeEffect::Modal })
 }
 
 /// Whether a code that changes modes of machines changes nothing that matters here: exact stop, smoothing, feeds.
@@ -155,7 +157,7 @@ fn goes_on(words: &Words<'_>) -> bool {
 }
 
 /// M200: with a diameter above 0 or S1, E counts mm³ from now on; with a diameter of 0 or S0 it counts lengths.
-fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) {
+fn volumetric(machine: &mut MachineState<'_, '_>, words: &mut Words<'_>) {
     let firmware = machine.extruder.firmware;
     if !firmware.knows_m200() {
         let note = format!("M200 (E counts volume) is left out: {} does not know it", firmware.name());
@@ -179,11 +181,11 @@ fn volumetric(machine: &mut Machine<'_, '_>, words: &mut Words<'_>) {
     }
 }
 
-fn tool(machine: &mut Machine<'_, '_>, word: &Word<'_>, value: f64) -> Result<Effect> {
+fn tool(machine: &mut MachineState<'_, '_>, word: &Word<'_>, value: f64) -> Result<CodeEffect> {
     if value.fract() == 0.0 && (0.0..65536.0).contains(&value) {
         machine.select_tool(value as u16);
     } else {
         machine.beads.report.unknown(token(word.text), machine.line);
     }
-    Ok(Effect::Modal)
+    Ok(CodeEffect::Modal)
 }

@@ -2,17 +2,17 @@
 //!
 //! The tool stays where it is when an offset changes; only its name changes.
 
-use super::machine::Machine;
+use super::machine::MachineState;
 use super::offsets::{EXTENDED, OffsetCode, Offsets, SYSTEM_MAX};
-use super::parameters::{Sizes, letters};
-use super::position::{AXES, Position};
+use super::parameters::{SizeWords, letters};
+use super::position::{AXES, MachinePosition};
 use super::words::Words;
 use crate::error::Result;
 
-impl Machine<'_, '_> {
+impl MachineState<'_, '_> {
     /// Carries out a command that sets offsets.
     pub(super) fn set_offsets(&mut self, code: OffsetCode, mut words: Words<'_>) -> Result<()> {
-        let mut sizes = Sizes::default();
+        let mut sizes = SizeWords::default();
         let mut kind = None;
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
@@ -35,7 +35,7 @@ impl Machine<'_, '_> {
         Ok(())
     }
 
-    fn set_by_g10(&mut self, kind: Option<f64>, sizes: &Sizes) -> Result<()> {
+    fn set_by_g10(&mut self, kind: Option<f64>, sizes: &SizeWords) -> Result<()> {
         match kind.map(|kind| kind as i64) {
             None if sizes.states(letters(b"P")) => {
                 // RepRapFirmware: a tool's temperatures, or its offset.
@@ -60,7 +60,7 @@ impl Machine<'_, '_> {
     }
 
     /// The number of a work offset by the word P, from `low` on.
-    fn system(&self, sizes: &Sizes, low: f64, high: u16) -> Result<u16> {
+    fn system(&self, sizes: &SizeWords, low: f64, high: u16) -> Result<u16> {
         let number = sizes.get(b'P').unwrap_or(0.0) + low;
         match number.fract() == 0.0 && (low..=f64::from(high)).contains(&number) {
             true => Ok(number as u16),
@@ -69,14 +69,14 @@ impl Machine<'_, '_> {
     }
 }
 
-impl Position {
+impl MachinePosition {
     /// G54 to G59.3: selects a work offset.
     pub(super) fn select_system(&mut self, system: u16) {
         self.change(|offsets| (offsets.active, offsets.selected) = (system, true));
     }
 
     /// G10 L2: the origin of a work offset, 0 being the active one.
-    pub(super) fn set_system(&mut self, system: u16, sizes: &Sizes) {
+    pub(super) fn set_system(&mut self, system: u16, sizes: &SizeWords) {
         let unit = self.unit;
         self.change(|offsets| {
             let system = if system == 0 { offsets.active } else { system };
@@ -90,7 +90,7 @@ impl Position {
     }
 
     /// G10 L20: the origin of a work offset by what the tool's position is called in it.
-    pub(super) fn name_in_system(&mut self, system: u16, sizes: &Sizes) {
+    pub(super) fn name_in_system(&mut self, system: u16, sizes: &SizeWords) {
         let (unit, work) = (self.unit, self.offsets.work());
         // What is left of the offset is G92's, which stays.
         let machine = [0, 1, 2].map(|axis| self.logical[axis] + work[axis]);
@@ -107,7 +107,7 @@ impl Position {
     }
 
     /// G52: the origin within the work offset.
-    pub(super) fn set_local(&mut self, sizes: &Sizes) {
+    pub(super) fn set_local(&mut self, sizes: &SizeWords) {
         let unit = self.unit;
         self.change(|offsets| {
             for (axis, letter) in AXES.into_iter().enumerate() {

@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 /// A code or a word of a program that switches deposition.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mark {
+pub struct DepositionCode {
     /// In upper case.
     text: String,
     /// `None` for a command's name.
@@ -24,11 +24,11 @@ struct Code {
     parameters: Vec<(u8, f64)>,
 }
 
-impl FromStr for Mark {
+impl FromStr for DepositionCode {
     type Err = Error;
 
     /// A code with its parameters (`M64 P8`, `G441`), or a command's name (`EXTRUDER`).
-    fn from_str(text: &str) -> Result<Mark> {
+    fn from_str(text: &str) -> Result<DepositionCode> {
         let upper = text.trim().to_ascii_uppercase();
         let refused = || {
             let what = format!("\"{}\" is neither a code nor a command's name", text.escape_debug());
@@ -37,7 +37,7 @@ impl FromStr for Mark {
         let name = identifier(upper.as_bytes());
         if name.len() > 1 && !name[1].is_ascii_digit() {
             return match name.len() == upper.len() {
-                true => Ok(Mark { text: upper, code: None }),
+                true => Ok(DepositionCode { text: upper, code: None }),
                 false => Err(refused()),
             };
         }
@@ -53,17 +53,17 @@ impl FromStr for Mark {
             return Err(refused());
         }
         let (letter, number) = found.remove(0);
-        Ok(Mark { text: upper, code: Some(Code { letter, number, parameters: found }) })
+        Ok(DepositionCode { text: upper, code: Some(Code { letter, number, parameters: found }) })
     }
 }
 
-impl fmt::Display for Mark {
+impl fmt::Display for DepositionCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
     }
 }
 
-impl Mark {
+impl DepositionCode {
     /// Whether it is a command's name, whose argument 0 switches off.
     pub(super) fn takes_argument(&self) -> bool {
         self.code.is_none()
@@ -72,7 +72,7 @@ impl Mark {
 
 /// What switches deposition in the files of a kind of machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Family {
+pub(super) enum MachineFamily {
     /// `EXTRUDER(n)`.
     Ingersoll,
     /// `BEAD_AREA=` and `EXTR_END=`.
@@ -96,53 +96,56 @@ pub(super) enum Family {
 }
 
 /// All of them; if a file has the codes of several, the first one counts.
-pub(super) const FAMILIES: [Family; 10] = [
-    Family::Ingersoll,
-    Family::Siemens,
-    Family::Mazak,
-    Family::Meltio,
-    Family::Meld,
-    Family::Welder,
-    Family::Extruder,
-    Family::Gun,
-    Family::Spindle,
-    Family::Relay,
+pub(super) const FAMILIES: [MachineFamily; 10] = [
+    MachineFamily::Ingersoll,
+    MachineFamily::Siemens,
+    MachineFamily::Mazak,
+    MachineFamily::Meltio,
+    MachineFamily::Meld,
+    MachineFamily::Welder,
+    MachineFamily::Extruder,
+    MachineFamily::Gun,
+    MachineFamily::Spindle,
+    MachineFamily::Relay,
 ];
 
-impl Family {
+impl MachineFamily {
     /// The codes that switch on, and those that switch off.
     pub(super) fn codes(self) -> (&'static [&'static str], &'static [&'static str]) {
         match self {
-            Family::Ingersoll => (&["EXTRUDER"], &[]),
-            Family::Siemens => (&["BEAD_AREA"], &["EXTR_END"]),
-            Family::Mazak => (&["G441"], &["G442"]),
-            Family::Meltio => (&["M64 P8"], &["M64 P9"]),
-            Family::Meld => (&["M34", "M24"], &["M35", "M25", "M5"]),
-            Family::Welder => (&["M100"], &["M101"]),
-            Family::Extruder => (&["M101"], &["M103"]),
-            Family::Spindle => (&["M3", "M4"], &["M5"]),
-            Family::Gun => (&["M52"], &["M53"]),
-            Family::Relay => (&["M64 P0"], &["M65 P0"]),
+            MachineFamily::Ingersoll => (&["EXTRUDER"], &[]),
+            MachineFamily::Siemens => (&["BEAD_AREA"], &["EXTR_END"]),
+            MachineFamily::Mazak => (&["G441"], &["G442"]),
+            MachineFamily::Meltio => (&["M64 P8"], &["M64 P9"]),
+            MachineFamily::Meld => (&["M34", "M24"], &["M35", "M25", "M5"]),
+            MachineFamily::Welder => (&["M100"], &["M101"]),
+            MachineFamily::Extruder => (&["M101"], &["M103"]),
+            MachineFamily::Spindle => (&["M3", "M4"], &["M5"]),
+            MachineFamily::Gun => (&["M52"], &["M53"]),
+            MachineFamily::Relay => (&["M64 P0"], &["M65 P0"]),
         }
     }
 
     /// The machine that is known for it.
     pub(super) fn machine(self) -> Option<&'static str> {
         match self {
-            Family::Ingersoll => Some("Ingersoll"),
-            Family::Siemens => Some("Siemens"),
-            Family::Mazak => Some("Mazak"),
-            Family::Meltio => Some("Meltio"),
-            Family::Meld => Some("MELD"),
-            Family::Gun => Some("MVP"),
-            Family::Welder | Family::Extruder | Family::Spindle | Family::Relay => None,
+            MachineFamily::Ingersoll => Some("Ingersoll"),
+            MachineFamily::Siemens => Some("Siemens"),
+            MachineFamily::Mazak => Some("Mazak"),
+            MachineFamily::Meltio => Some("Meltio"),
+            MachineFamily::Meld => Some("MELD"),
+            MachineFamily::Gun => Some("MVP"),
+            MachineFamily::Welder
+            | MachineFamily::Extruder
+            | MachineFamily::Spindle
+            | MachineFamily::Relay => None,
         }
     }
 }
 
 /// A switch's position, and what sets it.
-pub(super) struct Switch {
-    rules: Vec<(Mark, bool)>,
+pub(super) struct DepositionSwitch {
+    rules: Vec<(DepositionCode, bool)>,
     /// The word S holds the speed of what deposits; at 0 nothing comes.
     has_speed: bool,
     on: bool,
@@ -151,21 +154,23 @@ pub(super) struct Switch {
     pub(super) area: Option<f64>,
 }
 
-impl Switch {
+impl DepositionSwitch {
     /// The switch of a family of machines.
-    pub(super) fn of(family: Family) -> Switch {
+    pub(super) fn of(family: MachineFamily) -> DepositionSwitch {
         let (on, off) = family.codes();
-        let marks = |codes: &[&str]| codes.iter().filter_map(|code| code.parse().ok()).collect::<Vec<Mark>>();
-        let mut switch = Switch::new(&marks(on), &marks(off));
-        switch.has_speed = family == Family::Spindle;
+        let marks = |codes: &[&str]| {
+            codes.iter().filter_map(|code| code.parse().ok()).collect::<Vec<DepositionCode>>()
+        };
+        let mut switch = DepositionSwitch::new(&marks(on), &marks(off));
+        switch.has_speed = family == MachineFamily::Spindle;
         switch
     }
 
     /// The switch of the user's codes.
-    pub(super) fn new(on: &[Mark], off: &[Mark]) -> Switch {
-        let rule = |mark: &Mark, on| (mark.clone(), on);
+    pub(super) fn new(on: &[DepositionCode], off: &[DepositionCode]) -> DepositionSwitch {
+        let rule = |mark: &DepositionCode, on| (mark.clone(), on);
         let rules = on.iter().map(|mark| rule(mark, true)).chain(off.iter().map(|mark| rule(mark, false)));
-        Switch { rules: rules.collect(), has_speed: false, on: false, speed: None, area: None }
+        DepositionSwitch { rules: rules.collect(), has_speed: false, on: false, speed: None, area: None }
     }
 
     /// The codes that it listens to, for people.
@@ -190,7 +195,7 @@ impl Switch {
 
     /// Takes in a code with the words behind it. Returns whether it is one of the switch's.
     pub(super) fn code(&mut self, word: &Word<'_>, value: f64, words: &Words<'_>) -> bool {
-        let names = |mark: &Mark| {
+        let names = |mark: &DepositionCode| {
             mark.code.as_ref().is_some_and(|code| (code.letter, code.number) == (word.letter, value))
         };
         if !self.rules.iter().any(|(mark, _)| names(mark)) {
@@ -201,7 +206,7 @@ impl Switch {
         while let Some(Ok(word)) = rest.next() {
             behind.push((word.letter, word.value));
         }
-        let fits = |mark: &Mark| {
+        let fits = |mark: &DepositionCode| {
             let needed = mark.code.iter().flat_map(|code| &code.parameters);
             names(mark) && needed.into_iter().all(|(letter, value)| behind.contains(&(*letter, Some(*value))))
         };
@@ -250,19 +255,19 @@ mod tests {
             ("extruder", None),
             ("BEAD_AREA", None),
         ] {
-            let mark: Mark = text.parse().unwrap();
+            let mark: DepositionCode = text.parse().unwrap();
             let code = code.map(|(letter, number, parameters)| Code { letter, number, parameters });
             assert_eq!((mark.code, mark.text), (code, text.trim().to_uppercase()));
         }
         for text in ["", "M", "M64 Px", "64", "EXTRUDER(5)", "M64;", "(M5)", "M{a}", "M=R1"] {
-            assert!(text.parse::<Mark>().is_err(), "{text}");
+            assert!(text.parse::<DepositionCode>().is_err(), "{text}");
         }
     }
 
     #[test]
     fn every_family_has_its_codes() {
         for family in FAMILIES {
-            let switch = Switch::of(family);
+            let switch = DepositionSwitch::of(family);
             let (on, off) = family.codes();
             assert_eq!(switch.rules.len(), on.len() + off.len(), "{family:?}");
         }
@@ -270,8 +275,8 @@ mod tests {
 
     #[test]
     fn the_most_specific_code_counts() {
-        let mark = |text: &str| text.parse::<Mark>().unwrap();
-        let mut switch = Switch::new(&[mark("M64"), mark("EXTRUDER")], &[mark("M64 P9")]);
+        let mark = |text: &str| text.parse::<DepositionCode>().unwrap();
+        let mut switch = DepositionSwitch::new(&[mark("M64"), mark("EXTRUDER")], &[mark("M64 P9")]);
         for (line, deposits) in
             [("M64 P8", true), ("M64 P9", false), ("M64", true), ("M64 S0", false), ("M64 Q1 P9", false)]
         {

@@ -5,8 +5,8 @@
 //! own retraction, unless the file says that all filaments share one nozzle.
 
 use super::firmware::{ExtruderRule, Firmware};
-use super::parameters::Sizes;
-use super::settings::Settings;
+use super::parameters::SizeWords;
+use super::settings::SlicerSettings;
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_4;
 
@@ -65,7 +65,7 @@ pub(super) struct Modes {
 
 /// What a move feeds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Fed {
+pub(super) struct FeedAmount {
     /// What E moves, mm³; negative if it retracts.
     pub(super) moved: f64,
     /// What leaves the nozzle, mm³.
@@ -77,7 +77,7 @@ pub(super) struct Fed {
 }
 
 impl Extruder {
-    pub(super) fn new(firmware: Firmware, settings: &Settings, diameters: Vec<f64>) -> Extruder {
+    pub(super) fn new(firmware: Firmware, settings: &SlicerSettings, diameters: Vec<f64>) -> Extruder {
         let mut extruder = Extruder {
             firmware,
             diameters,
@@ -139,7 +139,7 @@ impl Extruder {
 
     /// What the E word of a command feeds.
     #[inline]
-    pub(super) fn feed(&mut self, sizes: &Sizes, unit: f64) -> f64 {
+    pub(super) fn feed(&mut self, sizes: &SizeWords, unit: f64) -> f64 {
         let Some(value) = sizes.get(b'E') else { return 0.0 };
         let value = value * unit;
         if self.relative {
@@ -174,33 +174,33 @@ impl Extruder {
 
     /// What a move that feeds so much deposits; what it retracts is owed.
     #[inline]
-    pub(super) fn in_move(&mut self, fed: f64) -> Fed {
+    pub(super) fn in_move(&mut self, fed: f64) -> FeedAmount {
         let moved = fed * self.area;
         if fed <= 0.0 {
             self.owed -= moved;
-            return Fed { moved, ..Fed::default() };
+            return FeedAmount { moved, ..FeedAmount::default() };
         }
         if self.owed == 0.0 {
-            return Fed { moved, net: moved, ..Fed::default() };
+            return FeedAmount { moved, net: moved, ..FeedAmount::default() };
         }
         self.make_up(moved)
     }
 
     #[cold]
-    fn make_up(&mut self, moved: f64) -> Fed {
+    fn make_up(&mut self, moved: f64) -> FeedAmount {
         let rounding = (ROUNDING_STEPS * self.resolution).min(ROUNDING_MAX) * self.area;
         if self.owed <= rounding {
             self.owed = 0.0;
-            return Fed { moved, net: moved, ..Fed::default() };
+            return FeedAmount { moved, net: moved, ..FeedAmount::default() };
         }
         if moved <= self.owed + DUST * self.area {
             self.owed = (self.owed - moved).max(0.0);
-            return Fed { moved, net: 0.0, begin: 1.0, is_odd: self.owed > rounding };
+            return FeedAmount { moved, net: 0.0, begin: 1.0, is_odd: self.owed > rounding };
         }
         let begin = self.owed / moved;
         let net = moved - self.owed;
         self.owed = 0.0;
-        Fed { moved, net, begin, is_odd: true }
+        FeedAmount { moved, net, begin, is_odd: true }
     }
 
     /// What leaves the nozzle where filament is fed in one place, mm³; what is retracted there is owed.

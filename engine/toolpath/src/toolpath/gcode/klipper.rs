@@ -1,12 +1,12 @@
 //! Klipper's commands that change what coordinates mean: SAVE_GCODE_STATE, RESTORE_GCODE_STATE and
 //! SET_GCODE_OFFSET.
 
-use super::machine::Machine;
+use super::machine::MachineState;
 use super::states::{STATES_MAX, State};
 use super::words::number;
 use crate::error::Result;
 
-impl Machine<'_, '_> {
+impl MachineState<'_, '_> {
     /// Carries out a command of Klipper's. Returns whether it is one of those.
     pub(super) fn klipper(&mut self, name: &[u8], behind: &[u8]) -> Result<bool> {
         let is = |known: &[u8]| name.eq_ignore_ascii_case(known);

@@ -12,7 +12,7 @@ const READ_BYTES: usize = 1 << 16;
 
 /// Why there is no next line.
 #[derive(Debug)]
-pub(super) enum Stop {
+pub(super) enum LinesEnd {
     /// The stream could not be read.
     Read(io::Error),
     /// The line is longer than [`LINE_BYTES_MAX`].
@@ -20,7 +20,7 @@ pub(super) enum Stop {
 }
 
 /// The lines of a stream, without a byte order mark. A line ends with LF, CR LF or a lone CR.
-pub(super) struct Lines<R> {
+pub(super) struct StreamLines<R> {
     source: R,
     /// What is read but not handed out is `buffer[start..end]`.
     buffer: Vec<u8>,
@@ -32,14 +32,14 @@ pub(super) struct Lines<R> {
     started: bool,
 }
 
-impl<R: Read> Lines<R> {
-    pub(super) fn new(source: R) -> Lines<R> {
+impl<R: Read> StreamLines<R> {
+    pub(super) fn new(source: R) -> StreamLines<R> {
         let buffer = vec![0; READ_BYTES];
-        Lines { source, buffer, start: 0, end: 0, after_cr: false, exhausted: false, started: false }
+        StreamLines { source, buffer, start: 0, end: 0, after_cr: false, exhausted: false, started: false }
     }
 
     /// The next line without its end, or `None` after the last.
-    pub(super) fn next(&mut self) -> Result<Option<&[u8]>, Stop> {
+    pub(super) fn next(&mut self) -> Result<Option<&[u8]>, LinesEnd> {
         if !self.started {
             self.started = true;
             self.skip_mark()?;
@@ -64,14 +64,14 @@ impl<R: Read> Lines<R> {
             }
             searched = rest.len();
             if searched > LINE_BYTES_MAX {
-                return Err(Stop::TooLong);
+                return Err(LinesEnd::TooLong);
             }
             self.fill()?;
         }
     }
 
     /// Reads more behind what is there.
-    fn fill(&mut self) -> Result<(), Stop> {
+    fn fill(&mut self) -> Result<(), LinesEnd> {
         if self.start > 0 {
             self.buffer.copy_within(self.start..self.end, 0);
             (self.start, self.end) = (0, self.end - self.start);
@@ -84,14 +84,14 @@ impl<R: Read> Lines<R> {
                 Ok(0) => self.exhausted = true,
                 Ok(bytes) => self.end += bytes,
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
-                Err(e) => return Err(Stop::Read(e)),
+                Err(e) => return Err(LinesEnd::Read(e)),
             }
             return Ok(());
         }
     }
 
     /// Passes over the mark that some editors put before UTF-8.
-    fn skip_mark(&mut self) -> Result<(), Stop> {
+    fn skip_mark(&mut self) -> Result<(), LinesEnd> {
         const MARK: &[u8] = b"\xef\xbb\xbf";
         while self.end < MARK.len() && !self.exhausted {
             self.fill()?;
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn lines_of_every_ending_in_pieces_of_every_size() {
         for size in 1..16 {
-            let mut lines = Lines::new(Pieces(b"\xef\xbb\xbfa\nb\r\n\rc\r\r\nd", size));
+            let mut lines = StreamLines::new(Pieces(b"\xef\xbb\xbfa\nb\r\n\rc\r\r\nd", size));
             let mut seen = Vec::new();
             while let Some(line) = lines.next().unwrap() {
                 seen.push(line.to_vec());
@@ -135,9 +135,9 @@ mod tests {
     fn a_line_without_end_is_refused() {
         let mut long = vec![b'x'; LINE_BYTES_MAX];
         long.push(b'\n');
-        assert_eq!(Lines::new(&long[..]).next().unwrap().map(<[u8]>::len), Some(LINE_BYTES_MAX));
+        assert_eq!(StreamLines::new(&long[..]).next().unwrap().map(<[u8]>::len), Some(LINE_BYTES_MAX));
         long.insert(0, b'x');
-        assert!(matches!(Lines::new(&long[..]).next(), Err(Stop::TooLong)));
-        assert!(matches!(Lines::new(io::repeat(b'x')).next(), Err(Stop::TooLong)));
+        assert!(matches!(StreamLines::new(&long[..]).next(), Err(LinesEnd::TooLong)));
+        assert!(matches!(StreamLines::new(io::repeat(b'x')).next(), Err(LinesEnd::TooLong)));
     }
 }

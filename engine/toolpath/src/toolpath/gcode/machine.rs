@@ -1,16 +1,16 @@
 //! What the commands do: the state of the machine, line by line.
 
-use super::beads::Beads;
-use super::deposition::Switch;
+use super::beads::BeadAssembler;
+use super::deposition::DepositionSwitch;
 use super::expressions::Variables;
 use super::extruder::Extruder;
 use super::firmware::Firmware;
 use super::layer_axis::LayerAxis;
-use super::parameters::{Sizes, letters};
-use super::position::Position;
+use super::parameters::{SizeWords, letters};
+use super::position::MachinePosition;
 use super::report::UnitSource;
 use super::states::States;
-use super::words::{Exponent, Malformed, NAMED, Word, Words, behind_number, quote, token};
+use super::words::{Exponent, MalformedWord, NAMED, Word, Words, behind_number, quote, token};
 use super::{ExtruderAxis, GcodeOptions, POSITION_MAX, commands};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
@@ -26,7 +26,7 @@ const FLOWS_MAX: usize = 1 << 10;
 pub(super) struct Setup {
     /// Whether E deposits; otherwise the switch does.
     pub(super) by_extruder: bool,
-    pub(super) switch: Switch,
+    pub(super) switch: DepositionSwitch,
     /// mm in a unit of length, until G20 or G21.
     pub(super) unit: f64,
     pub(super) layer_axis: LayerAxis,
@@ -35,16 +35,16 @@ pub(super) struct Setup {
 }
 
 /// The machine: modes, positions, what comments announced.
-pub(super) struct Machine<'s, 'k> {
+pub(super) struct MachineState<'s, 'k> {
     path: PathBuf,
-    pub(super) beads: Beads<'s, 'k>,
-    pub(super) position: Position,
+    pub(super) beads: BeadAssembler<'s, 'k>,
+    pub(super) position: MachinePosition,
     pub(super) extruder: Extruder,
     pub(super) arc_tolerance: Option<f64>,
     pub(super) line: u64,
     /// Whether E deposits; otherwise the switch does.
     pub(super) by_extruder: bool,
-    pub(super) switch: Switch,
+    pub(super) switch: DepositionSwitch,
     /// Letter of the extruder's axis, E by default.
     pub(super) extruder_letter: u8,
     /// Factors of what is fed (M221), by tool.
@@ -76,19 +76,19 @@ pub(super) struct Machine<'s, 'k> {
     pub(super) nozzle_is_fresh: bool,
 }
 
-impl<'s, 'k> Machine<'s, 'k> {
+impl<'s, 'k> MachineState<'s, 'k> {
     pub(super) fn new(
         path: &Path,
         options: &GcodeOptions,
         setup: Setup,
         extruder: Extruder,
-        beads: Beads<'s, 'k>,
-    ) -> Machine<'s, 'k> {
+        beads: BeadAssembler<'s, 'k>,
+    ) -> MachineState<'s, 'k> {
         let Setup { by_extruder, switch, unit, layer_axis, has_regions } = setup;
-        Machine {
+        MachineState {
             path: path.to_owned(),
             beads,
-            position: Position::new(unit, layer_axis),
+            position: MachinePosition::new(unit, layer_axis),
             extruder,
             arc_tolerance: options.arc_tolerance,
             line: 0,
@@ -176,7 +176,7 @@ impl<'s, 'k> Machine<'s, 'k> {
     }
 
     pub(super) fn command(&mut self, line: &[u8], mut words: Words<'_>) -> Result<()> {
-        let mut sizes = Sizes::default();
+        let mut sizes = SizeWords::default();
         let mut moves = false;
         let mut first = true;
         let carried = CARRIED | self.position.letters();
@@ -190,11 +190,11 @@ impl<'s, 'k> Machine<'s, 'k> {
             match word.letter {
                 b'N' if first => continue,
                 b'G' | b'M' | b'T' => match self.code(&word, first, &mut words)? {
-                    commands::Effect::Modal => {}
-                    commands::Effect::Motion => moves = true,
-                    commands::Effect::LineDone => return Ok(()),
-                    commands::Effect::SetPosition => return self.set_position(words),
-                    commands::Effect::SetOffsets(code) => return self.set_offsets(code, words),
+                    commands::CodeEffect::Modal => {}
+                    commands::CodeEffect::Motion => moves = true,
+                    commands::CodeEffect::LineDone => return Ok(()),
+                    commands::CodeEffect::SetPosition => return self.set_position(words),
+                    commands::CodeEffect::SetOffsets(code) => return self.set_offsets(code, words),
                 },
                 b'F' => {}
                 b'S' => self.switch.set_speed(word.value),
@@ -266,15 +266,15 @@ impl<'s, 'k> Machine<'s, 'k> {
         self.beads.report.exponent(what, self.line);
     }
 
-    fn code(&mut self, word: &Word<'_>, first: bool, words: &mut Words<'_>) -> Result<commands::Effect> {
+    fn code(&mut self, word: &Word<'_>, first: bool, words: &mut Words<'_>) -> Result<commands::CodeEffect> {
         let Some(value) = word.value else {
-            return Err(self.malformed(&Malformed { text: word.text, what: "has no number" }));
+            return Err(self.malformed(&MalformedWord { text: word.text, what: "has no number" }));
         };
         commands::code(self, word, value, first, words)
     }
 
-    pub(super) fn size(&mut self, word: &Word<'_>, sizes: &mut Sizes) -> Result<()> {
-        let malformed = |what| Malformed { text: word.text, what };
+    pub(super) fn size(&mut self, word: &Word<'_>, sizes: &mut SizeWords) -> Result<()> {
+        let malformed = |what| MalformedWord { text: word.text, what };
         if !word.letter.is_ascii_uppercase() {
             self.beads.report.unknown(word.text, self.line);
             return Ok(());
@@ -312,8 +312,8 @@ impl<'s, 'k> Machine<'s, 'k> {
     }
 
     /// The words of the rest of the line.
-    pub(super) fn all_sizes(&mut self, words: &mut Words<'_>) -> Result<Sizes> {
-        let mut sizes = Sizes::default();
+    pub(super) fn all_sizes(&mut self, words: &mut Words<'_>) -> Result<SizeWords> {
+        let mut sizes = SizeWords::default();
         while let Some(word) = words.next() {
             let word = word.map_err(|malformed| self.malformed(&malformed))?;
             let word = self.understood(word)?;
@@ -403,7 +403,7 @@ impl<'s, 'k> Machine<'s, 'k> {
     }
 
     /// An error at a word of this line.
-    pub(super) fn malformed(&self, malformed: &Malformed<'_>) -> Error {
+    pub(super) fn malformed(&self, malformed: &MalformedWord<'_>) -> Error {
         self.fault(&format!("the word {} {}", quote(malformed.text), malformed.what))
     }
 }

@@ -22,7 +22,7 @@ pub(super) fn is_archive(file: &mut File) -> io::Result<bool> {
 
 /// Where a toolpath lies in an archive.
 #[derive(Clone, Copy)]
-pub(super) struct Member {
+pub(super) struct ArchiveMember {
     at: u64,
     packed_bytes: u64,
     bytes: u64,
@@ -30,12 +30,12 @@ pub(super) struct Member {
     crc: u32,
 }
 
-impl Member {
+impl ArchiveMember {
     /// The toolpath of a plate, or the only one.
     ///
     /// # Errors
     /// If it is no sound archive, holds no toolpath, not that one, or several and none is chosen.
-    pub(super) fn find(path: &Path, file: File, plate: Option<u32>) -> Result<Member> {
+    pub(super) fn find(path: &Path, file: File, plate: Option<u32>) -> Result<ArchiveMember> {
         let damaged = |what: String| Error::input(path, "archive", what, REMEDY);
         let sound = |error: zip::result::ZipError| damaged(format!("is no sound ZIP archive: {error}"));
         let mut archive = ZipArchive::new(file).map_err(sound)?;
@@ -70,7 +70,7 @@ impl Member {
         };
         let at = entry.data_start().ok_or_else(|| damaged(format!("{found} is not there")))?;
         let (packed_bytes, bytes, crc) = (entry.compressed_size(), entry.size(), entry.crc32());
-        Ok(Member { at, packed_bytes, bytes, is_packed, crc })
+        Ok(ArchiveMember { at, packed_bytes, bytes, is_packed, crc })
     }
 
     /// Its text, read from `file`.
@@ -99,7 +99,7 @@ enum Inner<R> {
 pub(super) struct Text<R> {
     inner: Inner<R>,
     crc: Crc,
-    member: Member,
+    member: ArchiveMember,
 }
 
 impl<R: Read> Read for Text<R> {

@@ -64,7 +64,7 @@ pub(crate) mod tilt;
 pub(crate) mod words;
 
 pub use auxiliary::is_auxiliary;
-pub use deposition::Mark;
+pub use deposition::DepositionCode;
 pub use firmware::Firmware;
 pub use layer_axis::LayerAxis;
 pub use plan::ExtruderAxis;
@@ -76,16 +76,16 @@ pub use report::{
 use super::{BeadSink, BeadView};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Silent};
-use beads::Beads;
+use beads::BeadAssembler;
 use comments::Comment;
 use extruder::Extruder;
-use lines::{Lines, Stop};
-use machine::Machine;
-use member::Member;
-use plan::Plan;
-use settings::Settings;
-use signs::Signs;
-use source::{CountedFile, Opened, Source};
+use lines::{LinesEnd, StreamLines};
+use machine::MachineState;
+use member::ArchiveMember;
+use plan::ReadPlan;
+use settings::SlicerSettings;
+use signs::ScanFindings;
+use source::{CountedFile, FileOrMember, TextStream};
 use std::io::Read;
 use std::path::Path;
 
@@ -129,9 +129,9 @@ pub struct GcodeOptions {
     /// The axis that feeds, in the place of E.
     pub extruder_axis: Option<ExtruderAxis>,
     /// Codes that switch deposition on and off, in the place of E and of those that the reader knows.
-    pub deposit_on: Vec<Mark>,
+    pub deposit_on: Vec<DepositionCode>,
     /// See [`GcodeOptions::deposit_on`]. Commands that take an argument switch off by 0 without.
-    pub deposit_off: Vec<Mark>,
+    pub deposit_off: Vec<DepositionCode>,
     /// Variables of the machine that the file uses and does not set, by their names: `#200`, `R1`.
     pub variables: Vec<(String, f64)>,
     /// The plate whose toolpath is read, of an archive of several.
@@ -171,14 +171,14 @@ pub fn read_gcode(
     let mut file = source::open(path)?;
     let bytes = file.metadata().map_err(Error::io(path, "read the size"))?.len();
     let is_archive = member::is_archive(&mut file).map_err(Error::io(path, "read"))?;
-    let member = is_archive.then(|| Member::find(path, file, options.plate)).transpose()?;
+    let member = is_archive.then(|| ArchiveMember::find(path, file, options.plate)).transpose()?;
     let mut passes = ["finding the slicer's settings"].into_iter();
     let open = || {
         progress.phase(passes.next().unwrap_or("reading G-code"), Some(bytes), "bytes");
         let file = CountedFile { file: source::open(path)?, progress };
         Ok(match &member {
-            Some(member) => Opened::Member(member.open(file).map_err(Error::io(path, "read"))?),
-            None => Opened::Whole(file),
+            Some(member) => FileOrMember::Member(member.open(file).map_err(Error::io(path, "read"))?),
+            None => FileOrMember::Whole(file),
         })
     };
     read(path, open, options, progress, sink)
@@ -212,7 +212,7 @@ fn read<R: Read>(
     })?;
     survey.settings.finish();
     survey.signs.complete(&mut survey.settings);
-    let mut plan = Plan::new(options, &survey);
+    let mut plan = ReadPlan::new(options, &survey);
     while let Some(trial) = plan.trial() {
         let mut nothing = |_: BeadView<'_>| Ok(());
         let machine = carry_out(path, open()?, (&trial, options, &survey), progress, &mut nothing)?.0;
@@ -232,16 +232,16 @@ fn read<R: Read>(
 fn carry_out<'s, 'k, R: Read>(
     path: &Path,
     source: R,
-    (plan, options, survey): (&Plan, &GcodeOptions, &Survey),
+    (plan, options, survey): (&ReadPlan, &GcodeOptions, &Survey),
     progress: &dyn Progress,
     sink: &'s mut BeadSink<'k>,
-) -> Result<(Machine<'s, 'k>, u64)> {
+) -> Result<(MachineState<'s, 'k>, u64)> {
     let options = &plan.options(options);
     let (firmware, firmware_source) = survey.firmware(options);
     let (diameters, _) = survey.filament(options, firmware);
     let feeds = plan.by_extruder || plan.has_area;
     let has_layers = survey.has_layer_marks || survey.signs.has_layers;
-    let mut beads = Beads::new(path, options, &survey.settings, feeds, has_layers, sink);
+    let mut beads = BeadAssembler::new(path, options, &survey.settings, feeds, has_layers, sink);
     survey.describe(firmware_source, &mut beads.report);
     beads.report.firmware = firmware;
     plan.prepare(&mut beads, options, &survey.signs);
@@ -251,7 +251,7 @@ fn carry_out<'s, 'k, R: Read>(
         false => setup.switch.text(),
     };
     let extruder = Extruder::new(firmware, &survey.settings, diameters);
-    let mut machine = Machine::new(path, options, setup, extruder, beads);
+    let mut machine = MachineState::new(path, options, setup, extruder, beads);
     let lines = each_line(path, source, progress, |number, line| {
         machine.line = number;
         machine.execute(line)
@@ -267,16 +267,16 @@ fn each_line<R: Read>(
     progress: &dyn Progress,
     mut take: impl FnMut(u64, &[u8]) -> Result<()>,
 ) -> Result<u64> {
-    let source = Source::new(path, packed)?;
+    let source = TextStream::new(path, packed)?;
     let action = source.action();
-    let mut lines = Lines::new(source);
+    let mut lines = StreamLines::new(source);
     let mut number = 0;
     loop {
         let line = match lines.next() {
             Ok(Some(line)) => line,
             Ok(None) => return Ok(number),
-            Err(Stop::Read(source)) => return Err(Error::io(path, action)(source)),
-            Err(Stop::TooLong) => {
+            Err(LinesEnd::Read(source)) => return Err(Error::io(path, action)(source)),
+            Err(LinesEnd::TooLong) => {
                 let place = format!("line {}", number + 1);
                 let what = format!("is longer than {} bytes", lines::LINE_BYTES_MAX);
                 return Err(Error::input(path, place, what, "give a G-code file with ends of lines"));
@@ -296,10 +296,10 @@ fn each_line<R: Read>(
 /// What must be known of a file before its first line is carried out.
 #[derive(Default)]
 struct Survey {
-    settings: Settings,
+    settings: SlicerSettings,
     has_e: bool,
     has_layer_marks: bool,
-    signs: Signs,
+    signs: ScanFindings,
     extruder_letter: u8,
 }
 
@@ -334,7 +334,8 @@ impl Survey {
 
     /// Writes down what the file says of itself.
     fn describe(&self, source: FirmwareSource, report: &mut GcodeReport) {
-        let Settings { layer_height, first_layer_height, line_width, nozzle_diameter, .. } = self.settings;
+        let SlicerSettings { layer_height, first_layer_height, line_width, nozzle_diameter, .. } =
+            self.settings;
         report.firmware_source = source;
         report.firmware_named_by = self.settings.firmware().map(|(_, by)| by.to_owned());
         report.slicer = self.settings.slicer.clone();
@@ -343,7 +344,7 @@ impl Survey {
 
     /// Diameters by tool; they do not matter where E counts volume.
     fn filament(&self, options: &GcodeOptions, firmware: Firmware) -> (Vec<f64>, FilamentSource) {
-        let Settings { filament_diameters: stated, told_by_m200, .. } = &self.settings;
+        let SlicerSettings { filament_diameters: stated, told_by_m200, .. } = &self.settings;
         match options.filament_diameter {
             _ if !self.has_e => (Vec::new(), FilamentSource::None),
             Some(diameter) => (vec![diameter], FilamentSource::Option),

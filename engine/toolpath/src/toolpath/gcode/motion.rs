@@ -1,14 +1,14 @@
 //! Motion: what a line's words move, and what it deposits on its way.
 
 use super::arc::{Arc, Centre, Chords};
-use super::beads::{Kind, Pose, distance};
-use super::extruder::Fed;
+use super::beads::{BeadKey, Pose, distance};
+use super::extruder::FeedAmount;
 use super::firmware::{Firmware, TurnsRule};
 use super::layer_axis::LayerAxis;
-use super::machine::Machine;
-use super::parameters::{Sizes, letters};
+use super::machine::MachineState;
+use super::parameters::{SizeWords, letters};
 use super::position::AXES;
-use super::sizes::{Piece, Resolution};
+use super::sizes::{BeadMove, NumberResolution};
 use crate::error::Result;
 
 /// Deviation allowed for the chords of an arc: this part of the bead's width...
@@ -28,9 +28,9 @@ const DOWN: LayerAxis = LayerAxis::new(b'Z', true);
 /// The two axes of the plane of arcs and the axis along its normal: G17, G18, G19.
 const PLANES: [[usize; 3]; 3] = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
 
-impl Machine<'_, '_> {
+impl MachineState<'_, '_> {
     /// G0, G1, G2, G3.
-    pub(super) fn go(&mut self, motion: u8, sizes: &Sizes) -> Result<()> {
+    pub(super) fn go(&mut self, motion: u8, sizes: &SizeWords) -> Result<()> {
         let from = self.position.pose();
         let fed = self.extruder.feed(sizes, self.position.unit);
         if self.extruder.is_disputed() && sizes.states(letters(b"E")) {
@@ -72,20 +72,20 @@ impl Machine<'_, '_> {
             None => self.beads.feature(b"", self.line)?,
         };
         self.feature = Some(feature);
-        let kind = Kind { layer: self.layer, tool: self.extruder.tool, feature };
+        let kind = BeadKey { layer: self.layer, tool: self.extruder.tool, feature };
         let area = self.extruder.area() * flow;
         self.extruder.fed_by_length |= self.by_extruder && !self.extruder.is_volumetric();
         self.beads.resolution =
-            Resolution { position: self.position.resolution, volume: self.extruder.resolution * area };
+            NumberResolution { position: self.position.resolution, volume: self.extruder.resolution * area };
         let net = match self.switch.area {
             Some(area) if !self.by_extruder => {
                 // An area is what the file says, however its coordinates are rounded.
-                self.beads.resolution = Resolution::default();
+                self.beads.resolution = NumberResolution::default();
                 area * distance(from.point, to.point)
             }
             _ => fed.net * flow,
         };
-        let piece = Piece { fed: net, width: self.region_width.or(self.width), height: self.height };
+        let piece = BeadMove { fed: net, width: self.region_width.or(self.width), height: self.height };
         match is_arc {
             true => self.deposit_arc(motion, sizes, kind, (&from, &to, fed.begin), piece),
             false if fed.begin > 0.0 => {
@@ -98,7 +98,7 @@ impl Machine<'_, '_> {
 
     /// The move begins without a deposit: what was retracted must be fed first.
     #[cold]
-    fn make_up(&mut self, fed: &Fed) -> Result<()> {
+    fn make_up(&mut self, fed: &FeedAmount) -> Result<()> {
         if fed.is_odd {
             self.beads.report.made_up.count += 1;
             self.beads.report.made_up.volume += (fed.moved - fed.net) * self.flow();
@@ -117,7 +117,7 @@ impl Machine<'_, '_> {
     }
 
     /// G53: goes to places in the machine's coordinates, without a bead.
-    pub(super) fn go_in_machine(&mut self, sizes: &Sizes) -> Result<()> {
+    pub(super) fn go_in_machine(&mut self, sizes: &SizeWords) -> Result<()> {
         let unit = self.position.unit;
         let fed = self.extruder.feed(sizes, unit);
         self.extruder.in_move(fed);
@@ -153,7 +153,7 @@ impl Machine<'_, '_> {
         self.flows.get(&self.extruder.tool).copied().unwrap_or(1.0)
     }
 
-    fn advance_axes(&mut self, sizes: &Sizes) -> Result<()> {
+    fn advance_axes(&mut self, sizes: &SizeWords) -> Result<()> {
         if self.plane != 0 && sizes.states(letters(b"IJKR")) && self.position.layer_axis() == DOWN {
             return Err(self.fault("is an arc out of the plane of X and Y on a machine whose Z points down"));
         }
@@ -191,7 +191,7 @@ impl Machine<'_, '_> {
         Ok(())
     }
 
-    fn arc(&mut self, motion: u8, sizes: &Sizes, from: &Pose, to: &Pose) -> Result<Chords> {
+    fn arc(&mut self, motion: u8, sizes: &SizeWords, from: &Pose, to: &Pose) -> Result<Chords> {
         let [u, v, _] = PLANES[self.plane];
         let start = [from.point[u], from.point[v]];
         let centre = match sizes.get(b'R') {
@@ -223,7 +223,7 @@ impl Machine<'_, '_> {
     }
 
     /// Full turns that stand before an arc, by its word P.
-    fn turns(&mut self, sizes: &Sizes, is_circle: bool) -> Result<u32> {
+    fn turns(&mut self, sizes: &SizeWords, is_circle: bool) -> Result<u32> {
         let Some(turns) = sizes.get(b'P') else { return Ok(0) };
         let rule = self.extruder.firmware.turns_rule();
         if rule == TurnsRule::Ignored {
@@ -261,10 +261,10 @@ impl Machine<'_, '_> {
     fn deposit_arc(
         &mut self,
         motion: u8,
-        sizes: &Sizes,
-        kind: Kind,
+        sizes: &SizeWords,
+        kind: BeadKey,
         (from, to, begin): (&Pose, &Pose, f64),
-        piece: Piece,
+        piece: BeadMove,
     ) -> Result<()> {
         let chords = self.arc(motion, sizes, from, to)?;
         let [u, v, normal] = PLANES[self.plane];
@@ -274,7 +274,7 @@ impl Machine<'_, '_> {
             Some(area) if !self.by_extruder => area * length,
             _ => piece.fed,
         };
-        let piece = Piece { fed, ..piece };
+        let piece = BeadMove { fed, ..piece };
         let between = |a: f64, b: f64, part: f64| a + (b - a) * part;
         let mut last = (*from, 0.0);
         let mut walked = 0.0;
@@ -296,11 +296,11 @@ impl Machine<'_, '_> {
     /// A chord between two parts of an arc that deposits from the part `begin` on.
     fn deposit_chord(
         &mut self,
-        kind: Kind,
+        kind: BeadKey,
         (from, from_part): (Pose, f64),
         (to, to_part): (Pose, f64),
         begin: f64,
-        piece: Piece,
+        piece: BeadMove,
     ) -> Result<()> {
         if to_part <= begin {
             return Ok(());
@@ -311,6 +311,6 @@ impl Machine<'_, '_> {
             part = to_part - begin;
         }
         let fed = if begin > 0.0 { piece.fed * (part / (1.0 - begin)) } else { piece.fed * part };
-        self.beads.deposit(kind, &start, &to, Piece { fed, ..piece }, self.line)
+        self.beads.deposit(kind, &start, &to, BeadMove { fed, ..piece }, self.line)
     }
 }

@@ -1,13 +1,13 @@
 //! Words and lines with names: commands of several letters, values that the file assigns, expressions.
 
 use super::deposition;
-use super::machine::Machine;
+use super::machine::MachineState;
 use super::neutral;
-use super::parameters::Sizes;
+use super::parameters::SizeWords;
 use super::words::{self, NAMED, Word, Words, token};
 use crate::error::Result;
 
-impl Machine<'_, '_> {
+impl MachineState<'_, '_> {
     /// A line that begins with a name: a command of Klipper or of another machine, or a variable's.
     pub(super) fn extended(&mut self, start: &[u8]) -> Result<()> {
         let name = words::identifier(start);
@@ -110,7 +110,7 @@ impl Machine<'_, '_> {
     }
 
     /// A word that has a name for a letter.
-    pub(super) fn named_word(&mut self, word: &Word<'_>, sizes: &mut Sizes) -> Result<()> {
+    pub(super) fn named_word(&mut self, word: &Word<'_>, sizes: &mut SizeWords) -> Result<()> {
         let name = word.name.to_ascii_uppercase();
         match &name[..] {
             b"A3" | b"B3" | b"C3" => self.vector[usize::from(name[0] - b'A')] = word.value,

@@ -4,14 +4,14 @@ use super::words::Word;
 
 /// The words of one command that carry a size.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Sizes {
+pub(super) struct SizeWords {
     values: [f64; 26],
     present: u32,
     /// Words whose value is a placeholder.
     open: u32,
 }
 
-impl Sizes {
+impl SizeWords {
     pub(super) fn get(&self, letter: u8) -> Option<f64> {
         self.has(letter).then(|| self.values[usize::from(letter - b'A')])
     }

@@ -1,11 +1,11 @@
 //! How a file is to be carried out: what deposits, in which unit, and which axis carries layers.
 
-use super::beads::Beads;
-use super::deposition::{Family, Mark, Switch};
+use super::beads::BeadAssembler;
+use super::deposition::{DepositionCode, DepositionSwitch, MachineFamily};
 use super::layer_axis::LayerAxis;
 use super::machine::Setup;
 use super::report::UnitSource;
-use super::signs::Signs;
+use super::signs::ScanFindings;
 use super::sizes::Rise;
 use super::{GcodeOptions, Survey};
 use crate::error::{Error, Result};
@@ -53,7 +53,7 @@ pub(super) fn check(options: &GcodeOptions) -> Result<()> {
     if on.is_empty() && !off.is_empty() {
         return Err(Error::setting("codes switch off, and none switches on", "give --deposit-on, too"));
     }
-    if off.is_empty() && !on.iter().all(Mark::takes_argument) {
+    if off.is_empty() && !on.iter().all(DepositionCode::takes_argument) {
         return Err(Error::setting("codes switch on, and none switches off", "give --deposit-off, too"));
     }
     if options.unit.is_some_and(|unit| !(1e-6..=1e4).contains(&unit)) {
@@ -68,7 +68,7 @@ pub(super) fn check(options: &GcodeOptions) -> Result<()> {
 }
 
 /// What a user may do about a file in which nothing was deposited.
-pub(super) fn remedy(signs: &Signs) -> String {
+pub(super) fn remedy(signs: &ScanFindings) -> String {
     let mut remedy =
         "give G-code whose moves have E words, or M3 and M5 around them; other codes by --deposit-on and \
                       --deposit-off"
@@ -81,14 +81,14 @@ pub(super) fn remedy(signs: &Signs) -> String {
 
 /// How a file is carried out.
 #[derive(Clone)]
-pub(super) struct Plan {
+pub(super) struct ReadPlan {
     /// Whether the extruder's axis deposits; otherwise codes do.
     pub(super) by_extruder: bool,
     /// Whether the file gives the area of its beads.
     pub(super) has_area: bool,
-    family: Family,
+    family: MachineFamily,
     /// Codes of another machine that stand in the file, too.
-    rival: Option<Family>,
+    rival: Option<MachineFamily>,
     unit: (f64, UnitSource),
     dialect: Option<String>,
     layer_axis: LayerAxis,
@@ -109,8 +109,8 @@ enum Open {
     Bed,
 }
 
-impl Plan {
-    pub(super) fn new(options: &GcodeOptions, survey: &Survey) -> Plan {
+impl ReadPlan {
+    pub(super) fn new(options: &GcodeOptions, survey: &Survey) -> ReadPlan {
         let signs = &survey.signs;
         let (family, rival) = signs.family();
         let by_codes = !options.deposit_on.is_empty();
@@ -129,14 +129,15 @@ impl Plan {
             Some(_) if options.layer_axis.is_some() => Open::Bed,
             Some(_) => Open::Axis,
         };
-        let by_family = family.filter(|_| !by_extruder && !by_codes).and_then(Family::machine);
-        Plan {
+        let by_family = family.filter(|_| !by_extruder && !by_codes).and_then(MachineFamily::machine);
+        ReadPlan {
             by_extruder,
-            has_area: family == Some(Family::Siemens) && !by_extruder && !by_codes,
-            family: family.unwrap_or(Family::Spindle),
+            has_area: family == Some(MachineFamily::Siemens) && !by_extruder && !by_codes,
+            family: family.unwrap_or(MachineFamily::Spindle),
             // MELD's spindle stirs, and a gun's runs with it.
-            rival: rival
-                .filter(|_| !by_extruder && !by_codes && !matches!(family, Some(Family::Meld | Family::Gun))),
+            rival: rival.filter(|_| {
+                !by_extruder && !by_codes && !matches!(family, Some(MachineFamily::Meld | MachineFamily::Gun))
+            }),
             unit,
             dialect: signs.machine.clone().or(by_family.map(str::to_owned)),
             layer_axis,
@@ -148,12 +149,12 @@ impl Plan {
     }
 
     /// The plan of the next trial, if one is needed.
-    pub(super) fn trial(&self) -> Option<Plan> {
-        (self.open != Open::Nothing).then(|| Plan { is_trial: true, ..self.clone() })
+    pub(super) fn trial(&self) -> Option<ReadPlan> {
+        (self.open != Open::Nothing).then(|| ReadPlan { is_trial: true, ..self.clone() })
     }
 
     /// Takes in what a trial showed.
-    pub(super) fn learn(&mut self, beads: &Beads<'_, '_>) {
+    pub(super) fn learn(&mut self, beads: &BeadAssembler<'_, '_>) {
         let rise: &Rise = &beads.layering.rise;
         let moved = beads.tables.is_some_and(|(low, high)| high > low);
         match self.open {
@@ -186,10 +187,15 @@ impl Plan {
     }
 
     /// Tells the beads' gatherer what it needs.
-    pub(super) fn prepare(&self, beads: &mut Beads<'_, '_>, options: &GcodeOptions, signs: &Signs) {
+    pub(super) fn prepare(
+        &self,
+        beads: &mut BeadAssembler<'_, '_>,
+        options: &GcodeOptions,
+        signs: &ScanFindings,
+    ) {
         beads.layering.bed = self.bed;
         if let Some(rival) = self.rival {
-            let list = |family: Family| family.codes().0.join(", ");
+            let list = |family: MachineFamily| family.codes().0.join(", ");
             let what = format!(
                 "{} and {} both stand in the file: the first is taken for what deposits; if not, give --deposit-on and \
                  --deposit-off",
@@ -219,8 +225,8 @@ impl Plan {
     /// The machine's state before its program begins.
     pub(super) fn setup(&self, options: &GcodeOptions, survey: &Survey) -> Setup {
         let switch = match options.deposit_on.is_empty() {
-            true => Switch::of(self.family),
-            false => Switch::new(&options.deposit_on, &options.deposit_off),
+            true => DepositionSwitch::of(self.family),
+            false => DepositionSwitch::new(&options.deposit_on, &options.deposit_off),
         };
         Setup {
             by_extruder: self.by_extruder,

@@ -4,7 +4,7 @@ use super::POSITION_MAX;
 use super::beads::Pose;
 use super::layer_axis::LayerAxis;
 use super::offsets::Offsets;
-use super::parameters::{Sizes, letters};
+use super::parameters::{SizeWords, letters};
 
 /// Letters of the straight axes.
 pub(super) const AXES: [u8; 3] = *b"XYZ";
@@ -14,7 +14,7 @@ const TURNING: [u8; 3] = *b"ABC";
 const OUT_OF_RANGE: &str = "leads out of range: no machine is larger than 1 km";
 
 /// The position, and the modes that say what the axes' words mean.
-pub(super) struct Position {
+pub(super) struct MachinePosition {
     /// mm in a unit of length.
     pub(super) unit: f64,
     /// Words of the axes count from where the tool is (G91).
@@ -40,9 +40,9 @@ pub(super) struct Position {
     pub(super) resolution: f64,
 }
 
-impl Position {
-    pub(super) fn new(unit: f64, layer_axis: LayerAxis) -> Position {
-        Position {
+impl MachinePosition {
+    pub(super) fn new(unit: f64, layer_axis: LayerAxis) -> MachinePosition {
+        MachinePosition {
             unit,
             relative: false,
             logical: [0.0; 3],
@@ -90,7 +90,7 @@ impl Position {
         Pose { point, degrees: self.degrees, vector: self.vector }
     }
 
-    /// What brings a coordinate of an axis to where [`Position::pose`] has it.
+    /// What brings a coordinate of an axis to where [`MachinePosition::pose`] has it.
     pub(super) fn pose_offset(&self, axis: usize) -> f64 {
         match self.layer_axis.letter() {
             Some(letter) if axis == 2 && letter != b'Z' => {
@@ -123,7 +123,7 @@ impl Position {
     }
 
     /// G53: moves the table to a place in the machine's coordinates.
-    pub(super) fn move_table(&mut self, sizes: &Sizes) {
+    pub(super) fn move_table(&mut self, sizes: &SizeWords) {
         let letter = self.layer_axis.letter().filter(|letter| *letter != b'Z');
         if let Some(value) = letter.and_then(|letter| sizes.get(letter)) {
             self.table.0 = value * self.unit - self.table.1;
@@ -144,7 +144,7 @@ impl Position {
     ///
     /// # Errors
     /// If the position is out of range, with the reason.
-    pub(super) fn advance(&mut self, sizes: &Sizes) -> Result<bool, &'static str> {
+    pub(super) fn advance(&mut self, sizes: &SizeWords) -> Result<bool, &'static str> {
         let mut left_open = false;
         for (axis, letter) in AXES.into_iter().enumerate() {
             if let Some(value) = sizes.get(letter) {
@@ -174,7 +174,7 @@ impl Position {
         Ok(left_open)
     }
 
-    fn advance_table(&mut self, sizes: &Sizes) -> Result<(), &'static str> {
+    fn advance_table(&mut self, sizes: &SizeWords) -> Result<(), &'static str> {
         let letter = self.layer_axis.letter().filter(|letter| *letter != b'Z');
         if let Some(value) = letter.and_then(|letter| sizes.get(letter)) {
             let value = value * self.unit;
@@ -187,7 +187,7 @@ impl Position {
     }
 
     /// G92: the tool is where it is, and is called so from now on; without a word, 0 on `all` axes.
-    pub(super) fn rename(&mut self, sizes: &Sizes, all: bool) {
+    pub(super) fn rename(&mut self, sizes: &SizeWords, all: bool) {
         for (axis, letter) in AXES.into_iter().enumerate() {
             if let Some(value) = sizes.get(letter).or(all.then_some(0.0)) {
                 let machine = self.logical[axis] + self.offset[axis];

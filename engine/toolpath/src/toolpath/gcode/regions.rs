@@ -5,7 +5,7 @@ use super::words::number;
 
 /// The meaning of a comment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Region {
+pub(super) enum CommentMeaning {
     /// A layer begins.
     Layer,
     /// What is deposited, and how wide it is, in micrometres or in the file's unit.
@@ -56,21 +56,21 @@ const MICROMETRES_FROM: f64 = 500.0;
 
 /// Reads a comment without its marks. Regions are in capitals; in lower case other slicers write such words for
 /// purposes of their own.
-pub(super) fn meaning(text: &[u8], in_parentheses: bool) -> Option<Region> {
+pub(super) fn meaning(text: &[u8], in_parentheses: bool) -> Option<CommentMeaning> {
     let text = text.trim_ascii();
     match text.first()? {
-        b'B' | b'b' if starts_with(text, b"BEGINNING LAYER") => Some(Region::Layer),
-        b'L' | b'l' if in_parentheses && numbers_layer(text) => Some(Region::Layer),
+        b'B' | b'b' if starts_with(text, b"BEGINNING LAYER") => Some(CommentMeaning::Layer),
+        b'L' | b'l' if in_parentheses && numbers_layer(text) => Some(CommentMeaning::Layer),
         b'T' if text.starts_with(TRAVEL.as_bytes()) => {
             let rest = &text[TRAVEL.len()..];
-            (rest.is_empty() || rest[0] == b' ').then_some(Region::Travel)
+            (rest.is_empty() || rest[0] == b' ').then_some(CommentMeaning::Travel)
         }
         b'A'..=b'Z' => region(text.strip_prefix(b"AD-").unwrap_or(text)),
         _ => None,
     }
 }
 
-fn region(text: &[u8]) -> Option<Region> {
+fn region(text: &[u8]) -> Option<CommentMeaning> {
     let name = REGIONS.into_iter().find(|name| text.starts_with(name.as_bytes()))?;
     let rest = &text[name.len()..];
     let (width, rest) = match rest.trim_ascii_start().strip_prefix(b"-") {
@@ -83,7 +83,7 @@ fn region(text: &[u8]) -> Option<Region> {
     };
     let is_modifier = |text: &[u8]| MODIFIERS.iter().any(|known| text.starts_with(known));
     let fits = rest.is_empty() || (rest[0] == b' ' && is_modifier(rest.trim_ascii_start()));
-    fits.then_some(Region::Deposit(name, width))
+    fits.then_some(CommentMeaning::Deposit(name, width))
 }
 
 /// `LAYER 3`, `Layer: 3`, `LAYER = 3`, `LAYER #3`.
@@ -132,29 +132,29 @@ mod tests {
     #[test]
     fn regions_layers_and_widths() {
         for (text, expected) in [
-            ("BEGINNING LAYER: 12", Some(Region::Layer)),
-            ("LAYER 3", Some(Region::Layer)),
-            ("Layer: 3", Some(Region::Layer)),
-            ("LAYER #3", Some(Region::Layer)),
-            ("LAYER=3", Some(Region::Layer)),
+            ("BEGINNING LAYER: 12", Some(CommentMeaning::Layer)),
+            ("LAYER 3", Some(CommentMeaning::Layer)),
+            ("Layer: 3", Some(CommentMeaning::Layer)),
+            ("LAYER #3", Some(CommentMeaning::Layer)),
+            ("LAYER=3", Some(CommentMeaning::Layer)),
             ("LAYER COUNT: 2", None),
             ("LAYER HEIGHT: 2", None),
             ("LAYER", None),
             ("LAYERS 3", None),
-            ("PERIMETER", Some(Region::Deposit("PERIMETER", None))),
-            (" SKIN SLOW DOWN ", Some(Region::Deposit("SKIN", None))),
-            ("SUPPORT_ROOF", Some(Region::Deposit("SUPPORT_ROOF", None))),
-            ("SKELETON-0.1234", Some(Region::Deposit("SKELETON", Some(0.1234)))),
-            ("SKELETON-12700.5 PRESTART", Some(Region::Deposit("SKELETON", Some(12700.5)))),
-            ("SKELETON - 0.5", Some(Region::Deposit("SKELETON", Some(0.5)))),
-            ("AD-SKELETON-5", Some(Region::Deposit("SKELETON", Some(5.0)))),
+            ("PERIMETER", Some(CommentMeaning::Deposit("PERIMETER", None))),
+            (" SKIN SLOW DOWN ", Some(CommentMeaning::Deposit("SKIN", None))),
+            ("SUPPORT_ROOF", Some(CommentMeaning::Deposit("SUPPORT_ROOF", None))),
+            ("SKELETON-0.1234", Some(CommentMeaning::Deposit("SKELETON", Some(0.1234)))),
+            ("SKELETON-12700.5 PRESTART", Some(CommentMeaning::Deposit("SKELETON", Some(12700.5)))),
+            ("SKELETON - 0.5", Some(CommentMeaning::Deposit("SKELETON", Some(0.5)))),
+            ("AD-SKELETON-5", Some(CommentMeaning::Deposit("SKELETON", Some(5.0)))),
             ("PERIMETER SPINDLE ADJUSTMENT", None),
             ("PERIMETERS", None),
             ("SKELETON-x", None),
             ("perimeter", None),
             ("Perimeter Count: 2", None),
-            ("TRAVEL", Some(Region::Travel)),
-            ("TRAVEL LIFT Z", Some(Region::Travel)),
+            ("TRAVEL", Some(CommentMeaning::Travel)),
+            ("TRAVEL LIFT Z", Some(CommentMeaning::Travel)),
             ("TRAVELLER", None),
             ("", None),
         ] {

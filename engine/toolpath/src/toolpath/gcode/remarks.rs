@@ -1,15 +1,15 @@
 //! What comments change: layers, features and regions, sizes of beads.
 
 use super::comments::{self, Comment};
-use super::machine::Machine;
-use super::regions::{self, Region};
+use super::machine::MachineState;
+use super::regions::{self, CommentMeaning};
 use super::words::{Words, behind_number};
 use crate::error::Result;
 
 /// A feature, and the width of its region.
 type Mark = (Option<u16>, Option<f64>);
 
-impl Machine<'_, '_> {
+impl MachineState<'_, '_> {
     /// Takes in the comments in a line. Those of a move name its region; what they say of a travel is taken back
     /// with the value returned.
     pub(super) fn comments_of(&mut self, line: &[u8], alone: bool) -> Result<Option<Mark>> {
@@ -17,12 +17,12 @@ impl Machine<'_, '_> {
         let moves = alone || begins_move(line);
         for (comment, in_parentheses) in regions::comments(line) {
             match regions::meaning(comment, in_parentheses) {
-                Some(Region::Deposit(name, width)) if moves => self.enter_region(name, width)?,
-                Some(Region::Travel) if moves && !alone => {
+                Some(CommentMeaning::Deposit(name, width)) if moves => self.enter_region(name, width)?,
+                Some(CommentMeaning::Travel) if moves && !alone => {
                     before = Some((self.feature, self.region_width));
                     self.enter_region(regions::TRAVEL, None)?;
                 }
-                Some(Region::Layer) => self.begin_layer(),
+                Some(CommentMeaning::Layer) => self.begin_layer(),
                 None if alone && in_parentheses => {
                     // Comments of slicers, put into parentheses.
                     self.comment(&[b";", comment].concat())?;
@@ -48,9 +48,9 @@ impl Machine<'_, '_> {
     pub(super) fn comment(&mut self, comment: &[u8]) -> Result<()> {
         match regions::meaning(&comment[1..], false) {
             None => {}
-            Some(Region::Layer) => self.begin_layer(),
-            Some(Region::Deposit(name, width)) => return self.enter_region(name, width),
-            Some(Region::Travel) => return Ok(()),
+            Some(CommentMeaning::Layer) => self.begin_layer(),
+            Some(CommentMeaning::Deposit(name, width)) => return self.enter_region(name, width),
+            Some(CommentMeaning::Travel) => return Ok(()),
         }
         match comments::meaning(comment) {
             Comment::Feature(name) => self.feature = Some(self.beads.feature(name, self.line)?),

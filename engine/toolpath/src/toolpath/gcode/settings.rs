@@ -13,7 +13,7 @@ const EXTRUDERS_MAX: usize = 1 << 10;
 
 /// What the slicer's settings say, wherever in the file they stand. Lengths in mm.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Settings {
+pub(super) struct SlicerSettings {
     /// Filament diameter of each tool.
     pub(super) filament_diameters: Vec<f64>,
     /// E counts mm³ instead of mm of filament.
@@ -48,7 +48,7 @@ struct Named {
     by: String,
 }
 
-impl Settings {
+impl SlicerSettings {
     /// Takes in a comment, from its semicolon. A setting reads `; key = value`, `; key: value` or `; key,value`.
     #[inline]
     pub(super) fn read(&mut self, comment: &[u8]) {
@@ -280,8 +280,8 @@ pub(super) fn size(text: &[u8]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn read(lines: &[&str]) -> Settings {
-        let mut settings = Settings::default();
+    fn read(lines: &[&str]) -> SlicerSettings {
+        let mut settings = SlicerSettings::default();
         for line in lines {
             match line.as_bytes().first() {
                 Some(b';') => settings.read(line.as_bytes()),
@@ -378,7 +378,7 @@ mod tests {
         ] {
             assert_eq!(read(&[line]).is_volumetric(Firmware::Unnamed), volumetric, "{line}");
         }
-        assert!(Settings::default().is_volumetric(Firmware::UltiGCode));
+        assert!(SlicerSettings::default().is_volumetric(Firmware::UltiGCode));
     }
 
     #[test]

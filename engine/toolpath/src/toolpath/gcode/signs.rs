@@ -1,9 +1,9 @@
 //! What tells the machine that a file is for: found before its first line is carried out.
 
-use super::deposition::{FAMILIES, Family};
+use super::deposition::{FAMILIES, MachineFamily};
 use super::layer_axis::LayerAxis;
-use super::regions::{self, Region};
-use super::settings::Settings;
+use super::regions::{self, CommentMeaning};
+use super::settings::SlicerSettings;
 use super::words::{Words, identifier, number};
 
 /// mm in an inch.
@@ -18,7 +18,7 @@ pub(super) const OTHER_AXES: [u8; 6] = *b"ABCUVW";
 
 /// How the positions of an axis follow each other.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Course {
+pub(super) struct AxisStatistics {
     last: Option<f64>,
     pub(super) rises: u64,
     pub(super) falls: u64,
@@ -28,7 +28,7 @@ pub(super) struct Course {
 
 /// What was found.
 #[derive(Default)]
-pub(super) struct Signs {
+pub(super) struct ScanFindings {
     /// The machine, as the header names it.
     pub(super) machine: Option<String>,
     /// The header gives sizes in inches, or in mm.
@@ -48,7 +48,7 @@ pub(super) struct Signs {
     /// Codes, by their places in [`CODES`].
     codes: u32,
     /// Of [`OTHER_AXES`].
-    pub(super) courses: [Course; 6],
+    pub(super) courses: [AxisStatistics; 6],
 }
 
 /// Codes that switch deposition, one a bit.
@@ -76,7 +76,7 @@ const CODES: [&[u8]; 21] = [
     b"M53",
 ];
 
-impl Signs {
+impl ScanFindings {
     /// Takes in a line without spaces at its front.
     pub(super) fn read(&mut self, text: &[u8]) {
         if memchr::memchr2(b'(', b';', text).is_some() {
@@ -96,9 +96,9 @@ impl Signs {
 
     fn comment(&mut self, comment: &[u8], in_parentheses: bool) {
         match regions::meaning(comment, in_parentheses) {
-            Some(Region::Layer) => self.has_layers = true,
-            Some(Region::Deposit(..)) => self.has_regions = true,
-            Some(Region::Travel) => {}
+            Some(CommentMeaning::Layer) => self.has_layers = true,
+            Some(CommentMeaning::Deposit(..)) => self.has_regions = true,
+            Some(CommentMeaning::Travel) => {}
             None => self.header(comment.trim_ascii()),
         }
     }
@@ -188,14 +188,14 @@ impl Signs {
     }
 
     /// What switches deposition, where nothing feeds it; and what else might.
-    pub(super) fn family(&self) -> (Option<Family>, Option<Family>) {
-        let is_seen = |family: &Family| {
+    pub(super) fn family(&self) -> (Option<MachineFamily>, Option<MachineFamily>) {
+        let is_seen = |family: &MachineFamily| {
             let (on, off) = family.codes();
             let switches_on = on.iter().any(|code| self.has(code));
             match family {
-                Family::Siemens | Family::Ingersoll | Family::Spindle => switches_on,
+                MachineFamily::Siemens | MachineFamily::Ingersoll | MachineFamily::Spindle => switches_on,
                 // With a spindle that stops they are something else's.
-                Family::Gun => switches_on && self.has("M53") && !self.has("M5"),
+                MachineFamily::Gun => switches_on && self.has("M53") && !self.has("M5"),
                 // M24 alone stands in files of printers.
                 _ => switches_on && off.iter().any(|code| *code != "M5" && self.has(code)),
             }
@@ -237,7 +237,7 @@ impl Signs {
     }
 
     /// Gives the settings what the header tells and nothing else does.
-    pub(super) fn complete(&self, settings: &mut Settings) {
+    pub(super) fn complete(&self, settings: &mut SlicerSettings) {
         settings.layer_height = settings.layer_height.or(self.height);
         settings.line_width = settings.line_width.or(self.width);
         if settings.filament_diameters.is_empty() {
@@ -246,7 +246,7 @@ impl Signs {
     }
 }
 
-impl Course {
+impl AxisStatistics {
     fn go(&mut self, to: f64) {
         // Axes begin at 0.
         let last = self.last.replace(to).unwrap_or(0.0);

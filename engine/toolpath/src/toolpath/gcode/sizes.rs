@@ -2,7 +2,7 @@
 
 use super::beads::distance;
 use super::report::{GcodeReport, SizeReport};
-use super::settings::Settings;
+use super::settings::SlicerSettings;
 use super::{GcodeOptions, SIZE_MAX};
 use crate::toolpath::Section;
 use std::collections::VecDeque;
@@ -20,7 +20,7 @@ const RATE_TOLERANCE: f64 = 0.03;
 
 /// One straight piece of a bead, as it stands in the file.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub(super) struct BeadMove {
     /// Material fed, mm³.
     pub(super) fed: f64,
     /// From a comment, mm.
@@ -31,7 +31,7 @@ pub(super) struct Piece {
 
 /// How finely the file's numbers are rounded.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Resolution {
+pub(super) struct NumberResolution {
     /// Of coordinates, in mm.
     pub(super) position: f64,
     /// Of E, in mm³.
@@ -92,7 +92,7 @@ impl Rise {
 }
 
 impl Layering {
-    pub(super) fn new(options: &GcodeOptions, settings: &Settings, has_marks: bool) -> Layering {
+    pub(super) fn new(options: &GcodeOptions, settings: &SlicerSettings, has_marks: bool) -> Layering {
         Layering {
             width: options.width,
             height: options.height,
@@ -112,8 +112,8 @@ impl Layering {
     pub(super) fn sections(
         &mut self,
         (points, tilted): (&[[f64; 3]], bool),
-        pieces: &[Piece],
-        resolution: Resolution,
+        pieces: &[BeadMove],
+        resolution: NumberResolution,
         sections: &mut Vec<Section>,
         report: &mut GcodeReport,
     ) -> Result<Option<u32>, Complaint> {
@@ -154,7 +154,12 @@ impl Layering {
         (step > PLANE_MM && step <= SIZE_MAX).then_some(step)
     }
 
-    fn height(&self, piece: &Piece, step: Option<f64>, heights: &mut SizeReport) -> Result<f64, Complaint> {
+    fn height(
+        &self,
+        piece: &BeadMove,
+        step: Option<f64>,
+        heights: &mut SizeReport,
+    ) -> Result<f64, Complaint> {
         let (height, source) = if let Some(height) = self.height {
             (height, &mut heights.option)
         } else if let Some(height) = piece.height {
@@ -174,8 +179,8 @@ impl Layering {
     fn fill_widths(
         &self,
         points: &[[f64; 3]],
-        pieces: &[Piece],
-        resolution: Resolution,
+        pieces: &[BeadMove],
+        resolution: NumberResolution,
         sections: &mut [Section],
         report: &mut GcodeReport,
     ) -> Result<(), Complaint> {
@@ -223,9 +228,9 @@ impl Layering {
 /// a whole stretch keeps its volume exactly.
 fn stretch(
     points: &[[f64; 3]],
-    pieces: &[Piece],
+    pieces: &[BeadMove],
     sections: &[Section],
-    resolution: Resolution,
+    resolution: NumberResolution,
     from: usize,
 ) -> (usize, f64) {
     let (mut fed, mut length) = (0.0f64, 0.0f64);

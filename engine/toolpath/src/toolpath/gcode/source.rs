@@ -28,53 +28,53 @@ const FOREIGN: [(&[u8], &str, &str); 4] = [
 type Peeked<R> = Chain<Cursor<Vec<u8>>, R>;
 
 /// A stream of text.
-pub(super) enum Source<R: Read> {
+pub(super) enum TextStream<R: Read> {
     Plain(Peeked<R>),
     Gzip(Box<flate2::read::MultiGzDecoder<Peeked<R>>>),
     Xz(Box<lzma_rust2::XzReader<Peeked<R>>>),
     Binary(Box<Bgcode<Peeked<R>>>),
 }
 
-impl<R: Read> Source<R> {
+impl<R: Read> TextStream<R> {
     /// The text in `packed`, the content of the file `path`, by what it begins with.
     ///
     /// # Errors
     /// If it is empty, cannot be read, or is of a format that is known not to be G-code text.
-    pub(super) fn new(path: &Path, packed: R) -> Result<Source<R>> {
+    pub(super) fn new(path: &Path, packed: R) -> Result<TextStream<R>> {
         let (start, packed) = peek(packed).map_err(Error::io(path, "read"))?;
         if start.is_empty() {
             return Err(Error::input(path, "byte 0", "is empty", "export or copy the file again"));
         }
         refuse_foreign(path, &start)?;
         if start.starts_with(GZIP) {
-            return Ok(Source::Gzip(Box::new(flate2::read::MultiGzDecoder::new(packed))));
+            return Ok(TextStream::Gzip(Box::new(flate2::read::MultiGzDecoder::new(packed))));
         }
         if start.starts_with(XZ) {
             let reader = lzma_rust2::XzReader::new_mem_limit(packed, true, UNPACK_KIB_MAX);
-            return Ok(Source::Xz(Box::new(reader)));
+            return Ok(TextStream::Xz(Box::new(reader)));
         }
         if start.starts_with(bgcode::MAGIC) {
-            return Ok(Source::Binary(Box::new(Bgcode::new(packed))));
+            return Ok(TextStream::Binary(Box::new(Bgcode::new(packed))));
         }
-        Ok(Source::Plain(packed))
+        Ok(TextStream::Plain(packed))
     }
 
     /// What reading it is called in messages.
     pub(super) fn action(&self) -> &'static str {
         match self {
-            Source::Plain(_) => "read",
-            Source::Gzip(_) | Source::Xz(_) | Source::Binary(_) => "unpack (cut off or damaged?)",
+            TextStream::Plain(_) => "read",
+            TextStream::Gzip(_) | TextStream::Xz(_) | TextStream::Binary(_) => "unpack (cut off or damaged?)",
         }
     }
 }
 
-impl<R: Read> Read for Source<R> {
+impl<R: Read> Read for TextStream<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self {
-            Source::Plain(reader) => reader.read(buffer),
-            Source::Gzip(reader) => reader.read(buffer),
-            Source::Xz(reader) => reader.read(buffer),
-            Source::Binary(reader) => reader.read(buffer),
+            TextStream::Plain(reader) => reader.read(buffer),
+            TextStream::Gzip(reader) => reader.read(buffer),
+            TextStream::Xz(reader) => reader.read(buffer),
+            TextStream::Binary(reader) => reader.read(buffer),
         }
     }
 }
@@ -115,16 +115,16 @@ impl Seek for CountedFile<'_> {
 }
 
 /// A file, or what it holds as an archive.
-pub(super) enum Opened<R> {
+pub(super) enum FileOrMember<R> {
     Whole(R),
     Member(Text<R>),
 }
 
-impl<R: Read> Read for Opened<R> {
+impl<R: Read> Read for FileOrMember<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self {
-            Opened::Whole(reader) => reader.read(buffer),
-            Opened::Member(reader) => reader.read(buffer),
+            FileOrMember::Whole(reader) => reader.read(buffer),
+            FileOrMember::Member(reader) => reader.read(buffer),
         }
     }
 }

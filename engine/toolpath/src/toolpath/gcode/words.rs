@@ -48,7 +48,7 @@ pub(crate) const NAMED: u8 = b'=';
 
 /// Something that is no word.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Malformed<'a> {
+pub(crate) struct MalformedWord<'a> {
     pub(crate) text: &'a [u8],
     pub(crate) what: &'static str,
 }
@@ -82,14 +82,14 @@ impl<'a> Words<'a> {
 
     /// The next word, or `None` where a comment, the checksum or the end of the line follows.
     #[inline]
-    pub(crate) fn next(&mut self) -> Option<Result<Word<'a>, Malformed<'a>>> {
+    pub(crate) fn next(&mut self) -> Option<Result<Word<'a>, MalformedWord<'a>>> {
         let rest = self.rest();
         let letter = *rest.first()?;
         if letter == b';' || letter == b'*' {
             return None;
         }
         if !letter.is_ascii_alphabetic() {
-            return Some(Err(Malformed {
+            return Some(Err(MalformedWord {
                 text: token(rest),
                 what: "is no word: a letter should stand here",
             }));
@@ -114,7 +114,9 @@ impl<'a> Words<'a> {
             }
             None if named(rest).is_some() => return Some(self.assignment(rest)),
             None if is_keyword(identifier(rest)) => return Some(Ok(self.keyword(rest))),
-            None => return Some(Err(Malformed { text: without_number(rest, from), what: "has no number" })),
+            None => {
+                return Some(Err(MalformedWord { text: without_number(rest, from), what: "has no number" }));
+            }
         };
         let mut length = from + found.length;
         let (mut value, mut decimals, mut exponent) = (found.value, found.decimals, Exponent::None);
@@ -125,7 +127,7 @@ impl<'a> Words<'a> {
                 value = match scientific(&rest[from..length + digits]) {
                     Some(value) => value,
                     None => {
-                        return Some(Err(Malformed {
+                        return Some(Err(MalformedWord {
                             text: token(rest),
                             what: "has an exponent out of range",
                         }));
@@ -144,7 +146,7 @@ impl<'a> Words<'a> {
                 return Some(self.assignment(rest));
             }
             let text = &rest[..from + token(&rest[from..]).len()];
-            return Some(Err(Malformed { text, what: "is no letter with a number" }));
+            return Some(Err(MalformedWord { text, what: "is no letter with a number" }));
         }
         self.at += length;
         let (value, text) = (Some(value), &rest[..length]);
@@ -161,7 +163,7 @@ impl<'a> Words<'a> {
     }
 
     /// A name of several characters, an equals sign, and a value.
-    fn assignment(&mut self, rest: &'a [u8]) -> Result<Word<'a>, Malformed<'a>> {
+    fn assignment(&mut self, rest: &'a [u8]) -> Result<Word<'a>, MalformedWord<'a>> {
         let name = named(rest).unwrap_or_default();
         let mut from = name.len();
         while rest[from] != b'=' {
@@ -193,12 +195,17 @@ impl<'a> Words<'a> {
     }
 
     /// The letter, or the name of so many characters, of `rest` with an expression that begins at `from`.
-    fn expression(&mut self, rest: &'a [u8], name: usize, from: usize) -> Result<Word<'a>, Malformed<'a>> {
+    fn expression(
+        &mut self,
+        rest: &'a [u8],
+        name: usize,
+        from: usize,
+    ) -> Result<Word<'a>, MalformedWord<'a>> {
         let assigned = rest[..from].contains(&b'=');
         let length = from + expression_length(&rest[from..], assigned);
         let text = &rest[..length];
         if length == from {
-            return Err(Malformed { text: &rest[..from], what: "has no number" });
+            return Err(MalformedWord { text: &rest[..from], what: "has no number" });
         }
         self.at += length;
         let letter = if name > 0 { NAMED } else { rest[0].to_ascii_uppercase() };
@@ -257,9 +264,9 @@ impl<'a> Words<'a> {
         })
     }
 
-    fn placeholder(&mut self, rest: &'a [u8], from: usize) -> Result<Word<'a>, Malformed<'a>> {
+    fn placeholder(&mut self, rest: &'a [u8], from: usize) -> Result<Word<'a>, MalformedWord<'a>> {
         let Some(close) = rest[from..].iter().position(|b| *b == b'}') else {
-            return Err(Malformed { text: token(rest), what: "opens a brace and does not close it" });
+            return Err(MalformedWord { text: token(rest), what: "opens a brace and does not close it" });
         };
         let text = &rest[..=from + close];
         self.at += text.len();
@@ -362,7 +369,7 @@ fn without_number(rest: &[u8], from: usize) -> &[u8] {
 
 /// A number at the front of a text.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Number {
+pub(crate) struct ParsedNumber {
     pub(crate) value: f64,
     /// Bytes that it takes.
     pub(crate) length: usize,
@@ -375,7 +382,7 @@ const TENS: [f64; 16] =
 
 /// The number that `text` begins with, rounded correctly: sign, digits, point, digits; at least one digit.
 #[inline]
-pub(crate) fn number(text: &[u8]) -> Option<Number> {
+pub(crate) fn number(text: &[u8]) -> Option<ParsedNumber> {
     let signed = usize::from(matches!(text.first(), Some(b'-' | b'+')));
     let mut at = signed;
     let mut mantissa: u64 = 0;
@@ -403,7 +410,7 @@ pub(crate) fn number(text: &[u8]) -> Option<Number> {
     } else {
         fast_float2::parse(&text[usize::from(text[0] == b'+')..at]).ok()?
     };
-    Some(Number { value, length: at, decimals: decimals as u32 })
+    Some(ParsedNumber { value, length: at, decimals: decimals as u32 })
 }
 
 /// A number with an exponent; `None` if it is not finite.

@@ -23,7 +23,7 @@ const STEPS: usize = 24;
 
 /// A segment of a bead.
 #[derive(Clone, Copy)]
-pub(super) struct Stretch {
+pub(super) struct ContactSegment {
     pub a: [f64; 3],
     pub b: [f64; 3],
     /// Ways along the bead to its ends.
@@ -57,7 +57,7 @@ struct Pair {
     t_end: f64,
 }
 
-impl Stretch {
+impl ContactSegment {
     /// Direction per length of way.
     fn direction(&self) -> [f64; 3] {
         let length = self.way.1 - self.way.0;
@@ -65,7 +65,7 @@ impl Stretch {
     }
 
     /// Where this segment comes back to an earlier one of a pass that began at the way `begun`.
-    pub fn contact(&self, earlier: &Stretch, axis: [f64; 3], begun: f64) -> Option<Contact> {
+    pub fn contact(&self, earlier: &ContactSegment, axis: [f64; 3], begun: f64) -> Option<Contact> {
         let width = 0.5 * (self.width + earlier.width);
         let height = 0.5 * (self.height + earlier.height);
         let [u, v] = [earlier.direction(), self.direction()];

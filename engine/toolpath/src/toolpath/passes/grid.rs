@@ -10,7 +10,7 @@ const NONE: u32 = u32::MAX;
 
 /// Segments by cell. Memory is kept from pass to pass.
 #[derive(Default)]
-pub(super) struct Grid {
+pub(super) struct SegmentGrid {
     cell: f64,
     reach: [f64; 3],
     /// As many as a power of two.
@@ -29,7 +29,7 @@ struct Slot {
     head: u32,
 }
 
-impl Grid {
+impl SegmentGrid {
     /// An empty grid for segments that see each other within `reach` along each axis, as many as given, and of this
     /// length in all.
     pub fn reset(&mut self, reach: [f64; 3], length: f64, segments: usize) {

@@ -70,7 +70,7 @@ fn every_case_agrees_with_the_reference() {
 fn assert_planes(name: &str, file: &str, case: &Value) {
     let mut spine = Vec::new();
     read(Path::new("a.x3d"), file.as_bytes(), &Silent, &mut |piece| {
-        if let Piece::Extrusion(extrusion) = piece {
+        if let X3dItem::Extrusion(extrusion) = piece {
             spine = extrusion.spine.iter().map(|p| DVec3::from(*p)).collect();
         }
         Ok(())

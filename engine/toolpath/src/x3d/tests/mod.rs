@@ -6,7 +6,7 @@ mod scenes;
 mod sweeps;
 mod written;
 
-use super::{Extrusion, Piece, Report, Sweeps, read};
+use super::{Extrusion, Sweeps, X3dItem, X3dReport, read};
 use crate::error::Result;
 use crate::progress::Silent;
 use glam::{DAffine3, DVec3};
@@ -79,15 +79,15 @@ fn open_edges(triangles: &[Triangle]) -> usize {
 struct Pieces {
     extrusions: Vec<Extrusion>,
     places: Vec<(u64, DAffine3)>,
-    report: Report,
+    report: X3dReport,
 }
 
 fn pieces(scene: &str) -> Pieces {
     let mut pieces = Pieces::default();
     let report = read(Path::new("a.x3d"), file(scene).as_bytes(), &Silent, &mut |piece| {
         match piece {
-            Piece::Extrusion(extrusion) => pieces.extrusions.push(extrusion.clone()),
-            Piece::Place { extrusion, to_scene } => pieces.places.push((extrusion, to_scene)),
+            X3dItem::Extrusion(extrusion) => pieces.extrusions.push(extrusion.clone()),
+            X3dItem::Place { extrusion, to_scene } => pieces.places.push((extrusion, to_scene)),
         }
         Ok(())
     });

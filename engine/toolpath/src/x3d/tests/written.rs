@@ -4,7 +4,7 @@ use super::*;
 use crate::part::PartFile;
 use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
 use crate::toolpath::{Attributes, BeadView, Section};
-use crate::x3d::{Style, Writer};
+use crate::x3d::{ExtrusionStyle, Writer};
 use proptest::prelude::*;
 
 const SQUARE: [[f64; 2]; 4] = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
@@ -19,25 +19,25 @@ fn written(
     axes: &[[f64; 3]],
     sections: &[Section],
     outline: &[[f64; 2]],
-    style: Style,
+    style: ExtrusionStyle,
 ) -> String {
     let mut writer = Writer::new(Vec::new(), Path::new("out.x3d"), style).unwrap();
     writer.bead(BeadView { points, axes, sections, lines: &[], attributes: ATTRIBUTES }, outline).unwrap();
     String::from_utf8(writer.finish().unwrap()).unwrap()
 }
 
-fn swept(points: &[[f64; 3]], outline: &[[f64; 2]], style: Style) -> (u64, Vec<Triangle>) {
+fn swept(points: &[[f64; 3]], outline: &[[f64; 2]], style: ExtrusionStyle) -> (u64, Vec<Triangle>) {
     let sections = vec![SECTION; points.len() - 1];
     let sweeps = opened(&written(points, &[], &sections, outline, style)).unwrap();
     assert!(sweeps.report().warnings().is_empty());
     (sweeps.report().extrusions, all(&sweeps))
 }
 
-const FLAT: Style = Style { bend_degrees: 100.0, cap_rings: 0 };
+const FLAT: ExtrusionStyle = ExtrusionStyle { bend_degrees: 100.0, cap_rings: 0 };
 
 #[test]
 fn a_straight_bead_hangs_below_its_path_with_rounded_ends() {
-    let style = Style::default();
+    let style = ExtrusionStyle::default();
     let (count, triangles) = swept(&[[1.0, 2.0, 3.0], [11.0, 2.0, 3.0]], &SQUARE, style);
     assert_eq!((count, open_edges(&triangles)), (1, 0));
     let [low, high] = bounds(&triangles);
@@ -86,7 +86,7 @@ fn outlines_stand_upright_whichever_way_the_path_bends() {
 #[test]
 fn sharp_bends_and_new_sections_split() {
     let path = [[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.0, 3.0, 1.0], [6.0, 3.2, 1.0]];
-    let (count, triangles) = swept(&path, &SQUARE, Style::default());
+    let (count, triangles) = swept(&path, &SQUARE, ExtrusionStyle::default());
     assert_eq!((count, open_edges(&triangles)), (3, 0));
     let wide = Section { width: 0.8, height: 0.2 };
     let text = written(&path, &[], &[SECTION, SECTION, wide], &SQUARE, FLAT);
@@ -129,7 +129,7 @@ fn tilted_tools_tilt_the_section() {
 
 #[test]
 fn what_cannot_be_written_is_refused() {
-    let style = Style { bend_degrees: 170.0, ..FLAT };
+    let style = ExtrusionStyle { bend_degrees: 170.0, ..FLAT };
     assert!(Writer::new(Vec::new(), Path::new("a"), style).unwrap_err().to_string().contains("150"));
     let mut writer = Writer::new(Vec::new(), Path::new("a"), FLAT).unwrap();
     let far = BeadView {
@@ -166,7 +166,7 @@ proptest! {
             at += DVec3::new(heading.cos(), heading.sin(), *rise) * *length;
             points.push(at.to_array());
         }
-        let (_, triangles) = swept(&points, &SKEW, Style { bend_degrees, cap_rings });
+        let (_, triangles) = swept(&points, &SKEW, ExtrusionStyle { bend_degrees, cap_rings });
         prop_assert_eq!(open_edges(&triangles), 0);
         let length: f64 = points.windows(2).map(|w| DVec3::from(w[0]).distance(w[1].into())).sum();
         // The centroid is beside the path, and rising bends are stretched along the section's axes only.
@@ -180,7 +180,7 @@ proptest! {
 fn every_call_may_fail_and_the_power_go() {
     let write = |disk| {
         let part = PartFile::create_on(disk, Path::new(NAME))?;
-        let mut writer = Writer::new(part, Path::new(NAME), Style::default())?;
+        let mut writer = Writer::new(part, Path::new(NAME), ExtrusionStyle::default())?;
         let points: Vec<[f64; 3]> = (0..500).map(|i| [f64::from(i), f64::from(i % 3), 1.0]).collect();
         let sections = vec![SECTION; points.len() - 1];
         let view =

@@ -260,7 +260,8 @@ fn commands_and_moves_share_lines() {
 
 #[test]
 fn any_code_switches_by_option() {
-    let marks = |codes: &[&str]| codes.iter().map(|code| code.parse().unwrap()).collect::<Vec<Mark>>();
+    let marks =
+        |codes: &[&str]| codes.iter().map(|code| code.parse().unwrap()).collect::<Vec<DepositionCode>>();
     for (on, off, deposit_on, deposit_off) in [
         ("M207 P1", "M207 P0", marks(&["M207P1"]), marks(&["m207 p0"])),
         ("G82", "G83 (0)", marks(&["G82"]), marks(&["G83"])),
