@@ -3,7 +3,7 @@
 
 use brickfield_engine::Silent;
 use brickfield_engine::build::{BuildOptions, Resolution, build};
-use brickfield_engine::store::{Accept, Io, Store, StoreOptions};
+use brickfield_engine::store::{AcceptedStores, Io, Store, StoreOptions};
 use peak_alloc::PeakAlloc;
 use std::path::Path;
 
@@ -46,7 +46,7 @@ fn open(path: &Path, bytes: &[u8]) -> (bool, usize) {
     std::fs::write(path, bytes).unwrap();
     ALLOCATED.reset_peak_usage();
     let before = ALLOCATED.current_usage();
-    let options = StoreOptions { cache_bytes: 0, io: Io::Pread, accept: Accept::Unfinished };
+    let options = StoreOptions { cache_bytes: 0, io: Io::Pread, accept: AcceptedStores::Unfinished };
     let opened = Store::open_with(path, options).map(drop).is_ok();
     (opened, ALLOCATED.peak_usage() - before)
 }

@@ -8,7 +8,7 @@ use brickfield_engine::analysis::sample_at;
 use brickfield_engine::brick::{Brick, SignChanges};
 use brickfield_engine::build::{BuildOptions, Resolution, build};
 use brickfield_engine::cache::{
-    Comparison, PruneOptions, Region, compact, compare, corners, meets_box, prune, repack,
+    Comparison, PruneOptions, PruneRegion, compact, compare, corners, meets_box, prune, repack,
 };
 use brickfield_engine::contour::{ContourOptions, contour, create_sink};
 use brickfield_engine::lattice::NodeKey;
@@ -197,7 +197,7 @@ proptest! {
         let root = whole.meta().root;
         let min = [0, 1, 2].map(|a| root.origin[a] + root.edge * from[a]);
         let max = [0, 1, 2].map(|a| min[a] + root.edge * size[a]);
-        let region = Some(Region { min, max, outside_level });
+        let region = Some(PruneRegion { min, max, outside_level });
         prop_assume!(meets_box(NodeKey::ROOT, &root, [min, max]));
         let pruned = scene.prune(&PruneOptions { region, ..PruneOptions::default() });
         for entry in whole.entries() {

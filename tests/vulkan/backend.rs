@@ -2,7 +2,7 @@
 
 use brickfield_engine::backend::{DeviceReport, Vulkan};
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
-use brickfield_engine::gpu::{Gpu, Settings};
+use brickfield_engine::gpu::{DeviceSettings, Gpu};
 use brickfield_engine::ingest::Input;
 use brickfield_engine::{Progress, Result, Silent};
 use std::path::Path;
@@ -78,21 +78,21 @@ fn on_device(device: Vulkan, test: fn(&Backend)) {
     silent(&backend);
 }
 
-fn settings() -> Settings {
-    Settings { validation: true, ..Settings::default() }
+fn settings() -> DeviceSettings {
+    DeviceSettings { validation: true, ..DeviceSettings::default() }
 }
 
 /// A device with so much memory for batches.
 pub fn open(memory: u64) -> Vulkan {
-    open_as(&Settings { memory, ..settings() })
+    open_as(&DeviceSettings { memory, ..settings() })
 }
 
 /// The same with copies to and from the device.
 pub fn open_staged(memory: u64) -> Vulkan {
-    open_as(&Settings { memory, staging: true, ..settings() })
+    open_as(&DeviceSettings { memory, staging: true, ..settings() })
 }
 
-fn open_as(settings: &Settings) -> Vulkan {
+fn open_as(settings: &DeviceSettings) -> Vulkan {
     Vulkan::new(Gpu::open(settings).unwrap_or_else(|e| panic!("{e}")))
 }
 

@@ -4,7 +4,7 @@ use crate::backend::{Backend, open, open_staged, options, reference, silent};
 use crate::suite::{Stop, deciding, less, open_data};
 use brickfield_engine::backend::{DeviceCheck, DeviceReport, Vulkan};
 use brickfield_engine::build::BuildOptions;
-use brickfield_engine::gpu::{Failure, Fault, Stage, WrongAnswer};
+use brickfield_engine::gpu::{DeviceFailure, InjectedFailure, Stage, WrongAnswer};
 use brickfield_engine::ingest::Input;
 use brickfield_engine::{Error, Silent};
 
@@ -150,13 +150,18 @@ fn a_driver_that_hangs_is_given_up() {
     for (input, depth, options) in of_each_kernel() {
         for after in [0, 3] {
             let device = open(0);
-            device.gpu().inject(Fault { stage: Stage::Stall, after, times: 1, failure: Failure::Timeout });
+            device.gpu().inject(InjectedFailure {
+                stage: Stage::Stall,
+                after,
+                times: 1,
+                failure: DeviceFailure::Timeout,
+            });
             let backend = on(device, DeviceCheck::Some, None);
             let expected = Backend { device: None, threads: 1 }.build_with(&input, depth, &options).0;
             let (store, summary) = backend.build_with(&input, depth, &options);
             let report = summary.device.unwrap();
             assert!(store == expected, "{report:?}");
-            assert_eq!(report.failure, Some(Failure::Timeout.to_string()));
+            assert_eq!(report.failure, Some(DeviceFailure::Timeout.to_string()));
             assert!(report.cpu_bricks > 0 && report.wrong.is_none(), "{report:?}");
         }
     }

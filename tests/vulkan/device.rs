@@ -11,7 +11,7 @@ use brickfield_engine::backend::{
 };
 use brickfield_engine::brick::{Brick, ThinLines};
 use brickfield_engine::build::BuildOptions;
-use brickfield_engine::gpu::{DeviceKind, Failure, Fault, Stage};
+use brickfield_engine::gpu::{DeviceFailure, DeviceKind, InjectedFailure, Stage};
 use brickfield_engine::ingest::{Facet, Input};
 use brickfield_engine::lattice::{NodeKey, Octant, RootCube, Triangle};
 use brickfield_engine::winding::{Evaluator, Triangles, brute_at};
@@ -107,13 +107,13 @@ fn jumps_beyond_eight_bits_are_the_processors() {
     silent(&backend);
 }
 
-fn fault(stage: Stage, after: u32, times: u32, failure: Failure) -> Fault {
-    Fault { stage, after, times, failure }
+fn fault(stage: Stage, after: u32, times: u32, failure: DeviceFailure) -> InjectedFailure {
+    InjectedFailure { stage, after, times, failure }
 }
 
 /// Builds on a device that fails; the store is as expected, and the report names the failure.
 fn build_amid(
-    fault: Fault,
+    fault: InjectedFailure,
     input: &Input,
     depth: u8,
     options: &BuildOptions,
@@ -136,14 +136,14 @@ fn failures_end_in_the_same_store() {
     let input = open_data("clover.gcode");
     let expected = reference(&input, 4);
     for (fault, is_retried) in [
-        (fault(Stage::Allocate, 0, 1, Failure::OutOfMemory), true),
-        (fault(Stage::Allocate, 1, 1000, Failure::OutOfMemory), true),
-        (fault(Stage::Submit, 5, 1, Failure::OutOfMemory), true),
-        (fault(Stage::Submit, 5, 1000, Failure::OutOfMemory), true),
-        (fault(Stage::Submit, 3, 1, Failure::Lost), false),
-        (fault(Stage::Wait, 4, 1, Failure::Lost), false),
-        (fault(Stage::Wait, 0, 1, Failure::Timeout), false),
-        (fault(Stage::Wait, 2, 3, Failure::OutOfMemory), true),
+        (fault(Stage::Allocate, 0, 1, DeviceFailure::OutOfMemory), true),
+        (fault(Stage::Allocate, 1, 1000, DeviceFailure::OutOfMemory), true),
+        (fault(Stage::Submit, 5, 1, DeviceFailure::OutOfMemory), true),
+        (fault(Stage::Submit, 5, 1000, DeviceFailure::OutOfMemory), true),
+        (fault(Stage::Submit, 3, 1, DeviceFailure::Lost), false),
+        (fault(Stage::Wait, 4, 1, DeviceFailure::Lost), false),
+        (fault(Stage::Wait, 0, 1, DeviceFailure::Timeout), false),
+        (fault(Stage::Wait, 2, 3, DeviceFailure::OutOfMemory), true),
     ] {
         let (backend, report) = build_amid(fault, &input, 4, &options(4), &expected);
         assert_eq!(report.retries > 0, is_retried, "{fault:?}: {report:?}");
@@ -161,7 +161,7 @@ fn a_second_device_shares_the_work() {
     let memory = 8 << 20;
     let (_folder, pile) = input_of(&random_pile(3, 60));
     let expected = reference(&pile, 4);
-    let lost = Fault { stage: Stage::Submit, after: 150, times: 1, failure: Failure::Lost };
+    let lost = InjectedFailure { stage: Stage::Submit, after: 150, times: 1, failure: DeviceFailure::Lost };
     for fault in [None, Some(lost)] {
         let backend = Backend { device: Some(open(memory)), threads: 2 };
         let gpu = backend.device.as_ref().unwrap().gpu();
@@ -194,12 +194,12 @@ fn failures_amid_decisions_end_in_the_same_store() {
     let options = &deciding(4)[2];
     let expected = Backend { device: None, threads: 1 }.build_with(&input, 4, options).0;
     for (fault, is_done_for) in [
-        (fault(Stage::Allocate, 0, 1, Failure::OutOfMemory), false),
-        (fault(Stage::Allocate, 0, 1000, Failure::OutOfMemory), true),
-        (fault(Stage::Submit, 3, 1, Failure::OutOfMemory), false),
-        (fault(Stage::Submit, 1, 1, Failure::Lost), true),
-        (fault(Stage::Wait, 4, 1, Failure::Lost), true),
-        (fault(Stage::Wait, 2, 1, Failure::Timeout), true),
+        (fault(Stage::Allocate, 0, 1, DeviceFailure::OutOfMemory), false),
+        (fault(Stage::Allocate, 0, 1000, DeviceFailure::OutOfMemory), true),
+        (fault(Stage::Submit, 3, 1, DeviceFailure::OutOfMemory), false),
+        (fault(Stage::Submit, 1, 1, DeviceFailure::Lost), true),
+        (fault(Stage::Wait, 4, 1, DeviceFailure::Lost), true),
+        (fault(Stage::Wait, 2, 1, DeviceFailure::Timeout), true),
     ] {
         let (_, report) = build_amid(fault, &input, 4, options, &expected);
         assert_eq!(report.bricks < report.cpu_bricks, is_done_for, "{fault:?}: {report:?}");
@@ -213,12 +213,12 @@ fn failures_amid_open_soups_end_in_the_same_store() {
     let input = open_data("stl/open_box_no_lid.stl");
     let expected = reference(&input, 2);
     for fault in [
-        fault(Stage::Allocate, 0, 1, Failure::OutOfMemory),
-        fault(Stage::Allocate, 1, 1000, Failure::OutOfMemory),
-        fault(Stage::Submit, 1, 1, Failure::Lost),
-        fault(Stage::Submit, 3, 1000, Failure::OutOfMemory),
-        fault(Stage::Wait, 1, 1, Failure::Timeout),
-        fault(Stage::Wait, 3, 1, Failure::Lost),
+        fault(Stage::Allocate, 0, 1, DeviceFailure::OutOfMemory),
+        fault(Stage::Allocate, 1, 1000, DeviceFailure::OutOfMemory),
+        fault(Stage::Submit, 1, 1, DeviceFailure::Lost),
+        fault(Stage::Submit, 3, 1000, DeviceFailure::OutOfMemory),
+        fault(Stage::Wait, 1, 1, DeviceFailure::Timeout),
+        fault(Stage::Wait, 3, 1, DeviceFailure::Lost),
     ] {
         let (_, report) = build_amid(fault, &input, 2, &options(2), &expected);
         assert!(report.cpu_bricks > 0, "{fault:?}: {report:?}");
@@ -297,7 +297,7 @@ struct Left {
 }
 
 /// Builds on a device, with a fault if there is one, and closes it.
-fn left_by(builds: usize, faults: &[Fault]) -> Left {
+fn left_by(builds: usize, faults: &[InjectedFailure]) -> Left {
     let (_folder, pile) = input_of(&random_pile(4, 12));
     let device = open(0);
     let gpu = device.gpu().clone();
@@ -317,12 +317,12 @@ fn left_by(builds: usize, faults: &[Fault]) -> Left {
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
 fn nothing_is_left_behind() {
-    let fault = |stage, after, failure| Fault { stage, after, times: 1, failure };
+    let fault = |stage, after, failure| InjectedFailure { stage, after, times: 1, failure };
     // A build that fails on its way gives all back, too.
     let fails = [
-        fault(Stage::Allocate, 2, Failure::OutOfMemory),
-        fault(Stage::Submit, 4, Failure::OutOfMemory),
-        fault(Stage::Submit, 9, Failure::Lost),
+        fault(Stage::Allocate, 2, DeviceFailure::OutOfMemory),
+        fault(Stage::Submit, 4, DeviceFailure::OutOfMemory),
+        fault(Stage::Submit, 9, DeviceFailure::Lost),
     ];
     for (builds, faults) in [(12, &[][..]), (2, &fails)] {
         let left = left_by(builds, faults);
@@ -337,7 +337,8 @@ fn what_is_left_behind_is_found() {
     for (stage, kept, bytes_tell) in
         [(Stage::FreeMemory, "VkDeviceMemory", true), (Stage::FreeCommands, "VkCommandPool", false)]
     {
-        let left = left_by(2, &[Fault { stage, after: 1, times: 1, failure: Failure::OutOfMemory }]);
+        let left =
+            left_by(2, &[InjectedFailure { stage, after: 1, times: 1, failure: DeviceFailure::OutOfMemory }]);
         assert_eq!(left.bytes > 0, bytes_tell, "{kept}");
         assert!(left.messages.iter().any(|message| message.contains(kept)), "{kept}: {:?}", left.messages);
     }

@@ -8,7 +8,7 @@ use brickfield_bench_data::shapes::{cuboid, icosphere};
 use brickfield_engine::Silent;
 use brickfield_engine::backend::Vulkan;
 use brickfield_engine::build::{TreeOptions, build_in_memory};
-use brickfield_engine::gpu::{Failure, Fault, Stage};
+use brickfield_engine::gpu::{DeviceFailure, InjectedFailure, Stage};
 use brickfield_engine::ingest::Facets;
 use brickfield_engine::lattice::{Axis, RootCube};
 use brickfield_engine::render::{
@@ -261,14 +261,14 @@ fn failures_end_in_a_picture() {
     let part = part(&pile(), 2);
     let options = options(&part, Style::overlap(), 0.0);
     let expected = here(&part, &options);
-    let fault = |stage, after, failure| Fault { stage, after, times: 1, failure };
+    let fault = |stage, after, failure| InjectedFailure { stage, after, times: 1, failure };
     let mut cases = vec![(0, None)];
     for fault in [
-        fault(Stage::Allocate, 1, Failure::OutOfMemory),
-        fault(Stage::Submit, 2, Failure::Lost),
-        fault(Stage::Submit, 7, Failure::Lost),
-        fault(Stage::Wait, 6, Failure::Timeout),
-        fault(Stage::Wait, 8, Failure::OutOfMemory),
+        fault(Stage::Allocate, 1, DeviceFailure::OutOfMemory),
+        fault(Stage::Submit, 2, DeviceFailure::Lost),
+        fault(Stage::Submit, 7, DeviceFailure::Lost),
+        fault(Stage::Wait, 6, DeviceFailure::Timeout),
+        fault(Stage::Wait, 8, DeviceFailure::OutOfMemory),
     ] {
         cases.push((0, Some(fault)));
     }

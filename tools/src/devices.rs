@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::units::Size;
 use anyhow::anyhow;
 use brickfield_engine::backend::{DeviceCheck, Vulkan};
-use brickfield_engine::gpu::{Gpu, Settings, may_be_there};
+use brickfield_engine::gpu::{DeviceSettings, Gpu, may_be_there};
 use clap::{Args, ValueEnum};
 
 /// What computes.
@@ -82,7 +82,7 @@ pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Re
     if !is_asked_for && !may_be_there() {
         return Ok(Chosen::Cpu { why: Some("the machine has no GPU".to_owned()) });
     }
-    let settings = Settings {
+    let settings = DeviceSettings {
         device: device.clone(),
         real: !is_asked_for,
         memory: gpu_memory.or(memory.map(|size| Size(size.0 / 4))).map_or(0, |size| size.0),

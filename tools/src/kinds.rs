@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::bsp::MAGIC;
-use brickfield_engine::ingest::Kind;
+use brickfield_engine::ingest::InputKind;
 use brickfield_engine::store::is_store;
 use std::fs::File;
 use std::io::Read;
@@ -16,7 +16,7 @@ pub enum FileKind {
     /// A brick store, finished or not.
     Store,
     /// Anything else.
-    Input(Kind),
+    Input(InputKind),
 }
 
 impl FileKind {
@@ -25,32 +25,32 @@ impl FileKind {
         if is_store(path) {
             return Some(FileKind::Store);
         }
-        Kind::of(path).ok().map(FileKind::Input)
+        InputKind::of(path).ok().map(FileKind::Input)
     }
 
     /// With its article, as in "a mesh (STL)"; nothing if it is unknown.
     pub fn name(self) -> Option<String> {
         Some(match self {
             FileKind::Store => "a brick store".to_owned(),
-            FileKind::Input(Kind::Mesh(format)) => format!("a mesh ({format})"),
-            FileKind::Input(Kind::Cloud(format)) => format!("a point cloud ({format})"),
-            FileKind::Input(Kind::Toolpath) => "a toolpath (G-code)".to_owned(),
-            FileKind::Input(Kind::X3d) => "an X3D file".to_owned(),
-            FileKind::Input(Kind::ThreeMf) => "a 3MF file".to_owned(),
-            FileKind::Input(Kind::Foreign(what)) => what?.to_owned(),
-            FileKind::Input(Kind::Empty) => "empty".to_owned(),
+            FileKind::Input(InputKind::Mesh(format)) => format!("a mesh ({format})"),
+            FileKind::Input(InputKind::Cloud(format)) => format!("a point cloud ({format})"),
+            FileKind::Input(InputKind::Toolpath) => "a toolpath (G-code)".to_owned(),
+            FileKind::Input(InputKind::X3d) => "an X3D file".to_owned(),
+            FileKind::Input(InputKind::ThreeMf) => "a 3MF file".to_owned(),
+            FileKind::Input(InputKind::Foreign(what)) => what?.to_owned(),
+            FileKind::Input(InputKind::Empty) => "empty".to_owned(),
         })
     }
 
     /// Whether `build` takes it.
     pub fn is_input(self) -> bool {
-        use Kind::{Cloud, Mesh, ThreeMf, Toolpath, X3d};
+        use InputKind::{Cloud, Mesh, ThreeMf, Toolpath, X3d};
         matches!(self, FileKind::Input(Mesh(_) | Cloud(_) | ThreeMf | Toolpath | X3d))
     }
 
     /// Whether it holds triangles of its own.
     pub fn is_mesh(self) -> bool {
-        matches!(self, FileKind::Input(Kind::Mesh(_) | Kind::ThreeMf))
+        matches!(self, FileKind::Input(InputKind::Mesh(_) | InputKind::ThreeMf))
     }
 }
 
@@ -116,7 +116,8 @@ pub fn require_inputs(paths: &[PathBuf], wants: &str) -> Result<(), anyhow::Erro
 /// The first one, with the command that wants it.
 pub fn require_toolpaths(paths: &[PathBuf]) -> Result<(), anyhow::Error> {
     for path in paths {
-        let Some(kind) = FileKind::of(path).filter(|kind| *kind != FileKind::Input(Kind::Toolpath)) else {
+        let Some(kind) = FileKind::of(path).filter(|kind| *kind != FileKind::Input(InputKind::Toolpath))
+        else {
             continue;
         };
         let Some(name) = kind.name() else { continue };
@@ -178,7 +179,7 @@ pub fn require_store_name(path: &Path, has_mesh_option: bool) -> Result<(), Fail
 /// The error of a file that no command takes.
 pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
     let (name, remedy) = match kind {
-        FileKind::Input(Kind::Empty) => ("is empty".to_owned(), "export or copy the file again"),
+        FileKind::Input(InputKind::Empty) => ("is empty".to_owned(), "export or copy the file again"),
         _ => match kind.name() {
             Some(name) => (format!("is {name}, which is not read"), GIVE_AN_INPUT),
             None => ("is of no kind that is known".to_owned(), GIVE_AN_INPUT),

@@ -2,7 +2,7 @@
 
 use crate::measured::measured;
 use brickfield_engine::analysis::{negative_volume, winding_range};
-use brickfield_engine::pieces::{Consistency, InsideOut, Report};
+use brickfield_engine::pieces::{Consistency, InsideOut, PiecesReport};
 use brickfield_engine::store::Store;
 use brickfield_engine::{Progress, Result};
 use clap::ValueEnum;
@@ -61,8 +61,8 @@ pub fn inside_out_text(found: &InsideOut, input: &str, unit: &str) -> String {
 }
 
 /// What pieces were found, for people.
-pub fn pieces_text(report: &Report) -> String {
-    let Report { pieces, open, inconsistent, cavities, inside_out, .. } = report;
+pub fn pieces_text(report: &PiecesReport) -> String {
+    let PiecesReport { pieces, open, inconsistent, cavities, inside_out, .. } = report;
     let mut text = format!("{pieces}");
     let mut add = |count: u64, what: &str| {
         if count > 0 {
@@ -77,7 +77,7 @@ pub fn pieces_text(report: &Report) -> String {
 }
 
 /// What the user should know of pieces that were to be turned and could not be.
-pub fn left_text(report: &Report, asked: OrientArg) -> Vec<String> {
+pub fn left_text(report: &PiecesReport, asked: OrientArg) -> Vec<String> {
     let mut lines = Vec::new();
     let many = |count: u64| {
         if count == 1 { ("piece", "has", "stays as it is") } else { ("pieces", "have", "stay as they are") }

@@ -22,7 +22,7 @@ use brickfield_engine::build::{
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
 use brickfield_engine::ingest::{Input, OpenOptions};
-use brickfield_engine::store::{Accept, BrickTree, Refine, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Refine, Store};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -164,7 +164,7 @@ impl Plan {
 
 /// The lattice of another store.
 fn like_store(path: &Path) -> Result<Resolution, Failure> {
-    let store = open_store(path, 0, IoArg::default(), Accept::Unfinished)?;
+    let store = open_store(path, 0, IoArg::default(), AcceptedStores::Unfinished)?;
     Ok(Resolution::Like(store.root(), store.meta().depth))
 }
 

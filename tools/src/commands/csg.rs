@@ -8,7 +8,7 @@ use crate::kinds::require_store_name;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::units::Size;
 use brickfield_engine::csg::{Chain, CsgSummary, Hidden, Operand, Operation, Writing, meta_of};
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -23,7 +23,7 @@ pub fn run(args: &CsgArgs) -> Result<(), Failure> {
     }
     let pace = pace(args.keeping.commit_every)?;
     let bars = start(args.work)?;
-    let first = open_store(&args.store, 0, args.io, Accept::Whole)?;
+    let first = open_store(&args.store, 0, args.io, AcceptedStores::Whole)?;
     require_whole_samples(&first, "what is inside cannot be told")?;
     let names = args.chain.0.iter().map(|(_, text)| Path::new(text));
     let inputs: Vec<&Path> = std::iter::once(args.store.as_path()).chain(names).collect();

@@ -16,7 +16,7 @@ use brickfield_engine::distance::deviation::{
 use brickfield_engine::distance::{Align, Region, ScalarPly, Sides, Surface, Triangles, align};
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
-use brickfield_engine::store::{Accept, BrickTree, Store, is_store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Store, is_store};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -59,7 +59,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_ply(&args.output)?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.memory.0 / 8, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
     let mut outputs: Vec<&Path> = vec![&args.output];
     outputs.extend(args.regions.as_deref());
     require_distinct(&outputs, &[&args.store, &args.reference])?;
@@ -156,7 +156,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
 fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Opened, Failure> {
     let name = in_line(&args.reference);
     if is_store(&args.reference) {
-        let store = open_store(&args.reference, args.memory.0 / 8, args.io, Accept::Whole)?;
+        let store = open_store(&args.reference, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
         require_whole_samples(&store, "distances from it cannot be told")?;
         if store.meta().unit != part.meta().unit {
             let (own, other) = (unit_of(store.meta()), unit_of(part.meta()));

@@ -10,7 +10,7 @@ use anyhow::Context;
 use brickfield_engine::analysis::Element;
 use brickfield_engine::export::{FORMATS, Format, Levels, Volume, format_of};
 use brickfield_engine::lattice::BRICK_CELLS;
-use brickfield_engine::store::{Accept, BrickTree, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -70,7 +70,7 @@ impl Plan<'_> {
 pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let plan = Plan::try_from(args)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     let (levels, element) = (plan.levels(&store)?, plan.element(&store));
     let outputs = [&args.output].into_iter().chain(&plan.beside).map(PathBuf::as_path).collect::<Vec<_>>();
     require_distinct(&outputs, &[&args.store])?;

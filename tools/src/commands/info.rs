@@ -14,9 +14,10 @@ use crate::progress::Bars;
 use crate::units::Size;
 use crate::work::ProgressArg;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
-use brickfield_engine::ingest::Kind;
+use brickfield_engine::ingest::InputKind;
 use brickfield_engine::store::{
-    Accept, BeadsMeta, LayerVolumes, LevelSummary, Meta, NodeNumbers, Source, SourceVolumes, Store, Summary,
+    AcceptedStores, BeadsMeta, LayerVolumes, LevelSummary, Meta, NodeNumbers, Source, SourceVolumes, Store,
+    StoreSummary,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -30,7 +31,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         return of_input(file, kind, args);
     }
     // No brick is read twice, so none is kept.
-    let store = open_store(file, 0, args.io, Accept::Unfinished)?;
+    let store = open_store(file, 0, args.io, AcceptedStores::Unfinished)?;
     if let (Some(share), true) = (&store.meta().share, args.volume) {
         let what = format!("--volume: this is share {} of a store; join all with `cache merge`", share.id);
         return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
@@ -66,11 +67,11 @@ fn of_input(file: &Path, kind: FileKind, args: &InfoArgs) -> Result<(), Failure>
         return Err(Failure::Usage(what));
     }
     match kind {
-        FileKind::Input(Kind::Mesh(_)) => info_mesh::run(file, args),
-        FileKind::Input(Kind::Cloud(_)) => info_cloud::run(file, args),
-        FileKind::Input(Kind::Toolpath) => info_toolpath::run(file, args),
-        FileKind::Input(Kind::X3d) => info_x3d::run(file, args),
-        FileKind::Input(Kind::ThreeMf) => info_three_mf::run(file, args),
+        FileKind::Input(InputKind::Mesh(_)) => info_mesh::run(file, args),
+        FileKind::Input(InputKind::Cloud(_)) => info_cloud::run(file, args),
+        FileKind::Input(InputKind::Toolpath) => info_toolpath::run(file, args),
+        FileKind::Input(InputKind::X3d) => info_x3d::run(file, args),
+        FileKind::Input(InputKind::ThreeMf) => info_three_mf::run(file, args),
         _ => Err(not_read(file, kind).into()),
     }
 }
@@ -164,7 +165,7 @@ fn source_json(volumes: &SourceVolumes) -> Value {
 fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     let meta = store.meta();
     let unit = unit_of(meta);
-    let Summary { levels, total, file_bytes, dense_bytes, dense_ratio } = store.summary();
+    let StoreSummary { levels, total, file_bytes, dense_bytes, dense_ratio } = store.summary();
     let mut text = String::new();
     let mut line = |line: String| text += &format!("{line}\n");
     line(format!("{}: brick store, written by {}", in_line(store.path()), meta.program));

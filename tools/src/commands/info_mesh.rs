@@ -13,7 +13,7 @@ use anyhow::anyhow;
 use brickfield_engine::build::{Measures, measure};
 use brickfield_engine::ingest::{Facets, Input, OpenOptions};
 use brickfield_engine::lattice::RootCube;
-use brickfield_engine::pieces::{Consistency, Report as PiecesReport, study};
+use brickfield_engine::pieces::{Consistency, PiecesReport, study};
 use brickfield_engine::winding::{OpenPart, OpenSummary};
 use brickfield_engine::{Error, Progress};
 use serde_json::{Value, json};

@@ -13,7 +13,7 @@ use brickfield_engine::analysis::volume;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::part::PartFile;
 use brickfield_engine::section::{Contour, ContourLimits, Plane, contour};
-use brickfield_engine::store::{Accept, BrickTree, Estimate, LayerVolumes, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Estimate, LayerVolumes, Store};
 use brickfield_engine::voids::{Connectivity, Labelling, Slab, Total, label, slabs};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -59,7 +59,7 @@ struct Row {
 pub fn run(args: &LayersArgs) -> Result<(), Failure> {
     let kind = args.output.as_deref().map(TableKind::of).transpose()?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     if let Some(output) = &args.output {
         require_distinct(&[output], &[&args.store])?;
     }

@@ -18,7 +18,7 @@ use brickfield_engine::machining::{
 };
 use brickfield_engine::milling::{Program, ProgramOptions, Tool, read};
 use brickfield_engine::part::PartFile;
-use brickfield_engine::store::{Accept, BrickTree, Meta, Source, Store, hash_of};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Meta, Source, Store, hash_of};
 use brickfield_engine::swept::Swept;
 use brickfield_engine::voids::VoidOptions;
 use serde_json::{Value, json};
@@ -70,7 +70,7 @@ pub fn run(args: &MachineArgs) -> Result<(), Failure> {
     require_store_name(&args.output, false)?;
     let kind = args.voids.as_deref().map(TableKind::of).transpose()?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, 64 << 20, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, 64 << 20, args.io, AcceptedStores::Whole)?;
     require_whole_samples(&store, "what is inside cannot be told")?;
     let outputs: Vec<&Path> = std::iter::once(args.output.as_path()).chain(args.voids.as_deref()).collect();
     let mut inputs = vec![args.store.as_path(), args.program.as_path()];

@@ -21,7 +21,7 @@ use brickfield_engine::contour::{
 };
 use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
-use brickfield_engine::store::{Accept, BrickTree, CacheStats, Store, is_store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, CacheStats, Store, is_store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -48,7 +48,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
     let store = match is_store(&args.file) {
-        true => open_store(&args.file, 0, args.io, Accept::Whole),
+        true => open_store(&args.file, 0, args.io, AcceptedStores::Whole),
         // Meshes are checked by this command, too.
         false => {
             Store::open(&args.file, 0).map_err(|error| not_a_store(&args.file, error, Some("mesh --check")))

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::kinds::{FileKind, is_mesh_name};
 use crate::output::{one_line, print, print_json};
 use crate::units::Size;
-use brickfield_engine::check::{Defect, Report, check};
+use brickfield_engine::check::{CheckReport, Defect, check};
 use brickfield_engine::ingest::{Facets, Input};
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::pieces::{Consistency, InsideOut, study};
@@ -49,7 +49,7 @@ pub struct Checked {
     facing_outward: Option<bool>,
     inside_out: Option<InsideOut>,
     #[serde(flatten)]
-    report: Report,
+    report: CheckReport,
     seconds: f64,
 }
 
@@ -91,7 +91,7 @@ impl Checked {
     pub fn text(&self) -> String {
         let Checked { format, report, seconds, .. } = self;
         let path = one_line(&self.path);
-        let Report { triangles, vertices, edges, area, volume, .. } = report;
+        let CheckReport { triangles, vertices, edges, area, volume, .. } = report;
         let mut text = format!(
             "{path}: {format}, {triangles} triangles, {vertices} vertices, {edges} edges, {seconds:.2} s\n"
         );
@@ -134,7 +134,7 @@ impl Checked {
 /// told. Shells that face inward within others are cavities.
 fn facing(
     input: &Input,
-    report: &Report,
+    report: &CheckReport,
     memory: Size,
     progress: &dyn Progress,
 ) -> Result<Option<Option<InsideOut>>, Failure> {

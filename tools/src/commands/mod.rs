@@ -48,7 +48,7 @@ use crate::work::start;
 use anyhow::Context;
 use brickfield_engine::analysis::Volumes;
 use brickfield_engine::ingest::{Input, OpenOptions};
-use brickfield_engine::store::{Accept, BrickTree, Io, Meta, Store, StoreOptions};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Io, Meta, Store, StoreOptions};
 use brickfield_engine::toolpath::gcode::GcodeReport;
 use brickfield_engine::{Error, Progress};
 use std::path::{Path, PathBuf};
@@ -95,7 +95,7 @@ fn require_whole_samples(store: &Store, cannot: &str) -> Result<(), Failure> {
 }
 
 /// Opens a store; of any other file says what it is and which command wants it.
-fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: Accept) -> Result<Store, Error> {
+fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: AcceptedStores) -> Result<Store, Error> {
     let io = match io {
         IoArg::Pread => Io::Pread,
         IoArg::Mmap => Io::Mmap,

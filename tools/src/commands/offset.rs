@@ -7,13 +7,13 @@ use crate::output::{in_line, print, print_json, require_distinct};
 use brickfield_engine::distance::Surface;
 use brickfield_engine::distance::offset::{Solid, offset};
 use brickfield_engine::part::directory_of;
-use brickfield_engine::store::{Accept, check_target};
+use brickfield_engine::store::{AcceptedStores, check_target};
 use serde_json::json;
 
 /// Runs the command.
 pub fn run(args: &OffsetArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.surface.memory.0 / 4, args.surface.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.surface.memory.0 / 4, args.surface.io, AcceptedStores::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
     require_whole_samples(&store, "it has no exact surface to grow")?;
     check_target(&args.output)?;

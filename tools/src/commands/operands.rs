@@ -15,7 +15,7 @@ use brickfield_engine::build::{BuildOptions, Resolution, Resources, build_opened
 use brickfield_engine::csg::{Operand, Operation, Primitive};
 use brickfield_engine::ingest::OpenOptions;
 use brickfield_engine::part::temporary::BesideFile;
-use brickfield_engine::store::{Accept, BrickTree, Source, Store, hash_of};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Source, Store, hash_of};
 use brickfield_engine::swept::Swept;
 use std::path::Path;
 
@@ -84,9 +84,9 @@ pub fn ready(number: usize, operation: Operation, text: &str, common: &Common<'_
     let (store, temporary) = match input {
         Some(_) => {
             let temporary = build_for_now(number, path, common)?;
-            (open_store(temporary.path(), 0, common.io, Accept::Whole)?, Some(temporary))
+            (open_store(temporary.path(), 0, common.io, AcceptedStores::Whole)?, Some(temporary))
         }
-        None => (open_store(path, 0, common.io, Accept::Whole)?, None),
+        None => (open_store(path, 0, common.io, AcceptedStores::Whole)?, None),
     };
     require_whole_samples(&store, "what is inside cannot be told").map_err(|failure| match &temporary {
         Some(_) => {

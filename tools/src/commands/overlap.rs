@@ -10,7 +10,7 @@ use anyhow::anyhow;
 use brickfield_engine::analysis::{OverlapSum, Overlaps, PairOverlap, overlaps};
 use brickfield_engine::brick::Count;
 use brickfield_engine::part::PartFile;
-use brickfield_engine::store::{Accept, BeadTables, BrickTree, Store};
+use brickfield_engine::store::{AcceptedStores, BeadTables, BrickTree, Store};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -42,7 +42,7 @@ const COLUMNS: [&str; 17] = [
 pub fn run(args: &OverlapArgs) -> Result<(), Failure> {
     let kind = args.output.as_deref().map(TableKind::of).transpose()?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     if let Some(output) = &args.output {
         require_distinct(&[output], &[&args.store])?;
     }

@@ -11,7 +11,7 @@ use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{
     Caster, CasterReport, Cut, RenderOptions, Scene, View, write_frame, write_turn,
 };
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
@@ -70,7 +70,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let kind = Kind::of(args)?;
     let bars = start(args.work)?;
     let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
-    let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     let is_animated = kind == Kind::Animation;
     let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, is_animated);
     if let Some(level) = args.level {

@@ -8,7 +8,7 @@ use crate::picture_args::{ColourArg, FocusArg, RenderArgs};
 use brickfield_engine::Progress;
 use brickfield_engine::draw::{DrawOptions, draw, write_picture};
 use brickfield_engine::splats::{Disc, Levels, LevelsOptions, discs_of_levels, discs_of_tree, read_bsp};
-use brickfield_engine::store::{Accept, BrickTree};
+use brickfield_engine::store::{AcceptedStores, BrickTree};
 use serde_json::json;
 use std::time::Instant;
 
@@ -73,7 +73,7 @@ fn of_file(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failure> {
 }
 
 fn of_brick_store(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failure> {
-    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }

@@ -5,7 +5,7 @@ use crate::args::SampleArgs;
 use crate::failure::Failure;
 use crate::points::{PointBead, PointReader, PointWriter};
 use brickfield_engine::analysis::{Covering, beads_at_points, sample_at};
-use brickfield_engine::store::{Accept, BeadTables, Store};
+use brickfield_engine::store::{AcceptedStores, BeadTables, Store};
 use brickfield_engine::{Error, Progress};
 
 /// Points read before their samples are printed, which bounds memory.
@@ -16,10 +16,10 @@ pub fn run(args: &SampleArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let open = |accept| open_store(&args.store, CACHE_BYTES, args.io, accept);
     // An unfinished store has leaves, but neither tables nor lists of beads.
-    let store = open(if args.beads { Accept::Whole } else { Accept::Unfinished })?;
+    let store = open(if args.beads { AcceptedStores::Whole } else { AcceptedStores::Unfinished })?;
     if store.meta().share.is_some() {
         // Refused, with what to do about it.
-        open(Accept::Whole)?;
+        open(AcceptedStores::Whole)?;
     }
     let tables = args.beads.then(|| tables_of(&store)).transpose()?;
     let mut points = PointReader::open(&args.points)?;

@@ -17,7 +17,7 @@ use brickfield_engine::section::{
     Contour, ContourLimits, Drawing, Plane, SectionLabel, SectionPicture, SectionSummary, contour, plain,
     straighten, write_drawing, write_picture,
 };
-use brickfield_engine::store::{Accept, BrickTree, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -73,7 +73,7 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
 pub fn run(args: &SliceArgs) -> Result<(), Failure> {
     let plan = Plan::try_from(args)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, 0, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, 0, args.io, AcceptedStores::Whole)?;
     let caches = memory::picture_caches(args.memory, memory::index_drawn(&store, BYTES_A_NODE));
     // Points of the boundary are kept beside bricks.
     let brick_bytes = if plan.format == SliceFormat::Png { caches / 4 * 3 } else { caches / 2 };

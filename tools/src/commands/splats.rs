@@ -10,7 +10,7 @@ use brickfield_engine::Progress;
 use brickfield_engine::splats::{
     BspSummary, Levels, LevelsOptions, bsp_bytes, write_bsp, write_page, write_ply,
 };
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -41,7 +41,7 @@ impl Kind {
 pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     let kind = Kind::of(&args.output)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
     if let Some(level) = args.level {
         require_level(&store, level)?;

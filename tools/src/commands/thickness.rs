@@ -11,7 +11,7 @@ use brickfield_engine::contour::{ContourOptions, contour, foresee_triangles};
 use brickfield_engine::distance::thickness::{Method, Options, at_world, thin_regions};
 use brickfield_engine::distance::{Region, ScalarPly, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -31,7 +31,7 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     require_ply(&args.output)?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.surface.memory.0 / 8, args.surface.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.surface.memory.0 / 8, args.surface.io, AcceptedStores::Whole)?;
     let mut outputs: Vec<&Path> = vec![&args.output];
     outputs.extend(args.regions.as_deref());
     require_distinct(&outputs, &[&args.store])?;

@@ -5,13 +5,13 @@ use crate::args::VerifyArgs;
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json};
 use crate::units::Size;
-use brickfield_engine::store::{Accept, Damage, VerifyReport};
+use brickfield_engine::store::{AcceptedStores, Damage, VerifyReport};
 use serde_json::json;
 
 /// Runs the command.
 pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = open_store(&args.store, CACHE_BYTES, args.io, Accept::Unfinished)?;
+    let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Unfinished)?;
     let share = store.meta().share.as_ref().map(|share| share.id);
     let report = store.verify(&bars)?;
     bars.clear();

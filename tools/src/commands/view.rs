@@ -16,7 +16,7 @@ use crate::view_args::WindowArgs;
 use anyhow::anyhow;
 use brickfield_engine::picture::WHITE;
 use brickfield_engine::render::{RenderOptions, Scene, Style};
-use brickfield_engine::store::{Accept, BrickTree, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use std::path::Path;
 
 /// Most for bricks as the store decodes them: those that cuts ask for again.
@@ -30,7 +30,7 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     require_size(args.size.0).map_err(Failure::Usage)?;
     start(args.work)?;
     let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
-    let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, false);
     let mut looks = Looks::new();
     let style = match &args.style {

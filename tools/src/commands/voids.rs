@@ -11,7 +11,7 @@ use crate::void_args::{VoidConnectivityArg, VoidsArgs};
 use anyhow::anyhow;
 use brickfield_engine::ingest::{Facets, Input, OpenOptions};
 use brickfield_engine::part::PartFile;
-use brickfield_engine::store::{Accept, BrickTree, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use brickfield_engine::voids::{Class, Connectivity, Seal, Void, VoidOptions, Voids, find};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -62,7 +62,7 @@ const COLUMNS: [&str; 35] = [
 pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
     let kind = TableKind::of(&args.output)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.memory.0 / 4, args.io, Accept::Whole)?;
+    let store = open_store(&args.store, args.memory.0 / 4, args.io, AcceptedStores::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
     require_whole_samples(&store, "what is enclosed cannot be told")?;
     let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
@@ -146,7 +146,7 @@ fn source(args: &VoidsArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<Inp
 
 /// The store of the CAD part, which must have the part's lattice.
 fn open_cad(path: &Path, store: &Store, args: &VoidsArgs) -> Result<Store, Failure> {
-    let cad = open_store(path, args.memory.0 / 8, args.io, Accept::Whole)?;
+    let cad = open_store(path, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
     require_distinct(&[&args.output], &[path])?;
     require_whole_samples(&cad, "what lies inside cannot be told")?;
     if cad.root() != store.root() || cad.meta().unit != store.meta().unit {

@@ -19,7 +19,7 @@ use brickfield_engine::backend::{self, Vulkan};
 use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed, surfels};
 use brickfield_engine::ingest::{CloudInput, Facets, Input, bounds_of_all};
 use brickfield_engine::lattice::RootCube;
-use brickfield_engine::pieces::{Oriented, study};
+use brickfield_engine::pieces::{FlippedSource, study};
 use brickfield_engine::solid::{Outline, Solids, beads_at, brute_beads_at};
 use brickfield_engine::winding::{CloudField, OpenPart, brute_at, open_winding_at, winding_at};
 use std::fmt::Display;
@@ -112,7 +112,7 @@ fn of_triangles(
         None => None,
     };
     let oriented = turned.as_ref().map(|turned| turned.apply(&given));
-    let sources = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
+    let sources = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
     let total = Some(inputs.iter().map(Input::facets).sum());
     if args.brute {
         let device = device(args)?;

@@ -8,7 +8,7 @@ use super::script::{Line, Step};
 use super::session::{Button, Event, Key, Request, Session, Shot};
 use crate::failure::Failure;
 use anyhow::anyhow;
-use brickfield_engine::gpu::{Outcome, Presenter};
+use brickfield_engine::gpu::{PresentOutcome, Presenter};
 use brickfield_engine::picture::Canvas;
 use std::collections::VecDeque;
 use std::panic;
@@ -285,8 +285,8 @@ impl<'a> App<'a> {
         let outcome = presenter.show(size, &pixels);
         match outcome.map_err(|failure| anyhow!("{}: {failure}; {WITHOUT}", presenter.info().name))? {
             // Without an area there is nothing to be seen.
-            Outcome::Shown | Outcome::NoArea => (self.shown, self.again) = (complete, None),
-            Outcome::NotYet => self.again = Some(Instant::now() + AGAIN),
+            PresentOutcome::Shown | PresentOutcome::NoArea => (self.shown, self.again) = (complete, None),
+            PresentOutcome::NotYet => self.again = Some(Instant::now() + AGAIN),
         }
         Ok(())
     }

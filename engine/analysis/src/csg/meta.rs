@@ -1,7 +1,7 @@
 //! What a result says of where it comes from.
 
 use super::chain::Operation;
-use crate::store::{Meta, Numbers, Refine, Source, Store};
+use crate::store::{BuildCounts, Meta, Refine, Source, Store};
 
 /// The metadata of a chain's result. `first` is the store whose lattice it has; `stores` are all that take part, each with
 /// its operation, and `bounds` those of the operands that are none, likewise. `sources` name all operands.
@@ -56,7 +56,7 @@ pub fn meta_of(
         refine,
         stddev: metas().map(|meta| meta.stddev).fold(0.0, f64::max),
         tolerance: metas().filter_map(|meta| meta.tolerance).reduce(f64::max),
-        numbers: Numbers::default(),
+        numbers: BuildCounts::default(),
         beads: None,
         share: None,
         volumes: None,

@@ -8,7 +8,10 @@ use crate::error::{Error, Result};
 use crate::lattice::{MAX_LEVEL, NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::{MemoryReservation, RunLimits, TaskOrder, TaskOutcome, run_tasks};
-use crate::store::{Compression, Half, Kept, Meta, Node, Records, Settings, Stats, Store, StoreWriter, join};
+use crate::store::{
+    CoarseSamples, Compression, JoinedNode, Meta, Records, ResumeState, SettingPairs, Stats, Store,
+    StoreWriter, join,
+};
 use std::path::Path;
 use std::time::Duration;
 
@@ -30,7 +33,7 @@ pub struct Writing {
     /// Give up what an earlier run has left.
     pub restart: bool,
     /// What decides the store beside its metadata, by name.
-    pub settings: Settings,
+    pub settings: SettingPairs,
 }
 
 /// What was written.
@@ -62,14 +65,14 @@ struct Task {
 /// Joins subtrees that come along the Morton curve to the nodes above them.
 struct Joiner {
     /// By level, the siblings that wait for the rest of them.
-    pending: Vec<Vec<Node>>,
+    pending: Vec<Vec<JoinedNode>>,
     /// Records of nodes above the level at which subtrees begin; they stand at the end of a store.
     top: Records,
     level: u8,
 }
 
 impl Joiner {
-    fn push(&mut self, key: NodeKey, node: Node, mut records: Records) -> Records {
+    fn push(&mut self, key: NodeKey, node: JoinedNode, mut records: Records) -> Records {
         if key.level() < self.level {
             let own = records.take();
             self.top.append(own);
@@ -80,7 +83,7 @@ impl Joiner {
             siblings.push(node);
             let (Some(parent), 8) = (key.parent(), siblings.len()) else { return records };
             let children = std::mem::take(siblings);
-            let children: [Node; 8] = children.try_into().expect("there are eight");
+            let children: [JoinedNode; 8] = children.try_into().expect("there are eight");
             let to = if parent.level() < self.level { &mut self.top } else { &mut records };
             node = join(parent, children, to);
             key = parent;
@@ -89,7 +92,7 @@ impl Joiner {
 
     /// The records that stand at the end.
     fn finish(mut self) -> Records {
-        if let Some(Node::Empty(w)) = self.pending[0].first() {
+        if let Some(JoinedNode::Empty(w)) = self.pending[0].first() {
             self.top.push(NodeKey::ROOT, true, &Brick::Uniform(*w));
         }
         self.top
@@ -131,7 +134,7 @@ impl Chain<'_> {
     fn make(
         &self,
         tasks: Vec<Task>,
-        kept: Option<&Kept>,
+        kept: Option<&ResumeState>,
         (memory, level): (u64, u8),
         writer: &mut StoreWriter,
         progress: &dyn Progress,
@@ -145,8 +148,8 @@ impl Chain<'_> {
             progress.check()?;
             let kept = kept.map_or(Ok(None), |kept| kept.brick(task.key))?;
             let (node, records) = match (task.known, kept) {
-                (Some(w), _) => (Node::Empty(w), records()),
-                (None, Some(brick)) => (Node::Stored(Half::of(&brick)), records()),
+                (Some(w), _) => (JoinedNode::Empty(w), records()),
+                (None, Some(brick)) => (JoinedNode::Stored(CoarseSamples::of(&brick)), records()),
                 (None, None) => {
                     let mut records = records();
                     (self.walk(task.key, &task.within, desk, &mut records)?, records)
@@ -155,7 +158,7 @@ impl Chain<'_> {
             held.resize(records.heap_bytes());
             Ok(TaskOutcome::Done((task.key, node, records, std::mem::take(&mut desk.hidden)), held))
         };
-        let consume = |(key, node, records, found): (NodeKey, Node, Records, Hidden)| {
+        let consume = |(key, node, records, found): (NodeKey, JoinedNode, Records, Hidden)| {
             hidden.add(found);
             let records = joiner.push(key, node, records);
             let bytes = records.write(writer)?;

@@ -6,7 +6,7 @@ use super::operand::{Operand, Within};
 use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, Octant};
-use crate::store::{Half, IndexEntry, Node, Records, Scratch, Store, join};
+use crate::store::{CoarseSamples, IndexEntry, JoinedNode, Records, Scratch, Store, join};
 use crate::swept::SweptEvaluator;
 
 /// A chain of operands on one lattice.
@@ -119,13 +119,13 @@ impl Chain<'_> {
         above: &[Within],
         desk: &mut Desk,
         records: &mut Records,
-    ) -> Result<Node> {
+    ) -> Result<JoinedNode> {
         let (within, step) = self.look(key, above)?;
         match step {
-            Step::All { w, certain: true } => return Ok(Node::Empty(w)),
+            Step::All { w, certain: true } => return Ok(JoinedNode::Empty(w)),
             Step::All { w, certain: false } => {
                 records.push(key, true, &Brick::Uniform(w));
-                return Ok(Node::Stored(Half::Uniform(w)));
+                return Ok(JoinedNode::Stored(CoarseSamples::Uniform(w)));
             }
             Step::Divide(_) | Step::Leaf(_) => {}
         }
@@ -135,10 +135,10 @@ impl Chain<'_> {
             && self.is_as_it_is(store, entry)
         {
             let brick = copy(store, entry, desk, records)?;
-            return Ok(Node::Stored(Half::of(&brick)));
+            return Ok(JoinedNode::Stored(CoarseSamples::of(&brick)));
         }
         if matches!(step, Step::Divide(_)) {
-            let mut children = [const { Node::Empty(0) }; 8];
+            let mut children = [const { JoinedNode::Empty(0) }; 8];
             for octant in Octant::all() {
                 children[octant.index()] = self.walk(key.child(octant), &within, desk, records)?;
             }
@@ -146,7 +146,7 @@ impl Chain<'_> {
         }
         let brick = self.leaf(key, &within, desk)?;
         records.push(key, true, &brick);
-        Ok(Node::Stored(Half::of(&brick)))
+        Ok(JoinedNode::Stored(CoarseSamples::of(&brick)))
     }
 
     /// The brick of a leaf.

@@ -8,8 +8,8 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{
-    BrickTree, Compression, Half, Meta, Node, Records, Refine, Stats, Store, StoreWriter, joined,
-    subtree_level,
+    BrickTree, CoarseSamples, Compression, JoinedNode, Meta, Records, Refine, Stats, Store, StoreWriter,
+    joined, subtree_level,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -183,7 +183,7 @@ impl<'a> Grown<'a> {
         let (mut jobs, mut above) = (Vec::new(), Vec::new());
         self.divide(NodeKey::ROOT, level, &mut jobs, &mut above)?;
         progress.phase("offset", Some(jobs.len() as u64), "subtrees");
-        let mut tops: BTreeMap<NodeKey, Half> = BTreeMap::new();
+        let mut tops: BTreeMap<NodeKey, CoarseSamples> = BTreeMap::new();
         let window = 4 * rayon::current_num_threads();
         let work = |(): &mut (), n: usize| {
             let mut records = Records::new(Some(Compression::Lz4));
@@ -195,7 +195,7 @@ impl<'a> Grown<'a> {
             window,
             || (),
             work,
-            |(key, top, made): (NodeKey, Half, Records)| {
+            |(key, top, made): (NodeKey, CoarseSamples, Records)| {
                 progress.advance(1);
                 made.write(writer)?;
                 tops.insert(key, top);
@@ -208,20 +208,20 @@ impl<'a> Grown<'a> {
             let brick = match side {
                 Some(side) => Brick::Uniform(i16::from(side)),
                 None => {
-                    let mut children = [const { Node::Empty(0) }; 8];
+                    let mut children = [const { JoinedNode::Empty(0) }; 8];
                     for octant in Octant::all() {
                         let child = tops.remove(&key.child(octant));
                         children[octant.index()] =
-                            Node::Stored(child.expect("children stand before their parents"));
+                            JoinedNode::Stored(child.expect("children stand before their parents"));
                     }
                     joined(&children)
                 }
             };
             writer.append_brick(key, side.is_some(), &brick)?;
-            tops.insert(key, Half::of(&brick));
+            tops.insert(key, CoarseSamples::of(&brick));
         }
         match tops.get(&NodeKey::ROOT) {
-            Some(Half::Counts(..)) => Ok(()),
+            Some(CoarseSamples::Counts(..)) => Ok(()),
             _ => Err(Error::setting("nothing is left of the part", "choose a shorter length")),
         }
     }
@@ -246,22 +246,22 @@ impl<'a> Grown<'a> {
         Ok(())
     }
 
-    fn subtree(&self, key: NodeKey, records: &mut Records, progress: &dyn Progress) -> Result<Half> {
+    fn subtree(&self, key: NodeKey, records: &mut Records, progress: &dyn Progress) -> Result<CoarseSamples> {
         progress.check()?;
         let (leaf, brick) = match self.decided(key)? {
             Some(side) => (true, Brick::Uniform(i16::from(side))),
             None if key.level() == self.depth => (true, self.brick(key)?),
             None => {
-                let mut children = [const { Node::Empty(0) }; 8];
+                let mut children = [const { JoinedNode::Empty(0) }; 8];
                 for octant in Octant::all() {
                     children[octant.index()] =
-                        Node::Stored(self.subtree(key.child(octant), records, progress)?);
+                        JoinedNode::Stored(self.subtree(key.child(octant), records, progress)?);
                 }
                 (false, joined(&children))
             }
         };
         records.push(key, leaf, &brick);
-        Ok(Half::of(&brick))
+        Ok(CoarseSamples::of(&brick))
     }
 
     fn brick(&self, key: NodeKey) -> Result<Brick> {

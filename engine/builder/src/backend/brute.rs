@@ -2,7 +2,7 @@
 
 use super::vulkan::Vulkan;
 use crate::error::{Error, Result};
-use crate::gpu::{AngleSums, Failure};
+use crate::gpu::{AngleSums, DeviceFailure};
 use crate::ingest::{Facets, runs};
 use crate::lattice::{ROOT_BITS, RootCube};
 use crate::progress::Progress;
@@ -20,7 +20,7 @@ pub fn brute_at(
     points: &[[f64; 3]],
     progress: &dyn Progress,
 ) -> Result<Vec<f64>> {
-    let failed = |failure: Failure| {
+    let failed = |failure: DeviceFailure| {
         let what = format!("{}: {failure}", vulkan.gpu().info().name);
         Error::setting(what, "use --backend cpu")
     };

@@ -9,7 +9,7 @@ use super::check::{KernelSet, check};
 use super::nodes::NodeBrick;
 use super::outlet::{Outlet, Sent};
 use super::vulkan::Vulkan;
-use crate::brick::{Brick, Thin, ThinLines};
+use crate::brick::{Brick, ThinFeatures, ThinLines};
 use crate::error::Result;
 use crate::winding::Evaluator;
 use brickfield_shaders as shaders;
@@ -46,7 +46,7 @@ struct Received {
 }
 
 /// A leaf by the processor, in place of the device.
-fn here(vulkan: &Vulkan, evaluator: &mut Evaluator, leaf: &Leaf<'_>) -> Result<(Brick, Thin)> {
+fn here(vulkan: &Vulkan, evaluator: &mut Evaluator, leaf: &Leaf<'_>) -> Result<(Brick, ThinFeatures)> {
     vulkan.report().cpu_bricks += 1;
     let evaluation = leaf.evaluate(evaluator)?;
     let thin = evaluation.thin(ThinLines::Sixteenth);
@@ -74,7 +74,7 @@ impl LeafQueue {
         vulkan: &Vulkan,
         evaluator: &mut Evaluator,
         leaves: &[Leaf<'_>],
-    ) -> Result<(Brick, Thin)> {
+    ) -> Result<(Brick, ThinFeatures)> {
         loop {
             self.send(vulkan, leaves);
             if let Some(received) = self.received.take() {
@@ -90,7 +90,7 @@ impl LeafQueue {
                         let thin = leaves[number].evaluate(evaluator)?.thin(ThinLines::Sixteenth);
                         Ok((found.into_leaf(), thin))
                     }
-                    Some(found) => Ok((found.into_leaf(), Thin::default())),
+                    Some(found) => Ok((found.into_leaf(), ThinFeatures::default())),
                     None => here(vulkan, evaluator, &leaves[number]),
                 };
             }

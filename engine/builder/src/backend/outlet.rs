@@ -2,13 +2,13 @@
 
 use super::batch::{Leaf, fitting, pack};
 use super::vulkan::Vulkan;
-use crate::gpu::{BatchInput, BatchOutput, Failure, Lane};
+use crate::gpu::{BatchInput, BatchOutput, DeviceFailure, DeviceLane};
 
 /// A thread's outlet to a device.
 #[derive(Default)]
 pub(super) struct Outlet {
     /// `None` before the first batch; `Some(None)` if the device has no room.
-    lane: Option<Option<Lane>>,
+    lane: Option<Option<DeviceLane>>,
     /// Bricks in a batch, at most.
     limit: usize,
     input: BatchInput,
@@ -29,7 +29,7 @@ impl Outlet {
     pub fn begin(&mut self, vulkan: &Vulkan, may_divide: bool) {
         self.input.may_divide = may_divide;
         let gpu = vulkan.of_thread();
-        let moves = |lane: &Option<Lane>| lane.as_ref().is_some_and(|lane| !lane.is_on(gpu));
+        let moves = |lane: &Option<DeviceLane>| lane.as_ref().is_some_and(|lane| !lane.is_on(gpu));
         if self.lane.as_ref().is_none_or(moves) {
             // Dropped first, for the next one needs its memory.
             self.lane = None;
@@ -113,7 +113,7 @@ impl Outlet {
     }
 
     /// After a failed batch: the next has half as many bricks, or the processor takes over.
-    fn give_way(&mut self, vulkan: &Vulkan, failure: Failure, bricks: usize) {
+    fn give_way(&mut self, vulkan: &Vulkan, failure: DeviceFailure, bricks: usize) {
         vulkan.note_failure(failure);
         if failure.may_pass_with_less() && bricks > 1 {
             self.limit = bricks / 2;

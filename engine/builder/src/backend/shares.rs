@@ -11,7 +11,7 @@ use super::check::{Claim, KernelSet};
 use super::vulkan::Vulkan;
 use crate::brick::{POINTS, Samples};
 use crate::error::Result;
-use crate::gpu::{Failure, SumInput, SumLane, SumRoom, SumTree};
+use crate::gpu::{DeviceFailure, SumCapacity, SumInput, SumLane, SumTree};
 use crate::lattice::NodeKey;
 use crate::winding::{BlockSample, ClusterParts, OpenField, RoundedShares, SumBlock, SumBlocks};
 use brickfield_shaders as shaders;
@@ -121,7 +121,7 @@ impl DeviceShares {
         let is_small = 4 * (words.len() + elements.len()) as u64 <= self.vulkan.gpu().memory() / 2;
         let there = match is_small {
             true => SumTree::new(self.vulkan.gpu(), &words, &elements),
-            false => Err(Failure::OutOfMemory),
+            false => Err(DeviceFailure::OutOfMemory),
         };
         match there {
             Ok(there) => Some(Tree { there: Arc::new(there), clusters }),
@@ -203,7 +203,7 @@ impl ShareQueue {
     }
 
     /// After a failed batch: the next has half as many bricks, or the processor takes over.
-    fn give_way(&mut self, device: &DeviceShares, failure: Failure, bricks: usize) {
+    fn give_way(&mut self, device: &DeviceShares, failure: DeviceFailure, bricks: usize) {
         device.vulkan.note_failure(failure);
         if failure.may_pass_with_less() && bricks > 1 {
             self.limit = bricks / 2;
@@ -228,7 +228,12 @@ impl ShareQueue {
 
 /// Writes all blocks down for which there is room, and says where each sample's answer will be; `None` for those that are
 /// not sent.
-fn pack(blocks: &SumBlocks, clusters: &[Sizes], room: SumRoom, input: &mut SumInput) -> Vec<Option<usize>> {
+fn pack(
+    blocks: &SumBlocks,
+    clusters: &[Sizes],
+    room: SumCapacity,
+    input: &mut SumInput,
+) -> Vec<Option<usize>> {
     input.clear();
     // Neighbours share blocks.
     let mut known: HashMap<usize, Option<u32>> = HashMap::new();

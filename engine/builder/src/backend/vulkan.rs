@@ -2,7 +2,7 @@
 
 use super::check::{DeviceCheck, Trust};
 use super::report::DeviceReport;
-use crate::gpu::{Failure, Gpu, Lane, Seconds};
+use crate::gpu::{DeviceFailure, DeviceLane, Gpu, Seconds};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A device for builds, and what it did so far. Clones are handles of the same.
@@ -67,10 +67,10 @@ impl Vulkan {
     }
 
     /// A lane on a device for one of the pool's threads; `None` if the device has no room for it or fails.
-    pub(super) fn lane(&self, gpu: &Gpu) -> Option<Lane> {
+    pub(super) fn lane(&self, gpu: &Gpu) -> Option<DeviceLane> {
         let mut bytes = gpu.memory() / rayon::current_num_threads() as u64;
         loop {
-            match Lane::new(gpu, bytes) {
+            match DeviceLane::new(gpu, bytes) {
                 Ok(lane) => return Some(lane),
                 Err(failure) => self.note_failure(failure),
             }
@@ -82,7 +82,7 @@ impl Vulkan {
         }
     }
 
-    pub(super) fn note_failure(&self, failure: Failure) {
+    pub(super) fn note_failure(&self, failure: DeviceFailure) {
         self.report().failure.get_or_insert_with(|| failure.to_string());
     }
 

@@ -3,7 +3,7 @@
 use super::subtree::corner_at;
 use crate::brick::Brick;
 use crate::lattice::NodeKey;
-use crate::store::{Compression, Node, Records, join};
+use crate::store::{Compression, JoinedNode, Records, join};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ struct Open {
     /// The first descendant that is not accounted for.
     next: usize,
     /// Siblings that wait for the rest of them, by level below the node; the last ones have come, those above are joined.
-    siblings: Vec<Vec<Node>>,
+    siblings: Vec<Vec<JoinedNode>>,
     /// Of the first opening, if its descendants are not joined.
     apart: Option<Apart>,
 }
@@ -38,7 +38,7 @@ pub(super) struct Assembler {
     /// The joined nodes of the first opening, which is the root's.
     pub top: Records,
     /// The root.
-    root: Option<Node>,
+    root: Option<JoinedNode>,
     /// If only some of the first opening's descendants are wanted, and the nodes above them are not.
     apart: Option<Apart>,
 }
@@ -78,7 +78,7 @@ impl Assembler {
 
     /// The descendant that was reached has come. Nodes that it completes below the first opening go to
     /// `records`. Returns how many of the first opening's have been completed.
-    pub fn add(&mut self, node: Node, records: &mut Records) -> u64 {
+    pub fn add(&mut self, node: JoinedNode, records: &mut Records) -> u64 {
         let first = self.open.len() == 1;
         let to = if first { &mut self.top } else { &mut *records };
         let open = self.open.last_mut().expect("it was opened");
@@ -106,7 +106,7 @@ impl Assembler {
 
     /// The records of the nodes above the jobs; and, if these are only some, which of them are empty.
     pub fn finish(mut self) -> (Records, Vec<(u64, i16)>) {
-        if let Some(Node::Empty(w)) = self.root {
+        if let Some(JoinedNode::Empty(w)) = self.root {
             self.top.push(NodeKey::ROOT, true, &Brick::Uniform(w));
         }
         (self.top, self.apart.map_or(Vec::new(), |apart| apart.empty))
@@ -114,8 +114,8 @@ impl Assembler {
 }
 
 impl Apart {
-    fn take(&mut self, cell: u64, node: &Node) {
-        if let Node::Empty(w) = node
+    fn take(&mut self, cell: u64, node: &JoinedNode) {
+        if let JoinedNode::Empty(w) = node
             && self.cells.contains(&cell)
         {
             self.empty.push((cell, *w));
@@ -128,12 +128,12 @@ impl Open {
     fn skip_to(&mut self, cell: usize, records: &mut Records) {
         for number in self.next..cell {
             let corner = corner_at(&self.opening.corners, self.opening.stride, number);
-            self.push(Node::Empty(corner), records);
+            self.push(JoinedNode::Empty(corner), records);
         }
     }
 
     /// Adds the next descendant, and joins eight siblings as often as they are complete.
-    fn push(&mut self, node: Node, records: &mut Records) {
+    fn push(&mut self, node: JoinedNode, records: &mut Records) {
         let mut level = self.opening.stride;
         let mut number = self.next as u64;
         self.next += 1;
@@ -144,7 +144,8 @@ impl Open {
         while level > 0 {
             let siblings = &mut self.siblings[usize::from(level)];
             siblings.push(node);
-            let Ok(children) = <[Node; 8]>::try_from(std::mem::take(siblings)).map_err(|few| *siblings = few)
+            let Ok(children) =
+                <[JoinedNode; 8]>::try_from(std::mem::take(siblings)).map_err(|few| *siblings = few)
             else {
                 return;
             };

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
 use crate::schedule::{MemoryReservation, RunLimits, TaskOrder, TaskOutcome, run_tasks};
-use crate::store::{Node, Records};
+use crate::store::{JoinedNode, Records};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ struct Job<F: Field> {
 /// A subtree that is built.
 struct Built {
     cell: usize,
-    node: Node,
+    node: JoinedNode,
     records: Records,
 }
 
@@ -296,7 +296,7 @@ fn build<F: Field>(
         done.push(node);
     }
     let mut built = builder.build_all(&tops)?.into_iter();
-    let mut next = |(cube, node): (&Cube, Option<Node>)| {
+    let mut next = |(cube, node): (&Cube, Option<JoinedNode>)| {
         let (node, records) = match node {
             Some(node) => (node, Records::new(plan.rules.compression)),
             None => built.next().expect("each was built"),

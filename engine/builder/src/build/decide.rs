@@ -5,7 +5,7 @@ use super::field::{Evaluated, Field, Pieces};
 use super::rules::Rules;
 use super::subtree::corner_at;
 use crate::backend::Leaf;
-use crate::brick::{Brick, Samples, Thin};
+use crate::brick::{Brick, Samples, ThinFeatures};
 use crate::contour::has_one_sheet;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
@@ -28,7 +28,7 @@ pub(super) enum Decided<P> {
     /// No surface touches it.
     Empty(i16),
     /// With what hides in it, if anything.
-    Leaf(Brick, Option<Box<Thin>>),
+    Leaf(Brick, Option<Box<ThinFeatures>>),
     /// Its samples, or `None` if these are joined from its children's, and the children.
     Refined(Option<Samples>, Box<[Undecided<P>; 8]>),
 }

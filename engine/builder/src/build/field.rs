@@ -2,7 +2,7 @@
 
 use super::fit::Tolerance;
 use crate::backend::Leaf;
-use crate::brick::{Brick, Samples, SignChanges, Thin, ThinLines};
+use crate::brick::{Brick, Samples, SignChanges, ThinFeatures, ThinLines};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
 use crate::store::Refine;
@@ -108,7 +108,7 @@ pub(super) trait Field: Sync {
         &self,
         _evaluator: &mut Self::Evaluator,
         _leaves: &[Leaf<'_, Self::Piece>],
-    ) -> Result<(Brick, Thin)> {
+    ) -> Result<(Brick, ThinFeatures)> {
         unreachable!("no leaves were begun")
     }
 
@@ -154,8 +154,8 @@ pub(super) trait Evaluated {
     }
     /// The walls and gaps of the boundary that lie between two samples, by what some lines tell; none of fields that cannot
     /// tell.
-    fn thin(&mut self, _lines: ThinLines) -> Result<Thin> {
-        Ok(Thin::default())
+    fn thin(&mut self, _lines: ThinLines) -> Result<ThinFeatures> {
+        Ok(ThinFeatures::default())
     }
     /// The leaf's brick, with its Hermite edges.
     fn into_leaf(self) -> Result<Brick>;

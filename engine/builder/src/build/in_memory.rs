@@ -9,7 +9,7 @@ use super::rules::{TreeOptions, require_no_tolerance};
 use super::toolpaths::{bead_sources, bounds_of_sources, place_beads};
 use crate::error::Result;
 use crate::ingest::{CloudInput, Facets, Input, Survey};
-use crate::pieces::Oriented;
+use crate::pieces::FlippedSource;
 use crate::progress::Progress;
 use crate::store::MemoryTree;
 use crate::toolpath::Toolpath;
@@ -50,7 +50,7 @@ pub fn build_inputs_in_memory(
     let given: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
     let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
     let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
-    let soups = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
+    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
     let tree = build_any_in_memory(&soups, root, tree_options(depth, options), options.gwn_error)?;
     inputs.iter().try_for_each(Input::check)?;
     Ok(TreeInMemory { tree, bounds })

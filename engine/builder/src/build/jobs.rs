@@ -7,12 +7,12 @@ use super::field::Field;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
 use super::subtree::SubtreeBuilder;
-use crate::brick::{Brick, Thin};
+use crate::brick::{Brick, ThinFeatures};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
-use crate::store::{Half, Kept, Node, Records, Share, interior, joined, subtree_level};
+use crate::store::{CoarseSamples, JoinedNode, Records, ResumeState, Share, interior, joined, subtree_level};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Mutex;
@@ -43,23 +43,23 @@ pub(super) struct Plan<'a> {
     /// If it is not the whole tree.
     pub share: Option<&'a Share>,
     /// What an earlier run has left of it.
-    pub kept: Option<&'a Kept>,
+    pub kept: Option<&'a ResumeState>,
     /// What hides between the samples of the leaves that are built.
-    pub thin: &'a Mutex<Thin>,
+    pub thin: &'a Mutex<ThinFeatures>,
 }
 
 impl Plan<'_> {
     /// Adds what hides in a leaf.
-    pub fn add_thin(&self, thin: &Thin) {
+    pub fn add_thin(&self, thin: &ThinFeatures) {
         if !thin.is_empty() {
             self.thin.lock().expect("no thread panicked").add(thin);
         }
     }
 
     /// The node of a subtree that an earlier run has built, if it has: its records are in the store.
-    pub fn built(&self, key: NodeKey) -> Result<Option<Node>> {
+    pub fn built(&self, key: NodeKey) -> Result<Option<JoinedNode>> {
         let brick = self.kept.map_or(Ok(None), |kept| kept.brick(key))?;
-        Ok(brick.map(|brick| Node::Stored(Half::of(&brick))))
+        Ok(brick.map(|brick| JoinedNode::Stored(CoarseSamples::of(&brick))))
     }
 }
 
@@ -138,7 +138,7 @@ fn decide_from_the_top<F: Field>(
     }
     let done = run_jobs(field, &frontier, plan, progress, consume)?;
     for (job, node) in frontier.iter().zip(&done) {
-        if let Node::Empty(w) = node {
+        if let JoinedNode::Empty(w) = node {
             settled.push((job.key, true, Brick::Uniform(*w)));
         }
     }
@@ -156,16 +156,16 @@ fn decide_from_the_top<F: Field>(
 /// which they are added.
 fn join_unseen(
     unseen: Vec<NodeKey>,
-    mut nodes: HashMap<NodeKey, Node>,
+    mut nodes: HashMap<NodeKey, JoinedNode>,
     settled: &mut Vec<(NodeKey, bool, Brick)>,
 ) {
-    nodes.extend(settled.iter().map(|(key, _, brick)| (*key, Node::Stored(Half::of(brick)))));
+    nodes.extend(settled.iter().map(|(key, _, brick)| (*key, JoinedNode::Stored(CoarseSamples::of(brick)))));
     // Deepest first.
     for key in unseen.into_iter().rev() {
         let child = |octant| nodes.remove(&key.child(octant)).expect("every child was settled or a job");
-        let children: Vec<Node> = Octant::all().map(child).collect();
+        let children: Vec<JoinedNode> = Octant::all().map(child).collect();
         let brick = joined(&children.try_into().expect("there are eight"));
-        nodes.insert(key, Node::Stored(Half::of(&brick)));
+        nodes.insert(key, JoinedNode::Stored(CoarseSamples::of(&brick)));
         settled.push((key, false, brick));
     }
 }
@@ -188,18 +188,18 @@ fn run_jobs<F: Field>(
     plan: Plan<'_>,
     progress: &dyn Progress,
     consume: &mut Consume<'_>,
-) -> Result<Vec<Node>> {
+) -> Result<Vec<JoinedNode>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     let local = || SubtreeBuilder::<F>::new(field, plan, progress);
     let groups: Vec<&[Undecided<F::Piece>]> =
         jobs.chunks(jobs_together(field, plan.rules, jobs.len())).collect();
     let work = |builder: &mut SubtreeBuilder<F>, number: usize| {
-        let kept: Vec<Option<Node>> =
+        let kept: Vec<Option<JoinedNode>> =
             groups[number].iter().map(|job| plan.built(job.key)).collect::<Result<_>>()?;
         let left = groups[number].iter().zip(&kept).filter(|(_, kept)| kept.is_none());
         let tops: Vec<&Undecided<F::Piece>> = left.map(|(job, _)| job).collect();
         let mut built = builder.build_deciding(&tops)?.into_iter();
-        let node = |kept: Option<Node>| match kept {
+        let node = |kept: Option<JoinedNode>| match kept {
             Some(node) => (node, Records::new(plan.rules.compression)),
             None => built.next().expect("every node that was not kept is built"),
         };

@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::store::{
-    BrickTree, Compression, Half, IdentityEntry, IndexEntry, Meta, Node, Numbers, Records, Share, Stats,
-    Store, StoreWriter, cell_key, check_target,
+    BrickTree, BuildCounts, CoarseSamples, Compression, IdentityEntry, IndexEntry, JoinedNode, Meta, Records,
+    Share, Stats, Store, StoreWriter, cell_key, check_target,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -119,9 +119,9 @@ impl Part {
     }
 
     /// The node of a cube, as its parent sees it.
-    fn top_of(&self, cell: u64) -> Result<Node> {
+    fn top_of(&self, cell: u64) -> Result<JoinedNode> {
         let key = cell_key(self.share.level, cell).unwrap_or(NodeKey::ROOT);
-        Ok(Node::Stored(Half::of(&*self.store.brick(key)?)))
+        Ok(JoinedNode::Stored(CoarseSamples::of(&*self.store.brick(key)?)))
     }
 }
 
@@ -129,7 +129,7 @@ impl Part {
 fn facts(meta: &Meta, share: &Share) -> Vec<(String, String)> {
     let mut facts = meta.facts();
     let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
-    let Numbers { facets, degenerate_facets, .. } = meta.numbers;
+    let BuildCounts { facets, degenerate_facets, .. } = meta.numbers;
     fact("number of facets", format!("{facets} ({degenerate_facets} without area)"));
     fact("number of segments", meta.beads.as_ref().map_or(0, |beads| beads.segments).to_string());
     let fed = meta.volumes.as_ref().and_then(|volumes| volumes.swept?.fed);
@@ -206,7 +206,7 @@ fn join_subtrees(parts: &[Part], writer: &mut StoreWriter, progress: &dyn Progre
         let (mut entries, mut empty) = (entries.as_slice(), part.share.found.empty.iter().peekable());
         for cell in part.share.cells() {
             let node = match empty.next_if(|(number, _)| *number == cell) {
-                Some((_, w)) => Node::Empty(*w),
+                Some((_, w)) => JoinedNode::Empty(*w),
                 None => {
                     let top = entries.iter().position(|entry| entry.key.level() == *level);
                     let (subtree, rest) = entries.split_at(top.map_or(0, |top| top + 1));

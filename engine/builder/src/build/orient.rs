@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::RootCube;
-use crate::pieces::{Consistency, InsideOut, Report, Turned, study};
+use crate::pieces::{Consistency, FlippedFacets, InsideOut, PiecesReport, study};
 use crate::progress::Progress;
 
 /// What is turned over, if any is to be, and what is said of it.
@@ -13,7 +13,7 @@ pub(super) fn turn(
     orient: Option<Consistency>,
     memory: u64,
     progress: &dyn Progress,
-) -> Result<Option<(Report, Turned)>> {
+) -> Result<Option<(PiecesReport, FlippedFacets)>> {
     orient.map(|consistency| study(soups, root, consistency, memory, progress)).transpose()
 }
 

@@ -18,16 +18,16 @@ use super::summary::{Resumed, ShareSummary, Summary};
 use super::thin::{ThinDepth, ThinSummary};
 use super::toolpaths::{bead_sources, build_beads};
 use super::weigh::{Work, weigh_soup};
-use crate::brick::{Count, Thin};
+use crate::brick::{Count, ThinFeatures};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
-use crate::pieces::{Consistency, InsideOut, Oriented};
+use crate::pieces::{Consistency, FlippedSource, InsideOut};
 use crate::progress::Progress;
 use crate::solid::Outline;
 use crate::store::{
-    BeadsMeta, Compression, Meta, Numbers, Records, Refine, Settings, Share, ShareId, ShareNumbers, Source,
-    Stats, StoreWriter, check_target,
+    BeadsMeta, BuildCounts, Compression, Meta, Records, Refine, SettingPairs, Share, ShareId, ShareNumbers,
+    Source, Stats, StoreWriter, check_target,
 };
 use crate::volumes::facet_volumes;
 use crate::winding::{FAR_FIELD_BYTES, OpenSummary};
@@ -126,12 +126,12 @@ pub struct Keeping {
     pub restart: bool,
     /// What decides the store beside these options and the inputs' bytes, by name, as how the inputs were read. A run
     /// with other settings does not go on with what this one leaves.
-    pub settings: Settings,
+    pub settings: SettingPairs,
 }
 
 impl Default for Keeping {
     fn default() -> Self {
-        Keeping { pace: Duration::from_secs(10), restart: false, settings: Settings::new() }
+        Keeping { pace: Duration::from_secs(10), restart: false, settings: SettingPairs::new() }
     }
 }
 
@@ -189,7 +189,7 @@ fn build_soup(
     let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
     let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
     let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
-    let soups = oriented.as_ref().map_or(given, |oriented| Oriented::sources(oriented));
+    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
     clock.lap_if(turned.is_some(), "orient");
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
@@ -268,7 +268,7 @@ pub(super) struct Task {
     /// Memory and temporary file.
     pub room: Room,
     /// What hides between the samples of the leaves that were built.
-    thin: Mutex<Thin>,
+    thin: Mutex<ThinFeatures>,
     /// The part of all work that was foreseen for the share, if only one is asked for.
     work: f64,
     /// What was there when it began.
@@ -309,7 +309,7 @@ impl Task {
             refine,
             stddev,
             tolerance: (tolerance > 0.0).then_some(tolerance),
-            numbers: Numbers::default(),
+            numbers: BuildCounts::default(),
             beads,
             volumes: None,
             share: options.share.map(|id| Share {
@@ -421,7 +421,7 @@ impl Task {
     /// Completes the store.
     pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<Summary> {
         progress.phase("finishing", None, "bytes");
-        let Meta { root, depth, numbers: Numbers { facets, degenerate_facets, .. }, .. } = self.meta;
+        let Meta { root, depth, numbers: BuildCounts { facets, degenerate_facets, .. }, .. } = self.meta;
         let share = self.meta.share.as_ref().map(|share| ShareSummary {
             id: share.id,
             level: share.level,

@@ -2,7 +2,7 @@
 
 use super::field::{Evaluated, Field, Fractions};
 use super::fit::Tolerance;
-use crate::brick::{Samples, SignChanges, Thin, ThinLines};
+use crate::brick::{Samples, SignChanges, ThinFeatures, ThinLines};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, RootCube};
 use crate::store::{Compression, Refine};
@@ -123,19 +123,24 @@ impl Rules {
     }
 
     /// What hides in a leaf of a level, or in a node that is to be one, where that matters.
-    pub fn thin_of<F: Field>(&self, field: &F, level: u8, evaluation: &mut impl Evaluated) -> Result<Thin> {
+    pub fn thin_of<F: Field>(
+        &self,
+        field: &F,
+        level: u8,
+        evaluation: &mut impl Evaluated,
+    ) -> Result<ThinFeatures> {
         if (self.depth..self.deepest).contains(&level) {
             evaluation.thin(ThinLines::All)
         } else if self.deepest > self.depth || field.may_hide_walls(level) {
             evaluation.thin(ThinLines::Sixteenth)
         } else {
-            Ok(Thin::default())
+            Ok(ThinFeatures::default())
         }
     }
 
     /// Whether a node at [`Rules::depth`] or below is divided for what is thin in it: what hides, and what has samples that
     /// meet at corners only.
-    pub fn divides_thin(&self, level: u8, thin: &Thin, evaluation: &impl Evaluated) -> bool {
+    pub fn divides_thin(&self, level: u8, thin: &ThinFeatures, evaluation: &impl Evaluated) -> bool {
         level < self.deepest && (!thin.is_empty() || evaluation.has_ambiguous_face())
     }
 

@@ -3,7 +3,7 @@
 use super::bins::Binner;
 use super::field::{Evaluated, Field, Pieces};
 use super::sorted::SortedPieces;
-use crate::brick::{Brick, Samples, Thin, ThinLines};
+use crate::brick::{Brick, Samples, ThinFeatures, ThinLines};
 use crate::error::Result;
 use crate::lattice::{NodeKey, ROOT_BITS, Units, spacing_bits};
 use crate::progress::Progress;
@@ -104,7 +104,7 @@ impl Evaluated for SolidEvaluation<'_> {
         SolidEvaluation::has_hidden_boundary(self)
     }
 
-    fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
+    fn thin(&mut self, lines: ThinLines) -> Result<ThinFeatures> {
         Ok(SolidEvaluation::thin(self, lines))
     }
 

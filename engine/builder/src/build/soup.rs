@@ -7,7 +7,7 @@ use super::field::{Evaluated, Field, Fractions, Pieces};
 use super::fit::Tolerance;
 use super::open::{self, OpenSoup, OpenSoupEvaluator};
 use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
-use crate::brick::{Brick, Hermite, Samples, Thin, ThinLines};
+use crate::brick::{Brick, Hermite, Samples, ThinFeatures, ThinLines};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
 use crate::store::Refine;
@@ -183,7 +183,7 @@ impl Field for Soup {
         true
     }
 
-    fn next_leaf(&self, evaluator: &mut SoupEvaluator, leaves: &[Leaf<'_>]) -> Result<(Brick, Thin)> {
+    fn next_leaf(&self, evaluator: &mut SoupEvaluator, leaves: &[Leaf<'_>]) -> Result<(Brick, ThinFeatures)> {
         let device = self.device.as_ref().expect("leaves were begun");
         evaluator.leaves.next(device, &mut evaluator.cpu, leaves)
     }
@@ -250,9 +250,9 @@ impl DeviceEvaluation<'_> {
     }
 
     /// As [`DeviceEvaluation::has_hidden_boundary`]: the processor looks where one may be.
-    fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
+    fn thin(&mut self, lines: ThinLines) -> Result<ThinFeatures> {
         if !self.found.may_hide() {
-            return Ok(Thin::default());
+            return Ok(ThinFeatures::default());
         }
         Ok(self.node.evaluate(self.evaluator)?.thin(lines))
     }
@@ -307,9 +307,9 @@ impl Evaluated for SoupEvaluation<'_> {
         }
     }
 
-    fn thin(&mut self, lines: ThinLines) -> Result<Thin> {
+    fn thin(&mut self, lines: ThinLines) -> Result<ThinFeatures> {
         match self {
-            SoupEvaluation::Open(_) => Ok(Thin::default()),
+            SoupEvaluation::Open(_) => Ok(ThinFeatures::default()),
             SoupEvaluation::Here(evaluation) => Ok(evaluation.thin(lines)),
             SoupEvaluation::There(evaluation) => evaluation.thin(lines),
         }

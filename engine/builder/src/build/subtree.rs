@@ -11,7 +11,7 @@ use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
-use crate::store::{Half, Node, Records, common_empty, interior, join, record_empty};
+use crate::store::{CoarseSamples, JoinedNode, Records, common_empty, interior, join, record_empty};
 use std::borrow::Borrow;
 use std::collections::VecDeque;
 
@@ -86,11 +86,11 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
 
     /// Builds the subtree at `key`, whose sample (0, 0, 0) is `corner`, from all pieces that touch it, of a tree that
     /// follows the pieces.
-    fn build(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
+    fn build(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<JoinedNode> {
         let all: Vec<u32> = (0..pieces.len() as u32).collect();
         let list = Pieces { array: pieces, indices: &all };
         if let Some(w) = self.field.settled(key, corner, list) {
-            return Ok(Node::Empty(w));
+            return Ok(JoinedNode::Empty(w));
         }
         if key.level() == self.rules.depth {
             if self.field.may_be_restless() {
@@ -107,10 +107,10 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
 
     /// Builds a node above the depth that no piece touches, and in which the field may change: it is divided where its
     /// samples do not tell how.
-    fn restless(&mut self, key: NodeKey, corner: i16) -> Result<Node> {
+    fn restless(&mut self, key: NodeKey, corner: i16) -> Result<JoinedNode> {
         let none = Pieces { array: &[], indices: &[] };
         if let Some(w) = self.field.settled(key, corner, none) {
-            return Ok(Node::Empty(w));
+            return Ok(JoinedNode::Empty(w));
         }
         self.field.foresee(&mut self.evaluator, &[Leaf { key, corner, array: &[], indices: &[] }]);
         if key.level() == self.rules.depth {
@@ -121,10 +121,10 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
         if self.rules.keeps(&mut evaluation) {
             let brick = evaluation.into_leaf()?;
             self.records.push(key, true, &brick);
-            return Ok(Node::Stored(Half::of(&brick)));
+            return Ok(JoinedNode::Stored(CoarseSamples::of(&brick)));
         }
         drop(evaluation);
-        let mut children = [const { Node::Empty(0) }; 8];
+        let mut children = [const { JoinedNode::Empty(0) }; 8];
         for octant in Octant::all() {
             children[octant.index()] = self.restless(key.child(octant), corner)?;
         }
@@ -132,7 +132,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds a node at the depth to which all is divided, or below it: a leaf unless something hides in it.
-    fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<Node> {
+    fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<JoinedNode> {
         self.progress.check()?;
         let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
         let thin = self.rules.thin_of(self.field, key.level(), &mut evaluation)?;
@@ -145,19 +145,19 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
         let brick = evaluation.into_leaf()?;
         self.plan.add_thin(&thin);
         self.records.push(key, true, &brick);
-        Ok(Node::Stored(Half::of(&brick)))
+        Ok(JoinedNode::Stored(CoarseSamples::of(&brick)))
     }
 
     /// Builds the children of a node in which something hides, and joins them.
-    fn divide(&mut self, key: NodeKey, corners: [i16; 8], list: Pieces<'_, F::Piece>) -> Result<Node> {
+    fn divide(&mut self, key: NodeKey, corners: [i16; 8], list: Pieces<'_, F::Piece>) -> Result<JoinedNode> {
         let pieces: Vec<F::Piece> = list.indices.iter().map(|&i| list.array[i as usize]).collect();
         let lists = Binner::new(key, 1).sort_indices(self.field, &pieces);
-        let mut children = [const { Node::Empty(0) }; 8];
+        let mut children = [const { JoinedNode::Empty(0) }; 8];
         for octant in Octant::all() {
             let (key, corner) = (key.child(octant), corners[octant.index()]);
             let list = Pieces { array: &pieces, indices: lists.of(octant.index()) };
             children[octant.index()] = match self.field.settled(key, corner, list) {
-                Some(w) => Node::Empty(w),
+                Some(w) => JoinedNode::Empty(w),
                 None => self.leaf(key, corner, list)?,
             };
         }
@@ -165,7 +165,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds several subtrees of a tree that follows the pieces, those of each with its records apart.
-    pub fn build_all(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, Records)>> {
+    pub fn build_all(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
         let depth = self.rules.depth;
         let is_at_bottom = |top: &Top<'_, F::Piece>| depth - top.key.level() <= STRIDE;
         // What a node below the depth holds is known only when the node is.
@@ -181,7 +181,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Subtrees whose leaves are evaluated in batches, which do not end where a subtree does.
-    fn build_ahead(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(Node, Records)>> {
+    fn build_ahead(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
         let cells: Vec<Cells> = tops.iter().map(|top| self.cells(top.key, top.corner, top.pieces)).collect();
         let SubtreeBuilder { field, progress, evaluator, records, plan, .. } = self;
         let is_settled =
@@ -199,13 +199,13 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
                 Step::Reached(key) => {
                     let leaf = cells.leaf(top, number);
                     if let Some(w) = field.settled(key, leaf.corner, (&leaf).into()) {
-                        return Ok(Some(Node::Empty(w)));
+                        return Ok(Some(JoinedNode::Empty(w)));
                     }
                     progress.check()?;
                     let (brick, thin) = field.next_leaf(evaluator, &leaves)?;
                     plan.add_thin(&thin);
                     records.push(key, true, &brick);
-                    Ok(Some(Node::Stored(Half::of(&brick))))
+                    Ok(Some(JoinedNode::Stored(CoarseSamples::of(&brick))))
                 }
             })?;
             built.push((node, records.take()));
@@ -224,7 +224,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
 
     /// Every touched node above the depth limit is refined, so only leaves are evaluated; a node's samples
     /// are a part of its children's.
-    fn descend_to_leaves(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<Node> {
+    fn descend_to_leaves(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<JoinedNode> {
         let Cells { stride, corners, lists } = self.cells(key, corner, pieces);
         let mut copies = Vec::new();
         let decides = self.field.may_be_restless();
@@ -250,7 +250,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
             let corner = corner_at(&corners, stride, number);
             let list = Pieces { array: pieces, indices: lists.of(number) };
             let node = if let Some(w) = self.field.settled(key, corner, list) {
-                Node::Empty(w)
+                JoinedNode::Empty(w)
             } else if key.level() == self.rules.depth {
                 self.leaf(key, corner, list)?
             } else {
@@ -278,7 +278,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds several subtrees of a tree whose nodes decide for themselves, those of each with its records apart.
-    pub fn build_deciding(&mut self, tops: &[&Undecided<F::Piece>]) -> Result<Vec<(Node, Records)>> {
+    pub fn build_deciding(&mut self, tops: &[&Undecided<F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
         self.foresee(tops.iter().copied());
         let decided = self.decide(tops.iter().copied())?;
         let mut built = Vec::with_capacity(tops.len());
@@ -311,7 +311,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     fn record_all(
         &mut self,
         nodes: Vec<KnownNode<F::Piece>>,
-        done: &mut dyn FnMut(&mut Self, Node),
+        done: &mut dyn FnMut(&mut Self, JoinedNode),
     ) -> Result<()> {
         // Where a device evaluates what is foreseen, it has the grandchildren of the next node while those of this one are
         // recorded here.
@@ -345,28 +345,28 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds what is below a node, and records all of it.
-    fn record(&mut self, opened: Opened<F::Piece>) -> Result<Node> {
+    fn record(&mut self, opened: Opened<F::Piece>) -> Result<JoinedNode> {
         let (key, samples, children) = match opened {
-            Opened::Empty(w) => return Ok(Node::Empty(w)),
+            Opened::Empty(w) => return Ok(JoinedNode::Empty(w)),
             Opened::Leaf(key, brick) => {
                 self.records.push(key, true, &brick);
-                return Ok(Node::Stored(Half::of(&brick)));
+                return Ok(JoinedNode::Stored(CoarseSamples::of(&brick)));
             }
             Opened::Refined(key, samples, children) => (key, samples, children),
         };
         let mut nodes = Vec::with_capacity(8);
         self.record_all(children, &mut |_, node| nodes.push(node))?;
-        let children: [Node; 8] = nodes.try_into().expect("a node has eight children");
+        let children: [JoinedNode; 8] = nodes.try_into().expect("a node has eight children");
         let Some(samples) = samples else {
             return Ok(join(key, children, &mut self.records));
         };
         if let Some(w) = common_empty(&children) {
-            return Ok(Node::Empty(w));
+            return Ok(JoinedNode::Empty(w));
         }
         record_empty(key, &children, &mut self.records);
         let brick = interior(samples);
         self.records.push(key, false, &brick);
-        Ok(Node::Stored(Half::of(&brick)))
+        Ok(JoinedNode::Stored(CoarseSamples::of(&brick)))
     }
 
     /// Tells the field which of some nodes will be evaluated as they are decided.
@@ -400,24 +400,24 @@ enum Step {
     /// A node at the bottom of the stride.
     Reached(NodeKey),
     /// A node whose children are done.
-    Joined(NodeKey, [Node; 8]),
+    Joined(NodeKey, [JoinedNode; 8]),
 }
 
 /// What gets the nodes that [`descend`] meets, and makes nodes of them: of all but those that are entered it must.
-type Visit<'a> = dyn FnMut(Step, usize) -> Result<Option<Node>> + 'a;
+type Visit<'a> = dyn FnMut(Step, usize) -> Result<Option<JoinedNode>> + 'a;
 
 /// Walks the `stride` levels below `top` depth-first in Morton order; `visit` gets every bottom node with
 /// its Morton number within `top`, then, after its children, every node above.
-fn descend(top: NodeKey, stride: u8, visit: &mut Visit<'_>) -> Result<Node> {
-    fn walk(key: NodeKey, levels: u8, number: usize, visit: &mut Visit<'_>) -> Result<Node> {
-        let made = |node: Option<Node>| node.expect("a node is made of what is reached or joined");
+fn descend(top: NodeKey, stride: u8, visit: &mut Visit<'_>) -> Result<JoinedNode> {
+    fn walk(key: NodeKey, levels: u8, number: usize, visit: &mut Visit<'_>) -> Result<JoinedNode> {
+        let made = |node: Option<JoinedNode>| node.expect("a node is made of what is reached or joined");
         if levels == 0 {
             return visit(Step::Reached(key), number).map(made);
         }
         if let Some(node) = visit(Step::Entered(key, levels), number)? {
             return Ok(node);
         }
-        let mut children = [const { Node::Empty(0) }; 8];
+        let mut children = [const { JoinedNode::Empty(0) }; 8];
         for octant in Octant::all() {
             children[octant.index()] =
                 walk(key.child(octant), levels - 1, number * 8 + octant.index(), visit)?;

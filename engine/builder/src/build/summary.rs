@@ -2,7 +2,7 @@
 
 use super::thin::ThinSummary;
 use crate::backend::DeviceReport;
-use crate::pieces::{InsideOut, Report};
+use crate::pieces::{InsideOut, PiecesReport};
 use crate::store::ShareId;
 use serde::{Serialize, Serializer};
 
@@ -40,7 +40,7 @@ pub struct Summary {
     /// Borders of patches that face the wrong way.
     pub flipped_patches: u64,
     /// The pieces of the input, if they were to be turned outward.
-    pub pieces: Option<Report>,
+    pub pieces: Option<PiecesReport>,
     /// Closed pieces that are inside out, if the field is negative somewhere.
     pub inside_out: Option<InsideOut>,
     /// Extrusions whose sweeps were inside out, and were turned when they were read.

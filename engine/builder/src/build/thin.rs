@@ -1,6 +1,6 @@
 //! Walls and gaps thinner than a cell: how far bricks are divided for them, and what is told of those that are left.
 
-use crate::brick::{Thin, ThinSheets};
+use crate::brick::{ThinFeatures, ThinSheets};
 use crate::error::{Error, Result};
 use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::store::Refine;
@@ -83,7 +83,7 @@ pub struct ThinSheetsSummary {
 
 impl ThinSummary {
     /// In the unit of the input, of leaves that are no deeper than `depth`.
-    pub(super) fn new(thin: &Thin, root: RootCube, depth: u8) -> ThinSummary {
+    pub(super) fn new(thin: &ThinFeatures, root: RootCube, depth: u8) -> ThinSummary {
         let unit = root.unit();
         let summary = |sheets: &ThinSheets| {
             let (area, volume) = (sheets.area(unit), sheets.volume(unit));

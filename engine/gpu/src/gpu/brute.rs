@@ -2,11 +2,11 @@
 //! invocation.
 
 use super::device::Gpu;
-use super::exchange::{Exchange, Layout};
-use super::failure::Failure;
-use super::kernels::{Kernels, Sets};
+use super::exchange::{BufferLayout, BufferSet};
+use super::failure::DeviceFailure;
+use super::kernels::{DescriptorSets, Kernels};
 use super::memory::in_a_row;
-use super::slot::Slot;
+use super::slot::BatchSlot;
 use brickfield_shaders::{ANGLE_BITS, BRUTE, BRUTE_BUFFERS, STEPS_MAX, Sum, WORKGROUP};
 
 /// Points of a run: 64 workgroups.
@@ -25,9 +25,9 @@ const UPLOADED: usize = 3;
 /// Sums solid angles in single precision.
 pub struct AngleSums {
     // Dropped first: it waits for the device.
-    slot: Slot,
-    buffers: Exchange,
-    sets: Sets,
+    slot: BatchSlot,
+    buffers: BufferSet,
+    sets: DescriptorSets,
     kernels: Kernels,
     gpu: Gpu,
 }
@@ -37,15 +37,15 @@ impl AngleSums {
     ///
     /// # Errors
     /// If the device has no room for them, or fails.
-    pub fn new(gpu: &Gpu) -> Result<AngleSums, Failure> {
+    pub fn new(gpu: &Gpu) -> Result<AngleSums, DeviceFailure> {
         gpu.check()?;
         let context = &gpu.context;
         let kernels = Kernels::new(context, BRUTE_BUFFERS.len(), &[(BRUTE, c"add_up")])?;
-        let layout = Layout { ranges: in_a_row(LENGTHS), written: UPLOADED, read: &[UPLOADED] };
-        let buffers = Exchange::new(context, &layout, 1)?;
+        let layout = BufferLayout { ranges: in_a_row(LENGTHS), written: UPLOADED, read: &[UPLOADED] };
+        let buffers = BufferSet::new(context, &layout, 1)?;
         let sets = kernels.sets(1)?;
         sets.point(0, 0, buffers.buffer(0), buffers.ranges());
-        Ok(AngleSums { slot: Slot::new(context)?, buffers, sets, kernels, gpu: gpu.clone() })
+        Ok(AngleSums { slot: BatchSlot::new(context)?, buffers, sets, kernels, gpu: gpu.clone() })
     }
 
     /// Facets that one call of [`AngleSums::add`] takes at most.
@@ -63,7 +63,7 @@ impl AngleSums {
         facets: &[[[f32; 3]; 3]],
         points: &[[f32; 3]],
         angles: &mut [i64],
-    ) -> Result<(), Failure> {
+    ) -> Result<(), DeviceFailure> {
         assert!(facets.len() <= FACETS && points.len() == angles.len());
         if facets.is_empty() {
             return Ok(());
@@ -81,7 +81,7 @@ impl AngleSums {
         Ok(())
     }
 
-    fn run(&mut self, facets: &[[[f32; 3]; 3]], points: &[[f32; 3]]) -> Result<(), Failure> {
+    fn run(&mut self, facets: &[[[f32; 3]; 3]], points: &[[f32; 3]]) -> Result<(), DeviceFailure> {
         let sum = Sum { points: points.len() as u32, facets: facets.len() as u32 };
         let inputs: [&[u8]; UPLOADED] =
             [bytemuck::bytes_of(&sum), bytemuck::cast_slice(facets), bytemuck::cast_slice(points)];

@@ -1,6 +1,6 @@
 //! The logical device that everything on it shares.
 
-use super::failure::{Failure, Stage, Unavailable};
+use super::failure::{DeviceFailure, DeviceUnavailable, Stage};
 use super::hardware::{Hardware, lock, refuse};
 use ash::vk;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,7 +20,7 @@ pub(super) struct Context {
 
 impl Context {
     /// Opens a device, which may be one of several on this hardware.
-    pub fn new(hardware: &Arc<Hardware>) -> Result<Context, Unavailable> {
+    pub fn new(hardware: &Arc<Hardware>) -> Result<Context, DeviceUnavailable> {
         let Hardware { physical, family, instance, info, .. } = &**hardware;
         let priorities = [1.0];
         let queues =
@@ -52,7 +52,7 @@ impl Context {
         commands: vk::CommandBuffer,
         signal: vk::Semaphore,
         value: u64,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), DeviceFailure> {
         self.strike(Stage::Submit)?;
         let (commands, signals, values) = ([commands], [signal], [value]);
         let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
@@ -68,7 +68,7 @@ impl Context {
     }
 
     /// Waits until the semaphore has the value.
-    pub fn wait(&self, semaphore: vk::Semaphore, value: u64) -> Result<(), Failure> {
+    pub fn wait(&self, semaphore: vk::Semaphore, value: u64) -> Result<(), DeviceFailure> {
         /// A batch takes milliseconds on a GPU, and a second on a processor that does a GPU's work beside its own.
         const PATIENCE_NS: u64 = 120_000_000_000;
         let stalls = self.hardware.strike(Stage::Stall).is_some();
@@ -87,7 +87,7 @@ impl Context {
     }
 
     /// Remembers failures that are for good.
-    fn note(&self, failure: Failure) -> Failure {
+    fn note(&self, failure: DeviceFailure) -> DeviceFailure {
         if !failure.may_pass_with_less() {
             self.lost.store(true, Ordering::Relaxed);
         }
@@ -105,7 +105,7 @@ impl Context {
     }
 
     /// Fails if a fault that was injected strikes here.
-    pub fn strike(&self, stage: Stage) -> Result<(), Failure> {
+    pub fn strike(&self, stage: Stage) -> Result<(), DeviceFailure> {
         self.hardware.strike(stage).map_or(Ok(()), |failure| Err(self.note(failure)))
     }
 }

@@ -1,7 +1,7 @@
 //! A device opened for work.
 
 use super::context::Context;
-use super::failure::{Failure, Fault, Unavailable, WrongAnswer};
+use super::failure::{DeviceFailure, DeviceUnavailable, InjectedFailure, WrongAnswer};
 use super::hardware::Hardware;
 use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::kernels::Kernels;
@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 /// Which device to open, and how.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Settings {
+pub struct DeviceSettings {
     /// Its number, or a part of its name in any case; the best one if not given.
     pub device: Option<String>,
     /// Only a GPU will do, no software driver, unless it is named.
@@ -55,7 +55,7 @@ impl Gpu {
     ///
     /// # Errors
     /// If there is no such device, or it lacks what the kernels need.
-    pub fn open(settings: &Settings) -> Result<Gpu, Unavailable> {
+    pub fn open(settings: &DeviceSettings) -> Result<Gpu, DeviceUnavailable> {
         let instance = Instance::new(settings.validation)?;
         let found = instance.physical_devices()?;
         let found: Vec<DeviceInfo> =
@@ -69,13 +69,13 @@ impl Gpu {
         Gpu::on(&hardware)
     }
 
-    fn on(hardware: &Arc<Hardware>) -> Result<Gpu, Unavailable> {
+    fn on(hardware: &Arc<Hardware>) -> Result<Gpu, DeviceUnavailable> {
         let context = Arc::new(Context::new(hardware)?);
         let entries: [_; KERNELS] =
             [(SCAN, c"find"), (SCAN, c"jump"), (EVALUATE, c"walk"), (HERMITE, c"tag"), (HERMITE, c"resolve")];
         let kernels = Kernels::new(&context, BRICK_BUFFERS.len(), &entries).map_err(|failure| {
             let what = format!("{}: the kernels cannot be compiled ({failure})", hardware.info.name);
-            Unavailable::new(what, "update the driver")
+            DeviceUnavailable::new(what, "update the driver")
         })?;
         Ok(Gpu { kernels: Arc::new(kernels), context, second: Arc::default() })
     }
@@ -120,7 +120,7 @@ impl Gpu {
     }
 
     /// For tests: lets calls fail.
-    pub fn inject(&self, fault: Fault) {
+    pub fn inject(&self, fault: InjectedFailure) {
         self.context.hardware.inject(fault);
     }
 
@@ -129,13 +129,13 @@ impl Gpu {
         self.context.hardware.spoil(wrong);
     }
 
-    pub(super) fn check(&self) -> Result<(), Failure> {
-        if self.is_lost() { Err(Failure::Lost) } else { Ok(()) }
+    pub(super) fn check(&self) -> Result<(), DeviceFailure> {
+        if self.is_lost() { Err(DeviceFailure::Lost) } else { Ok(()) }
     }
 }
 
 /// The index of the device that the settings mean.
-fn choose(found: &[DeviceInfo], settings: &Settings) -> Result<usize, Unavailable> {
+fn choose(found: &[DeviceInfo], settings: &DeviceSettings) -> Result<usize, DeviceUnavailable> {
     let list: Vec<String> = found.iter().map(|d| format!("{} {} ({})", d.index, d.name, d.kind)).collect();
     let list = list.join(", ");
     if let Some(wanted) = &settings.device {
@@ -143,17 +143,17 @@ fn choose(found: &[DeviceInfo], settings: &Settings) -> Result<usize, Unavailabl
         let by_number = wanted.parse().ok().filter(|number| *number < found.len());
         let by_name = || found.iter().position(|d| d.name.to_lowercase().contains(&lower));
         return by_number.or_else(by_name).ok_or_else(|| {
-            Unavailable::new(format!("there is no device {wanted}"), format!("name one of: {list}"))
+            DeviceUnavailable::new(format!("there is no device {wanted}"), format!("name one of: {list}"))
         });
     }
     let usable = |d: &&DeviceInfo| if settings.real { d.is_real() } else { d.missing.is_empty() };
     let rank = |d: &&DeviceInfo| (d.kind == DeviceKind::Other, d.kind, d.index);
     found.iter().filter(usable).min_by_key(rank).map(|d| d.index).ok_or_else(|| match settings.real {
-        true => Unavailable::new(
+        true => DeviceUnavailable::new(
             format!("there is no GPU among the Vulkan devices: {list}"),
             "use --backend vulkan for a software driver",
         ),
-        false => Unavailable::new(
+        false => DeviceUnavailable::new(
             format!("no Vulkan device has what is needed: {}", lacks(found)),
             "update the driver",
         ),
@@ -184,7 +184,8 @@ mod tests {
             device(3, "New Card", DeviceKind::Discrete, vec![]),
         ];
         let chosen = |found: &[DeviceInfo], device: Option<&str>, real| {
-            let settings = Settings { device: device.map(str::to_owned), real, ..Settings::default() };
+            let settings =
+                DeviceSettings { device: device.map(str::to_owned), real, ..DeviceSettings::default() };
             choose(found, &settings)
         };
         for (wanted, index) in [("0", 0), ("card", 2), ("new c", 3), ("LLVMpipe", 0)] {

@@ -2,14 +2,14 @@
 //! memory for copies.
 
 use super::context::Context;
-use super::failure::Failure;
-use super::memory::{Arena, Range, Use, end_of, in_a_row};
-use super::slot::Slot;
+use super::failure::DeviceFailure;
+use super::memory::{Arena, MemoryUse, Range, end_of, in_a_row};
+use super::slot::BatchSlot;
 use ash::vk;
 use std::sync::Arc;
 
 /// Parts of a buffer, by binding.
-pub(super) struct Layout<const N: usize> {
+pub(super) struct BufferLayout<const N: usize> {
     /// Where they lie.
     pub ranges: [Range; N],
     /// How many are written here: the first ones.
@@ -18,7 +18,7 @@ pub(super) struct Layout<const N: usize> {
     pub read: &'static [usize],
 }
 
-impl<const N: usize> Layout<N> {
+impl<const N: usize> BufferLayout<N> {
     /// Bytes of a buffer, with those for copies if it `stages`.
     pub fn total_bytes(&self, stages: bool) -> u64 {
         let copies = if stages { self.upload_bytes() + end_of(&self.read_ranges()) } else { 0 };
@@ -41,7 +41,7 @@ impl<const N: usize> Layout<N> {
 }
 
 /// Some buffers of one layout.
-pub(super) struct Exchange {
+pub(super) struct BufferSet {
     device: Arena,
     /// None where the device's memory is written and read here.
     staging: Option<Staging>,
@@ -68,32 +68,32 @@ pub(super) struct Upload {
 }
 
 /// What is recorded behind kernels.
-pub(super) struct ReadBack {
+pub(super) struct Readback {
     from: vk::Buffer,
     /// To where, if not in place.
     to: Option<vk::Buffer>,
     copies: Vec<vk::BufferCopy>,
 }
 
-impl Exchange {
+impl BufferSet {
     /// `count` buffers.
     pub fn new<const N: usize>(
         context: &Arc<Context>,
-        layout: &Layout<N>,
+        layout: &BufferLayout<N>,
         count: usize,
-    ) -> Result<Exchange, Failure> {
-        let device = Arena::new(context, Use::Device, end_of(&layout.ranges), count)?;
+    ) -> Result<BufferSet, DeviceFailure> {
+        let device = Arena::new(context, MemoryUse::Device, end_of(&layout.ranges), count)?;
         let mut staging = None;
         if !device.is_mapped() {
             let places = layout.read_ranges();
             staging = Some(Staging {
-                upload: Arena::new(context, Use::Upload, layout.upload_bytes(), count)?,
-                read: Arena::new(context, Use::ReadBack, end_of(&places), count)?,
+                upload: Arena::new(context, MemoryUse::Upload, layout.upload_bytes(), count)?,
+                read: Arena::new(context, MemoryUse::ReadBack, end_of(&places), count)?,
                 places: places.to_vec(),
             });
         }
-        let Layout { ranges, written, read } = *layout;
-        Ok(Exchange { device, staging, ranges: ranges.to_vec(), written, read })
+        let BufferLayout { ranges, written, read } = *layout;
+        Ok(BufferSet { device, staging, ranges: ranges.to_vec(), written, read })
     }
 
     /// What kernels see.
@@ -129,10 +129,10 @@ impl Exchange {
     }
 
     /// Reads back so many bytes of each part that is read.
-    pub fn read_back(&self, number: usize, lengths: &[u64]) -> ReadBack {
+    pub fn read_back(&self, number: usize, lengths: &[u64]) -> Readback {
         let from = self.buffer(number);
         let Some(Staging { read, places, .. }) = &self.staging else {
-            return ReadBack { from, to: None, copies: Vec::new() };
+            return Readback { from, to: None, copies: Vec::new() };
         };
         let copy = |((part, place), size): ((&usize, &Range), &u64)| vk::BufferCopy {
             src_offset: self.ranges[*part].0,
@@ -140,7 +140,7 @@ impl Exchange {
             size: *size,
         };
         let copies = self.read.iter().zip(places).zip(lengths).map(copy).collect();
-        ReadBack { from, to: Some(read.buffer(number)), copies }
+        Readback { from, to: Some(read.buffer(number)), copies }
     }
 
     /// The first bytes of what was read back, by its number among those parts.
@@ -153,8 +153,8 @@ impl Exchange {
 }
 
 /// For tests, which spoil what was read back.
-impl Exchange {
-    /// As [`Exchange::bytes`], to be overwritten.
+impl BufferSet {
+    /// As [`BufferSet::bytes`], to be overwritten.
     pub fn bytes_mut(&mut self, number: usize, part: usize, length: u64) -> &mut [u8] {
         match &mut self.staging {
             Some(Staging { read, places, .. }) => read.bytes_mut(number, places[part].0, length),
@@ -165,7 +165,7 @@ impl Exchange {
 
 impl Upload {
     /// Records copies and zeros, and that kernels wait for them.
-    pub fn record(&self, slot: &Slot) {
+    pub fn record(&self, slot: &BatchSlot) {
         let Some(from) = self.from else { return };
         slot.copy(from, self.to, &self.copies);
         self.zeros.iter().for_each(|range| slot.zero(self.to, *range));
@@ -173,9 +173,9 @@ impl Upload {
     }
 }
 
-impl ReadBack {
+impl Readback {
     /// Records that what kernels have written is copied, and seen here.
-    pub fn record(&self, slot: &Slot) {
+    pub fn record(&self, slot: &BatchSlot) {
         let mut last = vk::PipelineStageFlags::COMPUTE_SHADER;
         if let Some(to) = self.to {
             slot.barrier(last, vk::PipelineStageFlags::TRANSFER);

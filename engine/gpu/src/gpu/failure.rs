@@ -6,22 +6,22 @@ use std::fmt;
 /// Why there is no device to work with, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}; {remedy}")]
-pub struct Unavailable {
+pub struct DeviceUnavailable {
     /// What is missing.
     pub what: String,
     /// What the user can do.
     pub remedy: String,
 }
 
-impl Unavailable {
-    pub(super) fn new(what: impl fmt::Display, remedy: impl fmt::Display) -> Unavailable {
-        Unavailable { what: what.to_string(), remedy: remedy.to_string() }
+impl DeviceUnavailable {
+    pub(super) fn new(what: impl fmt::Display, remedy: impl fmt::Display) -> DeviceUnavailable {
+        DeviceUnavailable { what: what.to_string(), remedy: remedy.to_string() }
     }
 }
 
 /// Why a device did not do its work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Failure {
+pub enum DeviceFailure {
     /// It is gone, or stopped answering.
     #[error("the device was lost")]
     Lost,
@@ -36,28 +36,28 @@ pub enum Failure {
     Refused(vk::Result),
 }
 
-impl Failure {
+impl DeviceFailure {
     /// Whether the same device can be asked again, for less.
     pub fn may_pass_with_less(self) -> bool {
-        self == Failure::OutOfMemory
+        self == DeviceFailure::OutOfMemory
     }
 }
 
-impl From<vk::Result> for Failure {
-    fn from(result: vk::Result) -> Failure {
+impl From<vk::Result> for DeviceFailure {
+    fn from(result: vk::Result) -> DeviceFailure {
         match result {
-            vk::Result::ERROR_DEVICE_LOST => Failure::Lost,
-            vk::Result::TIMEOUT => Failure::Timeout,
+            vk::Result::ERROR_DEVICE_LOST => DeviceFailure::Lost,
+            vk::Result::TIMEOUT => DeviceFailure::Timeout,
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY
             | vk::Result::ERROR_OUT_OF_HOST_MEMORY
             | vk::Result::ERROR_OUT_OF_POOL_MEMORY
-            | vk::Result::ERROR_TOO_MANY_OBJECTS => Failure::OutOfMemory,
-            other => Failure::Refused(other),
+            | vk::Result::ERROR_TOO_MANY_OBJECTS => DeviceFailure::OutOfMemory,
+            other => DeviceFailure::Refused(other),
         }
     }
 }
 
-/// Where a [`Fault`] strikes.
+/// Where a [`InjectedFailure`] strikes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// As memory is taken.
@@ -77,7 +77,7 @@ pub enum Stage {
 /// A failure that a test wants to see, in place of the call that it strikes. Where something is to be given back it is a
 /// leak, a mistake that tests are shown to find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct InjectedFailure {
     /// Where it strikes.
     pub stage: Stage,
     /// How many calls pass before.
@@ -85,7 +85,7 @@ pub struct Fault {
     /// How many calls it strikes.
     pub times: u32,
     /// What they return.
-    pub failure: Failure,
+    pub failure: DeviceFailure,
 }
 
 /// What a test writes over what a device has computed, as a wrong driver would.

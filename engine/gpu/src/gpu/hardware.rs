@@ -1,8 +1,8 @@
 //! The hardware of a device: what it offers, and what devices opened on it have in common.
 
-use super::failure::{Failure, Fault, Stage, Unavailable, WrongAnswer};
+use super::failure::{DeviceFailure, DeviceUnavailable, InjectedFailure, Stage, WrongAnswer};
 use super::instance::{DeviceInfo, DeviceKind, Instance};
-use super::memory::Use;
+use super::memory::MemoryUse;
 use ash::vk;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -22,7 +22,7 @@ pub(super) struct Hardware {
     stages: bool,
     allocated: Mutex<Allocated>,
     memory: vk::PhysicalDeviceMemoryProperties,
-    faults: Mutex<Vec<Fault>>,
+    faults: Mutex<Vec<InjectedFailure>>,
     wrong: Mutex<Option<WrongAnswer>>,
     pub instance: Instance,
 }
@@ -50,7 +50,7 @@ impl Hardware {
         index: usize,
         cap: impl FnOnce(&DeviceInfo) -> u64,
         stages: bool,
-    ) -> Result<Hardware, Unavailable> {
+    ) -> Result<Hardware, DeviceUnavailable> {
         let physical = instance.physical_devices()?[index];
         let info = instance.describe(index, physical);
         if !info.missing.is_empty() {
@@ -81,15 +81,15 @@ impl Hardware {
     }
 
     /// The type of memory for a purpose among those allowed, the best first.
-    pub fn memory_type(&self, allowed: u32, purpose: Use) -> Option<u32> {
+    pub fn memory_type(&self, allowed: u32, purpose: MemoryUse) -> Option<u32> {
         use vk::MemoryPropertyFlags as Flags;
         let visible = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
         // Vulkan has a type that is both visible and coherent, and one that is the device's, on every machine.
         let wishes = match purpose {
-            Use::Device if self.shares_memory() => [IN_COMMON, visible],
-            Use::Device => [Flags::DEVICE_LOCAL, Flags::empty()],
-            Use::Upload => [visible, visible],
-            Use::ReadBack => [visible | Flags::HOST_CACHED, visible],
+            MemoryUse::Device if self.shares_memory() => [IN_COMMON, visible],
+            MemoryUse::Device => [Flags::DEVICE_LOCAL, Flags::empty()],
+            MemoryUse::Upload => [visible, visible],
+            MemoryUse::ReadBack => [visible | Flags::HOST_CACHED, visible],
         };
         let types = self.memory.memory_types_as_slice();
         let fits = |wish: Flags| {
@@ -109,11 +109,11 @@ impl Hardware {
     }
 
     /// Counts bytes that are about to be allocated, if there may be so many more.
-    pub fn reserve(&self, bytes: u64) -> Result<(), Failure> {
+    pub fn reserve(&self, bytes: u64) -> Result<(), DeviceFailure> {
         let mut allocated = lock(&self.allocated);
         let now = allocated.now.saturating_add(bytes);
         if now > self.cap {
-            return Err(Failure::OutOfMemory);
+            return Err(DeviceFailure::OutOfMemory);
         }
         *allocated = Allocated { now, peak: allocated.peak.max(now) };
         Ok(())
@@ -131,7 +131,7 @@ impl Hardware {
     }
 
     /// Lets calls fail, on whichever device they are.
-    pub fn inject(&self, fault: Fault) {
+    pub fn inject(&self, fault: InjectedFailure) {
         lock(&self.faults).push(fault);
     }
 
@@ -154,7 +154,7 @@ impl Hardware {
     }
 
     /// The failure that was injected for here and now, if one was.
-    pub fn strike(&self, stage: Stage) -> Option<Failure> {
+    pub fn strike(&self, stage: Stage) -> Option<DeviceFailure> {
         let mut faults = lock(&self.faults);
         let fault = faults.iter_mut().find(|fault| fault.stage == stage && fault.times > 0)?;
         if fault.after > 0 {
@@ -167,8 +167,8 @@ impl Hardware {
 }
 
 /// Says that hardware is of no use.
-pub(super) fn refuse(info: &DeviceInfo, what: String) -> Unavailable {
-    Unavailable::new(format!("{}: {what}", info.name), "name another with --device")
+pub(super) fn refuse(info: &DeviceInfo, what: String) -> DeviceUnavailable {
+    DeviceUnavailable::new(format!("{}: {what}", info.name), "name another with --device")
 }
 
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -1,6 +1,6 @@
 //! The loader, the instance, and which devices there are.
 
-use super::failure::Unavailable;
+use super::failure::DeviceUnavailable;
 use ash::ext::{debug_utils, validation_features};
 use ash::{Entry, vk};
 use brickfield_shaders::WORKGROUP;
@@ -65,7 +65,7 @@ impl DeviceInfo {
 ///
 /// # Errors
 /// If there is no loader, or it finds no driver.
-pub fn devices() -> Result<Vec<DeviceInfo>, Unavailable> {
+pub fn devices() -> Result<Vec<DeviceInfo>, DeviceUnavailable> {
     let instance = Instance::new(false)?;
     Ok(instance.physical_devices()?.iter().enumerate().map(|(i, d)| instance.describe(i, *d)).collect())
 }
@@ -105,15 +105,15 @@ pub(super) type Messages = Mutex<Vec<String>>;
 
 impl Instance {
     /// Loads Vulkan. With `validation` the Khronos validation layer looks on, if it is installed, and must be.
-    pub fn new(validation: bool) -> Result<Instance, Unavailable> {
+    pub fn new(validation: bool) -> Result<Instance, DeviceUnavailable> {
         Instance::with(&[], validation)
     }
 
     /// The same with extensions of the instance.
-    pub fn with(extensions: &[&CStr], validation: bool) -> Result<Instance, Unavailable> {
+    pub fn with(extensions: &[&CStr], validation: bool) -> Result<Instance, DeviceUnavailable> {
         // SAFETY: the loader's initialization has no preconditions but that its library is Vulkan's, whose name this is.
         let entry = unsafe { Entry::load() }.map_err(|e| {
-            Unavailable::new(format!("there is no Vulkan loader ({e})"), "install libvulkan1")
+            DeviceUnavailable::new(format!("there is no Vulkan loader ({e})"), "install libvulkan1")
         })?;
         let application = vk::ApplicationInfo::default()
             .application_name(c"brickfield")
@@ -135,18 +135,18 @@ impl Instance {
         }
         // SAFETY: everything that `info` points to lives until the call returns.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-            vk::Result::ERROR_LAYER_NOT_PRESENT => Unavailable::new(
+            vk::Result::ERROR_LAYER_NOT_PRESENT => DeviceUnavailable::new(
                 "the Vulkan validation layer is not there",
                 "install vulkan-validationlayers",
             ),
-            vk::Result::ERROR_EXTENSION_NOT_PRESENT if validation => Unavailable::new(
+            vk::Result::ERROR_EXTENSION_NOT_PRESENT if validation => DeviceUnavailable::new(
                 "the Vulkan validation layer cannot report",
                 "install a newer vulkan-validationlayers",
             ),
             vk::Result::ERROR_EXTENSION_NOT_PRESENT => {
-                Unavailable::new("the Vulkan drivers show no windows", "install another Vulkan driver")
+                DeviceUnavailable::new("the Vulkan drivers show no windows", "install another Vulkan driver")
             }
-            result => Unavailable::new(format!("there is no Vulkan driver ({result})"), INSTALL),
+            result => DeviceUnavailable::new(format!("there is no Vulkan driver ({result})"), INSTALL),
         })?;
         let mut instance = Instance { entry, raw, validation: None };
         if validation {
@@ -156,7 +156,7 @@ impl Instance {
     }
 
     /// Collects what the validation layer has to say.
-    fn listen(&mut self) -> Result<(), Unavailable> {
+    fn listen(&mut self) -> Result<(), DeviceUnavailable> {
         let functions = debug_utils::Instance::new(&self.entry, &self.raw);
         let messages: Arc<Messages> = Arc::default();
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -170,8 +170,9 @@ impl Instance {
             .pfn_user_callback(Some(keep_message))
             .user_data(std::ptr::from_ref::<Messages>(&messages).cast_mut().cast());
         // SAFETY: `messages` stays where it is, behind its counter, until the messenger is destroyed in `drop`.
-        let messenger = unsafe { functions.create_debug_utils_messenger(&info, None) }
-            .map_err(|result| Unavailable::new(format!("validation cannot report ({result})"), INSTALL))?;
+        let messenger = unsafe { functions.create_debug_utils_messenger(&info, None) }.map_err(|result| {
+            DeviceUnavailable::new(format!("validation cannot report ({result})"), INSTALL)
+        })?;
         self.validation = Some(Validation { functions, messenger, messages });
         Ok(())
     }
@@ -181,13 +182,14 @@ impl Instance {
         self.validation.as_ref().map_or_else(Arc::default, |v| Arc::clone(&v.messages))
     }
 
-    pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>, Unavailable> {
+    pub fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>, DeviceUnavailable> {
         // SAFETY: the instance is alive.
         let found = unsafe { self.raw.enumerate_physical_devices() };
-        let found = found
-            .map_err(|result| Unavailable::new(format!("no Vulkan driver answers ({result})"), INSTALL))?;
+        let found = found.map_err(|result| {
+            DeviceUnavailable::new(format!("no Vulkan driver answers ({result})"), INSTALL)
+        })?;
         match found.is_empty() {
-            true => Err(Unavailable::new("there is no Vulkan device", INSTALL)),
+            true => Err(DeviceUnavailable::new("there is no Vulkan device", INSTALL)),
             false => Ok(found),
         }
     }

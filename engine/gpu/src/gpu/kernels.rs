@@ -1,7 +1,7 @@
 //! Kernels: compute pipelines over some storage buffers.
 
 use super::context::Context;
-use super::failure::Failure;
+use super::failure::DeviceFailure;
 use super::memory::Range;
 use ash::vk;
 use brickfield_shaders::Shader;
@@ -23,7 +23,7 @@ impl Kernels {
         context: &Arc<Context>,
         buffers: usize,
         entries: &[(Shader, &CStr)],
-    ) -> Result<Kernels, Failure> {
+    ) -> Result<Kernels, DeviceFailure> {
         let mut kernels = Kernels {
             context: Arc::clone(context),
             set_layout: vk::DescriptorSetLayout::null(),
@@ -62,7 +62,7 @@ impl Kernels {
         }
     }
 
-    fn compile(&self, shader: Shader, entry: &CStr) -> Result<vk::Pipeline, Failure> {
+    fn compile(&self, shader: Shader, entry: &CStr) -> Result<vk::Pipeline, DeviceFailure> {
         let device = &self.context.raw;
         let info = vk::ShaderModuleCreateInfo::default().code(shader.words);
         // SAFETY: the words are valid SPIR-V, made at build time, that sees no buffers but those of the layout and asks
@@ -86,14 +86,14 @@ impl Kernels {
     }
 
     /// A pool for so many sets of buffers, with the sets.
-    pub fn sets(&self, count: u32) -> Result<Sets, Failure> {
+    pub fn sets(&self, count: u32) -> Result<DescriptorSets, DeviceFailure> {
         let sizes = [vk::DescriptorPoolSize::default()
             .ty(vk::DescriptorType::STORAGE_BUFFER)
             .descriptor_count(self.buffers * count)];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(count).pool_sizes(&sizes);
-        // SAFETY: the device is alive; the pool is destroyed by `Sets`.
+        // SAFETY: the device is alive; the pool is destroyed by `DescriptorSets`.
         let pool = unsafe { self.context.raw.create_descriptor_pool(&info, None) }?;
-        let mut sets = Sets { context: Arc::clone(&self.context), pool, sets: Vec::new() };
+        let mut sets = DescriptorSets { context: Arc::clone(&self.context), pool, sets: Vec::new() };
         let layouts = vec![self.set_layout; count as usize];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool has room for exactly these.
@@ -118,13 +118,13 @@ impl Drop for Kernels {
 }
 
 /// Sets of buffers.
-pub(super) struct Sets {
+pub(super) struct DescriptorSets {
     context: Arc<Context>,
     pool: vk::DescriptorPool,
     pub sets: Vec<vk::DescriptorSet>,
 }
 
-impl Sets {
+impl DescriptorSets {
     /// Points bindings of a set, from the number `first` on, to ranges (offset, length) of a buffer.
     pub fn point(&self, set: usize, first: u32, buffer: vk::Buffer, ranges: &[Range]) {
         let infos: Vec<[vk::DescriptorBufferInfo; 1]> = ranges
@@ -145,7 +145,7 @@ impl Sets {
     }
 }
 
-impl Drop for Sets {
+impl Drop for DescriptorSets {
     fn drop(&mut self) {
         if !self.context.is_abandoned() {
             // SAFETY: whoever uses the sets waits before dropping them.

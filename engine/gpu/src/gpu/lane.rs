@@ -1,12 +1,12 @@
 //! A thread's way to the device: a ring of batches, so that one is packed or read here while another is computed there.
 
 use super::device::Gpu;
-use super::exchange::Exchange;
-use super::failure::{Failure, WrongAnswer};
-use super::kernels::{Kernels, Sets};
+use super::exchange::BufferSet;
+use super::failure::{DeviceFailure, WrongAnswer};
+use super::kernels::{DescriptorSets, Kernels};
 use super::memory::Range;
-use super::sizes::{CHAINS, READ, Sizes, UPLOADED, ZEROED};
-use super::slot::{KERNELS, Seconds, Slot};
+use super::sizes::{BatchCapacity, CHAINS, READ, UPLOADED, ZEROED};
+use super::slot::{BatchSlot, KERNELS, Seconds};
 use ash::vk;
 use brickfield_shaders::{
     Batch, Brick, JUMP_WORDS, LINE_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, VARIES, WORKGROUP,
@@ -57,38 +57,51 @@ pub struct BatchOutput<'a> {
 }
 
 /// Buffers and commands of one thread.
-pub struct Lane {
+pub struct DeviceLane {
     // Dropped first: they wait for the device.
-    slots: Vec<Slot>,
-    buffers: Exchange,
-    sets: Sets,
+    slots: Vec<BatchSlot>,
+    buffers: BufferSet,
+    sets: DescriptorSets,
     gpu: Gpu,
-    sizes: Sizes,
+    sizes: BatchCapacity,
     /// By slot: bytes of the chains that are 0, because a batch that was done has left them so.
     clean: [u64; RING],
     /// Batches under way by slot, oldest first.
-    pending: VecDeque<(usize, Sizes)>,
+    pending: VecDeque<(usize, BatchCapacity)>,
     /// The batch that is being read.
-    received: Option<(usize, Sizes)>,
+    received: Option<(usize, BatchCapacity)>,
     next: usize,
 }
 
-impl Lane {
+impl DeviceLane {
     /// A lane with as much as fits in `bytes`.
     ///
     /// # Errors
     /// If the device has less memory, or fails.
-    pub fn new(gpu: &Gpu, bytes: u64) -> Result<Lane, Failure> {
+    pub fn new(gpu: &Gpu, bytes: u64) -> Result<DeviceLane, DeviceFailure> {
         gpu.check()?;
         let context = &gpu.context;
-        let sizes =
-            Sizes::within(bytes / RING as u64, context.hardware.range_max, !context.hardware.shares_memory());
-        let buffers = Exchange::new(context, &sizes.layout(), RING)?;
+        let sizes = BatchCapacity::within(
+            bytes / RING as u64,
+            context.hardware.range_max,
+            !context.hardware.shares_memory(),
+        );
+        let buffers = BufferSet::new(context, &sizes.layout(), RING)?;
         let sets = gpu.kernels.sets(RING as u32)?;
         (0..RING).for_each(|slot| sets.point(slot, 0, buffers.buffer(slot), buffers.ranges()));
-        let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
+        let slots = (0..RING).map(|_| BatchSlot::new(context)).collect::<Result<_, _>>()?;
         let (clean, pending) = ([0; RING], VecDeque::new());
-        Ok(Lane { slots, buffers, sets, gpu: gpu.clone(), sizes, clean, pending, received: None, next: 0 })
+        Ok(DeviceLane {
+            slots,
+            buffers,
+            sets,
+            gpu: gpu.clone(),
+            sizes,
+            clean,
+            pending,
+            received: None,
+            next: 0,
+        })
     }
 
     /// Whether its batches are this device's.
@@ -120,7 +133,7 @@ impl Lane {
     /// # Panics
     /// If the lane is full, or the batch is larger than its room, or empty, or has a triangle of no brick, or a brick has
     /// more than [`PAIRS_OF_BRICK_MAX`].
-    pub fn submit(&mut self, input: &BatchInput, limit: usize) -> Result<(), Failure> {
+    pub fn submit(&mut self, input: &BatchInput, limit: usize) -> Result<(), DeviceFailure> {
         assert!(!self.is_full(), "a batch must be received first");
         self.gpu.check()?;
         let load = self.load(input, limit);
@@ -159,7 +172,7 @@ impl Lane {
     }
 
     /// Offset and length of what must be 0 before a batch begins.
-    fn zeros(&self, slot: usize, load: &Sizes) -> Vec<Range> {
+    fn zeros(&self, slot: usize, load: &BatchCapacity) -> Vec<Range> {
         let (ranges, lengths) = (self.buffers.ranges(), load.lengths());
         let clean = self.clean[slot];
         let chains = (ranges[CHAINS].0 + clean, lengths[CHAINS].saturating_sub(clean));
@@ -168,7 +181,7 @@ impl Lane {
     }
 
     /// How much room a batch takes; checks that it is sound.
-    fn load(&self, input: &BatchInput, limit: usize) -> Sizes {
+    fn load(&self, input: &BatchInput, limit: usize) -> BatchCapacity {
         let BatchInput { bricks, pairs, may_divide } = input;
         let fits = |count: usize, room: u32| (1..=room as usize).contains(&count);
         assert!(
@@ -188,18 +201,18 @@ impl Lane {
             true => self.sizes.edges,
             false => self.sizes.edges / (limit.max(bricks.len()) as u32) * bricks.len() as u32,
         };
-        Sizes { bricks: bricks.len() as u32, pairs: pairs.len() as u32, edges, ..self.sizes }
+        BatchCapacity { bricks: bricks.len() as u32, pairs: pairs.len() as u32, edges, ..self.sizes }
     }
 
     /// Waits for the oldest batch under way, and says how long it took, if the device has a clock. What became of it is
-    /// [`Lane::output`] until [`Lane::release`].
+    /// [`DeviceLane::output`] until [`DeviceLane::release`].
     ///
     /// # Errors
     /// If the device fails; the batch is not under way any more.
     ///
     /// # Panics
     /// If none is under way, or the one before was not released.
-    pub fn receive(&mut self) -> Result<Option<Seconds>, Failure> {
+    pub fn receive(&mut self) -> Result<Option<Seconds>, DeviceFailure> {
         assert!(self.received.is_none(), "a batch must be released first");
         let (slot, load) = self.pending.pop_front().expect("a batch is under way");
         // Where a batch failed nobody knows what it has left.
@@ -215,7 +228,7 @@ impl Lane {
     }
 
     /// Overwrites what was received, for tests.
-    fn spoil(&mut self, slot: usize, load: &Sizes, wrong: WrongAnswer) {
+    fn spoil(&mut self, slot: usize, load: &BatchCapacity, wrong: WrongAnswer) {
         let lengths = load.lengths();
         match wrong {
             WrongAnswer::Zeros => {
@@ -261,7 +274,7 @@ impl Lane {
 }
 
 /// Records the kernels of a batch, each behind the one before.
-fn record_kernels(slot: &Slot, kernels: &Kernels, set: vk::DescriptorSet, load: &Sizes) {
+fn record_kernels(slot: &BatchSlot, kernels: &Kernels, set: vk::DescriptorSet, load: &BatchCapacity) {
     let of_pairs = load.pairs.div_ceil(WORKGROUP);
     let rooms = [load.way_spans, load.way_spans + load.other_spans];
     let [of_way, of_spans] = std::array::from_fn(|i| {

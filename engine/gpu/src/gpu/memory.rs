@@ -1,7 +1,7 @@
 //! Memory on the device: an arena is one allocation with some buffers in it, all of which live as long as it does.
 
 use super::context::Context;
-use super::failure::{Failure, Stage};
+use super::failure::{DeviceFailure, Stage};
 use ash::vk;
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ pub(super) fn end_of(ranges: &[Range]) -> u64 {
 
 /// What memory is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Use {
+pub(super) enum MemoryUse {
     /// Kernels; written and read here, too, where the device's memory is the host's.
     Device,
     /// Written here, read by the device.
@@ -57,7 +57,12 @@ unsafe impl Sync for Arena {}
 
 impl Arena {
     /// `count` buffers of `size` bytes.
-    pub fn new(context: &Arc<Context>, purpose: Use, size: u64, count: usize) -> Result<Arena, Failure> {
+    pub fn new(
+        context: &Arc<Context>,
+        purpose: MemoryUse,
+        size: u64,
+        count: usize,
+    ) -> Result<Arena, DeviceFailure> {
         context.strike(Stage::Allocate)?;
         // Filled as soon as something is made, so that `drop` cleans up after a failure.
         let mut arena = Arena {
@@ -73,16 +78,16 @@ impl Arena {
         Ok(arena)
     }
 
-    fn fill(&mut self, purpose: Use, count: usize) -> Result<(), Failure> {
+    fn fill(&mut self, purpose: MemoryUse, count: usize) -> Result<(), DeviceFailure> {
         let device = &self.context.raw;
         let usage = match purpose {
-            Use::Device => {
+            MemoryUse::Device => {
                 vk::BufferUsageFlags::STORAGE_BUFFER
                     | vk::BufferUsageFlags::TRANSFER_SRC
                     | vk::BufferUsageFlags::TRANSFER_DST
             }
-            Use::Upload => vk::BufferUsageFlags::TRANSFER_SRC,
-            Use::ReadBack => vk::BufferUsageFlags::TRANSFER_DST,
+            MemoryUse::Upload => vk::BufferUsageFlags::TRANSFER_SRC,
+            MemoryUse::ReadBack => vk::BufferUsageFlags::TRANSFER_DST,
         };
         let info = vk::BufferCreateInfo::default().size(self.size).usage(usage);
         for _ in 0..count {
@@ -92,8 +97,11 @@ impl Arena {
         // SAFETY: the buffer is the device's.
         let needs = unsafe { device.get_buffer_memory_requirements(self.buffers[0]) };
         self.stride = needs.size.next_multiple_of(needs.alignment.max(RANGE_ALIGNMENT));
-        let kind =
-            self.context.hardware.memory_type(needs.memory_type_bits, purpose).ok_or(Failure::OutOfMemory)?;
+        let kind = self
+            .context
+            .hardware
+            .memory_type(needs.memory_type_bits, purpose)
+            .ok_or(DeviceFailure::OutOfMemory)?;
         let bytes = self.stride * count as u64;
         self.context.hardware.reserve(bytes)?;
         self.reserved = bytes;
@@ -105,7 +113,7 @@ impl Arena {
             for (number, buffer) in self.buffers.iter().enumerate() {
                 device.bind_buffer_memory(*buffer, self.memory, self.stride * number as u64)?;
             }
-            if purpose != Use::Device || self.context.hardware.shares_memory() {
+            if purpose != MemoryUse::Device || self.context.hardware.shares_memory() {
                 let all = vk::MemoryMapFlags::empty();
                 self.mapped = device.map_memory(self.memory, 0, vk::WHOLE_SIZE, all)?.cast();
             }

@@ -3,8 +3,8 @@
 //! The only room beside `mmap` with `unsafe`: Vulkan's functions have rules that no type holds. What the rules ask for
 //! is kept here, so that nothing outside can break them.
 //!
-//! Buffers belong to a [`Lane`], a lane to one thread at a time, and every number that a kernel uses as an index is
-//! bounded by the batch that [`Lane::submit`] has checked.
+//! Buffers belong to a [`DeviceLane`], a lane to one thread at a time, and every number that a kernel uses as an index is
+//! bounded by the batch that [`DeviceLane::submit`] has checked.
 //!
 //! It knows nothing of trees and soups; `backend` decides what becomes a batch.
 
@@ -28,11 +28,11 @@ mod sums;
 mod swapchain;
 
 pub use brute::AngleSums;
-pub use device::{Gpu, Settings};
-pub use failure::{Failure, Fault, Stage, Unavailable, WrongAnswer};
+pub use device::{DeviceSettings, Gpu};
+pub use failure::{DeviceFailure, DeviceUnavailable, InjectedFailure, Stage, WrongAnswer};
 pub use instance::{DeviceInfo, DeviceKind, devices, may_be_there};
-pub use lane::{BatchInput, BatchOutput, Lane};
-pub use present::{Outcome, Presenter};
+pub use lane::{BatchInput, BatchOutput, DeviceLane};
+pub use present::{PresentOutcome, Presenter};
 pub use rays::{RayCaster, RayKernels, RayScene, RoundEnd};
 pub use slot::Seconds;
-pub use sums::{SumInput, SumLane, SumRoom, SumTree};
+pub use sums::{SumCapacity, SumInput, SumLane, SumTree};

@@ -1,8 +1,8 @@
 //! Pictures of the host's memory shown in a window.
 
-use super::failure::{Failure, Unavailable};
+use super::failure::{DeviceFailure, DeviceUnavailable};
 use super::instance::DeviceInfo;
-use super::screen::Screen;
+use super::screen::PresentDevice;
 use super::swapchain::{Staging, Swapchain};
 use ash::vk;
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
@@ -16,7 +16,7 @@ const ATTEMPTS: usize = 3;
 
 /// What became of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum PresentOutcome {
     /// It is shown.
     Shown,
     /// The window has no area in which anything could be shown.
@@ -28,7 +28,7 @@ pub enum Outcome {
 /// Shows pictures in a window, one after the other: each is written to memory that the device reads, and copied from there
 /// into an image of the window.
 pub struct Presenter {
-    screen: Rc<Screen>,
+    screen: Rc<PresentDevice>,
     swapchain: Option<Swapchain>,
     /// Whether the window has changed since its images were made.
     stale: bool,
@@ -46,11 +46,11 @@ impl Presenter {
     ///
     /// # Errors
     /// If there is no Vulkan, or no device that draws in this window.
-    pub fn new<W>(window: Arc<W>) -> Result<Presenter, Unavailable>
+    pub fn new<W>(window: Arc<W>) -> Result<Presenter, DeviceUnavailable>
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
     {
-        let screen = Rc::new(Screen::new(window)?);
+        let screen = Rc::new(PresentDevice::new(window)?);
         let name = screen.info.name.clone();
         let mut presenter = Presenter {
             screen,
@@ -63,12 +63,12 @@ impl Presenter {
             copied: vk::Fence::null(),
         };
         presenter.prepare().map_err(|failure| {
-            Unavailable::new(format!("{name}: {failure}"), "update the GPU's Vulkan driver")
+            DeviceUnavailable::new(format!("{name}: {failure}"), "update the GPU's Vulkan driver")
         })?;
         Ok(presenter)
     }
 
-    fn prepare(&mut self) -> Result<(), Failure> {
+    fn prepare(&mut self) -> Result<(), DeviceFailure> {
         let device = &self.screen.raw;
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(self.screen.family)
@@ -97,17 +97,17 @@ impl Presenter {
     ///
     /// # Errors
     /// If the device fails for good.
-    pub fn show(&mut self, size: [u32; 2], pixels: &[[u8; 4]]) -> Result<Outcome, Failure> {
+    pub fn show(&mut self, size: [u32; 2], pixels: &[[u8; 4]]) -> Result<PresentOutcome, DeviceFailure> {
         assert_eq!(size[0] as usize * size[1] as usize, pixels.len(), "a picture has as many pixels");
         for _ in 0..ATTEMPTS {
             // What the last picture was copied from is written anew, and its semaphore waited for again.
             if !self.has_copied()? {
-                return Ok(Outcome::NotYet);
+                return Ok(PresentOutcome::NotYet);
             }
             if self.stale || self.swapchain.as_ref().is_none_or(|chain| chain.extent != size) {
                 self.renew(size)?;
             }
-            let Some(chain) = &self.swapchain else { return Ok(Outcome::NoArea) };
+            let Some(chain) = &self.swapchain else { return Ok(PresentOutcome::NoArea) };
             let functions = &self.screen.functions;
             // SAFETY: the swapchain is alive, and nobody waits for the semaphore or will signal it.
             let next = unsafe {
@@ -119,21 +119,21 @@ impl Presenter {
                     self.stale = true;
                     continue;
                 }
-                Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(Outcome::NotYet),
+                Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(PresentOutcome::NotYet),
                 Err(result) => return Err(result.into()),
             };
             self.write(size, pixels);
             self.stale = is_poor;
             if self.submit(image)? {
-                return Ok(Outcome::Shown);
+                return Ok(PresentOutcome::Shown);
             }
             self.stale = true;
         }
-        Ok(Outcome::NotYet)
+        Ok(PresentOutcome::NotYet)
     }
 
     /// Waits for the last copy; whether it is done.
-    fn has_copied(&self) -> Result<bool, Failure> {
+    fn has_copied(&self) -> Result<bool, DeviceFailure> {
         // SAFETY: the fence is the device's, and signalled or to be signalled by a submission.
         match unsafe { self.screen.raw.wait_for_fences(&[self.copied], true, PATIENCE_NS) } {
             Ok(()) => Ok(true),
@@ -143,7 +143,7 @@ impl Presenter {
     }
 
     /// Makes images for a window of this size, and room for one of them.
-    fn renew(&mut self, size: [u32; 2]) -> Result<(), Failure> {
+    fn renew(&mut self, size: [u32; 2]) -> Result<(), DeviceFailure> {
         // The last copy is done, so that nothing is left but to show it.
         // SAFETY: only this structure uses the device.
         unsafe { self.screen.raw.device_wait_idle() }?;
@@ -175,7 +175,7 @@ impl Presenter {
     }
 
     /// Copies what was written into the image and shows it; false if the window has changed meanwhile.
-    fn submit(&mut self, number: u32) -> Result<bool, Failure> {
+    fn submit(&mut self, number: u32) -> Result<bool, DeviceFailure> {
         let Some(chain) = &self.swapchain else { return Ok(false) };
         let (image, done) = (chain.images[number as usize], chain.done[number as usize]);
         self.record(image, chain.extent)?;
@@ -211,7 +211,7 @@ impl Presenter {
     }
 
     /// Commands that fill the image.
-    fn record(&self, image: vk::Image, extent: [u32; 2]) -> Result<(), Failure> {
+    fn record(&self, image: vk::Image, extent: [u32; 2]) -> Result<(), DeviceFailure> {
         let Some(staging) = &self.staging else { return Ok(()) };
         let (device, commands) = (&self.screen.raw, self.commands);
         let whole = vk::ImageSubresourceRange {

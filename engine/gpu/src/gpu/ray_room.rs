@@ -35,7 +35,7 @@ pub(super) fn page_words(fields: u32, counts: bool) -> u32 {
 
 /// How much of each thing there is room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct RayRoom {
+pub(super) struct RayCapacity {
     /// Nodes of the tree.
     pub nodes: u32,
     /// Bricks.
@@ -48,13 +48,13 @@ pub(super) struct RayRoom {
     pub rays: u32,
 }
 
-impl RayRoom {
+impl RayCapacity {
     /// The most that fits in `bytes`, all buffers taken together; `None` if that is no brick. No buffer is longer than
     /// `range_max`.
-    pub fn within(bytes: u64, range_max: u64, nodes: usize, page_words: u32) -> Option<RayRoom> {
+    pub fn within(bytes: u64, range_max: u64, nodes: usize, page_words: u32) -> Option<RayCapacity> {
         let nodes = u32::try_from(nodes).ok()?;
         let page_bytes = u64::from(page_words) * 4;
-        let empty = RayRoom { nodes, pages: 0, page_words, staged: 0, rays: 0 };
+        let empty = RayCapacity { nodes, pages: 0, page_words, staged: 0, rays: 0 };
         // Ranges begin at multiples of their alignment.
         let slack = 2 * RANGE_ALIGNMENT * RAY_BUFFERS.len() as u64;
         let left = bytes.checked_sub(empty.total_bytes() + slack)?;
@@ -66,7 +66,7 @@ impl RayRoom {
         let left = left.checked_sub(staged * (page_bytes + 16))?;
         // A page with its last use here and there, and no more pages than bricks.
         let pages = (left / (page_bytes + 8)).min(range_max / page_bytes).min(nodes.into());
-        let room = RayRoom { pages: pages as u32, staged: staged as u32, rays, ..empty };
+        let room = RayCapacity { pages: pages as u32, staged: staged as u32, rays, ..empty };
         let is_seen = room.ranges().iter().all(|(_, length)| *length <= range_max);
         (pages > 0 && is_seen && room.total_bytes() <= bytes).then_some(room)
     }
@@ -141,7 +141,7 @@ mod tests {
         let cases = [(2 << 20, 1 << 27), (3 << 20, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 32)];
         for ((bytes, range_max), words) in cases.into_iter().flat_map(|case| words.map(|words| (case, words)))
         {
-            let room = RayRoom::within(bytes, range_max, 5000, words).unwrap();
+            let room = RayCapacity::within(bytes, range_max, 5000, words).unwrap();
             assert!(room.total_bytes() <= bytes, "{room:?}");
             assert!(
                 (1..=5000).contains(&room.pages) && room.staged >= 1 && room.rays >= RAYS_MIN,
@@ -150,8 +150,8 @@ mod tests {
             assert!(room.ranges().iter().all(|(_, length)| (1..=range_max).contains(length)));
             assert!(room.ranges().windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0));
         }
-        assert_eq!(RayRoom::within(100_000, 1 << 27, 10, words[0]), None);
-        assert_eq!(RayRoom::within(1 << 30, 1 << 27, 100_000_000, words[0]), None);
-        assert_eq!(RayRoom::within(1 << 40, 1 << 40, 5000, words[0]).unwrap().pages, 5000);
+        assert_eq!(RayCapacity::within(100_000, 1 << 27, 10, words[0]), None);
+        assert_eq!(RayCapacity::within(1 << 30, 1 << 27, 100_000_000, words[0]), None);
+        assert_eq!(RayCapacity::within(1 << 40, 1 << 40, 5000, words[0]).unwrap().pages, 5000);
     }
 }

@@ -1,13 +1,13 @@
 //! Rays through a tree of bricks on the device: the bricks lie in pages of a pool there, and come as rays ask for them.
 
 use super::device::Gpu;
-use super::failure::Failure;
-use super::kernels::{Kernels, Sets};
-use super::memory::{Arena, Use};
+use super::failure::DeviceFailure;
+use super::kernels::{DescriptorSets, Kernels};
+use super::memory::{Arena, MemoryUse};
 use super::ray_room::{
-    NODES, PAGES, PIXELS, POOL, ROUND, RayRoom, SHELLS, SIGHT, TABLES, USED, WANTED, page_words,
+    NODES, PAGES, PIXELS, POOL, ROUND, RayCapacity, SHELLS, SIGHT, TABLES, USED, WANTED, page_words,
 };
-use super::slot::Slot;
+use super::slot::BatchSlot;
 use ash::vk;
 use brickfield_shaders::{
     COUNT_WORDS, RAY_BUFFERS, RAYS, RESIDENT, Round, Shell, Sight, TABLE_ENTRIES, TILE, TreeNode, WORKGROUP,
@@ -66,7 +66,7 @@ impl RayKernels {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn new(gpu: &Gpu) -> Result<RayKernels, Failure> {
+    pub fn new(gpu: &Gpu) -> Result<RayKernels, DeviceFailure> {
         let entries = [(RAYS, c"trace"), (RAYS, c"blend")];
         Ok(RayKernels(Arc::new(Kernels::new(&gpu.context, RAY_BUFFERS.len(), &entries)?)))
     }
@@ -84,14 +84,14 @@ pub struct RoundEnd {
 /// Rays, bricks in pages, and the picture that becomes of them.
 pub struct RayCaster {
     // Dropped first: it waits for the device.
-    slot: Slot,
+    slot: BatchSlot,
     upload: Arena,
     device: Arena,
     read: Arena,
-    sets: Sets,
+    sets: DescriptorSets,
     kernels: Arc<Kernels>,
     gpu: Gpu,
-    room: RayRoom,
+    room: RayCapacity,
     /// How many surfaces, and whether there is a haze.
     shows: (u32, bool),
     sight: Sight,
@@ -121,22 +121,23 @@ impl RayCaster {
     ///
     /// # Panics
     /// If the scene contradicts itself.
-    pub fn new(gpu: &Gpu, kernels: &RayKernels, scene: RayScene<'_>) -> Result<RayCaster, Failure> {
+    pub fn new(gpu: &Gpu, kernels: &RayKernels, scene: RayScene<'_>) -> Result<RayCaster, DeviceFailure> {
         scene.check();
         gpu.check()?;
         let context = &gpu.context;
         let left = context.hardware.cap.saturating_sub(context.hardware.allocated().0);
-        let room = RayRoom::within(left, context.hardware.range_max, scene.nodes.len(), scene.page_words())
-            .ok_or(Failure::OutOfMemory)?;
+        let room =
+            RayCapacity::within(left, context.hardware.range_max, scene.nodes.len(), scene.page_words())
+                .ok_or(DeviceFailure::OutOfMemory)?;
         let RayKernels(kernels) = kernels.clone();
-        let device = Arena::new(context, Use::Device, room.device_bytes(), 1)?;
-        let upload = Arena::new(context, Use::Upload, room.upload_bytes(), 1)?;
-        let read = Arena::new(context, Use::ReadBack, room.read_bytes(), 1)?;
+        let device = Arena::new(context, MemoryUse::Device, room.device_bytes(), 1)?;
+        let upload = Arena::new(context, MemoryUse::Upload, room.upload_bytes(), 1)?;
+        let read = Arena::new(context, MemoryUse::ReadBack, room.read_bytes(), 1)?;
         let sets = kernels.sets(1)?;
         sets.point(0, 0, device.buffer(0), &room.ranges());
         let count_words = if scene.counts { COUNT_WORDS } else { 0 };
         let mut caster = RayCaster {
-            slot: Slot::new(context)?,
+            slot: BatchSlot::new(context)?,
             upload,
             device,
             read,
@@ -170,13 +171,13 @@ impl RayCaster {
     }
 
     /// Fills a buffer.
-    fn put(&mut self, buffer: usize, bytes: &[u8]) -> Result<(), Failure> {
+    fn put(&mut self, buffer: usize, bytes: &[u8]) -> Result<(), DeviceFailure> {
         let (to, _) = self.room.ranges()[buffer];
         self.slot.put(Some(&mut self.upload), &mut self.device, to, bytes)
     }
 
     /// Fills a buffer with zeros.
-    fn clear(&mut self, buffer: usize) -> Result<(), Failure> {
+    fn clear(&mut self, buffer: usize) -> Result<(), DeviceFailure> {
         let (range, device) = (self.room.ranges()[buffer], self.device.buffer(0));
         self.slot.run(|slot| {
             slot.zero(device, range);
@@ -227,7 +228,7 @@ impl RayCaster {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn round(&mut self, draft: bool) -> Result<RoundEnd, Failure> {
+    pub fn round(&mut self, draft: bool) -> Result<RoundEnd, DeviceFailure> {
         self.gpu.check()?;
         let half = self.room.rays;
         // Rays that wait change sides.
@@ -330,7 +331,7 @@ impl RayCaster {
         self.spare.sort_unstable_by_key(|page| std::cmp::Reverse((last(page), *page)));
     }
 
-    fn send_round(&mut self) -> Result<(), Failure> {
+    fn send_round(&mut self) -> Result<(), DeviceFailure> {
         let ranges = self.room.ranges();
         let read = self.room.read_ranges();
         let back: [vk::BufferCopy; 3] = std::array::from_fn(|n| vk::BufferCopy {
@@ -359,7 +360,7 @@ impl RayCaster {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn pixels(&mut self) -> Result<&[[u32; 2]], Failure> {
+    pub fn pixels(&mut self) -> Result<&[[u32; 2]], DeviceFailure> {
         self.gpu.check()?;
         let size = u64::from(self.tiles * TILE_PIXELS) * 8;
         let [.., (at, _)] = self.room.read_ranges();

@@ -1,6 +1,6 @@
 //! A window as Vulkan sees it: the surface, and a device that can show pictures on it.
 
-use super::failure::Unavailable;
+use super::failure::DeviceUnavailable;
 use super::instance::{DeviceInfo, DeviceKind, Instance};
 use ash::khr::{surface, swapchain, xlib_surface};
 use ash::vk;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 const REMEDY: &str = "update the GPU's Vulkan driver";
 
 /// A device of its own: it need not be able to run the kernels.
-pub(super) struct Screen {
+pub(super) struct PresentDevice {
     pub raw: ash::Device,
     pub functions: swapchain::Device,
     pub physical: vk::PhysicalDevice,
@@ -36,18 +36,18 @@ struct Candidate {
     family: u32,
 }
 
-impl Screen {
+impl PresentDevice {
     /// The surface of a window, on the best device that shows it.
-    pub fn new<W>(window: Arc<W>) -> Result<Screen, Unavailable>
+    pub fn new<W>(window: Arc<W>) -> Result<PresentDevice, DeviceUnavailable>
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
     {
-        let refused = |what: String| Unavailable::new(what, REMEDY);
+        let refused = |what: String| DeviceUnavailable::new(what, REMEDY);
         let no_handle = |error| refused(format!("the window cannot be drawn on ({error})"));
         let display = window.display_handle().map_err(no_handle)?.as_raw();
         let handle = window.window_handle().map_err(no_handle)?.as_raw();
         let (RawDisplayHandle::Xlib(display), RawWindowHandle::Xlib(handle)) = (display, handle) else {
-            return Err(Unavailable::new("the window is none of X11", "set DISPLAY to an X server's"));
+            return Err(DeviceUnavailable::new("the window is none of X11", "set DISPLAY to an X server's"));
         };
         let instance = Instance::with(&[surface::NAME, xlib_surface::NAME], false)?;
         let surfaces = surface::Instance::new(&instance.entry, &instance.raw);
@@ -67,7 +67,7 @@ impl Screen {
             (raw.get_device_queue(family, 0), memory)
         };
         let functions = swapchain::Device::new(&instance.raw, &raw);
-        Ok(Screen {
+        Ok(PresentDevice {
             raw,
             functions,
             physical,
@@ -104,7 +104,7 @@ fn open(
     instance: &Instance,
     surfaces: &surface::Instance,
     surface: vk::SurfaceKHR,
-) -> Result<(Candidate, ash::Device), Unavailable> {
+) -> Result<(Candidate, ash::Device), DeviceUnavailable> {
     let found = instance.physical_devices()?;
     let candidates = found.iter().enumerate().filter_map(|(number, &physical)| {
         let family = family(instance, surfaces, surface, physical)?;
@@ -113,7 +113,7 @@ fn open(
     let rank = |c: &Candidate| (c.info.kind == DeviceKind::Other, c.info.kind, c.info.index);
     let chosen = candidates
         .min_by_key(rank)
-        .ok_or_else(|| Unavailable::new("no Vulkan device shows pictures in windows", REMEDY))?;
+        .ok_or_else(|| DeviceUnavailable::new("no Vulkan device shows pictures in windows", REMEDY))?;
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(chosen.family)
@@ -124,7 +124,10 @@ fn open(
     // SAFETY: the device has the family and the extension; what `create` points to lives until the call returns.
     let opened = unsafe { instance.raw.create_device(chosen.physical, &create, None) };
     let raw = opened.map_err(|result| {
-        Unavailable::new(format!("{}: the device cannot be opened ({result})", chosen.info.name), REMEDY)
+        DeviceUnavailable::new(
+            format!("{}: the device cannot be opened ({result})", chosen.info.name),
+            REMEDY,
+        )
     })?;
     Ok((chosen, raw))
 }
@@ -152,7 +155,7 @@ fn family(
     })
 }
 
-impl Drop for Screen {
+impl Drop for PresentDevice {
     fn drop(&mut self) {
         // SAFETY: whatever was made on the device holds a reference to this, so nothing is left, and nothing runs:
         // its owners have waited. The surface has no swapchain any more.

@@ -1,12 +1,12 @@
 //! How large a batch may be, and where its parts lie in the buffers.
 
-use super::exchange::Layout;
+use super::exchange::BufferLayout;
 use super::memory::in_a_row;
 use brickfield_shaders::{BRICK_BUFFERS, Batch, Brick, JUMP_WORDS, PAIR_WORDS, ROWS, TABLE_WORDS, WORKGROUP};
 
 /// What a batch has room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Sizes {
+pub(super) struct BatchCapacity {
     pub bricks: u32,
     pub pairs: u32,
     pub edges: u32,
@@ -41,11 +41,11 @@ pub(super) const CHAINS: usize = 7;
 /// Buffers that are read back: bricks, jumps, rows, hermite.
 pub(super) const READ: [usize; 4] = [1, 3, 5, 8];
 
-impl Sizes {
+impl BatchCapacity {
     /// For this many bricks.
-    pub fn of(bricks: u32) -> Sizes {
+    pub fn of(bricks: u32) -> BatchCapacity {
         let pairs = bricks * PAIRS_OF_BRICK;
-        Sizes {
+        BatchCapacity {
             bricks,
             pairs,
             edges: bricks * EDGES_OF_BRICK,
@@ -57,15 +57,15 @@ impl Sizes {
 
     /// The most that fits in `bytes`, all buffers of a slot taken together, those for copies only if it `stages`; at least
     /// one brick. No buffer is longer than `range_max`.
-    pub fn within(bytes: u64, range_max: u64, stages: bool) -> Sizes {
+    pub fn within(bytes: u64, range_max: u64, stages: bool) -> BatchCapacity {
         let fits = |bricks: &u32| {
-            let sizes = Sizes::of(*bricks);
+            let sizes = BatchCapacity::of(*bricks);
             let layout = sizes.layout();
             layout.total_bytes(stages) <= bytes
                 && layout.is_seen(range_max)
                 && sizes.pairs / WORKGROUP < 1 << 16
         };
-        (2..=BRICKS_MAX).rev().find(fits).map_or(Sizes::of(1), Sizes::of)
+        (2..=BRICKS_MAX).rev().find(fits).map_or(BatchCapacity::of(1), BatchCapacity::of)
     }
 
     /// Bytes of each buffer.
@@ -90,8 +90,8 @@ impl Sizes {
     }
 
     /// Where the parts of a buffer lie.
-    pub fn layout(&self) -> Layout<{ BRICK_BUFFERS.len() }> {
-        Layout { ranges: in_a_row(self.lengths()), written: UPLOADED, read: &READ }
+    pub fn layout(&self) -> BufferLayout<{ BRICK_BUFFERS.len() }> {
+        BufferLayout { ranges: in_a_row(self.lengths()), written: UPLOADED, read: &READ }
     }
 }
 
@@ -103,13 +103,13 @@ mod tests {
     fn a_slot_fits_its_memory() {
         let cases = [(0, 1 << 27), (1 << 24, 1 << 27), (1 << 26, 1 << 22), (1 << 40, 1 << 40)];
         for ((bytes, range_max), stages) in cases.into_iter().flat_map(|case| [(case, false), (case, true)]) {
-            let sizes = Sizes::within(bytes, range_max, stages);
-            let Layout { ranges, .. } = sizes.layout();
+            let sizes = BatchCapacity::within(bytes, range_max, stages);
+            let BufferLayout { ranges, .. } = sizes.layout();
             assert!(sizes.bricks == 1 || sizes.layout().total_bytes(stages) <= bytes, "{sizes:?}");
             assert!(sizes.bricks == 1 || ranges.iter().all(|(_, length)| *length <= range_max));
             assert!((1..=BRICKS_MAX).contains(&sizes.bricks));
             assert!(ranges.windows(2).all(|pair| pair[0].0 + pair[0].1 <= pair[1].0));
         }
-        assert_eq!(Sizes::within(1 << 40, 1 << 40, true).bricks, BRICKS_MAX);
+        assert_eq!(BatchCapacity::within(1 << 40, 1 << 40, true).bricks, BRICKS_MAX);
     }
 }

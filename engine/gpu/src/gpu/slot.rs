@@ -1,7 +1,7 @@
 //! The commands of one batch at a time, and how they are recorded.
 
 use super::context::Context;
-use super::failure::{Failure, Stage};
+use super::failure::{DeviceFailure, Stage};
 use super::kernels::Kernels;
 use super::memory::{Arena, Range};
 use ash::vk;
@@ -24,7 +24,7 @@ pub struct Seconds {
 }
 
 /// Command buffer, semaphore and clock of one batch at a time.
-pub(super) struct Slot {
+pub(super) struct BatchSlot {
     context: Arc<Context>,
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
@@ -36,9 +36,9 @@ pub(super) struct Slot {
     pending: bool,
 }
 
-impl Slot {
-    pub fn new(context: &Arc<Context>) -> Result<Slot, Failure> {
-        let mut slot = Slot {
+impl BatchSlot {
+    pub fn new(context: &Arc<Context>) -> Result<BatchSlot, DeviceFailure> {
+        let mut slot = BatchSlot {
             context: Arc::clone(context),
             pool: vk::CommandPool::null(),
             commands: vk::CommandBuffer::null(),
@@ -69,7 +69,7 @@ impl Slot {
     }
 
     /// Sends the commands that `record` records.
-    pub fn run(&mut self, record: impl FnOnce(&Slot)) -> Result<(), Failure> {
+    pub fn run(&mut self, record: impl FnOnce(&BatchSlot)) -> Result<(), DeviceFailure> {
         let device = &self.context.raw;
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the last batch was waited for, so nothing of the pool is in use.
@@ -166,7 +166,7 @@ impl Slot {
         to: &mut Arena,
         from: u64,
         bytes: &[u8],
-    ) -> Result<(), Failure> {
+    ) -> Result<(), DeviceFailure> {
         let Some(upload) = upload else {
             to.bytes_mut(0, from, bytes.len() as u64).copy_from_slice(bytes);
             return Ok(());
@@ -186,14 +186,14 @@ impl Slot {
     }
 
     /// Waits for what was sent.
-    pub fn wait(&mut self) -> Result<(), Failure> {
+    pub fn wait(&mut self) -> Result<(), DeviceFailure> {
         let waited = self.context.wait(self.semaphore, self.value);
         self.pending = false;
         waited
     }
 
     /// How long the last batch took, if the device has a clock.
-    pub fn seconds(&self) -> Result<Option<Seconds>, Failure> {
+    pub fn seconds(&self) -> Result<Option<Seconds>, DeviceFailure> {
         let Some(tick_ns) = self.context.hardware.tick_ns else { return Ok(None) };
         let mut ticks = [0u64; TIMES as usize];
         // SAFETY: the batch is done, so that all queries are there; the array has a word for each.
@@ -214,7 +214,7 @@ impl Slot {
     }
 }
 
-impl Drop for Slot {
+impl Drop for BatchSlot {
     fn drop(&mut self) {
         if self.pending && !self.context.is_abandoned() {
             // Whatever comes of it: a device that is lost uses nothing any more, and one that does not answer is

@@ -3,11 +3,11 @@
 
 use super::context::Context;
 use super::device::Gpu;
-use super::exchange::{Exchange, Layout};
-use super::failure::{Failure, WrongAnswer};
-use super::kernels::{Kernels, Sets};
-use super::memory::{Arena, Range, Use, end_of, in_a_row};
-use super::slot::Slot;
+use super::exchange::{BufferLayout, BufferSet};
+use super::failure::{DeviceFailure, WrongAnswer};
+use super::kernels::{DescriptorSets, Kernels};
+use super::memory::{Arena, MemoryUse, Range, end_of, in_a_row};
+use super::slot::BatchSlot;
 use brickfield_shaders::{
     Block, CLUSTER_WORDS, COEFFICIENTS, ELEMENT_WORDS, OPEN, POINTS, SUM_BUFFERS, Sums, TERMS_MAX, WORKGROUP,
 };
@@ -50,23 +50,23 @@ impl SumTree {
     ///
     /// # Panics
     /// If there is no cluster or no element.
-    pub fn new(gpu: &Gpu, clusters: &[u32], elements: &[u32]) -> Result<SumTree, Failure> {
+    pub fn new(gpu: &Gpu, clusters: &[u32], elements: &[u32]) -> Result<SumTree, DeviceFailure> {
         assert!(!clusters.is_empty() && !elements.is_empty(), "a tree that is not empty");
         gpu.check()?;
         let context = &gpu.context;
         let parts: [&[u8]; OF_TREE] = [bytemuck::cast_slice(clusters), bytemuck::cast_slice(elements)];
         let ranges = in_a_row(parts.map(|part| part.len() as u64));
         if ranges.iter().any(|(_, length)| *length > context.hardware.range_max) {
-            return Err(Failure::OutOfMemory);
+            return Err(DeviceFailure::OutOfMemory);
         }
         let kernels = Kernels::new(context, SUM_BUFFERS.len(), &[(OPEN, c"sum_up")])?;
-        let mut buffer = Arena::new(context, Use::Device, end_of(&ranges), 1)?;
+        let mut buffer = Arena::new(context, MemoryUse::Device, end_of(&ranges), 1)?;
         let mut upload = match buffer.is_mapped() {
             true => None,
-            false => Some(Arena::new(context, Use::Upload, UPLOAD_BYTES, 1)?),
+            false => Some(Arena::new(context, MemoryUse::Upload, UPLOAD_BYTES, 1)?),
         };
         // Behind what it uses, so that it is dropped first: it waits for the device.
-        let mut slot = Slot::new(context)?;
+        let mut slot = BatchSlot::new(context)?;
         for (part, (from, _)) in parts.iter().zip(ranges) {
             slot.put(upload.as_mut(), &mut buffer, from, part)?;
         }
@@ -102,7 +102,7 @@ impl SumInput {
 
 /// How much of each thing there is room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SumRoom {
+pub struct SumCapacity {
     /// Bricks.
     pub bricks: usize,
     /// Rows of samples.
@@ -113,10 +113,10 @@ pub struct SumRoom {
     pub terms: usize,
 }
 
-impl SumRoom {
-    fn of(bricks: u64) -> SumRoom {
+impl SumCapacity {
+    fn of(bricks: u64) -> SumCapacity {
         let of = |each: u64| (bricks * each) as usize;
-        SumRoom {
+        SumCapacity {
             bricks: of(1),
             rows: of(ROWS_OF_BRICK),
             blocks: of(BLOCKS_OF_BRICK),
@@ -125,7 +125,7 @@ impl SumRoom {
     }
 
     /// Where the parts of a buffer lie.
-    fn layout(&self) -> Layout<OF_LANE> {
+    fn layout(&self) -> BufferLayout<OF_LANE> {
         let rows = self.rows as u64;
         let blocks = self.blocks as u64;
         let coefficients = u64::from(COEFFICIENTS) * 4;
@@ -137,17 +137,17 @@ impl SumRoom {
             rows * 4,
             rows * 16,
         ]);
-        Layout { ranges, written: OF_LANE - 1, read: &[OF_LANE - 1] }
+        BufferLayout { ranges, written: OF_LANE - 1, read: &[OF_LANE - 1] }
     }
 }
 
 /// Buffers and commands of one thread.
 pub struct SumLane {
     // Dropped first: they wait for the device.
-    slots: Vec<Slot>,
-    buffers: Exchange,
-    sets: Sets,
-    room: SumRoom,
+    slots: Vec<BatchSlot>,
+    buffers: BufferSet,
+    sets: DescriptorSets,
+    room: SumCapacity,
     tree: Arc<SumTree>,
     /// Batches under way, oldest first: the slot, and how many rows.
     pending: VecDeque<(usize, usize)>,
@@ -159,28 +159,28 @@ impl SumLane {
     ///
     /// # Errors
     /// If the device has less memory, or fails.
-    pub fn new(tree: &Arc<SumTree>, bytes: u64) -> Result<SumLane, Failure> {
+    pub fn new(tree: &Arc<SumTree>, bytes: u64) -> Result<SumLane, DeviceFailure> {
         tree.gpu.check()?;
         let context: &Arc<Context> = &tree.gpu.context;
         let fits = |bricks: &u64| {
-            let layout = SumRoom::of(*bricks).layout();
+            let layout = SumCapacity::of(*bricks).layout();
             layout.is_seen(context.hardware.range_max)
                 && layout.total_bytes(!context.hardware.shares_memory()) <= bytes / RING as u64
         };
-        let room = SumRoom::of((1..=BRICKS_MAX).rev().find(fits).ok_or(Failure::OutOfMemory)?);
-        let buffers = Exchange::new(context, &room.layout(), RING)?;
+        let room = SumCapacity::of((1..=BRICKS_MAX).rev().find(fits).ok_or(DeviceFailure::OutOfMemory)?);
+        let buffers = BufferSet::new(context, &room.layout(), RING)?;
         let sets = tree.kernels.sets(RING as u32)?;
         for slot in 0..RING {
             sets.point(slot, 0, tree.buffer.buffer(0), &tree.ranges);
             sets.point(slot, OF_TREE as u32, buffers.buffer(slot), buffers.ranges());
         }
-        let slots = (0..RING).map(|_| Slot::new(context)).collect::<Result<_, _>>()?;
+        let slots = (0..RING).map(|_| BatchSlot::new(context)).collect::<Result<_, _>>()?;
         let (tree, pending) = (Arc::clone(tree), VecDeque::new());
         Ok(SumLane { slots, buffers, sets, room, tree, pending, next: 0 })
     }
 
     /// What a batch may hold at most.
-    pub fn room(&self) -> SumRoom {
+    pub fn room(&self) -> SumCapacity {
         self.room
     }
 
@@ -196,7 +196,7 @@ impl SumLane {
     ///
     /// # Panics
     /// If the lane is full, or the input is larger than the room, empty, or not sound.
-    pub fn submit(&mut self, input: &SumInput, bits: u8) -> Result<(), Failure> {
+    pub fn submit(&mut self, input: &SumInput, bits: u8) -> Result<(), DeviceFailure> {
         assert!(!self.is_full(), "a batch must be received first");
         self.check(input, bits);
         self.tree.gpu.check()?;
@@ -234,7 +234,7 @@ impl SumLane {
     ///
     /// # Panics
     /// If none is under way.
-    pub fn receive(&mut self) -> Result<(&[[i32; 4]], Option<f64>), Failure> {
+    pub fn receive(&mut self) -> Result<(&[[i32; 4]], Option<f64>), DeviceFailure> {
         let (number, rows) = self.pending.pop_front().expect("a batch is under way");
         self.slots[number].wait()?;
         let seconds = self.slots[number].seconds()?.map(|seconds| seconds.kernels[0]);

@@ -1,13 +1,13 @@
 //! The images of a window that are shown in turn, and host memory as large as one of them.
 
-use super::failure::Failure;
-use super::screen::Screen;
+use super::failure::DeviceFailure;
+use super::screen::PresentDevice;
 use ash::vk;
 use std::rc::Rc;
 
 /// Images of one size. Made anew whenever the window has another.
 pub(super) struct Swapchain {
-    screen: Rc<Screen>,
+    screen: Rc<PresentDevice>,
     pub raw: vk::SwapchainKHR,
     pub images: Vec<vk::Image>,
     /// For each image, signalled when its pixels are there.
@@ -22,10 +22,10 @@ impl Swapchain {
     /// Images for a window of `size` pixels, unless the surface knows its size better; `None` while it has none, as that
     /// of a minimised window. Takes the place of `old`, of which nothing is in use.
     pub fn new(
-        screen: &Rc<Screen>,
+        screen: &Rc<PresentDevice>,
         size: [u32; 2],
         old: Option<&Swapchain>,
-    ) -> Result<Option<Swapchain>, Failure> {
+    ) -> Result<Option<Swapchain>, DeviceFailure> {
         let (physical, surface) = (screen.physical, screen.surface);
         // SAFETY: device and surface belong together.
         let (able, formats) = unsafe {
@@ -36,9 +36,9 @@ impl Swapchain {
         if extent.contains(&0) {
             return Ok(None);
         }
-        let format = pick(&formats).ok_or(Failure::Refused(vk::Result::ERROR_FORMAT_NOT_SUPPORTED))?;
+        let format = pick(&formats).ok_or(DeviceFailure::Refused(vk::Result::ERROR_FORMAT_NOT_SUPPORTED))?;
         if !able.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
-            return Err(Failure::Refused(vk::Result::ERROR_FEATURE_NOT_PRESENT));
+            return Err(DeviceFailure::Refused(vk::Result::ERROR_FEATURE_NOT_PRESENT));
         }
         let alpha = [
             vk::CompositeAlphaFlagsKHR::OPAQUE,
@@ -113,7 +113,7 @@ fn pick(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
 
 /// Host memory from which the device copies.
 pub(super) struct Staging {
-    screen: Rc<Screen>,
+    screen: Rc<PresentDevice>,
     pub buffer: vk::Buffer,
     memory: vk::DeviceMemory,
     mapped: *mut u8,
@@ -122,7 +122,7 @@ pub(super) struct Staging {
 
 impl Staging {
     /// Room for so many bytes, at least one.
-    pub fn new(screen: &Rc<Screen>, size: usize) -> Result<Staging, Failure> {
+    pub fn new(screen: &Rc<PresentDevice>, size: usize) -> Result<Staging, DeviceFailure> {
         // Filled as soon as something is made, so that `drop` cleans up after a failure.
         let mut staging = Staging {
             screen: Rc::clone(screen),
@@ -143,7 +143,7 @@ impl Staging {
         let types = screen.memory.memory_types_as_slice();
         let kind = (0..types.len())
             .find(|&n| needs.memory_type_bits >> n & 1 != 0 && types[n].property_flags.contains(visible));
-        let kind = kind.ok_or(Failure::OutOfMemory)? as u32;
+        let kind = kind.ok_or(DeviceFailure::OutOfMemory)? as u32;
         let info = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind);
         // SAFETY: the type is one that the buffer may have and that can be mapped; it is bound and mapped once.
         unsafe {

@@ -34,10 +34,10 @@ use std::borrow::Cow;
 use tally::Tally;
 
 pub use crate::predicates::Meeting;
-pub use report::{Defect, Intersections, Pair, Report, Shell};
-pub use topology::Corners;
-pub use tree::{Block, Tree};
-pub use weld::{Welded, weld_by};
+pub use report::{CheckReport, Defect, Intersections, MeetingPair, ShellReport};
+pub use topology::CornerTable;
+pub use tree::{BoxTree, OuterBox};
+pub use weld::{IndexedMesh, weld_by};
 
 /// Corners are numbered in 32 bits.
 pub const TRIANGLES_MAX: u64 = (u32::MAX / 3) as u64;
@@ -108,7 +108,7 @@ pub fn is_whole([a, b, c]: &[u32; 3]) -> bool {
 /// # Errors
 /// If there are more than 1,431,655,765 triangles, if a finite coordinate other than 0 is beyond 10^100 or within
 /// 10^−90, if the file has changed since it was opened, or if the user interrupts.
-pub fn check(input: &Input, weld: bool, progress: &dyn Progress) -> Result<Report> {
+pub fn check(input: &Input, weld: bool, progress: &dyn Progress) -> Result<CheckReport> {
     let triangles = Facets::facets(input);
     if triangles > TRIANGLES_MAX {
         let what = format!("has {triangles} triangles, more than {TRIANGLES_MAX}");
@@ -130,7 +130,7 @@ pub fn check(input: &Input, weld: bool, progress: &dyn Progress) -> Result<Repor
 }
 
 /// The report on a mesh that holds what [`Mesh::take_stock`] sees to.
-fn examine(mesh: &Mesh, progress: &dyn Progress) -> Result<Report> {
+fn examine(mesh: &Mesh, progress: &dyn Progress) -> Result<CheckReport> {
     let topology = topology::study(mesh, progress)?;
     let measured = shells::measure(mesh, topology.patches, topology.euler, progress)?;
     let searched = search::search(mesh, progress)?;
@@ -139,7 +139,7 @@ fn examine(mesh: &Mesh, progress: &dyn Progress) -> Result<Report> {
     let triangles = mesh.triangles.len() as u64;
     let whole = triangles - topology.collapsed.count - mesh.non_finite.count;
     let edges = topology.edges;
-    let mut report = Report {
+    let mut report = CheckReport {
         triangles,
         vertices: topology.vertices,
         unused_vertices: mesh.positions.len() as u64 - topology.vertices,

@@ -14,7 +14,7 @@ pub struct Defect {
 
 /// Two triangles that meet elsewhere than they must.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Pair {
+pub struct MeetingPair {
     /// Their numbers in the file, from 0, polygons having been split; the lower one first.
     pub faces: [u32; 2],
     /// The middle of what the boxes around them have in common.
@@ -35,12 +35,12 @@ pub struct Intersections {
     /// [`Meeting::Touching`].
     pub touching: u64,
     /// The ten with the lowest numbers.
-    pub first: Vec<Pair>,
+    pub first: Vec<MeetingPair>,
 }
 
 /// Triangles that hang together by their edges.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Shell {
+pub struct ShellReport {
     /// How many.
     pub triangles: u64,
     /// V − E + F, where a vertex counts once for each fan that it has in this shell.
@@ -55,7 +55,7 @@ pub struct Shell {
 
 /// What [`super::check`] found. Lengths, areas and volumes are in the file's unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Report {
+pub struct CheckReport {
     /// Triangles in the file, polygons having been split.
     pub triangles: u64,
     /// Vertices of triangles with three different ones; only these triangles count in what follows.
@@ -98,10 +98,10 @@ pub struct Report {
     pub inward_components: u64,
     /// All of them, in the order of their first triangles.
     #[serde(skip)]
-    pub shells: Vec<Shell>,
+    pub shells: Vec<ShellReport>,
 }
 
-impl Report {
+impl CheckReport {
     /// There are triangles, and none of their edges is at a hole.
     pub fn is_closed(&self) -> bool {
         self.triangles > 0

@@ -1,9 +1,9 @@
 //! All pairs of triangles that meet elsewhere than they must.
 
 use super::Mesh;
-use super::report::{Intersections, Pair};
+use super::report::{Intersections, MeetingPair};
 use super::tally::Tally;
-use super::tree::Tree;
+use super::tree::BoxTree;
 use crate::error::Result;
 use crate::predicates::{Meeting, ProperTriangle, meeting};
 use crate::progress::Progress;
@@ -16,7 +16,7 @@ const NAMED: usize = 10;
 const TASK_LEAVES: usize = 256;
 
 /// What was found.
-pub(super) struct Searched {
+pub(super) struct SearchResult {
     /// Whole triangles without area, which were left out.
     pub(super) flat: Tally,
     pub(super) intersections: Intersections,
@@ -26,13 +26,13 @@ pub(super) struct Searched {
 ///
 /// # Errors
 /// If the user interrupts.
-pub(super) fn search(mesh: &Mesh, progress: &dyn Progress) -> Result<Searched> {
+pub(super) fn search(mesh: &Mesh, progress: &dyn Progress) -> Result<SearchResult> {
     let numbers = || (0..mesh.triangles.len() as u32).into_par_iter().with_min_len(super::CHUNK);
     progress.phase("sorting", None, "triangles");
     let is_flat = |face: &u32| mesh.is_whole(*face as usize) && triangle_of(mesh, *face).is_none();
     let flat: Vec<u32> = numbers().filter(is_flat).collect();
     let is_kept = |face: &u32| mesh.is_whole(*face as usize) && flat.binary_search(face).is_err();
-    let tree = Tree::new(numbers().filter(is_kept).collect(), &|face| mesh.corners(face as usize));
+    let tree = BoxTree::new(numbers().filter(is_kept).collect(), &|face| mesh.corners(face as usize));
     progress.check()?;
     let leaves = tree.leaves();
     progress.phase("intersections", Some(mesh.triangles.len() as u64), "triangles");
@@ -48,7 +48,7 @@ pub(super) fn search(mesh: &Mesh, progress: &dyn Progress) -> Result<Searched> {
     };
     let tasks = (0..leaves.div_ceil(TASK_LEAVES)).into_par_iter();
     let intersections = tasks.map(of_task).try_reduce(Intersections::default, |a, b| Ok(merged(a, b)))?;
-    Ok(Searched { flat: Tally::of(&flat), intersections })
+    Ok(SearchResult { flat: Tally::of(&flat), intersections })
 }
 
 /// The triangle of a whole face, unless its corners are on a line.
@@ -63,7 +63,7 @@ struct Boxed {
 }
 
 /// Pairs within a leaf, and with those of later leaves.
-fn of_leaf(mesh: &Mesh, tree: &Tree, leaf: usize, found: &mut Intersections) {
+fn of_leaf(mesh: &Mesh, tree: &BoxTree, leaf: usize, found: &mut Intersections) {
     let boxed = |&face: &u32| {
         let triangle = triangle_of(mesh, face)?;
         let bounds = bounds_of(&triangle.corners);
@@ -119,12 +119,12 @@ fn of_pair(a: &Boxed, b: &Boxed, found: &mut Intersections) {
         low + (high - low) / 2.0
     });
     let place = found.first.partition_point(|pair| pair.faces < faces);
-    found.first.insert(place, Pair { faces, near, meeting });
+    found.first.insert(place, MeetingPair { faces, near, meeting });
     found.first.truncate(NAMED);
 }
 
 fn merged(a: Intersections, b: Intersections) -> Intersections {
-    let mut first: Vec<Pair> = a.first.into_iter().chain(b.first).collect();
+    let mut first: Vec<MeetingPair> = a.first.into_iter().chain(b.first).collect();
     first.sort_unstable_by_key(|pair| pair.faces);
     first.truncate(NAMED);
     Intersections {

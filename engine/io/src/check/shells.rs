@@ -1,18 +1,18 @@
 //! Area, volume and Euler characteristic, shell by shell.
 
-use super::report::Shell;
-use super::topology::Patches;
+use super::report::ShellReport;
+use super::topology::ConcurrentSets;
 use super::{CHUNK, Mesh};
 use crate::error::Result;
 use crate::progress::Progress;
 
 /// What the triangles add up to.
-pub(super) struct Measured {
+pub(super) struct MeshMeasures {
     pub(super) area: f64,
     pub(super) volume: f64,
     pub(super) bounds: Option<[[f64; 3]; 2]>,
     /// In the order of their first triangles.
-    pub(super) shells: Vec<Shell>,
+    pub(super) shells: Vec<ShellReport>,
 }
 
 /// A sum that carries its rounding error along (Neumaier 1974).
@@ -52,10 +52,10 @@ struct Sums {
 /// If the user interrupts.
 pub(super) fn measure(
     mesh: &Mesh,
-    patches: Patches,
+    patches: ConcurrentSets,
     euler: Vec<i8>,
     progress: &dyn Progress,
-) -> Result<Measured> {
+) -> Result<MeshMeasures> {
     progress.phase("measuring", Some(mesh.triangles.len() as u64), "triangles");
     let mut shells: Vec<Sums> = Vec::new();
     // The number of the shell that begins with a triangle, and later of every triangle.
@@ -89,20 +89,20 @@ pub(super) fn measure(
         shell.twice_area.add(dot(normal, normal).sqrt());
         shell.six_volumes.add(dot(a, cross(b, c)));
     }
-    let shells: Vec<Shell> = shells.iter().map(Sums::shell).collect();
-    let total = |of: fn(&Shell) -> f64| {
+    let shells: Vec<ShellReport> = shells.iter().map(Sums::shell).collect();
+    let total = |of: fn(&ShellReport) -> f64| {
         let mut sum = Sum::default();
         shells.iter().for_each(|shell| sum.add(of(shell)));
         sum.total()
     };
     // Adding zero makes +0 of −0.
     let bounds = (!shells.is_empty()).then(|| [min, max].map(|corner| corner.map(|c| c + 0.0)));
-    Ok(Measured { area: total(|s| s.area), volume: total(|s| s.volume), bounds, shells })
+    Ok(MeshMeasures { area: total(|s| s.area), volume: total(|s| s.volume), bounds, shells })
 }
 
 impl Sums {
-    fn shell(&self) -> Shell {
-        Shell {
+    fn shell(&self) -> ShellReport {
+        ShellReport {
             triangles: self.triangles,
             euler_characteristic: self.euler,
             area: self.twice_area.total() / 2.0,

@@ -23,18 +23,18 @@ pub(super) struct Topology {
     /// Triangles that are neither whole nor left out.
     pub(super) collapsed: Tally,
     /// Which triangles hang together by edges.
-    pub(super) patches: Patches,
+    pub(super) patches: ConcurrentSets,
     /// Of each whole triangle 1, less the edges and more the fans that are counted with it.
     pub(super) euler: Vec<i8>,
 }
 
 /// Disjoint sets of triangles, united by several threads at once. A set is named by its lowest triangle, so the outcome
 /// does not depend on who comes first.
-pub(super) struct Patches(Vec<AtomicU32>);
+pub(super) struct ConcurrentSets(Vec<AtomicU32>);
 
-impl Patches {
-    fn new(triangles: usize) -> Patches {
-        Patches((0..triangles as u32).into_par_iter().map(AtomicU32::new).collect())
+impl ConcurrentSets {
+    fn new(triangles: usize) -> ConcurrentSets {
+        ConcurrentSets((0..triangles as u32).into_par_iter().map(AtomicU32::new).collect())
     }
 
     /// The lowest triangle of the set, as far as sets are united by now.
@@ -65,15 +65,15 @@ impl Patches {
 }
 
 /// Corner 3t + i is corner i of triangle t.
-pub struct Corners {
+pub struct CornerTable {
     /// Where the list of each vertex ends; it begins where that of the vertex before ends.
     ends: Vec<u32>,
     lists: Vec<u32>,
 }
 
-impl Corners {
+impl CornerTable {
     /// The corners of whole triangles by vertex, those of one vertex in any order.
-    pub fn of(vertices: usize, triangles: &[[u32; 3]]) -> Corners {
+    pub fn of(vertices: usize, triangles: &[[u32; 3]]) -> CornerTable {
         let next: Vec<AtomicU32> = (0..vertices + 1).into_par_iter().map(|_| AtomicU32::new(0)).collect();
         let whole = || triangles.par_iter().enumerate().with_min_len(CHUNK).filter(|(_, t)| is_whole(t));
         whole().for_each(|(_, t)| {
@@ -94,7 +94,7 @@ impl Corners {
             }
         });
         let plain = |atomics: Vec<AtomicU32>| atomics.into_iter().map(AtomicU32::into_inner).collect();
-        Corners { ends: plain(next), lists: plain(lists) }
+        CornerTable { ends: plain(next), lists: plain(lists) }
     }
 
     /// The corners at a vertex.
@@ -175,8 +175,8 @@ impl Desk {
 
 struct Study<'a> {
     mesh: &'a Mesh<'a>,
-    corners: Corners,
-    patches: Patches,
+    corners: CornerTable,
+    patches: ConcurrentSets,
     euler: Vec<AtomicI8>,
 }
 
@@ -251,8 +251,8 @@ pub(super) fn study(mesh: &Mesh, progress: &dyn Progress) -> Result<Topology> {
     let of_triangle = |t: &[u32; 3]| AtomicI8::new(is_whole(t).into());
     let study = Study {
         mesh,
-        corners: Corners::of(mesh.positions.len(), &mesh.triangles),
-        patches: Patches::new(mesh.triangles.len()),
+        corners: CornerTable::of(mesh.positions.len(), &mesh.triangles),
+        patches: ConcurrentSets::new(mesh.triangles.len()),
         euler: mesh.triangles.par_iter().map(of_triangle).collect(),
     };
     let of_chunk = |chunk: usize| {

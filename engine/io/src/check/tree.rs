@@ -15,17 +15,17 @@ const PARALLEL: usize = 1 << 13;
 
 /// A box with f32 corners around one with f64 corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Block {
+pub struct OuterBox {
     min: [f32; 3],
     max: [f32; 3],
 }
 
-impl Block {
-    const EMPTY: Block = Block { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
+impl OuterBox {
+    const EMPTY: OuterBox = OuterBox { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
     /// Around points; coordinates are rounded outward.
-    pub fn around(points: &[[f64; 3]]) -> Block {
-        let mut block = Block::EMPTY;
+    pub fn around(points: &[[f64; 3]]) -> OuterBox {
+        let mut block = OuterBox::EMPTY;
         for point in points {
             for (a, &c) in point.iter().enumerate() {
                 let near = c as f32;
@@ -38,14 +38,14 @@ impl Block {
         block
     }
 
-    fn union(self, other: Block) -> Block {
-        Block {
+    fn union(self, other: OuterBox) -> OuterBox {
+        OuterBox {
             min: std::array::from_fn(|a| self.min[a].min(other.min[a])),
             max: std::array::from_fn(|a| self.max[a].max(other.max[a])),
         }
     }
 
-    fn meets(&self, other: &Block) -> bool {
+    fn meets(&self, other: &OuterBox) -> bool {
         (0..3).all(|a| self.min[a] <= other.max[a] && other.min[a] <= self.max[a])
     }
 }
@@ -59,27 +59,27 @@ struct Item {
 }
 
 /// The tree.
-pub struct Tree {
-    blocks: Vec<Block>,
+pub struct BoxTree {
+    blocks: Vec<OuterBox>,
     /// Faces, leaf by leaf.
     faces: Vec<u32>,
 }
 
-impl Tree {
+impl BoxTree {
     /// Of these faces, in any order. `corners` gives the three points of a face, or any three with the same box around
     /// them.
-    pub fn new(faces: Vec<u32>, corners: &(impl Fn(u32) -> [[f64; 3]; 3] + Sync)) -> Tree {
+    pub fn new(faces: Vec<u32>, corners: &(impl Fn(u32) -> [[f64; 3]; 3] + Sync)) -> BoxTree {
         let item = |face: u32| {
-            let block = Block::around(&corners(face));
+            let block = OuterBox::around(&corners(face));
             Item { middle: std::array::from_fn(|a| block.min[a] + block.max[a]), face }
         };
         let mut items: Vec<Item> = faces.into_par_iter().with_min_len(CHUNK).map(item).collect();
         let leaves = items.len().div_ceil(LEAF);
-        let mut blocks = vec![Block::EMPTY; (2 * leaves).saturating_sub(1)];
+        let mut blocks = vec![OuterBox::EMPTY; (2 * leaves).saturating_sub(1)];
         if leaves > 0 {
             divide(corners, &mut items, &mut blocks);
         }
-        Tree { blocks, faces: items.iter().map(|item| item.face).collect() }
+        BoxTree { blocks, faces: items.iter().map(|item| item.face).collect() }
     }
 
     /// Number of leaves.
@@ -93,16 +93,16 @@ impl Tree {
     }
 
     /// Calls `visit` with every leaf after `leaf` whose box meets that of `block`.
-    pub(super) fn later_leaves(&self, leaf: usize, block: &Block, visit: impl FnMut(usize)) {
+    pub(super) fn later_leaves(&self, leaf: usize, block: &OuterBox, visit: impl FnMut(usize)) {
         self.leaves_from(leaf + 1, block, visit);
     }
 
     /// Calls `visit` with every face of every leaf whose box meets that of `block`.
-    pub fn for_near(&self, block: &Block, mut visit: impl FnMut(u32)) {
+    pub fn for_near(&self, block: &OuterBox, mut visit: impl FnMut(u32)) {
         self.leaves_from(0, block, |leaf| self.faces(leaf).iter().for_each(|&face| visit(face)));
     }
 
-    fn leaves_from(&self, begin: usize, block: &Block, mut visit: impl FnMut(usize)) {
+    fn leaves_from(&self, begin: usize, block: &OuterBox, mut visit: impl FnMut(usize)) {
         // (Node, first leaf, leaves) of what is to be looked at.
         let mut stack = vec![(0, 0, self.leaves())];
         while let Some((node, first, leaves)) = stack.pop() {
@@ -120,18 +120,18 @@ impl Tree {
     }
 
     /// The box around a leaf.
-    pub(super) fn block(&self, corners: &impl Fn(u32) -> [[f64; 3]; 3], leaf: usize) -> Block {
+    pub(super) fn block(&self, corners: &impl Fn(u32) -> [[f64; 3]; 3], leaf: usize) -> OuterBox {
         around(corners, self.faces(leaf).iter().copied())
     }
 }
 
-fn around(corners: &impl Fn(u32) -> [[f64; 3]; 3], faces: impl Iterator<Item = u32>) -> Block {
-    faces.fold(Block::EMPTY, |block, face| block.union(Block::around(&corners(face))))
+fn around(corners: &impl Fn(u32) -> [[f64; 3]; 3], faces: impl Iterator<Item = u32>) -> OuterBox {
+    faces.fold(OuterBox::EMPTY, |block, face| block.union(OuterBox::around(&corners(face))))
 }
 
 /// Sorts `items` into leaves and fills in the boxes of the node over them and of all below. The left half gets half of the
 /// leaves, all full. Ties are broken by number, so which triangles are in a leaf is certain.
-fn divide(corners: &(impl Fn(u32) -> [[f64; 3]; 3] + Sync), items: &mut [Item], blocks: &mut [Block]) {
+fn divide(corners: &(impl Fn(u32) -> [[f64; 3]; 3] + Sync), items: &mut [Item], blocks: &mut [OuterBox]) {
     let leaves = items.len().div_ceil(LEAF);
     if leaves == 1 {
         items.sort_unstable_by_key(|item| item.face);
@@ -158,9 +158,9 @@ fn divide(corners: &(impl Fn(u32) -> [[f64; 3]; 3] + Sync), items: &mut [Item], 
 
 /// The axis along which the middles are spread most.
 fn longest(items: &[Item]) -> usize {
-    let mut spread = Block::EMPTY;
+    let mut spread = OuterBox::EMPTY;
     for item in items {
-        spread = spread.union(Block { min: item.middle, max: item.middle });
+        spread = spread.union(OuterBox { min: item.middle, max: item.middle });
     }
     let side = |a: &usize| spread.max[*a] - spread.min[*a];
     [0, 1, 2].into_iter().max_by(|a, b| side(a).total_cmp(&side(b))).unwrap_or(0)

@@ -15,19 +15,19 @@ use std::ops::Range;
 const WAVE_RUNS: usize = 64;
 
 /// What a corner is told from others by.
-pub trait Position: Copy + Send + Sync {
+pub trait PositionBits: Copy + Send + Sync {
     /// The coordinates; equal positions have equal bits.
     fn bits(&self) -> [u64; 3];
 }
 
 /// World positions without −0.
-impl Position for [f64; 3] {
+impl PositionBits for [f64; 3] {
     fn bits(&self) -> [u64; 3] {
         self.map(f64::to_bits)
     }
 }
 
-impl Position for Units {
+impl PositionBits for Units {
     fn bits(&self) -> [u64; 3] {
         self.map(|c| u64::from(c.cast_unsigned()))
     }
@@ -39,7 +39,7 @@ struct Distinct<P> {
     numbers: HashTable<u32>,
 }
 
-impl<P: Position> Distinct<P> {
+impl<P: PositionBits> Distinct<P> {
     fn new() -> Distinct<P> {
         Distinct { positions: Vec::new(), numbers: HashTable::new() }
     }
@@ -69,7 +69,7 @@ struct Run<P> {
     triangles: Vec<[u32; 3]>,
 }
 
-impl<P: Position> Run<P> {
+impl<P: PositionBits> Run<P> {
     fn of(source: &dyn Facets, range: Range<u64>, position: impl Fn([f64; 3]) -> P) -> Run<P> {
         let mut facets: Vec<Facet> = Vec::new();
         source.read(range, &mut facets);
@@ -81,7 +81,7 @@ impl<P: Position> Run<P> {
 }
 
 /// Positions, and triangles that name their corners by number.
-pub struct Welded<P> {
+pub struct IndexedMesh<P> {
     /// Distinct positions.
     pub positions: Vec<P>,
     /// Three numbers of positions each.
@@ -93,7 +93,7 @@ pub struct Welded<P> {
 pub(super) fn weld(source: &dyn Facets, progress: &dyn Progress) -> Result<Mesh<'static>> {
     // Adding zero makes +0 of −0 and changes nothing else.
     let position = |corner: [f64; 3]| corner.map(|c| c + 0.0);
-    let Welded { mut positions, triangles } = weld_by(&[source], position, |_, _| Ok(()), progress)?;
+    let IndexedMesh { mut positions, triangles } = weld_by(&[source], position, |_, _| Ok(()), progress)?;
     positions.shrink_to_fit();
     Ok(Mesh { positions: positions.into(), triangles: triangles.into(), non_finite: Tally::NONE })
 }
@@ -104,12 +104,12 @@ pub(super) fn weld(source: &dyn Facets, progress: &dyn Progress) -> Result<Mesh<
 ///
 /// Corners are made distinct run by run on all threads first, which leaves a sixth of them where neighbours stand near
 /// each other in the file; what is left goes through one table, in order, while the next runs are under way.
-pub fn weld_by<P: Position>(
+pub fn weld_by<P: PositionBits>(
     sources: &[&dyn Facets],
     position: impl Fn([f64; 3]) -> P + Sync,
     fits: impl Fn(usize, usize) -> Result<()>,
     progress: &dyn Progress,
-) -> Result<Welded<P>> {
+) -> Result<IndexedMesh<P>> {
     let triangle_count: u64 = sources.iter().map(|source| source.facets()).sum();
     progress.phase("welding", Some(triangle_count), "triangles");
     let runs = runs(sources);
@@ -135,5 +135,5 @@ pub fn weld_by<P: Position>(
         (_, present) = rayon::join(append, || read(next));
         fits(all.positions.len(), triangles.len())?;
     }
-    Ok(Welded { positions: all.positions, triangles })
+    Ok(IndexedMesh { positions: all.positions, triangles })
 }

@@ -3,7 +3,7 @@
 //! Objects stand where the constellations place them; without a constellation each stands once where it was modelled.
 //! Volumes that a slicer has marked as modifiers are left out.
 
-use super::placement::{Placement, Room};
+use super::placement::{Placement, SceneLimit};
 use super::polygons::Polygons;
 use super::xml::attribute;
 use crate::error::{Error, Result};
@@ -208,8 +208,9 @@ impl Scene {
         let Some(scale) = self.scale else { return Err("has no element amf".to_owned()) };
         let scale = Placement::scale([scale; 3]);
         let mut polygons = Polygons::default();
-        let room =
-            Room::of(self.objects.iter().map(|object| object.triangles.len() + object.vertices.len()).sum());
+        let room = SceneLimit::of(
+            self.objects.iter().map(|object| object.triangles.len() + object.vertices.len()).sum(),
+        );
         let mut add = |object: &Object, at: &Placement| {
             let fits = polygons.add_placed(&object.vertices, object.triangles.iter().copied(), at, room);
             fits.then_some(()).ok_or_else(|| "its objects stand in it more often than can be read".to_owned())

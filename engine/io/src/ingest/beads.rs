@@ -1,6 +1,6 @@
 //! Toolpaths as inputs: beads are read once and kept, their triangles are made when they are asked for.
 
-use super::detect::{self, Family};
+use super::detect::{self, ReaderKind};
 use crate::bead::{Sweep, SweepOptions, SweptToolpath};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
@@ -20,7 +20,7 @@ pub struct OpenOptions {
 
 /// The toolpath of an input, and what reading it found.
 #[derive(Debug)]
-pub struct Beads {
+pub struct InputBeads {
     /// The beads and their sweep.
     pub swept: SweptToolpath,
     /// What reading them found.
@@ -28,7 +28,7 @@ pub struct Beads {
 }
 
 /// Reads all beads of a file that is known to be G-code.
-pub(super) fn read(path: &Path, options: &OpenOptions, progress: &dyn Progress) -> Result<Beads> {
+pub(super) fn read(path: &Path, options: &OpenOptions, progress: &dyn Progress) -> Result<InputBeads> {
     // Before the long work.
     let sweep = Sweep::new(&options.sweep)?;
     let mut toolpath = Toolpath::default();
@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path, options: &OpenOptions, progress: &dyn Progress) 
         toolpath.push(bead);
         Ok(())
     })?;
-    Ok(Beads { swept: SweptToolpath::new(toolpath, sweep), report })
+    Ok(InputBeads { swept: SweptToolpath::new(toolpath, sweep), report })
 }
 
 /// Hands the beads of a toolpath's file to `sink` in order, keeping none.
@@ -52,7 +52,7 @@ pub fn read_beads(
     let file = MappedFile::open(path)?;
     let family = detect::family(path, file.bytes());
     file.check()?;
-    if family? != Family::Gcode {
+    if family? != ReaderKind::Gcode {
         let what = "is a mesh, not a toolpath";
         return Err(Error::input(path, "byte 0", what, "give a G-code file"));
     }

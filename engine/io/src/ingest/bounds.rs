@@ -10,30 +10,30 @@ const CHUNK: u64 = 1 << 16;
 
 /// The box around some facets, and the first of them that has none.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Extent {
+pub(super) struct FacetBounds {
     low: [f64; 3],
     high: [f64; 3],
     /// First facet with a NaN or infinite coordinate; the box means nothing then.
     bad: Option<u64>,
 }
 
-impl Extent {
+impl FacetBounds {
     /// Of no facets.
-    pub(super) const EMPTY: Extent =
-        Extent { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3], bad: None };
+    pub(super) const EMPTY: FacetBounds =
+        FacetBounds { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3], bad: None };
 
     /// Of facets of which `facet` is the first that is not finite.
-    pub(super) fn bad(facet: u64) -> Extent {
-        Extent { bad: Some(facet), ..Extent::EMPTY }
+    pub(super) fn bad(facet: u64) -> FacetBounds {
+        FacetBounds { bad: Some(facet), ..FacetBounds::EMPTY }
     }
 
     /// Extent of `facets`, numbered from 0.
-    pub(super) fn of<T: Copy + Into<f64>>(facets: impl Iterator<Item = [[T; 3]; 3]>) -> Extent {
-        let mut extent = Extent::EMPTY;
+    pub(super) fn of<T: Copy + Into<f64>>(facets: impl Iterator<Item = [[T; 3]; 3]>) -> FacetBounds {
+        let mut extent = FacetBounds::EMPTY;
         for (number, facet) in facets.enumerate() {
             let facet = facet.map(|corner| corner.map(Into::into));
             if !facet.as_flattened().iter().all(|c| c.is_finite()) {
-                return Extent::bad(number as u64);
+                return FacetBounds::bad(number as u64);
             }
             facet.into_iter().for_each(|corner| extent.include(corner));
         }
@@ -41,8 +41,8 @@ impl Extent {
     }
 
     /// The same of facets of which `first` come before.
-    pub(super) fn counted_from(self, first: u64) -> Extent {
-        Extent { bad: self.bad.map(|facet| first + facet), ..self }
+    pub(super) fn counted_from(self, first: u64) -> FacetBounds {
+        FacetBounds { bad: self.bad.map(|facet| first + facet), ..self }
     }
 
     /// Lower and upper corner of the box, or the number of the first facet that is not finite.
@@ -64,7 +64,7 @@ impl Extent {
     }
 
     /// Of the facets of both.
-    pub(super) fn union(mut self, other: Extent) -> Extent {
+    pub(super) fn union(mut self, other: FacetBounds) -> FacetBounds {
         for a in 0..3 {
             self.low[a] = self.low[a].min(other.low[a]);
             self.high[a] = self.high[a].max(other.high[a]);
@@ -85,8 +85,8 @@ impl Extent {
 pub(super) fn of_all(
     facets: u64,
     progress: &dyn Progress,
-    extent_of: impl Fn(Range<u64>) -> Extent + Sync,
-) -> Result<Extent> {
+    extent_of: impl Fn(Range<u64>) -> FacetBounds + Sync,
+) -> Result<FacetBounds> {
     progress.phase("measuring", Some(facets), "triangles");
     // Handed out in order, so that all threads together read the file from front to back.
     (0..facets.div_ceil(CHUNK))
@@ -98,7 +98,7 @@ pub(super) fn of_all(
             progress.advance(range.end - range.start);
             Ok(extent)
         })
-        .try_reduce(|| Extent::EMPTY, |a, b| Ok(a.union(b)))
+        .try_reduce(|| FacetBounds::EMPTY, |a, b| Ok(a.union(b)))
 }
 
 #[cfg(test)]
@@ -107,8 +107,8 @@ mod tests {
 
     #[test]
     fn no_facets_add_nothing_from_either_side() {
-        let some = Extent::of([[[1.0, 2.0, 3.0], [4.0, -5.0, 6.0], [0.0; 3]]].into_iter());
-        assert_eq!(some.union(Extent::EMPTY), some);
-        assert_eq!(Extent::EMPTY.union(some), some);
+        let some = FacetBounds::of([[[1.0, 2.0, 3.0], [4.0, -5.0, 6.0], [0.0; 3]]].into_iter());
+        assert_eq!(some.union(FacetBounds::EMPTY), some);
+        assert_eq!(FacetBounds::EMPTY.union(some), some);
     }
 }

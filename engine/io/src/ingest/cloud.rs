@@ -1,8 +1,8 @@
 //! Point clouds: PLY without faces, and text with a point a line.
 
-use super::columns::{CloudColumns, Lengths, short};
+use super::columns::{CloudColumns, NormalLengths, short};
 use super::origin::Origin;
-use super::{Kind, cloud_text, detect, ply};
+use super::{InputKind, cloud_text, detect, ply};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
@@ -31,7 +31,7 @@ impl CloudInput {
         let file = MappedFile::open(path)?;
         let kind = detect::what_is(path, file.bytes());
         file.check()?;
-        Ok(matches!(kind, Kind::Cloud(_)))
+        Ok(matches!(kind, InputKind::Cloud(_)))
     }
 
     /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, with the normals nx, ny, nz if it has those; or
@@ -77,15 +77,15 @@ impl CloudInput {
     }
 
     /// How long the normals are, if there are any.
-    pub fn normals(&self) -> Option<Lengths> {
-        (!self.cloud.normals.is_empty()).then(|| Lengths::of(self.cloud.normals.iter().copied()))
+    pub fn normals(&self) -> Option<NormalLengths> {
+        (!self.cloud.normals.is_empty()).then(|| NormalLengths::of(self.cloud.normals.iter().copied()))
     }
 
     /// What the user should know, a sentence each.
     pub fn warnings(&self) -> Vec<String> {
         let mut all = self.columns.notes.clone();
         // Of what has none but zeros the build says more.
-        if let Some(Lengths { zero: zero @ 1.., count, .. }) = self.normals()
+        if let Some(NormalLengths { zero: zero @ 1.., count, .. }) = self.normals()
             && zero < count
         {
             all.push(format!("{zero} of {count} normals are 0: their points count for nothing"));
@@ -104,7 +104,7 @@ impl CloudInput {
             text += ", with decimal commas";
         }
         match (self.normals(), no_normals) {
-            (Some(Lengths { zero, unit, count, min, max, .. }), _) => {
+            (Some(NormalLengths { zero, unit, count, min, max, .. }), _) => {
                 let lengths = match unit == count {
                     true => "all of length 1".to_owned(),
                     false => format!("lengths {} to {}, {zero} are 0", short(min), short(max)),

@@ -7,9 +7,9 @@
 //! 0.5 1.5 2.5 200 180 90 0 0 1  numbers between blanks, commas or semicolons
 //! ```
 
-use super::columns::{self, CloudColumns, Column, Layout, Lengths, SAMPLE_ROWS};
+use super::columns::{self, CloudColumns, Column, ColumnLayout, NormalLengths, SAMPLE_ROWS};
 use super::fields::Separators;
-use super::text::{self, Lines};
+use super::text::{self, TextLines};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Silent};
 use crate::soup::PointCloud;
@@ -72,7 +72,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
 }
 
 /// Columns by their names, or by the first rows.
-fn understand(path: &Path, bytes: &[u8]) -> Result<(Layout, CloudColumns)> {
+fn understand(path: &Path, bytes: &[u8]) -> Result<(ColumnLayout, CloudColumns)> {
     let mut rows = Rows::new(path, bytes, &Silent);
     let mut sample = Vec::new();
     let mut count = 0;
@@ -81,7 +81,7 @@ fn understand(path: &Path, bytes: &[u8]) -> Result<(Layout, CloudColumns)> {
         count += 1;
     }
     let Some(width) = rows.width else {
-        return Ok((Layout { position: [0, 1, 2], normal: None }, CloudColumns::default()));
+        return Ok((ColumnLayout { position: [0, 1, 2], normal: None }, CloudColumns::default()));
     };
     if let Some((columns, layout)) = rows.names {
         let no_normals = layout.normal.is_none().then(|| "its first line names none".to_owned());
@@ -98,7 +98,7 @@ fn check_normals(cloud: &mut PointCloud, columns: &mut CloudColumns) {
     if columns.named || cloud.normals.is_empty() {
         return;
     }
-    let lengths = Lengths::of(cloud.normals.iter().copied());
+    let lengths = NormalLengths::of(cloud.normals.iter().copied());
     let first = columns.names.iter().position(|name| name == "nx").map_or(0, |at| at + 1);
     if !lengths.are_units() {
         let [min, max] = [lengths.min, lengths.max].map(columns::short);
@@ -118,7 +118,7 @@ fn check_normals(cloud: &mut PointCloud, columns: &mut CloudColumns) {
 /// The rows of a text, one after the other.
 struct Rows<'a> {
     path: &'a Path,
-    lines: Lines<'a>,
+    lines: TextLines<'a>,
     separators: Separators,
     fields: Vec<&'a [u8]>,
     /// Of the row read last.
@@ -127,9 +127,9 @@ struct Rows<'a> {
     /// Numbers in every row.
     width: Option<usize>,
     /// Columns that a line of names gives, and the line.
-    header: Option<(Vec<String>, Layout, u64)>,
+    header: Option<(Vec<String>, ColumnLayout, u64)>,
     /// The same, once it is known to fit the rows.
-    names: Option<(Vec<String>, Layout)>,
+    names: Option<(Vec<String>, ColumnLayout)>,
     /// Points that the file counts.
     claimed: u64,
 }
@@ -138,7 +138,7 @@ impl<'a> Rows<'a> {
     fn new(path: &'a Path, bytes: &'a [u8], progress: &'a dyn Progress) -> Rows<'a> {
         Rows {
             path,
-            lines: Lines::new(text::without_mark(bytes), 0, progress),
+            lines: TextLines::new(text::without_mark(bytes), 0, progress),
             separators: Separators::default(),
             fields: Vec::new(),
             values: Vec::new(),

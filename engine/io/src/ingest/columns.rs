@@ -37,7 +37,7 @@ pub struct CloudColumns {
 
 /// How a row becomes a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct ColumnLayout {
     pub(super) position: [usize; 3],
     pub(super) normal: Option<[usize; 3]>,
 }
@@ -78,7 +78,7 @@ impl Column {
 }
 
 /// The layout of named columns; `None` unless there is just one of each coordinate.
-pub(super) fn of_names(columns: &[Column]) -> Option<Layout> {
+pub(super) fn of_names(columns: &[Column]) -> Option<ColumnLayout> {
     let find = |wanted: Column| {
         let mut found = columns.iter().enumerate().filter(|(_, column)| **column == wanted);
         let at = found.next()?.0;
@@ -88,26 +88,30 @@ pub(super) fn of_names(columns: &[Column]) -> Option<Layout> {
         let [x, y, z] = [0, 1, 2].map(|axis| find(kind(axis)));
         Some([x?, y?, z?])
     };
-    Some(Layout { position: three(Column::Position)?, normal: three(Column::Normal) })
+    Some(ColumnLayout { position: three(Column::Position)?, normal: three(Column::Normal) })
 }
 
 /// The columns of rows without names, each row of `width` numbers. `counted` says that the file begins with the number of
 /// its points, as PTS does, where the intensity comes before the colours.
-pub(super) fn of_numbers(rows: &[f64], width: usize, counted: bool) -> (Vec<Column>, Layout, Option<String>) {
+pub(super) fn of_numbers(
+    rows: &[f64],
+    width: usize,
+    counted: bool,
+) -> (Vec<Column>, ColumnLayout, Option<String>) {
     let mut columns = vec![Column::Other; width];
     (0..3).for_each(|axis| columns[axis] = Column::Position(axis));
     let position = [0, 1, 2];
     let offsets = || 3..(width + 1).saturating_sub(3).max(3);
     let vectors = |at: usize| rows.chunks_exact(width).map(move |row| [row[at], row[at + 1], row[at + 2]]);
-    if let Some(at) = offsets().find(|&at| Lengths::of(vectors(at)).are_units()) {
+    if let Some(at) = offsets().find(|&at| NormalLengths::of(vectors(at)).are_units()) {
         (0..3).for_each(|axis| columns[at + axis] = Column::Normal(axis));
         let is_free = |other: &usize| (*other + 3 <= at) || *other >= at + 3;
         if let Some(other) = offsets().filter(is_free).find(|&other| colours(vectors(other)).is_some()) {
             (0..3).for_each(|part| columns[other + part] = Column::Colour(part));
         }
-        return (columns, Layout { position, normal: Some([at, at + 1, at + 2]) }, None);
+        return (columns, ColumnLayout { position, normal: Some([at, at + 1, at + 2]) }, None);
     }
-    let layout = Layout { position, normal: None };
+    let layout = ColumnLayout { position, normal: None };
     let first = if counted && width == 7 { 4 } else { 3 };
     let colours = offsets().filter(|at| *at >= first).find_map(|at| Some((at, colours(vectors(at))?)));
     let why = match colours {
@@ -118,7 +122,7 @@ pub(super) fn of_numbers(rows: &[f64], width: usize, counted: bool) -> (Vec<Colu
         None if width == 3 => "the lines hold x y z alone".to_owned(),
         None if width < 6 => format!("the lines hold x y z and {} more, too few for normals", width - 3),
         None => {
-            let Lengths { min, max, .. } = Lengths::of(vectors(3));
+            let NormalLengths { min, max, .. } = NormalLengths::of(vectors(3));
             let lengths = format!("have lengths from {} to {}", short(min), short(max));
             format!("columns 4 to 6 {lengths}, so they are no unit vectors, nor are they colours")
         }
@@ -151,7 +155,7 @@ pub(super) fn short(value: f64) -> String {
 
 /// How long vectors are that may be normals.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Lengths {
+pub struct NormalLengths {
     /// How many.
     pub count: u64,
     /// Of these, those of length 0.
@@ -170,13 +174,13 @@ pub struct Lengths {
     pub(super) negative: bool,
 }
 
-impl Lengths {
+impl NormalLengths {
     /// Of no vectors.
-    pub(super) const NONE: Lengths =
-        Lengths { count: 0, zero: 0, unit: 0, bad: 0, min: f64::INFINITY, max: 0.0, negative: false };
+    pub(super) const NONE: NormalLengths =
+        NormalLengths { count: 0, zero: 0, unit: 0, bad: 0, min: f64::INFINITY, max: 0.0, negative: false };
 
-    pub(super) fn of(vectors: impl Iterator<Item = [f64; 3]>) -> Lengths {
-        let mut lengths = Lengths::NONE;
+    pub(super) fn of(vectors: impl Iterator<Item = [f64; 3]>) -> NormalLengths {
+        let mut lengths = NormalLengths::NONE;
         vectors.for_each(|vector| lengths.add(vector));
         lengths
     }

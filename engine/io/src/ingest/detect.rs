@@ -10,7 +10,7 @@ const START_BYTES: usize = 1 << 14;
 
 /// What reader a file is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Family {
+pub(super) enum ReaderKind {
     BinaryStl,
     AsciiStl,
     Obj,
@@ -39,7 +39,7 @@ const BYTES_A_CONTROL: usize = 16;
 
 /// What a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum InputKind {
     /// A mesh: its format, as in "STL".
     Mesh(&'static str),
     /// Points without faces: "PLY" or "XYZ".
@@ -56,12 +56,12 @@ pub enum Kind {
     Empty,
 }
 
-impl Kind {
+impl InputKind {
     /// What the file `path` is, by its content and then by its name; whether it is sound is for its reader to say.
     ///
     /// # Errors
     /// If the file cannot be read.
-    pub fn of(path: &Path) -> Result<Kind> {
+    pub fn of(path: &Path) -> Result<InputKind> {
         let file = MappedFile::open(path)?;
         let kind = what_is(path, file.bytes());
         file.check()?;
@@ -69,28 +69,28 @@ impl Kind {
     }
 }
 
-/// See [`Kind::of`].
-pub(super) fn what_is(path: &Path, bytes: &[u8]) -> Kind {
+/// See [`InputKind::of`].
+pub(super) fn what_is(path: &Path, bytes: &[u8]) -> InputKind {
     if bytes.is_empty() {
-        return Kind::Empty;
+        return InputKind::Empty;
     }
     if ply::is_ply(bytes) && ply::has_faces(path, bytes).is_ok_and(|has_faces| !has_faces) {
-        return Kind::Cloud("PLY");
+        return InputKind::Cloud("PLY");
     }
     match family(path, bytes) {
-        Ok(Family::BinaryStl | Family::AsciiStl) => Kind::Mesh("STL"),
-        Ok(Family::Obj) => Kind::Mesh("OBJ"),
-        Ok(Family::Ply) => Kind::Mesh("PLY"),
-        Ok(Family::Off) => Kind::Mesh("OFF"),
-        Ok(Family::Amf) => Kind::Mesh("AMF"),
-        Ok(Family::Glb) => Kind::Mesh("glTF"),
-        Ok(Family::ThreeMf) => Kind::ThreeMf,
-        Ok(Family::Gcode) => Kind::Toolpath,
-        Ok(Family::X3d) => Kind::X3d,
+        Ok(ReaderKind::BinaryStl | ReaderKind::AsciiStl) => InputKind::Mesh("STL"),
+        Ok(ReaderKind::Obj) => InputKind::Mesh("OBJ"),
+        Ok(ReaderKind::Ply) => InputKind::Mesh("PLY"),
+        Ok(ReaderKind::Off) => InputKind::Mesh("OFF"),
+        Ok(ReaderKind::Amf) => InputKind::Mesh("AMF"),
+        Ok(ReaderKind::Glb) => InputKind::Mesh("glTF"),
+        Ok(ReaderKind::ThreeMf) => InputKind::ThreeMf,
+        Ok(ReaderKind::Gcode) => InputKind::Toolpath,
+        Ok(ReaderKind::X3d) => InputKind::X3d,
         Err(_) => match foreign::by_content(path, bytes) {
-            Some(what) => Kind::Foreign(Some(what)),
-            None if has_cloud_ending(path) || is_cloud(path, bytes) => Kind::Cloud("XYZ"),
-            None => Kind::Foreign(foreign::by_ending(path)),
+            Some(what) => InputKind::Foreign(Some(what)),
+            None if has_cloud_ending(path) || is_cloud(path, bytes) => InputKind::Cloud("XYZ"),
+            None => InputKind::Foreign(foreign::by_ending(path)),
         },
     }
 }
@@ -118,7 +118,7 @@ fn is_mostly_text(start: &[u8]) -> bool {
 ///
 /// # Errors
 /// If the file is empty, or of no known format.
-pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
+pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<ReaderKind> {
     if bytes.is_empty() {
         return Err(Error::input(path, "byte 0", "is empty", "export or copy the file again"));
     }
@@ -128,42 +128,42 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
     // A few zeros at the end, or one damaged byte, make no other format of a text.
     let is_mostly_text = is_mostly_text(start);
     if ply::is_ply(bytes) {
-        return Ok(Family::Ply);
+        return Ok(ReaderKind::Ply);
     }
     if stl::has_exact_size(bytes) {
-        return Ok(Family::BinaryStl);
+        return Ok(ReaderKind::BinaryStl);
     }
     if start.starts_with(b"GCDE") {
-        return Ok(Family::Gcode);
+        return Ok(ReaderKind::Gcode);
     }
     if gltf::is_glb(bytes) {
-        return Ok(Family::Glb);
+        return Ok(ReaderKind::Glb);
     }
     if is_mostly_text && off::is_off(start_text) {
-        return Ok(Family::Off);
+        return Ok(ReaderKind::Off);
     }
     let foreign = foreign::by_content(path, bytes);
     match foreign {
-        Some(three_mf::WHAT) if three_mf::holds_toolpath(path, bytes) => return Ok(Family::Gcode),
-        Some(three_mf::WHAT) => return Ok(Family::ThreeMf),
-        Some(foreign::AMF) => return Ok(Family::Amf),
+        Some(three_mf::WHAT) if three_mf::holds_toolpath(path, bytes) => return Ok(ReaderKind::Gcode),
+        Some(three_mf::WHAT) => return Ok(ReaderKind::ThreeMf),
+        Some(foreign::AMF) => return Ok(ReaderKind::Amf),
         _ => {}
     }
     if is_mostly_text && begins_as_stl(start_text) {
-        return Ok(Family::AsciiStl);
+        return Ok(ReaderKind::AsciiStl);
     }
     if is_x3d(start_text) {
-        return Ok(Family::X3d);
+        return Ok(ReaderKind::X3d);
     }
     if is_mostly_text && obj::is_plausible(start_text) {
-        return Ok(Family::Obj);
+        return Ok(ReaderKind::Obj);
     }
     if is_gcode(path, start_text, is_text) {
-        return Ok(Family::Gcode);
+        return Ok(ReaderKind::Gcode);
     }
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     if ending == "x3d" && start_text.trim_ascii_start().starts_with(b"<") {
-        return Ok(Family::X3d);
+        return Ok(ReaderKind::X3d);
     }
     if let Some(what) = foreign {
         return Err(Error::input(
@@ -176,11 +176,11 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<Family> {
     // The reader says what is wrong with it. Where the count of a binary file would stand there is text.
     let begins_as_text = bytes.iter().take(84).all(|b| b.is_ascii() && !text::is_control(*b));
     match ending.to_str() {
-        Some("stl") if is_text || begins_as_text => Ok(Family::AsciiStl),
-        Some("stl") => Ok(Family::BinaryStl),
-        Some("obj") if is_mostly_text => Ok(Family::Obj),
+        Some("stl") if is_text || begins_as_text => Ok(ReaderKind::AsciiStl),
+        Some("stl") => Ok(ReaderKind::BinaryStl),
+        Some("obj") if is_mostly_text => Ok(ReaderKind::Obj),
         Some("obj") => Err(Error::input(path, "byte 0", "is not text, as an OBJ mesh is", REMEDY)),
-        Some("x3d") => Ok(Family::X3d),
+        Some("x3d") => Ok(ReaderKind::X3d),
         Some("ply") => Err(Error::input(path, "byte 0", "does not begin with the line \"ply\"", REMEDY)),
         _ => Err(match foreign::by_ending(path) {
             Some(what) => Error::input(path, "byte 0", format!("is {what}"), remedy_for(what)),

@@ -1,6 +1,6 @@
 //! The readers of meshes and point clouds, fed with any bytes.
 
-use super::detect::{self, Family};
+use super::detect::{self, ReaderKind};
 use super::polygons::Polygons;
 use super::three_mf::ThreeMf;
 use super::{cloud, cloud_text, obj, ply, stl, stl_text};
@@ -26,7 +26,7 @@ fn check(polygons: Result<Polygons>) {
 pub fn stl(bytes: &[u8]) {
     let path = Path::new("a.stl");
     match detect::family(path, bytes) {
-        Ok(Family::BinaryStl) => match stl::facets(path, bytes) {
+        Ok(ReaderKind::BinaryStl) => match stl::facets(path, bytes) {
             Ok(facets) => {
                 let records = stl::records(bytes, 0, facets as usize);
                 assert_eq!(records.len() as u64, facets);
@@ -35,7 +35,7 @@ pub fn stl(bytes: &[u8]) {
             }
             Err(error) => refused(&error),
         },
-        Ok(Family::AsciiStl) => match stl_text::read(path, bytes, &Silent) {
+        Ok(ReaderKind::AsciiStl) => match stl_text::read(path, bytes, &Silent) {
             Ok(facets) => assert!(facets.all.len() <= bytes.len()),
             Err(error) => refused(&error),
         },

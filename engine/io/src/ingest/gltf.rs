@@ -3,7 +3,7 @@
 //! glTF counts in metres with y up. The meshes of a scene stand where its nodes place them. Points and lines bound
 //! nothing and are passed over. Compressed meshes, and buffers in other files, are refused.
 
-use super::placement::{Placement, Room};
+use super::placement::{Placement, SceneLimit};
 use super::polygons::Polygons;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -146,7 +146,7 @@ impl Scene<'_> {
             };
             let count = if mode == 4 { corners.len() / 3 } else { corners.len().saturating_sub(2) };
             // A byte of the file is no more than a corner.
-            let room = Room::of(self.binary.len());
+            let room = SceneLimit::of(self.binary.len());
             let fits = self.polygons.add_placed(&vertices, (0..count).map(triangle), at, room);
             if !fits {
                 return Err("its meshes stand in the scene more often than can be read".to_owned());

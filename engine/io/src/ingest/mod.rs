@@ -39,16 +39,16 @@ use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
 pub use crate::soup::{Facet, Facets, PointCloud, runs};
 use crate::x3d::Sweeps;
-pub use beads::{Beads, OpenOptions, read_beads};
+pub use beads::{InputBeads, OpenOptions, read_beads};
 pub use cloud::CloudInput;
-pub use columns::{CloudColumns, Lengths};
-pub use detect::Kind;
+pub use columns::{CloudColumns, NormalLengths};
+pub use detect::InputKind;
 pub use fields::Separators;
 pub use survey::Survey;
 pub use three_mf::{ThreeMf, ThreeMfItem, ThreeMfObject};
 
-use bounds::Extent;
-use detect::Family;
+use bounds::FacetBounds;
+use detect::ReaderKind;
 use origin::Origin;
 use polygons::Polygons;
 use std::ops::Range;
@@ -88,9 +88,9 @@ fn of_polygons(format: &'static str, polygons: Polygons) -> (&'static str, u64, 
 enum Soup {
     /// In the mapped file, as a binary STL.
     Mapped,
-    Facets(stl_text::Facets),
+    Facets(stl_text::TextFacets),
     Polygons(Polygons),
-    Beads(Box<Beads>),
+    Beads(Box<InputBeads>),
     Sweeps(Box<Sweeps>),
 }
 
@@ -161,29 +161,29 @@ impl Input {
         let bytes = file.bytes();
         let family = detect::family(path, bytes)?;
         file.advise(Access::Sequential);
-        if !matches!(family, Family::BinaryStl | Family::Gcode) {
+        if !matches!(family, ReaderKind::BinaryStl | ReaderKind::Gcode) {
             progress.phase("reading", Some(file.len()), "bytes");
         }
         Ok(match family {
-            Family::BinaryStl => ("STL binary", stl::facets(path, bytes)?, Soup::Mapped),
-            Family::AsciiStl => {
+            ReaderKind::BinaryStl => ("STL binary", stl::facets(path, bytes)?, Soup::Mapped),
+            ReaderKind::AsciiStl => {
                 let facets = stl_text::read(path, bytes, progress)?;
                 ("STL ASCII", facets.all.len() as u64, Soup::Facets(facets))
             }
-            Family::Obj => of_polygons("OBJ", obj::read(path, bytes, progress)?),
-            Family::Ply => {
+            ReaderKind::Obj => of_polygons("OBJ", obj::read(path, bytes, progress)?),
+            ReaderKind::Ply => {
                 let (polygons, format) = ply::read(path, bytes, progress)?;
                 of_polygons(format, polygons)
             }
-            Family::Off => of_polygons("OFF", off::read(path, bytes, progress)?),
-            Family::ThreeMf => of_polygons("3MF", three_mf::read(path, bytes, progress)?),
-            Family::Amf => of_polygons("AMF", amf::read(path, bytes, progress)?),
-            Family::Glb => of_polygons("glTF binary", gltf::read(path, bytes, progress)?),
-            Family::Gcode => {
+            ReaderKind::Off => of_polygons("OFF", off::read(path, bytes, progress)?),
+            ReaderKind::ThreeMf => of_polygons("3MF", three_mf::read(path, bytes, progress)?),
+            ReaderKind::Amf => of_polygons("AMF", amf::read(path, bytes, progress)?),
+            ReaderKind::Glb => of_polygons("glTF binary", gltf::read(path, bytes, progress)?),
+            ReaderKind::Gcode => {
                 let beads = beads::read(path, options, progress)?;
                 ("G-code", beads.swept.facets(), Soup::Beads(Box::new(beads)))
             }
-            Family::X3d => {
+            ReaderKind::X3d => {
                 let sweeps = Sweeps::read(path, bytes, progress)?;
                 ("X3D", sweeps.facets(), Soup::Sweeps(Box::new(sweeps)))
             }
@@ -221,7 +221,7 @@ impl Input {
     }
 
     /// The toolpath and its sweep, if the input is one.
-    pub fn beads(&self) -> Option<&Beads> {
+    pub fn beads(&self) -> Option<&InputBeads> {
         match &self.soup {
             Soup::Beads(beads) => Some(beads),
             _ => None,
@@ -280,7 +280,7 @@ impl Input {
         match &self.soup {
             Soup::Sweeps(sweeps) => sweeps.report().warnings(),
             Soup::Polygons(polygons) => polygons.warnings.clone(),
-            Soup::Facets(stl_text::Facets { open_end: Some(line), .. }) => {
+            Soup::Facets(stl_text::TextFacets { open_end: Some(line), .. }) => {
                 vec![format!(
                     "line {line}: the text ends without \"endsolid\": if it was cut off, copy or export it again"
                 )]
@@ -329,23 +329,23 @@ impl Input {
         extent.corners().map_err(|facet| self.not_finite(facet))
     }
 
-    fn extent(&self, range: Range<u64>) -> Extent {
+    fn extent(&self, range: Range<u64>) -> FacetBounds {
         let (from, to) = (range.start as usize, range.end as usize);
         match &self.soup {
             Soup::Mapped => stl::extent(stl::records(self.origin.bytes(), from, to)),
-            Soup::Facets(facets) => Extent::of(facets.all[from..to].iter().copied()),
-            Soup::Polygons(polygons) => Extent::of(
+            Soup::Facets(facets) => FacetBounds::of(facets.all[from..to].iter().copied()),
+            Soup::Polygons(polygons) => FacetBounds::of(
                 polygons.triangles[from..to].iter().map(|t| t.map(|v| polygons.vertices[v as usize])),
             ),
             Soup::Beads(beads) => {
                 let mut facets = Vec::new();
                 beads.swept.read(range, &mut facets);
-                Extent::of(facets.into_iter())
+                FacetBounds::of(facets.into_iter())
             }
             Soup::Sweeps(sweeps) => {
                 let mut facets = Vec::with_capacity(to - from);
                 sweeps.append(range, &mut facets);
-                Extent::of(facets.into_iter())
+                FacetBounds::of(facets.into_iter())
             }
         }
     }

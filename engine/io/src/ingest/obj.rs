@@ -8,7 +8,7 @@
 //! A backslash at the end of a line joins it with the next. A face may name a vertex that comes later.
 
 use super::polygons::Polygons;
-use super::text::{self, Lines};
+use super::text::{self, TextLines};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Silent};
 use std::path::Path;
@@ -21,7 +21,7 @@ const OTHER_KEYWORDS: [&[u8]; 10] = [b"vt", b"vn", b"vp", b"o", b"g", b"s", b"us
 pub(super) fn is_plausible(start: &[u8]) -> bool {
     // The last line may be cut off, so it does not count.
     let Some(end) = start.iter().rposition(|&b| b == b'\n' || b == b'\r') else { return false };
-    let mut lines = Lines::new(&start[..end], 0, &Silent);
+    let mut lines = TextLines::new(&start[..end], 0, &Silent);
     let (mut vertices, mut continues) = (0, false);
     while let Ok(Some(line)) = lines.next() {
         let mut rest = line;
@@ -44,7 +44,7 @@ pub(super) fn is_plausible(start: &[u8]) -> bool {
 pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Polygons> {
     let mut reader =
         Reader { path, line: 0, polygons: Polygons::default(), corners: Vec::new(), ahead: Vec::new() };
-    let mut lines = Lines::new(text::without_mark(bytes), 0, progress);
+    let mut lines = TextLines::new(text::without_mark(bytes), 0, progress);
     let mut joined = Vec::new();
     while let Some(line) = lines.next()? {
         reader.line = lines.number();
@@ -65,7 +65,7 @@ fn is_continued(line: &[u8]) -> bool {
 }
 
 /// Collects in `joined` the line `first`, which is continued, and those that continue it.
-fn join<'a>(first: &'a [u8], lines: &mut Lines<'a>, joined: &mut Vec<u8>) -> Result<()> {
+fn join<'a>(first: &'a [u8], lines: &mut TextLines<'a>, joined: &mut Vec<u8>) -> Result<()> {
     joined.clear();
     let mut line = first;
     while let Some(part) = line.strip_suffix(b"\\") {

@@ -9,7 +9,7 @@
 //! Counts may stand in the first line. `#` begins a comment.
 
 use super::polygons::Polygons;
-use super::text::{self, Lines};
+use super::text::{self, TextLines};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use std::path::Path;
@@ -33,7 +33,7 @@ fn keyword(word: &[u8]) -> Option<&[u8]> {
 /// # Errors
 /// If a count, a vertex or a face is malformed, is missing, or names a vertex that is not there, naming the line.
 pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Polygons> {
-    let mut reader = Reader { path, lines: Lines::new(text::without_mark(bytes), 0, progress) };
+    let mut reader = Reader { path, lines: TextLines::new(text::without_mark(bytes), 0, progress) };
     let mut first = reader.line("the word OFF")?;
     let word = text::token(&mut first).unwrap_or_default();
     if keyword(word).is_none() {
@@ -88,7 +88,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
 
 struct Reader<'a> {
     path: &'a Path,
-    lines: Lines<'a>,
+    lines: TextLines<'a>,
 }
 
 impl<'a> Reader<'a> {

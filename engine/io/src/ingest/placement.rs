@@ -67,12 +67,12 @@ const COPIED_MAX: usize = 100_000_000;
 
 /// What a scene may grow to, so that a small file that places its meshes again and again does not take all memory.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Room(usize);
+pub(super) struct SceneLimit(usize);
 
-impl Room {
+impl SceneLimit {
     /// For a file that holds so many vertices and triangles.
-    pub(super) fn of(held: usize) -> Room {
-        Room((COPIES_MAX * held).min(held + COPIED_MAX).min(u32::MAX as usize))
+    pub(super) fn of(held: usize) -> SceneLimit {
+        SceneLimit((COPIES_MAX * held).min(held + COPIED_MAX).min(u32::MAX as usize))
     }
 }
 
@@ -84,7 +84,7 @@ impl Polygons {
         vertices: &[[f64; 3]],
         triangles: impl Iterator<Item = [u32; 3]>,
         at: &Placement,
-        room: Room,
+        room: SceneLimit,
     ) -> bool {
         let mut triangles = triangles.peekable();
         if triangles.peek().is_none() {

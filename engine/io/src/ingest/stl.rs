@@ -7,7 +7,7 @@
 //! ```
 //! Normals and attributes are ignored: the order of the corners says which side is outside.
 
-use super::bounds::Extent;
+use super::bounds::FacetBounds;
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -112,7 +112,7 @@ fn floats(record: &Record) -> [f32; 12] {
 /// Keeps a minimum and a maximum per float of the record, normal included, so that the loop is the same for
 /// all twelve and becomes three 4-wide operations of each kind; the normal's results are dropped. A float is
 /// NaN or infinite iff its exponent bits are all ones, which a carry into the sign bit shows.
-pub(super) fn extent(records: &[Record]) -> Extent {
+pub(super) fn extent(records: &[Record]) -> FacetBounds {
     const EXPONENT_UNIT: u32 = 1 << 23;
     let mut low = [f32::INFINITY; 12];
     let mut high = [f32::NEG_INFINITY; 12];
@@ -127,9 +127,9 @@ pub(super) fn extent(records: &[Record]) -> Extent {
     }
     let bad = carries[3..].iter().any(|carry| carry >> 31 == 1);
     if bad && let Some(first) = records.iter().position(|record| !is_finite(record)) {
-        return Extent::bad(first as u64);
+        return FacetBounds::bad(first as u64);
     }
-    let mut extent = Extent::EMPTY;
+    let mut extent = FacetBounds::EMPTY;
     for corner in 1..4 {
         extent.include(std::array::from_fn(|axis| f64::from(low[3 * corner + axis])));
         extent.include(std::array::from_fn(|axis| f64::from(high[3 * corner + axis])));

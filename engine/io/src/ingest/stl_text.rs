@@ -14,7 +14,7 @@
 //! all sorts of "-nan(ind)" for the normal of a sliver. Also let pass: lines that begin with `#`, `;` or `//`, control
 //! bytes between words, and a last solid without its "endsolid", of which the user is told.
 
-use super::text::{self, Lines};
+use super::text::{self, TextLines};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub(super) type Facet = [[f64; 3]; 3];
 
 /// What was read of a file.
 #[derive(Debug, Default)]
-pub(super) struct Facets {
+pub(super) struct TextFacets {
     pub(super) all: Vec<Facet>,
     /// The line after which the file ends within a solid, between two facets.
     pub(super) open_end: Option<u64>,
@@ -34,10 +34,10 @@ pub(super) struct Facets {
 ///
 /// # Errors
 /// If the text does not follow the grammar above, naming the line.
-pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<Facets> {
-    let lines = Lines::new(text::without_mark(bytes), 0, progress);
+pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<TextFacets> {
+    let lines = TextLines::new(text::without_mark(bytes), 0, progress);
     let mut words = Words { path, lines, rest: &[] };
-    let mut facets = Facets::default();
+    let mut facets = TextFacets::default();
     words.expect("solid")?;
     loop {
         words.rest = &[];
@@ -111,7 +111,7 @@ fn is(word: &[u8], keyword: &str) -> bool {
 /// The words of the file, across lines.
 struct Words<'a> {
     path: &'a Path,
-    lines: Lines<'a>,
+    lines: TextLines<'a>,
     /// What is left of the current line.
     rest: &'a [u8],
 }

@@ -1,7 +1,7 @@
 //! What a build must know of an input before it begins: its bounds, and what tells its content from any other. Both
 //! take all of the file, and are found in one pass over it where the facets are read in place.
 
-use super::bounds::Extent;
+use super::bounds::FacetBounds;
 use super::origin::{CHUNK_BYTES, hash_of_chunks};
 use super::{Input, Soup, bounds_of, stl};
 use crate::error::Result;
@@ -47,17 +47,17 @@ impl Input {
         let (hashes, extents): (Vec<_>, Vec<_>) =
             chunks.map(of_chunk).collect::<Result<Vec<_>>>()?.into_iter().unzip();
         self.check()?;
-        let extent = extents.into_iter().fold(Extent::EMPTY, Extent::union);
+        let extent = extents.into_iter().fold(FacetBounds::EMPTY, FacetBounds::union);
         let bounds = extent.corners().map_err(|facet| self.not_finite(facet))?;
         Ok(Survey { bounds, identity: hash_of_chunks(hashes) })
     }
 
     /// The hash of a chunk of a binary STL, which begins at byte `start`, and the extent of the facets that begin in
     /// it, with their number.
-    fn survey_chunk(&self, start: usize, chunk: &[u8]) -> ([u8; 32], Extent, u64) {
+    fn survey_chunk(&self, start: usize, chunk: &[u8]) -> ([u8; 32], FacetBounds, u64) {
         let bytes = self.origin.bytes();
         let mut hasher = blake3::Hasher::new();
-        let (mut extent, mut facets) = (Extent::EMPTY, 0);
+        let (mut extent, mut facets) = (FacetBounds::EMPTY, 0);
         let mut from = start;
         for part in chunk.chunks(PART_BYTES) {
             hasher.update(part);

@@ -12,7 +12,7 @@ pub(super) fn without_mark(bytes: &[u8]) -> &[u8] {
 }
 
 /// The lines of a text, counted from 1. A line ends with LF, CR LF or a lone CR.
-pub(super) struct Lines<'a> {
+pub(super) struct TextLines<'a> {
     bytes: &'a [u8],
     at: usize,
     reported: usize,
@@ -20,11 +20,11 @@ pub(super) struct Lines<'a> {
     progress: &'a dyn Progress,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> TextLines<'a> {
     /// The lines of `bytes`, of which `before` precede the first one in the file. Read bytes are reported to
     /// `progress`.
-    pub(super) fn new(bytes: &'a [u8], before: u64, progress: &'a dyn Progress) -> Lines<'a> {
-        Lines { bytes, at: 0, reported: 0, line: before, progress }
+    pub(super) fn new(bytes: &'a [u8], before: u64, progress: &'a dyn Progress) -> TextLines<'a> {
+        TextLines { bytes, at: 0, reported: 0, line: before, progress }
     }
 
     /// Number of the line handed out last.
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn lines_of_every_ending() {
-        let mut lines = Lines::new(b"a\nb\r\n\rc\r\r\nd", 4, &Silent);
+        let mut lines = TextLines::new(b"a\nb\r\n\rc\r\r\nd", 4, &Silent);
         let mut seen = Vec::new();
         while let Some(line) = lines.next().unwrap() {
             seen.push((lines.number(), line));

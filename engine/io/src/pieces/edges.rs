@@ -1,6 +1,6 @@
 //! The edges of a mesh with the facets at each, vertex by vertex, on all threads and in a fixed order.
 
-use crate::check::{Corners, Welded};
+use crate::check::{CornerTable, IndexedMesh};
 use crate::error::Result;
 use crate::lattice::Units;
 use crate::progress::Progress;
@@ -13,11 +13,11 @@ const TASKS_AT_ONCE: usize = 32;
 
 /// One facet at an edge: its number, and whether it runs along the edge from the vertex with the lower number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Side(u32);
+pub(super) struct FacetSide(u32);
 
-impl Side {
-    fn new(facet: u32, upward: bool) -> Side {
-        Side(facet << 1 | u32::from(upward))
+impl FacetSide {
+    fn new(facet: u32, upward: bool) -> FacetSide {
+        FacetSide(facet << 1 | u32::from(upward))
     }
 
     pub fn facet(self) -> u32 {
@@ -33,28 +33,34 @@ impl Side {
 #[derive(Default)]
 pub(super) struct Edges {
     /// Facets at edges of one facet.
-    pub lone: Vec<Side>,
+    pub lone: Vec<FacetSide>,
     /// Those at edges of two.
-    pub pairs: Vec<[Side; 2]>,
+    pub pairs: Vec<[FacetSide; 2]>,
     /// Those at edges of more, edge by edge, in the order of their numbers.
-    pub crowded: Vec<Side>,
+    pub crowded: Vec<FacetSide>,
     /// How many of `crowded` there are up to the end of each edge.
     pub ends: Vec<u32>,
 }
 
 impl Edges {
     /// Those from `vertex` to vertices with higher numbers. `spokes` is room to work in.
-    fn add(&mut self, triangles: &[[u32; 3]], corners: &[u32], vertex: u32, spokes: &mut Vec<(u32, Side)>) {
+    fn add(
+        &mut self,
+        triangles: &[[u32; 3]],
+        corners: &[u32],
+        vertex: u32,
+        spokes: &mut Vec<(u32, FacetSide)>,
+    ) {
         spokes.clear();
         for &corner in corners {
             let (facet, i) = (corner / 3, corner as usize % 3);
             let triangle = &triangles[facet as usize];
             let (next, last) = (triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
             if next > vertex {
-                spokes.push((next, Side::new(facet, true)));
+                spokes.push((next, FacetSide::new(facet, true)));
             }
             if last > vertex {
-                spokes.push((last, Side::new(facet, false)));
+                spokes.push((last, FacetSide::new(facet, false)));
             }
         }
         spokes.sort_unstable();
@@ -77,13 +83,13 @@ impl Edges {
 /// # Errors
 /// If the user interrupts.
 pub(super) fn for_edges(
-    mesh: &Welded<Units>,
+    mesh: &IndexedMesh<Units>,
     progress: &dyn Progress,
     mut take: impl FnMut(Edges),
 ) -> Result<()> {
     let vertices = mesh.positions.len();
     progress.phase("edges", Some(vertices as u64), "vertices");
-    let corners = Corners::of(vertices, &mesh.triangles);
+    let corners = CornerTable::of(vertices, &mesh.triangles);
     let of_chunk = |chunk: usize| {
         let (mut edges, mut spokes) = (Edges::default(), Vec::new());
         for vertex in chunk * CHUNK..vertices.min((chunk + 1) * CHUNK) {

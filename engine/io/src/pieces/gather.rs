@@ -1,10 +1,10 @@
 //! Facets joined to pieces over their edges, and what each piece encloses.
 
 use super::Consistency;
-use super::edges::{Edges, Side, for_edges};
+use super::edges::{Edges, FacetSide, for_edges};
 use super::oriented::Bits;
-use super::sets::Sets;
-use crate::check::{Welded, is_whole};
+use super::sets::ParitySets;
+use crate::check::{IndexedMesh, is_whole};
 use crate::error::Result;
 use crate::lattice::Units;
 use crate::progress::Progress;
@@ -14,7 +14,7 @@ pub(super) const NO_PIECE: u32 = u32::MAX;
 
 /// Facets that hang together.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Piece {
+pub(super) struct SurfacePiece {
     /// Number of the first facet.
     pub first: u32,
     pub facets: u32,
@@ -30,9 +30,9 @@ pub(super) struct Piece {
     pub mixed: bool,
 }
 
-impl Piece {
-    fn new(first: u32) -> Piece {
-        Piece {
+impl SurfacePiece {
+    fn new(first: u32) -> SurfacePiece {
+        SurfacePiece {
             first,
             facets: 0,
             against: 0,
@@ -56,16 +56,16 @@ impl Piece {
 }
 
 /// All pieces.
-pub(super) struct Gathered {
+pub(super) struct PieceTable {
     /// In the order of their first facets.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<SurfacePiece>,
     /// The piece of each facet, or [`NO_PIECE`].
     pub of_facet: Vec<u32>,
     /// Facets that are to be turned over for their piece to be consistent.
     against: Bits,
 }
 
-impl Gathered {
+impl PieceTable {
     /// Whether a facet is to be turned over for its piece to be consistent.
     pub fn is_against(&self, facet: u32) -> bool {
         self.against.has(facet as usize)
@@ -85,12 +85,12 @@ impl Gathered {
 
 /// Facets with a mark, and their sets.
 struct Joining {
-    sets: Sets,
+    sets: ParitySets,
     consistency: Consistency,
     open: Bits,
     mixed: Bits,
     /// Sides at edges of more than two facets, edge by edge.
-    crowded: Vec<Side>,
+    crowded: Vec<FacetSide>,
     ends: Vec<u32>,
 }
 
@@ -99,13 +99,13 @@ struct Joining {
 /// # Errors
 /// If the user interrupts.
 pub(super) fn gather(
-    mesh: &Welded<Units>,
+    mesh: &IndexedMesh<Units>,
     consistency: Consistency,
     progress: &dyn Progress,
-) -> Result<Gathered> {
+) -> Result<PieceTable> {
     let facets = mesh.triangles.len();
     let mut joining = Joining {
-        sets: Sets::new(facets),
+        sets: ParitySets::new(facets),
         consistency,
         open: Bits::new(facets),
         mixed: Bits::new(facets),
@@ -135,7 +135,7 @@ impl Joining {
     }
 
     /// Joins two facets at an edge.
-    fn join(&mut self, a: Side, b: Side) {
+    fn join(&mut self, a: FacetSide, b: FacetSide) {
         let same = a.upward() == b.upward();
         let fits = match self.consistency {
             Consistency::Given => self.sets.unite(a.facet(), b.facet(), false) && !same,
@@ -147,7 +147,7 @@ impl Joining {
     }
 
     /// Whether a facet runs along its edge upward, once its set is consistent, and the set.
-    fn seen(&mut self, side: Side) -> (u32, bool) {
+    fn seen(&mut self, side: FacetSide) -> (u32, bool) {
         let (set, against) = self.sets.find(side.facet());
         (set, side.upward() != against)
     }
@@ -189,7 +189,7 @@ impl Joining {
     /// free and runs the other way, or can be made to.
     fn match_crowded(&mut self) {
         let (crowded, ends) = (std::mem::take(&mut self.crowded), std::mem::take(&mut self.ends));
-        let (mut waiting, mut begin) = (Vec::<Side>::new(), 0);
+        let (mut waiting, mut begin) = (Vec::<FacetSide>::new(), 0);
         for end in ends {
             waiting.clear();
             for &side in &crowded[begin as usize..end as usize] {
@@ -215,16 +215,16 @@ impl Joining {
         }
     }
 
-    fn can_match(&mut self, a: Side, b: Side) -> bool {
+    fn can_match(&mut self, a: FacetSide, b: FacetSide) -> bool {
         let ((set_a, upward_a), (set_b, upward_b)) = (self.seen(a), self.seen(b));
         let may_be_turned = self.consistency == Consistency::Sought && set_a != set_b;
         upward_a != upward_b || may_be_turned
     }
 
     /// Numbers the sets and adds up what they enclose.
-    fn pieces(mut self, mesh: &Welded<Units>) -> Gathered {
+    fn pieces(mut self, mesh: &IndexedMesh<Units>) -> PieceTable {
         let facets = mesh.triangles.len();
-        let (mut pieces, mut of_facet) = (Vec::<Piece>::new(), vec![NO_PIECE; facets]);
+        let (mut pieces, mut of_facet) = (Vec::<SurfacePiece>::new(), vec![NO_PIECE; facets]);
         let mut against = Bits::new(facets);
         for (facet, triangle) in mesh.triangles.iter().enumerate() {
             if !is_whole(triangle) {
@@ -234,7 +234,7 @@ impl Joining {
             let (first, is_against) = self.sets.find(facet as u32);
             if first as usize == facet {
                 of_facet[facet] = pieces.len() as u32;
-                pieces.push(Piece::new(first));
+                pieces.push(SurfacePiece::new(first));
             }
             let number = of_facet[first as usize];
             of_facet[facet] = number;
@@ -246,13 +246,13 @@ impl Joining {
                 against.set(facet);
             }
         }
-        let mut gathered = Gathered { pieces, of_facet, against };
+        let mut gathered = PieceTable { pieces, of_facet, against };
         gathered.settle();
         gathered
     }
 }
 
-impl Piece {
+impl SurfacePiece {
     /// Adds a facet.
     fn add(&mut self, corners: [Units; 3], is_against: bool) {
         for corner in corners {
@@ -269,10 +269,10 @@ impl Piece {
     }
 }
 
-impl Gathered {
+impl PieceTable {
     /// Chooses the way of each piece in which fewer facets are turned, and leaves those alone that have none.
     fn settle(&mut self) {
-        let is_swapped = |piece: &Piece| 2 * u64::from(piece.against) > u64::from(piece.facets);
+        let is_swapped = |piece: &SurfacePiece| 2 * u64::from(piece.against) > u64::from(piece.facets);
         let swapped: Vec<bool> = self.pieces.iter().map(is_swapped).collect();
         for (piece, _) in self.pieces.iter_mut().zip(&swapped).filter(|(_, swapped)| **swapped) {
             piece.against = piece.facets - piece.against;

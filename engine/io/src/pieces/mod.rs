@@ -52,7 +52,7 @@ mod sets;
 mod tests;
 mod turn;
 
-pub use oriented::{Oriented, Turned};
+pub use oriented::{FlippedFacets, FlippedSource};
 
 use crate::check::{TRIANGLES_MAX, weld_by};
 use crate::error::{Error, Result};
@@ -72,7 +72,7 @@ pub enum Consistency {
 
 /// Pieces of a soup, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Report {
+pub struct PiecesReport {
     /// All pieces.
     pub pieces: u64,
     /// Those with edges at which a facet is missing.
@@ -141,7 +141,7 @@ pub fn study(
     consistency: Consistency,
     memory: u64,
     progress: &dyn Progress,
-) -> Result<(Report, Turned)> {
+) -> Result<(PiecesReport, FlippedFacets)> {
     let facets: u64 = sources.iter().map(|source| source.facets()).sum();
     if facets > TRIANGLES_MAX {
         let what = format!(
@@ -163,6 +163,6 @@ pub fn study(
     let unit = root.unit();
     let report = turn::report(&gathered, &decision, &starts, unit);
     let turned = gathered.turned(&decision.turned);
-    let report = Report { turned_facets: turned.count(), ..report };
-    Ok((report, Turned::new(turned, starts)))
+    let report = PiecesReport { turned_facets: turned.count(), ..report };
+    Ok((report, FlippedFacets::new(turned, starts)))
 }

@@ -1,7 +1,7 @@
 //! Which closed pieces lie inside others, where one of the two is reversed.
 
-use super::gather::{Gathered, NO_PIECE, Piece};
-use crate::check::{Block, Tree, Welded};
+use super::gather::{NO_PIECE, PieceTable, SurfacePiece};
+use crate::check::{BoxTree, IndexedMesh, OuterBox};
 use crate::error::Result;
 use crate::lattice::Units;
 use crate::predicates::{Meeting, meeting_by_place};
@@ -13,7 +13,7 @@ const POINTS: usize = 8;
 
 /// A piece inside another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Nested {
+pub(super) struct PieceNesting {
     pub inner: u32,
     pub outer: u32,
 }
@@ -24,10 +24,10 @@ pub(super) struct Nested {
 /// # Errors
 /// If the user interrupts.
 pub(super) fn nested(
-    mesh: &Welded<Units>,
-    gathered: &Gathered,
+    mesh: &IndexedMesh<Units>,
+    gathered: &PieceTable,
     progress: &dyn Progress,
-) -> Result<Vec<Nested>> {
+) -> Result<Vec<PieceNesting>> {
     let pieces = &gathered.pieces;
     let solid = |number: &u32| pieces[*number as usize].is_solid();
     let reversed = |number: &u32| pieces[*number as usize].is_reversed();
@@ -37,16 +37,16 @@ pub(super) fn nested(
         return Ok(Vec::new());
     }
     let corners = |number: u32| {
-        let Piece { low, high, .. } = pieces[number as usize];
+        let SurfacePiece { low, high, .. } = pieces[number as usize];
         [low, high, low].map(|corner| corner.map(f64::from))
     };
-    let of_all = Tree::new(all.clone(), &corners);
-    let of_inward = Tree::new(inward, &corners);
-    let candidates = |inner: u32, tree: &Tree, keep: &(dyn Fn(&u32) -> bool + Sync)| {
+    let of_all = BoxTree::new(all.clone(), &corners);
+    let of_inward = BoxTree::new(inward, &corners);
+    let candidates = |inner: u32, tree: &BoxTree, keep: &(dyn Fn(&u32) -> bool + Sync)| {
         let mut found = Vec::new();
-        tree.for_near(&Block::around(&corners(inner)[..1]), |outer| {
+        tree.for_near(&OuterBox::around(&corners(inner)[..1]), |outer| {
             if keep(&outer) && may_hold(&pieces[outer as usize], &pieces[inner as usize]) {
-                found.push(Nested { inner, outer });
+                found.push(PieceNesting { inner, outer });
             }
         });
         found
@@ -55,44 +55,45 @@ pub(super) fn nested(
         let tree = if reversed(&inner) { &of_all } else { &of_inward };
         candidates(inner, tree, &|_| true)
     };
-    let first: Vec<Nested> = all.par_iter().flat_map_iter(of_piece).collect();
+    let first: Vec<PieceNesting> = all.par_iter().flat_map_iter(of_piece).collect();
     let mut found = confirmed(mesh, gathered, first, progress)?;
     // The largest of what else is around a piece decides, too.
     let mut inners: Vec<u32> = found.iter().map(|pair| pair.inner).filter(|inner| !reversed(inner)).collect();
     inners.dedup();
     let others = |&inner: &u32| candidates(inner, &of_all, &|outer| !reversed(outer));
-    let second: Vec<Nested> = inners.par_iter().flat_map_iter(others).collect();
+    let second: Vec<PieceNesting> = inners.par_iter().flat_map_iter(others).collect();
     found.extend(confirmed(mesh, gathered, second, progress)?);
     found.sort_unstable();
     Ok(found)
 }
 
 /// Whether a piece is large enough, and where it would have to be, to have another inside.
-fn may_hold(outer: &Piece, inner: &Piece) -> bool {
+fn may_hold(outer: &SurfacePiece, inner: &SurfacePiece) -> bool {
     let around = |a: usize| outer.low[a] <= inner.low[a] && inner.high[a] <= outer.high[a];
     (0..3).all(around) && inner.six_volumes.unsigned_abs() < outer.six_volumes.unsigned_abs()
 }
 
 /// Those of the pairs that are nested, sorted.
 fn confirmed(
-    mesh: &Welded<Units>,
-    gathered: &Gathered,
-    mut pairs: Vec<Nested>,
+    mesh: &IndexedMesh<Units>,
+    gathered: &PieceTable,
+    mut pairs: Vec<PieceNesting>,
     progress: &dyn Progress,
-) -> Result<Vec<Nested>> {
+) -> Result<Vec<PieceNesting>> {
     pairs.sort_unstable_by_key(|pair| (pair.outer, pair.inner));
     progress.phase("nesting", Some(pairs.len() as u64), "pairs");
     let members = Members::of(gathered, &pairs);
-    let of_outer = |pairs: &[Nested]| -> Result<Vec<Nested>> {
+    let of_outer = |pairs: &[PieceNesting]| -> Result<Vec<PieceNesting>> {
         progress.check()?;
         let room = Room::new(mesh, gathered, members.of_piece(pairs[0].outer), pairs[0].outer);
-        let holds = |pair: &&Nested| room.holds(members.of_piece(pair.inner));
+        let holds = |pair: &&PieceNesting| room.holds(members.of_piece(pair.inner));
         let held = pairs.par_iter().filter(holds).copied().collect();
         progress.advance(pairs.len() as u64);
         Ok(held)
     };
-    let groups: Vec<&[Nested]> = pairs.chunk_by(|a, b| a.outer == b.outer).collect();
-    let held: Vec<Vec<Nested>> = groups.par_iter().map(|group| of_outer(group)).collect::<Result<_>>()?;
+    let groups: Vec<&[PieceNesting]> = pairs.chunk_by(|a, b| a.outer == b.outer).collect();
+    let held: Vec<Vec<PieceNesting>> =
+        groups.par_iter().map(|group| of_outer(group)).collect::<Result<_>>()?;
     let mut held = held.concat();
     held.sort_unstable();
     Ok(held)
@@ -108,7 +109,7 @@ struct Members {
 
 impl Members {
     /// Those of the pieces in `pairs`.
-    fn of(gathered: &Gathered, pairs: &[Nested]) -> Members {
+    fn of(gathered: &PieceTable, pairs: &[PieceNesting]) -> Members {
         let mut places = vec![NO_PIECE; gathered.pieces.len()];
         let mut ends = Vec::new();
         let mut next = Vec::new();
@@ -142,18 +143,23 @@ impl Members {
 
 /// A piece that others may lie in.
 struct Room<'a> {
-    mesh: &'a Welded<Units>,
-    gathered: &'a Gathered,
-    tree: Tree,
+    mesh: &'a IndexedMesh<Units>,
+    gathered: &'a PieceTable,
+    tree: BoxTree,
     /// Whether the piece is reversed.
     reversed: bool,
 }
 
 impl Room<'_> {
-    fn new<'a>(mesh: &'a Welded<Units>, gathered: &'a Gathered, facets: &[u32], piece: u32) -> Room<'a> {
+    fn new<'a>(
+        mesh: &'a IndexedMesh<Units>,
+        gathered: &'a PieceTable,
+        facets: &[u32],
+        piece: u32,
+    ) -> Room<'a> {
         let corners =
             |facet: u32| mesh.triangles[facet as usize].map(|v| mesh.positions[v as usize].map(f64::from));
-        let tree = Tree::new(facets.to_vec(), &corners);
+        let tree = BoxTree::new(facets.to_vec(), &corners);
         Room { mesh, gathered, tree, reversed: gathered.pieces[piece as usize].is_reversed() }
     }
 
@@ -185,7 +191,7 @@ impl Room<'_> {
     /// simplicity, Edelsbrunner & Mücke 1990).
     fn field(&self, point: [i64; 3], nudge: i64) -> i64 {
         let [x, y, z] = point.map(|c| c as f64 / 3.0);
-        let above = Block::around(&[[x, y, z], [x, y, f64::from(1u32 << 25)]]);
+        let above = OuterBox::around(&[[x, y, z], [x, y, f64::from(1u32 << 25)]]);
         let mut sum = 0;
         self.tree.for_near(&above, |facet| {
             let [p, q, r] = self.corners(facet).map(|corner| corner.map(|c| 3 * i64::from(c)));
@@ -201,7 +207,7 @@ impl Room<'_> {
         let exact = |facet: u32| self.corners(facet).map(|corner| corner.map(|c| c as f32));
         let own = exact(facet);
         let mut crossed = false;
-        self.tree.for_near(&Block::around(&own.map(|corner| corner.map(f64::from))), |other| {
+        self.tree.for_near(&OuterBox::around(&own.map(|corner| corner.map(f64::from))), |other| {
             crossed = crossed || meeting_by_place(&own, &exact(other)) == Some(Meeting::Crossing);
         });
         crossed

@@ -27,20 +27,20 @@ impl Bits {
 
 /// Facets of several sources that are to be turned over.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Turned {
+pub struct FlippedFacets {
     bits: Bits,
     /// Number of each source's first facet among those of all.
     starts: Vec<u64>,
 }
 
-impl Turned {
-    pub(super) fn new(bits: Bits, starts: Vec<u64>) -> Turned {
-        Turned { bits, starts }
+impl FlippedFacets {
+    pub(super) fn new(bits: Bits, starts: Vec<u64>) -> FlippedFacets {
+        FlippedFacets { bits, starts }
     }
 
     /// The sources, which must be those that were studied, with these facets turned over.
-    pub fn apply<'a>(&'a self, sources: &[&'a dyn Facets]) -> Vec<Oriented<'a>> {
-        let of_source = |(source, &start): (&&'a dyn Facets, &u64)| Oriented {
+    pub fn apply<'a>(&'a self, sources: &[&'a dyn Facets]) -> Vec<FlippedSource<'a>> {
+        let of_source = |(source, &start): (&&'a dyn Facets, &u64)| FlippedSource {
             source: *source,
             turned: &self.bits,
             start,
@@ -50,20 +50,20 @@ impl Turned {
 }
 
 /// A source some of whose facets are turned over.
-pub struct Oriented<'a> {
+pub struct FlippedSource<'a> {
     source: &'a dyn Facets,
     turned: &'a Bits,
     start: u64,
 }
 
-impl Oriented<'_> {
+impl FlippedSource<'_> {
     /// The sources as passes over them take them.
-    pub fn sources<'a>(oriented: &'a [Oriented<'a>]) -> Vec<&'a dyn Facets> {
+    pub fn sources<'a>(oriented: &'a [FlippedSource<'a>]) -> Vec<&'a dyn Facets> {
         oriented.iter().map(|source| source as &dyn Facets).collect()
     }
 }
 
-impl Facets for Oriented<'_> {
+impl Facets for FlippedSource<'_> {
     fn facets(&self) -> u64 {
         self.source.facets()
     }

@@ -2,12 +2,12 @@
 
 /// Disjoint sets (Tarjan 1975), with the parity of every element relative to its set. A set is named by its lowest
 /// element. 4 bytes an element.
-pub(super) struct Sets(Vec<u32>);
+pub(super) struct ParitySets(Vec<u32>);
 
-impl Sets {
+impl ParitySets {
     /// Of `count` elements, each alone. There may be less than 2^31.
-    pub fn new(count: usize) -> Sets {
-        Sets((0..count as u32).map(|element| element << 1).collect())
+    pub fn new(count: usize) -> ParitySets {
+        ParitySets((0..count as u32).map(|element| element << 1).collect())
     }
 
     /// The set of an element, and whether it runs against it.
@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn parities_follow_from_pairs() {
-        let mut sets = Sets::new(9);
+        let mut sets = ParitySets::new(9);
         assert!(sets.unite(8, 7, true) && sets.unite(7, 5, true) && sets.unite(3, 5, true));
         assert_eq!(sets.find(8), (3, true));
         assert_eq!(sets.find(7), (3, false));

@@ -1,16 +1,16 @@
 //! Which pieces are to be turned, and what is said about them.
 
-use super::gather::{Gathered, Piece};
-use super::nesting::{Nested, nested};
-use super::{InsideOut, Report};
-use crate::check::Welded;
+use super::gather::{PieceTable, SurfacePiece};
+use super::nesting::{PieceNesting, nested};
+use super::{InsideOut, PiecesReport};
+use crate::check::IndexedMesh;
 use crate::error::Result;
 use crate::lattice::Units;
 use crate::progress::Progress;
 use std::cmp::Reverse;
 
 /// What becomes of each piece.
-pub(super) struct Decision {
+pub(super) struct TurnDecision {
     /// It is turned over.
     pub turned: Vec<bool>,
     /// In the end it faces inward, as what it bounds is a cavity.
@@ -22,15 +22,15 @@ pub(super) struct Decision {
 /// # Errors
 /// If the user interrupts.
 pub(super) fn decide(
-    mesh: &Welded<Units>,
-    gathered: &Gathered,
+    mesh: &IndexedMesh<Units>,
+    gathered: &PieceTable,
     starts: &[u64],
     progress: &dyn Progress,
-) -> Result<Decision> {
+) -> Result<TurnDecision> {
     let pieces = &gathered.pieces;
     let nested = nested(mesh, gathered, progress)?;
     let mut cavity = vec![false; pieces.len()];
-    let mut groups: Vec<&[Nested]> = nested.chunk_by(|a, b| a.inner == b.inner).collect();
+    let mut groups: Vec<&[PieceNesting]> = nested.chunk_by(|a, b| a.inner == b.inner).collect();
     let files = inverted_files(pieces, &groups, starts);
     // What a piece lies in is larger.
     groups.sort_by_key(|group| Reverse(size(&pieces[group[0].inner as usize])));
@@ -45,10 +45,10 @@ pub(super) fn decide(
     }
     let turned =
         pieces.iter().zip(&cavity).map(|(piece, cavity)| piece.is_solid() && piece.is_reversed() != *cavity);
-    Ok(Decision { turned: turned.collect(), cavity })
+    Ok(TurnDecision { turned: turned.collect(), cavity })
 }
 
-fn size(piece: &Piece) -> u128 {
+fn size(piece: &SurfacePiece) -> u128 {
     piece.six_volumes.unsigned_abs()
 }
 
@@ -58,7 +58,7 @@ fn source_of(facet: u32, starts: &[u64]) -> usize {
 }
 
 /// Of each source, whether more than half of its outermost pieces are reversed.
-fn inverted_files(pieces: &[Piece], nested: &[&[Nested]], starts: &[u64]) -> Vec<bool> {
+fn inverted_files(pieces: &[SurfacePiece], nested: &[&[PieceNesting]], starts: &[u64]) -> Vec<bool> {
     let mut balance = vec![0i64; starts.len()];
     let mut inners = nested.iter().map(|group| group[0].inner).peekable();
     for (number, piece) in pieces.iter().enumerate().filter(|(_, piece)| piece.is_solid()) {
@@ -71,16 +71,21 @@ fn inverted_files(pieces: &[Piece], nested: &[&[Nested]], starts: &[u64]) -> Vec
 }
 
 /// What there is to say, but for the number of facets. `unit` is the length of the lattice's unit.
-pub(super) fn report(gathered: &Gathered, decision: &Decision, starts: &[u64], unit: f64) -> Report {
+pub(super) fn report(
+    gathered: &PieceTable,
+    decision: &TurnDecision,
+    starts: &[u64],
+    unit: f64,
+) -> PiecesReport {
     let pieces = &gathered.pieces;
-    let count = |is: &dyn Fn(&Piece) -> bool| pieces.iter().filter(|piece| is(piece)).count() as u64;
+    let count = |is: &dyn Fn(&SurfacePiece) -> bool| pieces.iter().filter(|piece| is(piece)).count() as u64;
     let flags = decision.turned.iter().zip(&decision.cavity);
     let inside_out = || {
         let outward = pieces.iter().zip(flags.clone()).filter(|(_, (turned, cavity))| **turned && !**cavity);
         outward.map(|(piece, _)| piece)
     };
     let largest = inside_out().min_by_key(|piece| (Reverse(size(piece)), piece.first));
-    Report {
+    PiecesReport {
         pieces: pieces.len() as u64,
         open: count(&|piece| piece.open && !piece.mixed),
         inconsistent: count(&|piece| piece.mixed),

@@ -17,7 +17,7 @@ pub use hermite::{Hermite, HermiteEdge, OctNormal, Ranks, SignChanges};
 pub use samples::SamplesInOrder;
 pub use samples::{POINTS, Samples, point_index};
 pub use thin::ThinPair;
-pub use thin::{THIN_LEVELS, Thin, ThinLines, ThinSheets};
+pub use thin::{THIN_LEVELS, ThinFeatures, ThinLines, ThinSheets};
 
 /// The content of one node of the tree.
 #[derive(Clone, Debug, PartialEq)]

@@ -76,7 +76,7 @@ pub struct ThinSheets {
 
 /// The walls and gaps of some leaves that hide between samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Thin {
+pub struct ThinFeatures {
     /// Inside between two faces.
     pub walls: ThinSheets,
     /// Outside between two faces.
@@ -85,7 +85,7 @@ pub struct Thin {
     pub unseen: u64,
 }
 
-impl Thin {
+impl ThinFeatures {
     /// Whether nothing hides.
     #[inline]
     pub fn is_empty(&self) -> bool {
@@ -94,7 +94,7 @@ impl Thin {
 
     /// Adds those of other leaves.
     #[inline]
-    pub fn add(&mut self, other: &Thin) {
+    pub fn add(&mut self, other: &ThinFeatures) {
         self.walls.add(&other.walls);
         self.gaps.add(&other.gaps);
         self.unseen += other.unseen;
@@ -102,7 +102,7 @@ impl Thin {
 
     /// What was found on some lines, for all of them.
     #[inline]
-    pub fn of_all(mut self, lines: ThinLines) -> Thin {
+    pub fn of_all(mut self, lines: ThinLines) -> ThinFeatures {
         self.walls.scale(lines.each());
         self.gaps.scale(lines.each());
         self
@@ -213,11 +213,11 @@ mod tests {
     fn a_plate_has_its_area_and_thickness() {
         // 60° from z would be nearer to another axis; at 30° a lattice line meets the plate every cos 30° cells.
         let (s, c) = (0.5, FACING_COSINE);
-        let mut thin = Thin::default();
+        let mut thin = ThinFeatures::default();
         for _ in 0..1000 {
             thin.add_pair(&pair([[s, 0.0, -c], [-s, 0.0, c]], 16384));
         }
-        let Thin { walls, gaps, .. } = thin;
+        let ThinFeatures { walls, gaps, .. } = thin;
         assert_eq!((walls.edges, gaps), (1000, ThinSheets::default()));
         let spacing = 1024.0;
         assert!((walls.area(1.0) / (1000.0 * spacing * spacing / c) - 1.0).abs() < 1e-6);
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn other_pairs_do_not_count() {
-        let mut thin = Thin::default();
+        let mut thin = ThinFeatures::default();
         // The edge of a box, a grazed sphere, another axis, a normal that nobody knows.
         thin.add_pair(&pair([[0.0, 0.0, -1.0], [0.7, 0.0, 0.7]], 100));
         thin.add_pair(&pair([[1.0, 0.0, -0.1], [1.0, 0.0, 0.1]], 100));
@@ -244,9 +244,9 @@ mod tests {
         let pairs: Vec<ThinPair> =
             (1..40).map(|n| pair([[0.0, 0.01, -1.0], [0.0, 0.1, 1.0]], n * 1601)).collect();
         let sum = |pairs: &mut dyn Iterator<Item = &ThinPair>| {
-            let mut all = Thin::default();
+            let mut all = ThinFeatures::default();
             for own in pairs {
-                let mut thin = Thin::default();
+                let mut thin = ThinFeatures::default();
                 thin.add_pair(own);
                 all.add(&thin);
             }

@@ -18,7 +18,7 @@ const NODES_AT_ONCE: usize = 64;
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Comparison {
     /// Where the metadata differ, but for numbers of nodes and places in the file.
-    pub metadata: Vec<Fact>,
+    pub metadata: Vec<MetaDifference>,
     /// Whether the lattices lie in the same place of the world; if not, nodes are not compared.
     pub same_lattice: bool,
     /// Nodes in both.
@@ -40,7 +40,7 @@ pub struct Comparison {
 
 /// Something that two stores say differently of themselves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Fact {
+pub struct MetaDifference {
     /// What it is about, as in "depth".
     pub name: String,
     /// What the first store says, if it says anything.
@@ -124,22 +124,22 @@ pub fn compare(first: &Store, second: &Store, progress: &dyn Progress) -> Result
 }
 
 /// Facts of the same name next to each other, those that differ.
-fn facts_that_differ(first: &Store, second: &Store) -> Vec<Fact> {
+fn facts_that_differ(first: &Store, second: &Store) -> Vec<MetaDifference> {
     let (mine, theirs) = (first.meta().facts(), second.meta().facts());
     let value_in = |facts: &[(String, String)], name: &str| {
         facts.iter().find(|(other, _)| other == name).map(|(_, value)| value.clone())
     };
     let absent_here = theirs.iter().filter(|(name, _)| value_in(&mine, name).is_none());
     let names = mine.iter().chain(absent_here).map(|(name, _)| name);
-    let both = |name: &String| Fact {
+    let both = |name: &String| MetaDifference {
         name: name.clone(),
         first: value_in(&mine, name),
         second: value_in(&theirs, name),
     };
-    let mut differ: Vec<Fact> = names.map(both).filter(|fact| fact.first != fact.second).collect();
+    let mut differ: Vec<MetaDifference> = names.map(both).filter(|fact| fact.first != fact.second).collect();
     let share = |store: &Store| store.meta().share.as_ref().map(|share| share.id.to_string());
     if share(first) != share(second) {
-        differ.push(Fact { name: "share".to_owned(), first: share(first), second: share(second) });
+        differ.push(MetaDifference { name: "share".to_owned(), first: share(first), second: share(second) });
     }
     differ
 }

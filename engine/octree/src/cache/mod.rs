@@ -22,9 +22,9 @@ mod prune;
 mod rewrite;
 mod statistics;
 
-pub use compare::{BrickDifferences, Comparison, Difference, Fact, compare};
+pub use compare::{BrickDifferences, Comparison, Difference, MetaDifference, compare};
 pub use place::{corners, meets_box, node_at};
-pub use prune::{PruneOptions, Region, prune};
+pub use prune::{PruneOptions, PruneRegion, prune};
 pub use rewrite::{RewriteSummary, compact, repack};
 pub use statistics::{
     FileBytes, KindNumbers, LevelStatistics, PartBytes, RecordNumbers, Statistics, statistics,

@@ -19,7 +19,7 @@ pub struct PruneOptions {
     /// No node deeper than this.
     pub level: Option<u8>,
     /// Coarse outside of a box.
-    pub region: Option<Region>,
+    pub region: Option<PruneRegion>,
     /// A node replaces all below it if no winding number interpolated between its samples is off by more than this
     /// from the one interpolated between theirs.
     pub error: Option<f64>,
@@ -27,7 +27,7 @@ pub struct PruneOptions {
 
 /// A box outside of which a store is coarse.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Region {
+pub struct PruneRegion {
     /// Least coordinates, in the store's unit.
     pub min: [f64; 3],
     /// Greatest coordinates.
@@ -64,7 +64,7 @@ pub fn prune(
     options.check()?;
     if options
         .region
-        .is_some_and(|Region { min, max, .. }| !meets_box(NodeKey::ROOT, &store.root(), [min, max]))
+        .is_some_and(|PruneRegion { min, max, .. }| !meets_box(NodeKey::ROOT, &store.root(), [min, max]))
     {
         let what = "the box does not meet the store's root cube";
         return Err(Error::store(
@@ -81,7 +81,7 @@ pub fn prune(
         meta.refine = Refine::Hidden;
     }
     let told: Vec<String> = [
-        options.region.map(|Region { min, max, outside_level }| {
+        options.region.map(|PruneRegion { min, max, outside_level }| {
             format!("level {outside_level} outside of {min:?} to {max:?}")
         }),
         options.error.map(|error| format!("an error of {error}")),
@@ -97,7 +97,7 @@ pub fn prune(
 
 impl PruneOptions {
     fn check(&self) -> Result<()> {
-        if let Some(Region { min, max, .. }) = self.region
+        if let Some(PruneRegion { min, max, .. }) = self.region
             && !(0..3).all(|a| min[a].is_finite() && max[a].is_finite() && min[a] <= max[a])
         {
             return Err(Error::setting(
@@ -117,7 +117,7 @@ impl PruneOptions {
     fn cut(&self, tree: &Store, progress: &dyn Progress) -> Result<Vec<NodeKey>> {
         progress.phase("choosing nodes", None, "nodes");
         let root = tree.root();
-        let is_left_out = |key: NodeKey, region: Region| {
+        let is_left_out = |key: NodeKey, region: PruneRegion| {
             key.level() >= region.outside_level && !meets_box(key, &root, [region.min, region.max])
         };
         let is_asked = |key: NodeKey| {

@@ -77,7 +77,7 @@ impl<'a> Walk<'a> {
 
 /// What a store was told of.
 #[derive(Default)]
-pub(super) struct Ahead {
+pub(super) struct Prefetch {
     /// Records that were told of and have not been read.
     waiting: Mutex<Waiting>,
     /// How many they are, so that who reads without being told needs no lock.
@@ -93,7 +93,7 @@ struct Waiting {
     order: VecDeque<NodeKey>,
 }
 
-impl Ahead {
+impl Prefetch {
     /// Passes to `fetch` where the first of the records lie, as offset and bytes. `None` stands for a brick that needs
     /// no reading. Returns how many were looked at.
     pub fn tell<'a>(
@@ -182,7 +182,7 @@ mod tests {
         IndexEntry { key: key(n), offset, length, crc: 0, leaf: true, head }
     }
 
-    fn fetched(ahead: &Ahead, entries: &[Option<IndexEntry>]) -> (usize, Vec<(u64, u64)>) {
+    fn fetched(ahead: &Prefetch, entries: &[Option<IndexEntry>]) -> (usize, Vec<(u64, u64)>) {
         let parts = Mutex::new(Vec::new());
         let looked_at = ahead
             .tell(entries.iter().map(Option::as_ref), |at, bytes| parts.lock().unwrap().push((at, bytes)));
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn near_records_are_one_part_and_what_is_read_counts() {
-        let ahead = Ahead::default();
+        let ahead = Prefetch::default();
         let far = 1 << 20;
         let entries = [
             Some(entry(3, 50_000, 1_000)),
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn what_is_told_and_remembered_is_bounded() {
-        let ahead = Ahead::default();
+        let ahead = Prefetch::default();
         let large: Vec<_> = (0..100).map(|n| Some(entry(n, n as u64 * 500_000, 500_000))).collect();
         let (looked_at, parts) = fetched(&ahead, &large);
         assert_eq!((looked_at, parts), (9, vec![(0, 4_500_000)]));

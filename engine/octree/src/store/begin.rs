@@ -1,8 +1,8 @@
 //! The beginning of a store's writing: anew, or where an earlier run left off.
 
 use super::identity::IdentityEntry;
-use super::journal::{Journal, JournalHead, Settings, encode_frame, journal_path};
-use super::kept::{Found, belongs, find};
+use super::journal::{Journal, JournalHead, SettingPairs, encode_frame, journal_path};
+use super::kept::{RecoveredFrames, belongs, find};
 use super::layout::IndexEntry;
 use crate::disk::planted::{Bug, planted};
 use crate::disk::{Disk, DiskFile};
@@ -104,11 +104,11 @@ impl JournalWriter {
 }
 
 /// A store's unfinished file, locked.
-pub(super) struct Begun {
+pub(super) struct UnfinishedStore {
     pub file: Arc<dyn DiskFile>,
     pub journal: JournalWriter,
     /// What is there already.
-    pub found: Option<Found>,
+    pub found: Option<RecoveredFrames>,
 }
 
 /// Opens or creates `NAME.part`. If its journal says that it is an unfinished store of the same input and settings, it
@@ -117,7 +117,12 @@ pub(super) struct Begun {
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Store`] if another process is writing it, or it is refused.
-pub(super) fn begin(disk: &dyn Disk, final_path: &Path, head: &JournalHead, restart: bool) -> Result<Begun> {
+pub(super) fn begin(
+    disk: &dyn Disk,
+    final_path: &Path,
+    head: &JournalHead,
+    restart: bool,
+) -> Result<UnfinishedStore> {
     let (part, journal_path) = (part_path(final_path), journal_path(final_path));
     let file = disk.open_locked(&part).map_err(Error::io(final_path, "create"))?;
     let file = file.ok_or_else(|| busy(final_path))?;
@@ -143,7 +148,7 @@ pub(super) fn begin(disk: &dyn Disk, final_path: &Path, head: &JournalHead, rest
     if found.is_none() {
         file.set_size(0).map_err(Error::io(&part, "empty"))?;
     }
-    Ok(Begun { file, journal, found })
+    Ok(UnfinishedStore { file, journal, found })
 }
 
 /// What of an earlier run is to be gone on with, and its journal.
@@ -154,7 +159,7 @@ fn go_on(
     head: &JournalHead,
     restart: bool,
     fresh: JournalWriter,
-) -> Result<(JournalWriter, Option<Found>)> {
+) -> Result<(JournalWriter, Option<RecoveredFrames>)> {
     let path = fresh.path.clone();
     let io = |action| Error::io(&path, action);
     if !disk.exists(&path).map_err(io("inspect"))? {
@@ -221,7 +226,7 @@ fn require_same(part: &Path, theirs: &JournalHead, ours: &JournalHead) -> Result
 fn difference(theirs: &JournalHead, ours: &JournalHead) -> Option<String> {
     let facts = |head: &JournalHead| {
         let share = head.meta.share.as_ref().map_or("none".to_owned(), |share| share.id.to_string());
-        head.meta.facts().into_iter().chain([("share".to_owned(), share)]).collect::<Settings>()
+        head.meta.facts().into_iter().chain([("share".to_owned(), share)]).collect::<SettingPairs>()
     };
     let of_settings = other_value(&theirs.settings, &ours.settings);
     let (name, value, this) = of_settings.or_else(|| other_value(&facts(theirs), &facts(ours)))?;
@@ -238,8 +243,11 @@ fn difference(theirs: &JournalHead, ours: &JournalHead) -> Option<String> {
 }
 
 /// The first name of which two lists have other values, and both values.
-fn other_value(theirs: &Settings, ours: &Settings) -> Option<(String, Option<String>, Option<String>)> {
-    let value_in = |list: &Settings, name: &str| {
+fn other_value(
+    theirs: &SettingPairs,
+    ours: &SettingPairs,
+) -> Option<(String, Option<String>, Option<String>)> {
+    let value_in = |list: &SettingPairs, name: &str| {
         list.iter().find(|(other, _)| other == name).map(|(_, value)| value.clone())
     };
     let names = theirs.iter().chain(ours).map(|(name, _)| name);

@@ -1,6 +1,6 @@
 //! What a store's commit names: metadata and index, read and checked before anything is believed of them.
 
-use super::fault::{Fault, fault, preamble_fault};
+use super::fault::{StoreFault, fault, preamble_fault};
 use super::identity::{IDENTITY_ENTRY_BYTES, IdentityEntry, IdentityPlace};
 use super::index::Index;
 use super::journal::Journal;
@@ -9,7 +9,7 @@ use super::layout::{
     decode_preamble,
 };
 use super::meta::Meta;
-use super::source::Source;
+use super::source::ByteSource;
 use crate::disk::planted::{Bug, planted};
 use crate::lattice::NodeKey;
 
@@ -29,9 +29,9 @@ pub(super) struct Commit {
 
 /// Reads everything but the records.
 pub(super) fn read_commit(
-    source: &Source,
+    source: &ByteSource,
     journal: &dyn Fn() -> Option<Journal>,
-) -> std::result::Result<Commit, Fault> {
+) -> std::result::Result<Commit, StoreFault> {
     let unreadable = |what| fault("header", what);
     let header = source.part(0, source.bytes().min(HEADER_BYTES as u64)).map_err(unreadable)?;
     let (file_id, version) = decode_preamble(&header).map_err(preamble_fault)?;
@@ -74,7 +74,7 @@ pub(super) fn read_commit(
 }
 
 /// What a journal says, of which every frame is known to be sound.
-fn unfinished_commit(journal: Journal) -> std::result::Result<Commit, Fault> {
+fn unfinished_commit(journal: Journal) -> std::result::Result<Commit, StoreFault> {
     let Journal { head, frames, .. } = journal;
     let end = frames.last().map_or(HEADER_BYTES as u64, |frame| frame.records_end);
     let (mut entries, mut identity) = (Vec::new(), Vec::new());
@@ -99,7 +99,7 @@ fn unfinished_commit(journal: Journal) -> std::result::Result<Commit, Fault> {
 
 /// Reads the metadata that a commit names, having checked that records, index and metadata lie in the file in this order;
 /// the error is one phrase.
-fn metadata_of(source: &Source, slot: &Slot, file_id: FileId) -> std::result::Result<Vec<u8>, String> {
+fn metadata_of(source: &ByteSource, slot: &Slot, file_id: FileId) -> std::result::Result<Vec<u8>, String> {
     const CUT: &str = "the file is shorter than its commit says";
     if slot.file_id != file_id {
         return Err("it belongs to another store".to_owned());
@@ -123,7 +123,7 @@ fn metadata_of(source: &Source, slot: &Slot, file_id: FileId) -> std::result::Re
 }
 
 /// Reads the index, which is known to lie in the file, part by part: as a whole it would be in memory twice.
-fn read_entries(source: &Source, slot: &Slot) -> std::result::Result<Vec<IndexEntry>, Fault> {
+fn read_entries(source: &ByteSource, slot: &Slot) -> std::result::Result<Vec<IndexEntry>, StoreFault> {
     let end = slot.index_entries * ENTRY_BYTES as u64;
     let mut entries = Vec::with_capacity(slot.index_entries as usize);
     let (mut checksum, mut illegal) = (crc32fast::Hasher::new(), None);
@@ -153,10 +153,10 @@ fn read_entries(source: &Source, slot: &Slot) -> std::result::Result<Vec<IndexEn
 /// Reads the index of the beads' identity, which lies between the records and the index of bricks, behind the
 /// tables.
 fn read_identity(
-    source: &Source,
+    source: &ByteSource,
     slot: &Slot,
     place: &IdentityPlace,
-) -> std::result::Result<Vec<IdentityEntry>, Fault> {
+) -> std::result::Result<Vec<IdentityEntry>, StoreFault> {
     let fault = |what: &str| fault("index of beads", what);
     let bytes = place.index_entries.checked_mul(IDENTITY_ENTRY_BYTES as u64);
     let end = bytes.and_then(|bytes| place.index_offset.checked_add(bytes));
@@ -190,7 +190,7 @@ fn index_of(
     identity: &[IdentityEntry],
     records_end: u64,
     meta: &Meta,
-) -> std::result::Result<Index, Fault> {
+) -> std::result::Result<Index, StoreFault> {
     check_places(&entries, identity, records_end)?;
     let index = match &meta.share {
         None => Index::new(entries, meta.depth),
@@ -217,7 +217,7 @@ fn check_places(
     entries: &[IndexEntry],
     identity: &[IdentityEntry],
     records_end: u64,
-) -> std::result::Result<(), Fault> {
+) -> std::result::Result<(), StoreFault> {
     let bricks = entries.iter().map(|entry| (entry.offset, entry.length, entry.key));
     let lists = identity.iter().map(|entry| (entry.offset, entry.length, entry.key));
     let mut stored: Vec<(u64, u32, NodeKey)> =

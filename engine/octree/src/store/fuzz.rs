@@ -7,7 +7,7 @@ use super::layout::{
     record_crc,
 };
 use super::reader::Store;
-use super::source::Source;
+use super::source::ByteSource;
 use crate::brick::Brick;
 use crate::brick::codec::{Compression, PayloadKind, Scratch, decode, encode_with};
 use std::ops::Range;
@@ -25,7 +25,7 @@ pub fn store(bytes: &[u8]) {
 }
 
 fn read_store(bytes: Vec<u8>) {
-    let store = match Store::of_source(Path::new("a.brf"), Source::Memory(bytes), 1 << 20, &|_| None) {
+    let store = match Store::of_source(Path::new("a.brf"), ByteSource::Memory(bytes), 1 << 20, &|_| None) {
         Ok(store) => store,
         Err(error) => return one_line(&error.to_string()),
     };

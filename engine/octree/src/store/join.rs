@@ -6,11 +6,11 @@ use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant};
 
 /// What a node turned out to be, for its parent.
 #[derive(Clone, Debug)]
-pub enum Node {
+pub enum JoinedNode {
     /// No surface touches it; not in the records, because the parent may be as empty.
     Empty(i16),
     /// In the records.
-    Stored(Half),
+    Stored(CoarseSamples),
 }
 
 /// Samples of a half brick along an axis, its apron included.
@@ -19,18 +19,18 @@ const HALF_POINTS: usize = BRICK_CELLS / 2 + 1;
 /// What a parent takes of a child: every second sample. A tenth of a brick, because thousands of jobs' top
 /// nodes wait for their parents at the same time.
 #[derive(Clone, Debug)]
-pub enum Half {
+pub enum CoarseSamples {
     /// All samples equal.
     Uniform(i16),
     /// x fastest, z slowest, and their binary places.
     Counts(Box<[i16; HALF_POINTS * HALF_POINTS * HALF_POINTS]>, u8),
 }
 
-impl Half {
+impl CoarseSamples {
     /// Every second sample of a brick.
-    pub fn of(brick: &Brick) -> Half {
+    pub fn of(brick: &Brick) -> CoarseSamples {
         let samples = match brick {
-            Brick::Uniform(w) => return Half::Uniform(*w),
+            Brick::Uniform(w) => return CoarseSamples::Uniform(*w),
             Brick::Counts { samples, .. } => samples,
         };
         let mut half = Vec::with_capacity(HALF_POINTS.pow(3));
@@ -41,59 +41,59 @@ impl Half {
                 half.extend_from_slice(&std::array::from_fn::<i16, HALF_POINTS, _>(|i| row[2 * i]));
             }
         }
-        Half::Counts(half.into_boxed_slice().try_into().expect("all rows were taken"), samples.1)
+        CoarseSamples::Counts(half.into_boxed_slice().try_into().expect("all rows were taken"), samples.1)
     }
 
     fn bits(&self) -> u8 {
         match self {
-            Half::Uniform(_) => 0,
-            Half::Counts(_, bits) => *bits,
+            CoarseSamples::Uniform(_) => 0,
+            CoarseSamples::Counts(_, bits) => *bits,
         }
     }
 }
 
 /// Makes a node from its children: empty if they all are, else their common interior node, recording the
 /// empty children as uniform leaves.
-pub fn join(key: NodeKey, children: [Node; 8], records: &mut Records) -> Node {
+pub fn join(key: NodeKey, children: [JoinedNode; 8], records: &mut Records) -> JoinedNode {
     if let Some(w) = common_empty(&children) {
-        return Node::Empty(w);
+        return JoinedNode::Empty(w);
     }
     record_empty(key, &children, records);
     let brick = joined(&children);
     records.push(key, false, &brick);
-    Node::Stored(Half::of(&brick))
+    JoinedNode::Stored(CoarseSamples::of(&brick))
 }
 
 /// Records the empty ones of a node's children as uniform leaves.
-pub fn record_empty(key: NodeKey, children: &[Node; 8], records: &mut Records) {
+pub fn record_empty(key: NodeKey, children: &[JoinedNode; 8], records: &mut Records) {
     for (octant, child) in Octant::all().zip(children) {
-        if let Node::Empty(w) = child {
+        if let JoinedNode::Empty(w) = child {
             records.push(key.child(octant), true, &Brick::Uniform(*w));
         }
     }
 }
 
 /// The interior node of eight children. Its samples have as many binary places as theirs.
-pub fn joined(children: &[Node; 8]) -> Brick {
-    let bits_of = |child: &Node| match child {
-        Node::Stored(half) => half.bits(),
-        Node::Empty(_) => 0,
+pub fn joined(children: &[JoinedNode; 8]) -> Brick {
+    let bits_of = |child: &JoinedNode| match child {
+        JoinedNode::Stored(half) => half.bits(),
+        JoinedNode::Empty(_) => 0,
     };
     let bits = children.iter().map(bits_of).max().unwrap_or(0);
     let mut samples = Samples::fractions(bits);
     for (octant, child) in Octant::all().zip(children) {
         match child {
-            Node::Stored(half) => place_half(&mut samples, octant, half),
-            Node::Empty(w) => place_half(&mut samples, octant, &Half::Uniform(*w)),
+            JoinedNode::Stored(half) => place_half(&mut samples, octant, half),
+            JoinedNode::Empty(w) => place_half(&mut samples, octant, &CoarseSamples::Uniform(*w)),
         }
     }
     interior(samples)
 }
 
 /// The value of eight children that are all empty and equal.
-pub fn common_empty(children: &[Node; 8]) -> Option<i16> {
-    let Node::Empty(w) = children[0] else { return None };
-    children.iter().all(|c| matches!(c, Node::Empty(v) if *v == w)).then_some(w)
+pub fn common_empty(children: &[JoinedNode; 8]) -> Option<i16> {
+    let JoinedNode::Empty(w) = children[0] else { return None };
+    children.iter().all(|c| matches!(c, JoinedNode::Empty(v) if *v == w)).then_some(w)
 }
 
 /// The brick of an interior node. Samples that are all whole have no binary places: so it does not matter whether they
@@ -103,7 +103,7 @@ pub fn interior(samples: Samples) -> Brick {
 }
 
 /// Copies a child's half samples, apron included, to where the parent has them.
-fn place_half(parent: &mut Samples, octant: Octant, child: &Half) {
+fn place_half(parent: &mut Samples, octant: Octant, child: &CoarseSamples) {
     let [x, y, z] = octant.offset().map(|o| o * BRICK_CELLS / 2);
     let bits = parent.1;
     for k in 0..HALF_POINTS {
@@ -111,8 +111,8 @@ fn place_half(parent: &mut Samples, octant: Octant, child: &Half) {
             let to = &mut parent.0[point_index([x, y + j, z + k])..][..HALF_POINTS];
             match child {
                 // A winding number that leaves no 16 bits beside its binary places was refused.
-                Half::Uniform(w) => to.fill(*w << bits),
-                Half::Counts(half, own) => {
+                CoarseSamples::Uniform(w) => to.fill(*w << bits),
+                CoarseSamples::Counts(half, own) => {
                     let from = &half[(k * HALF_POINTS + j) * HALF_POINTS..][..HALF_POINTS];
                     to.iter_mut().zip(from).for_each(|(to, from)| *to = from << (bits - own));
                 }

@@ -27,7 +27,7 @@ pub(super) const SETTINGS_BYTES_MAX: usize = 1 << 20;
 const SETTINGS_MAX: usize = 256;
 
 /// Names and values of settings.
-pub type Settings = Vec<(String, String)>;
+pub type SettingPairs = Vec<(String, String)>;
 
 /// What an unfinished store will be.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,12 +36,12 @@ pub(super) struct JournalHead {
     /// Without what is known at the end only.
     pub meta: Meta,
     /// What decides the store beside what the metadata say.
-    pub settings: Settings,
+    pub settings: SettingPairs,
 }
 
 /// A commit: records that were appended, and that are durable.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Frame {
+pub(super) struct CommitFrame {
     /// 1 for the first.
     pub generation: u64,
     /// Where the records end.
@@ -60,7 +60,7 @@ pub(super) struct Frame {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Journal {
     pub head: JournalHead,
-    pub frames: Vec<Frame>,
+    pub frames: Vec<CommitFrame>,
     /// Where the head ends.
     pub head_end: u64,
     /// Its checksum.
@@ -103,7 +103,7 @@ impl JournalHead {
     }
 }
 
-fn encode_settings(settings: &Settings) -> Vec<u8> {
+fn encode_settings(settings: &SettingPairs) -> Vec<u8> {
     let mut out = Vec::new();
     for text in settings.iter().flat_map(|(name, value)| [name, value]) {
         out.extend((text.len() as u32).to_le_bytes());
@@ -171,7 +171,7 @@ impl Journal {
     }
 
     /// The next frame, if it is sound and follows from those before.
-    fn decode_frame(&self, fields: &mut Fields<'_>, journal_bytes: usize) -> Option<Frame> {
+    fn decode_frame(&self, fields: &mut Fields<'_>, journal_bytes: usize) -> Option<CommitFrame> {
         let last = self.frames.last();
         let (before, mut position) =
             last.map_or((self.head_crc, HEADER_BYTES as u64), |frame| (frame.crc, frame.records_end));
@@ -198,17 +198,17 @@ impl Journal {
             position = position.checked_add(u64::from(length))?;
         }
         let end = (journal_bytes - fields.0.len()) as u64;
-        (position == records_end).then_some(Frame { generation, records_end, entries, lists, end, crc })
+        (position == records_end).then_some(CommitFrame { generation, records_end, entries, lists, end, crc })
     }
 }
 
-fn decode_settings(bytes: &[u8]) -> Option<Settings> {
+fn decode_settings(bytes: &[u8]) -> Option<SettingPairs> {
     let mut fields = Fields(bytes);
     let mut text = || {
         let length = fields.u32()? as usize;
         String::from_utf8(fields.take(length)?.to_vec()).ok()
     };
-    let mut settings = Settings::new();
+    let mut settings = SettingPairs::new();
     // Bounded, since empty ones take more memory than bytes of the file.
     while settings.len() < SETTINGS_MAX {
         let Some(name) = text() else { break };

@@ -1,7 +1,7 @@
 //! What an earlier run has left of an unfinished store, found sound.
 
 use super::identity::{IdentityEntry, identity_crc};
-use super::journal::{Frame, Journal};
+use super::journal::{CommitFrame, Journal};
 use super::layout::{HEADER_BYTES, IndexEntry, Version, decode_preamble, record_crc};
 use crate::brick::Brick;
 use crate::brick::codec::{Scratch, decode};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Nodes and lists of beads that need not be made again. Any number of threads may ask.
-pub struct Kept {
+pub struct ResumeState {
     file: Arc<dyn DiskFile>,
     path: PathBuf,
     version: Version,
@@ -27,7 +27,7 @@ pub struct Kept {
 }
 
 /// What of a journal's frames can be gone on with.
-pub(super) struct Found {
+pub(super) struct RecoveredFrames {
     /// In the order in which they were appended.
     pub entries: Vec<IndexEntry>,
     pub lists: Vec<IdentityEntry>,
@@ -40,9 +40,9 @@ pub(super) struct Found {
 
 /// Reads what the frames name, and takes them up to the first of which something is missing or damaged: what has not
 /// survived is made again.
-pub(super) fn find(journal: Journal, file: &Arc<dyn DiskFile>) -> Result<Found> {
+pub(super) fn find(journal: Journal, file: &Arc<dyn DiskFile>) -> Result<RecoveredFrames> {
     let Journal { head, frames, head_end, head_crc } = journal;
-    let mut found = Found {
+    let mut found = RecoveredFrames {
         entries: Vec::new(),
         lists: Vec::new(),
         generation: 0,
@@ -55,16 +55,21 @@ pub(super) fn find(journal: Journal, file: &Arc<dyn DiskFile>) -> Result<Found> 
         if !planted(Bug::KeptRecordsNotVerified) && !is_sound(&frame, head.version, file, &mut bytes)? {
             break;
         }
-        let Frame { generation, records_end, entries, lists, end, crc } = frame;
+        let CommitFrame { generation, records_end, entries, lists, end, crc } = frame;
         found.entries.extend(entries);
         found.lists.extend(lists);
-        found = Found { generation, records_end, journal_end: end, crc, ..found };
+        found = RecoveredFrames { generation, records_end, journal_end: end, crc, ..found };
     }
     Ok(found)
 }
 
 /// Whether every record of a frame is what its checksum says.
-fn is_sound(frame: &Frame, version: Version, file: &Arc<dyn DiskFile>, bytes: &mut Vec<u8>) -> Result<bool> {
+fn is_sound(
+    frame: &CommitFrame,
+    version: Version,
+    file: &Arc<dyn DiskFile>,
+    bytes: &mut Vec<u8>,
+) -> Result<bool> {
     if frame.records_end > file.size()? {
         return Ok(false);
     }
@@ -99,14 +104,19 @@ pub(super) fn belongs(journal: &Journal, file: &Arc<dyn DiskFile>) -> Result<boo
     Ok(decode_preamble(&header) == Ok((journal.head.meta.file_id(), journal.head.version)))
 }
 
-impl Kept {
-    pub(super) fn new(file: Arc<dyn DiskFile>, path: &Path, version: Version, found: &Found) -> Kept {
+impl ResumeState {
+    pub(super) fn new(
+        file: Arc<dyn DiskFile>,
+        path: &Path,
+        version: Version,
+        found: &RecoveredFrames,
+    ) -> ResumeState {
         let (mut entries, mut lists) = (found.entries.clone(), found.lists.clone());
         entries.sort_unstable_by_key(|entry| entry.key);
         lists.sort_unstable_by_key(|entry| entry.key);
         let begins = |key: NodeKey| key.code() << (3 * u32::from(MAX_LEVEL - key.level()));
         let last_list = lists.iter().map(|list| begins(list.key)).max();
-        Kept { file, path: path.to_owned(), version, entries, lists, last_list }
+        ResumeState { file, path: path.to_owned(), version, entries, lists, last_list }
     }
 
     /// Nodes that it holds.

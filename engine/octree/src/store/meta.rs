@@ -41,7 +41,7 @@ pub struct Meta {
     /// for.
     pub tolerance: Option<f64>,
     /// Numbers that the build found.
-    pub numbers: Numbers,
+    pub numbers: BuildCounts,
     /// What is to be known of beads, if the samples count those. Version 2 of the format has it after all else.
     #[serde(skip)]
     pub beads: Option<BeadsMeta>,
@@ -137,7 +137,7 @@ impl fmt::Display for Refine {
 
 /// What a build counted. Known at its end only, so not part of the store's identity.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Numbers {
+pub struct BuildCounts {
     /// Facets of all sources, or points of point clouds.
     pub facets: u64,
     /// Those without area, which were left out.
@@ -170,7 +170,7 @@ impl Meta {
             ..beads
         });
         let share = self.share.clone().map(|share| Share { found: ShareNumbers::default(), ..share });
-        let meta = Meta { numbers: Numbers::default(), beads, share, volumes: None, ..self.clone() };
+        let meta = Meta { numbers: BuildCounts::default(), beads, share, volumes: None, ..self.clone() };
         // Serializing plain data into memory fails only at a limit, and none is set here.
         let bytes = meta.serialize(options()).unwrap_or_default();
         let mut id = [0; FILE_ID_BYTES];

@@ -33,18 +33,18 @@ pub use cache::CacheStats;
 pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
 };
-pub use join::{Half, Node, common_empty, interior, join, joined, record_empty};
-pub use journal::Settings;
-pub use kept::Kept;
+pub use join::{CoarseSamples, JoinedNode, common_empty, interior, join, joined, record_empty};
+pub use journal::SettingPairs;
+pub use kept::ResumeState;
 pub use layout::{FORMAT_VERSION, IndexEntry};
-pub use meta::{BeadsMeta, Meta, Numbers, Refine, Source};
+pub use meta::{BeadsMeta, BuildCounts, Meta, Refine, Source};
 pub use order::{build_order, subtree_level};
 pub use reader::hash_of;
-pub use reader::{Accept, Store, StoreOptions, is_store};
+pub use reader::{AcceptedStores, Store, StoreOptions, is_store};
 pub use records::{EncodedBricks, Records};
 pub use share::{Share, ShareId, ShareNumbers, cell_key, cells_of};
 pub use source::Io;
-pub use summary::{LevelSummary, NodeNumbers, Summary};
+pub use summary::{LevelSummary, NodeNumbers, StoreSummary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};
 pub use visit::{LEAVES_AHEAD, Leaf, LeafOrder, visit};

@@ -1,6 +1,6 @@
 //! Opens a store and answers from it, without trusting a number in it.
 
-use super::ahead::Ahead;
+use super::ahead::Prefetch;
 use super::cache::{BrickCache, CacheStats};
 use super::commit::{Commit, read_commit};
 use super::fault::REBUILD;
@@ -11,7 +11,7 @@ use super::layout::{
     HEADER_BYTES, IndexEntry, MAGIC, PAGE_BYTES, SLOT_BYTES, SLOT_OFFSETS, Slot, Version, record_crc,
 };
 use super::meta::Meta;
-use super::source::{Io, Source};
+use super::source::{ByteSource, Io};
 use super::{BrickTree, NodeInfo};
 use crate::brick::Brick;
 use crate::brick::codec::{Scratch, decode};
@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// A store open for reading. Any number of threads may read at once.
 pub struct Store {
     path: PathBuf,
-    source: Source,
+    source: ByteSource,
     version: Version,
     meta: Meta,
     index: Index,
@@ -36,7 +36,7 @@ pub struct Store {
     end: u64,
     unfinished: bool,
     cache: BrickCache<Brick>,
-    ahead: Ahead,
+    ahead: Prefetch,
 }
 
 thread_local! {
@@ -46,7 +46,7 @@ thread_local! {
 
 /// What may be opened as a store.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Accept {
+pub enum AcceptedStores {
     /// Whole stores: complete trees.
     #[default]
     Whole,
@@ -64,7 +64,7 @@ pub struct StoreOptions {
     /// How to read.
     pub io: Io,
     /// What to open.
-    pub accept: Accept,
+    pub accept: AcceptedStores,
 }
 
 /// Whether a file begins as a store does, finished or not.
@@ -99,7 +99,7 @@ impl Store {
     pub fn open_any(path: &Path, cache_bytes: u64) -> Result<Store> {
         Store::open_with(
             path,
-            StoreOptions { cache_bytes, accept: Accept::Shares, ..StoreOptions::default() },
+            StoreOptions { cache_bytes, accept: AcceptedStores::Shares, ..StoreOptions::default() },
         )
     }
 
@@ -110,14 +110,16 @@ impl Store {
     pub fn open_with(path: &Path, options: StoreOptions) -> Result<Store> {
         let StoreOptions { cache_bytes, io, accept } = options;
         let store =
-            Store::of_source(path, Source::open(path, io)?, cache_bytes, &|journal| match Source::open(
-                journal,
-                Io::Pread,
-            ) {
-                Ok(source) => source.part(0, source.bytes()).ok(),
-                Err(_) => None,
-            })?;
-        if store.unfinished && accept < Accept::Unfinished {
+            Store::of_source(
+                path,
+                ByteSource::open(path, io)?,
+                cache_bytes,
+                &|journal| match ByteSource::open(journal, Io::Pread) {
+                    Ok(source) => source.part(0, source.bytes()).ok(),
+                    Err(_) => None,
+                },
+            )?;
+        if store.unfinished && accept < AcceptedStores::Unfinished {
             let what = format!("this is an unfinished store, with {} nodes so far", store.entries().len());
             return Err(Error::store(
                 path,
@@ -127,7 +129,7 @@ impl Store {
             ));
         }
         match &store.meta.share {
-            Some(share) if accept < Accept::Shares => {
+            Some(share) if accept < AcceptedStores::Shares => {
                 let what = format!("this is share {} of a store", share.id);
                 let remedy = "join all shares with `brickfield cache merge`";
                 Err(Error::store(path, "header", what, remedy))
@@ -139,7 +141,7 @@ impl Store {
     /// A store of these bytes; `journal` reads the file of that name, if there is one.
     pub(super) fn of_source(
         path: &Path,
-        source: Source,
+        source: ByteSource,
         cache_bytes: u64,
         journal: &dyn Fn(&Path) -> Option<Vec<u8>>,
     ) -> Result<Store> {
@@ -147,7 +149,7 @@ impl Store {
         let commit = read_commit(&source, &of_journal);
         let Commit { version, meta, index, identity, end, unfinished } =
             commit.map_err(|fault| Error::store(path, fault.place, fault.what, fault.remedy))?;
-        let (cache, ahead) = (BrickCache::new(cache_bytes), Ahead::default());
+        let (cache, ahead) = (BrickCache::new(cache_bytes), Prefetch::default());
         let path = path.to_owned();
         Ok(Store { path, source, version, meta, index, identity, end, unfinished, cache, ahead })
     }
@@ -328,7 +330,7 @@ impl Store {
     /// Changes a byte of a store in memory.
     #[cfg(test)]
     pub(super) fn poke(&mut self, at: usize, byte: u8) {
-        if let Source::Memory(bytes) = &mut self.source {
+        if let ByteSource::Memory(bytes) = &mut self.source {
             bytes[at] = byte;
         }
     }

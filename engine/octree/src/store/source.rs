@@ -31,7 +31,7 @@ pub enum Io {
 const CUT_SHORT: &str = "the file has been cut short since it was opened, or its disk has failed";
 
 /// An open file, or the bytes of one.
-pub(super) enum Source {
+pub(super) enum ByteSource {
     Map(MappedFile),
     File {
         file: File,
@@ -42,21 +42,21 @@ pub(super) enum Source {
     Memory(Vec<u8>),
 }
 
-impl Source {
+impl ByteSource {
     /// Opens a regular file.
     ///
     /// # Errors
     /// As [`MappedFile::open`].
-    pub fn open(path: &Path, io: Io) -> Result<Source> {
+    pub fn open(path: &Path, io: Io) -> Result<ByteSource> {
         Ok(match io {
             Io::Pread => {
                 let (file, bytes) = open_regular(path)?;
-                Source::File { file, bytes }
+                ByteSource::File { file, bytes }
             }
             Io::Mmap => {
                 let map = MappedFile::open(path)?;
                 map.advise(Access::Random);
-                Source::Map(map)
+                ByteSource::Map(map)
             }
         })
     }
@@ -64,10 +64,10 @@ impl Source {
     /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         match self {
-            Source::Map(map) => map.len(),
-            Source::File { bytes, .. } => *bytes,
+            ByteSource::Map(map) => map.len(),
+            ByteSource::File { bytes, .. } => *bytes,
             #[cfg(any(test, feature = "fuzzing"))]
-            Source::Memory(bytes) => bytes.len() as u64,
+            ByteSource::Memory(bytes) => bytes.len() as u64,
         }
     }
 
@@ -79,14 +79,14 @@ impl Source {
         let end = offset.checked_add(length).filter(|end| *end <= self.bytes());
         let end = end.ok_or("it lies outside the file")? as usize;
         match self {
-            Source::Map(map) => {
+            ByteSource::Map(map) => {
                 to.clear();
                 to.extend_from_slice(&map.bytes()[offset as usize..end]);
                 if map.lost().is_some_and(|from| from < end as u64) {
                     return Err(CUT_SHORT.to_owned());
                 }
             }
-            Source::File { file, .. } => {
+            ByteSource::File { file, .. } => {
                 to.resize(length as usize, 0);
                 file.read_exact_at(to, offset).map_err(|error| match error.kind() {
                     ErrorKind::UnexpectedEof => CUT_SHORT.to_owned(),
@@ -94,7 +94,7 @@ impl Source {
                 })?;
             }
             #[cfg(any(test, feature = "fuzzing"))]
-            Source::Memory(bytes) => {
+            ByteSource::Memory(bytes) => {
                 to.clear();
                 to.extend_from_slice(&bytes[offset as usize..end]);
             }
@@ -105,19 +105,19 @@ impl Source {
     /// Tells the system that a part will be read before long. Only a hint, so nobody is told of a refusal.
     pub fn ahead(&self, offset: u64, bytes: u64) {
         match self {
-            Source::Map(map) => map.advise_ahead(offset, bytes),
-            Source::File { file, .. } => {
+            ByteSource::Map(map) => map.advise_ahead(offset, bytes),
+            ByteSource::File { file, .. } => {
                 let _ = fadvise(file, offset, NonZeroU64::new(bytes), Advice::WillNeed);
             }
             #[cfg(any(test, feature = "fuzzing"))]
-            Source::Memory(_) => {}
+            ByteSource::Memory(_) => {}
         }
     }
 
     /// A part of the file.
     ///
     /// # Errors
-    /// As [`Source::read`].
+    /// As [`ByteSource::read`].
     pub fn part(&self, offset: u64, length: u64) -> std::result::Result<Vec<u8>, String> {
         let mut bytes = Vec::new();
         self.read(offset, length, &mut bytes)?;
@@ -135,14 +135,14 @@ mod tests {
         let path = directory.path().join("x");
         std::fs::write(&path, b"a brick store").unwrap();
         for io in [Io::Pread, Io::Mmap] {
-            let source = Source::open(&path, io).unwrap();
+            let source = ByteSource::open(&path, io).unwrap();
             assert_eq!(source.bytes(), 13);
             assert_eq!(source.part(2, 5).unwrap(), b"brick");
             let mut bytes = vec![9; 100];
             source.read(8, 5, &mut bytes).unwrap();
             assert_eq!(bytes, b"store");
             assert!(source.part(9, 5).is_err() && source.part(u64::MAX, 2).is_err());
-            assert!(Source::open(directory.path(), io).is_err());
+            assert!(ByteSource::open(directory.path(), io).is_err());
         }
     }
 
@@ -151,7 +151,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("x");
         std::fs::write(&path, vec![7; 100_000]).unwrap();
-        let [read, mapped] = [Io::Pread, Io::Mmap].map(|io| Source::open(&path, io).unwrap());
+        let [read, mapped] = [Io::Pread, Io::Mmap].map(|io| ByteSource::open(&path, io).unwrap());
         File::options().write(true).open(&path).unwrap().set_len(5_000).unwrap();
         for source in [read, mapped] {
             assert_eq!(source.part(4_000, 1_000).unwrap(), [7; 1_000]);

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// Numbers of a store, by level and in total. Nothing but the index is read for it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct StoreSummary {
     /// One entry a level, the root's first.
     pub levels: Vec<LevelSummary>,
     /// The sums of all levels.
@@ -75,7 +75,7 @@ impl NodeNumbers {
 
 impl Store {
     /// What is in the store, in numbers.
-    pub fn summary(&self) -> Summary {
+    pub fn summary(&self) -> StoreSummary {
         let levels = (0..self.index().level_count()).map(|level| LevelSummary {
             level,
             spacing: self.meta().root.spacing(level),
@@ -83,7 +83,7 @@ impl Store {
         });
         let axis = (BRICK_CELLS as u128) << (self.index().level_count() - 1);
         let dense_bytes = axis.pow(3) * size_of::<i16>() as u128;
-        Summary {
+        StoreSummary {
             levels: levels.collect(),
             total: NodeNumbers::of(self.entries()),
             file_bytes: self.file_bytes(),

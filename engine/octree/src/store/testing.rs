@@ -1,9 +1,9 @@
 //! A small tree, given by a formula, for the tests of the store.
 
 use super::{
-    BeadRow, BeadSegment, BeadTables, BeadsMeta, BrickTree, Compression, IdentityPlace, MemoryTree, Meta,
-    Numbers, Refine, Scratch, SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter, cells_of,
-    encode_segments, encode_with,
+    BeadRow, BeadSegment, BeadTables, BeadsMeta, BrickTree, BuildCounts, Compression, IdentityPlace,
+    MemoryTree, Meta, Refine, Scratch, SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter,
+    cells_of, encode_segments, encode_with,
 };
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
@@ -28,7 +28,7 @@ pub fn meta(depth: u8) -> Meta {
         refine: Refine::Hidden,
         stddev: 0.0,
         tolerance: None,
-        numbers: Numbers { facets: 24, degenerate_facets: 0, nodes_per_level: vec![1, 8, 8] },
+        numbers: BuildCounts { facets: 24, degenerate_facets: 0, nodes_per_level: vec![1, 8, 8] },
         beads: None,
         share: None,
         volumes: None,
@@ -131,7 +131,7 @@ pub fn write_range(path: &Path) {
 
 /// Writes the brick of 1/1024ths as the range coder has it.
 pub fn write_range_fractions(path: &Path) {
-    let meta = Meta { numbers: Numbers { nodes_per_level: vec![1], ..meta(0).numbers }, ..meta(0) };
+    let meta = Meta { numbers: BuildCounts { nodes_per_level: vec![1], ..meta(0).numbers }, ..meta(0) };
     write_coded(path, meta, [(NodeKey::ROOT, true, fractions())].into_iter());
 }
 
@@ -148,7 +148,7 @@ pub fn fractions() -> Brick {
 
 /// Writes a store of that brick alone.
 pub fn write_fractions(path: &Path) {
-    let meta = Meta { numbers: Numbers { nodes_per_level: vec![1], ..meta(0).numbers }, ..meta(0) };
+    let meta = Meta { numbers: BuildCounts { nodes_per_level: vec![1], ..meta(0).numbers }, ..meta(0) };
     let mut writer = StoreWriter::create(path, &meta).expect("a writable directory");
     writer.append_brick(NodeKey::ROOT, true, &fractions()).expect("room on the disk");
     writer.finish(meta).expect("a complete tree");

@@ -1,11 +1,11 @@
 //! Writes a store: records first, in the order they are appended, then index, metadata and commit, and at last
 //! the final name. Commits in between go to a journal, so that an interrupted writing can be gone on with.
 
-use super::begin::{Begun, JournalWriter, begin};
+use super::begin::{JournalWriter, UnfinishedStore, begin};
 use super::identity::{BeadTables, IdentityEntry, IdentityPlace, identity_crc};
 use super::index::Index;
-use super::journal::{JournalHead, Settings};
-use super::kept::Kept;
+use super::journal::{JournalHead, SettingPairs};
+use super::kept::ResumeState;
 use super::layout::{
     FileId, HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_OFFSETS, Slot, Version, encode_preamble, record_crc,
 };
@@ -47,7 +47,7 @@ pub struct StoreWriter {
     identity: Option<BeadTables>,
     lists: Vec<IdentityEntry>,
     /// What an earlier run has left.
-    kept: Option<Arc<Kept>>,
+    kept: Option<Arc<ResumeState>>,
     journal: JournalWriter,
     /// How often to commit, and when that was done last.
     pace: Option<Duration>,
@@ -107,7 +107,7 @@ impl StoreWriter {
     pub fn resume(
         final_path: &Path,
         meta: &Meta,
-        settings: Settings,
+        settings: SettingPairs,
         restart: bool,
         pace: Duration,
     ) -> Result<StoreWriter> {
@@ -120,14 +120,14 @@ impl StoreWriter {
         disk: Arc<dyn Disk>,
         final_path: &Path,
         meta: &Meta,
-        settings: Settings,
+        settings: SettingPairs,
         restart: bool,
     ) -> Result<StoreWriter> {
         check_target(final_path)?;
         let head = JournalHead { version: meta.version(), meta: meta.clone(), settings };
-        let Begun { file, journal, found } = begin(&*disk, final_path, &head, restart)?;
+        let UnfinishedStore { file, journal, found } = begin(&*disk, final_path, &head, restart)?;
         let part_path = part_path(final_path);
-        let keep = |found| Arc::new(Kept::new(Arc::clone(&file), &part_path, head.version, found));
+        let keep = |found| Arc::new(ResumeState::new(Arc::clone(&file), &part_path, head.version, found));
         let kept = found.as_ref().map(keep);
         let (entries, lists, records_end) = found
             .map_or((Vec::new(), Vec::new(), HEADER_BYTES as u64), |f| (f.entries, f.lists, f.records_end));
@@ -175,7 +175,7 @@ impl StoreWriter {
     }
 
     /// What an earlier writer has left. Its records are in the store; to append them again changes nothing.
-    pub fn kept(&self) -> Option<Arc<Kept>> {
+    pub fn kept(&self) -> Option<Arc<ResumeState>> {
         self.kept.clone()
     }
 

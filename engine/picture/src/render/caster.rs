@@ -8,7 +8,7 @@ use super::relief::Band;
 use super::sight::{scene_words, sight_of};
 use super::{RenderSummary, Scene};
 use crate::error::{Error, Result};
-use crate::gpu::{Failure, Gpu, RayCaster, RayKernels, RayScene};
+use crate::gpu::{DeviceFailure, Gpu, RayCaster, RayKernels, RayScene};
 use crate::lattice::NodeKey;
 use crate::picture::Rgba;
 use crate::progress::Progress;
@@ -62,7 +62,7 @@ pub struct Caster<'a> {
 
 /// Why a band is not there.
 enum Stop {
-    Device(Failure),
+    Device(DeviceFailure),
     Error(Error),
 }
 
@@ -75,8 +75,8 @@ const IDLE_MAX: u32 = 3 << 11;
 
 type Cast<T> = std::result::Result<T, Stop>;
 
-impl From<Failure> for Stop {
-    fn from(failure: Failure) -> Stop {
+impl From<DeviceFailure> for Stop {
+    fn from(failure: DeviceFailure) -> Stop {
         Stop::Device(failure)
     }
 }
@@ -115,7 +115,7 @@ impl<'a> Caster<'a> {
         }
     }
 
-    fn device_with(&mut self, scene: &Scene<'_>) -> std::result::Result<Device<'a>, Failure> {
+    fn device_with(&mut self, scene: &Scene<'_>) -> std::result::Result<Device<'a>, DeviceFailure> {
         let kernels = match self.kernels.take() {
             Some(kernels) => kernels,
             None => RayKernels::new(&self.gpu)?,
@@ -129,7 +129,7 @@ impl<'a> Caster<'a> {
         self.device = None;
     }
 
-    fn fail(&mut self, failure: Failure) {
+    fn fail(&mut self, failure: DeviceFailure) {
         self.leave();
         self.report.failure.get_or_insert_with(|| failure.to_string());
     }
@@ -291,7 +291,7 @@ impl<'a> Device<'a> {
         scene: &Scene<'_>,
         gpu: &Gpu,
         kernels: &RayKernels,
-    ) -> std::result::Result<Device<'a>, Failure> {
+    ) -> std::result::Result<Device<'a>, DeviceFailure> {
         let style = &scene.bricks.style;
         let words = scene_words(&scene.nodes, style);
         let counts = counts(scene);
@@ -370,7 +370,7 @@ impl<'a> Device<'a> {
                 if !is_draft {
                     let brought = self.bring()?;
                     if brought == 0 {
-                        return Err(Failure::Lost.into());
+                        return Err(DeviceFailure::Lost.into());
                     }
                     report.brought += brought;
                 }
@@ -380,7 +380,7 @@ impl<'a> Device<'a> {
             }
             idle = if end.wanted > 0 { 0 } else { idle + 1 };
             if idle > IDLE_MAX {
-                return Err(Failure::Timeout.into());
+                return Err(DeviceFailure::Timeout.into());
             }
             is_draft = order.deadline.is_some_and(|deadline| Instant::now() >= deadline);
         }

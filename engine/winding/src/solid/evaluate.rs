@@ -7,7 +7,7 @@
 use super::hermite::{Boundary, Scene};
 use super::hidden;
 use super::segments::{Segment, Solids};
-use crate::brick::{Brick, Hermite, Samples, SignChanges, Thin, ThinLines};
+use crate::brick::{Brick, Hermite, Samples, SignChanges, ThinFeatures, ThinLines};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Units};
 
@@ -366,8 +366,8 @@ impl SolidEvaluation<'_> {
     /// The walls and gaps of the union that lie between two samples: on all lines those of the apron too, else on the edges
     /// that the brick owns.
     #[inline]
-    pub fn thin(&self, lines: ThinLines) -> Thin {
-        let mut thin = Thin::default();
+    pub fn thin(&self, lines: ThinLines) -> ThinFeatures {
+        let mut thin = ThinFeatures::default();
         for axis in Axis::ALL {
             hidden::add_thin(self.solids, self.lattice, self.list, axis, lines, &mut thin);
         }

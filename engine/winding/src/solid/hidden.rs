@@ -2,7 +2,7 @@
 
 use super::evaluate::{Lattice, SegmentList};
 use super::segments::{Segment, Solids};
-use crate::brick::{Thin, ThinLines, ThinPair};
+use crate::brick::{ThinFeatures, ThinLines, ThinPair};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 
 /// Samples along a row.
@@ -122,7 +122,7 @@ pub(super) fn add_thin(
     list: SegmentList<'_>,
     axis: Axis,
     lines: ThinLines,
-    thin: &mut Thin,
+    thin: &mut ThinFeatures,
 ) {
     let mut all = reaches(solids, lattice, list, axis.index(), lines);
     if lines != ThinLines::All {

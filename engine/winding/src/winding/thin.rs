@@ -6,7 +6,7 @@
 use super::crossings::Hit;
 use super::evaluate::{Evaluation, Evaluator};
 use super::scan::Facet;
-use crate::brick::{POINTS, Samples, Thin, ThinLines, ThinPair, point_index};
+use crate::brick::{POINTS, Samples, ThinFeatures, ThinLines, ThinPair, point_index};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, CubeTest, NodeKey, bounds};
 
 /// Words of a set of lattice edges along one axis, a bit for each sample that an edge may begin at.
@@ -41,8 +41,8 @@ impl Crossed {
 impl Evaluation<'_> {
     /// The walls and gaps of the boundary w = 0.5 that lie between two samples of the brick: on all lines those of the apron
     /// too, which cells of the brick touch; else on the edges that it owns.
-    pub fn thin(&self, lines: ThinLines) -> Thin {
-        let mut thin = Thin::default();
+    pub fn thin(&self, lines: ThinLines) -> ThinFeatures {
+        let mut thin = ThinFeatures::default();
         for axis in Axis::ALL {
             self.evaluator.add_thin(axis, self.key, lines, &self.samples, &mut thin);
         }
@@ -80,7 +80,14 @@ impl Evaluation<'_> {
 }
 
 impl Evaluator {
-    fn add_thin(&self, axis: Axis, key: NodeKey, lines: ThinLines, samples: &Samples, thin: &mut Thin) {
+    fn add_thin(
+        &self,
+        axis: Axis,
+        key: NodeKey,
+        lines: ThinLines,
+        samples: &Samples,
+        thin: &mut ThinFeatures,
+    ) {
         let mut hits = Vec::new();
         self.add_hits(axis, key, lines, may_face, &mut hits);
         let crossed = Crossed::by(&hits);
@@ -103,7 +110,14 @@ impl Evaluator {
     }
 
     /// Adds what hides on one edge, whose crossings are in order; nothing if some are missing.
-    fn add_thin_edge(&self, axis: Axis, key: NodeKey, samples: &Samples, edge: &[Hit], thin: &mut Thin) {
+    fn add_thin_edge(
+        &self,
+        axis: Axis,
+        key: NodeKey,
+        samples: &Samples,
+        edge: &[Hit],
+        thin: &mut ThinFeatures,
+    ) {
         let lower = usize::from(edge[0].lower);
         let next = lower + point_index(Axis::ALL.map(|other| usize::from(other == axis)));
         let mut w = i32::from(samples.0[lower]);
@@ -162,8 +176,8 @@ mod tests {
     use brickfield_bench_data::{Mesh, Rng, shapes};
 
     /// Every edge looked at with all its crossings, and nothing left out beforehand.
-    fn thin_of_all(evaluation: &Evaluation<'_>) -> Thin {
-        let mut thin = Thin::default();
+    fn thin_of_all(evaluation: &Evaluation<'_>) -> ThinFeatures {
+        let mut thin = ThinFeatures::default();
         for axis in Axis::ALL {
             let mut hits = Vec::new();
             evaluation.evaluator.add_hits(axis, evaluation.key, ThinLines::All, |_, _| true, &mut hits);

@@ -4,8 +4,8 @@ use crate::cache_args::DiffArgs;
 use crate::commands::{open_store, start};
 use crate::failure::Failure;
 use crate::output::{one_line, print, print_json};
-use brickfield_engine::cache::{BrickDifferences, Comparison, Difference, Fact, compare};
-use brickfield_engine::store::Accept;
+use brickfield_engine::cache::{BrickDifferences, Comparison, Difference, MetaDifference, compare};
+use brickfield_engine::store::AcceptedStores;
 use serde::Serialize;
 
 /// What is printed as JSON.
@@ -21,8 +21,8 @@ struct Report {
 pub fn run(args: &DiffArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     // No brick is read twice, so none is kept.
-    let first = open_store(&args.first, 0, args.io, Accept::Unfinished)?;
-    let second = open_store(&args.second, 0, args.io, Accept::Unfinished)?;
+    let first = open_store(&args.first, 0, args.io, AcceptedStores::Unfinished)?;
+    let second = open_store(&args.second, 0, args.io, AcceptedStores::Unfinished)?;
     let comparison = compare(&first, &second, &bars)?;
     bars.clear();
     let equal = comparison.is_equal(!args.ignore_metadata);
@@ -52,7 +52,7 @@ fn as_text(verdict: &str, comparison: &Comparison, ignore_metadata: bool) -> Str
     } = comparison;
     let mut text = format!("{verdict}\n");
     let mut line = |line: String| text += &format!("  {line}\n");
-    for Fact { name, first, second } in metadata {
+    for MetaDifference { name, first, second } in metadata {
         let ignored = if ignore_metadata { " (ignored)" } else { "" };
         let told = |value: &Option<String>| value.clone().unwrap_or("not told".to_owned());
         line(format!("{name}{ignored}: {} and {}", told(first), told(second)));

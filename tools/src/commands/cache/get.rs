@@ -11,7 +11,7 @@ use brickfield_engine::cache::node_at;
 use brickfield_engine::export::npy_header;
 use brickfield_engine::lattice::{Axis, BRICK_POINTS, NodeKey};
 use brickfield_engine::part::PartFile;
-use brickfield_engine::store::{Accept, BrickTree, IndexEntry, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, IndexEntry, Store};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -55,7 +55,7 @@ pub fn run(args: &GetArgs) -> Result<(), Failure> {
         ));
     }
     require_distinct(&files, &[&args.store])?;
-    let store = open_store(&args.store, 0, args.io, Accept::Unfinished)?;
+    let store = open_store(&args.store, 0, args.io, AcceptedStores::Unfinished)?;
     let entry = entry_of(args, &store)?;
     let brick = store.brick(entry.key)?;
     if let (Some(path), Some(format)) = (&args.samples, format) {

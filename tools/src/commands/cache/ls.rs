@@ -7,12 +7,12 @@ use crate::failure::Failure;
 use crate::output::Lines;
 use anyhow::Context;
 use brickfield_engine::cache::meets_box;
-use brickfield_engine::store::{Accept, IndexEntry};
+use brickfield_engine::store::{AcceptedStores, IndexEntry};
 
 /// Runs the command.
 pub fn run(args: &LsArgs) -> Result<(), Failure> {
     // Nothing but the index is read.
-    let store = open_store(&args.store, 0, args.io, Accept::Unfinished)?;
+    let store = open_store(&args.store, 0, args.io, AcceptedStores::Unfinished)?;
     let meta = store.meta();
     let is_asked = |entry: &&IndexEntry| {
         args.level.is_none_or(|level| entry.key.level() == level)

@@ -8,8 +8,8 @@ use crate::output::{one_line, print, print_json, require_distinct};
 use crate::progress::Bars;
 use crate::units::Size;
 use brickfield_engine::Error;
-use brickfield_engine::cache::{self, PruneOptions, Region, RewriteSummary};
-use brickfield_engine::store::{Accept, Store};
+use brickfield_engine::cache::{self, PruneOptions, PruneRegion, RewriteSummary};
+use brickfield_engine::store::{AcceptedStores, Store};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -25,28 +25,32 @@ struct Report {
 
 /// `cache compact`.
 pub fn compact(args: &CompactArgs) -> Result<(), Failure> {
-    run(&args.output, Accept::Shares, |store, output, bars| cache::compact(store, output, bars))
+    run(&args.output, AcceptedStores::Shares, |store, output, bars| cache::compact(store, output, bars))
 }
 
 /// `cache repack`.
 pub fn repack(args: &RepackArgs) -> Result<(), Failure> {
     let compression = args.compression.into();
-    run(&args.output, Accept::Shares, |store, output, bars| cache::repack(store, output, compression, bars))
+    run(&args.output, AcceptedStores::Shares, |store, output, bars| {
+        cache::repack(store, output, compression, bars)
+    })
 }
 
 /// `cache prune`.
 pub fn prune(args: &PruneArgs) -> Result<(), Failure> {
     let region = args.region.map(|region| {
         let [min, max] = region.corners;
-        Region { min, max, outside_level: args.outside_level }
+        PruneRegion { min, max, outside_level: args.outside_level }
     });
     let options = PruneOptions { level: args.level, region, error: args.error };
-    run(&args.output, Accept::Whole, |store, output, bars| cache::prune(store, output, &options, bars))
+    run(&args.output, AcceptedStores::Whole, |store, output, bars| {
+        cache::prune(store, output, &options, bars)
+    })
 }
 
 fn run(
     args: &OutputArgs,
-    accept: Accept,
+    accept: AcceptedStores,
     rewrite: impl Fn(&Store, &Path, &Bars) -> Result<RewriteSummary, Error>,
 ) -> Result<(), Failure> {
     let started = Instant::now();

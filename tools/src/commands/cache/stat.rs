@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::output::{one_line, print, print_json};
 use crate::units::Size;
 use brickfield_engine::cache::{FileBytes, KindNumbers, PartBytes, RecordNumbers, Statistics, statistics};
-use brickfield_engine::store::Accept;
+use brickfield_engine::store::AcceptedStores;
 use serde::Serialize;
 
 /// What is printed as JSON.
@@ -22,7 +22,7 @@ struct Report {
 pub fn run(args: &StatArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     // No brick is read twice, so none is kept.
-    let store = open_store(&args.store, 0, args.io, Accept::Unfinished)?;
+    let store = open_store(&args.store, 0, args.io, AcceptedStores::Unfinished)?;
     let statistics = statistics(&store, &bars)?;
     bars.clear();
     let path = args.store.display().to_string();

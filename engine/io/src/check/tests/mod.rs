@@ -3,28 +3,28 @@
 mod oracle;
 mod planted;
 
-use super::{Mesh, Report, Tally, examine};
+use super::{CheckReport, Mesh, Tally, examine};
 use crate::Silent;
 use brickfield_bench_data::pile::random_pile;
 use brickfield_bench_data::shapes::{icosphere, torus};
 use brickfield_bench_data::{Mesh as Shape, judge};
-use oracle::{Grid, expected};
+use oracle::{GridPoint, expected};
 use proptest::prelude::*;
 
 /// The report on an indexed mesh.
 #[track_caller]
-fn checked(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Report {
+fn checked(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> CheckReport {
     let mut mesh = Mesh { positions: positions.into(), triangles: triangles.into(), non_finite: Tally::NONE };
     mesh.take_stock().expect("coordinates in range");
     examine(&mesh, &Silent).expect("nobody interrupts")
 }
 
-fn of_shape(shape: &Shape) -> Report {
+fn of_shape(shape: &Shape) -> CheckReport {
     checked(&shape.vertices, &shape.triangles)
 }
 
 /// The report on triangles with vertices found by position.
-fn welded(shape: &Shape) -> Report {
+fn welded(shape: &Shape) -> CheckReport {
     let facets: Vec<crate::ingest::Facet> = shape.facets().collect();
     let mut mesh = super::weld::weld(&facets, &Silent).expect("nobody interrupts");
     mesh.take_stock().expect("coordinates in range");
@@ -32,7 +32,7 @@ fn welded(shape: &Shape) -> Report {
 }
 
 /// All counts, but not the places, which follow the numbering.
-fn counts(report: &Report) -> Vec<u64> {
+fn counts(report: &CheckReport) -> Vec<u64> {
     let mut counts = vec![report.triangles, report.vertices, report.edges, report.components];
     counts.push(report.euler_characteristic as u64);
     let defects = [
@@ -50,7 +50,7 @@ fn counts(report: &Report) -> Vec<u64> {
 }
 
 /// Some vertices on a small grid, and triangles of three different ones.
-fn soups() -> impl Strategy<Value = (Vec<Grid>, Vec<[u32; 3]>)> {
+fn soups() -> impl Strategy<Value = (Vec<GridPoint>, Vec<[u32; 3]>)> {
     let vertices = prop::collection::vec(prop::array::uniform3(-3i64..=3), 4..16);
     vertices.prop_flat_map(|vertices| {
         let count = vertices.len() as u32;
@@ -62,7 +62,7 @@ fn soups() -> impl Strategy<Value = (Vec<Grid>, Vec<[u32; 3]>)> {
     })
 }
 
-fn real(vertices: &[Grid]) -> Vec<[f64; 3]> {
+fn real(vertices: &[GridPoint]) -> Vec<[f64; 3]> {
     vertices.iter().map(|v| v.map(|c| c as f64)).collect()
 }
 
@@ -136,9 +136,9 @@ proptest! {
         let [p, q, r] = base;
         let (u, v) = weights;
         let near = |a: usize| p[a] + (u * (q[a] - p[a]) as f64 + v * (r[a] - p[a]) as f64).round() as i64 + off[a];
-        let s: Grid = std::array::from_fn(near);
+        let s: GridPoint = std::array::from_fn(near);
         let determinant = oracle::determinant(p, q, r, s);
-        let point = |g: Grid| g.map(|c| c as f64);
+        let point = |g: GridPoint| g.map(|c| c as f64);
         // The fourth corner is on a side of the plane, or in it, as the determinant says.
         let side = crate::predicates::side_of_plane(point(p), point(q), point(r), point(s));
         prop_assert_eq!(i128::from(side), -determinant.signum());

@@ -4,14 +4,14 @@
 use crate::check::Meeting;
 
 /// A vertex.
-pub(super) type Grid = [i64; 3];
+pub(super) type GridPoint = [i64; 3];
 type Big = [i128; 3];
 /// A point of the plane of a triangle: (s, t, w) is p + (s/w)(q − p) + (t/w)(r − p), w > 0.
 type Fraction = [i128; 3];
 
 /// Pairs as a search should find them.
 #[derive(Default)]
-pub(super) struct Found {
+pub(super) struct ExpectedPairs {
     pub(super) crossing: u64,
     pub(super) overlapping: u64,
     pub(super) touching: u64,
@@ -35,7 +35,7 @@ fn normal([p, q, r]: [Big; 3]) -> Big {
 }
 
 /// Six times the volume of the tetrahedron, positive if s is on the side from which p, q, r are counter-clockwise.
-pub(super) fn determinant(p: Grid, q: Grid, r: Grid, s: Grid) -> i128 {
+pub(super) fn determinant(p: GridPoint, q: GridPoint, r: GridPoint, s: GridPoint) -> i128 {
     let [p, q, r, s] = [p, q, r, s].map(|g| g.map(i128::from));
     dot(normal([p, q, r]), minus(s, p))
 }
@@ -111,7 +111,7 @@ fn pierces(a: [Big; 3], b: [Big; 3]) -> bool {
 }
 
 /// How triangles meet that should not.
-fn meeting(vertices: &[Grid], s: [u32; 3], t: [u32; 3]) -> Option<Meeting> {
+fn meeting(vertices: &[GridPoint], s: [u32; 3], t: [u32; 3]) -> Option<Meeting> {
     let corners = |t: [u32; 3]| t.map(|v| vertices[v as usize].map(i128::from));
     let (a, b) = (corners(s), corners(t));
     let polygon = common(a, b);
@@ -139,9 +139,9 @@ fn meeting(vertices: &[Grid], s: [u32; 3], t: [u32; 3]) -> Option<Meeting> {
 }
 
 /// Triangles without area, and what all pairs of the others do.
-pub(super) fn expected(vertices: &[Grid], triangles: &[[u32; 3]]) -> (u64, Found) {
+pub(super) fn expected(vertices: &[GridPoint], triangles: &[[u32; 3]]) -> (u64, ExpectedPairs) {
     let is_flat = |t: &[u32; 3]| normal(t.map(|v| vertices[v as usize].map(i128::from))) == [0; 3];
-    let mut found = Found::default();
+    let mut found = ExpectedPairs::default();
     for (i, s) in triangles.iter().enumerate().filter(|(_, s)| !is_flat(s)) {
         for (j, t) in triangles.iter().enumerate().skip(i + 1).filter(|(_, t)| !is_flat(t)) {
             let Some(meeting) = meeting(vertices, *s, *t) else { continue };

@@ -2,13 +2,13 @@
 
 use super::{checked, of_shape, welded};
 use crate::Silent;
-use crate::check::{Meeting, Report, check};
+use crate::check::{CheckReport, Meeting, check};
 use crate::ingest::Input;
 use brickfield_bench_data::Mesh as Shape;
 use brickfield_bench_data::shapes::{cuboid, icosphere};
 
 /// What is wrong, by name and count.
-fn wrong(report: &Report) -> Vec<(&'static str, u64)> {
+fn wrong(report: &CheckReport) -> Vec<(&'static str, u64)> {
     report.defects().into_iter().map(|(what, defect)| (what, defect.count)).collect()
 }
 

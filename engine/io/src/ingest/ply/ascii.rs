@@ -1,17 +1,17 @@
 //! The body of an ASCII PLY: a line per row.
 
 use super::Plan;
-use super::header::{Element, Header, Scalar, Shape};
+use super::header::{PlyElement, PlyHeader, PropertyShape, Scalar};
 use crate::error::{Error, Result};
 use crate::ingest::polygons::Polygons;
-use crate::ingest::text::{self, Lines};
+use crate::ingest::text::{self, TextLines};
 use crate::progress::Progress;
 use std::path::Path;
 
 /// Reads the body of the file `bytes`.
 pub(super) fn read(path: &Path, bytes: &[u8], plan: &Plan, progress: &dyn Progress) -> Result<Polygons> {
     let body = &bytes[plan.header.body_byte..];
-    let mut rows = Rows { path, lines: Lines::new(body, plan.header.lines, progress) };
+    let mut rows = Rows { path, lines: TextLines::new(body, plan.header.lines, progress) };
     let mut polygons = Polygons::default();
     for element in &plan.header.elements {
         match &element.name[..] {
@@ -37,12 +37,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], plan: &Plan, progress: &dyn Progre
 pub(super) fn vertex_columns(
     path: &Path,
     bytes: &[u8],
-    header: &Header,
+    header: &PlyHeader,
     wanted: &[(usize, Scalar)],
     progress: &dyn Progress,
     mut row: impl FnMut(&[f64]),
 ) -> Result<()> {
-    let mut rows = Rows { path, lines: Lines::new(&bytes[header.body_byte..], header.lines, progress) };
+    let mut rows = Rows { path, lines: TextLines::new(&bytes[header.body_byte..], header.lines, progress) };
     let mut values = vec![0.0; wanted.len()];
     for element in header.elements.iter().filter(|e| !e.properties.is_empty()) {
         for number in 0..element.count {
@@ -52,7 +52,9 @@ pub(super) fn vertex_columns(
             }
             for (column, property) in element.properties.iter().enumerate() {
                 match (property.shape, wanted.iter().position(|(c, _)| *c == column)) {
-                    (Shape::One(scalar), Some(at)) => values[at] = rows.coordinate(&mut line, scalar)?,
+                    (PropertyShape::One(scalar), Some(at)) => {
+                        values[at] = rows.coordinate(&mut line, scalar)?
+                    }
                     (shape, _) => rows.skip(&mut line, shape)?,
                 }
             }
@@ -66,14 +68,16 @@ pub(super) fn vertex_columns(
     Ok(())
 }
 
-fn vertices(rows: &mut Rows, element: &Element, plan: &Plan, out: &mut Polygons) -> Result<()> {
+fn vertices(rows: &mut Rows, element: &PlyElement, plan: &Plan, out: &mut Polygons) -> Result<()> {
     for row in 0..element.count {
         let mut line = rows.next(element, row)?;
         let mut vertex = [0.0; 3];
         for (column, property) in element.properties.iter().enumerate() {
             let axis = plan.coordinates.iter().position(|(coordinate, _)| *coordinate == column);
             match (property.shape, axis) {
-                (Shape::One(scalar), Some(axis)) => vertex[axis] = rows.coordinate(&mut line, scalar)?,
+                (PropertyShape::One(scalar), Some(axis)) => {
+                    vertex[axis] = rows.coordinate(&mut line, scalar)?
+                }
                 (shape, _) => rows.skip(&mut line, shape)?,
             }
         }
@@ -83,7 +87,7 @@ fn vertices(rows: &mut Rows, element: &Element, plan: &Plan, out: &mut Polygons)
     Ok(())
 }
 
-fn faces(rows: &mut Rows, element: &Element, plan: &Plan, out: &mut Polygons) -> Result<()> {
+fn faces(rows: &mut Rows, element: &PlyElement, plan: &Plan, out: &mut Polygons) -> Result<()> {
     let mut corners = Vec::new();
     for row in 0..element.count {
         let mut line = rows.next(element, row)?;
@@ -112,7 +116,7 @@ fn faces(rows: &mut Rows, element: &Element, plan: &Plan, out: &mut Polygons) ->
 
 struct Rows<'a> {
     path: &'a Path,
-    lines: Lines<'a>,
+    lines: TextLines<'a>,
 }
 
 impl<'a> Rows<'a> {
@@ -128,7 +132,7 @@ impl<'a> Rows<'a> {
     }
 
     /// The line of `row` (from 0) of `element`.
-    fn next(&mut self, element: &Element, row: u64) -> Result<&'a [u8]> {
+    fn next(&mut self, element: &PlyElement, row: u64) -> Result<&'a [u8]> {
         self.next_filled()?.ok_or_else(|| {
             self.error(format!(
                 "the file ends after {row} of the {} rows that the header claims for the element {}",
@@ -168,10 +172,10 @@ impl<'a> Rows<'a> {
         u64::try_from(count).map_err(|_| self.error(format!("a list has the count {count}")))
     }
 
-    fn skip(&self, line: &mut &'a [u8], shape: Shape) -> Result<()> {
+    fn skip(&self, line: &mut &'a [u8], shape: PropertyShape) -> Result<()> {
         let values = match shape {
-            Shape::One(_) => 1,
-            Shape::List { .. } => self.count(line)?,
+            PropertyShape::One(_) => 1,
+            PropertyShape::List { .. } => self.count(line)?,
         };
         (0..values).try_for_each(|_| self.word(line).map(drop))
     }

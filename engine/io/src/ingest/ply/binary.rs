@@ -1,7 +1,7 @@
 //! The body of a binary PLY, in either byte order (`BIG`: big-endian).
 
 use super::Plan;
-use super::header::{Element, Header, Scalar, Shape};
+use super::header::{PlyElement, PlyHeader, PropertyShape, Scalar};
 use crate::error::{Error, Result};
 use crate::ingest::polygons::Polygons;
 use crate::ingest::text;
@@ -76,7 +76,7 @@ fn load<const BIG: bool>(scalar: Scalar, bytes: &[u8]) -> f64 {
 pub(super) fn vertex_columns<const BIG: bool>(
     path: &Path,
     bytes: &[u8],
-    header: &Header,
+    header: &PlyHeader,
     wanted: &[(usize, Scalar)],
     progress: &dyn Progress,
     mut row: impl FnMut(&[f64]),
@@ -109,15 +109,15 @@ pub(super) fn vertex_columns<const BIG: bool>(
 /// Reads the element `vertex` if its rows are all of one size.
 fn vertices<const BIG: bool>(
     body: &mut Body,
-    element: &Element,
+    element: &PlyElement,
     plan: &Plan,
     out: &mut Polygons,
 ) -> Result<()> {
     let row_bytes = element.least_bytes();
     let columns = plan.coordinates.map(|(column, scalar)| {
         let before = element.properties[..column].iter().map(|p| match p.shape {
-            Shape::One(scalar) => scalar.bytes(),
-            Shape::List { count, .. } => count.bytes(),
+            PropertyShape::One(scalar) => scalar.bytes(),
+            PropertyShape::List { count, .. } => count.bytes(),
         });
         (before.sum::<usize>(), scalar)
     });
@@ -136,7 +136,7 @@ fn vertices<const BIG: bool>(
 /// Reads the element `vertex` if there are lists in its rows.
 fn ragged_vertices<const BIG: bool>(
     body: &mut Body,
-    element: &Element,
+    element: &PlyElement,
     plan: &Plan,
     out: &mut Polygons,
 ) -> Result<()> {
@@ -152,7 +152,12 @@ fn ragged_vertices<const BIG: bool>(
     Ok(())
 }
 
-fn faces<const BIG: bool>(body: &mut Body, element: &Element, plan: &Plan, out: &mut Polygons) -> Result<()> {
+fn faces<const BIG: bool>(
+    body: &mut Body,
+    element: &PlyElement,
+    plan: &Plan,
+    out: &mut Polygons,
+) -> Result<()> {
     let (list, item) = plan.corners;
     // Most faces of most files are triangles; what is reserved for them is backed by bytes.
     let triangle_bytes = element.least_bytes() + 3 * item.bytes();
@@ -200,7 +205,7 @@ impl<'a> Body<'a> {
     }
 
     /// Fails unless the rows that the header claims for `element` can be there, all lists being empty.
-    fn check_room(&self, element: &Element) -> Result<()> {
+    fn check_room(&self, element: &PlyElement) -> Result<()> {
         let row_bytes = element.least_bytes() as u64;
         if element.count.checked_mul(row_bytes).is_some_and(|bytes| bytes <= self.left() as u64) {
             return Ok(());
@@ -229,7 +234,7 @@ impl<'a> Body<'a> {
     #[inline]
     fn row<const BIG: bool>(
         &mut self,
-        element: &Element,
+        element: &PlyElement,
         row: u64,
         mut value: impl FnMut(usize, &'a [u8]),
     ) -> Result<()> {
@@ -238,8 +243,8 @@ impl<'a> Body<'a> {
         }
         for (column, property) in element.properties.iter().enumerate() {
             let bytes = match property.shape {
-                Shape::One(scalar) => self.take(scalar.bytes()),
-                Shape::List { count, item } => {
+                PropertyShape::One(scalar) => self.take(scalar.bytes()),
+                PropertyShape::List { count, item } => {
                     let before = self.at;
                     let items = self.take(count.bytes()).map(|bytes| load::<BIG>(count, bytes));
                     let list = items.filter(|n| *n >= 0.0).and_then(|n| self.take(n as usize * item.bytes()));
@@ -257,7 +262,7 @@ impl<'a> Body<'a> {
 
     /// The bytes of `column` in `row` of `element` are not all there.
     #[cold]
-    fn cut_off(&self, element: &Element, row: u64, column: usize) -> Error {
+    fn cut_off(&self, element: &PlyElement, row: u64, column: usize) -> Error {
         self.error(format!(
             "the file ends inside the property {} of row {} of {} of the element {}, or a list has a wrong count",
             text::quote(&element.properties[column].name),

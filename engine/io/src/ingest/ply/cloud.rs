@@ -1,6 +1,6 @@
 //! The points of a PLY without faces.
 
-use super::header::{self, Encoding};
+use super::header::{self, PlyEncoding};
 use super::{ascii, binary};
 use crate::error::{Error, Result};
 use crate::ingest::columns::CloudColumns;
@@ -47,11 +47,11 @@ pub(in crate::ingest) fn read_cloud(
         }
     };
     match header.encoding {
-        Encoding::Ascii => ascii::vertex_columns(path, bytes, &header, &wanted, progress, row)?,
-        Encoding::LittleEndian => {
+        PlyEncoding::Ascii => ascii::vertex_columns(path, bytes, &header, &wanted, progress, row)?,
+        PlyEncoding::LittleEndian => {
             binary::vertex_columns::<false>(path, bytes, &header, &wanted, progress, row)?;
         }
-        Encoding::BigEndian => {
+        PlyEncoding::BigEndian => {
             binary::vertex_columns::<true>(path, bytes, &header, &wanted, progress, row)?;
         }
     }

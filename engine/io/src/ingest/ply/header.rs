@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// How the body is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum PlyEncoding {
     Ascii,
     LittleEndian,
     BigEndian,
@@ -58,7 +58,7 @@ impl Scalar {
 
 /// What a property holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(super) enum PropertyShape {
     /// One number.
     One(Scalar),
     /// A count (of an integer type), then that many items.
@@ -68,19 +68,19 @@ pub(super) enum Shape {
 #[derive(Debug)]
 pub(super) struct Property {
     pub(super) name: Vec<u8>,
-    pub(super) shape: Shape,
+    pub(super) shape: PropertyShape,
 }
 
 /// A table of the body.
 #[derive(Debug)]
-pub(super) struct Element {
+pub(super) struct PlyElement {
     pub(super) name: Vec<u8>,
     /// Rows that the header claims.
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
 }
 
-impl Element {
+impl PlyElement {
     /// Position of the property `name`, written in any case.
     pub(super) fn find(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|p| p.name.eq_ignore_ascii_case(name.as_bytes()))
@@ -89,29 +89,29 @@ impl Element {
     /// Size of a row of a binary body if every list is empty.
     pub(super) fn least_bytes(&self) -> usize {
         let least = |p: &Property| match p.shape {
-            Shape::One(scalar) => scalar.bytes(),
-            Shape::List { count, .. } => count.bytes(),
+            PropertyShape::One(scalar) => scalar.bytes(),
+            PropertyShape::List { count, .. } => count.bytes(),
         };
         self.properties.iter().map(least).sum()
     }
 
     pub(super) fn has_lists(&self) -> bool {
-        self.properties.iter().any(|p| matches!(p.shape, Shape::List { .. }))
+        self.properties.iter().any(|p| matches!(p.shape, PropertyShape::List { .. }))
     }
 }
 
 #[derive(Debug)]
-pub(super) struct Header {
-    pub(super) encoding: Encoding,
-    pub(super) elements: Vec<Element>,
+pub(super) struct PlyHeader {
+    pub(super) encoding: PlyEncoding,
+    pub(super) elements: Vec<PlyElement>,
     /// Where the body begins.
     pub(super) body_byte: usize,
     /// Lines before the body.
     pub(super) lines: u64,
 }
 
-impl Header {
-    pub(super) fn element(&self, name: &str) -> Option<&Element> {
+impl PlyHeader {
+    pub(super) fn element(&self, name: &str) -> Option<&PlyElement> {
         self.elements.iter().find(|e| e.name == name.as_bytes())
     }
 }
@@ -146,7 +146,7 @@ pub(in crate::ingest) fn is_ply(bytes: &[u8]) -> bool {
 ///
 /// # Errors
 /// If it does not follow the format, naming the line.
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Header> {
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<PlyHeader> {
     let error = |line: u64, what: String| {
         Error::input(path, format!("line {line}"), what, "repair the header or export the file again")
     };
@@ -166,7 +166,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Header> {
         if line.trim_ascii().eq_ignore_ascii_case(b"end_header") {
             let encoding =
                 encoding.ok_or_else(|| error(lines, "the header has no line \"format\"".into()))?;
-            return Ok(Header { encoding, elements, body_byte: at, lines });
+            return Ok(PlyHeader { encoding, elements, body_byte: at, lines });
         }
         statement(line, &mut encoding, &mut elements).map_err(|what| error(lines, what))?;
     }
@@ -175,8 +175,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Header> {
 /// Takes in one line of the header, or says what is wrong with it.
 fn statement(
     mut line: &[u8],
-    encoding: &mut Option<Encoding>,
-    elements: &mut Vec<Element>,
+    encoding: &mut Option<PlyEncoding>,
+    elements: &mut Vec<PlyElement>,
 ) -> std::result::Result<(), String> {
     let whole = line.trim_ascii();
     let keyword = text::token(&mut line).map(<[u8]>::to_ascii_lowercase);
@@ -184,9 +184,9 @@ fn statement(
         None | Some(b"comment" | b"obj_info") => {}
         Some(b"format") => {
             *encoding = Some(match text::token(&mut line).map(<[u8]>::to_ascii_lowercase).as_deref() {
-                Some(b"ascii") => Encoding::Ascii,
-                Some(b"binary_little_endian") => Encoding::LittleEndian,
-                Some(b"binary_big_endian") => Encoding::BigEndian,
+                Some(b"ascii") => PlyEncoding::Ascii,
+                Some(b"binary_little_endian") => PlyEncoding::LittleEndian,
+                Some(b"binary_big_endian") => PlyEncoding::BigEndian,
                 _ => return Err(format!("unknown format {}", text::quote(whole))),
             });
         }
@@ -200,7 +200,7 @@ fn statement(
             if matches!(&name[..], b"vertex" | b"face") && elements.iter().any(|e| e.name == name) {
                 return Err(format!("element {} is declared twice", text::quote(&name)));
             }
-            elements.push(Element { name, count: count as u64, properties: Vec::new() });
+            elements.push(PlyElement { name, count: count as u64, properties: Vec::new() });
         }
         Some(b"property") => {
             let element = elements.last_mut().ok_or("property before the first element")?;
@@ -220,30 +220,30 @@ fn property(mut line: &[u8]) -> Option<Property> {
         word if word.eq_ignore_ascii_case(b"list") => {
             let mut next = || Scalar::parse(text::token(&mut line)?);
             let (count, item) = (next()?, next()?);
-            count.is_integer().then_some(Shape::List { count, item })?
+            count.is_integer().then_some(PropertyShape::List { count, item })?
         }
-        word => Shape::One(Scalar::parse(word)?),
+        word => PropertyShape::One(Scalar::parse(word)?),
     };
     let name = text::token(&mut line)?.into();
     Some(Property { name, shape })
 }
 
 /// The property of `face` that lists its corners, and the type of the items.
-pub(super) fn corner_list(face: &Element) -> Option<(usize, Scalar)> {
+pub(super) fn corner_list(face: &PlyElement) -> Option<(usize, Scalar)> {
     let index = face.find("vertex_indices").or_else(|| face.find("vertex_index"))?;
     match face.properties[index].shape {
-        Shape::List { item, .. } if item.is_integer() => Some((index, item)),
+        PropertyShape::List { item, .. } if item.is_integer() => Some((index, item)),
         _ => None,
     }
 }
 
 /// The properties of `vertex` that hold x, y and z.
-pub(super) fn coordinates(vertex: &Element) -> Option<[(usize, Scalar); 3]> {
+pub(super) fn coordinates(vertex: &PlyElement) -> Option<[(usize, Scalar); 3]> {
     columns(vertex, ["x", "y", "z"])
 }
 
 /// The properties of `vertex` that hold its normal, under any of the names in use.
-pub(super) fn normals(vertex: &Element) -> Option<[(usize, Scalar); 3]> {
+pub(super) fn normals(vertex: &PlyElement) -> Option<[(usize, Scalar); 3]> {
     NORMALS.into_iter().find_map(|names| columns(vertex, names))
 }
 
@@ -255,12 +255,12 @@ const NORMALS: [[&str; 3]; 4] = [
     ["n_x", "n_y", "n_z"],
 ];
 
-fn columns(vertex: &Element, names: [&str; 3]) -> Option<[(usize, Scalar); 3]> {
+fn columns(vertex: &PlyElement, names: [&str; 3]) -> Option<[(usize, Scalar); 3]> {
     let find = |name| {
         let index = vertex.find(name)?;
         match vertex.properties[index].shape {
-            Shape::One(scalar) => Some((index, scalar)),
-            Shape::List { .. } => None,
+            PropertyShape::One(scalar) => Some((index, scalar)),
+            PropertyShape::List { .. } => None,
         }
     };
     let [x, y, z] = names.map(find);

@@ -16,12 +16,12 @@ pub(super) use header::is_ply;
 use super::polygons::Polygons;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use header::{Encoding, Header, Scalar};
+use header::{PlyEncoding, PlyHeader, Scalar};
 use std::path::Path;
 
 /// What to read of the body.
 struct Plan {
-    header: Header,
+    header: PlyHeader,
     /// Columns of x, y, z in the element `vertex`.
     coordinates: [(usize, Scalar); 3],
     /// Column of the list of corners in the element `face`.
@@ -39,17 +39,19 @@ struct Plan {
 pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<(Polygons, &'static str)> {
     let plan = plan(path, header::parse(path, bytes)?)?;
     let (mut polygons, name) = match plan.header.encoding {
-        Encoding::Ascii => (ascii::read(path, bytes, &plan, progress)?, "PLY ASCII"),
-        Encoding::LittleEndian => {
+        PlyEncoding::Ascii => (ascii::read(path, bytes, &plan, progress)?, "PLY ASCII"),
+        PlyEncoding::LittleEndian => {
             (binary::read::<false>(path, bytes, &plan, progress)?, "PLY binary little-endian")
         }
-        Encoding::BigEndian => (binary::read::<true>(path, bytes, &plan, progress)?, "PLY binary big-endian"),
+        PlyEncoding::BigEndian => {
+            (binary::read::<true>(path, bytes, &plan, progress)?, "PLY binary big-endian")
+        }
     };
     polygons.finish();
     Ok((polygons, name))
 }
 
-fn plan(path: &Path, header: Header) -> Result<Plan> {
+fn plan(path: &Path, header: PlyHeader) -> Result<Plan> {
     let error = |what: String, remedy| Error::input(path, "header", what, remedy);
     let vertex = header
         .element("vertex")

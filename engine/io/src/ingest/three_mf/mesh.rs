@@ -4,9 +4,9 @@
 //! What slicers keep beside the models tells which parts are none: modifiers, and bodies that are to be subtracted.
 
 use super::archive::{Archive, damaged};
-use super::slicer::{Part, Parts};
+use super::slicer::{NonSolidParts, PartRole};
 use crate::error::Result;
-use crate::ingest::placement::{Placement, Room};
+use crate::ingest::placement::{Placement, SceneLimit};
 use crate::ingest::polygons::Polygons;
 use crate::ingest::xml::attribute;
 use crate::progress::Progress;
@@ -39,8 +39,9 @@ pub(in crate::ingest) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress
         }
         Ok(())
     })?;
-    let mut parts = Parts::default();
-    let told: Vec<String> = archive.names().iter().filter(|name| Parts::is_told_in(name)).cloned().collect();
+    let mut parts = NonSolidParts::default();
+    let told: Vec<String> =
+        archive.names().iter().filter(|name| NonSolidParts::is_told_in(name)).cloned().collect();
     for name in told {
         parts.read(&archive.text(&name)?);
     }
@@ -129,11 +130,11 @@ impl Scene {
     }
 
     /// The meshes of all items.
-    fn build(&self, parts: &Parts) -> std::result::Result<Polygons, String> {
+    fn build(&self, parts: &NonSolidParts) -> std::result::Result<Polygons, String> {
         let held = self.objects.values().map(|object| object.vertices.len() + object.triangles.len()).sum();
         let polygons = Polygons::default();
         let mut built =
-            Built { scene: self, parts, polygons, room: Room::of(held), placed: 0, left_out: [0; 4] };
+            Built { scene: self, parts, polygons, room: SceneLimit::of(held), placed: 0, left_out: [0; 4] };
         let scale = |key: &Key| Placement::scale([self.scale.get(&key.0).copied().unwrap_or(1.0); 3]);
         for (key, place) in &self.items {
             // A placement is in the unit of the model that names it.
@@ -158,9 +159,9 @@ impl Scene {
 /// What is built so far.
 struct Built<'a> {
     scene: &'a Scene,
-    parts: &'a Parts,
+    parts: &'a NonSolidParts,
     polygons: Polygons,
-    room: Room,
+    room: SceneLimit,
     /// Objects that were placed.
     placed: usize,
     /// How many of each kind of part were left out.
@@ -190,15 +191,15 @@ impl Built<'_> {
             return Err(MANY.to_owned());
         }
         let part = match (&object.kind[..], parent) {
-            ("support" | "solidsupport", _) => Part::Support,
+            ("support" | "solidsupport", _) => PartRole::Support,
             (_, Some(parent)) => self.parts.component(&parent.1, &key.1),
-            _ => Part::Solid,
+            _ => PartRole::Solid,
         };
-        if part != Part::Solid {
+        if part != PartRole::Solid {
             self.left_out[part as usize] += 1;
             return Ok(());
         }
-        let is_solid = |n: &usize| self.parts.triangle(&key.1, *n) == Part::Solid;
+        let is_solid = |n: &usize| self.parts.triangle(&key.1, *n) == PartRole::Solid;
         let chosen = (0..object.triangles.len()).filter(is_solid).map(|n| object.triangles[n]);
         let fits = self.polygons.add_placed(&object.vertices, chosen, at, self.room);
         for part in self.parts.ranges(&key.1) {
@@ -216,9 +217,9 @@ impl Built<'_> {
     /// Tells what was left out.
     fn tell(&mut self) {
         for (part, what) in [
-            (Part::Modifier, "modifiers of settings"),
-            (Part::Support, "supports, or where they may be"),
-            (Part::Negative, "bodies that the slicer subtracts"),
+            (PartRole::Modifier, "modifiers of settings"),
+            (PartRole::Support, "supports, or where they may be"),
+            (PartRole::Negative, "bodies that the slicer subtracts"),
         ] {
             let count = self.left_out[part as usize];
             if count > 0 {

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 /// What a part of an object is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum PartRole {
     #[default]
     Solid,
     /// Changes settings within it.
@@ -21,28 +21,30 @@ pub(super) enum Part {
     Negative,
 }
 
-impl Part {
+impl PartRole {
     /// By the names of both families.
-    fn named(name: &str) -> Part {
+    fn named(name: &str) -> PartRole {
         match name {
-            "ParameterModifier" | "modifier_part" => Part::Modifier,
-            "SupportBlocker" | "SupportEnforcer" | "support_blocker" | "support_enforcer" => Part::Support,
-            "NegativeVolume" | "negative_part" => Part::Negative,
-            _ => Part::Solid,
+            "ParameterModifier" | "modifier_part" => PartRole::Modifier,
+            "SupportBlocker" | "SupportEnforcer" | "support_blocker" | "support_enforcer" => {
+                PartRole::Support
+            }
+            "NegativeVolume" | "negative_part" => PartRole::Negative,
+            _ => PartRole::Solid,
         }
     }
 }
 
 /// The parts that are not solid.
 #[derive(Debug, Default)]
-pub(super) struct Parts {
+pub(super) struct NonSolidParts {
     /// By an object and one of its components.
-    components: HashMap<(String, String), Part>,
+    components: HashMap<(String, String), PartRole>,
     /// Ranges of triangles of an object, ends included.
-    ranges: HashMap<String, Vec<(usize, usize, Part)>>,
+    ranges: HashMap<String, Vec<(usize, usize, PartRole)>>,
 }
 
-impl Parts {
+impl NonSolidParts {
     /// Whether a file of the archive tells of parts.
     pub(super) fn is_told_in(name: &str) -> bool {
         ["Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"].contains(&name)
@@ -64,8 +66,8 @@ impl Parts {
             match tag.local_name().as_ref() {
                 "object" => (object, range) = (field("id").unwrap_or_default(), None),
                 "part" => {
-                    let part = Part::named(&field("subtype").unwrap_or_default());
-                    if part != Part::Solid {
+                    let part = PartRole::named(&field("subtype").unwrap_or_default());
+                    if part != PartRole::Solid {
                         self.components.insert((object.clone(), field("id").unwrap_or_default()), part);
                     }
                 }
@@ -73,11 +75,11 @@ impl Parts {
                 "metadata" => {
                     let (key, value) = (field("key").unwrap_or_default(), field("value").unwrap_or_default());
                     let part = match &key[..] {
-                        "volume_type" => Part::named(&value),
-                        "modifier" if value == "1" => Part::Modifier,
+                        "volume_type" => PartRole::named(&value),
+                        "modifier" if value == "1" => PartRole::Modifier,
                         _ => continue,
                     };
-                    if let (Some((first, last)), true) = (range, part != Part::Solid) {
+                    if let (Some((first, last)), true) = (range, part != PartRole::Solid) {
                         let ranges = self.ranges.entry(object.clone()).or_default();
                         // Older files say it twice.
                         if ranges.last().is_none_or(|&(before, ..)| before != first) {
@@ -91,19 +93,19 @@ impl Parts {
     }
 
     /// What a component of an object is.
-    pub(super) fn component(&self, object: &str, component: &str) -> Part {
+    pub(super) fn component(&self, object: &str, component: &str) -> PartRole {
         self.components.get(&(object.to_owned(), component.to_owned())).copied().unwrap_or_default()
     }
 
     /// What a triangle of an object belongs to.
-    pub(super) fn triangle(&self, object: &str, number: usize) -> Part {
-        let Some(ranges) = self.ranges.get(object) else { return Part::Solid };
+    pub(super) fn triangle(&self, object: &str, number: usize) -> PartRole {
+        let Some(ranges) = self.ranges.get(object) else { return PartRole::Solid };
         let range = ranges.iter().find(|(first, last, _)| (*first..=*last).contains(&number));
-        range.map_or(Part::Solid, |(_, _, part)| *part)
+        range.map_or(PartRole::Solid, |(_, _, part)| *part)
     }
 
     /// The parts of an object that are ranges of its triangles.
-    pub(super) fn ranges(&self, object: &str) -> impl Iterator<Item = Part> {
+    pub(super) fn ranges(&self, object: &str) -> impl Iterator<Item = PartRole> {
         self.ranges.get(object).into_iter().flatten().map(|(_, _, part)| *part)
     }
 }

@@ -35,10 +35,10 @@ fn root() -> RootCube {
     RootCube::around([-100.0; 3], [100.0; 3]).unwrap()
 }
 
-fn studied(files: &[Soup], consistency: Consistency) -> (Report, Vec<Soup>) {
+fn studied(files: &[Soup], consistency: Consistency) -> (PiecesReport, Vec<Soup>) {
     let sources: Vec<&dyn Facets> = files.iter().map(|soup| soup as &dyn Facets).collect();
     let (report, turned) = study(&sources, root(), consistency, u64::MAX, &Silent).unwrap();
-    let read = |source: &Oriented| {
+    let read = |source: &FlippedSource| {
         let mut out = Vec::new();
         source.read(0..source.facets(), &mut out);
         // Read in parts it is the same.
@@ -51,16 +51,16 @@ fn studied(files: &[Soup], consistency: Consistency) -> (Report, Vec<Soup>) {
 }
 
 /// What is said of one soup, and what becomes of it.
-fn oriented(soup: &Soup, consistency: Consistency) -> (Report, Soup) {
+fn oriented(soup: &Soup, consistency: Consistency) -> (PiecesReport, Soup) {
     let (report, mut soups) = studied(std::slice::from_ref(soup), consistency);
     (report, soups.remove(0))
 }
 
-fn given(soup: &Soup) -> (Report, Soup) {
+fn given(soup: &Soup) -> (PiecesReport, Soup) {
     oriented(soup, Consistency::Given)
 }
 
-fn sought(soup: &Soup) -> (Report, Soup) {
+fn sought(soup: &Soup) -> (PiecesReport, Soup) {
     oriented(soup, Consistency::Sought)
 }
 
@@ -224,7 +224,7 @@ fn open_and_inconsistent_pieces_are_left_and_told() {
     assert_eq!(turned, soup);
     // Facets with equal corners are of no piece.
     soup = vec![[[1.0; 3]; 3], [[0.0; 3], [0.0; 3], [1.0; 3]]];
-    assert_eq!(given(&soup), (Report::default(), soup));
+    assert_eq!(given(&soup), (PiecesReport::default(), soup));
 }
 
 #[test]
@@ -375,7 +375,7 @@ proptest! {
         again.reverse();
         backward.reverse();
         prop_assert_eq!(again, turned);
-        let counts = |report: Report| (report.pieces, report.cavities, report.turned_facets);
+        let counts = |report: PiecesReport| (report.pieces, report.cavities, report.turned_facets);
         prop_assert_eq!(counts(other), counts(report));
     }
 }

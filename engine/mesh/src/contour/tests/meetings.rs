@@ -2,12 +2,12 @@
 
 use super::*;
 use crate::contour::envelope::MinimalEdge;
-use brickfield_io::check::Report;
+use brickfield_io::check::CheckReport;
 use brickfield_io::ingest::Input;
 use proptest::prelude::*;
 
 /// What an exact check says of a mesh.
-pub fn report(mesh: &Mesh) -> Report {
+pub fn report(mesh: &Mesh) -> CheckReport {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.ply");
     let mut sink = create_sink(&path, None).unwrap();

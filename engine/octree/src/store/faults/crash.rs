@@ -3,7 +3,7 @@
 use super::{NAME, build, expected, job, name, nodes_left};
 use crate::disk::sim::{Crash, Op, SimDisk, SimRng, image};
 use crate::store::reader::Store;
-use crate::store::source::Source;
+use crate::store::source::ByteSource;
 use crate::store::{BrickTree, testing::brick_at};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ fn check(files: &Files, told: &[Op], read: bool) -> Vec<Op> {
 fn read_part(files: &Files, has_commits: bool) {
     let Some(part) = files.get(&name(".part")) else { return };
     let journal = |path: &Path| files.get(path).cloned();
-    let store = match Store::of_source(&name(".part"), Source::Memory(part.clone()), 0, &journal) {
+    let store = match Store::of_source(&name(".part"), ByteSource::Memory(part.clone()), 0, &journal) {
         Ok(store) => store,
         Err(error) if has_commits => panic!("{error}"),
         Err(_) => return,

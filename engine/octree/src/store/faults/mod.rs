@@ -20,7 +20,7 @@ use std::sync::{Arc, OnceLock};
 
 const NAME: &str = "sim.brf";
 
-fn settings() -> super::Settings {
+fn settings() -> super::SettingPairs {
     vec![("made by".to_owned(), "a test".to_owned())]
 }
 

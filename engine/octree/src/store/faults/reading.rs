@@ -9,7 +9,7 @@ use crate::store::layout::{
     ENTRY_BYTES, HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_BYTES, SLOT_OFFSETS, Slot,
 };
 use crate::store::reader::Store;
-use crate::store::source::Source;
+use crate::store::source::ByteSource;
 use crate::store::testing::{brick_at, meta};
 use crate::store::writer::StoreWriter;
 use crate::store::{BrickTree, Meta, VerifyReport};
@@ -17,7 +17,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 fn open(bytes: Vec<u8>) -> crate::error::Result<Store> {
-    Store::of_source(Path::new(NAME), Source::Memory(bytes), 0, &|_| None)
+    Store::of_source(Path::new(NAME), ByteSource::Memory(bytes), 0, &|_| None)
 }
 
 fn verify(bytes: Vec<u8>) -> VerifyReport {
@@ -312,7 +312,7 @@ pub fn read_a_damaged_journal() {
     // The checksum of the last record: any value is legal.
     let at = journal.len() - 10;
     journal[at] ^= 1;
-    let part = Source::Memory(files[&name(".part")].clone());
+    let part = ByteSource::Memory(files[&name(".part")].clone());
     let store = Store::of_source(&name(".part"), part, 0, &|path| files.get(path).cloned());
     assert_eq!(store.expect("the frames before are sound").entries().len(), job().records.len() - 1);
 }
