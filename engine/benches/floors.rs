@@ -10,7 +10,7 @@
 use brickfield_bench_data::pile::bead_pile;
 use brickfield_bench_data::write::StlWriter;
 use brickfield_engine::analysis::{Dense, Element};
-use brickfield_engine::build::{BuildOptions, Resolution, Summary, build};
+use brickfield_engine::build::{BuildOptions, BuildSummary, Resolution, build};
 use brickfield_engine::contour::{ContourOptions, MeshArrays, MeshSink, contour, create_sink};
 use brickfield_engine::store::Store;
 use brickfield_engine::{Result, Silent};
@@ -75,7 +75,7 @@ fn write_pile(path: &Path, facets: u64) -> std::io::Result<()> {
 const MESHES: [&str; 2] = ["mesh of the depth 4 store, STL", "the same, arrays in memory"];
 
 /// One round: the floor, then every job.
-fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<Summary> {
+fn round(folder: &Path, input: &Path, table: &mut Table) -> Result<BuildSummary> {
     // To replace the files of the round before would take the time that freeing their pages takes.
     for name in ["dense.brf", "512.brf", "deep.brf", "deeper.brf", "w.raw", "out.stl"] {
         let _ = std::fs::remove_file(folder.join(name));
@@ -109,7 +109,7 @@ fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(f64, T)> {
     Ok((start.elapsed().as_secs_f64(), done))
 }
 
-fn build_to(input: &Path, output: &Path, depth: u8) -> Result<Summary> {
+fn build_to(input: &Path, output: &Path, depth: u8) -> Result<BuildSummary> {
     let options = BuildOptions { resolution: Resolution::Depth(depth), ..BuildOptions::default() };
     build(&[input.to_owned()], output, &options, &Silent)
 }

@@ -9,7 +9,7 @@ use brickfield_engine::brick::{Brick, codec};
 use brickfield_engine::build::{TreeOptions, build_in_memory};
 use brickfield_engine::ingest::{Facet, Input, runs};
 use brickfield_engine::lattice::{CubeTest, NodeKey, Octant, RootCube, Triangle, bounds};
-use brickfield_engine::winding::{CornerGrid, Evaluator, Triangles, winding_at};
+use brickfield_engine::winding::{CornerGrid, Evaluator, TriangleList, winding_at};
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use rayon::prelude::*;
@@ -108,7 +108,7 @@ fn touches(key: NodeKey, t: &Triangle) -> bool {
 
 fn evaluate(region: &Region, evaluator: &mut Evaluator, mut each: impl FnMut(Brick)) {
     for (key, corner, indices) in &region.bricks {
-        let list = Triangles { array: &region.triangles, indices };
+        let list = TriangleList { array: &region.triangles, indices };
         let evaluation = evaluator.evaluate(*key, *corner, list).expect("few overlaps");
         each(evaluation.into_leaf().expect("closed"));
     }
@@ -131,7 +131,7 @@ fn samples_of_bricks(bencher: Bencher) {
     let mut evaluator = Evaluator::default();
     bencher.counter(ItemsCount::new(region.bricks.len())).bench_local(|| {
         for (key, corner, indices) in &region.bricks {
-            let list = Triangles { array: &region.triangles, indices };
+            let list = TriangleList { array: &region.triangles, indices };
             divan::black_box(evaluator.evaluate(*key, *corner, list).expect("few overlaps").samples);
         }
     });

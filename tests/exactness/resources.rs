@@ -3,7 +3,7 @@
 use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::bead::SweepOptions;
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::build::{BuildOptions, BuildSummary, Resolution, Resources, build_opened};
 use brickfield_engine::ingest::{Input, OpenOptions};
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ fn open(name: &str) -> Input {
 }
 
 /// Builds on some threads within some bytes and returns the store's.
-fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, Summary) {
+fn build(input: &Input, depth: u8, threads: usize, memory: u64) -> (Vec<u8>, BuildSummary) {
     let directory = tempfile::tempdir().unwrap();
     let out = directory.path().join("part.brf");
     let options = BuildOptions {

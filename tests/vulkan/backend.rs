@@ -1,7 +1,7 @@
 //! The backends under test.
 
 use brickfield_engine::backend::{DeviceReport, Vulkan};
-use brickfield_engine::build::{BuildOptions, Resolution, Resources, Summary, build_opened};
+use brickfield_engine::build::{BuildOptions, BuildSummary, Resolution, Resources, build_opened};
 use brickfield_engine::gpu::{DeviceSettings, Gpu};
 use brickfield_engine::ingest::Input;
 use brickfield_engine::{Progress, Result, Silent};
@@ -20,7 +20,7 @@ impl Backend {
         self.build_with(input, depth, &options(depth)).0
     }
 
-    pub fn build_with(&self, input: &Input, depth: u8, options: &BuildOptions) -> (Vec<u8>, Summary) {
+    pub fn build_with(&self, input: &Input, depth: u8, options: &BuildOptions) -> (Vec<u8>, BuildSummary) {
         let directory = tempfile::tempdir().unwrap();
         let out = directory.path().join("part.brf");
         let options = BuildOptions { resolution: Resolution::Depth(depth), ..options.clone() };
@@ -35,7 +35,7 @@ impl Backend {
         out: &Path,
         options: &BuildOptions,
         progress: &dyn Progress,
-    ) -> Result<Summary> {
+    ) -> Result<BuildSummary> {
         let resources = Resources { device: self.device.clone(), ..options.resources.clone() };
         let options = BuildOptions { resources, ..options.clone() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build().unwrap();

@@ -7,14 +7,14 @@ use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::Silent;
 use brickfield_engine::backend::{
-    DeviceReport, Leaf, LeafQueue, NodeQueue, Vulkan, brute_at as brute_on_device,
+    BatchLeaf, DeviceReport, LeafQueue, NodeQueue, Vulkan, brute_at as brute_on_device,
 };
 use brickfield_engine::brick::{Brick, ThinLines};
 use brickfield_engine::build::BuildOptions;
 use brickfield_engine::gpu::{DeviceFailure, DeviceKind, InjectedFailure, Stage};
 use brickfield_engine::ingest::{Facet, Input};
 use brickfield_engine::lattice::{NodeKey, Octant, RootCube, Triangle};
-use brickfield_engine::winding::{Evaluator, Triangles, brute_at};
+use brickfield_engine::winding::{Evaluator, TriangleList, brute_at};
 
 /// Vertices on the lattice itself, so that lines run through edges of facets and samples lie on them.
 #[test]
@@ -38,13 +38,15 @@ fn exact_ties_are_decided_alike() {
                 .flat_map(|(key, corner)| children(&mut here, &array, &all, key, corner))
                 .collect();
         }
-        let leaves: Vec<Leaf<'_>> =
-            nodes.iter().map(|&(key, corner)| Leaf { key, corner, array: &array, indices: &all }).collect();
+        let leaves: Vec<BatchLeaf<'_>> = nodes
+            .iter()
+            .map(|&(key, corner)| BatchLeaf { key, corner, array: &array, indices: &all })
+            .collect();
         queue.begin(device);
         undecided.find(device, &leaves);
         for leaf in &leaves {
             let (brick, thin) = queue.next(device, &mut there, &leaves).unwrap();
-            let list = Triangles { array: &array, indices: &all };
+            let list = TriangleList { array: &array, indices: &all };
             let evaluation = here.evaluate(leaf.key, leaf.corner, list).unwrap();
             let has_hidden_crossings = evaluation.has_hidden_crossings();
             assert_eq!(thin, evaluation.thin(ThinLines::Sixteenth), "{seed}: {}", leaf.key);
@@ -68,7 +70,7 @@ fn evaluate(
     key: NodeKey,
     corner: i16,
 ) -> Brick {
-    evaluator.evaluate(key, corner, Triangles { array, indices }).unwrap().into_leaf().unwrap()
+    evaluator.evaluate(key, corner, TriangleList { array, indices }).unwrap().into_leaf().unwrap()
 }
 
 fn children(

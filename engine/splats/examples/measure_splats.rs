@@ -6,7 +6,7 @@ use brickfield_coding::bsp::{SplatInput, SplatTree};
 use brickfield_coding::range::{Bit, Coder, Decoder};
 use brickfield_core::Silent;
 use brickfield_octree::store::Store;
-use brickfield_splats::splats::{Levels, LevelsOptions, bsp_bytes};
+use brickfield_splats::splats::{LevelsOptions, SplatLevels, bsp_bytes};
 use std::time::Instant;
 
 /// Counts the bits of decisions that are mixed: those on whether cells have splats.
@@ -44,7 +44,7 @@ fn main() {
     let path = std::env::args().nth(1).expect("PART.brf");
     let store = Store::open(path.as_ref(), 512 << 20).expect("a store");
     let began = Instant::now();
-    let levels = Levels::new(&store, LevelsOptions::default(), &Silent).expect("splats");
+    let levels = SplatLevels::new(&store, LevelsOptions::default(), &Silent).expect("splats");
     println!("splats of all levels: {:.2} s", began.elapsed().as_secs_f64());
     let began = Instant::now();
     let (bytes, summary) = bsp_bytes(&levels, "mm", [[0.0; 3], [1.0; 3]], &Silent).expect("a file");
@@ -78,7 +78,7 @@ fn main() {
 }
 
 /// Mean and greatest angle between the normals of the finest level and those in the file.
-fn normals(levels: &Levels, tree: &SplatTree) {
+fn normals(levels: &SplatLevels, tree: &SplatTree) {
     let (mut sum, mut most, mut count) = (0.0, 0.0f64, 0u64);
     for (key, piece) in levels.nodes().iter().filter(|(key, _)| key.level() == levels.deepest()) {
         let read = tree.pieces()[&key.code()].found_by_place();

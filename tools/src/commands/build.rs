@@ -18,7 +18,7 @@ use crate::toolpaths::{ToolpathArgs, ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use crate::work::WorkArgs;
 use brickfield_engine::build::{
-    BuildOptions, Keeping, Resolution, Resources, Summary, ThinDepth, build_clouds, build_opened,
+    BuildOptions, BuildSummary, CommitOptions, Resolution, Resources, ThinDepth, build_clouds, build_opened,
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
 use brickfield_engine::ingest::{Input, OpenOptions};
@@ -102,7 +102,7 @@ fn build_options(args: &BuildArgs, units: Unit, open: &OpenOptions) -> Result<Bu
         share: args.shard.map(|shard| shard.0),
         compression: args.compression.into(),
         resources: Resources { temp_dir: args.temp_dir.clone(), ..Resources::default() },
-        keeping: Keeping { pace, restart: args.restart, settings: args.toolpath.settings(open) },
+        keeping: CommitOptions { pace, restart: args.restart, settings: args.toolpath.settings(open) },
         identity: args.identity,
         program: concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned(),
     })
@@ -255,7 +255,7 @@ fn mesh_of(
     plan: &Plan,
     store: &Store,
     sink: Option<Box<dyn MeshSink>>,
-    summary: &mut Summary,
+    summary: &mut BuildSummary,
     bars: &Bars,
 ) -> Result<Option<MeshReport>, Failure> {
     let (Some(path), Some(mut sink)) = (&plan.mesh, sink) else { return Ok(None) };
@@ -317,7 +317,7 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
 }
 
 /// Why the processor evaluated the bricks, if a device might have.
-fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &Summary) -> Option<String> {
+fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &BuildSummary) -> Option<String> {
     if let Chosen::Cpu { why } = chosen {
         return why.clone();
     }

@@ -13,7 +13,7 @@ use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, winding_range};
 use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::{Count, POINTS};
-use brickfield_engine::build::{Resumed, ShareSummary, Summary, ThinSheetsSummary, ThinSummary};
+use brickfield_engine::build::{BuildSummary, ResumedBuild, ShareSummary, ThinSheetsSummary, ThinSummary};
 use brickfield_engine::ingest::CloudInput;
 use brickfield_engine::lattice::MAX_LEVEL;
 use brickfield_engine::store::{BeadsMeta, Store};
@@ -27,7 +27,7 @@ pub(super) struct Report {
     /// Of the box around the input, along x, y and z.
     size: [f64; 3],
     #[serde(flatten)]
-    summary: Summary,
+    summary: BuildSummary,
     /// Why the processor evaluated the bricks, if a device might have.
     processor: Option<String>,
     /// What the user should know of the device.
@@ -76,7 +76,7 @@ impl Report {
     pub fn new(
         plan: &Plan,
         cpu: Option<String>,
-        summary: Summary,
+        summary: BuildSummary,
         store: &Store,
         mesh: Option<MeshReport>,
         seconds: f64,
@@ -136,14 +136,14 @@ impl Report {
 
     /// For people.
     pub fn text(&self) -> String {
-        let Summary { nodes, leaves, file_bytes, .. } = &self.summary;
+        let BuildSummary { nodes, leaves, file_bytes, .. } = &self.summary;
         let kept = format!("{nodes} nodes, {leaves} leaves, {}", Size(*file_bytes));
         let mut lines = vec![format!("{}: {kept}", one_line(&self.output))];
         if let Some(ShareSummary { id, level, cubes, work }) = &self.summary.share {
             let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
             lines.push(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
         }
-        if let Some(Resumed { nodes, part }) = &self.summary.resumed {
+        if let Some(ResumedBuild { nodes, part }) = &self.summary.resumed {
             let of = format!("{nodes} nodes of an earlier run, about {:.0}% of the tree", 100.0 * part);
             let alone = "walls, gaps and bodies that no sample shows are told of the bricks since then alone";
             lines.push(format!("  resumed  from {of}; {alone}"));
@@ -157,8 +157,8 @@ impl Report {
 
     /// What the input is counted in, and how many there are.
     fn counted(&self) -> (&'static str, String) {
-        let Summary { facets, segments, degenerate_facets, skipped_faces, .. } = &self.summary;
-        let Summary { points, void_points, spacing, .. } = &self.summary;
+        let BuildSummary { facets, segments, degenerate_facets, skipped_faces, .. } = &self.summary;
+        let BuildSummary { points, void_points, spacing, .. } = &self.summary;
         match segments {
             0 if *points > 0 => {
                 ("points", format!("{points} ({void_points} without area), {spacing:.6} {} apart", self.unit))
@@ -180,7 +180,7 @@ impl Report {
         for CloudText { path, columns } in &self.clouds {
             lines.push(format!("  columns  {}: {}", one_line(path), one_line(columns)));
         }
-        let Summary { open_edges, loops, flipped_patches, .. } = &self.summary;
+        let BuildSummary { open_edges, loops, flipped_patches, .. } = &self.summary;
         if *open_edges > 0 {
             let edges = format!("{open_edges} open edges in {loops} loops");
             lines.push(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
@@ -198,7 +198,7 @@ impl Report {
 
     /// Lines about the samples.
     fn add_field(&self, lines: &mut Vec<String>) {
-        let Summary { depth, base_depth, cell, .. } = &self.summary;
+        let BuildSummary { depth, base_depth, cell, .. } = &self.summary;
         let base = match base_depth < depth {
             true => format!("{base_depth}, where walls or gaps are thin "),
             false => String::new(),
@@ -354,7 +354,7 @@ fn samples_of_leaves(store: &Store) -> u64 {
 }
 
 /// What the user should know of a field with this range, and of the pieces behind it.
-fn warnings((min, max): (i16, i16), plan: &Plan, summary: &Summary) -> Vec<String> {
+fn warnings((min, max): (i16, i16), plan: &Plan, summary: &BuildSummary) -> Vec<String> {
     let empty = match (min, max) {
         (min, max) if min < 0 && max <= 0 => Some("nothing lies inside: facets, or normals, face inwards"),
         (0, 0) => Some("nothing lies inside: no body is large enough for a sample"),

@@ -8,7 +8,7 @@ use crate::space::{require_space, tell_left_behind};
 use crate::units::Size;
 use anyhow::Context;
 use brickfield_engine::analysis::Element;
-use brickfield_engine::export::{FORMATS, Format, Levels, Volume, format_of};
+use brickfield_engine::export::{FORMATS, Format, LevelSupport, Volume, format_of};
 use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
             let endings = endings.join(", ");
             return Err(Failure::Usage(format!("{name}: the name of a volume ends in one of {endings}")));
         };
-        if args.all_levels && format.levels() == Levels::One {
+        if args.all_levels && format.levels() == LevelSupport::One {
             let what = format!("{name}: such a file holds one level");
             return Err(Failure::Usage(format!(
                 "{what}; leave out --all-levels, or write .vdb, .vtkhdf or .zarr"
@@ -58,7 +58,7 @@ impl Plan<'_> {
         let deepest = store.deepest_level();
         match self.args.level {
             Some(level) => require_level(store, level).map(|()| vec![level]),
-            None if self.args.all_levels || self.format.levels() == Levels::Nested => {
+            None if self.args.all_levels || self.format.levels() == LevelSupport::Nested => {
                 Ok((0..=deepest).rev().collect())
             }
             None => Ok(vec![deepest]),

@@ -19,7 +19,7 @@ use brickfield_engine::machining::{
 use brickfield_engine::milling::{Program, ProgramOptions, Tool, read};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{AcceptedStores, BrickTree, Meta, Source, Store, hash_of};
-use brickfield_engine::swept::Swept;
+use brickfield_engine::swept::SweptSolid;
 use brickfield_engine::voids::VoidOptions;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -201,7 +201,7 @@ impl Job<'_> {
         Ok(meta_of(store, &[], &[], vec![source_of(store, "first")?, program], name))
     }
 
-    fn chain<'c>(&'c self, operation: Operation, solids: &'c [Swept]) -> Chain<'c> {
+    fn chain<'c>(&'c self, operation: Operation, solids: &'c [SweptSolid]) -> Chain<'c> {
         let operands =
             vec![(Operation::Plus, Operand::Store(&self.store)), (operation, Operand::Solids(solids))];
         let keep_counts = self.args.keep_counts && operation == Operation::Minus;
@@ -209,7 +209,7 @@ impl Job<'_> {
     }
 
     /// What solids have in common with the part.
-    fn taken(&self, solids: &[Swept], meta: &Meta) -> Result<Measured, Failure> {
+    fn taken(&self, solids: &[SweptSolid], meta: &Meta) -> Result<Measured, Failure> {
         let chain = self.chain(Operation::And, solids);
         let Job { args, bars, .. } = self;
         Ok(measured_volume(&chain, meta.clone(), &args.output, args.keeping.memory.0, bars)?)

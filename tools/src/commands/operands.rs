@@ -16,7 +16,7 @@ use brickfield_engine::csg::{Operand, Operation, Primitive};
 use brickfield_engine::ingest::OpenOptions;
 use brickfield_engine::part::temporary::BesideFile;
 use brickfield_engine::store::{AcceptedStores, BrickTree, Source, Store, hash_of};
-use brickfield_engine::swept::Swept;
+use brickfield_engine::swept::SweptSolid;
 use std::path::Path;
 
 /// An operand that is ready.
@@ -30,7 +30,7 @@ pub struct Ready {
 
 pub enum ReadyContent {
     Store(Box<Store>),
-    Body(Vec<Swept>, [[f64; 3]; 2]),
+    Body(Vec<SweptSolid>, [[f64; 3]; 2]),
 }
 
 impl Ready {

@@ -7,7 +7,7 @@ use crate::output::{in_line, print, print_json, require_distinct};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs};
 use brickfield_engine::Progress;
 use brickfield_engine::draw::{DrawOptions, draw, write_picture};
-use brickfield_engine::splats::{Disc, Levels, LevelsOptions, discs_of_levels, discs_of_tree, read_bsp};
+use brickfield_engine::splats::{Disc, LevelsOptions, SplatLevels, discs_of_levels, discs_of_tree, read_bsp};
 use brickfield_engine::store::{AcceptedStores, BrickTree};
 use serde_json::json;
 use std::time::Instant;
@@ -82,7 +82,8 @@ fn of_brick_store(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failur
     let cell = |level: u8| store.root().spacing(level);
     let level = args.level.unwrap_or_else(|| deepest_seen(args, bounds, cell, store.deepest_level()));
     let options = LevelsOptions { error: None, level: Some(level) };
-    let levels = Levels::new(&store, options, bars).map_err(|error| of_store(&store, "leaves", error))?;
+    let levels =
+        SplatLevels::new(&store, options, bars).map_err(|error| of_store(&store, "leaves", error))?;
     let mut discs = Vec::new();
     discs_of_levels(&levels, None, |disc| discs.push(disc));
     Ok(Part { discs, unit: meta.unit.clone(), bounds })

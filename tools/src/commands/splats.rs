@@ -8,7 +8,7 @@ use crate::splat_args::SplatsArgs;
 use crate::units::Size;
 use brickfield_engine::Progress;
 use brickfield_engine::splats::{
-    BspSummary, Levels, LevelsOptions, bsp_bytes, write_bsp, write_page, write_ply,
+    BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_page, write_ply,
 };
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
@@ -52,7 +52,8 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
         None => None,
     };
     let options = LevelsOptions { error, level: args.level };
-    let levels = Levels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
+    let levels =
+        SplatLevels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
     let written = match kind {
         Kind::Bsp => bsp(args, &store, &levels, &bars)?,
         Kind::Ply => ply(args, &levels)?,
@@ -71,13 +72,23 @@ struct Written {
     json: Value,
 }
 
-fn bsp(args: &SplatsArgs, store: &Store, levels: &Levels, bars: &dyn Progress) -> Result<Written, Failure> {
+fn bsp(
+    args: &SplatsArgs,
+    store: &Store,
+    levels: &SplatLevels,
+    bars: &dyn Progress,
+) -> Result<Written, Failure> {
     let meta = store.meta();
     let summary = write_bsp(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], &args.output, bars)?;
     Ok(said(args, store, &summary, summary.bytes))
 }
 
-fn page(args: &SplatsArgs, store: &Store, levels: &Levels, bars: &dyn Progress) -> Result<Written, Failure> {
+fn page(
+    args: &SplatsArgs,
+    store: &Store,
+    levels: &SplatLevels,
+    bars: &dyn Progress,
+) -> Result<Written, Failure> {
     let meta = store.meta();
     let (bytes, summary) = bsp_bytes(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], bars)?;
     let written = write_page(&bytes, &args.output)?;
@@ -108,7 +119,7 @@ fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> W
     Written { text, json }
 }
 
-fn ply(args: &SplatsArgs, levels: &Levels) -> Result<Written, Failure> {
+fn ply(args: &SplatsArgs, levels: &SplatLevels) -> Result<Written, Failure> {
     let splats = write_ply(levels, args.level, &args.output)?;
     let text = format!("{}: {splats} splats", in_line(&args.output));
     Ok(Written { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) })

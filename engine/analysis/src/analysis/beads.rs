@@ -3,7 +3,7 @@
 use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, ROOT_BITS, Units};
-use crate::solid::{Outline, Profile, Segment, Solids};
+use crate::solid::{Outline, Segment, SolidProfile, Solids};
 use crate::store::{BeadSegment, BeadTables, BrickTree, SectionRow, Store};
 use rayon::prelude::*;
 
@@ -49,7 +49,7 @@ pub fn solids_of(store: &Store, tables: &BeadTables) -> Result<Solids> {
         let what = "its beads have a section that this program does not know";
         return Err(Error::store(store.path(), "metadata", what, "use the program that wrote it"));
     };
-    let profile = |s: &SectionRow| Profile::new(outline, s.half_width, s.half_height, s.axis);
+    let profile = |s: &SectionRow| SolidProfile::new(outline, s.half_width, s.half_height, s.axis);
     Ok(Solids::of_profiles(tables.sections.iter().map(profile).collect()))
 }
 

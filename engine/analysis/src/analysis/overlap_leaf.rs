@@ -342,14 +342,14 @@ fn without(one: &[(i64, i64)], other: &[(i64, i64)]) -> Vec<(i64, i64)> {
 mod tests {
     use super::*;
     use crate::brick::{Hermite, POINTS, Samples};
-    use crate::solid::{Outline, Profile};
+    use crate::solid::{Outline, SolidProfile};
 
     const STEP: i32 = 1 << 19;
 
     /// Two segments along x and y at one height, stadia of this half width and half height in cells, and their samples.
     fn crossing(half: f64) -> (Solids, Vec<BeadSegment>, Brick) {
         let cells = f64::from(STEP);
-        let profile = Profile::new(Outline::Stadium, half * cells, half * cells, [0.0, 0.0, 1.0]);
+        let profile = SolidProfile::new(Outline::Stadium, half * cells, half * cells, [0.0, 0.0, 1.0]);
         let solids = Solids::of_profiles(vec![profile]);
         let at = |x: f64, y: f64| [x, y, 16.13].map(|c| (c * cells) as i32 & !1);
         let line = |a, b, pass| BeadSegment { a, b, section: 0, pass, line: 10 + u64::from(pass) };

@@ -5,7 +5,7 @@ use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
 use crate::store::{BrickTree, Refine, Store};
-use crate::swept::{Swept, SweptEvaluator};
+use crate::swept::{SweptEvaluator, SweptSolid};
 use std::sync::Arc;
 
 /// An operand of a chain.
@@ -13,7 +13,7 @@ pub enum Operand<'a> {
     /// A store, whose samples are clamped to 0 and 1.
     Store(&'a Store),
     /// The union of solids.
-    Solids(&'a [Swept]),
+    Solids(&'a [SweptSolid]),
 }
 
 /// What an operand is within a node, and what is needed to look further down.

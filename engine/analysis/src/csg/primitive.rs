@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, RootCube};
-use crate::swept::{Shape, Swept};
+use crate::swept::{ConvexSolid, SweptSolid};
 
 /// A body that is told by a few numbers, in the unit of the store.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ impl Primitive {
     ///
     /// # Errors
     /// [`Error::Setting`] if it is empty or no number.
-    pub fn solid(&self, root: RootCube) -> Result<Swept> {
+    pub fn solid(&self, root: RootCube) -> Result<SweptSolid> {
         let end = f64::from(1u32 << crate::lattice::ROOT_BITS) - MARGIN;
         let scale = 1.0 / root.unit();
         let [low, high] = self.bounds();
@@ -99,9 +99,9 @@ impl Primitive {
             }
         };
         let faces = |bounds: [f64; 3]| [0, 1, 2].map(|a| snap(bounds[a], a));
-        Ok(Swept::new(match *self {
+        Ok(SweptSolid::new(match *self {
             Primitive::HalfSpace { .. } | Primitive::Box { .. } => {
-                Shape::Box { low: faces(low), high: faces(high) }
+                ConvexSolid::Box { low: faces(low), high: faces(high) }
             }
             Primitive::Cylinder { axis, centre, radius, .. } => {
                 let a = axis.index();
@@ -112,11 +112,11 @@ impl Primitive {
                 let mut frame = [[0.0; 3]; 3];
                 (frame[0][u], frame[1][v], frame[2][a]) = (1.0, 1.0, 1.0);
                 let height = [snap(low[a], a), snap(high[a], a)];
-                Shape::Frustum { at, way: [0.0; 3], frame, height, radius: [radius * scale; 2] }
+                ConvexSolid::Frustum { at, way: [0.0; 3], frame, height, radius: [radius * scale; 2] }
             }
             Primitive::Sphere { centre, radius } => {
                 let at = [0, 1, 2].map(|a| (centre[a] - root.origin[a]) * scale);
-                Shape::Ball { at, way: [0.0; 3], radius: radius * scale }
+                ConvexSolid::Ball { at, way: [0.0; 3], radius: radius * scale }
             }
         }))
     }

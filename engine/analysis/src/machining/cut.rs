@@ -5,7 +5,7 @@
 
 use crate::lattice::{RootCube, cross, dot};
 use crate::milling::{Move, Program, Tool, ToolKind};
-use crate::swept::{Shape, Swept};
+use crate::swept::{ConvexSolid, SweptSolid};
 
 /// Frustums of the rounded corner of a bull-nose mill: chords of the quarter circle of at most this share of its radius.
 const CORNER_STEPS: usize = 16;
@@ -21,7 +21,7 @@ enum Part {
 #[derive(Clone, Debug, Default)]
 pub struct Cut {
     /// In the order of the program.
-    pub solids: Vec<Swept>,
+    pub solids: Vec<SweptSolid>,
     /// Of each solid, its move.
     pub moves: Vec<u32>,
     /// Largest deviation of frustums from rounded corners, in the store's unit.
@@ -96,16 +96,16 @@ fn stack(tool: &Tool, reach: f64) -> Vec<Part> {
 }
 
 /// What a part of a tool sweeps on a move, in units.
-fn solid(of: &Move, part: Part, origin: [f64; 3], scale: f64) -> Swept {
+fn solid(of: &Move, part: Part, origin: [f64; 3], scale: f64) -> SweptSolid {
     let axis = of.axis;
     let tip = [0, 1, 2].map(|a| (of.from[a] - origin[a]) * scale);
     let way = [0, 1, 2].map(|a| (of.to[a] - of.from[a]) * scale);
-    Swept::new(match part {
+    SweptSolid::new(match part {
         Part::Ball { height, radius } => {
             let at = [0, 1, 2].map(|a| tip[a] + axis[a] * height * scale);
-            Shape::Ball { at, way, radius: radius * scale }
+            ConvexSolid::Ball { at, way, radius: radius * scale }
         }
-        Part::Frustum { height, radius } => Shape::Frustum {
+        Part::Frustum { height, radius } => ConvexSolid::Frustum {
             at: tip,
             way,
             frame: frame(axis),
@@ -118,7 +118,7 @@ fn solid(of: &Move, part: Part, origin: [f64; 3], scale: f64) -> Swept {
 /// A rotation whose last row is the tool's axis.
 fn frame(axis: [f64; 3]) -> [[f64; 3]; 3] {
     if axis == [0.0, 0.0, 1.0] {
-        return Shape::UPRIGHT;
+        return ConvexSolid::UPRIGHT;
     }
     let unit = |v: [f64; 3]| {
         let length = dot(v, v).sqrt();

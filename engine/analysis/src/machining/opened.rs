@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::lattice::{RootCube, dot, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Store};
-use crate::swept::Swept;
+use crate::swept::SweptSolid;
 use crate::voids::{BoundaryPoint, Void, VoidOptions, boundary_points, find};
 use rayon::prelude::*;
 
@@ -110,7 +110,7 @@ impl<'a> Boundary<'a> {
                 least = least.min(self.nearest(&cut.solids[n]));
             }
         }
-        let solids: Vec<&Swept> = near.iter().map(|&n| &cut.solids[n]).collect();
+        let solids: Vec<&SweptSolid> = near.iter().map(|&n| &cut.solids[n]).collect();
         let state = match first {
             None => VoidState::Untouched,
             Some(_) if self.farthest(&solids) < 0.0 => VoidState::Consumed,
@@ -125,14 +125,14 @@ impl<'a> Boundary<'a> {
     }
 
     /// At most how far the boxes of the void and of a solid are apart.
-    fn apart(&self, solid: &Swept) -> f64 {
+    fn apart(&self, solid: &SweptSolid) -> f64 {
         let [low, high] = solid.bounds();
         let off = [0, 1, 2].map(|a| (low[a] - self.bounds[1][a]).max(self.bounds[0][a] - high[a]).max(0.0));
         dot(off, off).sqrt()
     }
 
     /// The distance of the void to a solid; below 0 if they have something in common.
-    fn nearest(&self, solid: &Swept) -> f64 {
+    fn nearest(&self, solid: &SweptSolid) -> f64 {
         let distance = |at: [f64; 3]| solid.distance(at);
         let Some((point, least)) = least_of(self.points, |point| distance(point.at)) else {
             return f64::INFINITY;
@@ -141,7 +141,7 @@ impl<'a> Boundary<'a> {
     }
 
     /// How far the farthest point of the void is from all solids; below 0 if all of it lies within them.
-    fn farthest(&self, solids: &[&Swept]) -> f64 {
+    fn farthest(&self, solids: &[&SweptSolid]) -> f64 {
         let distance =
             |at: [f64; 3]| solids.iter().map(|solid| solid.distance(at)).fold(f64::INFINITY, f64::min);
         let Some((point, most)) = least_of(self.points, |point| -distance(point.at)) else {

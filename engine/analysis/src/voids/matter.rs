@@ -11,7 +11,7 @@ use crate::lattice::{
 use crate::progress::Progress;
 use crate::solid::{Segment, Solids};
 use crate::soup::{Facets, runs};
-use crate::winding::{Evaluator, Triangles};
+use crate::winding::{Evaluator, TriangleList};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -142,7 +142,7 @@ fn of_segments(key: NodeKey, solids: &Solids, segments: &[Segment]) -> Known {
 fn of_triangles(key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<(Known, Brick)> {
     let indices: Vec<u32> = (0..triangles.len() as u32).collect();
     let mut evaluator = Evaluator::default();
-    let list = Triangles { array: triangles, indices: &indices };
+    let list = TriangleList { array: triangles, indices: &indices };
     let evaluation = evaluator.evaluate(key, corner, list)?;
     let (signs, samples) = (evaluation.signs.clone(), evaluation.samples.clone());
     let mut known = Known::void();

@@ -4,7 +4,7 @@ use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples};
 use crate::error::Result;
 use crate::gpu::{BatchInput, BatchOutput};
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units};
-use crate::winding::{Evaluation, Evaluator, Triangles};
+use crate::winding::{Evaluation, Evaluator, TriangleList};
 use brickfield_shaders as shaders;
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ const _: () = assert!(shaders::POINTS as usize == BRICK_POINTS && shaders::CELLS
 
 /// A leaf to evaluate, or a node that may become one.
 #[derive(Clone, Copy)]
-pub struct Leaf<'a, P = Triangle> {
+pub struct BatchLeaf<'a, P = Triangle> {
     /// The brick.
     pub key: NodeKey,
     /// Its sample (0, 0, 0).
@@ -27,21 +27,21 @@ pub struct Leaf<'a, P = Triangle> {
     pub indices: &'a [u32],
 }
 
-impl<'a> Leaf<'a> {
+impl<'a> BatchLeaf<'a> {
     /// On the processor.
     ///
     /// # Errors
     /// As [`Evaluator::evaluate`].
     pub fn evaluate(&self, evaluator: &'a mut Evaluator) -> Result<Evaluation<'a>> {
-        evaluator.evaluate(self.key, self.corner, Triangles { array: self.array, indices: self.indices })
+        evaluator.evaluate(self.key, self.corner, TriangleList { array: self.array, indices: self.indices })
     }
 }
 
 /// How many of the leaves, from the first on, make a batch of at most so many bricks and pairs; none if the first is beyond
 /// what a device takes.
-pub(super) fn fitting(leaves: &[Leaf<'_>], bricks: usize, pairs: usize) -> usize {
+pub(super) fn fitting(leaves: &[BatchLeaf<'_>], bricks: usize, pairs: usize) -> usize {
     let mut sum = 0;
-    let fits = |leaf: &&Leaf<'_>| {
+    let fits = |leaf: &&BatchLeaf<'_>| {
         sum += leaf.indices.len();
         sum <= pairs && leaf.indices.len() <= PAIRS_OF_BRICK_MAX
     };
@@ -49,7 +49,7 @@ pub(super) fn fitting(leaves: &[Leaf<'_>], bricks: usize, pairs: usize) -> usize
 }
 
 /// Writes a batch down.
-pub(super) fn pack(input: &mut BatchInput, leaves: &[Leaf<'_>]) {
+pub(super) fn pack(input: &mut BatchInput, leaves: &[BatchLeaf<'_>]) {
     input.clear();
     for (number, leaf) in (0..).zip(leaves) {
         input.bricks.push(shaders::Brick { corner: leaf.corner.into(), ..shaders::Brick::default() });

@@ -4,7 +4,7 @@
 //! handed on, and compared with what the processor would write. After the first difference nothing of the device counts:
 //! the build ends with [`Error::Distrusted`], and its caller begins anew without the device, with an empty store.
 
-use super::batch::Leaf;
+use super::batch::BatchLeaf;
 use super::nodes::NodeBrick;
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, SignChanges};
@@ -53,13 +53,13 @@ struct Seen {
 
 /// What was seen of a device, and whether it is still believed.
 #[derive(Debug, Default)]
-pub(super) struct Trust {
+pub(super) struct DeviceTrust {
     /// Of the first and the second device on the hardware.
     seen: [Seen; 2],
     is_lost: AtomicBool,
 }
 
-impl Trust {
+impl DeviceTrust {
     /// Whether a brick is one in [`CHECKED_ONE_IN`], the same ones in every build.
     fn is_drawn(key: NodeKey) -> bool {
         mix(key.code().wrapping_add(GOLDEN)).is_multiple_of(CHECKED_ONE_IN)
@@ -68,7 +68,7 @@ impl Trust {
 
 /// A brick of a device that may be checked.
 #[derive(Clone, Copy)]
-pub(super) struct Claim {
+pub(super) struct CheckCandidate {
     pub key: NodeKey,
     pub kernels: KernelSet,
     /// Whether the second device on the hardware has made it.
@@ -84,7 +84,7 @@ impl Vulkan {
     }
 
     /// Whether the processor is to compute a brick as well.
-    pub(super) fn is_to_check(&self, claim: Claim) -> bool {
+    pub(super) fn is_to_check(&self, claim: CheckCandidate) -> bool {
         let seen = &self.trust.seen[usize::from(claim.is_seconds)];
         let kernels = claim.kernels as usize;
         let is_first = || {
@@ -93,7 +93,7 @@ impl Vulkan {
         };
         match self.check {
             DeviceCheck::All => true,
-            DeviceCheck::Some => Trust::is_drawn(claim.key) || is_first(),
+            DeviceCheck::Some => DeviceTrust::is_drawn(claim.key) || is_first(),
             DeviceCheck::None => false,
         }
     }
@@ -103,7 +103,7 @@ impl Vulkan {
     ///
     /// # Errors
     /// [`Error::Distrusted`] if the device's brick is another.
-    pub(super) fn note_check(&self, claim: Claim, is_equal: bool, is_telling: bool) -> Result<()> {
+    pub(super) fn note_check(&self, claim: CheckCandidate, is_equal: bool, is_telling: bool) -> Result<()> {
         self.report().checked += 1;
         if !is_equal {
             return Err(self.distrust(claim.key));
@@ -135,7 +135,7 @@ impl Vulkan {
 pub(super) fn check(
     vulkan: &Vulkan,
     (kernels, is_seconds): (KernelSet, bool),
-    node: &Leaf<'_>,
+    node: &BatchLeaf<'_>,
     found: &NodeBrick,
     evaluator: &mut Evaluator,
 ) -> Result<()> {
@@ -143,7 +143,7 @@ pub(super) fn check(
         return Err(vulkan.distrust(node.key));
     }
     let has_hidden = found.has_hidden_crossings();
-    let claim = Claim { key: node.key, kernels, is_seconds, has_hidden };
+    let claim = CheckCandidate { key: node.key, kernels, is_seconds, has_hidden };
     if !vulkan.is_to_check(claim) {
         return Ok(());
     }
@@ -173,9 +173,9 @@ mod tests {
                 let position = [n & 31, n >> 5 & 31, n >> 10];
                 NodeKey::new(level, position).unwrap()
             });
-            let drawn = keys.filter(|key| Trust::is_drawn(*key)).count();
+            let drawn = keys.filter(|key| DeviceTrust::is_drawn(*key)).count();
             assert!((90..170).contains(&drawn), "level {level}: {drawn} of 32768");
         }
-        assert!(Trust::is_drawn(NodeKey::ROOT) == Trust::is_drawn(NodeKey::ROOT));
+        assert!(DeviceTrust::is_drawn(NodeKey::ROOT) == DeviceTrust::is_drawn(NodeKey::ROOT));
     }
 }

@@ -4,10 +4,10 @@
 //! triangles or spans for the buffers, with jumps beyond 8 bits, or with too many crossings on an edge. Winding
 //! numbers beyond 16 bits end in an error. After a device was lost, everything is the processor's.
 
-use super::batch::{Leaf, unpack};
+use super::batch::{BatchLeaf, unpack};
 use super::check::{KernelSet, check};
 use super::nodes::NodeBrick;
-use super::outlet::{Outlet, Sent};
+use super::outlet::{DeviceQueue, Submission};
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, ThinFeatures, ThinLines};
 use crate::error::Result;
@@ -27,7 +27,7 @@ enum Work {
 /// Evaluates leaves in their order; one per thread.
 #[derive(Default)]
 pub struct LeafQueue {
-    outlet: Outlet,
+    outlet: DeviceQueue,
     /// Leaves that were sent.
     sent: usize,
     work: VecDeque<Work>,
@@ -46,7 +46,7 @@ struct Received {
 }
 
 /// A leaf by the processor, in place of the device.
-fn here(vulkan: &Vulkan, evaluator: &mut Evaluator, leaf: &Leaf<'_>) -> Result<(Brick, ThinFeatures)> {
+fn here(vulkan: &Vulkan, evaluator: &mut Evaluator, leaf: &BatchLeaf<'_>) -> Result<(Brick, ThinFeatures)> {
     vulkan.report().cpu_bricks += 1;
     let evaluation = leaf.evaluate(evaluator)?;
     let thin = evaluation.thin(ThinLines::Sixteenth);
@@ -73,7 +73,7 @@ impl LeafQueue {
         &mut self,
         vulkan: &Vulkan,
         evaluator: &mut Evaluator,
-        leaves: &[Leaf<'_>],
+        leaves: &[BatchLeaf<'_>],
     ) -> Result<(Brick, ThinFeatures)> {
         loop {
             self.send(vulkan, leaves);
@@ -111,13 +111,13 @@ impl LeafQueue {
     }
 
     /// Sends batches as long as the lane takes any.
-    fn send(&mut self, vulkan: &Vulkan, leaves: &[Leaf<'_>]) {
+    fn send(&mut self, vulkan: &Vulkan, leaves: &[BatchLeaf<'_>]) {
         while self.sent < leaves.len() {
             let from = self.sent;
             let work = match self.outlet.send(vulkan, &leaves[from..]) {
-                Sent::There(count) => Work::There(from..from + count),
-                Sent::Here(count) => Work::Here(from..from + count),
-                Sent::Later => break,
+                Submission::There(count) => Work::There(from..from + count),
+                Submission::Here(count) => Work::Here(from..from + count),
+                Submission::Later => break,
             };
             let (Work::There(range) | Work::Here(range)) = &work;
             self.sent = range.end;

@@ -10,7 +10,7 @@ mod report;
 mod shares;
 mod vulkan;
 
-pub use batch::Leaf;
+pub use batch::BatchLeaf;
 pub use brute::brute_at;
 pub use check::{CHECKED_ONE_IN, DeviceCheck};
 pub use leaves::LeafQueue;

@@ -1,8 +1,8 @@
 //! Nodes that may be divided, evaluated on a device some at a time, before it is decided what becomes of them.
 
-use super::batch::{Leaf, unpack};
+use super::batch::{BatchLeaf, unpack};
 use super::check::{KernelSet, check};
-use super::outlet::{Outlet, Sent};
+use super::outlet::{DeviceQueue, Submission};
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, Hermite, Samples};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use std::collections::{HashMap, VecDeque};
 /// Evaluates nodes a few at a time; one per thread.
 #[derive(Default)]
 pub struct NodeQueue {
-    outlet: Outlet,
+    outlet: DeviceQueue,
     /// Batches that are under way, the oldest first.
     pending: VecDeque<Vec<NodeKey>>,
     ready: HashMap<NodeKey, NodeBrick>,
@@ -70,19 +70,19 @@ impl NodeBrick {
 
 impl NodeQueue {
     /// Sends some nodes, which [`NodeQueue::take`] then gives.
-    pub fn find(&mut self, vulkan: &Vulkan, nodes: &[Leaf<'_>]) {
+    pub fn find(&mut self, vulkan: &Vulkan, nodes: &[BatchLeaf<'_>]) {
         if self.pending.is_empty() {
             self.outlet.begin(vulkan, true);
         }
         let mut left = nodes;
         while !left.is_empty() {
             match self.outlet.send(vulkan, left) {
-                Sent::There(count) => {
+                Submission::There(count) => {
                     self.pending.push_back(left[..count].iter().map(|node| node.key).collect());
                     left = &left[count..];
                 }
-                Sent::Here(count) => left = &left[count..],
-                Sent::Later => self.receive(vulkan),
+                Submission::Here(count) => left = &left[count..],
+                Submission::Later => self.receive(vulkan),
             }
         }
     }
@@ -107,7 +107,7 @@ impl NodeQueue {
         &mut self,
         vulkan: &Vulkan,
         evaluator: &mut Evaluator,
-        node: &Leaf<'_>,
+        node: &BatchLeaf<'_>,
     ) -> Result<Option<NodeBrick>> {
         let found = self.take(vulkan, node.key);
         if let Some(found) = &found {

@@ -1,12 +1,12 @@
 //! A thread's outlet to a device: batches of bricks of closed soups, and what becomes of those that fail.
 
-use super::batch::{Leaf, fitting, pack};
+use super::batch::{BatchLeaf, fitting, pack};
 use super::vulkan::Vulkan;
 use crate::gpu::{BatchInput, BatchOutput, DeviceFailure, DeviceLane};
 
 /// A thread's outlet to a device.
 #[derive(Default)]
-pub(super) struct Outlet {
+pub(super) struct DeviceQueue {
     /// `None` before the first batch; `Some(None)` if the device has no room.
     lane: Option<Option<DeviceLane>>,
     /// Bricks in a batch, at most.
@@ -15,7 +15,7 @@ pub(super) struct Outlet {
 }
 
 /// What became of some leaves, from the first on.
-pub(super) enum Sent {
+pub(super) enum Submission {
     /// So many are a batch on the device.
     There(usize),
     /// So many are the processor's.
@@ -24,7 +24,7 @@ pub(super) enum Sent {
     Later,
 }
 
-impl Outlet {
+impl DeviceQueue {
     /// Begins with other leaves, while nothing is under way; those that are read back may be of bricks that `may_divide`.
     pub fn begin(&mut self, vulkan: &Vulkan, may_divide: bool) {
         self.input.may_divide = may_divide;
@@ -63,19 +63,19 @@ impl Outlet {
     }
 
     /// Sends some of the leaves, from the first on, of which there is at least one.
-    pub fn send(&mut self, vulkan: &Vulkan, leaves: &[Leaf<'_>]) -> Sent {
+    pub fn send(&mut self, vulkan: &Vulkan, leaves: &[BatchLeaf<'_>]) -> Submission {
         loop {
-            let Some(Some(lane)) = &mut self.lane else { return Sent::Here(leaves.len()) };
+            let Some(Some(lane)) = &mut self.lane else { return Submission::Here(leaves.len()) };
             if lane.is_full() {
-                return Sent::Later;
+                return Submission::Later;
             }
             let bricks = fitting(leaves, self.limit, lane.room().1);
             if bricks == 0 {
-                return Sent::Here(1);
+                return Submission::Here(1);
             }
             pack(&mut self.input, &leaves[..bricks]);
             match lane.submit(&self.input, self.limit) {
-                Ok(()) => return Sent::There(bricks),
+                Ok(()) => return Submission::There(bricks),
                 Err(failure) => self.give_way(vulkan, failure, bricks),
             }
         }

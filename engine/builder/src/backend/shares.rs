@@ -7,7 +7,7 @@
 //! Bounds hold for every device that keeps to Vulkan's table of precisions: units below are its ULP, twice the error
 //! of rounding to the nearest.
 
-use super::check::{Claim, KernelSet};
+use super::check::{CheckCandidate, KernelSet};
 use super::vulkan::Vulkan;
 use crate::brick::{POINTS, Samples};
 use crate::error::Result;
@@ -87,7 +87,7 @@ impl DeviceShares {
         if vulkan.is_distrusted() {
             return Err(vulkan.distrust(key));
         }
-        let claim = Claim { key, kernels: KernelSet::Sums, is_seconds: false, has_hidden: false };
+        let claim = CheckCandidate { key, kernels: KernelSet::Sums, is_seconds: false, has_hidden: false };
         if !vulkan.is_to_check(claim) {
             return Ok(());
         }

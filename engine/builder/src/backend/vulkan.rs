@@ -1,6 +1,6 @@
 //! A Vulkan device that evaluates the bricks of closed soups.
 
-use super::check::{DeviceCheck, Trust};
+use super::check::{DeviceCheck, DeviceTrust};
 use super::report::DeviceReport;
 use crate::gpu::{DeviceFailure, DeviceLane, Gpu, Seconds};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,7 +11,7 @@ pub struct Vulkan {
     gpu: Gpu,
     report: Arc<Mutex<DeviceReport>>,
     pub(super) check: DeviceCheck,
-    pub(super) trust: Arc<Trust>,
+    pub(super) trust: Arc<DeviceTrust>,
 }
 
 impl PartialEq for Vulkan {

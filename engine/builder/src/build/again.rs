@@ -1,8 +1,8 @@
 //! A build that is begun anew because its device was caught with a wrong brick.
 
-use super::pipeline::{BuildOptions, Keeping};
+use super::pipeline::{BuildOptions, CommitOptions};
 use super::resources::Resources;
-use super::summary::Summary;
+use super::summary::BuildSummary;
 use crate::backend::Vulkan;
 use crate::error::{Error, Result};
 
@@ -12,17 +12,17 @@ use crate::error::{Error, Result};
 /// that an interrupted run has left. So the first build gives up all of its file, and the second begins with an empty one.
 pub(super) fn without_wrong_device(
     options: &BuildOptions,
-    build: impl Fn(&BuildOptions) -> Result<Summary>,
-) -> Result<Summary> {
+    build: impl Fn(&BuildOptions) -> Result<BuildSummary>,
+) -> Result<BuildSummary> {
     let done = build(options);
     let device = options.resources.device.as_ref().map(Vulkan::take_report);
     match done {
         Err(Error::Distrusted { .. }) => {
             let resources = Resources { device: None, ..options.resources.clone() };
-            let keeping = Keeping { restart: true, ..options.keeping.clone() };
+            let keeping = CommitOptions { restart: true, ..options.keeping.clone() };
             let summary = build(&BuildOptions { resources, keeping, ..options.clone() })?;
-            Ok(Summary { device, ..summary })
+            Ok(BuildSummary { device, ..summary })
         }
-        done => Ok(Summary { device, ..done? }),
+        done => Ok(BuildSummary { device, ..done? }),
     }
 }

@@ -1,6 +1,6 @@
 //! Sorting pieces into the cubes they touch.
 
-use super::field::Field;
+use super::field::PieceField;
 use crate::lattice::{NodeKey, ROOT_BITS, Units, morton};
 use std::ops::Range;
 
@@ -49,7 +49,7 @@ impl Binner {
 
     /// Calls `cell` with the Morton number, within the node, of every descendant touched.
     #[inline]
-    pub fn for_touched<F: Field>(&self, field: &F, piece: &F::Piece, mut cell: impl FnMut(usize)) {
+    pub fn for_touched<F: PieceField>(&self, field: &F, piece: &F::Piece, mut cell: impl FnMut(usize)) {
         // Bounds of triangles are even and cube faces odd, so none lies on a face; those of solids have a margin.
         let (min, max) = field.bounds(piece);
         let from: Units = std::array::from_fn(|a| (min[a] - self.origin[a]) >> self.shift);
@@ -62,7 +62,7 @@ impl Binner {
     }
 
     #[inline(never)]
-    fn for_touched_of_many<F: Field>(
+    fn for_touched_of_many<F: PieceField>(
         &self,
         field: &F,
         piece: &F::Piece,
@@ -97,12 +97,12 @@ impl Binner {
     }
 
     /// Indices of `pieces` by descendant. Void ones are left out, and descendants that are not kept.
-    pub fn sort_indices<F: Field>(&self, field: &F, pieces: &[F::Piece]) -> CellLists {
+    pub fn sort_indices<F: PieceField>(&self, field: &F, pieces: &[F::Piece]) -> CellLists {
         self.sort_some(field, pieces, usize::MAX).0
     }
 
     /// [`Self::sort_indices`] of the first pieces, until they touch `enough` descendants; and how many pieces that are.
-    fn sort_some<F: Field>(&self, field: &F, pieces: &[F::Piece], enough: usize) -> (CellLists, usize) {
+    fn sort_some<F: PieceField>(&self, field: &F, pieces: &[F::Piece], enough: usize) -> (CellLists, usize) {
         let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(enough.min(pieces.len() * 3 / 2));
         let mut starts = vec![0u32; self.cells() + 1];
         let mut taken = pieces.len();
@@ -168,12 +168,12 @@ pub(super) struct SortedRun<P> {
 
 impl<P: Copy> SortedRun<P> {
     /// Sorts `pieces`; void ones are left out.
-    pub fn new<F: Field<Piece = P>>(field: &F, binner: &Binner, pieces: &[P]) -> SortedRun<P> {
+    pub fn new<F: PieceField<Piece = P>>(field: &F, binner: &Binner, pieces: &[P]) -> SortedRun<P> {
         SortedRun::of_some(field, binner, pieces, usize::MAX).0
     }
 
     /// [`Self::new`] of the first pieces, until they touch `enough` cubes; and how many pieces that are.
-    pub fn of_some<F: Field<Piece = P>>(
+    pub fn of_some<F: PieceField<Piece = P>>(
         field: &F,
         binner: &Binner,
         pieces: &[P],

@@ -3,10 +3,10 @@
 
 use super::assemble::{Assembler, Opening};
 use super::bins::Binner;
-use super::field::Field;
-use super::jobs::{Consume, Plan, sort_level};
+use super::field::PieceField;
+use super::jobs::{BuildPlan, RecordSink, sort_level};
 use super::sorted::SortedPieces;
-use super::subtree::{STRIDE, SubtreeBuilder, Top, corner_at};
+use super::subtree::{STRIDE, SubtreeBuilder, SubtreeRoot, corner_at};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;
@@ -28,7 +28,7 @@ const DEPTH_AT_ONCE: u8 = 3;
 const DEPTH_OF_JOBS: u8 = 2;
 
 /// A node whose pieces are sorted by the cubes some levels below it.
-struct Branch<F: Field> {
+struct Branch<F: PieceField> {
     key: NodeKey,
     stride: u8,
     sorted: SortedPieces<F>,
@@ -45,7 +45,7 @@ struct Cube {
 }
 
 /// Touched cubes of a branch that follow each other: one, or several that are small and built together.
-struct Job<F: Field> {
+struct Job<F: PieceField> {
     branch: Arc<Branch<F>>,
     cubes: Vec<Cube>,
 }
@@ -63,7 +63,7 @@ enum Yield {
     Opened(Opening),
 }
 
-impl<F: Field> Job<F> {
+impl<F: PieceField> Job<F> {
     /// Where the job's records stand: by its first descendant, nodes before those below them.
     fn place(&self) -> TaskOrder {
         let key = self.branch.key_of(self.cubes[0]);
@@ -71,7 +71,7 @@ impl<F: Field> Job<F> {
     }
 }
 
-impl<F: Field> Branch<F> {
+impl<F: PieceField> Branch<F> {
     /// Of sorted pieces, given the sample at the node's corner.
     fn new(
         field: &F,
@@ -136,7 +136,7 @@ struct Shares {
     depth: u8,
     /// Of one job.
     job: u64,
-    /// Leaves that are worth having together: see [`Field::leaves_together`].
+    /// Leaves that are worth having together: see [`PieceField::leaves_together`].
     together: u64,
     /// Cubes are built as a whole however many pieces they have, unless they are deep: of fields whose untouched nodes
     /// decide, which those that a branch reaches cannot.
@@ -152,14 +152,14 @@ impl Shares {
     }
 
     /// What a cube takes if it is built as a whole.
-    fn whole_bytes<F: Field>(&self, level: u8, pieces: u64) -> u64 {
+    fn whole_bytes<F: PieceField>(&self, level: u8, pieces: u64) -> u64 {
         let records = self.leaves(level, pieces).saturating_mul(LEAF_BYTES);
         let crossings = if level == self.depth { CROSSING_BYTES } else { 0 };
         pieces.saturating_mul(size_of::<F::Piece>() as u64 + LIST_BYTES + crossings).saturating_add(records)
     }
 
     /// Cubes that follow each other, as jobs: together while these have few leaves and take no more than one may.
-    fn groups<F: Field>(&self, level: u8, cubes: Vec<Cube>) -> Vec<Vec<Cube>> {
+    fn groups<F: PieceField>(&self, level: u8, cubes: Vec<Cube>) -> Vec<Vec<Cube>> {
         let mut groups: Vec<Vec<Cube>> = Vec::new();
         let (mut leaves, mut bytes) = (0u64, 0u64);
         for cube in cubes {
@@ -180,7 +180,7 @@ impl Shares {
     }
 
     /// Levels that a branch at a cube descends; `None` if the cube is built as a whole.
-    fn branches<F: Field>(&self, level: u8, pieces: u64) -> Option<u8> {
+    fn branches<F: PieceField>(&self, level: u8, pieces: u64) -> Option<u8> {
         let below = self.depth - level;
         if pieces > 0 && below > DEPTH_AT_ONCE {
             return Some(STRIDE.min(below - DEPTH_OF_JOBS));
@@ -190,11 +190,11 @@ impl Shares {
     }
 
     /// Memory that a cube's pieces take, sorted again.
-    fn sorted<F: Field>(&self, pieces: u64) -> u64 {
+    fn sorted<F: PieceField>(&self, pieces: u64) -> u64 {
         pieces.saturating_mul(2 * size_of::<F::Piece>() as u64)
     }
 
-    fn need<F: Field>(&self, job: &Job<F>) -> u64 {
+    fn need<F: PieceField>(&self, job: &Job<F>) -> u64 {
         let level = job.branch.key.level() + job.branch.stride;
         let of_cube = |cube: &Cube| match self.branches::<F>(level, cube.pieces) {
             None => self.whole_bytes::<F>(level, cube.pieces),
@@ -206,15 +206,15 @@ impl Shares {
 
 /// Builds the tree below the sorted pieces' cubes, or a share of these; returns the records of the nodes above them,
 /// and, of a share, its empty cubes instead.
-pub(super) fn follow_pieces<F: Field>(
+pub(super) fn follow_pieces<F: PieceField>(
     field: &F,
     sorted: SortedPieces<F>,
-    plan: Plan<'_>,
+    plan: BuildPlan<'_>,
     memory: u64,
     progress: &dyn Progress,
-    consume: &mut Consume<'_>,
+    consume: &mut RecordSink<'_>,
 ) -> Result<(Records, Vec<(u64, i16)>)> {
-    let Plan { rules, share, .. } = plan;
+    let BuildPlan { rules, share, .. } = plan;
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
     // Of every two jobs a thread one runs and one waits for its turn; one more can always begin.
@@ -277,11 +277,11 @@ pub(super) fn follow_pieces<F: Field>(
 }
 
 /// Builds the subtrees of a job that is not opened, but those that an earlier run has built.
-fn build<F: Field>(
+fn build<F: PieceField>(
     builder: &mut SubtreeBuilder<F>,
     pieces: &mut Vec<Vec<F::Piece>>,
     job: &Job<F>,
-    plan: Plan<'_>,
+    plan: BuildPlan<'_>,
 ) -> Result<Vec<Built>> {
     let branch = &*job.branch;
     pieces.resize_with(pieces.len().max(job.cubes.len()), Vec::new);
@@ -291,7 +291,7 @@ fn build<F: Field>(
         let node = plan.built(branch.key_of(*cube))?;
         if node.is_none() {
             branch.sorted.gather(cube.cell, pieces)?;
-            tops.push(Top { key: branch.key_of(*cube), corner: branch.corner_of(*cube), pieces });
+            tops.push(SubtreeRoot { key: branch.key_of(*cube), corner: branch.corner_of(*cube), pieces });
         }
         done.push(node);
     }
@@ -307,7 +307,7 @@ fn build<F: Field>(
 }
 
 /// Hands on the records of joined nodes.
-fn flush(joined: &mut Records, consume: &mut Consume<'_>, kept: &mut Option<u64>) -> Result<()> {
+fn flush(joined: &mut Records, consume: &mut RecordSink<'_>, kept: &mut Option<u64>) -> Result<()> {
     if !joined.is_empty() {
         *kept = Some(consume(joined.take())?);
     }
@@ -315,7 +315,7 @@ fn flush(joined: &mut Records, consume: &mut Consume<'_>, kept: &mut Option<u64>
 }
 
 /// Sorts a cube's pieces again, by smaller cubes: in memory if they fit there, else on disk.
-fn branch<F: Field>(
+fn branch<F: PieceField>(
     field: &F,
     job: &Job<F>,
     cube: Cube,

@@ -2,11 +2,11 @@
 
 use super::bins::Binner;
 use super::clock::Clock;
-use super::field::{Evaluated, Field, Fractions, Pieces};
+use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
 use super::pipeline::{BuildOptions, Resolution, Task, place};
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
-use super::summary::Summary;
+use super::summary::BuildSummary;
 use super::weigh::weigh_pieces;
 use crate::brick::{Brick, Samples};
 use crate::error::{Error, Result};
@@ -17,7 +17,7 @@ use crate::store::{Refine, Source, check_target};
 use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece, Surfels, estimate_normals};
 use std::path::Path;
 
-impl Field for CloudBricks {
+impl PieceField for CloudBricks {
     type Piece = CloudPiece;
     type Corners = ();
     type Evaluator = CloudEvaluator;
@@ -50,7 +50,7 @@ impl Field for CloudBricks {
     }
 
     /// The field changes everywhere.
-    fn settled(&self, _: NodeKey, _: i16, _: Pieces<'_, CloudPiece>) -> Option<i16> {
+    fn settled(&self, _: NodeKey, _: i16, _: PieceList<'_, CloudPiece>) -> Option<i16> {
         None
     }
 
@@ -60,7 +60,7 @@ impl Field for CloudBricks {
         refine: Refine,
         key: NodeKey,
         _: i16,
-        list: Pieces<'_, CloudPiece>,
+        list: PieceList<'_, CloudPiece>,
     ) -> Option<[i16; 8]> {
         let is_hidden = |&i: &u32| !list.array[i as usize].is_seen_by(key);
         (refine == Refine::Hidden && list.indices.iter().any(is_hidden)).then_some([0; 8])
@@ -71,14 +71,14 @@ impl Field for CloudBricks {
         evaluator: &'a mut CloudEvaluator,
         key: NodeKey,
         _: i16,
-        list: Pieces<'a, CloudPiece>,
+        list: PieceList<'a, CloudPiece>,
     ) -> Result<CloudBrick> {
         let pieces = list.indices.iter().map(|&i| list.array[i as usize]);
         CloudBricks::evaluate(self, evaluator, key, pieces)
     }
 }
 
-impl Evaluated for CloudBrick {
+impl BrickEvaluation for CloudBrick {
     fn samples(&self) -> &Samples {
         CloudBrick::samples(self)
     }
@@ -128,7 +128,7 @@ pub fn build_clouds(
     output: &Path,
     options: &BuildOptions,
     progress: &dyn Progress,
-) -> Result<Summary> {
+) -> Result<BuildSummary> {
     require_no_tolerance(options.tolerance, POINTS)?;
     options.thin.require_none(POINTS)?;
     let mut clock = Clock::default();
@@ -154,7 +154,7 @@ pub fn build_clouds(
     task.build(&field, gather(&field, &pieces), progress)?;
     clock.lap("build");
     let summary = task.finish(clock, progress)?;
-    Ok(Summary { facets: 0, degenerate_facets: 0, points, void_points, spacing, ..summary })
+    Ok(BuildSummary { facets: 0, degenerate_facets: 0, points, void_points, spacing, ..summary })
 }
 
 /// The surface elements of the points of some files together. With `estimate`, their normals are those of

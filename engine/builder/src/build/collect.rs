@@ -1,7 +1,7 @@
 //! Sorting the triangles of a soup within a bound of memory: plain while they fit, then packed, then on disk.
 
 use super::bins::{Binner, SortedRun};
-use super::packed::{Extent, PackedCells, PackedRun, spill};
+use super::packed::{FileExtent, PackedCells, PackedRun, spill};
 use super::sorted::{CellStore, SortedPieces};
 use super::soup::Soup;
 use crate::error::Result;
@@ -23,7 +23,7 @@ pub(super) struct Collector {
     plain: bool,
     sorted: SortedPieces<Soup>,
     packed: Vec<PackedRun>,
-    spilled: Vec<Extent>,
+    spilled: Vec<FileExtent>,
 }
 
 impl Collector {

@@ -1,10 +1,10 @@
 //! What becomes of a node of a tree whose nodes decide for themselves.
 
 use super::bins::Binner;
-use super::field::{Evaluated, Field, Pieces};
+use super::field::{BrickEvaluation, PieceField, PieceList};
 use super::rules::Rules;
 use super::subtree::corner_at;
-use crate::backend::Leaf;
+use crate::backend::BatchLeaf;
 use crate::brick::{Brick, Samples, ThinFeatures};
 use crate::contour::has_one_sheet;
 use crate::error::Result;
@@ -15,53 +15,53 @@ use crate::lattice::{NodeKey, Octant};
 const PIECES_MAX: usize = 1 << 15;
 
 /// A node that is to be decided.
-pub(super) struct Undecided<P> {
+pub(super) struct NodePieces<P> {
     pub key: NodeKey,
-    /// As [`Field::evaluate`] takes it.
+    /// As [`PieceField::evaluate`] takes it.
     pub corner: i16,
     /// All that touch it.
     pub pieces: Vec<P>,
 }
 
 /// One that is, and nothing below it built yet.
-pub(super) enum Decided<P> {
+pub(super) enum NodeDecision<P> {
     /// No surface touches it.
     Empty(i16),
     /// With what hides in it, if anything.
     Leaf(Brick, Option<Box<ThinFeatures>>),
     /// Its samples, or `None` if these are joined from its children's, and the children.
-    Refined(Option<Samples>, Box<[Undecided<P>; 8]>),
+    Refined(Option<Samples>, Box<[NodePieces<P>; 8]>),
 }
 
-impl<P: Copy> Undecided<P> {
+impl<P: Copy> NodePieces<P> {
     /// A node is refined if its samples or crossings ask for it. Where its pieces do so already, it is not evaluated if it
     /// `may_join`, for its samples are a part of its children's.
-    pub fn decide<F: Field<Piece = P>>(
+    pub fn decide<F: PieceField<Piece = P>>(
         &self,
         field: &F,
         evaluator: &mut F::Evaluator,
         rules: &Rules,
         may_join: bool,
-    ) -> Result<Decided<P>> {
-        let Undecided { key, corner, pieces } = self;
+    ) -> Result<NodeDecision<P>> {
+        let NodePieces { key, corner, pieces } = self;
         let all: Vec<u32> = (0..pieces.len() as u32).collect();
-        let list = Pieces { array: pieces, indices: &all };
+        let list = PieceList { array: pieces, indices: &all };
         if let Some(w) = field.settled(*key, *corner, list) {
-            return Ok(Decided::Empty(w));
+            return Ok(NodeDecision::Empty(w));
         }
         let is_deepest = key.level() >= rules.depth;
         if may_join
             && !is_deepest
             && let Some(corners) = Self::refined_unseen(field, rules, *key, *corner, list)
         {
-            return Ok(Decided::Refined(None, self.children(field, corners)));
+            return Ok(NodeDecision::Refined(None, self.children(field, corners)));
         }
         let mut evaluation = field.evaluate(evaluator, *key, *corner, list)?;
         if is_deepest || rules.keeps(&mut evaluation) {
             let thin = rules.thin_of(field, key.level(), &mut evaluation)?;
             if !is_deepest || !rules.divides_thin(key.level(), &thin, &evaluation) {
                 let thin = (!thin.is_empty()).then(|| Box::new(thin));
-                return Ok(Decided::Leaf(evaluation.into_leaf()?, thin));
+                return Ok(NodeDecision::Leaf(evaluation.into_leaf()?, thin));
             }
         }
         let corners = evaluation.corners();
@@ -71,22 +71,22 @@ impl<P: Copy> Undecided<P> {
                 let brick = evaluation.into_leaf()?;
                 let (brick, fits) = field.fits(evaluator, tolerance, self.as_leaf(&all), brick)?;
                 if fits {
-                    return Ok(Decided::Leaf(brick, None));
+                    return Ok(NodeDecision::Leaf(brick, None));
                 }
                 brick.into_samples()
             }
             _ => evaluation.into_samples(),
         };
-        Ok(Decided::Refined(Some(samples), self.children(field, corners)))
+        Ok(NodeDecision::Refined(Some(samples), self.children(field, corners)))
     }
 
     /// The corners of the children, by octant, of a node that is refined whatever its samples are.
-    pub fn refined_unseen<F: Field<Piece = P>>(
+    pub fn refined_unseen<F: PieceField<Piece = P>>(
         field: &F,
         rules: &Rules,
         key: NodeKey,
         corner: i16,
-        list: Pieces<'_, P>,
+        list: PieceList<'_, P>,
     ) -> Option<[i16; 8]> {
         if rules.tolerance.is_none() || list.indices.len() <= PIECES_MAX {
             return field.refined_unseen(rules.refine, key, corner, list);
@@ -98,9 +98,9 @@ impl<P: Copy> Undecided<P> {
     }
 
     /// The children by octant, with these corners and the pieces that touch them.
-    fn children<F: Field<Piece = P>>(&self, field: &F, corners: [i16; 8]) -> Box<[Undecided<P>; 8]> {
+    fn children<F: PieceField<Piece = P>>(&self, field: &F, corners: [i16; 8]) -> Box<[NodePieces<P>; 8]> {
         let lists = Binner::new(self.key, 1).sort_indices(field, &self.pieces);
-        let child = |octant: Octant| Undecided {
+        let child = |octant: Octant| NodePieces {
             key: self.key.child(octant),
             corner: corners[octant.index()],
             pieces: lists.of(octant.index()).iter().map(|&i| self.pieces[i as usize]).collect(),
@@ -110,8 +110,8 @@ impl<P: Copy> Undecided<P> {
     }
 
     /// As a brick to evaluate; `all` counts from 0 at least as far as it has pieces.
-    pub fn as_leaf<'a>(&'a self, all: &'a [u32]) -> Leaf<'a, P> {
+    pub fn as_leaf<'a>(&'a self, all: &'a [u32]) -> BatchLeaf<'a, P> {
         let indices = &all[..self.pieces.len()];
-        Leaf { key: self.key, corner: self.corner, array: &self.pieces, indices }
+        BatchLeaf { key: self.key, corner: self.corner, array: &self.pieces, indices }
     }
 }

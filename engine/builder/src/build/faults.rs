@@ -1,6 +1,6 @@
 //! Builds whose temporary file fails.
 
-use super::{BuildOptions, Keeping, Resolution, Resources, Summary, build_opened};
+use super::{BuildOptions, BuildSummary, CommitOptions, Resolution, Resources, build_opened};
 use crate::disk::Disk;
 use crate::disk::sim::{DiskFault, ReadFault, SimDisk};
 use crate::error::Result;
@@ -40,13 +40,13 @@ impl Site {
     }
 
     /// Builds with a temporary file on that disk, and commits all the time.
-    fn build(&self, disk: &SimDisk) -> Result<Summary> {
+    fn build(&self, disk: &SimDisk) -> Result<BuildSummary> {
         let file = disk.open_locked(Path::new("temporary")).expect("nothing fails").expect("nobody has it");
         stand_in::put(self.folder.path(), file);
         let options = BuildOptions {
             resolution: Resolution::Depth(2),
             resources: Resources { memory: MEMORY, ..Resources::default() },
-            keeping: Keeping { pace: std::time::Duration::ZERO, ..Keeping::default() },
+            keeping: CommitOptions { pace: std::time::Duration::ZERO, ..CommitOptions::default() },
             ..BuildOptions::default()
         };
         build_opened(std::slice::from_ref(&self.input), &self.output(), &options, &Silent)

@@ -1,7 +1,7 @@
 //! What a tree is built from, and the view of it that sorting, jobs and subtrees share.
 
-use super::fit::Tolerance;
-use crate::backend::Leaf;
+use super::fit::MeshTolerance;
+use crate::backend::BatchLeaf;
 use crate::brick::{Brick, Samples, SignChanges, ThinFeatures, ThinLines};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
@@ -9,7 +9,7 @@ use crate::store::Refine;
 
 /// A field of winding numbers made of pieces. The pass over the input sorts the pieces into the cubes that
 /// they touch; a brick follows from those that touch it, and from nothing else.
-pub(super) trait Field: Sync {
+pub(super) trait PieceField: Sync {
     /// A compact record, copied to every job that needs it.
     type Piece: Copy + Send + Sync;
     /// Sums from which the corners of the bricks some levels below a node follow.
@@ -17,7 +17,7 @@ pub(super) trait Field: Sync {
     /// Working memory for evaluating bricks one after the other; one per thread.
     type Evaluator: Default;
     /// The samples of one brick, and what is known of them while its pieces are at hand.
-    type Evaluation<'a>: Evaluated
+    type Evaluation<'a>: BrickEvaluation
     where
         Self: 'a;
 
@@ -43,7 +43,7 @@ pub(super) trait Field: Sync {
 
     /// The value of all samples of `key`, at whatever level, if it is known without evaluating: no piece of
     /// the list has its surface there.
-    fn settled(&self, key: NodeKey, corner: i16, list: Pieces<'_, Self::Piece>) -> Option<i16>;
+    fn settled(&self, key: NodeKey, corner: i16, list: PieceList<'_, Self::Piece>) -> Option<i16>;
     /// Whether the field changes in a node that no piece touches, so that it has to be evaluated.
     fn is_restless(&self, _key: NodeKey) -> bool {
         false
@@ -59,23 +59,23 @@ pub(super) trait Field: Sync {
         _refine: Refine,
         _key: NodeKey,
         _corner: i16,
-        _list: Pieces<'_, Self::Piece>,
+        _list: PieceList<'_, Self::Piece>,
     ) -> Option<[i16; 8]> {
         None
     }
-    /// Whether walls that matter may hide between the samples of a level, so that [`Evaluated::thin`] is worth asking
+    /// Whether walls that matter may hide between the samples of a level, so that [`BrickEvaluation::thin`] is worth asking
     /// where it decides nothing.
     fn may_hide_walls(&self, _level: u8) -> bool {
         false
     }
     /// Evaluates the 33³ samples of `key` from the pieces that touch it and its corner: the sample (0, 0, 0), or
-    /// what [`Evaluated::corners`] of its parent gives in place of it.
+    /// what [`BrickEvaluation::corners`] of its parent gives in place of it.
     fn evaluate<'a>(
         &'a self,
         evaluator: &'a mut Self::Evaluator,
         key: NodeKey,
         corner: i16,
-        list: Pieces<'a, Self::Piece>,
+        list: PieceList<'a, Self::Piece>,
     ) -> Result<Self::Evaluation<'a>>;
 
     /// The brick of an evaluated node, and whether the boundary within it is near enough to the brick's mesh for the
@@ -83,22 +83,22 @@ pub(super) trait Field: Sync {
     fn fits(
         &self,
         _evaluator: &mut Self::Evaluator,
-        _tolerance: &Tolerance,
-        _node: Leaf<'_, Self::Piece>,
+        _tolerance: &MeshTolerance,
+        _node: BatchLeaf<'_, Self::Piece>,
         brick: Brick,
     ) -> Result<(Brick, bool)> {
         Ok((brick, false))
     }
 
     /// Tells which nodes are evaluated next.
-    fn foresee(&self, _evaluator: &mut Self::Evaluator, _nodes: &[Leaf<'_, Self::Piece>]) {}
+    fn foresee(&self, _evaluator: &mut Self::Evaluator, _nodes: &[BatchLeaf<'_, Self::Piece>]) {}
 
     /// Whether that is of use: a device does better with several.
     fn foresees(&self) -> bool {
         false
     }
 
-    /// Whether leaves are evaluated in batches, ahead of their turn: then [`Field::next_leaf`] gives them.
+    /// Whether leaves are evaluated in batches, ahead of their turn: then [`PieceField::next_leaf`] gives them.
     fn begin_leaves(&self, _evaluator: &mut Self::Evaluator) -> bool {
         false
     }
@@ -107,7 +107,7 @@ pub(super) trait Field: Sync {
     fn next_leaf(
         &self,
         _evaluator: &mut Self::Evaluator,
-        _leaves: &[Leaf<'_, Self::Piece>],
+        _leaves: &[BatchLeaf<'_, Self::Piece>],
     ) -> Result<(Brick, ThinFeatures)> {
         unreachable!("no leaves were begun")
     }
@@ -119,23 +119,23 @@ pub(super) trait Field: Sync {
 }
 
 /// Some pieces of an array, by index.
-pub(super) struct Pieces<'a, P> {
+pub(super) struct PieceList<'a, P> {
     /// All of them.
     pub array: &'a [P],
     /// Those meant.
     pub indices: &'a [u32],
 }
 
-impl<P> Clone for Pieces<'_, P> {
+impl<P> Clone for PieceList<'_, P> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<P> Copy for Pieces<'_, P> {}
+impl<P> Copy for PieceList<'_, P> {}
 
 /// What a brick's evaluation knows.
-pub(super) trait Evaluated {
+pub(super) trait BrickEvaluation {
     /// 33³ winding numbers.
     fn samples(&self) -> &Samples;
     /// The same, for good.

@@ -26,8 +26,8 @@ use crate::brick::Brick;
 use crate::contour::{Lone, LoneCells};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, Triangle};
-use cell::{Crowd, FACES_MAX, touches};
-use polygon::{Face, Polygon, dot};
+use cell::{CellFacets, FACES_MAX, touches};
+use polygon::{CellFacet, ConvexPolygon, dot};
 use std::cell::OnceCell;
 
 /// A tolerance counts as no more cells than this: what is half a cell apart may hide between samples.
@@ -42,7 +42,7 @@ const NOT_BEHIND: f64 = -1e-3;
 
 /// How far the mesh of a leaf above the depth limit may be from the boundary.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Tolerance {
+pub(super) struct MeshTolerance {
     root: RootCube,
     /// In the root's unit of length.
     length: f64,
@@ -56,9 +56,9 @@ struct Fit<'a> {
     tolerance: f64,
 }
 
-impl Tolerance {
-    pub fn new(length: f64, root: RootCube) -> Tolerance {
-        Tolerance { root, length }
+impl MeshTolerance {
+    pub fn new(length: f64, root: RootCube) -> MeshTolerance {
+        MeshTolerance { root, length }
     }
 
     /// The brick that a node gives, and whether the boundary within is near enough to its mesh. `triangles` are all that
@@ -96,14 +96,15 @@ impl Tolerance {
 
 impl Fit<'_> {
     fn holds<'t>(&self, key: NodeKey, triangles: impl Iterator<Item = &'t Triangle> + Clone) -> bool {
-        let facets = Facets { all: triangles.map(|t| Face::new(t, key)).collect(), ranks: OnceCell::new() };
+        let facets =
+            Facets { all: triangles.map(|t| CellFacet::new(t, key)).collect(), ranks: OnceCell::new() };
         let faces = &facets.all;
         // What is left to tell, with its cell first. Some of it is told at once, as most nodes that do not fit show it soon:
         // what lies outside, or next to a sign change, is mostly a part of the boundary.
         let mut left: Vec<(usize, u32)> = Vec::new();
         let mut told = 0;
         for (n, face) in faces.iter().enumerate() {
-            let may_fit = Polygon::triangle(face.corners).all_cells(|cell, part| {
+            let may_fit = ConvexPolygon::triangle(face.corners).all_cells(|cell, part| {
                 if self.is_near(face, cell, part) {
                     return true;
                 }
@@ -144,30 +145,30 @@ impl Fit<'_> {
         // Whatever the order of the triangles is.
         let (ranks, numbers) = (facets.ranks(), &mut crowd);
         numbers.sort_unstable_by_key(|&n| ranks[n as usize]);
-        let faces: Vec<Face> = numbers.iter().map(|&n| facets.all[n as usize]).collect();
-        let crowd = Crowd { brick: self.brick, cell, faces: &faces };
+        let faces: Vec<CellFacet> = numbers.iter().map(|&n| facets.all[n as usize]).collect();
+        let crowd = CellFacets { brick: self.brick, cell, faces: &faces };
         asked.all(|asked| {
             let Some(own) = numbers.iter().position(|&n| n == asked) else { return false };
             let face = &faces[own];
-            let part = Polygon::triangle(face.corners).within(cell);
+            let part = ConvexPolygon::triangle(face.corners).within(cell);
             crowd.all_boundary(own, &part, |piece| self.is_near(face, cell, piece))
         })
     }
 
     /// Whether a part of a facet in a cell is near the mesh.
-    fn is_near(&self, face: &Face, cell: [usize; 3], part: &Polygon) -> bool {
+    fn is_near(&self, face: &CellFacet, cell: [usize; 3], part: &ConvexPolygon) -> bool {
         self.is_seen(face, cell) || self.reaches_little(face, cell, part)
     }
 
     /// Whether the facet passes the vertex of a cell within the tolerance, and faces as one of the cell's crossings.
-    fn is_seen(&self, face: &Face, cell: [usize; 3]) -> bool {
+    fn is_seen(&self, face: &CellFacet, cell: [usize; 3]) -> bool {
         let Some((vertex, planes)) = self.cells.at(cell) else { return false };
         face.height(vertex).abs() <= self.tolerance
             && planes.iter().any(|(_, normal)| dot(*normal, face.normal) >= FACING)
     }
 
     /// Whether a part comes only so far out of a plane of the cell, or a cell around, or the node.
-    fn reaches_little(&self, face: &Face, cell: [usize; 3], part: &Polygon) -> bool {
+    fn reaches_little(&self, face: &CellFacet, cell: [usize; 3], part: &ConvexPolygon) -> bool {
         let near = |height: f64| height.abs() <= self.tolerance;
         if let Some((vertex, planes)) = self.cells.at(cell)
             && planes.iter().any(|(at, normal)| {
@@ -198,7 +199,7 @@ impl Fit<'_> {
     /// Whether a part with this range along an axis reaches so little into the node, into a cell without a sign change, and
     /// faces as what comes in there does: inward if the cell is outside. What else of a small body there is faces so for the
     /// node on the other side, which is divided.
-    fn leaves_node(&self, face: &Face, cell: [usize; 3], axis: usize, (low, high): (f64, f64)) -> bool {
+    fn leaves_node(&self, face: &CellFacet, cell: [usize; 3], axis: usize, (low, high): (f64, f64)) -> bool {
         let last = BRICK_CELLS as f64;
         let from_below = low == 0.0 && high <= self.tolerance;
         let from_above = high == last && last - low <= self.tolerance;
@@ -211,7 +212,7 @@ impl Fit<'_> {
 
 /// The facets that touch a node.
 struct Facets {
-    all: Vec<Face>,
+    all: Vec<CellFacet>,
     /// See [`Facets::ranks`].
     ranks: OnceCell<Vec<u32>>,
 }
@@ -238,7 +239,7 @@ struct Lists {
 
 impl Lists {
     /// Of the cells that come in `asked`, in order.
-    fn new(faces: &[Face], asked: &[(usize, u32)]) -> Lists {
+    fn new(faces: &[CellFacet], asked: &[(usize, u32)]) -> Lists {
         let mut lists = Lists { ends: vec![0], faces: Vec::new() };
         if asked.is_empty() {
             return lists;
@@ -279,7 +280,7 @@ fn index_of([i, j, k]: [usize; 3]) -> usize {
 }
 
 /// An order of facets in which only equal ones are equal.
-fn compare(a: &Face, b: &Face) -> std::cmp::Ordering {
+fn compare(a: &CellFacet, b: &CellFacet) -> std::cmp::Ordering {
     let pairs = a.corners.as_flattened().iter().zip(b.corners.as_flattened());
     pairs.map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
 }

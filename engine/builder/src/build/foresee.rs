@@ -33,7 +33,7 @@ const LARGE_BYTES: f64 = 1e9;
 const PLAUSIBLE: (f64, f64) = (1.0, 1e5);
 
 /// What the pieces of a build are, as far as it tells how many bricks they touch.
-pub(super) enum Foreseen<'a> {
+pub(super) enum ForecastInput<'a> {
     /// Beads as solids, with their sizes.
     Beads(&'a [&'a Toolpath], Option<BeadSizes>),
     /// Triangles.
@@ -45,7 +45,7 @@ pub(super) enum Foreseen<'a> {
 /// # Errors
 /// [`Error::Setting`] if it is more than the disk has free, or than anybody waits for, with the nearest cell that is not.
 pub(super) fn foresee(
-    pieces: &Foreseen<'_>,
+    pieces: &ForecastInput<'_>,
     (root, depth): (RootCube, u8),
     (min, max): ([f64; 3], [f64; 3]),
     output: &Path,
@@ -59,7 +59,7 @@ pub(super) fn foresee(
     let limits = Limits::of(output, options);
     let (cell, unit) = (root.spacing(depth), &options.unit);
     match pieces {
-        Foreseen::Beads(paths, sizes) => {
+        ForecastInput::Beads(paths, sizes) => {
             if let Some(text) = sizes.as_ref().and_then(|sizes| coarse(cell, sizes)) {
                 progress.warn(&text);
             }
@@ -68,7 +68,7 @@ pub(super) fn foresee(
             progress.note(&expected.text(cell, unit));
             limits.require(&expected, &cost, (root, depth), unit)
         }
-        Foreseen::Facets(inputs) => {
+        ForecastInput::Facets(inputs) => {
             let follows =
                 options.refine == Refine::Hidden && options.stddev == 0.0 && options.tolerance == 0.0;
             let all = Cost::of(bricks_of_box(size, root, depth), options);

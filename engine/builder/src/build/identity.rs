@@ -4,7 +4,7 @@
 //! because it costs a few per cent of one.
 
 use super::bins::Binner;
-use super::field::Field;
+use super::field::PieceField;
 use crate::brick::Count;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 const JOB_LEVEL: u8 = 4;
 
 /// The nodes that get lists: the leaves, and in a share those that may become leaves when shares are joined.
-pub(super) struct Leaves<'a> {
+pub(super) struct ListedNodes<'a> {
     /// Of the tree, in key order, and which of them are leaves.
     nodes: Vec<(NodeKey, bool)>,
     share: Option<&'a Share>,
@@ -40,14 +40,14 @@ enum Role {
     Elsewhere,
 }
 
-impl Leaves<'_> {
+impl ListedNodes<'_> {
     /// Of the nodes of a store, in key order, or of a share of one.
-    pub fn of(nodes: Vec<(NodeKey, bool)>, share: Option<&Share>) -> Leaves<'_> {
+    pub fn of(nodes: Vec<(NodeKey, bool)>, share: Option<&Share>) -> ListedNodes<'_> {
         let mut alike: Vec<NodeKey> = share.map_or(Vec::new(), |share| {
             (0..share.level).flat_map(|level| nodes_that_are_alike(share, level)).collect()
         });
         alike.sort_unstable();
-        Leaves { nodes, share, alike }
+        ListedNodes { nodes, share, alike }
     }
 
     fn role(&self, key: NodeKey) -> Role {
@@ -87,14 +87,14 @@ fn nodes_that_are_alike(share: &Share, level: u8) -> impl Iterator<Item = NodeKe
 }
 
 /// What lists name.
-pub(super) struct Named<'a> {
+pub(super) struct ListSources<'a> {
     pub solids: &'a Solids,
     pub paths: &'a [&'a Toolpath],
     /// With passes a list names the lines of its segments, too.
     pub count: Count,
 }
 
-impl Named<'_> {
+impl ListSources<'_> {
     /// The line of each segment, of all toolpaths.
     fn lines(&self) -> impl Iterator<Item = u64> {
         self.paths.iter().copied().flat_map(|path| {
@@ -117,13 +117,13 @@ struct Touched {
 
 /// Appends to the store, for each of its leaves, the list of the segments that touch it.
 pub(super) fn write_identity(
-    named: &Named<'_>,
+    named: &ListSources<'_>,
     segments: Vec<Segment>,
-    leaves: &Leaves<'_>,
+    leaves: &ListedNodes<'_>,
     writer: &mut StoreWriter,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let Named { solids, count, .. } = *named;
+    let ListSources { solids, count, .. } = *named;
     let is_solid = |segment: &Segment| !solids.is_void(segment);
     let lines = match count {
         Count::Passes => {
@@ -166,7 +166,7 @@ pub(super) fn write_identity(
 }
 
 /// A node's children that segments touch, if it has any.
-fn divide(solids: &Solids, node: Touched, leaves: &Leaves<'_>) -> Vec<Touched> {
+fn divide(solids: &Solids, node: Touched, leaves: &ListedNodes<'_>) -> Vec<Touched> {
     match leaves.role(node.key) {
         _ if node.only_listed => vec![node],
         Role::Leaf => vec![node],
@@ -202,7 +202,7 @@ struct Lists {
 }
 
 impl Lists {
-    fn add(&mut self, (solids, count): (&Solids, Count), node: &Touched, leaves: &Leaves<'_>) {
+    fn add(&mut self, (solids, count): (&Solids, Count), node: &Touched, leaves: &ListedNodes<'_>) {
         let role = if node.only_listed { Role::Leaf } else { leaves.role(node.key) };
         if matches!(role, Role::Leaf | Role::Perhaps) {
             let lines = node.lines.iter().copied().chain(std::iter::repeat(0));

@@ -2,8 +2,8 @@
 
 use super::bins::Binner;
 use super::branches::follow_pieces;
-use super::decide::{Decided, Undecided};
-use super::field::Field;
+use super::decide::{NodeDecision, NodePieces};
+use super::field::PieceField;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
 use super::subtree::SubtreeBuilder;
@@ -38,7 +38,7 @@ pub(super) fn sort_cubes(rules: &Rules) -> Binner {
 
 /// What of a tree is to be built.
 #[derive(Clone, Copy)]
-pub(super) struct Plan<'a> {
+pub(super) struct BuildPlan<'a> {
     pub rules: &'a Rules,
     /// If it is not the whole tree.
     pub share: Option<&'a Share>,
@@ -48,7 +48,7 @@ pub(super) struct Plan<'a> {
     pub thin: &'a Mutex<ThinFeatures>,
 }
 
-impl Plan<'_> {
+impl BuildPlan<'_> {
     /// Adds what hides in a leaf.
     pub fn add_thin(&self, thin: &ThinFeatures) {
         if !thin.is_empty() {
@@ -64,19 +64,19 @@ impl Plan<'_> {
 }
 
 /// What gets the records of one job after the other; returns how many bytes it keeps for good, as an index.
-pub(super) type Consume<'a> = dyn FnMut(Records) -> Result<u64> + Send + 'a;
+pub(super) type RecordSink<'a> = dyn FnMut(Records) -> Result<u64> + Send + 'a;
 
 /// Builds the tree of a field, the whole or a share. `consume` gets the records of one job after the
 /// other in Morton order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it
 /// keeps for good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of
 /// a share of such a tree, which has no nodes above its jobs.
-pub(super) fn build_tree<F: Field>(
+pub(super) fn build_tree<F: PieceField>(
     field: &F,
     sorted: SortedPieces<F>,
-    plan: Plan<'_>,
+    plan: BuildPlan<'_>,
     memory: u64,
     progress: &dyn Progress,
-    consume: &mut Consume<'_>,
+    consume: &mut RecordSink<'_>,
 ) -> Result<Vec<(u64, i16)>> {
     let (top, empty) = if plan.rules.refines_all_touched() {
         follow_pieces(field, sorted, plan, memory, progress, consume)?
@@ -89,42 +89,42 @@ pub(super) fn build_tree<F: Field>(
 
 /// Levels above the jobs are evaluated breadth-first; the nodes that refine down to the job level are jobs. For a share
 /// this is done of all nodes that it has a part in, and recorded of those that it owns.
-fn decide_from_the_top<F: Field>(
+fn decide_from_the_top<F: PieceField>(
     field: &F,
     sorted: SortedPieces<F>,
-    plan: Plan<'_>,
+    plan: BuildPlan<'_>,
     progress: &dyn Progress,
-    consume: &mut Consume<'_>,
+    consume: &mut RecordSink<'_>,
 ) -> Result<Records> {
-    let Plan { rules, share, .. } = plan;
+    let BuildPlan { rules, share, .. } = plan;
     let meets = |key: NodeKey| share.is_none_or(|share| share.meets(key));
     let owns = |key: NodeKey| share.is_none_or(|share| share.owns(key));
     let mut all = Vec::new();
     sorted.gather(0, &mut all)?;
     drop(sorted);
-    let mut frontier = vec![Undecided { key: NodeKey::ROOT, corner: 0, pieces: all }];
+    let mut frontier = vec![NodePieces { key: NodeKey::ROOT, corner: 0, pieces: all }];
     frontier.retain(|job| meets(job.key));
     let mut settled: Vec<(NodeKey, bool, Brick)> = Vec::new();
     let mut unseen = Vec::new();
     while frontier.first().is_some_and(|job| job.key.level() < job_level(rules)) {
         // A share, which lacks some of the children, evaluates what the whole joins; that gives the same samples.
-        let decide = |evaluator: &mut F::Evaluator, node: Undecided<F::Piece>| {
+        let decide = |evaluator: &mut F::Evaluator, node: NodePieces<F::Piece>| {
             Ok((node.key, node.decide(field, evaluator, rules, share.is_none())?))
         };
-        let decided: Vec<(NodeKey, Decided<F::Piece>)> =
+        let decided: Vec<(NodeKey, NodeDecision<F::Piece>)> =
             frontier.into_par_iter().map_init(F::Evaluator::default, decide).collect::<Result<_>>()?;
         progress.check()?;
         frontier = Vec::new();
         for (key, decided) in decided {
             let brick = match decided {
-                Decided::Empty(w) => Some((true, Brick::Uniform(w))),
-                Decided::Leaf(brick, thin) => {
+                NodeDecision::Empty(w) => Some((true, Brick::Uniform(w))),
+                NodeDecision::Leaf(brick, thin) => {
                     if let Some(thin) = thin.filter(|_| owns(key)) {
                         plan.add_thin(&thin);
                     }
                     Some((true, brick))
                 }
-                Decided::Refined(samples, children) => {
+                NodeDecision::Refined(samples, children) => {
                     frontier.extend(children.into_iter().filter(|job| meets(job.key)));
                     samples.map(|samples| (false, interior(samples)))
                 }
@@ -172,7 +172,7 @@ fn join_unseen(
 
 /// Of so many jobs those that are built together where a field foresees: the children of eight nodes are a batch of a
 /// device's, 64 leaves are one, too. Every thread gets some.
-fn jobs_together<F: Field>(field: &F, rules: &Rules, jobs: usize) -> usize {
+fn jobs_together<F: PieceField>(field: &F, rules: &Rules, jobs: usize) -> usize {
     let batch = match field.foresees() {
         false => 1,
         true if job_level(rules) >= rules.depth => 64,
@@ -182,22 +182,22 @@ fn jobs_together<F: Field>(field: &F, rules: &Rules, jobs: usize) -> usize {
 }
 
 /// Runs the jobs on all threads and returns their top nodes.
-fn run_jobs<F: Field>(
+fn run_jobs<F: PieceField>(
     field: &F,
-    jobs: &[Undecided<F::Piece>],
-    plan: Plan<'_>,
+    jobs: &[NodePieces<F::Piece>],
+    plan: BuildPlan<'_>,
     progress: &dyn Progress,
-    consume: &mut Consume<'_>,
+    consume: &mut RecordSink<'_>,
 ) -> Result<Vec<JoinedNode>> {
     let done = Mutex::new(Vec::with_capacity(jobs.len()));
     let local = || SubtreeBuilder::<F>::new(field, plan, progress);
-    let groups: Vec<&[Undecided<F::Piece>]> =
+    let groups: Vec<&[NodePieces<F::Piece>]> =
         jobs.chunks(jobs_together(field, plan.rules, jobs.len())).collect();
     let work = |builder: &mut SubtreeBuilder<F>, number: usize| {
         let kept: Vec<Option<JoinedNode>> =
             groups[number].iter().map(|job| plan.built(job.key)).collect::<Result<_>>()?;
         let left = groups[number].iter().zip(&kept).filter(|(_, kept)| kept.is_none());
-        let tops: Vec<&Undecided<F::Piece>> = left.map(|(job, _)| job).collect();
+        let tops: Vec<&NodePieces<F::Piece>> = left.map(|(job, _)| job).collect();
         let mut built = builder.build_deciding(&tops)?.into_iter();
         let node = |kept: Option<JoinedNode>| match kept {
             Some(node) => (node, Records::new(plan.rules.compression)),

@@ -1,10 +1,10 @@
 //! Small trees in memory, without a store.
 
 use super::cloud;
-use super::field::Field;
-use super::jobs::{Plan, build_tree, sort_cubes};
+use super::field::PieceField;
+use super::jobs::{BuildPlan, build_tree, sort_cubes};
 use super::open::OpenSoup;
-use super::resources::Room;
+use super::resources::SpillResources;
 use super::rules::{OPEN, POINTS, Rules, SOLIDS, TreeOptions, require_no_tolerance};
 use super::snap::snap;
 use super::solids::sort_segments;
@@ -88,7 +88,7 @@ pub(super) fn build_any_in_memory(
 ) -> Result<MemoryTree> {
     let rules = Rules::new(options, root)?;
     let cubes = sort_cubes(&rules);
-    let soup = snap(sources, root, (cubes, rules.sieved()), &Room::unbounded(), &Silent)?;
+    let soup = snap(sources, root, (cubes, rules.sieved()), &SpillResources::unbounded(), &Silent)?;
     if soup.balance.is_closed() {
         return tree_of(&Soup::CPU, soup.sorted, &rules, root);
     }
@@ -101,14 +101,15 @@ pub(super) fn build_any_in_memory(
 }
 
 pub(super) fn build_with(sources: &[&dyn Facets], root: RootCube, rules: &Rules) -> Result<MemoryTree> {
-    let soup = snap(sources, root, (sort_cubes(rules), rules.sieved()), &Room::unbounded(), &Silent)?;
+    let soup =
+        snap(sources, root, (sort_cubes(rules), rules.sieved()), &SpillResources::unbounded(), &Silent)?;
     if !soup.balance.is_closed() {
         return Err(Error::setting("the soup has open edges", "close it"));
     }
     tree_of(&Soup::CPU, soup.sorted, rules, root)
 }
 
-fn tree_of<F: Field>(
+fn tree_of<F: PieceField>(
     field: &F,
     sorted: SortedPieces<F>,
     rules: &Rules,
@@ -119,7 +120,7 @@ fn tree_of<F: Field>(
     build_tree(
         field,
         sorted,
-        Plan { rules, share: None, kept: None, thin: &Mutex::default() },
+        BuildPlan { rules, share: None, kept: None, thin: &Mutex::default() },
         u64::MAX,
         &Silent,
         &mut |records: Records| {

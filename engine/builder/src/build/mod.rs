@@ -49,9 +49,9 @@ pub use in_memory::{TreeInMemory, build_clouds_in_memory, build_inputs_in_memory
 pub use measure::{Measures, measure};
 pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
 pub use merge::{MergeSummary, merge};
-pub use pipeline::{BuildOptions, Keeping, Resolution, build, build_opened};
+pub use pipeline::{BuildOptions, CommitOptions, Resolution, build, build_opened};
 pub use resources::Resources;
 pub use rules::TreeOptions;
-pub use summary::{Resumed, ShareSummary, Summary};
+pub use summary::{BuildSummary, ResumedBuild, ShareSummary};
 pub use thin::{ThinDepth, ThinSheetsSummary, ThinSummary};
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

@@ -1,6 +1,6 @@
 //! What is taken off the counts of an open soup, and how its nodes are refined.
 
-use super::field::Pieces;
+use super::field::PieceList;
 use super::subtree::corner_at;
 use crate::backend::{DeviceShares, ShareQueue, Vulkan};
 use crate::brick::Samples;
@@ -10,7 +10,7 @@ use crate::lattice::{NodeKey, RootCube, Triangle};
 use crate::progress::Progress;
 use crate::store::Refine;
 use crate::winding::{
-    CornerGrid, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenEvaluator, OpenField, OpenPart, Triangles,
+    CornerGrid, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenEvaluator, OpenField, OpenPart, TriangleList,
 };
 
 /// The sum over the caps of an open soup, and what evaluates it.
@@ -78,7 +78,7 @@ impl OpenSoup {
     }
 
     /// Whether some triangles are not caps alone.
-    pub fn has_facet(&self, list: Triangles<'_>) -> bool {
+    pub fn has_facet(&self, list: TriangleList<'_>) -> bool {
         list.indices.iter().any(|&i| !self.field.is_cap(&list.array[i as usize]))
     }
 
@@ -118,7 +118,7 @@ pub(super) fn refined_unseen(
     refine: Refine,
     key: NodeKey,
     corner: i16,
-    list: Pieces<'_, Triangle>,
+    list: PieceList<'_, Triangle>,
 ) -> Option<[i16; 8]> {
     let pieces = || list.indices.iter().map(|&i| &list.array[i as usize]);
     if refine != Refine::Hidden || pieces().all(|t| open.field.is_cap(t)) {

@@ -15,7 +15,7 @@ const EXTENT_BYTES: usize = 1 << 20;
 
 /// Some triangles of one cube, packed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Extent {
+pub(super) struct FileExtent {
     pub cell: u32,
     /// Triangles.
     pub count: u32,
@@ -25,7 +25,7 @@ pub(super) struct Extent {
     crc: u32,
 }
 
-impl Extent {
+impl FileExtent {
     fn of<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
         &bytes[self.offset as usize..][..self.length as usize]
     }
@@ -33,7 +33,7 @@ impl Extent {
 
 /// A run of triangles, packed cube by cube in one piece of memory.
 pub(super) struct PackedRun {
-    extents: Vec<Extent>,
+    extents: Vec<FileExtent>,
     bytes: Vec<u8>,
 }
 
@@ -46,7 +46,7 @@ impl PackedRun {
             let (offset, count) = (bytes.len() as u64, triangles.len() as u32);
             pack(triangles, &mut bytes);
             let length = (bytes.len() as u64 - offset) as u32;
-            extents.push(Extent { cell: cell as u32, count, offset, length, crc: 0 });
+            extents.push(FileExtent { cell: cell as u32, count, offset, length, crc: 0 });
         }
         // They stay, and there are thousands of them.
         extents.shrink_to_fit();
@@ -64,7 +64,7 @@ impl PackedRun {
 ///
 /// # Errors
 /// If the file cannot be written.
-pub(super) fn spill(runs: &[PackedRun], file: &TempFile, extents: &mut Vec<Extent>) -> Result<()> {
+pub(super) fn spill(runs: &[PackedRun], file: &TempFile, extents: &mut Vec<FileExtent>) -> Result<()> {
     let parts = |(number, run): (usize, &PackedRun)| {
         let of_run = run.extents.iter().enumerate();
         of_run.map(move |(n, extent)| (extent.cell, number as u32, n as u32)).collect::<Vec<_>>()
@@ -81,7 +81,7 @@ pub(super) fn spill(runs: &[PackedRun], file: &TempFile, extents: &mut Vec<Exten
                 last.count += part.count;
                 last.length += part.length;
             }
-            _ => extents.push(Extent { offset: buffer.len() as u64, ..*part }),
+            _ => extents.push(FileExtent { offset: buffer.len() as u64, ..*part }),
         }
         buffer.extend_from_slice(part.of(&run.bytes));
         if buffer.len() >= WRITE_BYTES || at + 1 == order.len() {
@@ -101,7 +101,7 @@ pub(super) struct PackedCells {
     runs: Vec<PackedRun>,
     file: Arc<TempFile>,
     /// By cube, each with the number of the run that holds it, or [`IN_FILE`].
-    extents: Vec<(Extent, u32)>,
+    extents: Vec<(FileExtent, u32)>,
     /// Where the extents of each cube begin, and the number of all at the end.
     starts: Vec<u32>,
 }
@@ -110,8 +110,14 @@ const IN_FILE: u32 = u32::MAX;
 
 impl PackedCells {
     /// Of `cells` cubes, from runs in memory and from extents in the file.
-    pub fn new(cells: usize, runs: Vec<PackedRun>, spilled: Vec<Extent>, file: Arc<TempFile>) -> PackedCells {
-        let mut extents: Vec<(Extent, u32)> = spilled.into_iter().map(|extent| (extent, IN_FILE)).collect();
+    pub fn new(
+        cells: usize,
+        runs: Vec<PackedRun>,
+        spilled: Vec<FileExtent>,
+        file: Arc<TempFile>,
+    ) -> PackedCells {
+        let mut extents: Vec<(FileExtent, u32)> =
+            spilled.into_iter().map(|extent| (extent, IN_FILE)).collect();
         for (number, run) in runs.iter().enumerate() {
             extents.extend(run.extents.iter().map(|&extent| (extent, number as u32)));
         }
@@ -133,7 +139,7 @@ impl PackedCells {
         &self.file
     }
 
-    fn extents_of(&self, cell: usize) -> &[(Extent, u32)] {
+    fn extents_of(&self, cell: usize) -> &[(FileExtent, u32)] {
         &self.extents[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 

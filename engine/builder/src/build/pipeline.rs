@@ -4,20 +4,20 @@ use super::again::without_wrong_device;
 use super::bins::Binner;
 use super::clock::Clock;
 use super::cut::cut;
-use super::field::Field;
-use super::foresee::{Foreseen, foresee};
-use super::jobs::{Plan, build_tree, job_level, sort_cubes};
+use super::field::PieceField;
+use super::foresee::{ForecastInput, foresee};
+use super::jobs::{BuildPlan, build_tree, job_level, sort_cubes};
 use super::open::OpenSoup;
 use super::orient;
-use super::resources::{Resources, Room};
+use super::resources::{Resources, SpillResources};
 use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
 use super::sorted::SortedPieces;
 use super::soup::Soup;
-use super::summary::{Resumed, ShareSummary, Summary};
+use super::summary::{BuildSummary, ResumedBuild, ShareSummary};
 use super::thin::{ThinDepth, ThinSummary};
 use super::toolpaths::{bead_sources, build_beads};
-use super::weigh::{Work, weigh_soup};
+use super::weigh::{CostMap, weigh_soup};
 use crate::brick::{Count, ThinFeatures};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
@@ -85,7 +85,7 @@ pub struct BuildOptions {
     /// What the build may take.
     pub resources: Resources,
     /// What is kept if it is interrupted.
-    pub keeping: Keeping,
+    pub keeping: CommitOptions,
     /// Length unit of the input, recorded in the store.
     pub unit: String,
     /// Program name and version, recorded in the store.
@@ -110,7 +110,7 @@ impl Default for BuildOptions {
             share: None,
             compression: Compression::Lz4,
             resources: Resources::default(),
-            keeping: Keeping::default(),
+            keeping: CommitOptions::default(),
             unit: "mm".to_owned(),
             program: concat!("brickfield-engine ", env!("CARGO_PKG_VERSION")).to_owned(),
         }
@@ -119,7 +119,7 @@ impl Default for BuildOptions {
 
 /// How a build is kept from being lost: it commits now and then what it has, and the same build goes on from there.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Keeping {
+pub struct CommitOptions {
     /// Time between two commits: what a crash may cost, beside the pass over the input.
     pub pace: Duration,
     /// Give up what an earlier run has left.
@@ -129,9 +129,9 @@ pub struct Keeping {
     pub settings: SettingPairs,
 }
 
-impl Default for Keeping {
+impl Default for CommitOptions {
     fn default() -> Self {
-        Keeping { pace: Duration::from_secs(10), restart: false, settings: SettingPairs::new() }
+        CommitOptions { pace: Duration::from_secs(10), restart: false, settings: SettingPairs::new() }
     }
 }
 
@@ -148,7 +148,7 @@ pub fn build(
     output: &Path,
     options: &BuildOptions,
     progress: &dyn Progress,
-) -> Result<Summary> {
+) -> Result<BuildSummary> {
     let opened: Vec<Input> = inputs.iter().map(|path| Input::open(path, progress)).collect::<Result<_>>()?;
     build_opened(&opened, output, options, progress)
 }
@@ -162,7 +162,7 @@ pub fn build_opened(
     output: &Path,
     options: &BuildOptions,
     progress: &dyn Progress,
-) -> Result<Summary> {
+) -> Result<BuildSummary> {
     if let Some(outline) = options.solids {
         return build_beads(&bead_sources(opened)?, (outline, options.count), output, options, progress);
     }
@@ -175,13 +175,13 @@ fn build_soup(
     output: &Path,
     options: &BuildOptions,
     progress: &dyn Progress,
-) -> Result<Summary> {
+) -> Result<BuildSummary> {
     let mut clock = Clock::default();
     check_target(output)?;
     let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
     let (min, max) = Survey::bounds_of_all(&surveys);
     let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
-    foresee(&Foreseen::Facets(opened), (root, depth), (min, max), output, options, progress)?;
+    foresee(&ForecastInput::Facets(opened), (root, depth), (min, max), output, options, progress)?;
     let sources =
         opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
     let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
@@ -237,7 +237,7 @@ fn build_soup(
     let inside_out = task.find_inside_out(&soups, progress)?;
     clock.lap_if(inside_out.is_some(), "pieces");
     let summary = task.finish(clock, progress)?;
-    Ok(Summary {
+    Ok(BuildSummary {
         pieces: turned.map(|(report, _)| report),
         inside_out,
         turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
@@ -266,13 +266,13 @@ pub(super) struct Task {
     pub meta: Meta,
     pub writer: StoreWriter,
     /// Memory and temporary file.
-    pub room: Room,
+    pub room: SpillResources,
     /// What hides between the samples of the leaves that were built.
     thin: Mutex<ThinFeatures>,
     /// The part of all work that was foreseen for the share, if only one is asked for.
     work: f64,
     /// What was there when it began.
-    resumed: Option<Resumed>,
+    resumed: Option<ResumedBuild>,
 }
 
 impl Task {
@@ -319,8 +319,8 @@ impl Task {
                 found: ShareNumbers::default(),
             }),
         };
-        let room = Room::new(&options.resources, output)?;
-        let Keeping { pace, restart, settings } = options.keeping.clone();
+        let room = SpillResources::new(&options.resources, output)?;
+        let CommitOptions { pace, restart, settings } = options.keeping.clone();
         let of_build = [
             ("made by", "build".to_owned()),
             ("error of samples", options.gwn_error.to_string()),
@@ -329,13 +329,14 @@ impl Task {
         ];
         let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
         let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
-        let resumed = writer.kept().map(|kept| Resumed { nodes: kept.nodes(), part: kept.part_of_curve() });
+        let resumed =
+            writer.kept().map(|kept| ResumedBuild { nodes: kept.nodes(), part: kept.part_of_curve() });
         Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0, resumed })
     }
 
     /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
     /// tree's depth.
-    pub fn cut(&mut self, weigh: impl FnOnce((u8, u8)) -> Result<Work>) -> Result<()> {
+    pub fn cut(&mut self, weigh: impl FnOnce((u8, u8)) -> Result<CostMap>) -> Result<()> {
         let Some(share) = &mut self.meta.share else { return Ok(()) };
         let work = weigh((share.level, self.rules.depth))?;
         let of_cubes = work.of_cubes();
@@ -357,13 +358,13 @@ impl Task {
     }
 
     /// Builds the tree.
-    pub fn build<F: Field>(
+    pub fn build<F: PieceField>(
         &mut self,
         field: &F,
         sorted: SortedPieces<F>,
         progress: &dyn Progress,
     ) -> Result<()> {
-        if let Some(Resumed { nodes, part }) = &self.resumed {
+        if let Some(ResumedBuild { nodes, part }) = &self.resumed {
             let percent = 100.0 * part;
             progress.note(&format!(
                 "going on from {nodes} nodes of an earlier run, about {percent:.0}% of the tree"
@@ -371,7 +372,7 @@ impl Task {
         }
         let kept = self.writer.kept();
         let share = self.meta.share.as_ref();
-        let plan = Plan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
+        let plan = BuildPlan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
         let (writer, index) = (&mut self.writer, self.room.index());
         let mut record = |bricks: Records| {
             let bytes = bricks.write(writer)?;
@@ -419,7 +420,7 @@ impl Task {
     }
 
     /// Completes the store.
-    pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<Summary> {
+    pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<BuildSummary> {
         progress.phase("finishing", None, "bytes");
         let Meta { root, depth, numbers: BuildCounts { facets, degenerate_facets, .. }, .. } = self.meta;
         let share = self.meta.share.as_ref().map(|share| ShareSummary {
@@ -432,7 +433,7 @@ impl Task {
         let thin = (!thin.is_empty()).then(|| ThinSummary::new(&thin, root, depth));
         let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
         clock.lap("finish");
-        Ok(Summary {
+        Ok(BuildSummary {
             facets,
             segments: 0,
             degenerate_facets,

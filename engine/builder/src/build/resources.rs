@@ -31,28 +31,28 @@ impl Default for Resources {
 }
 
 /// [`Resources`] with a place.
-pub(super) struct Room {
+pub(super) struct SpillResources {
     memory: u64,
     index: u64,
     file: Arc<TempFile>,
 }
 
-impl Room {
+impl SpillResources {
     /// For building `output`.
     ///
     /// # Errors
     /// If the folder for temporary files is none.
-    pub fn new(resources: &Resources, output: &Path) -> Result<Room> {
+    pub fn new(resources: &Resources, output: &Path) -> Result<SpillResources> {
         let folder = resources.temp_dir.as_deref().unwrap_or(directory_of(output));
         require_folder(folder)?;
         let Resources { memory, index, .. } = *resources;
-        Ok(Room { memory, index, file: Arc::new(TempFile::new(folder)) })
+        Ok(SpillResources { memory, index, file: Arc::new(TempFile::new(folder)) })
     }
 
     /// Without bound.
-    pub fn unbounded() -> Room {
+    pub fn unbounded() -> SpillResources {
         let file = Arc::new(TempFile::new(&std::env::temp_dir()));
-        Room { memory: u64::MAX, index: u64::MAX, file }
+        SpillResources { memory: u64::MAX, index: u64::MAX, file }
     }
 
     /// Bytes for everything.

@@ -1,7 +1,7 @@
 //! When a node of the tree is kept as a leaf.
 
-use super::field::{Evaluated, Field, Fractions};
-use super::fit::Tolerance;
+use super::field::{BrickEvaluation, Fractions, PieceField};
+use super::fit::MeshTolerance;
 use crate::brick::{Samples, SignChanges, ThinFeatures, ThinLines};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, RootCube};
@@ -32,7 +32,7 @@ pub(super) struct Rules {
     pub refine: Refine,
     pub stddev: f64,
     /// How far the boundary may be from the mesh of a leaf above the depth limit.
-    pub tolerance: Option<Tolerance>,
+    pub tolerance: Option<MeshTolerance>,
     /// How payloads are stored; `None` for a tree in memory.
     pub compression: Option<Compression>,
     /// Evaluate every node from its pieces even where its children would give its samples: for fields that
@@ -98,7 +98,7 @@ impl Rules {
                 "leave it out, or the standard deviation and another criterion than hidden",
             ));
         }
-        let tolerance = (tolerance > 0.0).then(|| Tolerance::new(tolerance, root));
+        let tolerance = (tolerance > 0.0).then(|| MeshTolerance::new(tolerance, root));
         let (base, refine) = match refine {
             Refine::Thin { base } => (base, Refine::Hidden),
             refine => (depth, refine),
@@ -123,11 +123,11 @@ impl Rules {
     }
 
     /// What hides in a leaf of a level, or in a node that is to be one, where that matters.
-    pub fn thin_of<F: Field>(
+    pub fn thin_of<F: PieceField>(
         &self,
         field: &F,
         level: u8,
-        evaluation: &mut impl Evaluated,
+        evaluation: &mut impl BrickEvaluation,
     ) -> Result<ThinFeatures> {
         if (self.depth..self.deepest).contains(&level) {
             evaluation.thin(ThinLines::All)
@@ -140,7 +140,7 @@ impl Rules {
 
     /// Whether a node at [`Rules::depth`] or below is divided for what is thin in it: what hides, and what has samples that
     /// meet at corners only.
-    pub fn divides_thin(&self, level: u8, thin: &ThinFeatures, evaluation: &impl Evaluated) -> bool {
+    pub fn divides_thin(&self, level: u8, thin: &ThinFeatures, evaluation: &impl BrickEvaluation) -> bool {
         level < self.deepest && (!thin.is_empty() || evaluation.has_ambiguous_face())
     }
 
@@ -151,7 +151,7 @@ impl Rules {
     }
 
     /// Whether a touched node above the depth limit is kept as a leaf.
-    pub fn keeps(&self, evaluation: &mut impl Evaluated) -> bool {
+    pub fn keeps(&self, evaluation: &mut impl BrickEvaluation) -> bool {
         if let Some(fractions) = evaluation.fractions() {
             return self.keeps_fractions(evaluation, fractions);
         }
@@ -170,7 +170,7 @@ impl Rules {
     }
 
     /// Whether a node of a field that changes everywhere is kept.
-    fn keeps_fractions(&self, evaluation: &mut impl Evaluated, fractions: Fractions) -> bool {
+    fn keeps_fractions(&self, evaluation: &mut impl BrickEvaluation, fractions: Fractions) -> bool {
         // Samples are counted in quanta.
         let quanta = Rules { stddev: self.stddev * f64::from(1u32 << fractions.bits), ..*self };
         let varies_little = quanta.varies_little(scaled_variance(evaluation.samples()));

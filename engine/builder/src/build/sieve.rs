@@ -16,17 +16,17 @@ const LEVEL_MAX: u8 = 8;
 const LINES_MAX: i32 = 4;
 
 /// Decides which triangles of a soup are kept; one per thread.
-pub(super) struct Sieve {
+pub(super) struct FacetFilter {
     lattice: Spacing,
     /// The deepest bricks in which a triangle was kept for all that lie between lines there, as bits.
     told: Vec<u64>,
 }
 
-impl Sieve {
+impl FacetFilter {
     /// For trees whose deepest bricks are of `level`; `None` where it is too deep.
-    pub fn new(level: u8) -> Option<Sieve> {
+    pub fn new(level: u8) -> Option<FacetFilter> {
         let lattice = Spacing::new(level)?;
-        Some(Sieve { lattice, told: vec![0; lattice.bricks().div_ceil(64)] })
+        Some(FacetFilter { lattice, told: vec![0; lattice.bricks().div_ceil(64)] })
     }
 
     /// Whether the tree needs a triangle that has an area, given those that were kept before.
@@ -162,7 +162,7 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_left_out_meets_no_line_and_is_told_of(soup in soup()) {
-            let mut sieve = Sieve::new(LEVEL).unwrap();
+            let mut sieve = FacetFilter::new(LEVEL).unwrap();
             let (kept, left): (Vec<&Triangle>, Vec<_>) = soup.iter().partition(|t| sieve.keeps(t));
             prop_assert!(left.into_iter().all(|t| !meets(t)));
             prop_assert_eq!(touched(kept.into_iter()), touched(soup.iter()));
@@ -179,9 +179,9 @@ mod tests {
                 [0, 1, 2].map(|a| (v[a] + place[a]) & !1)
             })
         };
-        let mut sieve = Sieve::new(LEVEL).unwrap();
+        let mut sieve = FacetFilter::new(LEVEL).unwrap();
         let kept = (0..10_000).filter(|&n| sieve.keeps(&facet(n * 7919 % 100_003))).count();
         assert!((100..5_000).contains(&kept), "{kept}");
-        assert!(Sieve::new(LEVEL_MAX + 1).is_none());
+        assert!(FacetFilter::new(LEVEL_MAX + 1).is_none());
     }
 }

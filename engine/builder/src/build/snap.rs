@@ -2,10 +2,10 @@
 
 use super::bins::{Binner, SortedRun};
 use super::collect::Collector;
-use super::field::Field;
+use super::field::PieceField;
 use super::packed::PackedRun;
-use super::resources::Room;
-use super::sieve::{Sieve, Spacing};
+use super::resources::SpillResources;
+use super::sieve::{FacetFilter, Spacing};
 use super::sorted::SortedPieces;
 use super::soup::Soup;
 use crate::error::Result;
@@ -30,7 +30,7 @@ const SORTED_FACETS: usize = 1 << 14;
 
 /// What one thread has made of its part of the input.
 struct Part {
-    sieve: Option<Sieve>,
+    sieve: Option<FacetFilter>,
     /// Triangles that wait for being sorted.
     kept: Vec<Triangle>,
     collector: Collector,
@@ -47,7 +47,7 @@ pub(super) fn snap(
     sources: &[&dyn Facets],
     root: RootCube,
     (binner, depth): (Binner, Option<u8>),
-    room: &Room,
+    room: &SpillResources,
     progress: &dyn Progress,
 ) -> Result<SnappedSoup> {
     let runs = runs(sources);
@@ -55,7 +55,7 @@ pub(super) fn snap(
     let memory = room.sorted_bytes() / rayon::current_num_threads() as u64;
     let part = || {
         let collector = Collector::new(binner, memory, plan.plain, room.file());
-        let sieve = depth.filter(|_| plan.sieve).and_then(Sieve::new);
+        let sieve = depth.filter(|_| plan.sieve).and_then(FacetFilter::new);
         let kept = Vec::with_capacity(SORTED_FACETS);
         (
             Part { sieve, kept, collector, balance: EdgeBalance::default(), degenerate: 0 },
@@ -179,7 +179,7 @@ impl Plan {
         runs: &[(usize, Range<u64>)],
         root: RootCube,
         (binner, depth): (Binner, Option<u8>),
-        room: &Room,
+        room: &SpillResources,
     ) -> Result<Plan> {
         let lattice = depth.and_then(Spacing::new);
         let sample = |pack| {

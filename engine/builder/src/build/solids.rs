@@ -1,7 +1,7 @@
 //! The field of beads as analytic solids.
 
 use super::bins::Binner;
-use super::field::{Evaluated, Field, Pieces};
+use super::field::{BrickEvaluation, PieceField, PieceList};
 use super::sorted::SortedPieces;
 use crate::brick::{Brick, Samples, ThinFeatures, ThinLines};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// Segments sorted at a time: 0.5 MB, an L2 cache.
 const RUN_SEGMENTS: usize = 1 << 14;
 
-impl Field for Solids {
+impl PieceField for Solids {
     type Piece = Segment;
     /// A brick lists whole solids, not surfaces, so that no sample needs to be known before.
     type Corners = ();
@@ -51,7 +51,7 @@ impl Field for Solids {
     }
 
     /// No segment at all, or every one covers the cube as a whole.
-    fn settled(&self, key: NodeKey, _: i16, list: Pieces<'_, Segment>) -> Option<i16> {
+    fn settled(&self, key: NodeKey, _: i16, list: PieceList<'_, Segment>) -> Option<i16> {
         let low = key.base().map(|b| b + 1);
         let size = 1 << (ROOT_BITS - u32::from(key.level()));
         let segments = || list.indices.iter().map(|&i| &list.array[i as usize]);
@@ -81,13 +81,13 @@ impl Field for Solids {
         evaluator: &'a mut SolidEvaluator,
         key: NodeKey,
         _: i16,
-        list: Pieces<'a, Segment>,
+        list: PieceList<'a, Segment>,
     ) -> Result<SolidEvaluation<'a>> {
         evaluator.evaluate(self, key, SegmentList { array: list.array, indices: list.indices })
     }
 }
 
-impl Evaluated for SolidEvaluation<'_> {
+impl BrickEvaluation for SolidEvaluation<'_> {
     fn samples(&self) -> &Samples {
         &self.samples
     }

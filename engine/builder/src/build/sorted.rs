@@ -1,11 +1,11 @@
 //! The pieces of an input, sorted by the cubes of one level that they touch.
 
 use super::bins::{Binner, SortedRun};
-use super::field::Field;
+use super::field::PieceField;
 use crate::error::Result;
 
 /// Pieces that lie elsewhere than in [`SortedPieces`]' own runs, sorted by cube alike.
-pub(super) trait CellStore<F: Field>: Send + Sync {
+pub(super) trait CellStore<F: PieceField>: Send + Sync {
     /// How many pieces touch one cube.
     fn count(&self, cell: usize) -> usize;
     /// Calls `block` with all pieces of a cube, in parts that fit in memory.
@@ -17,7 +17,7 @@ pub(super) trait CellStore<F: Field>: Send + Sync {
 }
 
 /// Pieces in runs, each sorted by the cube, `stride` levels below a node, that a piece touches.
-pub(super) struct SortedPieces<F: Field> {
+pub(super) struct SortedPieces<F: PieceField> {
     runs: Vec<SortedRun<F::Piece>>,
     /// Those that the runs do not hold.
     pub elsewhere: Option<Box<dyn CellStore<F>>>,
@@ -25,13 +25,13 @@ pub(super) struct SortedPieces<F: Field> {
     pub corners: Option<F::Corners>,
 }
 
-impl<F: Field> Default for SortedPieces<F> {
+impl<F: PieceField> Default for SortedPieces<F> {
     fn default() -> Self {
         SortedPieces { runs: Vec::new(), elsewhere: None, corners: None }
     }
 }
 
-impl<F: Field> SortedPieces<F> {
+impl<F: PieceField> SortedPieces<F> {
     /// Adds a run; every run comes with the same binner.
     pub fn push(&mut self, field: &F, binner: &Binner, pieces: &[F::Piece]) {
         self.add_corners(field, binner, pieces);

@@ -3,15 +3,15 @@
 //! An open soup is a closed one, its caps among the triangles, less the sum over the caps. Where that counts for nothing,
 //! its bricks are those of the closed one.
 
-use super::field::{Evaluated, Field, Fractions, Pieces};
-use super::fit::Tolerance;
+use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
+use super::fit::MeshTolerance;
 use super::open::{self, OpenSoup, OpenSoupEvaluator};
-use crate::backend::{Leaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
+use crate::backend::{BatchLeaf, LeafQueue, NodeBrick, NodeQueue, Vulkan};
 use crate::brick::{Brick, Hermite, Samples, ThinFeatures, ThinLines};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units, bounds, has_area};
 use crate::store::Refine;
-use crate::winding::{CornerGrid, Evaluation, Evaluator, OpenBrick, OpenField, Triangles};
+use crate::winding::{CornerGrid, Evaluation, Evaluator, OpenBrick, OpenField, TriangleList};
 
 /// The field of a soup of triangles.
 #[derive(Default)]
@@ -57,11 +57,11 @@ pub(super) struct OpenEvaluation<'a> {
 /// What a device found, and from what.
 pub(super) struct DeviceEvaluation<'a> {
     found: NodeBrick,
-    node: Leaf<'a>,
+    node: BatchLeaf<'a>,
     evaluator: &'a mut Evaluator,
 }
 
-impl Field for Soup {
+impl PieceField for Soup {
     type Piece = Triangle;
     type Corners = CornerGrid;
     type Evaluator = SoupEvaluator;
@@ -106,7 +106,7 @@ impl Field for Soup {
         corners.finish(corner)
     }
 
-    fn settled(&self, key: NodeKey, corner: i16, list: Pieces<'_, Triangle>) -> Option<i16> {
+    fn settled(&self, key: NodeKey, corner: i16, list: PieceList<'_, Triangle>) -> Option<i16> {
         (list.indices.is_empty() && !self.is_restless(key)).then_some(corner)
     }
 
@@ -123,7 +123,7 @@ impl Field for Soup {
         refine: Refine,
         key: NodeKey,
         corner: i16,
-        list: Pieces<'_, Triangle>,
+        list: PieceList<'_, Triangle>,
     ) -> Option<[i16; 8]> {
         self.open.as_ref().and_then(|open| open::refined_unseen(open, refine, key, corner, list))
     }
@@ -133,10 +133,10 @@ impl Field for Soup {
         evaluator: &'a mut SoupEvaluator,
         key: NodeKey,
         corner: i16,
-        list: Pieces<'a, Triangle>,
+        list: PieceList<'a, Triangle>,
     ) -> Result<SoupEvaluation<'a>> {
         let SoupEvaluator { cpu, nodes, open: of_open, .. } = evaluator;
-        let node = Leaf { key, corner, array: list.array, indices: list.indices };
+        let node = BatchLeaf { key, corner, array: list.array, indices: list.indices };
         if let Some(open) = &self.open {
             return evaluate_open(open, of_open, cpu, node);
         }
@@ -153,8 +153,8 @@ impl Field for Soup {
     fn fits(
         &self,
         evaluator: &mut SoupEvaluator,
-        tolerance: &Tolerance,
-        node: Leaf<'_>,
+        tolerance: &MeshTolerance,
+        node: BatchLeaf<'_>,
         brick: Brick,
     ) -> Result<(Brick, bool)> {
         let triangles = node.indices.iter().map(|&i| &node.array[i as usize]);
@@ -163,7 +163,7 @@ impl Field for Soup {
         Ok((brick, fits && !node.evaluate(&mut evaluator.cpu)?.has_hidden_boundary()))
     }
 
-    fn foresee(&self, evaluator: &mut SoupEvaluator, nodes: &[Leaf<'_>]) {
+    fn foresee(&self, evaluator: &mut SoupEvaluator, nodes: &[BatchLeaf<'_>]) {
         if let Some(open) = &self.open {
             open.foresee(&mut evaluator.open, nodes.iter().map(|node| node.key));
         } else if let Some(device) = &self.device {
@@ -183,7 +183,11 @@ impl Field for Soup {
         true
     }
 
-    fn next_leaf(&self, evaluator: &mut SoupEvaluator, leaves: &[Leaf<'_>]) -> Result<(Brick, ThinFeatures)> {
+    fn next_leaf(
+        &self,
+        evaluator: &mut SoupEvaluator,
+        leaves: &[BatchLeaf<'_>],
+    ) -> Result<(Brick, ThinFeatures)> {
         let device = self.device.as_ref().expect("leaves were begun");
         evaluator.leaves.next(device, &mut evaluator.cpu, leaves)
     }
@@ -201,14 +205,15 @@ fn evaluate_open<'a>(
     open: &'a OpenSoup,
     evaluator: &mut OpenSoupEvaluator,
     cpu: &'a mut Evaluator,
-    node: Leaf<'a>,
+    node: BatchLeaf<'a>,
 ) -> Result<SoupEvaluation<'a>> {
-    let counts = Leaf { corner: OpenField::corner_count(node.key, node.corner), ..node }.evaluate(cpu)?;
+    let counts =
+        BatchLeaf { corner: OpenField::corner_count(node.key, node.corner), ..node }.evaluate(cpu)?;
     if open.field.is_quiet(node.key) {
         open.field.require_room(node.key, &counts.samples)?;
         return Ok(SoupEvaluation::Here(counts));
     }
-    let list = Triangles { array: node.array, indices: node.indices };
+    let list = TriangleList { array: node.array, indices: node.indices };
     let samples = open.samples(evaluator, node.key, &counts.samples)?;
     let is_tame = open.field.is_tame(&counts.samples, &samples, list);
     let brick = match is_tame {
@@ -258,7 +263,7 @@ impl DeviceEvaluation<'_> {
     }
 }
 
-impl Evaluated for SoupEvaluation<'_> {
+impl BrickEvaluation for SoupEvaluation<'_> {
     fn samples(&self) -> &Samples {
         match self {
             SoupEvaluation::Open(open) => &open.brick.samples,

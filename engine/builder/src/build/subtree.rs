@@ -2,11 +2,11 @@
 //! it, in post-order.
 
 use super::bins::{Binner, CellLists};
-use super::decide::{Decided, Undecided};
-use super::field::{Evaluated, Field, Pieces};
-use super::jobs::Plan;
+use super::decide::{NodeDecision, NodePieces};
+use super::field::{BrickEvaluation, PieceField, PieceList};
+use super::jobs::BuildPlan;
 use super::rules::Rules;
-use crate::backend::Leaf;
+use crate::backend::BatchLeaf;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
@@ -22,7 +22,7 @@ pub(super) const STRIDE: u8 = 3;
 const LEAVES_AHEAD: usize = 64;
 
 /// A subtree to build.
-pub(super) struct Top<'a, P> {
+pub(super) struct SubtreeRoot<'a, P> {
     /// Its node.
     pub key: NodeKey,
     /// The node's sample (0, 0, 0).
@@ -40,22 +40,22 @@ struct Cells {
 
 impl Cells {
     /// The one with this Morton number.
-    fn leaf<'a, P>(&'a self, top: &Top<'a, P>, number: usize) -> Leaf<'a, P> {
+    fn leaf<'a, P>(&'a self, top: &SubtreeRoot<'a, P>, number: usize) -> BatchLeaf<'a, P> {
         let code = top.key.code() << (3 * u32::from(self.stride)) | number as u64;
         let key = NodeKey::from_code(code).expect("a descendant of a legal key");
         let corner = corner_at(&self.corners, self.stride, number);
-        Leaf { key, corner, array: top.pieces, indices: self.lists.of(number) }
+        BatchLeaf { key, corner, array: top.pieces, indices: self.lists.of(number) }
     }
 }
 
-impl<'a, P> From<&Leaf<'a, P>> for Pieces<'a, P> {
-    fn from(leaf: &Leaf<'a, P>) -> Self {
-        Pieces { array: leaf.array, indices: leaf.indices }
+impl<'a, P> From<&BatchLeaf<'a, P>> for PieceList<'a, P> {
+    fn from(leaf: &BatchLeaf<'a, P>) -> Self {
+        PieceList { array: leaf.array, indices: leaf.indices }
     }
 }
 
 /// A node of which it is known what becomes of it.
-type KnownNode<P> = (NodeKey, Decided<P>);
+type KnownNode<P> = (NodeKey, NodeDecision<P>);
 
 /// One of whose children this is known, too.
 enum Opened<P> {
@@ -67,18 +67,18 @@ enum Opened<P> {
 }
 
 /// Builds subtrees one after the other; one per thread.
-pub(super) struct SubtreeBuilder<'a, F: Field> {
+pub(super) struct SubtreeBuilder<'a, F: PieceField> {
     field: &'a F,
     rules: &'a Rules,
-    plan: Plan<'a>,
+    plan: BuildPlan<'a>,
     progress: &'a dyn Progress,
     evaluator: F::Evaluator,
     /// What the subtrees so far consist of.
     pub records: Records,
 }
 
-impl<'a, F: Field> SubtreeBuilder<'a, F> {
-    pub fn new(field: &'a F, plan: Plan<'a>, progress: &'a dyn Progress) -> Self {
+impl<'a, F: PieceField> SubtreeBuilder<'a, F> {
+    pub fn new(field: &'a F, plan: BuildPlan<'a>, progress: &'a dyn Progress) -> Self {
         let rules = plan.rules;
         let records = Records::new(rules.compression);
         SubtreeBuilder { field, rules, plan, progress, evaluator: F::Evaluator::default(), records }
@@ -88,13 +88,13 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     /// follows the pieces.
     fn build(&mut self, key: NodeKey, corner: i16, pieces: &[F::Piece]) -> Result<JoinedNode> {
         let all: Vec<u32> = (0..pieces.len() as u32).collect();
-        let list = Pieces { array: pieces, indices: &all };
+        let list = PieceList { array: pieces, indices: &all };
         if let Some(w) = self.field.settled(key, corner, list) {
             return Ok(JoinedNode::Empty(w));
         }
         if key.level() == self.rules.depth {
             if self.field.may_be_restless() {
-                let leaf = Leaf { key, corner, array: pieces, indices: &all };
+                let leaf = BatchLeaf { key, corner, array: pieces, indices: &all };
                 self.field.foresee(&mut self.evaluator, &[leaf]);
             }
             self.leaf(key, corner, list)
@@ -108,11 +108,11 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     /// Builds a node above the depth that no piece touches, and in which the field may change: it is divided where its
     /// samples do not tell how.
     fn restless(&mut self, key: NodeKey, corner: i16) -> Result<JoinedNode> {
-        let none = Pieces { array: &[], indices: &[] };
+        let none = PieceList { array: &[], indices: &[] };
         if let Some(w) = self.field.settled(key, corner, none) {
             return Ok(JoinedNode::Empty(w));
         }
-        self.field.foresee(&mut self.evaluator, &[Leaf { key, corner, array: &[], indices: &[] }]);
+        self.field.foresee(&mut self.evaluator, &[BatchLeaf { key, corner, array: &[], indices: &[] }]);
         if key.level() == self.rules.depth {
             return self.leaf(key, corner, none);
         }
@@ -132,7 +132,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds a node at the depth to which all is divided, or below it: a leaf unless something hides in it.
-    fn leaf(&mut self, key: NodeKey, corner: i16, list: Pieces<'_, F::Piece>) -> Result<JoinedNode> {
+    fn leaf(&mut self, key: NodeKey, corner: i16, list: PieceList<'_, F::Piece>) -> Result<JoinedNode> {
         self.progress.check()?;
         let mut evaluation = self.field.evaluate(&mut self.evaluator, key, corner, list)?;
         let thin = self.rules.thin_of(self.field, key.level(), &mut evaluation)?;
@@ -149,13 +149,18 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds the children of a node in which something hides, and joins them.
-    fn divide(&mut self, key: NodeKey, corners: [i16; 8], list: Pieces<'_, F::Piece>) -> Result<JoinedNode> {
+    fn divide(
+        &mut self,
+        key: NodeKey,
+        corners: [i16; 8],
+        list: PieceList<'_, F::Piece>,
+    ) -> Result<JoinedNode> {
         let pieces: Vec<F::Piece> = list.indices.iter().map(|&i| list.array[i as usize]).collect();
         let lists = Binner::new(key, 1).sort_indices(self.field, &pieces);
         let mut children = [const { JoinedNode::Empty(0) }; 8];
         for octant in Octant::all() {
             let (key, corner) = (key.child(octant), corners[octant.index()]);
-            let list = Pieces { array: &pieces, indices: lists.of(octant.index()) };
+            let list = PieceList { array: &pieces, indices: lists.of(octant.index()) };
             children[octant.index()] = match self.field.settled(key, corner, list) {
                 Some(w) => JoinedNode::Empty(w),
                 None => self.leaf(key, corner, list)?,
@@ -165,15 +170,15 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds several subtrees of a tree that follows the pieces, those of each with its records apart.
-    pub fn build_all(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
+    pub fn build_all(&mut self, tops: &[SubtreeRoot<'_, F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
         let depth = self.rules.depth;
-        let is_at_bottom = |top: &Top<'_, F::Piece>| depth - top.key.level() <= STRIDE;
+        let is_at_bottom = |top: &SubtreeRoot<'_, F::Piece>| depth - top.key.level() <= STRIDE;
         // What a node below the depth holds is known only when the node is.
         let is_even = self.rules.deepest == depth;
         if is_even && tops.iter().all(is_at_bottom) && self.field.begin_leaves(&mut self.evaluator) {
             return self.build_ahead(tops);
         }
-        let build = |top: &Top<'_, F::Piece>| {
+        let build = |top: &SubtreeRoot<'_, F::Piece>| {
             let node = self.build(top.key, top.corner, top.pieces)?;
             Ok((node, self.records.take()))
         };
@@ -181,11 +186,11 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Subtrees whose leaves are evaluated in batches, which do not end where a subtree does.
-    fn build_ahead(&mut self, tops: &[Top<'_, F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
+    fn build_ahead(&mut self, tops: &[SubtreeRoot<'_, F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
         let cells: Vec<Cells> = tops.iter().map(|top| self.cells(top.key, top.corner, top.pieces)).collect();
         let SubtreeBuilder { field, progress, evaluator, records, plan, .. } = self;
         let is_settled =
-            |leaf: &Leaf<'_, F::Piece>| field.settled(leaf.key, leaf.corner, leaf.into()).is_some();
+            |leaf: &BatchLeaf<'_, F::Piece>| field.settled(leaf.key, leaf.corner, leaf.into()).is_some();
         let mut leaves = Vec::new();
         for (top, cells) in tops.iter().zip(&cells) {
             let all = (0..1usize << (3 * cells.stride)).map(|number| cells.leaf(top, number));
@@ -248,7 +253,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
                 self.foresee_leaves(key, number, &lists, pieces);
             }
             let corner = corner_at(&corners, stride, number);
-            let list = Pieces { array: pieces, indices: lists.of(number) };
+            let list = PieceList { array: pieces, indices: lists.of(number) };
             let node = if let Some(w) = self.field.settled(key, corner, list) {
                 JoinedNode::Empty(w)
             } else if key.level() == self.rules.depth {
@@ -270,7 +275,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
         let end = (number + LEAVES_AHEAD).min(lists.cells());
         let leaf = |number: usize, ahead: u64| {
             let key = NodeKey::from_code(key.code() + ahead).expect("a descendant of the same node");
-            Leaf { key, corner: 0, array: pieces, indices: lists.of(number) }
+            BatchLeaf { key, corner: 0, array: pieces, indices: lists.of(number) }
         };
         let leaves: Vec<_> = (number..end).zip(0..).map(|(number, ahead)| leaf(number, ahead)).collect();
         let touched: Vec<_> = leaves.into_iter().filter(|leaf| !leaf.indices.is_empty()).collect();
@@ -278,7 +283,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Builds several subtrees of a tree whose nodes decide for themselves, those of each with its records apart.
-    pub fn build_deciding(&mut self, tops: &[&Undecided<F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
+    pub fn build_deciding(&mut self, tops: &[&NodePieces<F::Piece>]) -> Result<Vec<(JoinedNode, Records)>> {
         self.foresee(tops.iter().copied());
         let decided = self.decide(tops.iter().copied())?;
         let mut built = Vec::with_capacity(tops.len());
@@ -288,19 +293,19 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
 
     /// Finds out what becomes of nodes that have been foreseen, all before what is below them is built: so up to 64 of
     /// their children are foreseen together.
-    fn decide<N: Borrow<Undecided<F::Piece>>>(
+    fn decide<N: Borrow<NodePieces<F::Piece>>>(
         &mut self,
         nodes: impl IntoIterator<Item = N>,
     ) -> Result<Vec<KnownNode<F::Piece>>> {
         let mut decided = Vec::new();
         for node in nodes {
             self.progress.check()?;
-            let node: &Undecided<F::Piece> = node.borrow();
+            let node: &NodePieces<F::Piece> = node.borrow();
             decided.push((node.key, node.decide(self.field, &mut self.evaluator, self.rules, true)?));
         }
         let children = decided.iter().filter_map(|(_, decided)| match decided {
-            Decided::Refined(_, children) => Some(children.iter()),
-            Decided::Empty(_) | Decided::Leaf(..) => None,
+            NodeDecision::Refined(_, children) => Some(children.iter()),
+            NodeDecision::Empty(_) | NodeDecision::Leaf(..) => None,
         });
         self.foresee(children.flatten());
         Ok(decided)
@@ -331,16 +336,18 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Finds out what becomes of a node's children.
-    fn open(&mut self, key: NodeKey, decided: Decided<F::Piece>) -> Result<Opened<F::Piece>> {
+    fn open(&mut self, key: NodeKey, decided: NodeDecision<F::Piece>) -> Result<Opened<F::Piece>> {
         Ok(match decided {
-            Decided::Empty(w) => Opened::Empty(w),
-            Decided::Leaf(brick, thin) => {
+            NodeDecision::Empty(w) => Opened::Empty(w),
+            NodeDecision::Leaf(brick, thin) => {
                 if let Some(thin) = thin {
                     self.plan.add_thin(&thin);
                 }
                 Opened::Leaf(key, brick)
             }
-            Decided::Refined(samples, children) => Opened::Refined(key, samples, self.decide(*children)?),
+            NodeDecision::Refined(samples, children) => {
+                Opened::Refined(key, samples, self.decide(*children)?)
+            }
         })
     }
 
@@ -370,7 +377,7 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
     }
 
     /// Tells the field which of some nodes will be evaluated as they are decided.
-    fn foresee<'p>(&mut self, nodes: impl Iterator<Item = &'p Undecided<F::Piece>>)
+    fn foresee<'p>(&mut self, nodes: impl Iterator<Item = &'p NodePieces<F::Piece>>)
     where
         F::Piece: 'p,
     {
@@ -380,10 +387,10 @@ impl<'a, F: Field> SubtreeBuilder<'a, F> {
         let nodes: Vec<_> = nodes.collect();
         let most = nodes.iter().map(|node| node.pieces.len()).max().unwrap_or(0);
         let all: Vec<u32> = (0..most as u32).collect();
-        let is_evaluated = |leaf: &Leaf<'_, F::Piece>| {
+        let is_evaluated = |leaf: &BatchLeaf<'_, F::Piece>| {
             let is_deepest = leaf.key.level() >= self.rules.depth;
             let refined =
-                || Undecided::refined_unseen(self.field, self.rules, leaf.key, leaf.corner, leaf.into());
+                || NodePieces::refined_unseen(self.field, self.rules, leaf.key, leaf.corner, leaf.into());
             self.field.settled(leaf.key, leaf.corner, leaf.into()).is_none()
                 && (is_deepest || refined().is_none())
         };

@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 
 /// What a build did.
 #[derive(Clone, Debug, Serialize)]
-pub struct Summary {
+pub struct BuildSummary {
     /// Facets read.
     pub facets: u64,
     /// Segments of beads read, where beads are solids and no facets are made of them.
@@ -53,7 +53,7 @@ pub struct Summary {
     /// Bytes written to the temporary file; 0 if the pieces fitted in memory.
     pub temporary_bytes: u64,
     /// What of an earlier run was gone on with, if there was something.
-    pub resumed: Option<Resumed>,
+    pub resumed: Option<ResumedBuild>,
     /// What of the tree was built, if it was a share.
     pub share: Option<ShareSummary>,
     /// What a device did, if one was given and the input is what devices are for.
@@ -72,7 +72,7 @@ fn as_map<S: Serializer>(
 
 /// What an earlier run has left.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Resumed {
+pub struct ResumedBuild {
     /// Nodes.
     pub nodes: u64,
     /// How far it had come along the curve through the root cube in whose order stores are written, from 0 to 1.

@@ -2,19 +2,19 @@
 
 use super::choose::{BeadSizes, with_cell, with_depth};
 use super::clock::Clock;
-use super::foresee::{Foreseen, foresee};
-use super::identity::{Leaves, Named, write_identity};
+use super::foresee::{ForecastInput, foresee};
+use super::identity::{ListSources, ListedNodes, write_identity};
 use super::pipeline::{BuildOptions, Resolution, Task, describe, place, place_by};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
-use super::summary::Summary;
+use super::summary::BuildSummary;
 use super::weigh::weigh_pieces;
 use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
 use crate::lattice::RootCube;
 use crate::progress::Progress;
-use crate::solid::{Outline, Profile, Solids, bounds_of_beads, passes_of};
+use crate::solid::{Outline, SolidProfile, Solids, bounds_of_beads, passes_of};
 use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source, check_target};
 use crate::toolpath::{Attributes, Passes, Toolpath};
 use crate::volumes::bead_volumes;
@@ -45,7 +45,7 @@ pub fn build_beads(
     output: &Path,
     options: &BuildOptions,
     progress: &dyn Progress,
-) -> Result<Summary> {
+) -> Result<BuildSummary> {
     require_no_tolerance(options.tolerance, SOLIDS)?;
     let mut clock = Clock::default();
     check_target(output)?;
@@ -55,7 +55,7 @@ pub fn build_beads(
     let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
     let sizes = BeadSizes::of(&paths);
     let (root, depth) = place_beads(first, (min, max), options.resolution, sizes.as_ref())?;
-    let pieces = Foreseen::Beads(&paths, sizes);
+    let pieces = ForecastInput::Beads(&paths, sizes);
     foresee(&pieces, (root, depth), (min, max), output, options, progress)?;
     clock.lap("measure");
     let described = sources.iter().map(|source| source.source.clone()).collect();
@@ -89,14 +89,14 @@ pub fn build_beads(
             tables.passes = first_passes(&counted);
         }
         task.writer.begin_identity(tables);
-        let leaves = Leaves::of(task.writer.nodes(), task.meta.share.as_ref());
-        let named = Named { solids: &solids, paths: &paths, count };
+        let leaves = ListedNodes::of(task.writer.nodes(), task.meta.share.as_ref());
+        let named = ListSources { solids: &solids, paths: &paths, count };
         let written = write_identity(&named, segments, &leaves, &mut task.writer, progress);
         task.keep(written)?;
         clock.lap("identity");
     }
     let summary = task.finish(clock, progress)?;
-    Ok(Summary { segments: number, ..summary })
+    Ok(BuildSummary { segments: number, ..summary })
 }
 
 /// The number of each bead's first pass, and of all passes.
@@ -129,7 +129,7 @@ pub(super) fn place_beads(
 /// What the store says of beads. The names of features are those of all sources, one after the other.
 fn tables(sources: &[BeadSource<'_>], solids: &Solids) -> Result<BeadTables> {
     let section =
-        |p: &Profile| SectionRow { half_width: p.half_width, half_height: p.half_height, axis: p.axis };
+        |p: &SolidProfile| SectionRow { half_width: p.half_width, half_height: p.half_height, axis: p.axis };
     let mut tables =
         BeadTables { sections: solids.profiles().iter().map(section).collect(), ..BeadTables::default() };
     for (number, BeadSource { toolpath, features, .. }) in sources.iter().enumerate() {

@@ -3,7 +3,7 @@
 //! All are sums and unions over the pieces, so that every machine finds the same, in whatever order it reads them.
 
 use super::bins::Binner;
-use super::field::Field;
+use super::field::PieceField;
 use super::snap::read;
 use super::soup::Soup;
 use crate::error::Result;
@@ -20,7 +20,7 @@ const FINEST: u8 = 7;
 const RUN: usize = 1 << 14;
 
 /// What is known of pieces of a tree.
-pub(super) struct Work {
+pub(super) struct CostMap {
     binner: Binner,
     depth: u8,
     /// Pieces that touch each cube.
@@ -33,16 +33,16 @@ pub(super) struct Work {
     pub sum: u64,
 }
 
-impl Work {
+impl CostMap {
     /// Of no pieces, for the cubes of `level` in a tree of `depth`.
-    fn new(level: u8, depth: u8) -> Work {
+    fn new(level: u8, depth: u8) -> CostMap {
         let binner = Binner::new(NodeKey::ROOT, level);
         let fine = depth.min(FINEST).max(level);
         let occupied = vec![0; (1usize << (3 * u32::from(fine))).div_ceil(64)];
-        Work { binner, depth, touching: vec![0; binner.cells()], fine, occupied, sum: 0 }
+        CostMap { binner, depth, touching: vec![0; binner.cells()], fine, occupied, sum: 0 }
     }
 
-    fn add<F: Field>(&mut self, field: &F, pieces: &[F::Piece]) {
+    fn add<F: PieceField>(&mut self, field: &F, pieces: &[F::Piece]) {
         let (fine, shift) = (self.fine, ROOT_BITS - u32::from(self.fine));
         // Most points lie in the same cube as the one before.
         let mut before: Option<Units> = None;
@@ -66,7 +66,7 @@ impl Work {
         }
     }
 
-    fn and(mut self, other: &Work) -> Work {
+    fn and(mut self, other: &CostMap) -> CostMap {
         self.sum = self.sum.wrapping_add(other.sum);
         self.touching.iter_mut().zip(&other.touching).for_each(|(mine, theirs)| *mine += theirs);
         self.occupied.iter_mut().zip(&other.occupied).for_each(|(mine, theirs)| *mine |= theirs);
@@ -114,9 +114,9 @@ pub(super) fn weigh_soup(
     root: RootCube,
     (level, depth): (u8, u8),
     progress: &dyn Progress,
-) -> Result<Work> {
+) -> Result<CostMap> {
     progress.phase("weighing", Some(sources.iter().map(|source| source.facets()).sum()), "facets");
-    let none = || Work::new(level, depth);
+    let none = || CostMap::new(level, depth);
     let part = || (none(), Vec::new(), Vec::<Triangle>::new());
     let parts = fold_in_order(&runs(sources), part, |(work, world, snapped), (source, range)| {
         progress.check()?;
@@ -132,14 +132,14 @@ pub(super) fn weigh_soup(
 ///
 /// # Errors
 /// If the user interrupts.
-pub(super) fn weigh_pieces<F: Field>(
+pub(super) fn weigh_pieces<F: PieceField>(
     field: &F,
     pieces: &[F::Piece],
     (level, depth): (u8, u8),
     progress: &dyn Progress,
-) -> Result<Work> {
+) -> Result<CostMap> {
     progress.phase("weighing", Some(pieces.len() as u64), "pieces");
-    let none = || Work::new(level, depth);
+    let none = || CostMap::new(level, depth);
     let runs: Vec<&[F::Piece]> = pieces.chunks(RUN).collect();
     let parts = fold_in_order(&runs, none, |work, run| {
         progress.check()?;
@@ -147,7 +147,7 @@ pub(super) fn weigh_pieces<F: Field>(
         progress.advance(run.len() as u64);
         Ok(())
     })?;
-    Ok(parts.iter().fold(none(), Work::and))
+    Ok(parts.iter().fold(none(), CostMap::and))
 }
 
 #[cfg(test)]

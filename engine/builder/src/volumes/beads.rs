@@ -1,8 +1,8 @@
 //! Volumes of beads as solids.
 
-use super::estimate::Moments;
-use super::strata::{LINES, Shape, Strata};
-use super::tally::{Crossing, Lengths, walk};
+use super::estimate::StratumMoments;
+use super::strata::{LINES, LineQuery, Strata};
+use super::tally::{LineCrossing, LineLengths, walk};
 use crate::error::Result;
 use crate::lattice::{RootCube, Units};
 use crate::progress::Progress;
@@ -241,7 +241,8 @@ impl Scene<'_> {
                 let bounds = [2, 1, 0].map(|axis| (a[axis], body.extent(axis)));
                 let low = bounds.map(|(a, (low, _))| (a + low).floor() as i32);
                 let high = bounds.map(|(a, (_, high))| (a + high).ceil() as i32);
-                let shape = Shape { bounds: (low, high), axis: 2, corners: &corners, reach: body.reach() };
+                let shape =
+                    LineQuery { bounds: (low, high), axis: 2, corners: &corners, reach: body.reach() };
                 strata.near(&shape, &numbers, |line, [z, across]| {
                     let from_a = [0.0, f64::from(across) - a[1], f64::from(z) - a[2]];
                     let (low, high) = strata.ends(line);
@@ -285,14 +286,14 @@ struct Scale {
 /// What is summed over strata.
 #[derive(Clone)]
 struct Sums {
-    all: Moments<4>,
-    layers: Vec<Moments<2>>,
+    all: StratumMoments<4>,
+    layers: Vec<StratumMoments<2>>,
 }
 
 /// Working memory for one line.
 #[derive(Clone, Default)]
 struct Line {
-    crossings: Vec<Crossing>,
+    crossings: Vec<LineCrossing>,
     /// Where the pass at hand lies, and the one before it.
     pass: Vec<(f64, f64)>,
     before: Vec<(f64, f64)>,
@@ -300,7 +301,7 @@ struct Line {
 
 impl Sums {
     fn new(layers: usize) -> Sums {
-        Sums { all: Moments::default(), layers: vec![Moments::default(); layers] }
+        Sums { all: StratumMoments::default(), layers: vec![StratumMoments::default(); layers] }
     }
 
     fn merge(&mut self, other: &Sums) {
@@ -356,7 +357,7 @@ impl Sums {
     fn volumes(&self, scale: &Scale, known: f64, lines: u64, tops: &[f64]) -> SourceVolumes {
         let world = |estimate: Estimate| estimate.scaled(scale.volume);
         let of_all = |i| world(self.all.controlled(i, (3, known), scale.area));
-        let of_layer = |(layer, &top): (&Moments<2>, &f64)| LayerVolumes {
+        let of_layer = |(layer, &top): (&StratumMoments<2>, &f64)| LayerVolumes {
             top: scale.base + top * scale.length,
             union: world(layer.estimate(0, scale.area)),
             overlap: world(layer.estimate(1, scale.area)),
@@ -374,9 +375,9 @@ impl Sums {
 
 impl Line {
     /// The lengths on a line with these intervals.
-    fn lengths(&mut self, intervals: &[Interval]) -> Lengths {
+    fn lengths(&mut self, intervals: &[Interval]) -> LineLengths {
         self.crossings.clear();
-        let mut lengths = Lengths::default();
+        let mut lengths = LineLengths::default();
         let mut before = None;
         for of_pass in intervals.chunk_by(|a, b| a.pass == b.pass) {
             let (segments, joint) = of_pass.split_at(of_pass.partition_point(|interval| !interval.is_joint));
@@ -389,7 +390,7 @@ impl Line {
             }
             before = Some(pass);
             let ends = self.pass.iter().flat_map(|&(from, to)| [(from, 1), (to, -1)]);
-            self.crossings.extend(ends.map(|(at, jump)| Crossing { at, jump }));
+            self.crossings.extend(ends.map(|(at, jump)| LineCrossing { at, jump }));
         }
         self.crossings.sort_unstable_by(|a, b| a.at.total_cmp(&b.at).then(a.jump.cmp(&b.jump)));
         walk(&self.crossings, |w, from, to| lengths.add(w, from, to));
@@ -403,7 +404,8 @@ impl Line {
                 for &(first, last) in &self.before {
                     let (from, to) = (from.max(first).max(joint.from), to.min(last).min(joint.to));
                     if from < to {
-                        self.crossings.extend([(from, -1), (to, 1)].map(|(at, jump)| Crossing { at, jump }));
+                        self.crossings
+                            .extend([(from, -1), (to, 1)].map(|(at, jump)| LineCrossing { at, jump }));
                     }
                 }
             }

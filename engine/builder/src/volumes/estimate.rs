@@ -5,18 +5,18 @@ use crate::store::Estimate;
 
 /// Sums over strata of `N` lengths, and of the products of the differences between their two lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Moments<const N: usize> {
+pub(super) struct StratumMoments<const N: usize> {
     sums: [f64; N],
     products: [[f64; N]; N],
 }
 
-impl<const N: usize> Default for Moments<N> {
+impl<const N: usize> Default for StratumMoments<N> {
     fn default() -> Self {
-        Moments { sums: [0.0; N], products: [[0.0; N]; N] }
+        StratumMoments { sums: [0.0; N], products: [[0.0; N]; N] }
     }
 }
 
-impl<const N: usize> Moments<N> {
+impl<const N: usize> StratumMoments<N> {
     /// Adds a stratum.
     pub fn add(&mut self, lines: [[f64; N]; LINES]) {
         let [a, b] = lines;
@@ -29,7 +29,7 @@ impl<const N: usize> Moments<N> {
     }
 
     /// Joins those of other strata.
-    pub fn merge(&mut self, other: &Moments<N>) {
+    pub fn merge(&mut self, other: &StratumMoments<N>) {
         for i in 0..N {
             self.sums[i] += other.sums[i];
             for j in 0..=i {

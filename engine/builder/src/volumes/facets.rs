@@ -1,8 +1,8 @@
 //! Volumes of closed triangle soups.
 
-use super::estimate::Moments;
-use super::strata::{LINES, Shape, Strata};
-use super::tally::{Crossing, Lengths, walk};
+use super::estimate::StratumMoments;
+use super::strata::{LINES, LineQuery, Strata};
+use super::tally::{LineCrossing, LineLengths, walk};
 use crate::error::Result;
 use crate::lattice::{RootCube, Triangle, Units, bounds, normal};
 use crate::progress::Progress;
@@ -50,7 +50,7 @@ pub fn facet_volumes(
     let lines = (wanted / on_a_line).clamp(2.0 * LINES as f64, LINES_MAX) as usize;
     let strata = Strata::columns(low, high, lines);
     let expected = strata.len() as f64 * on_a_line * 16.0;
-    let mut moments = Moments::default();
+    let mut moments = StratumMoments::default();
     let mut sums = Sums::default();
     for numbers in strata.parts(expected, memory, STRATA_AT_ONCE) {
         let found;
@@ -173,7 +173,7 @@ fn crossings(
                         };
                         sums.add(&t, &[0, 1, 2].map(away));
                         let corners = t.map(|v| [f64::from(v[0]), f64::from(v[1])]);
-                        let shape = Shape { bounds: bounds(&t), axis: 0, corners: &corners, reach: 0.0 };
+                        let shape = LineQuery { bounds: bounds(&t), axis: 0, corners: &corners, reach: 0.0 };
                         strata.near(&shape, &numbers, |number, at| {
                             if let Some(crossing) = crossing(&t, at) {
                                 found.push(packed(number - numbers.start, crossing));
@@ -195,19 +195,19 @@ fn crossings(
     Ok((all, sums))
 }
 
-fn packed(line: u32, Crossing { at, jump }: Crossing) -> u64 {
+fn packed(line: u32, LineCrossing { at, jump }: LineCrossing) -> u64 {
     let at = (at * f64::from(1u32 << FRACTION_BITS)) as u64;
     u64::from(line) << LINE_SHIFT | at << 1 | u64::from(jump < 0)
 }
 
-fn unpacked(packed: u64) -> Crossing {
+fn unpacked(packed: u64) -> LineCrossing {
     let at = (packed & ((1 << LINE_SHIFT) - 1)) >> 1;
-    Crossing { at: at as f64 / f64::from(1u32 << FRACTION_BITS), jump: 1 - 2 * (packed as i32 & 1) }
+    LineCrossing { at: at as f64 / f64::from(1u32 << FRACTION_BITS), jump: 1 - 2 * (packed as i32 & 1) }
 }
 
 /// Where the line through `at` along z crosses a triangle. A line that meets an edge in the projection crosses one of the
 /// two triangles there: it counts as `at` + (ε, ε²).
-fn crossing(t: &Triangle, at: [i32; 2]) -> Option<Crossing> {
+fn crossing(t: &Triangle, at: [i32; 2]) -> Option<LineCrossing> {
     let side = |a: &Units, b: &Units| {
         let [ax, ay, bx, by] = [a[0], a[1], b[0], b[1]].map(i64::from);
         let value = (bx - ax) * (i64::from(at[1]) - ay) - (by - ay) * (i64::from(at[0]) - ax);
@@ -228,22 +228,22 @@ fn crossing(t: &Triangle, at: [i32; 2]) -> Option<Crossing> {
     let height = f64::from(t[0][2]) - (normal[0] * from[0] + normal[1] * from[1]) / normal[2];
     let [low, high] = [bounds(t).0[2], bounds(t).1[2]].map(f64::from);
     // Facets that face up are left, upwards.
-    Some(Crossing { at: height.clamp(low, high), jump: -first as i32 })
+    Some(LineCrossing { at: height.clamp(low, high), jump: -first as i32 })
 }
 
 /// Adds strata that have these crossings; the others have nothing to add.
-fn add(crossings: &[u64], moments: &mut Moments<4>) {
+fn add(crossings: &[u64], moments: &mut StratumMoments<4>) {
     let line = |crossing: u64| (crossing >> LINE_SHIFT) as usize;
-    let of_line = |crossings: &[u64], buffer: &mut Vec<Crossing>| {
+    let of_line = |crossings: &[u64], buffer: &mut Vec<LineCrossing>| {
         buffer.clear();
         buffer.extend(crossings.iter().map(|&crossing| unpacked(crossing)));
-        let mut lengths = Lengths::default();
+        let mut lengths = LineLengths::default();
         walk(buffer, |w, from, to| lengths.add(w, from, to));
         lengths.control = lengths.union + lengths.overlap - lengths.negative;
         lengths.values()
     };
-    let of_block = |buffer: &mut Vec<Crossing>, block: &[u64]| {
-        let mut moments = Moments::default();
+    let of_block = |buffer: &mut Vec<LineCrossing>, block: &[u64]| {
+        let mut moments = StratumMoments::default();
         for crossings in block.chunk_by(|&a, &b| line(a) / LINES == line(b) / LINES) {
             let (a, b) = crossings
                 .split_at(crossings.partition_point(|&crossing| line(crossing).is_multiple_of(LINES)));
@@ -254,6 +254,6 @@ fn add(crossings: &[u64], moments: &mut Moments<4>) {
     // Blocks are cut where the numbers of strata say, so that sums are rounded alike whatever the threads are.
     let block = |crossing: u64| line(crossing) / LINES / STRATA_AT_ONCE;
     let blocks: Vec<&[u64]> = crossings.chunk_by(|&a, &b| block(a) == block(b)).collect();
-    let parts: Vec<Moments<4>> = blocks.into_par_iter().map_init(Vec::new, of_block).collect();
+    let parts: Vec<StratumMoments<4>> = blocks.into_par_iter().map_init(Vec::new, of_block).collect();
     parts.iter().for_each(|part| moments.merge(part));
 }

@@ -94,7 +94,7 @@ impl Strata {
 
     /// Calls `each` with the number and the position of every line of `numbers` that `shape` may meet.
     #[inline]
-    pub fn near(&self, shape: &Shape<'_>, numbers: &Range<u32>, mut each: impl FnMut(u32, [i32; 2])) {
+    pub fn near(&self, shape: &LineQuery<'_>, numbers: &Range<u32>, mut each: impl FnMut(u32, [i32; 2])) {
         let (min, max) = shape.bounds;
         let rows = self.cells(1, f64::from(min[1]), f64::from(max[1]));
         for row in rows {
@@ -130,14 +130,14 @@ impl Strata {
 
 /// What lines are sought for: within a box, and, along its `axis` and the second one, no farther than `reach` from the hull
 /// of some corners.
-pub(super) struct Shape<'a> {
+pub(super) struct LineQuery<'a> {
     pub bounds: (Units, Units),
     pub axis: usize,
     pub corners: &'a [[f64; 2]],
     pub reach: f64,
 }
 
-impl Shape<'_> {
+impl LineQuery<'_> {
     /// The stretch along its axis of what lies between two places along the second axis.
     #[inline]
     fn extent(&self, low: f64, high: f64) -> Option<(f64, f64)> {

@@ -2,7 +2,7 @@
 
 /// Lengths on one line, in units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Lengths {
+pub(super) struct LineLengths {
     /// Where w ≥ 1.
     pub union: f64,
     /// ∫ (w − 1) where w ≥ 1.
@@ -13,7 +13,7 @@ pub(super) struct Lengths {
     pub control: f64,
 }
 
-impl Lengths {
+impl LineLengths {
     /// As a vector.
     pub fn values(self) -> [f64; 4] {
         [self.union, self.overlap, self.negative, self.control]
@@ -34,13 +34,13 @@ impl Lengths {
 
 /// Where a line enters a piece (+1) or leaves it (−1).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Crossing {
+pub(super) struct LineCrossing {
     pub at: f64,
     pub jump: i32,
 }
 
 /// Walks along sorted crossings: `each` gets w and both ends of every stretch on which w is not 0.
-pub(super) fn walk(crossings: &[Crossing], mut each: impl FnMut(i32, f64, f64)) {
+pub(super) fn walk(crossings: &[LineCrossing], mut each: impl FnMut(i32, f64, f64)) {
     let mut w = 0;
     for (crossing, next) in crossings.iter().zip(&crossings[1.min(crossings.len())..]) {
         w += crossing.jump;

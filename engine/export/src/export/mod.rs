@@ -15,7 +15,7 @@ mod vtkhdf;
 mod zarr;
 
 pub use dense::npy_header;
-pub use volume::{Levels, Volume};
+pub use volume::{LevelSupport, Volume};
 
 use crate::analysis::Element;
 use crate::error::Result;
@@ -34,8 +34,8 @@ pub trait Format: Sync {
     fn name(&self) -> &'static str;
 
     /// Whether a file holds one level, all levels in one volume, or any number of levels side by side.
-    fn levels(&self) -> Levels {
-        Levels::One
+    fn levels(&self) -> LevelSupport {
+        LevelSupport::One
     }
 
     /// The type of the values of whole samples, where the user chooses none.

@@ -7,7 +7,7 @@ use crate::store::BrickTree;
 
 /// How many levels a file of a format holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Levels {
+pub enum LevelSupport {
     /// One.
     One,
     /// Any number, each a volume of its own.

@@ -4,7 +4,7 @@
 //! such are left out. All levels begin at the same place, since sample 2i of a level is sample i of the next coarser one.
 
 use super::blocks;
-use super::{Format, Levels, Volume};
+use super::{Format, LevelSupport, Volume};
 use crate::analysis::{Block, Element, covering};
 use crate::error::{Error, Result};
 use crate::lattice::BRICK_CELLS;
@@ -38,8 +38,8 @@ impl Format for Zarr {
         "OME-Zarr, a folder"
     }
 
-    fn levels(&self) -> Levels {
-        Levels::Nested
+    fn levels(&self) -> LevelSupport {
+        LevelSupport::Nested
     }
 
     fn bytes_about(&self, volume: &Volume<'_>) -> u128 {

@@ -26,7 +26,7 @@ pub(super) struct Flat {
 }
 
 /// The picture.
-pub(super) struct Frame {
+pub(super) struct FlatFrame {
     pub size: [u32; 2],
     /// What is kept of the world.
     pub corners: [[f32; 3]; 2],
@@ -49,8 +49,8 @@ fn unit(a: [f64; 3]) -> [f64; 3] {
     a.map(|c| c / length)
 }
 
-impl Frame {
-    pub fn new(screen: &Screen, size: [u32; 2], corners: [[f64; 3]; 2], cuts: &[Cut]) -> Frame {
+impl FlatFrame {
+    pub fn new(screen: &Screen, size: [u32; 2], corners: [[f64; 3]; 2], cuts: &[Cut]) -> FlatFrame {
         let middle: [f64; 3] = std::array::from_fn(|a| (corners[0][a] + corners[1][a]) / 2.0);
         let right = unit(screen.steps[0]);
         let down = unit(screen.steps[1]);
@@ -63,7 +63,7 @@ impl Frame {
             kept[side][axis] = corners[side][axis];
         }
         let per_unit = if screen.parallel { 1.0 } else { 1.0 / screen.distance };
-        Frame {
+        FlatFrame {
             size,
             corners: kept.map(around),
             open: !cuts.is_empty(),

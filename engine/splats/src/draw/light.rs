@@ -9,7 +9,7 @@ const COLOUR: [f32; 3] = [158.0, 168.0, 182.0];
 const INNER: [f32; 3] = [206.0, 148.0, 96.0];
 
 /// The lamps of a view, as `render` has them in its solid style.
-pub(super) struct Light {
+pub(super) struct SplatLight {
     ambient: f32,
     strength: f32,
     weak: f32,
@@ -29,9 +29,9 @@ pub(super) fn unit(a: [f32; 3]) -> [f32; 3] {
     if length > 0.0 { a.map(|c| c / length) } else { a }
 }
 
-impl Light {
+impl SplatLight {
     /// Given the picture's axes: to the right, upward, towards the eye.
-    pub fn new(axes: [[f64; 3]; 3]) -> Light {
+    pub fn new(axes: [[f64; 3]; 3]) -> SplatLight {
         let axes = axes.map(|axis| axis.map(|c| c as f32));
         let from = |lamp: [f32; 3]| {
             unit(std::array::from_fn(|a| lamp[0] * axes[0][a] + lamp[1] * axes[1][a] + lamp[2] * axes[2][a]))
@@ -40,7 +40,7 @@ impl Light {
         let (key, fill) = (from(lamp.map(|c| c as f32)), from(FILL));
         let half = unit(std::array::from_fn(|a| key[a] + axes[2][a]));
         let [ambient, strength, weak, gloss] = [ambient, strength, weak, gloss].map(|c| c as f32);
-        Light { ambient, strength, weak, gloss, key, fill, half }
+        SplatLight { ambient, strength, weak, gloss, key, fill, half }
     }
 
     /// The colour of a surface with a normal, which faces the eye or is seen from within.

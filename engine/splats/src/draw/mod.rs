@@ -13,7 +13,7 @@ use crate::picture::{Rgba, SIDE_MAX, mean, write_png};
 use crate::progress::Progress;
 use crate::render::{Cut, Focus, SUPERSAMPLE_MAX, View};
 use crate::splats::Disc;
-use flat::{Flat, Frame};
+use flat::{Flat, FlatFrame};
 use std::path::Path;
 
 /// Most rays of a picture: 32 bytes each are in memory.
@@ -39,7 +39,7 @@ pub struct DrawOptions {
 }
 
 /// A picture of splats.
-pub struct Picture {
+pub struct SplatPicture {
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Rows from the top.
@@ -52,7 +52,7 @@ pub struct Picture {
 ///
 /// # Errors
 /// [`Error::Setting`] if nothing can be seen so; [`Error::Interrupted`].
-pub fn draw(discs: &[Disc], options: &DrawOptions, progress: &dyn Progress) -> Result<Picture> {
+pub fn draw(discs: &[Disc], options: &DrawOptions, progress: &dyn Progress) -> Result<SplatPicture> {
     let factor = options.supersample.clamp(1, SUPERSAMPLE_MAX);
     if options.size.iter().any(|side| !(1..=SIDE_MAX).contains(side)) {
         return Err(Error::setting(
@@ -67,18 +67,18 @@ pub fn draw(discs: &[Disc], options: &DrawOptions, progress: &dyn Progress) -> R
     }
     let corners = left_of(options);
     let screen = options.view.screen(options.focus, corners, size)?;
-    let frame = Frame::new(&screen, size, corners, &options.cuts);
+    let frame = FlatFrame::new(&screen, size, corners, &options.cuts);
     let flats: Vec<Flat> = discs.iter().filter_map(|disc| frame.flat(disc)).collect();
     let rays = raster::shade(&frame, &flats, options.view.axes(), options.background, progress)?;
     let pixels = if factor == 1 { rays } else { averaged(&rays, size[0] as usize, factor as usize) };
-    Ok(Picture { size: options.size, pixels, drawn: flats.len() as u64 })
+    Ok(SplatPicture { size: options.size, pixels, drawn: flats.len() as u64 })
 }
 
 /// Writes a picture as PNG; it has its name only when it is complete.
 ///
 /// # Errors
 /// What writing gives.
-pub fn write_picture(picture: &Picture, opaque: bool, path: &Path) -> Result<()> {
+pub fn write_picture(picture: &SplatPicture, opaque: bool, path: &Path) -> Result<()> {
     let mut rows = picture.pixels.chunks_exact(picture.size[0] as usize);
     write_png(path, picture.size, opaque, |png| rows.try_for_each(|row| png.row(row)))
 }

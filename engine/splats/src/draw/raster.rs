@@ -1,7 +1,7 @@
 //! Splats to pixels, by bands of rows.
 
-use super::flat::{Flat, Frame};
-use super::light::{Light, dot, unit};
+use super::flat::{Flat, FlatFrame};
+use super::light::{SplatLight, dot, unit};
 use crate::error::Result;
 use crate::picture::Rgba;
 use crate::progress::Progress;
@@ -14,7 +14,7 @@ const TOGETHER: f32 = 1.1;
 
 /// The colours of all pixels.
 pub(super) fn shade(
-    frame: &Frame,
+    frame: &FlatFrame,
     flats: &[Flat],
     axes: [[f64; 3]; 3],
     background: Rgba,
@@ -24,7 +24,7 @@ pub(super) fn shade(
     let bands = height.div_ceil(BAND);
     progress.phase("drawing splats", Some(bands as u64), "bands");
     let bins = bins(flats, bands);
-    let light = Light::new(axes);
+    let light = SplatLight::new(axes);
     let mut pixels = vec![background; width * height];
     pixels.par_chunks_mut(width * BAND).enumerate().try_for_each(|(number, pixels)| {
         progress.check()?;
@@ -75,7 +75,7 @@ enum Pass {
 
 /// Rows of a picture while they are drawn.
 struct Band<'a> {
-    frame: &'a Frame,
+    frame: &'a FlatFrame,
     first: usize,
     /// How far along the ray the nearest splat is.
     depth: Vec<f32>,
@@ -84,7 +84,7 @@ struct Band<'a> {
 }
 
 impl Band<'_> {
-    fn new(frame: &Frame, first: usize, pixels: usize) -> Band<'_> {
+    fn new(frame: &FlatFrame, first: usize, pixels: usize) -> Band<'_> {
         Band { frame, first, depth: vec![f32::INFINITY; pixels], normals: vec![[0.0; 3]; pixels] }
     }
 
@@ -125,7 +125,7 @@ impl Band<'_> {
         }
     }
 
-    fn light(&self, light: &Light, pixels: &mut [Rgba]) {
+    fn light(&self, light: &SplatLight, pixels: &mut [Rgba]) {
         let width = self.frame.size[0] as usize;
         for (n, pixel) in pixels.iter_mut().enumerate().filter(|(n, _)| self.depth[*n] < f32::INFINITY) {
             let (x, y) = ((n % width) as f32 + 0.5, (self.first + n / width) as f32 + 0.5);
@@ -154,7 +154,7 @@ fn meet(flat: &Flat, n: [f32; 3], from: [f32; 3], along: [f32; 3]) -> Option<(f3
 
 /// How much a place of a splat's plane counts; nothing where the splat is not.
 #[inline(always)]
-fn covers(flat: &Flat, frame: &Frame, p: [f32; 3]) -> Option<f32> {
+fn covers(flat: &Flat, frame: &FlatFrame, p: [f32; 3]) -> Option<f32> {
     let q: [f32; 3] = std::array::from_fn(|a| p[a] - flat.centre[a]);
     let share = dot(q, q) * flat.per_square;
     let in_cell = (0..3).all(|a| (p[a] - flat.cell_centre[a]).abs() <= flat.reach);

@@ -1,14 +1,14 @@
 //! The cells of a leaf that the boundary passes, with the faces of its crossings.
 
-use super::cluster::{Cluster, Crossing, PARTS, of_crossings};
+use super::cluster::{ClusterPoint, CrossingCluster, PARTS, of_crossings};
 use crate::brick::{Brick, SignChanges};
 use crate::bsp::ONE;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 
 /// A cell of a node with its faces.
-pub(super) struct Faces {
+pub(super) struct CellClusters {
     pub at: [u8; 3],
-    pub clusters: Vec<Cluster>,
+    pub clusters: Vec<CrossingCluster>,
     pub clips: u8,
     /// Whether cells of half the size say more.
     pub divided: bool,
@@ -28,7 +28,7 @@ pub(super) fn centre_of(key: NodeKey, at: [u8; 3]) -> [f64; 3] {
 }
 
 /// The cells of a leaf, x fastest.
-pub(super) fn cells(key: NodeKey, brick: &Brick) -> Vec<Faces> {
+pub(super) fn cells(key: NodeKey, brick: &Brick) -> Vec<CellClusters> {
     let Brick::Counts { samples, hermite } = brick else { return Vec::new() };
     if hermite.is_empty() {
         return Vec::new();
@@ -38,7 +38,7 @@ pub(super) fn cells(key: NodeKey, brick: &Brick) -> Vec<Faces> {
     let corner = key.base().map(|c| i64::from(c + 1) * PARTS);
     let bits = key.spacing_bits();
     // The crossing of the edge that begins at a sample, if there is one.
-    let crossing = |axis: Axis, sample: [usize; 3]| -> Option<Crossing> {
+    let crossing = |axis: Axis, sample: [usize; 3]| -> Option<ClusterPoint> {
         if signs.edges(axis, sample[1], sample[2]) >> sample[0] & 1 == 0 {
             return None;
         }
@@ -46,7 +46,7 @@ pub(super) fn cells(key: NodeKey, brick: &Brick) -> Vec<Faces> {
         let mut place: [i64; 3] = std::array::from_fn(|a| corner[a] + ((sample[a] as i64 * PARTS) << bits));
         place[axis.index()] += ((i64::from(edge.offset) << bits) * PARTS) >> 16;
         let normal = edge.normal.to_vector().map(|c| (c * f64::from(ONE)).round() as i64);
-        Some(Crossing { normal, place })
+        Some(ClusterPoint { normal, place })
     };
     let mut found = Vec::new();
     let mut crossings = Vec::with_capacity(12);
@@ -68,7 +68,7 @@ pub(super) fn cells(key: NodeKey, brick: &Brick) -> Vec<Faces> {
                 }
             }
             let (clusters, clips) = of_crossings(&crossings, cell_of(key));
-            found.push(Faces { at: [i as u8, j as u8, k as u8], clusters, clips, divided: false });
+            found.push(CellClusters { at: [i as u8, j as u8, k as u8], clusters, clips, divided: false });
         }
     }
     found

@@ -12,7 +12,7 @@ const LOST_MAX: f64 = 0.1;
 
 /// Crossings of one face in a cell, or what was merged of such. Lengths are in 1/256 of a lattice unit.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cluster {
+pub(super) struct CrossingCluster {
     /// Sum of unit normals in 1/16384.
     pub normals: [i64; 3],
     /// Sum of places.
@@ -35,9 +35,9 @@ pub(super) fn unit(a: [f64; 3]) -> [f64; 3] {
     if length > 0.0 { a.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
 }
 
-impl Cluster {
-    const NONE: Cluster =
-        Cluster { normals: [0; 3], places: [0; 3], count: 0, low: 0.0, high: 0.0, reach: 0.0 };
+impl CrossingCluster {
+    const NONE: CrossingCluster =
+        CrossingCluster { normals: [0; 3], places: [0; 3], count: 0, low: 0.0, high: 0.0, reach: 0.0 };
 
     fn add(&mut self, normals: [i64; 3], places: [i64; 3], count: i64) {
         for axis in 0..3 {
@@ -81,14 +81,14 @@ impl Cluster {
 
 /// A crossing: a unit normal in 1/16384, and a place.
 #[derive(Clone, Copy)]
-pub(super) struct Crossing {
+pub(super) struct ClusterPoint {
     pub normal: [i64; 3],
     pub place: [i64; 3],
 }
 
 /// Sorts things into at most three faces by their normals: gives for each its face, and the sums of each.
-fn faces(normals: impl Iterator<Item = ([i64; 3], [i64; 3], i64)>) -> (Vec<usize>, Vec<Cluster>) {
-    let (mut face_of, mut faces) = (Vec::new(), Vec::<Cluster>::new());
+fn faces(normals: impl Iterator<Item = ([i64; 3], [i64; 3], i64)>) -> (Vec<usize>, Vec<CrossingCluster>) {
+    let (mut face_of, mut faces) = (Vec::new(), Vec::<CrossingCluster>::new());
     for (normal, place, count) in normals {
         let direction = unit(normal.map(|c| c as f64));
         let best = (0..faces.len())
@@ -97,7 +97,7 @@ fn faces(normals: impl Iterator<Item = ([i64; 3], [i64; 3], i64)>) -> (Vec<usize
         let face = match best {
             Some((cosine, face)) if cosine > SAME_FACE || faces.len() == crate::bsp::SPLATS_MAX => face,
             _ => {
-                faces.push(Cluster::NONE);
+                faces.push(CrossingCluster::NONE);
                 faces.len() - 1
             }
         };
@@ -108,7 +108,7 @@ fn faces(normals: impl Iterator<Item = ([i64; 3], [i64; 3], i64)>) -> (Vec<usize
 }
 
 /// The faces of crossings in a cell, the one with most of them first, and how they cut each other.
-pub(super) fn of_crossings(crossings: &[Crossing], cell: f64) -> (Vec<Cluster>, u8) {
+pub(super) fn of_crossings(crossings: &[ClusterPoint], cell: f64) -> (Vec<CrossingCluster>, u8) {
     let items = crossings.iter().map(|crossing| (crossing.normal, crossing.place, 1));
     let (face_of, mut faces) = faces(items);
     let places: Vec<[f64; 3]> = crossings.iter().map(|crossing| crossing.place.map(|c| c as f64)).collect();
@@ -126,11 +126,11 @@ pub(super) fn of_crossings(crossings: &[Crossing], cell: f64) -> (Vec<Cluster>, 
 }
 
 /// The faces of a cell that holds those of smaller cells, the largest first, and how they cut each other.
-pub(super) fn of_clusters(parts: &[Cluster], cell: f64) -> (Vec<Cluster>, u8) {
+pub(super) fn of_clusters(parts: &[CrossingCluster], cell: f64) -> (Vec<CrossingCluster>, u8) {
     // The largest part first, so that faces begin with what matters.
     let mut order: Vec<usize> = (0..parts.len()).collect();
     order.sort_by_key(|&n| std::cmp::Reverse(parts[n].count));
-    let parts: Vec<Cluster> = order.into_iter().map(|n| parts[n]).collect();
+    let parts: Vec<CrossingCluster> = order.into_iter().map(|n| parts[n]).collect();
     let (face_of, mut faces) = faces(parts.iter().map(|part| (part.normals, part.places, part.count)));
     for (number, face) in faces.iter_mut().enumerate() {
         let (mean, normal) = (face.mean(), face.normal());
@@ -146,16 +146,21 @@ pub(super) fn of_clusters(parts: &[Cluster], cell: f64) -> (Vec<Cluster>, u8) {
         }
         (face.low, face.high) = (face.low.max(-face.reach), face.high.min(face.reach));
     }
-    let places: Vec<[f64; 3]> = parts.iter().map(Cluster::mean).collect();
+    let places: Vec<[f64; 3]> = parts.iter().map(CrossingCluster::mean).collect();
     ordered(faces, &face_of, &places, cell)
 }
 
 /// Faces by size, with how each pair cuts each other.
-fn ordered(faces: Vec<Cluster>, face_of: &[usize], places: &[[f64; 3]], cell: f64) -> (Vec<Cluster>, u8) {
+fn ordered(
+    faces: Vec<CrossingCluster>,
+    face_of: &[usize],
+    places: &[[f64; 3]],
+    cell: f64,
+) -> (Vec<CrossingCluster>, u8) {
     let mut order: Vec<usize> = (0..faces.len()).collect();
     order.sort_by_key(|&n| std::cmp::Reverse(faces[n].count));
     // How far places of a face lie before another's plane: the least and the most.
-    let before = |face: usize, other: &Cluster| {
+    let before = |face: usize, other: &CrossingCluster| {
         let (normal, middle) = (other.normal(), other.middle());
         let of = places.iter().zip(face_of).filter(|(_, of)| **of == face);
         of.fold([f64::MAX, f64::MIN], |[low, high], (place, _)| {

@@ -1,6 +1,6 @@
 //! Splats in the world.
 
-use super::levels::Levels;
+use super::levels::SplatLevels;
 use crate::bsp::{Cell, Clip, NodeCells, SplatTree};
 use crate::lattice::NodeKey;
 
@@ -25,7 +25,7 @@ pub struct Disc {
 }
 
 /// Calls `each` with the splats of the finest picture: those of cells that are not divided, or of `level`.
-pub fn discs_of_levels(levels: &Levels, level: Option<u8>, mut each: impl FnMut(Disc)) {
+pub fn discs_of_levels(levels: &SplatLevels, level: Option<u8>, mut each: impl FnMut(Disc)) {
     let last = level.unwrap_or(levels.deepest()).min(levels.deepest());
     let frame = Frame { origin: levels.root().to_world([1.0; 3]), edge: levels.root().edge };
     for (key, piece) in levels.nodes() {
@@ -57,7 +57,7 @@ pub fn discs_of_tree(tree: &SplatTree, level: Option<u8>, mut each: impl FnMut(D
 }
 
 /// Whether all that a cell is part of is divided.
-fn is_reached(levels: &Levels, key: NodeKey, cell: &Cell) -> bool {
+fn is_reached(levels: &SplatLevels, key: NodeKey, cell: &Cell) -> bool {
     let (mut key, mut at) = (key, cell.at);
     while let Some(parent) = key.parent() {
         let offset = key.octant().offset();

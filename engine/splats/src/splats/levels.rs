@@ -1,7 +1,7 @@
 //! Splats of all levels: those of the leaves as these come, and of every node above as soon as its eight children are there.
 
-use super::brick::{Faces, cell_of, cells, centre_of};
-use super::cluster::{Cluster, of_clusters};
+use super::brick::{CellClusters, cell_of, cells, centre_of};
+use super::cluster::{CrossingCluster, of_clusters};
 use crate::bsp::{NodeCells, SplatInput};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
@@ -19,7 +19,7 @@ pub struct LevelsOptions {
 }
 
 /// The splats of a tree, level by level, in memory: about 30 bytes a splat.
-pub struct Levels {
+pub struct SplatLevels {
     root: RootCube,
     deepest: u8,
     nodes: BTreeMap<NodeKey, NodeCells<SplatInput>>,
@@ -28,19 +28,19 @@ pub struct Levels {
 /// A node whose parent is still to be made.
 struct Open {
     key: NodeKey,
-    faces: Vec<Faces>,
+    faces: Vec<CellClusters>,
 }
 
-impl Levels {
+impl SplatLevels {
     /// Makes the splats of a tree. Leaves are read once, in Morton order.
     ///
     /// # Errors
     /// What reading the tree gives; [`crate::error::Error::Interrupted`].
-    pub fn new(tree: &dyn BrickTree, options: LevelsOptions, progress: &dyn Progress) -> Result<Levels> {
+    pub fn new(tree: &dyn BrickTree, options: LevelsOptions, progress: &dyn Progress) -> Result<SplatLevels> {
         let order = LeafOrder::new(tree)?;
         progress.phase("making splats", Some(order.keys().len() as u64), "bricks");
         let deepest = tree.deepest_level().min(options.level.unwrap_or(u8::MAX));
-        let mut levels = Levels { root: tree.root(), deepest, nodes: BTreeMap::new() };
+        let mut levels = SplatLevels { root: tree.root(), deepest, nodes: BTreeMap::new() };
         let parts = super::cluster::PARTS as f64 / tree.root().unit();
         let tolerance = options.error.map_or(-1.0, |error| error * parts);
         let make = |leaf: &Leaf<'_>| Ok(cells(leaf.key, leaf.brick));
@@ -73,7 +73,7 @@ impl Levels {
         }
     }
 
-    fn keep(&mut self, key: NodeKey, faces: &[Faces]) {
+    fn keep(&mut self, key: NodeKey, faces: &[CellClusters]) {
         if faces.is_empty() {
             return;
         }
@@ -104,9 +104,9 @@ impl Levels {
 }
 
 /// The cells of a node from those of its children.
-fn parents(key: NodeKey, children: &[Open], tolerance: f64, may_divide: bool) -> Vec<Faces> {
+fn parents(key: NodeKey, children: &[Open], tolerance: f64, may_divide: bool) -> Vec<CellClusters> {
     // Sorted by the parent's cell, then by octant.
-    let mut parts: Vec<(u16, &Faces)> = Vec::new();
+    let mut parts: Vec<(u16, &CellClusters)> = Vec::new();
     for child in children {
         let offset = child.key.octant().offset();
         for faces in &child.faces {
@@ -118,12 +118,12 @@ fn parents(key: NodeKey, children: &[Open], tolerance: f64, may_divide: bool) ->
     let mut found = Vec::new();
     for group in parts.chunk_by(|a, b| a.0 == b.0) {
         let place = group[0].0;
-        let clusters: Vec<Cluster> =
+        let clusters: Vec<CrossingCluster> =
             group.iter().flat_map(|(_, faces)| faces.clusters.iter().copied()).collect();
         let (clusters, clips) = of_clusters(&clusters, cell_of(key));
         let is_rough = clusters.iter().any(|cluster| cluster.error() > tolerance);
         let at = [place & 31, place >> 5 & 31, place >> 10].map(|c| c as u8);
-        found.push(Faces { at, clusters, clips, divided: may_divide && is_rough });
+        found.push(CellClusters { at, clusters, clips, divided: may_divide && is_rough });
     }
     found
 }

@@ -30,7 +30,7 @@ mod tests;
 mod write;
 
 pub use disc::{Disc, discs_of_levels, discs_of_tree};
-pub use levels::{Levels, LevelsOptions};
+pub use levels::{LevelsOptions, SplatLevels};
 pub use page::write_page;
 pub use ply::write_ply;
 pub use read::{read_bsp, read_tree};

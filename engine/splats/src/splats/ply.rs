@@ -3,7 +3,7 @@
 //! Numbers are as training programs write them: scales as logarithms, opacity as log-odds, quaternions with w first.
 
 use super::disc::{Disc, discs_of_levels};
-use super::levels::Levels;
+use super::levels::SplatLevels;
 use crate::error::Result;
 use crate::part::PartFile;
 use std::path::Path;
@@ -26,7 +26,7 @@ const NAMES: [&str; 14] = [
 ///
 /// # Errors
 /// What writing gives.
-pub fn write_ply(levels: &Levels, level: Option<u8>, path: &Path) -> Result<u64> {
+pub fn write_ply(levels: &SplatLevels, level: Option<u8>, path: &Path) -> Result<u64> {
     let mut count = 0u64;
     discs_of_levels(levels, level, |_| count += 1);
     let mut file = PartFile::create(path)?;

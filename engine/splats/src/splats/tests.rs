@@ -149,11 +149,11 @@ fn worst(discs: &[Disc], crossings: &[Vector]) -> f64 {
     crossings.iter().map(nearest).fold(0.0, f64::max)
 }
 
-fn levels(tree: &MemoryTree, error: Option<f64>) -> Levels {
-    Levels::new(tree, LevelsOptions { error, level: None }, &Silent).unwrap()
+fn levels(tree: &MemoryTree, error: Option<f64>) -> SplatLevels {
+    SplatLevels::new(tree, LevelsOptions { error, level: None }, &Silent).unwrap()
 }
 
-fn written(levels: &Levels) -> (Vec<u8>, BspSummary) {
+fn written(levels: &SplatLevels) -> (Vec<u8>, BspSummary) {
     bsp_bytes(levels, "mm", [[-1.0; 3], [1.0; 3]], &Silent).unwrap()
 }
 
@@ -275,7 +275,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
 fn any_level_of_a_file_is_that_of_one_that_ends_there() {
     let tree = tree(torus, 2);
     let levels_to =
-        |level| Levels::new(&tree, LevelsOptions { error: None, level: Some(level) }, &Silent).unwrap();
+        |level| SplatLevels::new(&tree, LevelsOptions { error: None, level: Some(level) }, &Silent).unwrap();
     let (whole, _) = written(&levels(&tree, None));
     let (coarse, _) = written(&levels_to(1));
     assert_eq!(discs(&read(&whole), Some(1)).len(), discs(&read(&coarse), None).len());

@@ -1,6 +1,6 @@
 //! Files of splats, written: the head in one piece, then level by level, units on all threads.
 
-use super::levels::Levels;
+use super::levels::SplatLevels;
 use crate::bsp::{
     Cells, CodedUnit, Directions, Entry, HEADER_BYTES, Header, LEVELS_MAX, Level, Model, NodeCells, Setting,
     Splat, SplatInput, crc32, root, unit,
@@ -41,7 +41,7 @@ pub struct BspSummary {
 /// # Errors
 /// What writing gives; [`crate::error::Error::Interrupted`].
 pub fn write_bsp(
-    levels: &Levels,
+    levels: &SplatLevels,
     unit: &str,
     bounds: [[f64; 3]; 2],
     path: &Path,
@@ -59,7 +59,7 @@ pub fn write_bsp(
 /// # Errors
 /// [`crate::error::Error::Interrupted`].
 pub fn bsp_bytes(
-    levels: &Levels,
+    levels: &SplatLevels,
     unit: &str,
     bounds: [[f64; 3]; 2],
     progress: &dyn Progress,
@@ -100,7 +100,7 @@ pub fn bsp_bytes(
     Ok((bytes, summary))
 }
 
-fn header(levels: &Levels, unit: &str, bounds: [[f64; 3]; 2]) -> Header {
+fn header(levels: &SplatLevels, unit: &str, bounds: [[f64; 3]; 2]) -> Header {
     let mut name = [0; 8];
     let text = unit.bytes().filter(u8::is_ascii_alphabetic);
     name.iter_mut().zip(text).for_each(|(to, from)| *to = from);
@@ -122,7 +122,7 @@ fn header(levels: &Levels, unit: &str, bounds: [[f64; 3]; 2]) -> Header {
 }
 
 struct Writer<'a> {
-    levels: &'a Levels,
+    levels: &'a SplatLevels,
     directions: Directions,
     /// Of the level that is divided next, as readers will have them.
     pieces: BTreeMap<NodeKey, NodeCells<Splat>>,

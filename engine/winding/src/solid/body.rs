@@ -3,14 +3,14 @@
 //! Only + − × ÷ and square roots, in one order, without fused operations: IEEE 754 fixes every result, so all
 //! machines and all threads compute the same bits.
 
-use super::profile::Profile;
+use super::profile::SolidProfile;
 use super::segments::Segment;
 use crate::lattice::{cross, dot};
 
 /// A segment with its frame. Positions are relative to its first end, in lattice units.
 #[derive(Clone, Copy, Debug)]
 pub struct Body {
-    profile: Profile,
+    profile: SolidProfile,
     /// The other end.
     end: [f64; 3],
     length: f64,
@@ -32,7 +32,7 @@ const STEPS: usize = 64;
 impl Body {
     /// The solid of a segment with its profile.
     #[inline]
-    pub fn new(segment: &Segment, profile: &Profile) -> Body {
+    pub fn new(segment: &Segment, profile: &SolidProfile) -> Body {
         let end = [0, 1, 2].map(|a| f64::from(segment.b[a] - segment.a[a]));
         let is_upright = profile.axis[0] == 0.0 && profile.axis[1] == 0.0;
         let is_flat = is_upright && segment.a[2] == segment.b[2];
@@ -82,7 +82,7 @@ impl Body {
     /// No point of the solid is farther than this from the segment.
     #[inline]
     pub fn reach(&self) -> f64 {
-        let Profile { half_width, half_height, .. } = self.profile;
+        let SolidProfile { half_width, half_height, .. } = self.profile;
         if self.is_flat { half_width } else { half_width + half_height }
     }
 
@@ -103,7 +103,7 @@ impl Body {
     /// belongs to it and that of its upper face does not.
     #[inline]
     pub fn half_width_at(&self, z: f64) -> Option<f64> {
-        let Profile { flat_side, flat_top, aspect, radius, .. } = self.profile;
+        let SolidProfile { flat_side, flat_top, aspect, radius, .. } = self.profile;
         let top = flat_top + radius;
         if z < -top || z >= top {
             return None;
@@ -162,7 +162,7 @@ impl Body {
 
     /// The interval of a flat body along z.
     fn upright_line(&self, at: [f64; 3]) -> Option<(f64, f64)> {
-        let Profile { flat_side, flat_top, aspect, radius, .. } = self.profile;
+        let SolidProfile { flat_side, flat_top, aspect, radius, .. } = self.profile;
         let [along, side, _] = self.local(at);
         let beyond = self.beyond(along);
         let d = (beyond * beyond + side * side).sqrt() - flat_side;
@@ -209,9 +209,9 @@ impl Body {
         (self.extent.0[axis], self.extent.1[axis])
     }
 
-    /// The left side of [`Profile`]'s inequality minus the right one, and its gradient in the frame.
+    /// The left side of [`SolidProfile`]'s inequality minus the right one, and its gradient in the frame.
     fn formula(&self, at: [f64; 3]) -> (f64, [f64; 3]) {
-        let Profile { flat_side, flat_top, aspect, radius, .. } = self.profile;
+        let SolidProfile { flat_side, flat_top, aspect, radius, .. } = self.profile;
         let [along, side, up] = self.local(at);
         let beyond = self.beyond(along);
         let mut value = -radius * radius;

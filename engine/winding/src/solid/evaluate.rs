@@ -4,7 +4,7 @@
 //! counters: plane p holds bit p of w for every sample. So w counts passes, and a pass's own joints and corners
 //! count once. Where beads are counted, a pass is a bead as a whole.
 
-use super::hermite::{Boundary, Scene};
+use super::hermite::{BrickSegments, HermiteScratch};
 use super::hidden;
 use super::segments::{Segment, Solids};
 use crate::brick::{Brick, Hermite, Samples, SignChanges, ThinFeatures, ThinLines};
@@ -20,17 +20,17 @@ const PLANES_MAX: usize = 15;
 
 /// Where a brick's samples lie.
 #[derive(Clone, Copy)]
-pub(super) struct Lattice {
+pub(super) struct BrickLattice {
     /// Position of sample (0, 0, 0).
     pub origin: Units,
     /// log₂ of the spacing.
     pub shift: u32,
 }
 
-impl Lattice {
+impl BrickLattice {
     #[inline]
-    pub fn of(key: NodeKey) -> Lattice {
-        Lattice { origin: key.base().map(|b| b + 1), shift: key.spacing_bits() }
+    pub fn of(key: NodeKey) -> BrickLattice {
+        BrickLattice { origin: key.base().map(|b| b + 1), shift: key.spacing_bits() }
     }
 
     /// Coordinate of a sample along an axis, relative to a position.
@@ -69,7 +69,7 @@ fn ceil(t: f64) -> i32 {
 
 /// The samples of one row that a segment covers.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Span {
+pub(super) struct RowSpan {
     /// Position of the segment in the brick's list.
     pub position: u32,
     /// k·33 + j.
@@ -81,7 +81,7 @@ pub(super) struct Span {
     pub interval: (f64, f64),
 }
 
-impl Span {
+impl RowSpan {
     /// Its samples as bits.
     #[inline]
     pub fn mask(self) -> u64 {
@@ -94,7 +94,7 @@ impl Span {
 pub struct SolidEvaluator {
     /// Positions in the brick's list, pass by pass.
     order: Vec<u32>,
-    spans: Vec<Span>,
+    spans: Vec<RowSpan>,
     /// Samples of the pass at hand, by row; all zero between passes.
     pass: Vec<u64>,
     /// What the next pass, by its number, has in common with the one at hand at their joint: rows, and samples as bits.
@@ -103,7 +103,7 @@ pub struct SolidEvaluator {
     touched: Vec<u16>,
     /// Counters: plane by plane, each a word a row.
     planes: Vec<[u64; ROWS]>,
-    boundary: Boundary,
+    boundary: HermiteScratch,
 }
 
 /// The samples of one brick, and its spans until the evaluator is used again.
@@ -111,7 +111,7 @@ pub struct SolidEvaluation<'a> {
     /// For each of the 33³ samples, how many passes cover it.
     pub samples: Samples,
     signs: SignChanges,
-    lattice: Lattice,
+    lattice: BrickLattice,
     solids: &'a Solids,
     list: SegmentList<'a>,
     evaluator: &'a mut SolidEvaluator,
@@ -145,7 +145,7 @@ impl SolidEvaluator {
         key: NodeKey,
         list: SegmentList<'a>,
     ) -> Result<SolidEvaluation<'a>> {
-        let lattice = Lattice::of(key);
+        let lattice = BrickLattice::of(key);
         self.spans.clear();
         self.planes.clear();
         self.pass.resize(ROWS, 0);
@@ -179,14 +179,14 @@ impl SolidEvaluator {
     }
 
     /// Adds the rows of a segment to those of its pass.
-    fn fill(&mut self, solids: &Solids, lattice: Lattice, segment: &Segment, position: u32) {
+    fn fill(&mut self, solids: &Solids, lattice: BrickLattice, segment: &Segment, position: u32) {
         for_rows(solids, lattice, segment, |row, interval| {
             self.add_span(lattice, segment, position, row, interval);
         });
     }
 
     /// Keeps what the pass at hand has in common with the round end where the next one begins.
-    fn keep_joint(&mut self, solids: &Solids, lattice: Lattice, joint: &Segment) {
+    fn keep_joint(&mut self, solids: &Solids, lattice: BrickLattice, joint: &Segment) {
         self.joint.0 = joint.pass;
         for_rows(solids, lattice, joint, |row, interval| {
             if let Some((first, end)) = samples_of(lattice, joint, interval) {
@@ -209,14 +209,14 @@ impl SolidEvaluator {
     #[inline]
     fn add_span(
         &mut self,
-        lattice: Lattice,
+        lattice: BrickLattice,
         segment: &Segment,
         position: u32,
         row: usize,
         interval: (f64, f64),
     ) {
         if let Some((first, end)) = samples_of(lattice, segment, interval) {
-            let span = Span { position, row: row as u16, first, end, interval };
+            let span = RowSpan { position, row: row as u16, first, end, interval };
             if self.pass[row] == 0 {
                 self.touched.push(row as u16);
             }
@@ -273,7 +273,12 @@ impl SolidEvaluator {
 /// Calls `each` with the rows, k·33 + j, that meet a segment's solid, and the interval of each, relative to the segment's
 /// first end.
 #[inline]
-fn for_rows(solids: &Solids, lattice: Lattice, segment: &Segment, mut each: impl FnMut(usize, (f64, f64))) {
+fn for_rows(
+    solids: &Solids,
+    lattice: BrickLattice,
+    segment: &Segment,
+    mut each: impl FnMut(usize, (f64, f64)),
+) {
     let body = solids.body(segment);
     let bounds = solids.bounds(segment);
     let js = lattice.within(1, bounds);
@@ -300,7 +305,7 @@ fn for_rows(solids: &Solids, lattice: Lattice, segment: &Segment, mut each: impl
 /// Calls `each` with the rows (j, k) of a brick's samples that a segment's solid covers, and these samples as bits.
 #[inline]
 pub fn for_samples(solids: &Solids, key: NodeKey, segment: &Segment, mut each: impl FnMut([usize; 2], u64)) {
-    let lattice = Lattice::of(key);
+    let lattice = BrickLattice::of(key);
     for_rows(solids, lattice, segment, |row, interval| {
         if let Some((first, end)) = samples_of(lattice, segment, interval) {
             each([row % P, row / P], (1 << end) - (1 << first));
@@ -319,7 +324,7 @@ pub fn for_lines(
     beside: impl Fn(usize, usize) -> [f64; 2],
     mut each: impl FnMut(usize, (f64, f64)),
 ) {
-    let lattice = Lattice::of(key);
+    let lattice = BrickLattice::of(key);
     let (body, bounds) = (solids.body(segment), solids.bounds(segment));
     let a = axis.index();
     let [u, v] = axis.others_in_order().map(Axis::index);
@@ -344,7 +349,7 @@ pub fn for_lines(
 
 /// The first sample of a row in an interval relative to the segment's first end, and the first one beyond.
 #[inline]
-fn samples_of(lattice: Lattice, segment: &Segment, interval: (f64, f64)) -> Option<(u8, u8)> {
+fn samples_of(lattice: BrickLattice, segment: &Segment, interval: (f64, f64)) -> Option<(u8, u8)> {
     let first = lattice.first_from(segment, 0, interval.0) as u8;
     let end = lattice.first_from(segment, 0, interval.1) as u8;
     (first < end).then_some((first, end))
@@ -383,7 +388,7 @@ impl SolidEvaluation<'_> {
             return Brick::Uniform(first);
         }
         let SolidEvaluator { spans, boundary, .. } = evaluator;
-        let edges = boundary.edges(Scene { lattice, solids, list }, &signs, spans);
+        let edges = boundary.edges(BrickSegments { lattice, solids, list }, &signs, spans);
         Brick::Counts { samples, hermite: Hermite { edges } }
     }
 }

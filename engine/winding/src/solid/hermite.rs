@@ -7,7 +7,7 @@
 //! row, the sample's own place stands in.
 
 use super::body::Body;
-use super::evaluate::{Lattice, SegmentList, Span};
+use super::evaluate::{BrickLattice, RowSpan, SegmentList};
 use super::segments::Solids;
 use crate::brick::{HermiteEdge, OctNormal, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS};
@@ -17,7 +17,7 @@ const P: usize = BRICK_POINTS;
 
 /// Working memory for finding the edges of bricks one after the other.
 #[derive(Default)]
-pub(super) struct Boundary {
+pub(super) struct HermiteScratch {
     /// Per axis and row: how many sign-changing edges the rows before hold.
     ranks: [Vec<u32>; 3],
     best: [Vec<Candidate>; 3],
@@ -47,22 +47,27 @@ struct End {
 impl End {
     /// Its position relative to the first end of a segment.
     #[inline]
-    fn at(self, lattice: Lattice, a: [i32; 3]) -> [f64; 3] {
+    fn at(self, lattice: BrickLattice, a: [i32; 3]) -> [f64; 3] {
         [0, 1, 2].map(|axis| lattice.offset(a, axis, usize::from(self.sample[axis])))
     }
 }
 
 /// A brick and the segments that touch it.
 #[derive(Clone, Copy)]
-pub(super) struct Scene<'a> {
-    pub lattice: Lattice,
+pub(super) struct BrickSegments<'a> {
+    pub lattice: BrickLattice,
     pub solids: &'a Solids,
     pub list: SegmentList<'a>,
 }
 
-impl Boundary {
+impl HermiteScratch {
     /// The Hermite edges along each axis, from the spans of all segments in the order of the toolpath.
-    pub fn edges(&mut self, scene: Scene<'_>, signs: &SignChanges, spans: &[Span]) -> [Vec<HermiteEdge>; 3] {
+    pub fn edges(
+        &mut self,
+        scene: BrickSegments<'_>,
+        signs: &SignChanges,
+        spans: &[RowSpan],
+    ) -> [Vec<HermiteEdge>; 3] {
         self.begin(scene, signs);
         for span in spans {
             self.offer(scene, signs, span);
@@ -83,7 +88,7 @@ impl Boundary {
         [0, 1, 2].map(|a| self.best[a].iter().map(&mut edge).collect())
     }
 
-    fn begin(&mut self, scene: Scene<'_>, signs: &SignChanges) {
+    fn begin(&mut self, scene: BrickSegments<'_>, signs: &SignChanges) {
         self.bodies.clear();
         self.bodies.resize(scene.list.indices.len(), None);
         let nobody = End { axis: Axis::X, sample: [0; 3], upper: false };
@@ -103,7 +108,7 @@ impl Boundary {
 
     /// Considers a span for all edges whose inside end it covers.
     #[inline]
-    fn offer(&mut self, scene: Scene<'_>, signs: &SignChanges, span: &Span) {
+    fn offer(&mut self, scene: BrickSegments<'_>, signs: &SignChanges, span: &RowSpan) {
         let (j, k) = (usize::from(span.row) % P, usize::from(span.row) / P);
         let inside = span.mask();
         let mut beyond = |axis: Axis, outside: u64, upper: bool| {
@@ -133,7 +138,7 @@ impl Boundary {
     }
 
     /// Considers the solid of a span for one edge.
-    fn add(&mut self, scene: Scene<'_>, signs: &SignChanges, span: &Span, end: End) {
+    fn add(&mut self, scene: BrickSegments<'_>, signs: &SignChanges, span: &RowSpan, end: End) {
         let a = end.axis.index();
         let mut lower = end.sample.map(usize::from);
         lower[a] -= usize::from(end.upper);

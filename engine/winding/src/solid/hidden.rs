@@ -1,6 +1,6 @@
 //! Walls and gaps between samples, which the samples do not show.
 
-use super::evaluate::{Lattice, SegmentList};
+use super::evaluate::{BrickLattice, SegmentList};
 use super::segments::{Segment, Solids};
 use crate::brick::{ThinFeatures, ThinLines, ThinPair};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
@@ -27,7 +27,7 @@ struct Reach {
 /// The intervals of all segments on some lines along `axis`.
 fn reaches(
     solids: &Solids,
-    lattice: Lattice,
+    lattice: BrickLattice,
     list: SegmentList<'_>,
     axis: usize,
     lines: ThinLines,
@@ -84,7 +84,7 @@ fn edge_before(sample: u8) -> u64 {
 
 /// Whether a lattice edge along `axis` holds both an entry into a pass and an exit from one.
 #[inline]
-pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
+pub(super) fn crossings(solids: &Solids, lattice: BrickLattice, list: SegmentList<'_>, axis: usize) -> bool {
     let mut all = reaches(solids, lattice, list, axis, ThinLines::All);
     all.sort_unstable_by(|p, q| (p.line, p.pass).cmp(&(q.line, q.pass)).then(p.from.total_cmp(&q.from)));
     all.chunk_by(|p, q| p.line == q.line).any(|line| {
@@ -101,7 +101,7 @@ pub(super) fn crossings(solids: &Solids, lattice: Lattice, list: SegmentList<'_>
 
 /// Whether an edge along `axis` holds a wall of the union with both faces, or a gap.
 #[inline]
-pub(super) fn boundary(solids: &Solids, lattice: Lattice, list: SegmentList<'_>, axis: usize) -> bool {
+pub(super) fn boundary(solids: &Solids, lattice: BrickLattice, list: SegmentList<'_>, axis: usize) -> bool {
     let mut all = reaches(solids, lattice, list, axis, ThinLines::All);
     all.sort_unstable_by(|p, q| p.line.cmp(&q.line).then(p.from.total_cmp(&q.from)));
     all.chunk_by(|p, q| p.line == q.line).any(|line| {
@@ -118,7 +118,7 @@ pub(super) fn boundary(solids: &Solids, lattice: Lattice, list: SegmentList<'_>,
 /// of the edges that the brick owns.
 pub(super) fn add_thin(
     solids: &Solids,
-    lattice: Lattice,
+    lattice: BrickLattice,
     list: SegmentList<'_>,
     axis: Axis,
     lines: ThinLines,
@@ -161,7 +161,7 @@ pub(super) fn add_thin(
 /// The outward normal of a segment where a line along `axis` meets its surface, `at` units from sample 0.
 fn normal_at(
     solids: &Solids,
-    lattice: Lattice,
+    lattice: BrickLattice,
     segment: &Segment,
     axis: Axis,
     line: u16,

@@ -21,5 +21,5 @@ pub use body::Body;
 pub use evaluate::{SegmentList, SolidEvaluation, SolidEvaluator, for_lines, for_samples};
 pub use hermite::normal_code;
 pub use points::{beads_at, brute_beads_at};
-pub use profile::{Outline, Profile};
+pub use profile::{Outline, SolidProfile};
 pub use segments::{Segment, Solids, bounds_of_beads, passes_of};

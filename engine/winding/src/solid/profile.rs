@@ -36,7 +36,7 @@ impl Outline {
 ///
 /// The left side is convex along every line, and smooth where it is positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Profile {
+pub struct SolidProfile {
     /// Where the tool's axis points, a unit vector.
     pub axis: [f64; 3],
     /// Half of the section's width, in units.
@@ -53,10 +53,10 @@ pub struct Profile {
     pub radius: f64,
 }
 
-impl Profile {
+impl SolidProfile {
     /// The section with these half extents.
     #[inline]
-    pub fn new(outline: Outline, half_width: f64, half_height: f64, axis: [f64; 3]) -> Profile {
+    pub fn new(outline: Outline, half_width: f64, half_height: f64, axis: [f64; 3]) -> SolidProfile {
         let (radius, aspect) = match outline {
             Outline::Stadium => (if half_width < half_height { half_width } else { half_height }, 1.0),
             Outline::Ellipse => (half_height, (half_height / half_width) * (half_height / half_width)),
@@ -65,7 +65,7 @@ impl Profile {
             Outline::Stadium => (half_width - radius, half_height - radius),
             Outline::Ellipse => (0.0, 0.0),
         };
-        Profile { axis, half_width, half_height, flat_side, flat_top, aspect, radius }
+        SolidProfile { axis, half_width, half_height, flat_side, flat_top, aspect, radius }
     }
 
     /// Whether the section has an area.
@@ -77,7 +77,7 @@ impl Profile {
     /// Area of the section, in square units.
     #[inline]
     pub fn area(&self) -> f64 {
-        let Profile { flat_side, flat_top, aspect, radius, .. } = *self;
+        let SolidProfile { flat_side, flat_top, aspect, radius, .. } = *self;
         let round = 1.0 / aspect.sqrt();
         let within = flat_top * (flat_side + radius * round);
         4.0 * (within + flat_side * radius + FRAC_PI_4 * radius * radius * round)
@@ -86,7 +86,7 @@ impl Profile {
     /// Volume of both round ends of a segment, in cubic units: of the section's half, turned about n.
     #[inline]
     pub fn end_volume(&self) -> f64 {
-        let Profile { flat_side, flat_top, aspect, radius, .. } = *self;
+        let SolidProfile { flat_side, flat_top, aspect, radius, .. } = *self;
         let round = 1.0 / aspect.sqrt();
         let half_width = flat_side + radius * round;
         let curved = flat_side * flat_side * radius

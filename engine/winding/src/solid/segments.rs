@@ -1,7 +1,7 @@
 //! Toolpaths as segments on the lattice.
 
 use super::body::{Body, frame};
-use super::profile::{Outline, Profile};
+use super::profile::{Outline, SolidProfile};
 use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::lattice::{ROOT_BITS, RootCube, Units};
@@ -33,7 +33,7 @@ impl Segment {
 /// What segments share: their cross-sections.
 #[derive(Clone, Debug, Default)]
 pub struct Solids {
-    profiles: Vec<Profile>,
+    profiles: Vec<SolidProfile>,
     /// Where passes follow another of their bead: their first round end, as a segment without length, by pass.
     joints: Vec<Segment>,
 }
@@ -85,7 +85,7 @@ impl Solids {
 
     /// With these cross-sections.
     #[inline]
-    pub fn of_profiles(profiles: Vec<Profile>) -> Solids {
+    pub fn of_profiles(profiles: Vec<SolidProfile>) -> Solids {
         Solids { profiles, joints: Vec::new() }
     }
 
@@ -97,13 +97,13 @@ impl Solids {
 
     /// The cross-section of a segment.
     #[inline]
-    pub fn profile(&self, segment: &Segment) -> &Profile {
+    pub fn profile(&self, segment: &Segment) -> &SolidProfile {
         &self.profiles[segment.profile as usize]
     }
 
     /// All cross-sections.
     #[inline]
-    pub fn profiles(&self) -> &[Profile] {
+    pub fn profiles(&self) -> &[SolidProfile] {
         &self.profiles
     }
 
@@ -124,7 +124,7 @@ impl Solids {
     /// A box around the segment's solid, with a margin of more than a unit.
     #[inline]
     pub fn bounds(&self, segment: &Segment) -> (Units, Units) {
-        let Profile { axis, half_width, half_height, .. } = *self.profile(segment);
+        let SolidProfile { axis, half_width, half_height, .. } = *self.profile(segment);
         let (a, b) = (segment.a, segment.b);
         if axis[0] == 0.0 && axis[1] == 0.0 && a[2] == b[2] {
             let reach = [half_width, half_width, half_height].map(|r| r as i32 + 2);
@@ -182,7 +182,7 @@ struct Table {
     outline: Outline,
     /// Units per world length.
     scale: f64,
-    profiles: Vec<Profile>,
+    profiles: Vec<SolidProfile>,
     numbers: HashMap<[u64; 5], u32>,
 }
 
@@ -219,7 +219,7 @@ impl Table {
         let bits = [half_width.to_bits(), half_height.to_bits(), x, y, z];
         let profiles = &mut self.profiles;
         *self.numbers.entry(bits).or_insert_with(|| {
-            profiles.push(Profile::new(self.outline, half_width, half_height, axis));
+            profiles.push(SolidProfile::new(self.outline, half_width, half_height, axis));
             profiles.len() as u32 - 1
         })
     }
@@ -254,7 +254,7 @@ pub fn bounds_of_beads(
             let direction = [0, 1, 2].map(|i| points[number][i] - points[number - 1][i]);
             let is_flat = axis[0] == 0.0 && axis[1] == 0.0 && direction[2] == 0.0;
             let ([_, _, up], _) = frame(direction, axis, is_flat);
-            let profile = Profile::new(outline, 0.5 * width, 0.5 * height, axis);
+            let profile = SolidProfile::new(outline, 0.5 * width, 0.5 * height, axis);
             for (point, axis) in [number - 1, number].into_iter().zip(axes) {
                 for i in 0..3 {
                     let centre = points[point][i] - 0.5 * height * axis[i];

@@ -25,7 +25,7 @@ fn unit(a: V) -> V {
 
 /// How deep a point lies outside the solid: below 1 inside, in multiples of the section's size. The upward
 /// direction is the axis without its part along the segment; what is nearest is found in the plane.
-fn oracle(segment: &Segment, profile: &Profile, outline: Outline, p: V) -> f64 {
+fn oracle(segment: &Segment, profile: &SolidProfile, outline: Outline, p: V) -> f64 {
     let [a, b] = [segment.a, segment.b].map(|v| v.map(f64::from));
     let direction = sub(b, a);
     let up = if direction == [0.0; 3] {
@@ -112,7 +112,7 @@ fn pieces() -> impl Strategy<Value = Vec<Piece>> {
 }
 
 fn solids(pieces: &[Piece], outline: Outline) -> (Solids, Vec<Segment>) {
-    let profile = |&(_, w, h, axis, _): &Piece| Profile::new(outline, w, h, axis);
+    let profile = |&(_, w, h, axis, _): &Piece| SolidProfile::new(outline, w, h, axis);
     let segment =
         |(number, &((a, b), .., bead)): (usize, &Piece)| Segment { a, b, profile: number as u32, pass: bead };
     (

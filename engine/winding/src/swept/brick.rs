@@ -3,8 +3,8 @@
 //! Every sign-changing edge has one end inside. From there the intervals of the solids on the edge's line are followed, each
 //! to the end of what holds the end before: parts of a tool only touch. The last one bounds the union; of several, the first.
 
-use super::line::End;
-use super::solid::Swept;
+use super::line::IntervalEnd;
+use super::solid::SweptSolid;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, inside_from};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
 use crate::solid::normal_code;
@@ -63,14 +63,14 @@ impl Lattice {
 struct Best {
     depth: f64,
     solid: u32,
-    end: End,
+    end: IntervalEnd,
 }
 
 /// Working memory for evaluating bricks one after the other; one per thread.
 #[derive(Default)]
 pub struct SweptEvaluator {
     /// By row, the intervals of solids that have added samples or may bound edges.
-    spans: Vec<Vec<(u32, End, End)>>,
+    spans: Vec<Vec<(u32, IntervalEnd, IntervalEnd)>>,
     /// Of the axis at hand, by blocks of lines along it: the solids that may meet these, and those of them that are parts of
     /// tools.
     near: Vec<(Vec<u32>, Vec<u32>)>,
@@ -79,7 +79,7 @@ pub struct SweptEvaluator {
 impl SweptEvaluator {
     /// The brick of the union of the solids with these numbers: samples are 1 inside and 0 outside. Others than those that
     /// touch the brick are ignored.
-    pub fn brick(&mut self, key: NodeKey, solids: &[Swept], list: &[u32]) -> Brick {
+    pub fn brick(&mut self, key: NodeKey, solids: &[SweptSolid], list: &[u32]) -> Brick {
         let lattice = Lattice::of(key);
         let signs = self.signs(lattice, solids, list);
         let rows = |row: usize| signs.row(row % P, row / P);
@@ -104,7 +104,7 @@ impl SweptEvaluator {
     }
 
     /// Which samples lie inside.
-    fn signs(&mut self, lattice: Lattice, solids: &[Swept], list: &[u32]) -> SignChanges {
+    fn signs(&mut self, lattice: Lattice, solids: &[SweptSolid], list: &[u32]) -> SignChanges {
         let mut signs = SignChanges::outside();
         self.spans.resize(P * P, Vec::new());
         self.spans.iter_mut().for_each(Vec::clear);
@@ -134,7 +134,7 @@ impl SweptEvaluator {
     }
 
     /// Sorts solids by the blocks of lines along an axis that they may meet.
-    fn sort(&mut self, lattice: Lattice, solids: &[Swept], list: &[u32], axis: Axis) {
+    fn sort(&mut self, lattice: Lattice, solids: &[SweptSolid], list: &[u32], axis: Axis) {
         self.near.resize(BLOCKS * BLOCKS, (Vec::new(), Vec::new()));
         for (all, parts) in &mut self.near {
             all.clear();
@@ -156,7 +156,12 @@ impl SweptEvaluator {
     }
 
     /// The crossings of edges along x, from the rows' own intervals.
-    fn edges_along_rows(&self, lattice: Lattice, solids: &[Swept], signs: &SignChanges) -> Vec<HermiteEdge> {
+    fn edges_along_rows(
+        &self,
+        lattice: Lattice,
+        solids: &[SweptSolid],
+        signs: &SignChanges,
+    ) -> Vec<HermiteEdge> {
         let mut edges = Vec::new();
         signs.for_edges(Axis::X, |ijk| {
             let search = Search::new(lattice, signs, Axis::X, ijk);
@@ -170,7 +175,7 @@ impl SweptEvaluator {
     fn edges_across(
         &self,
         lattice: Lattice,
-        solids: &[Swept],
+        solids: &[SweptSolid],
         signs: &SignChanges,
         axis: Axis,
     ) -> Vec<HermiteEdge> {
@@ -188,7 +193,9 @@ impl SweptEvaluator {
                 search.gather(solids, all, &mut spans);
             } else {
                 let x = search.at_inside()[0];
-                let holds = |(_, low, high): &&(u32, End, End)| low.at <= x + TOUCH && x <= high.at + TOUCH;
+                let holds = |(_, low, high): &&(u32, IntervalEnd, IntervalEnd)| {
+                    low.at <= x + TOUCH && x <= high.at + TOUCH
+                };
                 numbers.clear();
                 numbers.extend(row.iter().filter(holds).map(|(number, ..)| *number));
                 search.gather(solids, &numbers, &mut spans);
@@ -230,7 +237,7 @@ impl Search {
     }
 
     /// Adds the intervals of solids that may have a part in the edge.
-    fn gather(&self, solids: &[Swept], list: &[u32], spans: &mut Vec<(u32, End, End)>) {
+    fn gather(&self, solids: &[SweptSolid], list: &[u32], spans: &mut Vec<(u32, IntervalEnd, IntervalEnd)>) {
         for &number in list {
             let solid = &solids[number as usize];
             let [low, high] = solid.bounds();
@@ -251,7 +258,7 @@ impl Search {
     }
 
     /// From the inside end to where no interval leads on.
-    fn follow(&self, spans: &[(u32, End, End)]) -> Option<Best> {
+    fn follow(&self, spans: &[(u32, IntervalEnd, IntervalEnd)]) -> Option<Best> {
         let (mut best, mut reached): (Option<Best>, f64) = (None, 0.0);
         loop {
             let from = if self.upper { self.inside - reached } else { self.inside + reached };
@@ -279,7 +286,7 @@ impl Search {
     }
 
     /// The crossing. Where rounding has all lines miss the sample, its own place stands in.
-    fn finish(&self, best: Option<Best>, solids: &[Swept]) -> HermiteEdge {
+    fn finish(&self, best: Option<Best>, solids: &[SweptSolid]) -> HermiteEdge {
         let depth = best.map_or(0.0, |best| best.depth).clamp(0.0, self.step);
         let inside = depth / self.step;
         let fraction = if self.upper { 1.0 - inside } else { inside };

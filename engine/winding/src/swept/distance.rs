@@ -1,27 +1,27 @@
 //! How far a point is from a solid.
 
-use super::solid::{Shape, Swept};
+use super::solid::{ConvexSolid, SweptSolid};
 use crate::lattice::{dot, minus};
 
 /// Steps of the search along a move; each leaves two thirds.
 const STEPS: usize = 64;
 
-impl Swept {
+impl SweptSolid {
     /// The distance of a point to the solid in units; inside below 0, and at least as far from the surface as that says.
     pub fn distance(&self, at: [f64; 3]) -> f64 {
         match self.shape() {
-            Shape::Box { low, high } => {
+            ConvexSolid::Box { low, high } => {
                 let over = [0, 1, 2].map(|a| (low[a] - at[a]).max(at[a] - high[a]));
                 of_slabs(&over)
             }
-            Shape::Ball { at: centre, way, radius } => {
+            ConvexSolid::Ball { at: centre, way, radius } => {
                 let from = minus(at, *centre);
                 let squared = dot(*way, *way);
                 let step = if squared > 0.0 { (dot(from, *way) / squared).clamp(0.0, 1.0) } else { 0.0 };
                 let off = minus(from, way.map(|c| c * step));
                 dot(off, off).sqrt() - radius
             }
-            Shape::Frustum { at: place, way, frame, height, radius } => {
+            ConvexSolid::Frustum { at: place, way, frame, height, radius } => {
                 let from = frame.map(|row| dot(row, minus(at, *place)));
                 let way = frame.map(|row| dot(row, *way));
                 let at_step = |s: f64| {

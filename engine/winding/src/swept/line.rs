@@ -21,7 +21,7 @@ pub enum Feature {
 
 /// An end of an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct End {
+pub struct IntervalEnd {
     /// Its coordinate along the line, in units from the root's corner.
     pub at: f64,
     /// How far the tool has moved where it is bounded, 0 to 1.
@@ -34,18 +34,18 @@ pub struct End {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// Its lower end.
-    pub low: End,
+    pub low: IntervalEnd,
     /// Its upper end.
-    pub high: End,
+    pub high: IntervalEnd,
 }
 
 /// The hull of ends, as they are found.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Hull(Option<(End, End)>);
+pub(super) struct Hull(Option<(IntervalEnd, IntervalEnd)>);
 
 impl Hull {
     pub fn add(&mut self, at: f64, step: f64, feature: Feature) {
-        let end = End { at, step, feature };
+        let end = IntervalEnd { at, step, feature };
         self.0 = Some(match self.0 {
             None => (end, end),
             Some((low, high)) => (if at < low.at { end } else { low }, if at > high.at { end } else { high }),

@@ -14,5 +14,5 @@ mod solid;
 mod tests;
 
 pub use brick::SweptEvaluator;
-pub use line::{End, Feature, Interval};
-pub use solid::{Shape, Swept, cube_of};
+pub use line::{Feature, Interval, IntervalEnd};
+pub use solid::{ConvexSolid, SweptSolid, cube_of};

@@ -1,13 +1,13 @@
 //! One convex solid, and how a lattice line meets it.
 
 use super::cone::Cone;
-use super::line::{End, Feature, Hull, Interval};
+use super::line::{Feature, Hull, Interval, IntervalEnd};
 use crate::lattice::{BRICK_BITS, NodeKey, cross, dot, minus};
 
 /// A convex solid in units from the root's corner. Only + − × ÷ and square roots, in one order and without fused
 /// operations, so all machines compute the same bits.
 #[derive(Clone, Copy, Debug)]
-pub enum Shape {
+pub enum ConvexSolid {
     /// A box along the axes. Its lower faces belong to it, its upper ones do not.
     Box {
         /// Least coordinates.
@@ -42,15 +42,15 @@ pub enum Shape {
 
 /// A solid with the box around it.
 #[derive(Clone, Copy, Debug)]
-pub struct Swept {
-    shape: Shape,
+pub struct SweptSolid {
+    shape: ConvexSolid,
     /// Least and greatest coordinates.
     bounds: [[f64; 3]; 2],
     /// Along which axes other parts of its tool touch it.
     touched: [bool; 3],
 }
 
-impl Shape {
+impl ConvexSolid {
     /// The upright frame.
     pub const UPRIGHT: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 }
@@ -60,16 +60,16 @@ pub fn cube_of(key: NodeKey) -> ([f64; 3], f64) {
     (key.base().map(|c| f64::from(c + 1)), f64::from(1u32 << (key.spacing_bits() + BRICK_BITS)))
 }
 
-impl Swept {
+impl SweptSolid {
     /// A solid.
-    pub fn new(shape: Shape) -> Swept {
-        Swept { shape, bounds: bounds(&shape), touched: [false; 3] }
+    pub fn new(shape: ConvexSolid) -> SweptSolid {
+        SweptSolid { shape, bounds: bounds(&shape), touched: [false; 3] }
     }
 
     /// The same as a part of a tool with this axis, which other parts touch where no sample may be.
     #[must_use]
-    pub fn as_part(self, tool: [f64; 3]) -> Swept {
-        Swept { touched: tool.map(|c| c != 0.0), ..self }
+    pub fn as_part(self, tool: [f64; 3]) -> SweptSolid {
+        SweptSolid { touched: tool.map(|c| c != 0.0), ..self }
     }
 
     /// Whether a line along an axis may lead from it to other parts of its tool.
@@ -78,7 +78,7 @@ impl Swept {
     }
 
     /// What it is.
-    pub fn shape(&self) -> &Shape {
+    pub fn shape(&self) -> &ConvexSolid {
         &self.shape
     }
 
@@ -96,16 +96,16 @@ impl Swept {
         }
         let mut hull = Hull::default();
         match &self.shape {
-            Shape::Box { low, high } => {
+            ConvexSolid::Box { low, high } => {
                 hull.add(low[axis], 0.0, Feature::Face(axis, true));
                 hull.add(high[axis], 0.0, Feature::Face(axis, false));
             }
-            Shape::Ball { at: centre, way, radius } => {
+            ConvexSolid::Ball { at: centre, way, radius } => {
                 let mut from = minus(at, *centre);
                 from[axis] = 0.0;
                 ball_line(axis, from, *way, *radius, centre[axis], &mut hull);
             }
-            Shape::Frustum { at: place, way, frame, height, radius } => {
+            ConvexSolid::Frustum { at: place, way, frame, height, radius } => {
                 let mut from = minus(at, *place);
                 from[axis] = 0.0;
                 let turned = |v: [f64; 3]| frame.map(|row| dot(row, v));
@@ -122,7 +122,7 @@ impl Swept {
     }
 
     /// The outward direction, of any length, at an end of the interval of the line through `at` along `axis`.
-    pub fn outward(&self, axis: usize, mut at: [f64; 3], end: &End) -> [f64; 3] {
+    pub fn outward(&self, axis: usize, mut at: [f64; 3], end: &IntervalEnd) -> [f64; 3] {
         at[axis] = end.at;
         match (&self.shape, end.feature) {
             (_, Feature::Face(axis, is_low)) => {
@@ -130,20 +130,20 @@ impl Swept {
                 normal[axis] = if is_low { -1.0 } else { 1.0 };
                 normal
             }
-            (Shape::Ball { at: centre, way, .. }, _) => {
+            (ConvexSolid::Ball { at: centre, way, .. }, _) => {
                 let from = minus(at, *centre);
                 let squared = dot(*way, *way);
                 let step = if squared > 0.0 { (dot(from, *way) / squared).clamp(0.0, 1.0) } else { 0.0 };
                 minus(from, way.map(|c| c * step))
             }
-            (Shape::Frustum { at: place, way, frame, height, radius }, feature) => {
+            (ConvexSolid::Frustum { at: place, way, frame, height, radius }, feature) => {
                 let from = minus(minus(at, *place), way.map(|c| c * end.step));
                 let local = frame.map(|row| dot(row, from));
                 let cone = Cone { height: *height, radius: *radius, way: frame.map(|row| dot(row, *way)) };
                 let normal = cone_normal(&cone, local, feature);
                 [0, 1, 2].map(|a| normal[0] * frame[0][a] + normal[1] * frame[1][a] + normal[2] * frame[2][a])
             }
-            (Shape::Box { .. }, _) => [0.0, 0.0, 1.0],
+            (ConvexSolid::Box { .. }, _) => [0.0, 0.0, 1.0],
         }
     }
 
@@ -181,8 +181,8 @@ impl Swept {
             return true;
         }
         let (at, way) = match &self.shape {
-            Shape::Box { .. } => return false,
-            Shape::Ball { at, way, .. } | Shape::Frustum { at, way, .. } => (*at, *way),
+            ConvexSolid::Box { .. } => return false,
+            ConvexSolid::Ball { at, way, .. } | ConvexSolid::Frustum { at, way, .. } => (*at, *way),
         };
         let half = 0.5 * size;
         let centre = low.map(|c| c + half);
@@ -201,7 +201,7 @@ impl Swept {
         }
         let along = way.map(|c| c / length);
         let axis = match &self.shape {
-            Shape::Frustum { frame, .. } => frame[2],
+            ConvexSolid::Frustum { frame, .. } => frame[2],
             _ => [0.0, 0.0, 1.0],
         };
         let side = cross(axis, along);
@@ -220,14 +220,14 @@ impl Swept {
     fn reach(&self, direction: [f64; 3], at: [f64; 3], way: [f64; 3]) -> [f64; 2] {
         let moved = dot(direction, way);
         let still = match &self.shape {
-            Shape::Ball { radius, .. } => [-radius, *radius],
-            Shape::Frustum { frame, height, radius, .. } => {
+            ConvexSolid::Ball { radius, .. } => [-radius, *radius],
+            ConvexSolid::Frustum { frame, height, radius, .. } => {
                 let up = dot(direction, frame[2]);
                 let across = (1.0 - up * up).max(0.0).sqrt();
                 let end = |e: usize, sign: f64| height[e] * up + sign * radius[e] * across;
                 [end(0, -1.0).min(end(1, -1.0)), end(0, 1.0).max(end(1, 1.0))]
             }
-            Shape::Box { low, high } => {
+            ConvexSolid::Box { low, high } => {
                 let far = |sign: f64| {
                     (0..3).map(move |a| {
                         let (one, other) = (low[a] - at[a], high[a] - at[a]);
@@ -242,16 +242,16 @@ impl Swept {
     }
 }
 
-fn bounds(shape: &Shape) -> [[f64; 3]; 2] {
+fn bounds(shape: &ConvexSolid) -> [[f64; 3]; 2] {
     let moved = |at: &[f64; 3], way: &[f64; 3], reach: [[f64; 3]; 2]| {
         let low = [0, 1, 2].map(|a| at[a] + way[a].min(0.0) + reach[0][a]);
         let high = [0, 1, 2].map(|a| at[a] + way[a].max(0.0) + reach[1][a]);
         [low, high]
     };
     match shape {
-        Shape::Box { low, high } => [*low, *high],
-        Shape::Ball { at, way, radius } => moved(at, way, [[-radius; 3], [*radius; 3]]),
-        Shape::Frustum { at, way, frame, height, radius } => {
+        ConvexSolid::Box { low, high } => [*low, *high],
+        ConvexSolid::Ball { at, way, radius } => moved(at, way, [[-radius; 3], [*radius; 3]]),
+        ConvexSolid::Frustum { at, way, frame, height, radius } => {
             let reach = [0, 1, 2].map(|a| {
                 let up = frame[2][a];
                 let across = (frame[0][a] * frame[0][a] + frame[1][a] * frame[1][a]).sqrt();

@@ -5,16 +5,16 @@ use crate::lattice::{cross, dot};
 use proptest::prelude::*;
 
 /// How far a point is outside of a solid that moves, by the steps of the move that suit it best: below 0 inside.
-fn outside(shape: &Shape, at: [f64; 3]) -> f64 {
+fn outside(shape: &ConvexSolid, at: [f64; 3]) -> f64 {
     let still = |s: f64| match shape {
-        Shape::Box { low, high } => {
+        ConvexSolid::Box { low, high } => {
             (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a])).fold(f64::NEG_INFINITY, f64::max)
         }
-        Shape::Ball { at: centre, way, radius } => {
+        ConvexSolid::Ball { at: centre, way, radius } => {
             let off = [0, 1, 2].map(|a| at[a] - centre[a] - s * way[a]);
             dot(off, off).sqrt() - radius
         }
-        Shape::Frustum { at: place, way, frame, height, radius } => {
+        ConvexSolid::Frustum { at: place, way, frame, height, radius } => {
             let off = [0, 1, 2].map(|a| at[a] - place[a] - s * way[a]);
             let [x, y, z] = frame.map(|row| dot(row, off));
             let slope = (radius[1] - radius[0]) / (height[1] - height[0]);
@@ -42,8 +42,8 @@ fn frame(axis: [f64; 3]) -> [[f64; 3]; 3] {
     [side, cross(up, side), up]
 }
 
-fn check(shape: Shape, axis: usize, at: [f64; 3]) -> Result<(), TestCaseError> {
-    let solid = Swept::new(shape);
+fn check(shape: ConvexSolid, axis: usize, at: [f64; 3]) -> Result<(), TestCaseError> {
+    let solid = SweptSolid::new(shape);
     let outside_at = |t: f64| {
         let mut at = at;
         at[axis] = t;
@@ -100,12 +100,12 @@ proptest! {
     ) {
         // Moves across, along, and not at all are special cases.
         let way = [0, 1, 2].map(|a| if still >> a & 1 == 1 { 0.0 } else { way[a] });
-        let upright = Shape::UPRIGHT;
+        let upright = ConvexSolid::UPRIGHT;
         let shape = match kind {
-            0 => Shape::Ball { at: [0.0; 3], way, radius: radius[0] + 1.0 },
-            1 => Shape::Frustum { at: [0.0; 3], way, frame: upright, height: [0.0, height], radius: [radius[0] + 0.5; 2] },
-            2 => Shape::Frustum { at: [0.0; 3], way, frame: upright, height: [0.0, height], radius: [radius[0], radius[1] + 0.1] },
-            _ => Shape::Frustum { at: [0.0; 3], way, frame: frame([tilt[0], tilt[1], tilt[2] + 1.5]), height: [0.0, height], radius: [radius[0], radius[1] + 0.1] },
+            0 => ConvexSolid::Ball { at: [0.0; 3], way, radius: radius[0] + 1.0 },
+            1 => ConvexSolid::Frustum { at: [0.0; 3], way, frame: upright, height: [0.0, height], radius: [radius[0] + 0.5; 2] },
+            2 => ConvexSolid::Frustum { at: [0.0; 3], way, frame: upright, height: [0.0, height], radius: [radius[0], radius[1] + 0.1] },
+            _ => ConvexSolid::Frustum { at: [0.0; 3], way, frame: frame([tilt[0], tilt[1], tilt[2] + 1.5]), height: [0.0, height], radius: [radius[0], radius[1] + 0.1] },
         };
         check(shape, axis, seed)?;
         // Nearer, so that most lines meet it.
@@ -124,10 +124,10 @@ proptest! {
         at in prop::array::uniform3(0.0f64..1.0),
     ) {
         let shape = match kind {
-            0 => Shape::Ball { at: [0.0; 3], way, radius: radius[0] },
-            _ => Shape::Frustum { at: [0.0; 3], way, frame: frame([tilt, 0.2, 1.0]), height: [-10.0, 30.0], radius },
+            0 => ConvexSolid::Ball { at: [0.0; 3], way, radius: radius[0] },
+            _ => ConvexSolid::Frustum { at: [0.0; 3], way, frame: frame([tilt, 0.2, 1.0]), height: [-10.0, 30.0], radius },
         };
-        let solid = Swept::new(shape);
+        let solid = SweptSolid::new(shape);
         let point = [0, 1, 2].map(|a| low[a] + size * at[a]);
         let (missed, covered) = (solid.misses_cube(low, size), solid.covers_cube(low, size));
         prop_assert!(!(missed && covered));
@@ -148,8 +148,8 @@ proptest! {
     ) {
         let way = [way[0], way[1], if flat == 0 { 0.0 } else { way[2] }];
         let radius = if flat == 1 { [radius[0]; 2] } else { radius };
-        let shape = Shape::Frustum { at: [0.0; 3], way, frame: Shape::UPRIGHT, height: [-4.0, 12.0], radius };
-        let solid = Swept::new(shape);
+        let shape = ConvexSolid::Frustum { at: [0.0; 3], way, frame: ConvexSolid::UPRIGHT, height: [-4.0, 12.0], radius };
+        let solid = SweptSolid::new(shape);
         let distance = solid.distance(at);
         prop_assert_eq!(distance < 0.0, outside(&shape, at) < 0.0);
         // Nothing of the solid is nearer.

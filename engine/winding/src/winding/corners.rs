@@ -1,6 +1,6 @@
 //! Winding numbers on a coarse lattice: the corners from which bricks are evaluated.
 
-use super::scan::{Block, Facet};
+use super::scan::{SampleCube, ScanFacet};
 use crate::lattice::{NodeKey, ROOT_BITS, Triangle, bounds};
 use crate::wide::{Simd, dispatch, level};
 
@@ -9,7 +9,7 @@ use crate::wide::{Simd, dispatch, level};
 /// Triangles are added in any order and from any number of partial grids; the result is a sum of integers.
 #[derive(Clone, Debug)]
 pub struct CornerGrid {
-    block: Block,
+    block: SampleCube,
     origin: [i32; 3],
     /// Jumps between neighbouring corners: along z in the column (0, 0), along y in the face x = 0, along
     /// x everywhere.
@@ -24,7 +24,7 @@ impl CornerGrid {
         let across = 1usize << stride;
         let shift = ROOT_BITS - u32::from(node.level()) - u32::from(stride);
         CornerGrid {
-            block: Block { shift, last: across as i32 - 1 },
+            block: SampleCube { shift, last: across as i32 - 1 },
             origin: node.base().map(|b| b + 1),
             column: vec![0; across],
             face: vec![0; across * across],
@@ -42,14 +42,14 @@ impl CornerGrid {
             return;
         }
         dispatch!(level(), simd => {
-            if let Some(facet) = Facet::new(simd, t, self.origin, self.block) {
+            if let Some(facet) = ScanFacet::new(simd, t, self.origin, self.block) {
                 self.add_facet(simd, &facet);
             }
         });
     }
 
     #[inline(always)]
-    fn add_facet<S: Simd>(&mut self, simd: S, facet: &Facet) {
+    fn add_facet<S: Simd>(&mut self, simd: S, facet: &ScanFacet) {
         let (block, across) = (self.block, self.block.last as usize + 1);
         let jump = |axis| i64::from(facet.jump(axis));
         let at = |slow: i32, fast: i32| slow as usize * across + fast as usize;

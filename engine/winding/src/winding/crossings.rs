@@ -17,7 +17,7 @@ pub(super) struct Hit {
 
 /// The place of a crossing, as in [`Hit`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct CrossingPlace {
     pub lower: u16,
     pub offset: u16,
 }
@@ -28,7 +28,7 @@ const _: () = assert!(POINTS <= u16::MAX as usize + 1);
 /// Crossings facet by facet, in the order in which they were found.
 #[derive(Default)]
 pub(super) struct Crossings {
-    places: Vec<Place>,
+    places: Vec<CrossingPlace>,
     /// Per facet, how many there are up to its last one.
     ends: Vec<u32>,
 }
@@ -43,7 +43,7 @@ impl Crossings {
     /// Adds a crossing of the current facet with the edge that begins at sample `lower`.
     #[inline]
     pub fn add(&mut self, lower: usize, offset: u16) {
-        self.places.push(Place { lower: lower as u16, offset });
+        self.places.push(CrossingPlace { lower: lower as u16, offset });
     }
 
     /// Goes on to the next facet.
@@ -54,7 +54,7 @@ impl Crossings {
 
     /// The numbers of the facets that have crossings, each with those.
     #[inline]
-    pub fn by_facet(&self) -> impl Iterator<Item = (usize, &[Place])> {
+    pub fn by_facet(&self) -> impl Iterator<Item = (usize, &[CrossingPlace])> {
         let mut start = 0;
         let own = move |&end: &u32| &self.places[std::mem::replace(&mut start, end as usize)..end as usize];
         self.ends.iter().map(own).enumerate().filter(|(_, own)| !own.is_empty())
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn facets_get_their_own_crossings() {
-        let place = |lower, offset| Place { lower, offset };
+        let place = |lower, offset| CrossingPlace { lower, offset };
         let mut crossings = Crossings::default();
         for _ in 0..2 {
             crossings.clear();

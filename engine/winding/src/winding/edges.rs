@@ -68,9 +68,9 @@ impl EdgeMasks {
     /// edge lies. The edge begins at one of the samples `lowers`, and perhaps some on which one begins close behind
     /// them.
     #[inline(always)]
-    pub fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize, lowers: Lowers) -> u64x4<S> {
+    pub fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize, lowers: LowerRange) -> u64x4<S> {
         let over = if swap { &self.over_v } else { &self.over_u };
-        let Lowers { first, last, few } = lowers;
+        let LowerRange { first, last, few } = lowers;
         let table = if few { &over.at } else { &over.from };
         let mut all = u64x4::from_slice(simd, &table[first][row..row + ROWS])
             | u64x4::from_slice(simd, &table[last][row..row + ROWS]);
@@ -85,7 +85,7 @@ impl EdgeMasks {
 
 /// A range of lower samples, as [`EdgeMasks::lines`] takes it.
 #[derive(Clone, Copy)]
-pub struct Lowers {
+pub struct LowerRange {
     first: usize,
     /// The last sample or, of many, where the last window begins.
     last: usize,
@@ -93,14 +93,14 @@ pub struct Lowers {
     few: bool,
 }
 
-impl Lowers {
+impl LowerRange {
     /// The samples of the range, of which there are [`C`]; those of an empty one do not matter.
     #[inline(always)]
-    pub fn new(range: Range<usize>) -> Lowers {
+    pub fn new(range: Range<usize>) -> LowerRange {
         let first = range.start.min(C - 1);
         let few = range.end <= first + 2;
         let back = if few { 1 } else { WINDOW };
-        Lowers { first, last: range.end.saturating_sub(back).max(first), few }
+        LowerRange { first, last: range.end.saturating_sub(back).max(first), few }
     }
 }
 
@@ -128,7 +128,7 @@ mod tests {
 
     /// The lines of one row.
     fn lines_of(masks: &EdgeMasks, swap: bool, row: usize, lowers: Range<usize>) -> u64 {
-        dispatch!(level(), simd => masks.lines(simd, swap, row, Lowers::new(lowers))[0])
+        dispatch!(level(), simd => masks.lines(simd, swap, row, LowerRange::new(lowers))[0])
     }
 
     proptest! {

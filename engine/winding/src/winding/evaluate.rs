@@ -7,8 +7,8 @@
 use super::crossings::{Crossings, Hit};
 use super::edges::EdgeMasks;
 use super::hermite::Normals;
-use super::passages::{Decided, Passages, Passing};
-use super::scan::{Block, Crossing, Facet};
+use super::passages::{CrossingSide, EdgeHits, HermiteOutcome};
+use super::scan::{EdgeCrossing, SampleCube, ScanFacet};
 use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, ThinLines, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle};
@@ -23,7 +23,7 @@ const C: usize = BRICK_CELLS;
 /// Working memory for evaluating bricks one after the other; one per thread.
 pub struct Evaluator {
     /// The triangles that meet lattice lines.
-    facets: Vec<Facet>,
+    facets: Vec<ScanFacet>,
     /// Jumps along y by the lower sample of the edge; all zero between bricks, as the next two. Those at the last
     /// sample of a line lie beyond it and count for nothing. In bricks of so many facets that a sum might not fit, they
     /// are right modulo 2^16.
@@ -37,7 +37,7 @@ pub struct Evaluator {
     /// The sign-changing edges along one axis.
     changes: EdgeMasks,
     /// Their crossings.
-    passages: Passages,
+    passages: EdgeHits,
     /// Per axis, whether the last brick needed the list of its passages.
     listing: [bool; 3],
     normals: Normals,
@@ -52,7 +52,7 @@ impl Default for Evaluator {
             column: [0; C],
             crossings: Crossings::default(),
             changes: EdgeMasks::default(),
-            passages: Passages::default(),
+            passages: EdgeHits::default(),
             listing: [false; 3],
             normals: Normals::default(),
         }
@@ -66,27 +66,27 @@ pub struct Evaluation<'a> {
     /// Where they are inside.
     pub signs: SignChanges,
     pub(super) key: NodeKey,
-    pub(super) list: Triangles<'a>,
+    pub(super) list: TriangleList<'a>,
     pub(super) evaluator: &'a mut Evaluator,
 }
 
 /// The triangles of a brick: some of an array, by index.
 #[derive(Clone, Copy)]
-pub struct Triangles<'a> {
+pub struct TriangleList<'a> {
     /// All of them.
     pub array: &'a [Triangle],
     /// Those that touch the brick.
     pub indices: &'a [u32],
 }
 
-impl<'a> Triangles<'a> {
+impl<'a> TriangleList<'a> {
     pub(super) fn get(&self, position: usize) -> &'a Triangle {
         &self.array[self.indices[position] as usize]
     }
 }
 
-fn block(key: NodeKey) -> Block {
-    Block { shift: key.spacing_bits(), last: C as i32 }
+fn block(key: NodeKey) -> SampleCube {
+    SampleCube { shift: key.spacing_bits(), last: C as i32 }
 }
 
 impl Evaluator {
@@ -100,7 +100,7 @@ impl Evaluator {
         &'a mut self,
         key: NodeKey,
         corner: i16,
-        list: Triangles<'a>,
+        list: TriangleList<'a>,
     ) -> Result<Evaluation<'a>> {
         dispatch!(level(), simd => self.collect(simd, key, list));
         // From the corner to a sample the walk goes along three lines, each of which crosses a facet once at most.
@@ -119,14 +119,14 @@ impl Evaluator {
 
     /// Finds the crossings that the walk needs.
     #[inline(always)]
-    fn collect<S: Simd>(&mut self, simd: S, key: NodeKey, list: Triangles<'_>) {
+    fn collect<S: Simd>(&mut self, simd: S, key: NodeKey, list: TriangleList<'_>) {
         let block = block(key);
         let origin = key.base().map(|b| b + 1);
         let Evaluator { facets, jumps, face, column, crossings, .. } = self;
         facets.clear();
         crossings.clear();
         for position in 0..list.indices.len() {
-            let Some(facet) = Facet::new(simd, list.get(position), origin, block) else { continue };
+            let Some(facet) = ScanFacet::new(simd, list.get(position), origin, block) else { continue };
             let jump = [0, 1, 2].map(|axis| facet.jump(axis));
             facet.scan::<S, 2>(simd, block, [0, 0], |c| column[c.lower as usize] += jump[2]);
             facet.scan::<S, 0>(simd, block, [0, block.last], |c| {
@@ -245,9 +245,9 @@ impl Evaluator {
             let decided;
             (decided, self.listing[axis.index()]) = self.passages.hermite(samples, step);
             match decided {
-                Decided::All(edges) => return Ok(edges),
-                Decided::ListNeeded => {}
-                Decided::Torn => {
+                HermiteOutcome::All(edges) => return Ok(edges),
+                HermiteOutcome::ListNeeded => {}
+                HermiteOutcome::Torn => {
                     let what = "internal error: a sign change without a crossing";
                     return Err(Error::setting(what, "report this with the input"));
                 }
@@ -263,8 +263,8 @@ impl Evaluator {
         for (number, facet) in facets.iter().enumerate() {
             let mut passing = None;
             facet.scan_edges::<S, A>(simd, block, changes, |c| {
-                let passing =
-                    passing.get_or_insert_with(|| Passing::new(facet.jump(A), normals.of(number, facet)));
+                let passing = passing
+                    .get_or_insert_with(|| CrossingSide::new(facet.jump(A), normals.of(number, facet)));
                 passages.add(lower_of::<A>(c), c.offset, *passing);
             });
         }
@@ -281,8 +281,8 @@ impl Evaluator {
                     continue;
                 }
                 let facet = &facets[number];
-                let passing =
-                    passing.get_or_insert_with(|| Passing::new(facet.jump(1), normals.of(number, facet)));
+                let passing = passing
+                    .get_or_insert_with(|| CrossingSide::new(facet.jump(1), normals.of(number, facet)));
                 passages.add(c.lower.into(), c.offset, *passing);
             }
         }
@@ -302,7 +302,7 @@ impl Evaluator {
         axis: Axis,
         key: NodeKey,
         lines: ThinLines,
-        wanted: fn(&Facet, Axis) -> bool,
+        wanted: fn(&ScanFacet, Axis) -> bool,
         hits: &mut Vec<Hit>,
     ) {
         let choice = (key, lines, wanted);
@@ -317,7 +317,7 @@ impl Evaluator {
     fn hits_along<S: Simd, const A: usize>(
         &self,
         simd: S,
-        (key, lines, wanted): (NodeKey, ThinLines, fn(&Facet, Axis) -> bool),
+        (key, lines, wanted): (NodeKey, ThinLines, fn(&ScanFacet, Axis) -> bool),
         hits: &mut Vec<Hit>,
     ) {
         let block = block(key);
@@ -336,14 +336,14 @@ impl Evaluator {
     }
 
     /// A facet of the brick by its number.
-    pub(super) fn facet(&self, number: u32) -> &Facet {
+    pub(super) fn facet(&self, number: u32) -> &ScanFacet {
         &self.facets[number as usize]
     }
 }
 
 /// The index of the lower sample of a crossed edge along axis `A`.
 #[inline(always)]
-fn lower_of<const A: usize>(c: Crossing) -> usize {
+fn lower_of<const A: usize>(c: EdgeCrossing) -> usize {
     let mut ijk = [0; 3];
     (ijk[A], ijk[(A + 1) % 3], ijk[(A + 2) % 3]) = (c.lower as usize, c.u as usize, c.v as usize);
     point_index(ijk)

@@ -1,6 +1,6 @@
 //! The normals of a brick's facets as Hermite edges hold them.
 
-use super::scan::Facet;
+use super::scan::ScanFacet;
 use crate::brick::OctNormal;
 
 /// Per facet of a brick: its normal, once needed. Kept from brick to brick.
@@ -16,7 +16,7 @@ impl Normals {
 
     /// The normal of a facet, of which this is the number.
     #[inline]
-    pub fn of(&mut self, number: usize, facet: &Facet) -> OctNormal {
+    pub fn of(&mut self, number: usize, facet: &ScanFacet) -> OctNormal {
         *self.0[number].get_or_insert_with(|| OctNormal::from_integer(facet.normal))
     }
 }

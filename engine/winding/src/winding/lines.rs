@@ -9,15 +9,15 @@ pub(super) const ROWS: usize = 4;
 pub(super) const LINES_MAX: i32 = 63;
 
 /// Which edges a scan asks for. A row's lines have equal v, or equal u if `swap`.
-pub(super) trait Choice {
+pub(super) trait EdgeSelection {
     /// The lines of a row and of those after it that matter, as bits.
     fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S>;
 }
 
 /// Every edge.
-pub(super) struct All;
+pub(super) struct AllEdges;
 
-impl Choice for All {
+impl EdgeSelection for AllEdges {
     #[inline(always)]
     fn lines<S: Simd>(&self, simd: S, _: bool, _: usize) -> u64x4<S> {
         u64x4::splat(simd, u64::MAX)
@@ -52,7 +52,7 @@ const fn some_lines(swap: bool) -> [u64; PADDED] {
 /// The edges on the lines of [`ThinLines::Sixteenth`](crate::brick::ThinLines::Sixteenth).
 pub(super) struct Sixteenth;
 
-impl Choice for Sixteenth {
+impl EdgeSelection for Sixteenth {
     #[inline(always)]
     fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S> {
         let rows = if swap { &SOME_OF_U } else { &SOME_OF_V };

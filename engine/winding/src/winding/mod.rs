@@ -23,10 +23,10 @@ pub use cloud::{
     median_distance,
 };
 pub use corners::CornerGrid;
-pub use evaluate::{Evaluation, Evaluator, Triangles};
+pub use evaluate::{Evaluation, Evaluator, TriangleList};
 pub use open::{
-    BlockSample, Boundary, ClusterParts, ClusterTree, Element, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenBrick,
-    OpenEdge, OpenEvaluator, OpenField, OpenPart, OpenSummary, RoundedShares, SumBlock, SumBlocks,
+    BlockSample, Boundary, ClusterParts, ClusterTree, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenBrick, OpenEdge,
+    OpenEvaluator, OpenField, OpenPart, OpenSummary, RoundedShares, SumBlock, SumBlocks, SurfaceElement,
     open_winding_at,
 };
 pub use points::{brute_at, winding_at};

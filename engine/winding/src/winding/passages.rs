@@ -11,12 +11,12 @@ use crate::brick::{HermiteEdge, OctNormal, POINTS, Samples};
 
 /// What crossings of one facet share: the normal in the low 32 bits, above it 17 ones if the winding number falls.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Passing(u64);
+pub(super) struct CrossingSide(u64);
 
-impl Passing {
+impl CrossingSide {
     /// Of a facet with this normal where the winding number changes by `jump`.
-    pub fn new(jump: i32, normal: OctNormal) -> Passing {
-        Passing(if jump < 0 { FALLS } else { 0 } | u64::from(normal.0))
+    pub fn new(jump: i32, normal: OctNormal) -> CrossingSide {
+        CrossingSide(if jump < 0 { FALLS } else { 0 } | u64::from(normal.0))
     }
 
     fn normal(self) -> OctNormal {
@@ -35,11 +35,11 @@ impl Passing {
     }
 }
 
-/// What [`Passing`] has above the normal if the winding number falls: what turns the order of offsets round, and a bit
+/// What [`CrossingSide`] has above the normal if the winding number falls: what turns the order of offsets round, and a bit
 /// that says so.
 const FALLS: u64 = 0x1_ffff << 32;
 
-/// The crossing with this [`Passing::rank`].
+/// The crossing with this [`CrossingSide::rank`].
 #[inline]
 fn edge_at(rank: u64) -> HermiteEdge {
     let turn = 0u16.wrapping_sub((rank >> 48) as u16);
@@ -49,7 +49,7 @@ fn edge_at(rank: u64) -> HermiteEdge {
 /// What is known of an edge's crossings.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
-    /// The smallest [`Passing::rank`].
+    /// The smallest [`CrossingSide::rank`].
     first: u64,
     /// How many there are.
     count: u32,
@@ -57,16 +57,16 @@ struct Slot {
 
 /// One crossing of an edge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Passage {
+pub(super) struct EdgeHit {
     /// The edge's place.
     pub place: u16,
     /// Distance from the edge's lower sample in 1/65536 of the edge.
     pub offset: u16,
-    pub passing: Passing,
+    pub passing: CrossingSide,
 }
 
 /// The edges with their crossings.
-pub(super) struct Passages {
+pub(super) struct EdgeHits {
     /// By the linear index of an edge's lower sample: its place among the edges asked for, from 1; 0 for others.
     places: Box<[u16; POINTS]>,
     /// The lower samples of the edges, in order.
@@ -74,23 +74,23 @@ pub(super) struct Passages {
     /// By place; the first one takes what nobody has asked for.
     slots: Vec<Slot>,
     /// All crossings, if they are listed.
-    list: Vec<Passage>,
+    list: Vec<EdgeHit>,
     listing: bool,
 }
 
 // A place fits 16 bits.
 const _: () = assert!(POINTS <= u16::MAX as usize);
 
-impl Default for Passages {
-    fn default() -> Passages {
+impl Default for EdgeHits {
+    fn default() -> EdgeHits {
         let places = vec![0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Passages { places, lowers: Vec::new(), slots: Vec::new(), list: Vec::new(), listing: false }
+        EdgeHits { places, lowers: Vec::new(), slots: Vec::new(), list: Vec::new(), listing: false }
     }
 }
 
-/// What [`Passages::hermite`] can do.
+/// What [`EdgeHits::hermite`] can do.
 #[derive(Debug, PartialEq)]
-pub(super) enum Decided {
+pub(super) enum HermiteOutcome {
     /// The Hermite edges in the order in which they were asked for.
     All(Vec<HermiteEdge>),
     /// Begin once more, listing.
@@ -99,7 +99,7 @@ pub(super) enum Decided {
     Torn,
 }
 
-impl Passages {
+impl EdgeHits {
     /// Forgets all edges.
     pub fn clear(&mut self) {
         self.lowers.iter().for_each(|&lower| self.places[usize::from(lower)] = 0);
@@ -129,19 +129,19 @@ impl Passages {
 
     /// Adds a crossing, if it is one of an edge asked for.
     #[inline]
-    pub fn add(&mut self, lower: usize, offset: u16, passing: Passing) {
+    pub fn add(&mut self, lower: usize, offset: u16, passing: CrossingSide) {
         let place = self.places[lower];
         let slot = &mut self.slots[usize::from(place)];
         slot.first = slot.first.min(passing.rank(offset));
         slot.count += 1;
         if self.listing {
-            self.list.push(Passage { place, offset, passing });
+            self.list.push(EdgeHit { place, offset, passing });
         }
     }
 
     /// The Hermite edges, given the samples and how far apart the ends of an edge are; and whether a list is needed
     /// for them.
-    pub fn hermite(&mut self, samples: &Samples, step: usize) -> (Decided, bool) {
+    pub fn hermite(&mut self, samples: &Samples, step: usize) -> (HermiteOutcome, bool) {
         // One crossing goes from outside to the first shell, or back: nearly all edges are such.
         let mut several = 0;
         let first_of = |slot: &Slot| {
@@ -151,9 +151,11 @@ impl Passages {
         let mut edges: Vec<HermiteEdge> = self.slots[1..].iter().map(first_of).collect();
         let mixed = if several == 0 { 0 } else { self.count_mixed(samples, step) };
         let decided = match mixed {
-            0 => Decided::All(edges),
-            _ if !self.listing => Decided::ListNeeded,
-            _ => self.decide_mixed(samples, &mut edges).map_or(Decided::Torn, |()| Decided::All(edges)),
+            0 => HermiteOutcome::All(edges),
+            _ if !self.listing => HermiteOutcome::ListNeeded,
+            _ => self
+                .decide_mixed(samples, &mut edges)
+                .map_or(HermiteOutcome::Torn, |()| HermiteOutcome::All(edges)),
         };
         (decided, mixed > 0)
     }
@@ -180,7 +182,7 @@ impl Passages {
 
     /// Decides the edges whose slots have another count than one.
     fn decide_mixed(&mut self, samples: &Samples, edges: &mut [HermiteEdge]) -> Option<()> {
-        let Passages { lowers, slots, list, .. } = self;
+        let EdgeHits { lowers, slots, list, .. } = self;
         slots[0].count = 1;
         list.retain(|passage| slots[usize::from(passage.place)].count != 1);
         list.sort_unstable_by_key(|passage| (passage.place, passage.offset));
@@ -196,7 +198,7 @@ impl Passages {
 
 /// The first step at which the running count along an edge passes 0.5, from the winding number at its lower sample
 /// and its crossings in the order of their offsets; `None` if it never does.
-pub(super) fn first_passage(start: i16, passages: &[Passage]) -> Option<HermiteEdge> {
+pub(super) fn first_passage(start: i16, passages: &[EdgeHit]) -> Option<HermiteEdge> {
     let mut w = i32::from(start);
     // Crossings with the same offset count as one step.
     passages.chunk_by(|a, b| a.offset == b.offset).find_map(|step| {
@@ -205,7 +207,7 @@ pub(super) fn first_passage(start: i16, passages: &[Passage]) -> Option<HermiteE
         let direction = if w > before { 1 } else { -1 };
         // Of facets that coincide here, the one with the smallest normal, whatever their order.
         let these = step.iter().map(|p| p.passing).filter(|passing| passing.jump() == direction);
-        let normal = these.map(Passing::normal).min();
+        let normal = these.map(CrossingSide::normal).min();
         let passes = (before >= 1) != (w >= 1);
         passes.then_some(HermiteEdge { offset: step[0].offset, normal: normal? })
     })
@@ -217,8 +219,8 @@ mod tests {
     use crate::brick::point_index;
     use proptest::prelude::*;
 
-    fn passage((offset, normal, up): (u16, u32, bool)) -> Passage {
-        Passage { place: 0, offset, passing: Passing::new(if up { 1 } else { -1 }, OctNormal(normal)) }
+    fn passage((offset, normal, up): (u16, u32, bool)) -> EdgeHit {
+        EdgeHit { place: 0, offset, passing: CrossingSide::new(if up { 1 } else { -1 }, OctNormal(normal)) }
     }
 
     proptest! {
@@ -236,7 +238,7 @@ mod tests {
             let (mut asked, mut expected, mut added) = (Vec::new(), Vec::new(), Vec::new());
             let mut all_simple = true;
             for (number, (start, crossings)) in edges.iter().enumerate() {
-                let mut own: Vec<Passage> = crossings.iter().copied().map(passage).collect();
+                let mut own: Vec<EdgeHit> = crossings.iter().copied().map(passage).collect();
                 let end = i32::from(*start) + own.iter().map(|p| p.passing.jump()).sum::<i32>();
                 samples.0[lower(number)] = *start;
                 samples.0[lower(number) + step] = end as i16;
@@ -252,14 +254,14 @@ mod tests {
             added.extend(others.into_iter().map(|other| (point_index([0, 0, 3]), passage(other))));
             let turn = turn % added.len();
             added.rotate_left(turn);
-            let mut passages = Passages::default();
+            let mut passages = EdgeHits::default();
             for listing in [false, true, false] {
                 passages.clear();
                 asked.iter().for_each(|&lower| passages.ask(lower));
                 passages.begin(listing);
                 added.iter().for_each(|(lower, p)| passages.add(*lower, p.offset, p.passing));
-                let all = Decided::All(expected.clone());
-                let decided = if all_simple || listing { all } else { Decided::ListNeeded };
+                let all = HermiteOutcome::All(expected.clone());
+                let decided = if all_simple || listing { all } else { HermiteOutcome::ListNeeded };
                 prop_assert_eq!(passages.hermite(&samples, step), (decided, !all_simple));
             }
         }
@@ -269,14 +271,14 @@ mod tests {
     fn an_edge_without_its_crossings_is_noticed() {
         let mut samples = Samples::filled(0);
         samples.0[1..].fill(1);
-        let mut passages = Passages::default();
+        let mut passages = EdgeHits::default();
         passages.ask(0);
-        for (listing, decided) in [(false, Decided::ListNeeded), (true, Decided::Torn)] {
+        for (listing, decided) in [(false, HermiteOutcome::ListNeeded), (true, HermiteOutcome::Torn)] {
             passages.begin(listing);
             assert_eq!(passages.hermite(&samples, 1), (decided, true));
         }
         passages.begin(true);
-        (0..3).for_each(|offset| passages.add(0, offset, Passing::new(-1, OctNormal(0))));
-        assert_eq!(passages.hermite(&samples, 1).0, Decided::Torn);
+        (0..3).for_each(|offset| passages.add(0, offset, CrossingSide::new(-1, OctNormal(0))));
+        assert_eq!(passages.hermite(&samples, 1).0, HermiteOutcome::Torn);
     }
 }

@@ -1,7 +1,7 @@
 //! Winding numbers at arbitrary points, straight from the input.
 
 use super::brute::solid_angle;
-use super::scan::{Block, Facet};
+use super::scan::{SampleCube, ScanFacet};
 use crate::error::Result;
 use crate::lattice::{ROOT_BITS, RootCube, Triangle, Units, bounds};
 use crate::progress::Progress;
@@ -118,10 +118,10 @@ impl Columns {
 /// The jump of the winding number where the line along x towards `p` crosses the triangle before `p`.
 fn jump_before(t: &Triangle, p: Units) -> i64 {
     // Two samples: one far before the root, and p.
-    const BLOCK: Block = Block { shift: ROOT_BITS + 1, last: 1 };
+    const BLOCK: SampleCube = SampleCube { shift: ROOT_BITS + 1, last: 1 };
     let origin = [p[0] - (1 << BLOCK.shift), p[1], p[2]];
     let mut jump = 0;
-    if let Some(facet) = dispatch!(level(), simd => Facet::new(simd, t, origin, BLOCK)) {
+    if let Some(facet) = dispatch!(level(), simd => ScanFacet::new(simd, t, origin, BLOCK)) {
         let crossed = |_| jump = i64::from(facet.jump(0));
         dispatch!(level(), simd => facet.scan::<_, 0>(simd, BLOCK, [0, 0], crossed));
     }

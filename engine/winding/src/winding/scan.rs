@@ -6,8 +6,8 @@
 //! Both questions are answered in f64 under error bounds, row by row of lines, and settled in integers where a bound
 //! does not decide. The first takes three edge functions in 64 bits, the second a quotient in 128 bits.
 
-use super::edges::{EdgeMasks, Lowers};
-use super::lines::{All, Choice, LINES_MAX, ROWS, Sixteenth};
+use super::edges::{EdgeMasks, LowerRange};
+use super::lines::{AllEdges, EdgeSelection, LINES_MAX, ROWS, Sixteenth};
 use crate::brick::ThinLines;
 use crate::lattice::{Triangle, normal};
 use crate::wide::{
@@ -16,7 +16,7 @@ use crate::wide::{
 
 /// A cubic block of samples `0..=last` along each axis, `1 << shift` units apart, sample 0 at the origin.
 #[derive(Clone, Copy, Debug)]
-pub struct Block {
+pub struct SampleCube {
     /// log₂ of the spacing.
     pub shift: u32,
     /// Index of the last sample along an axis.
@@ -25,7 +25,7 @@ pub struct Block {
 
 /// One crossing of a lattice edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Crossing {
+pub struct EdgeCrossing {
     /// Index of the line along the axis after the crossed one in cyclic order (x → y → z → x).
     pub u: i32,
     /// Index of the line along the remaining axis.
@@ -38,7 +38,7 @@ pub struct Crossing {
 }
 
 /// A triangle relative to sample 0 of a block, with what all three axes need.
-pub struct Facet {
+pub struct ScanFacet {
     vertices: [[i32; 3]; 3],
     /// Twice the area vector.
     pub normal: [i64; 3],
@@ -50,7 +50,7 @@ pub struct Facet {
 }
 
 // Bricks of few levels have ten thousands of them, scanned once for each axis.
-const _: () = assert!(size_of::<Facet>() == 72);
+const _: () = assert!(size_of::<ScanFacet>() == 72);
 
 /// A number for each axis, and a zero.
 #[inline(always)]
@@ -65,10 +65,10 @@ fn axes<S: Simd>(numbers: i32x4<S>) -> [i32; 3] {
     [x, y, z]
 }
 
-impl Facet {
+impl ScanFacet {
     /// `None` if the triangle meets no line of the block or has no area.
     #[inline(always)]
-    pub fn new<S: Simd>(simd: S, t: &Triangle, origin: [i32; 3], block: Block) -> Option<Facet> {
+    pub fn new<S: Simd>(simd: S, t: &Triangle, origin: [i32; 3], block: SampleCube) -> Option<ScanFacet> {
         let base = point(simd, origin);
         let (p, q, r) = (point(simd, t[0]) - base, point(simd, t[1]) - base, point(simd, t[2]) - base);
         let (min, max) = (p.min(q).min(r), p.max(q).max(r));
@@ -85,7 +85,7 @@ impl Facet {
         let size = max.max(-min).reduce_max();
         let narrow = |lines: [i32; 3]| lines.map(|line| line as i8);
         let (first, last) = (narrow(axes(first)), narrow(axes(last)));
-        (normal != [0; 3]).then_some(Facet { vertices, normal, first, last, size })
+        (normal != [0; 3]).then_some(ScanFacet { vertices, normal, first, last, size })
     }
 
     /// First and last line index along an axis.
@@ -96,7 +96,7 @@ impl Facet {
 
     /// Largest size of a coordinate of a vertex and of a line together: bounds rounding errors.
     #[inline(always)]
-    fn reach(&self, block: Block) -> f64 {
+    fn reach(&self, block: SampleCube) -> f64 {
         f64::from(self.size) + f64::from(LINES_MAX + 1) * power_of_two(block.shift as i32)
     }
 
@@ -113,9 +113,9 @@ impl Facet {
     pub fn scan<S: Simd, const A: usize>(
         &self,
         simd: S,
-        block: Block,
+        block: SampleCube,
         limit: [i32; 2],
-        mut hit: impl FnMut(Crossing),
+        mut hit: impl FnMut(EdgeCrossing),
     ) {
         self.scan_lines::<S, A>(simd, block, limit, |c| {
             if c.lower < block.last {
@@ -129,11 +129,11 @@ impl Facet {
     pub fn scan_lines<S: Simd, const A: usize>(
         &self,
         simd: S,
-        block: Block,
+        block: SampleCube,
         limit: [i32; 2],
-        hit: impl FnMut(Crossing),
+        hit: impl FnMut(EdgeCrossing),
     ) {
-        self.scan_chosen::<S, A>(simd, block, limit, &All, hit);
+        self.scan_chosen::<S, A>(simd, block, limit, &AllEdges, hit);
     }
 
     /// Whether one of some lines along `axis` may meet the triangle, by its bounding box; many small ones lie between them.
@@ -153,13 +153,13 @@ impl Facet {
     pub fn scan_some<S: Simd, const A: usize>(
         &self,
         simd: S,
-        block: Block,
+        block: SampleCube,
         lines: ThinLines,
-        hit: impl FnMut(Crossing),
+        hit: impl FnMut(EdgeCrossing),
     ) {
         let limit = [block.last; 2];
         match lines {
-            ThinLines::All => self.scan_chosen::<S, A>(simd, block, limit, &All, hit),
+            ThinLines::All => self.scan_chosen::<S, A>(simd, block, limit, &AllEdges, hit),
             ThinLines::Sixteenth => self.scan_chosen::<S, A>(simd, block, limit, &Sixteenth, hit),
         }
     }
@@ -171,15 +171,15 @@ impl Facet {
     pub fn scan_edges<S: Simd, const A: usize>(
         &self,
         simd: S,
-        block: Block,
+        block: SampleCube,
         edges: &EdgeMasks,
-        hit: impl FnMut(Crossing),
+        hit: impl FnMut(EdgeCrossing),
     ) {
         // No vertex has the coordinate of a sample, so the bounding box begins behind the sample before its
         // first one.
         let (first, last) = self.lines(A);
         let end = (last + 1).clamp(0, block.last);
-        let lowers = Lowers::new((first - 1).clamp(0, end) as usize..end as usize);
+        let lowers = LowerRange::new((first - 1).clamp(0, end) as usize..end as usize);
         self.scan_chosen::<S, A>(simd, block, [block.last; 2], &Near { edges, lowers }, hit);
     }
 
@@ -187,10 +187,10 @@ impl Facet {
     fn scan_chosen<S: Simd, const A: usize>(
         &self,
         simd: S,
-        block: Block,
+        block: SampleCube,
         limit: [i32; 2],
-        choice: &impl Choice,
-        hit: impl FnMut(Crossing),
+        choice: &impl EdgeSelection,
+        hit: impl FnMut(EdgeCrossing),
     ) {
         let (u, v) = ((A + 1) % 3, (A + 2) % 3);
         let [lines_u, lines_v] = [(u, limit[0]), (v, limit[1])].map(|(axis, limit)| {
@@ -214,11 +214,11 @@ impl Facet {
     fn sweep<S: Simd, const A: usize, const SWAP: bool>(
         &self,
         simd: S,
-        block: Block,
+        block: SampleCube,
         steps: (i32, i32),
         rows: (i32, i32),
-        choice: &impl Choice,
-        mut hit: impl FnMut(Crossing),
+        choice: &impl EdgeSelection,
+        mut hit: impl FnMut(EdgeCrossing),
     ) {
         debug_assert!(block.last < LINES_MAX, "the lines of a row are bits of a word");
         let within = (u64::MAX >> (63 - steps.1)) & (u64::MAX << steps.0);
@@ -243,7 +243,7 @@ impl Facet {
                     let (u, v) = if SWAP { (row, line) } else { (line, row) };
                     let at = depth.locate::<A>(self, block, along, line, (u, v));
                     let lower = (at >> 16).min(block.last as u64) as i32;
-                    hit(Crossing { u, v, lower, offset: at as u16 });
+                    hit(EdgeCrossing { u, v, lower, offset: at as u16 });
                 }
             }
             row += ROWS as i32;
@@ -264,7 +264,7 @@ const FIRST_ROWS: [u64; 2 * ROWS] = [u64::MAX, u64::MAX, u64::MAX, u64::MAX, 0, 
 #[inline(always)]
 fn asked<S: Simd, const SWAP: bool>(
     simd: S,
-    choice: &impl Choice,
+    choice: &impl EdgeSelection,
     (row, last): (i32, i32),
     within: u64,
 ) -> u64x4<S> {
@@ -282,10 +282,10 @@ fn any_bit<S: Simd>(simd: S, bits: u64x4<S>) -> bool {
 /// Those of a set that begin at some samples of their lines.
 struct Near<'a> {
     edges: &'a EdgeMasks,
-    lowers: Lowers,
+    lowers: LowerRange,
 }
 
-impl Choice for Near<'_> {
+impl EdgeSelection for Near<'_> {
     #[inline(always)]
     fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S> {
         self.edges.lines(simd, swap, row, self.lowers)
@@ -307,8 +307,8 @@ const ROUND: f64 = (1u64 << 52) as f64 * 1.5;
 /// bounds none of them: vertices are even and lines odd, so that rows within the bounding box lie strictly on its
 /// inner side.
 struct Edges<'a> {
-    facet: &'a Facet,
-    block: Block,
+    facet: &'a ScanFacet,
+    block: SampleCube,
     /// Bounds on the lines from below, which count lines from 0 upwards.
     below: Bounds,
     /// Bounds from above, which count lines from [`LINES_MAX`] − 1 downwards, so that these are lower bounds too.
@@ -350,7 +350,7 @@ impl Bounds {
 
 /// From where to where the edges go along an axis, the first edge twice.
 #[inline(always)]
-fn ends<S: Simd>(simd: S, facet: &Facet, axis: usize) -> [f64x4<S>; 2] {
+fn ends<S: Simd>(simd: S, facet: &ScanFacet, axis: usize) -> [f64x4<S>; 2] {
     let [p, q, t] = &facet.vertices;
     let [p, q, t] = [f64::from(p[axis]), f64::from(q[axis]), f64::from(t[axis])];
     [f64x4::simd_from(simd, [p, q, t, p]), f64x4::simd_from(simd, [q, t, p, q])]
@@ -365,7 +365,11 @@ fn integers<S: Simd>(simd: S, values: f64x4<S>) -> u64x4<S> {
 
 impl<'a> Edges<'a> {
     #[inline(always)]
-    fn new<S: Simd, const A: usize, const SWAP: bool>(simd: S, facet: &'a Facet, block: Block) -> Edges<'a> {
+    fn new<S: Simd, const A: usize, const SWAP: bool>(
+        simd: S,
+        facet: &'a ScanFacet,
+        block: SampleCube,
+    ) -> Edges<'a> {
         let (s, r) = sweep_axes::<A, SWAP>();
         let per_step = power_of_two(-(block.shift as i32));
         let [from_s, to_s] = ends(simd, facet, s);
@@ -468,7 +472,7 @@ struct Depth {
 
 impl Depth {
     #[inline(always)]
-    fn new<const A: usize, const SWAP: bool>(facet: &Facet, block: Block) -> Depth {
+    fn new<const A: usize, const SWAP: bool>(facet: &ScanFacet, block: SampleCube) -> Depth {
         let (s, r) = sweep_axes::<A, SWAP>();
         // Powers of two, so the scaling is exact.
         let spacing = power_of_two(block.shift as i32);
@@ -502,8 +506,8 @@ impl Depth {
     #[inline(always)]
     fn locate<const A: usize>(
         &self,
-        facet: &Facet,
-        block: Block,
+        facet: &ScanFacet,
+        block: SampleCube,
         along: f64,
         line: i32,
         uv: (i32, i32),
@@ -524,8 +528,8 @@ impl Depth {
     #[inline(never)]
     fn locate_slowly(
         &self,
-        facet: &Facet,
-        block: Block,
+        facet: &ScanFacet,
+        block: SampleCube,
         axis: usize,
         (rounded, rest): (u64, f64),
         uv: (i32, i32),
@@ -539,7 +543,7 @@ impl Depth {
 }
 
 /// [`Depth::locate`] in 128-bit integers.
-fn locate_exactly(facet: &Facet, block: Block, axis: usize, (u, v): (i32, i32)) -> u64 {
+fn locate_exactly(facet: &ScanFacet, block: SampleCube, axis: usize, (u, v): (i32, i32)) -> u64 {
     let (au, av) = ((axis + 1) % 3, (axis + 2) % 3);
     let n = facet.normal.map(i128::from);
     let a = facet.vertices[0].map(i128::from);

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 /// Everything in i128 with the perturbation as explicit small numbers: coordinates times 2^60,
 /// ε = 2^40, ε² = 2^20, ε³ = 1 are far apart for the small triangles used here.
-fn reference<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)> {
+fn reference<const A: usize>(t: &Triangle, block: SampleCube) -> Vec<(i32, i32, i32)> {
     const EPS: [i128; 3] = [1 << 40, 1 << 20, 1];
     let (au, av) = ((A + 1) % 3, (A + 2) % 3);
     let n = normal(t).map(i128::from);
@@ -39,14 +39,14 @@ fn reference<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)>
     out
 }
 
-fn facet_of(t: &Triangle, block: Block) -> Option<Facet> {
-    dispatch!(level(), simd => Facet::new(simd, t, [0; 3], block))
+fn facet_of(t: &Triangle, block: SampleCube) -> Option<ScanFacet> {
+    dispatch!(level(), simd => ScanFacet::new(simd, t, [0; 3], block))
 }
 
-fn scanned<const A: usize>(t: &Triangle, block: Block) -> Vec<(i32, i32, i32)> {
+fn scanned<const A: usize>(t: &Triangle, block: SampleCube) -> Vec<(i32, i32, i32)> {
     let mut out = Vec::new();
     if let Some(facet) = facet_of(t, block) {
-        let add = |c: Crossing| out.push((c.u, c.v, c.lower));
+        let add = |c: EdgeCrossing| out.push((c.u, c.v, c.lower));
         dispatch!(level(), simd => facet.scan::<_, A>(simd, block, [block.last; 2], add));
     }
     out.sort_unstable_by_key(|&(u, v, _)| (v, u));
@@ -71,7 +71,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
     #[test]
     fn crossings_match_the_perturbed_reference(t in triangle(), shift in 1u32..4) {
-        let block = Block { shift, last: 6 };
+        let block = SampleCube { shift, last: 6 };
         prop_assert_eq!(scanned::<0>(&t, block), reference::<0>(&t, block));
         prop_assert_eq!(scanned::<1>(&t, block), reference::<1>(&t, block));
         prop_assert_eq!(scanned::<2>(&t, block), reference::<2>(&t, block));
@@ -81,7 +81,7 @@ proptest! {
     #[test]
     fn a_huge_cell_matches_the_perturbed_reference(t in prop::array::uniform3(prop::array::uniform3(-3i32..3))) {
         let t = t.map(|v| v.map(|c| 2 * c + 1));
-        let block = Block { shift: 25, last: 1 };
+        let block = SampleCube { shift: 25, last: 1 };
         prop_assert_eq!(scanned::<0>(&t, block), reference::<0>(&t, block));
         prop_assert_eq!(scanned::<1>(&t, block), reference::<1>(&t, block));
         prop_assert_eq!(scanned::<2>(&t, block), reference::<2>(&t, block));
@@ -92,7 +92,7 @@ proptest! {
                                      shift in 3u32..26) {
         let t = t.map(|v| v.map(|c| 2 * c + 1));
         let last = if shift < 20 { 32 } else { 1 };
-        let block = Block { shift, last };
+        let block = SampleCube { shift, last };
         if let Some(facet) = facet_of(&t, block) {
             let mut checked = Vec::new();
             dispatch!(level(), simd => {
@@ -109,11 +109,15 @@ proptest! {
 }
 
 /// Every row's span against the exact one, with the widest vectors and with those that every processor has.
-fn spans_are_exact<const A: usize, const SWAP: bool>(facet: &Facet, block: Block) -> bool {
+fn spans_are_exact<const A: usize, const SWAP: bool>(facet: &ScanFacet, block: SampleCube) -> bool {
     [level(), Level::baseline()].into_iter().all(|level| spans_are_exact_at::<A, SWAP>(level, facet, block))
 }
 
-fn spans_are_exact_at<const A: usize, const SWAP: bool>(level: Level, facet: &Facet, block: Block) -> bool {
+fn spans_are_exact_at<const A: usize, const SWAP: bool>(
+    level: Level,
+    facet: &ScanFacet,
+    block: SampleCube,
+) -> bool {
     dispatch!(level, simd => {
         let (s, r) = sweep_axes::<A, SWAP>();
         let edges = Edges::new::<_, A, SWAP>(simd, facet, block);
@@ -138,7 +142,7 @@ proptest! {
                                   small in 0u32..18, shift in 3u32..26) {
         let t = t.map(|v| v.map(|c| 2 * (c >> small) + 1));
         // Blocks of a brick, and of one cell larger than the root, as for single points.
-        let block = Block { shift, last: if shift < 20 { 32 } else { 1 } };
+        let block = SampleCube { shift, last: if shift < 20 { 32 } else { 1 } };
         if let Some(facet) = facet_of(&t, block) {
             prop_assert!(spans_are_exact::<0, false>(&facet, block) && spans_are_exact::<0, true>(&facet, block));
             prop_assert!(spans_are_exact::<1, false>(&facet, block) && spans_are_exact::<1, true>(&facet, block));
@@ -150,7 +154,7 @@ proptest! {
 proptest! {
     #[test]
     fn asking_for_edges_finds_them_all(t in triangle(), shift in 1u32..3, rows in any::<[u64; 8]>()) {
-        let block = Block { shift, last: 32 };
+        let block = SampleCube { shift, last: 32 };
         let inside = |i: usize| rows[i / BRICK_POINTS % 8].rotate_left(i as u32 / 64) >> (i % BRICK_POINTS) & 1 != 0;
         let signs = SignChanges::from_fn(inside);
         let Some(facet) = facet_of(&t, block) else { return Ok(()) };
@@ -177,7 +181,7 @@ proptest! {
                 }
             });
         }
-        let wanted = |(axis, c): &(Axis, Crossing)| match axis {
+        let wanted = |(axis, c): &(Axis, EdgeCrossing)| match axis {
             Axis::X => changes(Axis::X, [c.lower, c.u, c.v]),
             Axis::Y => changes(Axis::Y, [c.v, c.lower, c.u]),
             Axis::Z => changes(Axis::Z, [c.u, c.v, c.lower]),
@@ -191,7 +195,7 @@ proptest! {
 #[test]
 fn an_edge_shared_by_two_triangles_belongs_to_one() {
     // A square through samples, split along both diagonals: each line crosses exactly once.
-    let block = Block { shift: 1, last: 8 };
+    let block = SampleCube { shift: 1, last: 8 };
     for flip in [false, true] {
         let p = [[1, 1, 3], [13, 1, 3], [13, 13, 3], [1, 13, 3]];
         let (a, b) = if flip {

@@ -5,7 +5,7 @@
 
 use super::crossings::Hit;
 use super::evaluate::{Evaluation, Evaluator};
-use super::scan::Facet;
+use super::scan::ScanFacet;
 use crate::brick::{POINTS, Samples, ThinFeatures, ThinLines, ThinPair, point_index};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, CubeTest, NodeKey, bounds};
 
@@ -154,7 +154,7 @@ impl Evaluator {
 
 /// Whether a facet can be one of two that face each other along an axis. That axis has the largest component of their
 /// common normal, from which each of their own is 15° away at most: then its component is at least half of the largest.
-fn may_face(facet: &Facet, axis: Axis) -> bool {
+fn may_face(facet: &ScanFacet, axis: Axis) -> bool {
     let most = facet.normal.iter().map(|c| c.unsigned_abs()).max().unwrap_or(0);
     2 * facet.normal[axis.index()].unsigned_abs() >= most
 }
@@ -171,7 +171,7 @@ fn is_owned(axis: Axis, lower: u16) -> bool {
 mod tests {
     use super::*;
     use crate::lattice::{RootCube, Triangle};
-    use crate::winding::Triangles;
+    use crate::winding::TriangleList;
     use brickfield_bench_data::pile::random_pile;
     use brickfield_bench_data::{Mesh, Rng, shapes};
 
@@ -217,7 +217,7 @@ mod tests {
             let array: Vec<Triangle> = soup.iter().map(|t| t.map(root.snapper())).collect();
             let indices: Vec<u32> = (0..array.len() as u32).collect();
             let mut evaluator = Evaluator::default();
-            let list = Triangles { array: &array, indices: &indices };
+            let list = TriangleList { array: &array, indices: &indices };
             let evaluation = evaluator.evaluate(NodeKey::ROOT, 0, list).unwrap();
             let thin = evaluation.thin(ThinLines::All);
             let expected = thin_of_all(&evaluation);

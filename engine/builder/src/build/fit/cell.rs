@@ -1,6 +1,6 @@
 //! What of the boundary lies within one cell: the winding number on both sides of a piece of a facet.
 
-use super::polygon::{Face, NEAR, Point, Polygon, dot, minus};
+use super::polygon::{CellFacet, CellPoint, ConvexPolygon, NEAR, dot, minus};
 use crate::brick::Brick;
 
 /// Pieces that a facet may fall into within one cell, and facets of a cell. A cell that holds more is no plain one.
@@ -19,10 +19,10 @@ const APART: f64 = 1e-10;
 const STEEP: f64 = 1e-4;
 
 /// A cell with all facets that touch it.
-pub(super) struct Crowd<'a> {
+pub(super) struct CellFacets<'a> {
     pub brick: &'a Brick,
     pub cell: [usize; 3],
-    pub faces: &'a [Face],
+    pub faces: &'a [CellFacet],
 }
 
 /// How a segment passes a facet.
@@ -36,14 +36,14 @@ enum Passage {
     Unclear,
 }
 
-impl Crowd<'_> {
+impl CellFacets<'_> {
     /// Whether `excuses` takes every piece of `part`, a part of the facet `own`, that is a part of the boundary: one with
     /// w ≥ 1 on one side alone. What cannot be told counts as boundary.
     pub fn all_boundary(
         &self,
         own: usize,
-        part: &Polygon,
-        mut excuses: impl FnMut(&Polygon) -> bool,
+        part: &ConvexPolygon,
+        mut excuses: impl FnMut(&ConvexPolygon) -> bool,
     ) -> bool {
         let mut left = vec![(*part, 0)];
         let mut pieces = 1;
@@ -72,7 +72,7 @@ impl Crowd<'_> {
     }
 
     /// The two halves of a piece of the facet `own`, if the facet `other` passes through it.
-    fn divide(&self, own: usize, piece: &Polygon, other: usize) -> Option<[Polygon; 2]> {
+    fn divide(&self, own: usize, piece: &ConvexPolygon, other: usize) -> Option<[ConvexPolygon; 2]> {
         let (face, other) = (&self.faces[own], &self.faces[other]);
         if !is_passed(&other.corners, face) || !is_passed(piece.corners(), other) {
             return None;
@@ -93,7 +93,7 @@ impl Crowd<'_> {
 
     /// Whether exactly one side of a facet has w ≥ 1 at the point `p` of it, on which no other facet ends; `None` if that
     /// cannot be told.
-    fn is_boundary(&self, own: usize, p: Point) -> Option<bool> {
+    fn is_boundary(&self, own: usize, p: CellPoint) -> Option<bool> {
         (0..8).find_map(|n| {
             let corner: [usize; 3] = std::array::from_fn(|a| self.cell[a] + (n >> a & 1));
             self.is_boundary_from(own, p, corner)
@@ -101,7 +101,7 @@ impl Crowd<'_> {
     }
 
     /// As a segment from a corner of the cell tells, if it does.
-    fn is_boundary_from(&self, own: usize, p: Point, corner: [usize; 3]) -> Option<bool> {
+    fn is_boundary_from(&self, own: usize, p: CellPoint, corner: [usize; 3]) -> Option<bool> {
         let face = &self.faces[own];
         let from = corner.map(|c| c as f64);
         let height = face.height(from);
@@ -125,7 +125,7 @@ impl Crowd<'_> {
 
 /// Whether some points lie on both sides of the plane of a facet.
 #[inline]
-fn is_passed(points: &[Point], face: &Face) -> bool {
+fn is_passed(points: &[CellPoint], face: &CellFacet) -> bool {
     let least = (f64::INFINITY, f64::NEG_INFINITY);
     let heights = points.iter().map(|&p| face.height(p));
     let (low, high) = heights.fold(least, |(low, high), h| (low.min(h), high.max(h)));
@@ -133,7 +133,7 @@ fn is_passed(points: &[Point], face: &Face) -> bool {
 }
 
 /// How the segment from `from` to `p`, which lies on a facet with the normal `own`, passes another one.
-fn passage(other: &Face, from: Point, p: Point, own: Point) -> Passage {
+fn passage(other: &CellFacet, from: CellPoint, p: CellPoint, own: CellPoint) -> Passage {
     let (start, end) = (other.height(from), other.height(p));
     if end.abs() <= APART {
         return match other.depth(p) {
@@ -151,7 +151,7 @@ fn passage(other: &Face, from: Point, p: Point, own: Point) -> Passage {
         return Passage::None;
     }
     let share = start / (start - end);
-    let at: Point = std::array::from_fn(|a| from[a] + (p[a] - from[a]) * share);
+    let at: CellPoint = std::array::from_fn(|a| from[a] + (p[a] - from[a]) * share);
     // Rounding, where the segment passes at a flat angle.
     let unclear = APART + 1e-12 / (start - end).abs();
     match other.depth(at) {
@@ -162,10 +162,10 @@ fn passage(other: &Face, from: Point, p: Point, own: Point) -> Passage {
 }
 
 /// The two of some points on a line that are farthest from each other.
-fn farthest(points: &[Point]) -> Vec<Point> {
-    let from = |a: Point| {
-        move |p: &&Point, q: &&Point| {
-            let distance = |p: Point| dot(minus(p, a), minus(p, a));
+fn farthest(points: &[CellPoint]) -> Vec<CellPoint> {
+    let from = |a: CellPoint| {
+        move |p: &&CellPoint, q: &&CellPoint| {
+            let distance = |p: CellPoint| dot(minus(p, a), minus(p, a));
             distance(**p).total_cmp(&distance(**q))
         }
     };
@@ -176,8 +176,8 @@ fn farthest(points: &[Point]) -> Vec<Point> {
 }
 
 /// What of a segment, or a point, has no negative depth.
-fn clipped(points: &[Point], depth: impl Fn(Point) -> f64) -> Vec<Point> {
-    let mut kept: Vec<Point> = points.iter().copied().filter(|&p| depth(p) >= 0.0).collect();
+fn clipped(points: &[CellPoint], depth: impl Fn(CellPoint) -> f64) -> Vec<CellPoint> {
+    let mut kept: Vec<CellPoint> = points.iter().copied().filter(|&p| depth(p) >= 0.0).collect();
     if let [a, b] = *points {
         let (first, second) = (depth(a), depth(b));
         if (first >= 0.0) != (second >= 0.0) {
@@ -189,12 +189,12 @@ fn clipped(points: &[Point], depth: impl Fn(Point) -> f64) -> Vec<Point> {
 }
 
 /// Whether the plane of a facet passes a cell, and its bounds do.
-pub(super) fn touches(face: &Face, cell: [usize; 3]) -> bool {
+pub(super) fn touches(face: &CellFacet, cell: [usize; 3]) -> bool {
     let within = (0..3).all(|a| {
         let from = cell[a] as f64;
         face.low[a] <= from + 1.0 + NEAR && face.high[a] >= from - NEAR
     });
-    let centre: Point = std::array::from_fn(|a| cell[a] as f64 + 0.5);
+    let centre: CellPoint = std::array::from_fn(|a| cell[a] as f64 + 0.5);
     let reach = 0.5 * (face.normal[0].abs() + face.normal[1].abs() + face.normal[2].abs());
     within && face.height(centre).abs() <= reach + NEAR
 }

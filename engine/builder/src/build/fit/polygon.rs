@@ -2,37 +2,37 @@
 
 use crate::lattice::{BRICK_CELLS, NodeKey, Triangle, normal};
 
-pub(super) type Point = [f64; 3];
+pub(super) type CellPoint = [f64; 3];
 
 #[inline]
-pub(super) fn dot(a: Point, b: Point) -> f64 {
+pub(super) fn dot(a: CellPoint, b: CellPoint) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline]
-pub(super) fn cross(a: Point, b: Point) -> Point {
+pub(super) fn cross(a: CellPoint, b: CellPoint) -> CellPoint {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline]
-pub(super) fn minus(a: Point, b: Point) -> Point {
+pub(super) fn minus(a: CellPoint, b: CellPoint) -> CellPoint {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// A triangle in cells of a brick, with its plane n·x = d.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Face {
-    pub corners: [Point; 3],
-    pub normal: Point,
+pub(super) struct CellFacet {
+    pub corners: [CellPoint; 3],
+    pub normal: CellPoint,
     pub offset: f64,
     /// Its bounding box.
-    pub low: Point,
-    pub high: Point,
+    pub low: CellPoint,
+    pub high: CellPoint,
 }
 
-impl Face {
+impl CellFacet {
     /// Of a triangle with an area. It begins with its least corner, so that it does not matter with which the input does.
-    pub fn new(t: &Triangle, key: NodeKey) -> Face {
+    pub fn new(t: &Triangle, key: NodeKey) -> CellFacet {
         let least = (0..3).min_by_key(|&n| t[n]).unwrap_or(0);
         let t: Triangle = std::array::from_fn(|n| t[(least + n) % 3]);
         let first = key.base().map(|b| b + 1);
@@ -41,15 +41,15 @@ impl Face {
         let long = normal(&t).map(|c| c as f64);
         let length = dot(long, long).sqrt();
         let normal = long.map(|c| c / length);
-        let [a, b, c]: [Point; 3] = corners;
+        let [a, b, c]: [CellPoint; 3] = corners;
         let low = std::array::from_fn(|axis| a[axis].min(b[axis]).min(c[axis]));
         let high = std::array::from_fn(|axis| a[axis].max(b[axis]).max(c[axis]));
-        Face { corners, normal, offset: dot(normal, a), low, high }
+        CellFacet { corners, normal, offset: dot(normal, a), low, high }
     }
 
     /// How far a point is in front of its plane.
     #[inline]
-    pub fn height(&self, p: Point) -> f64 {
+    pub fn height(&self, p: CellPoint) -> f64 {
         dot(self.normal, p) - self.offset
     }
 
@@ -70,12 +70,12 @@ impl Face {
     }
 
     /// How far a point of its plane is within its edges; negative beyond them.
-    pub fn depth(&self, p: Point) -> f64 {
+    pub fn depth(&self, p: CellPoint) -> f64 {
         (0..3).map(|edge| self.depth_at(edge, p)).fold(f64::INFINITY, f64::min)
     }
 
     /// How far a point of its plane is within one of its edges.
-    pub fn depth_at(&self, edge: usize, p: Point) -> f64 {
+    pub fn depth_at(&self, edge: usize, p: CellPoint) -> f64 {
         let from = self.corners[edge];
         let along = minus(self.corners[(edge + 1) % 3], from);
         dot(cross(self.normal, along), minus(p, from)) / dot(along, along).sqrt()
@@ -87,22 +87,22 @@ const CORNERS: usize = 12;
 
 /// A convex polygon, with its corners in order.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Polygon {
-    corners: [Point; CORNERS],
+pub(super) struct ConvexPolygon {
+    corners: [CellPoint; CORNERS],
     count: usize,
 }
 
-impl Polygon {
-    const EMPTY: Polygon = Polygon { corners: [[0.0; 3]; CORNERS], count: 0 };
+impl ConvexPolygon {
+    const EMPTY: ConvexPolygon = ConvexPolygon { corners: [[0.0; 3]; CORNERS], count: 0 };
 
-    pub fn triangle(corners: [Point; 3]) -> Polygon {
-        let mut polygon = Polygon { count: 3, ..Polygon::EMPTY };
+    pub fn triangle(corners: [CellPoint; 3]) -> ConvexPolygon {
+        let mut polygon = ConvexPolygon { count: 3, ..ConvexPolygon::EMPTY };
         polygon.corners[..3].copy_from_slice(&corners);
         polygon
     }
 
     #[inline]
-    pub fn corners(&self) -> &[Point] {
+    pub fn corners(&self) -> &[CellPoint] {
         &self.corners[..self.count]
     }
 
@@ -115,7 +115,7 @@ impl Polygon {
         self.count + 2 > CORNERS
     }
 
-    pub fn middle(&self) -> Point {
+    pub fn middle(&self) -> CellPoint {
         let mut sum = [0.0; 3];
         self.corners().iter().for_each(|p| (0..3).for_each(|a| sum[a] += p[a]));
         sum.map(|c| c / self.count as f64)
@@ -123,7 +123,7 @@ impl Polygon {
 
     /// The greatest distance of two corners, or more, by less than twice.
     pub fn length(&self) -> f64 {
-        let extent: Point =
+        let extent: CellPoint =
             std::array::from_fn(|axis| self.range(axis)).map(|(low, high): (f64, f64)| high - low);
         dot(extent, extent).sqrt()
     }
@@ -147,15 +147,15 @@ impl Polygon {
     }
 
     /// What of it has no positive height.
-    pub fn below(&self, height: impl Fn(Point) -> f64) -> Polygon {
-        let mut kept = Polygon::EMPTY;
+    pub fn below(&self, height: impl Fn(CellPoint) -> f64) -> ConvexPolygon {
+        let mut kept = ConvexPolygon::EMPTY;
         self.put_below(height, &mut kept);
         kept
     }
 
     /// Puts that into `kept`.
     #[inline]
-    fn put_below(&self, height: impl Fn(Point) -> f64, kept: &mut Polygon) {
+    fn put_below(&self, height: impl Fn(CellPoint) -> f64, kept: &mut ConvexPolygon) {
         kept.count = 0;
         let Some(&(mut last)) = self.corners().last() else { return };
         let mut last_height = height(last);
@@ -173,7 +173,7 @@ impl Polygon {
     }
 
     #[inline]
-    fn push(&mut self, corner: Point) {
+    fn push(&mut self, corner: CellPoint) {
         if self.count < CORNERS {
             self.corners[self.count] = corner;
             self.count += 1;
@@ -183,7 +183,13 @@ impl Polygon {
     /// What of it lies between two planes across an axis, on which new corners lie exactly: itself if all of it does, else
     /// what is put into one of `parts`.
     #[inline]
-    fn between<'a>(&'a self, axis: usize, low: f64, high: f64, parts: &'a mut [Polygon; 2]) -> &'a Polygon {
+    fn between<'a>(
+        &'a self,
+        axis: usize,
+        low: f64,
+        high: f64,
+        parts: &'a mut [ConvexPolygon; 2],
+    ) -> &'a ConvexPolygon {
         let [above, below] = parts;
         let (least, most) = self.range(axis);
         let mut part = self;
@@ -211,8 +217,8 @@ impl Polygon {
 
     /// Calls `part` with each cell of a brick that it has an area in, and with what of it lies there, until that is false.
     /// Returns whether it never was.
-    pub fn all_cells(&self, mut part: impl FnMut([usize; 3], &Polygon) -> bool) -> bool {
-        let (mut whole, mut parts) = (*self, [Polygon::EMPTY; 2]);
+    pub fn all_cells(&self, mut part: impl FnMut([usize; 3], &ConvexPolygon) -> bool) -> bool {
+        let (mut whole, mut parts) = (*self, [ConvexPolygon::EMPTY; 2]);
         for axis in 0..3 {
             whole = *whole.between(axis, 0.0, BRICK_CELLS as f64, &mut parts);
             if whole.is_empty() {
@@ -222,15 +228,15 @@ impl Polygon {
         whole.all_layers(2, [0; 3], &mut part)
     }
 
-    /// As [`Polygon::all_cells`] of what lies in a brick and, along the axes behind `axis`, in a cell.
+    /// As [`ConvexPolygon::all_cells`] of what lies in a brick and, along the axes behind `axis`, in a cell.
     fn all_layers(
         &self,
         axis: usize,
         mut cell: [usize; 3],
-        part: &mut impl FnMut([usize; 3], &Polygon) -> bool,
+        part: &mut impl FnMut([usize; 3], &ConvexPolygon) -> bool,
     ) -> bool {
         let (low, high) = self.range(axis);
-        let (last, mut parts) = (BRICK_CELLS - 1, [Polygon::EMPTY; 2]);
+        let (last, mut parts) = (BRICK_CELLS - 1, [ConvexPolygon::EMPTY; 2]);
         for at in (low as usize).min(last)..=(high as usize).min(last) {
             cell[axis] = at;
             let own = self.between(axis, at as f64, at as f64 + 1.0, &mut parts);
@@ -247,8 +253,8 @@ impl Polygon {
     }
 
     /// What of it lies in a cell.
-    pub fn within(&self, cell: [usize; 3]) -> Polygon {
-        let (mut part, mut parts) = (*self, [Polygon::EMPTY; 2]);
+    pub fn within(&self, cell: [usize; 3]) -> ConvexPolygon {
+        let (mut part, mut parts) = (*self, [ConvexPolygon::EMPTY; 2]);
         for (axis, from) in cell.into_iter().enumerate() {
             if !part.is_empty() {
                 part = *part.between(axis, from as f64, from as f64 + 1.0, &mut parts);

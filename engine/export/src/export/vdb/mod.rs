@@ -12,7 +12,7 @@ mod pack;
 
 use super::blocks;
 use super::compress::Zlib;
-use super::{Format, Levels, Volume};
+use super::{Format, LevelSupport, Volume};
 use crate::analysis::{Element, covering};
 use crate::error::Result;
 use crate::lattice::NodeKey;
@@ -21,7 +21,7 @@ use crate::part::{PartFile, directory_of};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{BrickTree, Walk};
-use node::{Made, Maker};
+use node::{NodeBuilder, NodeBytes};
 use pack::{Mask, put_string, put_values, word};
 use std::path::Path;
 
@@ -56,8 +56,8 @@ impl Format for Vdb {
         "OpenVDB grids"
     }
 
-    fn levels(&self) -> Levels {
-        Levels::Several
+    fn levels(&self) -> LevelSupport {
+        LevelSupport::Several
     }
 
     /// Many readers know floats only.
@@ -234,7 +234,7 @@ impl Grid<'_> {
             let (key, node) = covering(tree, self.level, place).ok()?;
             node.uniform().is_none().then_some(key)
         });
-        let work = |maker: &mut Maker, number: usize| {
+        let work = |maker: &mut NodeBuilder, number: usize| {
             progress.check()?;
             walk.at(number * 64);
             for place in self.places(slots[number]) {
@@ -253,13 +253,13 @@ impl Grid<'_> {
             }
             Ok(maker.finish())
         };
-        let take = |made: Made| {
+        let take = |made: NodeBytes| {
             progress.advance(1);
             file.append(&made.topology)?;
             voxels.append(&made.voxels).map(|_| ())
         };
         let ahead = NODES_AHEAD * rayon::current_num_threads();
-        run_ordered(slots.len(), ahead, Maker::new, work, take)
+        run_ordered(slots.len(), ahead, NodeBuilder::new, work, take)
     }
 
     /// The places of the bricks of a node of 16³.

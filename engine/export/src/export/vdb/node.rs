@@ -11,7 +11,7 @@ const BRICK_LEAVES: usize = 4;
 const LEAF: usize = 8;
 
 /// A node's bytes.
-pub(super) struct Made {
+pub(super) struct NodeBytes {
     /// Masks, tiles, and the masks of the leaves.
     pub(super) topology: Vec<u8>,
     /// Masks and values of the leaves.
@@ -28,15 +28,15 @@ enum Entry {
 }
 
 /// Makes nodes, one after the other.
-pub(super) struct Maker {
+pub(super) struct NodeBuilder {
     entries: Vec<Entry>,
     packed: Vec<u8>,
     zlib: Zlib,
 }
 
-impl Maker {
-    pub(super) fn new() -> Maker {
-        Maker { entries: vec![Entry::Empty; LEAVES.pow(3)], packed: Vec::new(), zlib: Zlib::new() }
+impl NodeBuilder {
+    pub(super) fn new() -> NodeBuilder {
+        NodeBuilder { entries: vec![Entry::Empty; LEAVES.pow(3)], packed: Vec::new(), zlib: Zlib::new() }
     }
 
     /// Adds a brick of one value, which is not 0.
@@ -80,7 +80,7 @@ impl Maker {
     }
 
     /// The node of what was added since the last one.
-    pub(super) fn finish(&mut self) -> Made {
+    pub(super) fn finish(&mut self) -> NodeBytes {
         let (mut children, mut active) = (Mask::<512>::new(), Mask::<512>::new());
         let (mut tiles, mut masks) = (Vec::new(), Vec::<u8>::new());
         let mut voxels = Vec::with_capacity(self.packed.len());
@@ -102,7 +102,7 @@ impl Maker {
         let mut topology = [children.bytes(), active.bytes()].concat();
         put_values(&mut topology, &tiles, &mut self.zlib);
         topology.extend(masks);
-        Made { topology, voxels }
+        NodeBytes { topology, voxels }
     }
 }
 

@@ -13,7 +13,7 @@ pub(super) const NOWHERE: u64 = u64::MAX;
 
 /// Types of numbers and texts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum Datatype {
     I16,
     I32,
     I64,
@@ -22,13 +22,13 @@ pub(super) enum Kind {
     Text(u32),
 }
 
-impl Kind {
+impl Datatype {
     pub(super) fn bytes(self) -> usize {
         match self {
-            Kind::I16 => 2,
-            Kind::I32 | Kind::F32 => 4,
-            Kind::I64 | Kind::F64 => 8,
-            Kind::Text(bytes) => bytes as usize,
+            Datatype::I16 => 2,
+            Datatype::I32 | Datatype::F32 => 4,
+            Datatype::I64 | Datatype::F64 => 8,
+            Datatype::Text(bytes) => bytes as usize,
         }
     }
 
@@ -37,22 +37,22 @@ impl Kind {
         let size = self.bytes() as u32;
         let mut out = Vec::new();
         match self {
-            Kind::I16 | Kind::I32 | Kind::I64 => {
+            Datatype::I16 | Datatype::I32 | Datatype::I64 => {
                 // Signed, little-endian, of all bits.
                 out.extend([0x10, 8, 0, 0]);
                 out.extend(size.to_le_bytes());
                 out.extend([0u16, 8 * size as u16].map(u16::to_le_bytes).concat());
             }
-            Kind::F32 | Kind::F64 => {
+            Datatype::F32 | Datatype::F64 => {
                 let (sign, exponent, bias) =
-                    if self == Kind::F32 { (31, [23, 8], 127u32) } else { (63, [52, 11], 1023) };
+                    if self == Datatype::F32 { (31, [23, 8], 127u32) } else { (63, [52, 11], 1023) };
                 out.extend([0x11, 0x20, sign, 0]);
                 out.extend(size.to_le_bytes());
                 out.extend([0u16, 8 * size as u16].map(u16::to_le_bytes).concat());
                 out.extend([exponent[0], exponent[1], 0, exponent[0]]);
                 out.extend(bias.to_le_bytes());
             }
-            Kind::Text(_) => {
+            Datatype::Text(_) => {
                 out.extend([0x13, 1, 0, 0]);
                 out.extend(size.to_le_bytes());
             }
@@ -64,19 +64,19 @@ impl Kind {
 /// A named value of a group.
 pub(super) struct Attribute {
     name: &'static str,
-    kind: Kind,
+    kind: Datatype,
     /// Length of a vector; none of a single value.
     length: Option<u64>,
     value: Vec<u8>,
 }
 
 impl Attribute {
-    pub(super) fn new(name: &'static str, kind: Kind, length: Option<u64>, value: Vec<u8>) -> Attribute {
+    pub(super) fn new(name: &'static str, kind: Datatype, length: Option<u64>, value: Vec<u8>) -> Attribute {
         Attribute { name, kind, length, value }
     }
 
     pub(super) fn text(name: &'static str, text: &str) -> Attribute {
-        Attribute::new(name, Kind::Text(text.len() as u32), None, text.as_bytes().to_vec())
+        Attribute::new(name, Datatype::Text(text.len() as u32), None, text.as_bytes().to_vec())
     }
 
     fn message(&self) -> Vec<u8> {
@@ -95,7 +95,7 @@ impl Attribute {
 }
 
 /// Where an array's numbers lie.
-pub(super) enum Contents {
+pub(super) enum DataLayout {
     Whole {
         at: u64,
         bytes: u64,
@@ -112,7 +112,7 @@ pub(super) struct Object {
     /// Of a group: attributes and members with their addresses.
     pub(super) attributes: Vec<Attribute>,
     pub(super) links: Vec<(String, u64)>,
-    array: Option<(Kind, Vec<u64>, Contents)>,
+    array: Option<(Datatype, Vec<u64>, DataLayout)>,
 }
 
 impl Object {
@@ -120,7 +120,7 @@ impl Object {
         Object { attributes: Vec::new(), links: Vec::new(), array: None }
     }
 
-    pub(super) fn array(kind: Kind, dimensions: Vec<u64>, contents: Contents) -> Object {
+    pub(super) fn array(kind: Datatype, dimensions: Vec<u64>, contents: DataLayout) -> Object {
         Object { attributes: Vec::new(), links: Vec::new(), array: Some((kind, dimensions, contents)) }
     }
 
@@ -153,15 +153,15 @@ impl Object {
     }
 }
 
-fn array_messages(kind: Kind, dimensions: &[u64], contents: &Contents, out: &mut Vec<u8>) {
+fn array_messages(kind: Datatype, dimensions: &[u64], contents: &DataLayout, out: &mut Vec<u8>) {
     message(out, 0x01, &space(dimensions));
     message(out, 0x03, &kind.message());
     match *contents {
-        Contents::Whole { at, bytes } => {
+        DataLayout::Whole { at, bytes } => {
             message(out, 0x05, &[3, 0x0a]);
             message(out, 0x08, &[&[3, 1][..], &at.to_le_bytes(), &bytes.to_le_bytes()].concat());
         }
-        Contents::Chunked { index, chunk } => {
+        DataLayout::Chunked { index, chunk } => {
             message(out, 0x05, &[3, 0x0b]);
             let sizes = [chunk, kind.bytes() as u32].map(u32::to_le_bytes).concat();
             message(out, 0x08, &[&[3, 2, 2][..], &index.to_le_bytes(), &sizes].concat());

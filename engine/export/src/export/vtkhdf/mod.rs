@@ -9,7 +9,7 @@ mod tree;
 
 use super::blocks;
 use super::compress::Zlib;
-use super::{Format, Levels, Volume};
+use super::{Format, LevelSupport, Volume};
 use crate::analysis::{Block, Element};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey};
@@ -17,7 +17,7 @@ use crate::part::PartFile;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::Walk;
-use hdf5::{Attribute, Contents, Kind, Object};
+use hdf5::{Attribute, DataLayout, Datatype, Object};
 use std::path::Path;
 use tree::Chunk;
 
@@ -44,8 +44,8 @@ impl Format for VtkHdf {
         "VTKHDF, an AMR image"
     }
 
-    fn levels(&self) -> Levels {
-        Levels::Nested
+    fn levels(&self) -> LevelSupport {
+        LevelSupport::Nested
     }
 
     fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
@@ -59,9 +59,9 @@ impl Format for VtkHdf {
         levels.sort_unstable();
         let mut root = Object::group();
         root.attributes = vec![
-            Attribute::new("Version", Kind::I64, Some(2), VERSION.map(i64::to_le_bytes).concat()),
+            Attribute::new("Version", Datatype::I64, Some(2), VERSION.map(i64::to_le_bytes).concat()),
             Attribute::text("Type", "OverlappingAMR"),
-            Attribute::new("Origin", Kind::F64, Some(3), volume.origin().map(f64::to_le_bytes).concat()),
+            Attribute::new("Origin", Datatype::F64, Some(3), volume.origin().map(f64::to_le_bytes).concat()),
             Attribute::text("GridDescription", "XYZ"),
         ];
         progress.phase("exporting", None, "bricks");
@@ -118,10 +118,10 @@ impl<'a> Level<'a> {
         Ok(Level { volume, level, places })
     }
 
-    fn point_kind(&self) -> Kind {
+    fn point_kind(&self) -> Datatype {
         match self.volume.element {
-            Element::I16 => Kind::I16,
-            Element::F32 => Kind::F32,
+            Element::I16 => Datatype::I16,
+            Element::F32 => Datatype::F32,
         }
     }
 
@@ -179,14 +179,14 @@ impl<'a> Level<'a> {
         let count = self.places.len() as u64;
         let step = self.volume.spacing(self.level).to_le_bytes().repeat(3);
         let mut group = Object::group();
-        group.attributes.push(Attribute::new("Spacing", Kind::F64, Some(3), step));
-        let arrays = [("PointData", POINTS, self.point_kind()), ("CellData", CELLS, Kind::F32)];
+        group.attributes.push(Attribute::new("Spacing", Datatype::F64, Some(3), step));
+        let arrays = [("PointData", POINTS, self.point_kind()), ("CellData", CELLS, Datatype::F32)];
         for ((name, block, kind), chunks) in arrays.into_iter().zip(chunks) {
             let index = tree::write(chunks, block as u64, file)?;
             let array = Object::array(
                 kind,
                 vec![count * block as u64],
-                Contents::Chunked { index, chunk: block as u32 },
+                DataLayout::Chunked { index, chunk: block as u32 },
             );
             let array = array.append(file)?;
             let mut data = Object::group();
@@ -200,7 +200,7 @@ impl<'a> Level<'a> {
         let bytes = boxes.flat_map(u32::to_le_bytes).collect::<Vec<u8>>();
         let (at, length) = (file.appended(), bytes.len() as u64);
         file.append(&bytes)?;
-        let boxes = Object::array(Kind::I32, vec![count, 6], Contents::Whole { at, bytes: length });
+        let boxes = Object::array(Datatype::I32, vec![count, 6], DataLayout::Whole { at, bytes: length });
         group.links.push(("AMRBox".to_owned(), boxes.append(file)?));
         group.append(file)
     }
@@ -220,7 +220,7 @@ impl Maker {
         Maker { zlib: Zlib::new(), points: Vec::new(), bytes: Vec::new(), last: None }
     }
 
-    fn uniform(&mut self, value: i16, kind: Kind) -> [Vec<u8>; 2] {
+    fn uniform(&mut self, value: i16, kind: Datatype) -> [Vec<u8>; 2] {
         if let Some((last, streams)) = &self.last
             && *last == value
         {
@@ -235,12 +235,12 @@ impl Maker {
         [points, cells]
     }
 
-    fn block(&mut self, block: &Block<'_>, kind: Kind) -> [Vec<u8>; 2] {
+    fn block(&mut self, block: &Block<'_>, kind: Datatype) -> [Vec<u8>; 2] {
         self.points.clear();
         let at =
             |n: usize| [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
         match kind {
-            Kind::F32 => self.points.extend((0..POINTS).map(|n| block.float(at(n)))),
+            Datatype::F32 => self.points.extend((0..POINTS).map(|n| block.float(at(n)))),
             _ => self.points.extend((0..POINTS).map(|n| f32::from(block.integer(at(n))))),
         }
         let points = self.pack_points(kind);
@@ -259,10 +259,10 @@ impl Maker {
         [points, cells]
     }
 
-    fn pack_points(&mut self, kind: Kind) -> Vec<u8> {
+    fn pack_points(&mut self, kind: Datatype) -> Vec<u8> {
         let points = std::mem::take(&mut self.points);
         let stream = self.pack(kind.bytes(), POINTS, |n, out| match kind {
-            Kind::F32 => out.copy_from_slice(&points[n].to_le_bytes()),
+            Datatype::F32 => out.copy_from_slice(&points[n].to_le_bytes()),
             _ => out.copy_from_slice(&(points[n] as i16).to_le_bytes()),
         });
         self.points = points;

@@ -1,6 +1,6 @@
 //! One point's part of the field: a dipole spread over a small ball.
 
-use super::super::open::{Element, GROUP, Moments, Reach};
+use super::super::open::{GROUP, Moments, Reach, SurfaceElement};
 use super::surfels::Surfel;
 use crate::lattice::{ROOT_BITS, RootCube, Units};
 use std::f64::consts::PI;
@@ -70,7 +70,7 @@ impl Dipole {
     }
 }
 
-impl Element for Dipole {
+impl SurfaceElement for Dipole {
     fn position(&self) -> [f64; 3] {
         self.position
     }

@@ -2,7 +2,7 @@
 
 use super::atan::angle_of;
 use super::local::GROUP;
-use super::moments::{Element, Moments, Reach};
+use super::moments::{Moments, Reach, SurfaceElement};
 use super::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, each_of, f64x8, level, mask64x8, way,
 };
@@ -213,7 +213,7 @@ impl Twofold {
     }
 }
 
-impl Element for Cap {
+impl SurfaceElement for Cap {
     fn position(&self) -> [f64; 3] {
         let [a, b, c] = self.vertices;
         std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0)
@@ -291,7 +291,7 @@ fn each_dot<S: Simd>(a: &[f64x8<S>; 3], b: &[f64x8<S>; 3]) -> f64x8<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// [`Element::add_shares`] of caps in vectors of one kind.
+/// [`SurfaceElement::add_shares`] of caps in vectors of one kind.
 #[inline(always)]
 pub(super) fn add_angles<'a, S: Simd>(
     simd: S,

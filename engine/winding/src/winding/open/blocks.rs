@@ -1,8 +1,8 @@
 //! The sums behind the samples of bricks, laid open for whoever computes them elsewhere.
 
 use super::brick::{BLOCK_BITS, for_blocks};
-use super::cells::{Cells, Found, Plan, Points, Sum};
-use super::{ClusterTree, Element};
+use super::cells::{BoundedTree, CellPlan, CellPoints, ExpansionSum, PlannedPoints};
+use super::{ClusterTree, SurfaceElement};
 use crate::lattice::{NodeKey, Units};
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ pub struct SumBlocks {
 
 /// One block, or what of it lies in a brick.
 pub struct SumBlock {
-    plan: Arc<Plan>,
+    plan: Arc<CellPlan>,
     /// Number of the brick.
     pub brick: usize,
     /// Position of the block's first sample.
@@ -54,7 +54,7 @@ pub struct ClusterParts {
     pub octupole: [f64; 10],
 }
 
-impl<E: Element> ClusterTree<E> {
+impl<E: SurfaceElement> ClusterTree<E> {
     /// All clusters, by number.
     pub fn cluster_parts(&self) -> impl Iterator<Item = ClusterParts> {
         self.clusters().iter().map(|cluster| {
@@ -89,32 +89,37 @@ impl SumBlocks {
     }
 
     /// Adds the samples of a brick.
-    pub(super) fn add<E: Element>(&mut self, cells: Cells<'_, E>, key: NodeKey) {
+    pub(super) fn add<E: SurfaceElement>(&mut self, cells: BoundedTree<'_, E>, key: NodeKey) {
         let SumBlocks { blocks, samples, bricks } = self;
         for_blocks(key, |spacing, of_block| {
-            cells.find(spacing + BLOCK_BITS, spacing, of_block, &mut |Found { plan, low, steps }, found| {
-                let from = samples.len();
-                samples.extend(found.iter().map(|(position, index)| {
-                    let step = |a: usize| ((position[a] - low[a]) >> spacing) as u16;
-                    BlockSample { index: *index, place: step(0) | step(1) << 3 | step(2) << 6 }
-                }));
-                blocks.push(SumBlock {
-                    plan,
-                    brick: *bricks,
-                    low,
-                    spacing,
-                    steps,
-                    samples: from..samples.len(),
-                });
-            });
+            cells.find(
+                spacing + BLOCK_BITS,
+                spacing,
+                of_block,
+                &mut |PlannedPoints { plan, low, steps }, found| {
+                    let from = samples.len();
+                    samples.extend(found.iter().map(|(position, index)| {
+                        let step = |a: usize| ((position[a] - low[a]) >> spacing) as u16;
+                        BlockSample { index: *index, place: step(0) | step(1) << 3 | step(2) << 6 }
+                    }));
+                    blocks.push(SumBlock {
+                        plan,
+                        brick: *bricks,
+                        low,
+                        spacing,
+                        steps,
+                        samples: from..samples.len(),
+                    });
+                },
+            );
         });
         *bricks += 1;
     }
 
     /// The sums at some samples of a block, by their numbers.
-    pub(super) fn settle<E: Element>(
+    pub(super) fn settle<E: SurfaceElement>(
         &self,
-        cells: &Cells<'_, E>,
+        cells: &BoundedTree<'_, E>,
         block: &SumBlock,
         samples: &[usize],
     ) -> Vec<f64> {
@@ -123,17 +128,17 @@ impl SumBlocks {
             std::array::from_fn(|a| block.low[a] + ((place >> (3 * a) & 7) << block.spacing))
         };
         let positions: Vec<Units> = samples.iter().map(position).collect();
-        let mut points = Points { values: vec![0.0; positions.len()], positions };
+        let mut points = CellPoints { values: vec![0.0; positions.len()], positions };
         cells.sum(block.sum(), &mut points);
         points.values
     }
 }
 
 impl SumBlock {
-    fn sum(&self) -> &Sum {
+    fn sum(&self) -> &ExpansionSum {
         match &*self.plan {
-            Plan::Here(sum) => sum,
-            Plan::Divide => unreachable!("what is divided was looked for in its parts"),
+            CellPlan::Here(sum) => sum,
+            CellPlan::Divide => unreachable!("what is divided was looked for in its parts"),
         }
     }
 

@@ -1,15 +1,15 @@
 //! Bricks of open soups: fixed-point samples, and the Hermite edges of a field that is smooth between jumps.
 
-use super::super::evaluate::Triangles;
-use super::super::scan::{Block, Facet};
+use super::super::evaluate::TriangleList;
+use super::super::scan::{SampleCube, ScanFacet};
 use super::angle::Cap;
 use super::blocks::{SumBlock, SumBlocks};
-use super::cells::{CellCache, Cells, Grain, Points};
-use super::local::Local;
-use super::region::Region;
-use super::regions::{Range3, Regions};
-use super::smooth::{Crossing, Smooth};
-use super::{ClusterTree, Element, OpenPart};
+use super::cells::{BoundedTree, CellCache, CellPoints, PointSpacing};
+use super::local::LocalExpansion;
+use super::region::CellSum;
+use super::regions::{CellSums, Range3};
+use super::smooth::{SmoothField, SurfaceJump};
+use super::{ClusterTree, OpenPart, SurfaceElement};
 use crate::brick::{Brick, Hermite, OctNormal, POINTS, Samples, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, Triangle, Units, normal, spacing_bits};
@@ -51,7 +51,7 @@ pub struct OpenEvaluator {
 /// Memory for the sum over a tree's elements at the samples of a brick.
 pub(in crate::winding) struct Shares {
     cells: CellCache,
-    points: Points,
+    points: CellPoints,
     values: Box<[f64; POINTS]>,
     /// Where a brick's samples are neither in a quiet nor in a smooth cell.
     rough: Box<[bool; POINTS]>,
@@ -61,7 +61,7 @@ impl Default for Shares {
     fn default() -> Self {
         let values = vec![0.0; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
         let rough = vec![false; POINTS].into_boxed_slice().try_into().expect("the length is POINTS");
-        Shares { cells: CellCache::default(), points: Points::default(), values, rough }
+        Shares { cells: CellCache::default(), points: CellPoints::default(), values, rough }
     }
 }
 
@@ -184,7 +184,7 @@ impl OpenField {
         self.part.tree.elements().is_empty() || self.regions().are_quiet(key)
     }
 
-    fn regions(&self) -> Regions<'_, Cap> {
+    fn regions(&self) -> CellSums<'_, Cap> {
         regions_of(&self.part.tree, self.error, self.bits, self.least)
     }
 
@@ -240,14 +240,20 @@ impl OpenField {
     }
 
     /// A brick of these counts and samples, which these triangles of S ∪ C touch.
-    pub fn brick(&self, key: NodeKey, counts: &Samples, samples: Samples, list: Triangles<'_>) -> OpenBrick {
+    pub fn brick(
+        &self,
+        key: NodeKey,
+        counts: &Samples,
+        samples: Samples,
+        list: TriangleList<'_>,
+    ) -> OpenBrick {
         let facets = self.facets(list);
         OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error }
     }
 
     /// Whether the sum over the caps, at most a quarter at all samples of a brick that no cap touches, moves no passage of
     /// 0.5: that is where the count passes it.
-    pub fn is_tame(&self, counts: &Samples, samples: &Samples, list: Triangles<'_>) -> bool {
+    pub fn is_tame(&self, counts: &Samples, samples: &Samples, list: TriangleList<'_>) -> bool {
         let most = 1i32 << self.bits >> 2;
         let is_near =
             |(count, w): (&i16, &i16)| ((i32::from(*count) << self.bits) - i32::from(*w)).abs() <= most;
@@ -266,7 +272,7 @@ impl OpenField {
     }
 
     /// The facets among the pieces of a brick: all but as many as there are caps of the same vertices.
-    fn facets(&self, list: Triangles<'_>) -> Vec<Triangle> {
+    fn facets(&self, list: TriangleList<'_>) -> Vec<Triangle> {
         let (mut caps, mut facets) = (Vec::new(), Vec::new());
         for &index in list.indices {
             let t = list.array[index as usize];
@@ -281,7 +287,7 @@ impl OpenField {
         facets
     }
 
-    fn cells(&self) -> Cells<'_, Cap> {
+    fn cells(&self) -> BoundedTree<'_, Cap> {
         cells_of(&self.part.tree, self.error, self.bits)
     }
 }
@@ -309,14 +315,14 @@ impl RoundedShares {
 }
 
 /// The sums over a tree, so exact that they are off by at most `error` when rounded to `bits` binary places.
-fn cells_of<E: Element>(tree: &ClusterTree<E>, error: f64, bits: u8) -> Cells<'_, E> {
+fn cells_of<E: SurfaceElement>(tree: &ClusterTree<E>, error: f64, bits: u8) -> BoundedTree<'_, E> {
     // Rounding takes half a quantum.
-    Cells::new(tree, error - 0.5 / f64::from(1u32 << bits))
+    BoundedTree::new(tree, error - 0.5 / f64::from(1u32 << bits))
 }
 
 /// Where these sums are easy: next to nothing is a quantum, and half of the error.
-fn regions_of<E: Element>(tree: &ClusterTree<E>, error: f64, bits: u8, least: u32) -> Regions<'_, E> {
-    Regions::new(cells_of(tree, error, bits), f64::from(1u32 << bits).recip().min(0.5 * error), least)
+fn regions_of<E: SurfaceElement>(tree: &ClusterTree<E>, error: f64, bits: u8, least: u32) -> CellSums<'_, E> {
+    CellSums::new(cells_of(tree, error, bits), f64::from(1u32 << bits).recip().min(0.5 * error), least)
 }
 
 impl Shares {
@@ -331,7 +337,7 @@ impl Shares {
     /// A sample in a rough cell belongs to the coarsest level whose lattice holds it, and there to a block of 8³ samples
     /// of that level's lattice, which is a cell of the octree over the elements. The cell answers it, whatever brick asks:
     /// a brick's own, a neighbour for its apron, a parent or a child.
-    pub fn find<E: Element>(
+    pub fn find<E: SurfaceElement>(
         &mut self,
         tree: &ClusterTree<E>,
         (error, bits, least): (f64, u8, u32),
@@ -350,7 +356,7 @@ impl Shares {
             let wanted = || samples.iter().filter(|(_, index)| rough[usize::from(*index)]);
             points.positions.clear();
             points.positions.extend(wanted().map(|(position, _)| *position));
-            tree.answer(cells, spacing + BLOCK_BITS, Grain::Lattice(spacing), points);
+            tree.answer(cells, spacing + BLOCK_BITS, PointSpacing::Lattice(spacing), points);
             for ((_, index), value) in wanted().zip(&points.values) {
                 values[usize::from(*index)] = *value;
             }
@@ -358,13 +364,13 @@ impl Shares {
     }
 
     /// The same where a brick's samples lie in quiet and in smooth cells; whether there are others.
-    fn find_easy<E: Element>(&mut self, regions: &Regions<'_, E>, key: NodeKey) -> bool {
+    fn find_easy<E: SurfaceElement>(&mut self, regions: &CellSums<'_, E>, key: NodeKey) -> bool {
         let mut any_rough = false;
         self.rough.fill(false);
         regions.visit(key, &mut |part, region| {
             match region {
-                Region::Quiet => for_rows(part, |row| self.values[row].fill(0.0)),
-                Region::Smooth(center, local) => {
+                CellSum::Quiet => for_rows(part, |row| self.values[row].fill(0.0)),
+                CellSum::Smooth(center, local) => {
                     let (base, bits) = (key.base(), key.spacing_bits());
                     let ways: [[f64; P]; 3] = std::array::from_fn(|axis| {
                         std::array::from_fn(|i| {
@@ -373,7 +379,7 @@ impl Shares {
                     });
                     dispatch!(level(), _simd => fill_smooth(&mut self.values, part, local, &ways));
                 }
-                Region::Rough => {
+                CellSum::Rough => {
                     any_rough = true;
                     for_rows(part, |row| self.rough[row].fill(true));
                 }
@@ -386,7 +392,7 @@ impl Shares {
 
 /// Fills a box of a brick's samples with the values of a polynomial; `ways` tell how far samples are from its centre.
 #[inline(always)]
-fn fill_smooth(values: &mut [f64; POINTS], [from, to]: Range3, local: &Local, ways: &[[f64; P]; 3]) {
+fn fill_smooth(values: &mut [f64; POINTS], [from, to]: Range3, local: &LocalExpansion, ways: &[[f64; P]; 3]) {
     let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..=to[axis]]);
     local.at_grid(
         of_box,
@@ -530,7 +536,7 @@ impl OpenBrick {
         let mut hermite = Hermite::default();
         if signs.counts() != [0; 3] {
             let crossings = Axis::ALL.map(|axis| self.crossings(axis));
-            let smooth = Smooth::new(&self.samples, &crossings);
+            let smooth = SmoothField::new(&self.samples, &crossings);
             for axis in Axis::ALL {
                 hermite.edges[axis.index()] = smooth.edges(axis, &signs, &crossings[axis.index()]);
             }
@@ -539,19 +545,19 @@ impl OpenBrick {
     }
 
     /// All crossings of the facets with lattice edges along `axis`, edge by edge, in order.
-    fn crossings(&self, axis: Axis) -> Vec<Crossing> {
-        let block = Block { shift: self.key.spacing_bits(), last: BRICK_CELLS as i32 };
+    fn crossings(&self, axis: Axis) -> Vec<SurfaceJump> {
+        let block = SampleCube { shift: self.key.spacing_bits(), last: BRICK_CELLS as i32 };
         let origin = self.key.base().map(|b| b + 1);
         let all = [block.last; 2];
         let mut found = Vec::new();
         for t in &self.facets {
-            let facet = dispatch!(level(), simd => Facet::new(simd, t, origin, block));
+            let facet = dispatch!(level(), simd => ScanFacet::new(simd, t, origin, block));
             let Some(facet) = facet else { continue };
             let normal = OctNormal::from_integer(normal(t));
             let jump = facet.jump(axis.index());
             let mut add = |[i, j, k]: [i32; 3], offset| {
                 let lower = ((k as usize * P + j as usize) * P + i as usize) as u16;
-                found.push(Crossing { lower, offset, normal, jump });
+                found.push(SurfaceJump { lower, offset, normal, jump });
             };
             dispatch!(level(), simd => match axis {
                 Axis::X => facet.scan::<_, 0>(simd, block, all, |c| add([c.lower, c.u, c.v], c.offset)),

@@ -1,7 +1,7 @@
 //! The sum over a cluster tree at many points, cell by cell: what is far as a polynomial, what is near one by one.
 //!
 //! Cells are the cubes of an octree over the lattice. A cell takes over its parent's polynomial, adds the clusters
-//! that have become far enough ([`Local`]), and hands the rest down to its children.
+//! that have become far enough ([`LocalExpansion`]), and hands the rest down to its children.
 //!
 //! This is the fast multipole method (Greengard & Rokhlin 1987), with the sum of all error bounds on the way as the
 //! criterion in place of an opening angle. What is left in a cell when points in it are asked for is seen through the
@@ -10,10 +10,10 @@
 //! Everything depends on the tree, the error and the cell, and not on who asks: cells are kept with the tree for the
 //! next time, whichever thread asks then.
 
-use super::kept::{Kept, Weighed};
-use super::local::{GROUP, Local, local_bound};
-use super::moments::{Element, error_bound};
-use super::region::Region;
+use super::kept::{ConcurrentCache, MemorySize};
+use super::local::{GROUP, LocalExpansion, local_bound};
+use super::moments::{SurfaceElement, error_bound};
+use super::region::CellSum;
 use super::tree::{Cluster, ClusterTree};
 use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level, way};
 use crate::lattice::{ROOT_BITS, Units};
@@ -55,7 +55,7 @@ const WORK_MAX: usize = 200_000;
 
 /// Where the points in a cell lie that are asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Grain {
+pub(super) enum PointSpacing {
     /// On the lattice of samples 2^spacing units apart, at most 8³ of them.
     Lattice(u32),
     /// At odd positions anywhere.
@@ -64,7 +64,7 @@ pub(super) enum Grain {
 
 /// Some points of a cell and the sums there.
 #[derive(Default)]
-pub(super) struct Points {
+pub(super) struct CellPoints {
     /// Where they are.
     pub positions: Vec<Units>,
     /// The sums.
@@ -75,7 +75,7 @@ pub(super) struct Points {
 #[derive(Clone, Debug)]
 struct Cell {
     center: [f64; 3],
-    local: Local,
+    local: LocalExpansion,
     /// Bound on the polynomial's error.
     spent: f64,
     /// Clusters that the polynomial leaves out.
@@ -84,26 +84,26 @@ struct Cell {
 
 /// How the points of a cell are answered beyond the polynomial.
 #[derive(Debug)]
-pub(super) enum Plan {
+pub(super) enum CellPlan {
     /// By a polynomial, clusters, and elements one by one.
-    Here(Box<Sum>),
+    Here(Box<ExpansionSum>),
     /// In each eighth of the cell on its own.
     Divide,
 }
 
 /// What adds up to the answer.
 #[derive(Debug)]
-pub(super) struct Sum {
+pub(super) struct ExpansionSum {
     center: [f64; 3],
-    pub local: Local,
+    pub local: LocalExpansion,
     pub clusters: Vec<u32>,
     pub elements: Vec<u32>,
 }
 
 /// Points of a lattice in one cell with the same plan.
-pub(super) struct Found {
-    /// Never [`Plan::Divide`].
-    pub plan: Arc<Plan>,
+pub(super) struct PlannedPoints {
+    /// Never [`CellPlan::Divide`].
+    pub plan: Arc<CellPlan>,
     /// The cell's lowest point.
     pub low: Units,
     /// Points along its edge.
@@ -115,30 +115,34 @@ pub(super) type CellId = (u32, [u32; 3]);
 
 /// Cells and plans of a tree, by the bits of the error for which they hold.
 #[derive(Debug)]
-pub(super) struct Made {
-    cells: Kept<(u64, CellId), Cell>,
-    plans: Kept<(u64, CellId, u32), Plan>,
+pub(super) struct ExpansionCache {
+    cells: ConcurrentCache<(u64, CellId), Cell>,
+    plans: ConcurrentCache<(u64, CellId, u32), CellPlan>,
     /// By the bits of the limit below which a sum counts for nothing, and those of the least cells.
-    pub regions: Kept<(u64, u32, CellId), Arc<Region>>,
+    pub regions: ConcurrentCache<(u64, u32, CellId), Arc<CellSum>>,
 }
 
-impl Default for Made {
+impl Default for ExpansionCache {
     fn default() -> Self {
-        Made { cells: Kept::new(KEPT_BYTES), plans: Kept::new(KEPT_BYTES), regions: Kept::new(REGION_BYTES) }
+        ExpansionCache {
+            cells: ConcurrentCache::new(KEPT_BYTES),
+            plans: ConcurrentCache::new(KEPT_BYTES),
+            regions: ConcurrentCache::new(REGION_BYTES),
+        }
     }
 }
 
-impl Weighed for Cell {
+impl MemorySize for Cell {
     fn bytes(&self) -> usize {
         size_of::<Cell>() + 4 * self.near.len()
     }
 }
 
-impl Weighed for Plan {
+impl MemorySize for CellPlan {
     fn bytes(&self) -> usize {
         match self {
-            Plan::Here(sum) => size_of::<Sum>() + 4 * (sum.clusters.len() + sum.elements.len()),
-            Plan::Divide => size_of::<Plan>(),
+            CellPlan::Here(sum) => size_of::<ExpansionSum>() + 4 * (sum.clusters.len() + sum.elements.len()),
+            CellPlan::Divide => size_of::<CellPlan>(),
         }
     }
 }
@@ -146,12 +150,12 @@ impl Weighed for Plan {
 /// Working memory; one per thread.
 #[derive(Default)]
 pub struct CellCache {
-    sorted: [Points; 8],
+    sorted: [CellPoints; 8],
 }
 
 /// A cluster tree with a bound on the error of its sums.
 #[derive(Clone, Copy)]
-pub(super) struct Cells<'a, E> {
+pub(super) struct BoundedTree<'a, E> {
     tree: &'a ClusterTree<E>,
     error: f64,
 }
@@ -239,11 +243,11 @@ fn choose(
     Choice { taken, spent: total, left }
 }
 
-impl<'a, E: Element> Cells<'a, E> {
+impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
     /// With sums that are off by at most `error`.
-    pub fn new(tree: &'a ClusterTree<E>, error: f64) -> Cells<'a, E> {
+    pub fn new(tree: &'a ClusterTree<E>, error: f64) -> BoundedTree<'a, E> {
         // Rounding takes far less than the rest.
-        Cells { tree, error: error * (1.0 - 1e-6) }
+        BoundedTree { tree, error: error * (1.0 - 1e-6) }
     }
 
     /// The tree.
@@ -254,7 +258,7 @@ impl<'a, E: Element> Cells<'a, E> {
     /// A bound on the absolute value of the sum anywhere in a cell; any number above `limit` if it is not within that.
     pub fn magnitude(&self, id: CellId, limit: f64) -> f64 {
         let cell = self.cell(id);
-        let (low, high, _) = extent(id, Grain::Anywhere);
+        let (low, high, _) = extent(id, PointSpacing::Anywhere);
         let mut total = cell.spent + cell.local.magnitude(0.5 * (1u64 << id.0) as f64);
         let clusters = self.tree.clusters();
         let mut waiting = cell.near.clone();
@@ -276,7 +280,7 @@ impl<'a, E: Element> Cells<'a, E> {
 
     /// A polynomial, with its centre, that gives the sum anywhere in a cell within the error, if there is one that takes no
     /// cluster that is too near.
-    pub fn as_polynomial(&self, id: CellId) -> Option<([f64; 3], Local)> {
+    pub fn as_polynomial(&self, id: CellId) -> Option<([f64; 3], LocalExpansion)> {
         let cell = self.cell(id);
         let clusters = self.tree.clusters();
         let radius = 0.5 * 3f64.sqrt() * (1u64 << id.0) as f64;
@@ -301,7 +305,7 @@ impl<'a, E: Element> Cells<'a, E> {
     }
 
     /// The sums at points that all lie in the cell with the edge 2^bits that holds the first of them.
-    pub fn answer(&self, cache: &mut CellCache, bits: u32, grain: Grain, points: &mut Points) {
+    pub fn answer(&self, cache: &mut CellCache, bits: u32, grain: PointSpacing, points: &mut CellPoints) {
         points.values.clear();
         points.values.resize(points.positions.len(), 0.0);
         let Some(first) = points.positions.first() else { return };
@@ -312,17 +316,17 @@ impl<'a, E: Element> Cells<'a, E> {
         self.answer_in(cache, (bits, place), grain, points);
     }
 
-    fn answer_in(&self, cache: &mut CellCache, id: CellId, grain: Grain, points: &mut Points) {
+    fn answer_in(&self, cache: &mut CellCache, id: CellId, grain: PointSpacing, points: &mut CellPoints) {
         match &*self.plan_of(id, grain) {
-            Plan::Here(sum) => self.sum(sum, points),
-            Plan::Divide => self.answer_in_parts(cache, id, grain, points),
+            CellPlan::Here(sum) => self.sum(sum, points),
+            CellPlan::Divide => self.answer_in_parts(cache, id, grain, points),
         }
     }
 
-    fn plan_of(&self, id: CellId, grain: Grain) -> Arc<Plan> {
+    fn plan_of(&self, id: CellId, grain: PointSpacing) -> Arc<CellPlan> {
         let spacing = match grain {
-            Grain::Lattice(spacing) => spacing,
-            Grain::Anywhere => u32::MAX,
+            PointSpacing::Lattice(spacing) => spacing,
+            PointSpacing::Anywhere => u32::MAX,
         };
         self.tree.made().plans.get_or_make((self.error.to_bits(), id, spacing), || {
             let (bits, place) = id;
@@ -331,14 +335,14 @@ impl<'a, E: Element> Cells<'a, E> {
         })
     }
 
-    /// How [`Cells::answer`] answers points of a lattice 2^spacing apart that all lie in one cell: `found` gets them
+    /// How [`BoundedTree::answer`] answers points of a lattice 2^spacing apart that all lie in one cell: `found` gets them
     /// with what adds up to their sums, the points of one plan at a time.
     pub fn find<P: Copy>(
         &self,
         bits: u32,
         spacing: u32,
         points: &[(Units, P)],
-        found: &mut impl FnMut(Found, &[(Units, P)]),
+        found: &mut impl FnMut(PlannedPoints, &[(Units, P)]),
     ) {
         if let Some((first, _)) = points.first() {
             let place = first.map(|c| ((i64::from(c) - TOP_LOW) >> bits) as u32);
@@ -351,14 +355,14 @@ impl<'a, E: Element> Cells<'a, E> {
         id: CellId,
         spacing: u32,
         points: &[(Units, P)],
-        found: &mut impl FnMut(Found, &[(Units, P)]),
+        found: &mut impl FnMut(PlannedPoints, &[(Units, P)]),
     ) {
-        let plan = self.plan_of(id, Grain::Lattice(spacing));
+        let plan = self.plan_of(id, PointSpacing::Lattice(spacing));
         let (bits, place) = id;
         let low = |bits: u32, place: u32| ((i64::from(place) << bits) + TOP_LOW) as i32;
-        if let Plan::Here(_) = *plan {
+        if let CellPlan::Here(_) = *plan {
             let low = place.map(|c| low(bits, c) + 1);
-            return found(Found { plan, low, steps: 1 << bits.saturating_sub(spacing) }, points);
+            return found(PlannedPoints { plan, low, steps: 1 << bits.saturating_sub(spacing) }, points);
         }
         let middle = place.map(|c| low(bits - 1, 2 * c + 1));
         let octant_of = |p: &Units| (0..3).fold(0, |o, a| o | usize::from(p[a] >= middle[a]) << a);
@@ -370,11 +374,17 @@ impl<'a, E: Element> Cells<'a, E> {
         }
     }
 
-    fn answer_in_parts(&self, cache: &mut CellCache, id: CellId, grain: Grain, points: &mut Points) {
+    fn answer_in_parts(
+        &self,
+        cache: &mut CellCache,
+        id: CellId,
+        grain: PointSpacing,
+        points: &mut CellPoints,
+    ) {
         let (bits, place) = (id.0 - 1, id.1.map(|c| c << 1));
         let middle: Units = std::array::from_fn(|a| ((i64::from(place[a] + 1) << bits) + TOP_LOW) as i32);
         let octant_of = |p: &Units| (0..3).fold(0, |o, a| o | usize::from(p[a] >= middle[a]) << a);
-        let mut parts: [Points; 8] = Default::default();
+        let mut parts: [CellPoints; 8] = Default::default();
         std::mem::swap(&mut parts, &mut cache.sorted);
         parts.iter_mut().for_each(|part| part.positions.clear());
         points.positions.iter().for_each(|p| parts[octant_of(p)].positions.push(*p));
@@ -402,7 +412,7 @@ impl<'a, E: Element> Cells<'a, E> {
     fn make_cell(&self, (bits, place): CellId) -> Cell {
         debug_assert!(bits <= TOP_BITS);
         let (mut cell, way) = if bits == TOP_BITS {
-            let all = Cell { center: [0.0; 3], local: Local::default(), spent: 0.0, near: vec![0] };
+            let all = Cell { center: [0.0; 3], local: LocalExpansion::default(), spent: 0.0, near: vec![0] };
             (all, [0.0; 3])
         } else {
             let above = self.cell((bits + 1, place.map(|c| c >> 1)));
@@ -439,7 +449,7 @@ impl<'a, E: Element> Cells<'a, E> {
     }
 
     /// Decides how points of a cell are answered, from what is known of the cell above.
-    fn plan(&self, above: &Cell, (bits, place): CellId, grain: Grain) -> Plan {
+    fn plan(&self, above: &Cell, (bits, place): CellId, grain: PointSpacing) -> CellPlan {
         let clusters = self.tree.clusters();
         let (low, high, samples) = extent((bits, place), grain);
         let mut cell = above.clone();
@@ -458,21 +468,21 @@ impl<'a, E: Element> Cells<'a, E> {
         let choice = choose(&cell.near, budget, bound, |c| clusters[c as usize].halves(c));
         let elements: Vec<u32> = choice.left.iter().flat_map(|&c| clusters[c as usize].elements()).collect();
         if samples > 1 && elements.len() * samples > WORK_MAX && bits > 1 {
-            return Plan::Divide;
+            return CellPlan::Divide;
         }
-        let sum = Sum { center: cell.center, local: cell.local, clusters: choice.taken, elements };
-        Plan::Here(Box::new(sum))
+        let sum = ExpansionSum { center: cell.center, local: cell.local, clusters: choice.taken, elements };
+        CellPlan::Here(Box::new(sum))
     }
 
     /// The sums at points of a cell.
-    pub fn sum(&self, sum: &Sum, points: &mut Points) {
+    pub fn sum(&self, sum: &ExpansionSum, points: &mut CellPoints) {
         dispatch!(level(), simd => self.sum_with(simd, sum, points));
     }
 
     #[inline(always)]
-    fn sum_with<S: Simd>(&self, simd: S, sum: &Sum, points: &mut Points) {
-        let Sum { center, local, clusters, elements } = sum;
-        let Points { positions, values } = points;
+    fn sum_with<S: Simd>(&self, simd: S, sum: &ExpansionSum, points: &mut CellPoints) {
+        let ExpansionSum { center, local, clusters, elements } = sum;
+        let CellPoints { positions, values } = points;
         for (some, values) in positions.chunks(GROUP).zip(values.chunks_mut(GROUP)) {
             // Idle places repeat the last point.
             let at: [[f64; GROUP]; 3] =
@@ -494,14 +504,14 @@ impl<'a, E: Element> Cells<'a, E> {
 }
 
 /// The box of a cell's points of a grain, and how many they are, of scattered ones on average.
-fn extent((bits, place): CellId, grain: Grain) -> ([f64; 3], [f64; 3], usize) {
+fn extent((bits, place): CellId, grain: PointSpacing) -> ([f64; 3], [f64; 3], usize) {
     let low = place.map(|c| ((i64::from(c) << bits) + TOP_LOW + 1) as f64);
     let (size, samples) = match grain {
-        Grain::Lattice(spacing) => {
+        PointSpacing::Lattice(spacing) => {
             let steps = 1u64 << bits.saturating_sub(spacing);
             ((steps - 1) << spacing, steps.pow(3) as usize)
         }
-        Grain::Anywhere => ((1u64 << bits) - 2, 64),
+        PointSpacing::Anywhere => ((1u64 << bits) - 2, 64),
     };
     (low, low.map(|c| c + size as f64), samples)
 }

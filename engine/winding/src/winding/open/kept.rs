@@ -12,13 +12,13 @@ const PARTS: usize = 64;
 type Hasher = BuildHasherDefault<DefaultHasher>;
 
 /// Something whose memory is known.
-pub(super) trait Weighed {
+pub(super) trait MemorySize {
     /// Bytes taken, about.
     fn bytes(&self) -> usize;
 }
 
 /// Values by key. What a value is follows from its key, so forgetting one costs time and nothing else.
-pub(super) struct Kept<K, V> {
+pub(super) struct ConcurrentCache<K, V> {
     parts: Box<[Mutex<Part<K, V>>]>,
     part_bytes: usize,
 }
@@ -28,17 +28,17 @@ struct Part<K, V> {
     bytes: usize,
 }
 
-impl<K, V> fmt::Debug for Kept<K, V> {
+impl<K, V> fmt::Debug for ConcurrentCache<K, V> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Kept").finish_non_exhaustive()
     }
 }
 
-impl<K: Hash + Eq, V: Weighed> Kept<K, V> {
+impl<K: Hash + Eq, V: MemorySize> ConcurrentCache<K, V> {
     /// Keeps values of at most so many bytes together.
-    pub fn new(bytes: usize) -> Kept<K, V> {
+    pub fn new(bytes: usize) -> ConcurrentCache<K, V> {
         let part = || Mutex::new(Part { values: HashMap::default(), bytes: 0 });
-        Kept { parts: (0..PARTS).map(|_| part()).collect(), part_bytes: bytes / PARTS }
+        ConcurrentCache { parts: (0..PARTS).map(|_| part()).collect(), part_bytes: bytes / PARTS }
     }
 
     /// The value of a key, made if it is not there. Two threads that ask at the same time may both make it.
@@ -67,7 +67,7 @@ impl<K: Hash + Eq, V: Weighed> Kept<K, V> {
 mod tests {
     use super::*;
 
-    impl Weighed for u64 {
+    impl MemorySize for u64 {
         fn bytes(&self) -> usize {
             8
         }
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn values_are_made_once_until_they_are_too_many() {
-        let kept = Kept::new(PARTS * 80);
+        let kept = ConcurrentCache::new(PARTS * 80);
         assert_eq!(*kept.get_or_make(1, || 7u64), 7);
         assert_eq!(*kept.get_or_make(1, || 8u64), 7);
         (2..10_000u64).for_each(|key| assert_eq!(*kept.get_or_make(key, || key), key));

@@ -33,11 +33,11 @@ const MOMENTS: [&[[usize; 3]]; 3] = [
 
 /// A polynomial: coefficients by power of z, y, x, where these add up to less than [`DEGREE`].
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Local([[[f64; C]; C]; C]);
+pub(super) struct LocalExpansion([[[f64; C]; C]; C]);
 
-impl Default for Local {
+impl Default for LocalExpansion {
     fn default() -> Self {
-        Local([[[0.0; C]; C]; C])
+        LocalExpansion([[[0.0; C]; C]; C])
     }
 }
 
@@ -68,7 +68,7 @@ pub(super) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
     cut + error_bound(reach, distance - radius)
 }
 
-impl Local {
+impl LocalExpansion {
     /// Adds the fields of clusters, each given by the way from the cell's centre to its own.
     pub fn add(&mut self, clusters: &[([f64; 3], &Expansion)]) {
         dispatch!(level(), simd => self.add_with(simd, clusters));
@@ -88,7 +88,7 @@ impl Local {
             }
             contract(simd, &moments, &derivatives(simd, &way), &mut sums);
         }
-        let mut found = Local::default();
+        let mut found = LocalExpansion::default();
         let mut factorial = [1.0; C];
         (1..C).for_each(|i| factorial[i] = factorial[i - 1] * i as f64);
         for (z, planes) in sums.iter().enumerate() {
@@ -126,7 +126,7 @@ impl Local {
         sum
     }
 
-    /// Powers of x, y, z with their coefficients, in the order of [`Local::at`]: falling, those of z first.
+    /// Powers of x, y, z with their coefficients, in the order of [`LocalExpansion::at`]: falling, those of z first.
     pub fn coefficients(&self) -> impl Iterator<Item = ([usize; 3], f64)> {
         let falling = |last: usize| (0..=last).rev();
         let powers = falling(C - 1).flat_map(move |z| {
@@ -136,7 +136,7 @@ impl Local {
     }
 
     /// The same polynomial about another centre, `way` from this one.
-    pub fn shifted(&self, way: [f64; 3]) -> Local {
+    pub fn shifted(&self, way: [f64; 3]) -> LocalExpansion {
         let mut to = self.clone();
         let c = &mut to.0;
         // Taylor's shift along one axis after the other, a line at a time.

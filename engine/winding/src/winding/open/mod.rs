@@ -33,7 +33,7 @@ pub use brick::{OpenBrick, OpenEvaluator, OpenField, RoundedShares};
 pub(super) use brick::{Shares, binary_places, fixed_point, least_bits};
 pub use cells::FAR_FIELD_BYTES;
 pub use local::GROUP;
-pub use moments::{Element, Moments, Reach};
+pub use moments::{Moments, Reach, SurfaceElement};
 pub use points::open_winding_at;
 pub(super) use points::shares_at;
 pub use tree::ClusterTree;

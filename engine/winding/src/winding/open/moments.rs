@@ -27,7 +27,7 @@ pub struct Reach {
 }
 
 /// One oriented piece of surface.
-pub trait Element: Copy + Send + Sync {
+pub trait SurfaceElement: Copy + Send + Sync {
     /// A point to sort by.
     fn position(&self) -> [f64; 3];
     /// Area in units².

@@ -1,8 +1,8 @@
 //! Winding numbers of open soups at arbitrary points.
 
 use super::super::points::crossings_at;
-use super::cells::{CellCache, Cells, Grain, Points, TOP_BITS};
-use super::{ClusterTree, Element, OpenPart};
+use super::cells::{BoundedTree, CellCache, CellPoints, PointSpacing, TOP_BITS};
+use super::{ClusterTree, OpenPart, SurfaceElement};
 use crate::error::Result;
 use crate::lattice::{ROOT_BITS, RootCube, Units};
 use crate::progress::Progress;
@@ -38,7 +38,7 @@ pub fn open_winding_at(
 }
 
 /// The sum over a tree's elements at each point, off by at most `error`. Points are snapped.
-pub(in crate::winding) fn shares_at<E: Element>(
+pub(in crate::winding) fn shares_at<E: SurfaceElement>(
     root: RootCube,
     tree: &ClusterTree<E>,
     points: &[[f64; 3]],
@@ -60,13 +60,13 @@ pub(in crate::winding) fn shares_at<E: Element>(
     }
     near.par_sort_unstable();
     let cells: Vec<&[(Units, Units, usize)]> = near.chunk_by(|a, b| a.0 == b.0).collect();
-    let answered = |(cache, points): &mut (CellCache, Points), cell: &&[(Units, Units, usize)]| {
+    let answered = |(cache, points): &mut (CellCache, CellPoints), cell: &&[(Units, Units, usize)]| {
         if progress.cancelled() {
             return Vec::new();
         }
         points.positions.clear();
         points.positions.extend(cell.iter().map(|(_, p, _)| *p));
-        Cells::new(tree, error).answer(cache, shift, Grain::Anywhere, points);
+        BoundedTree::new(tree, error).answer(cache, shift, PointSpacing::Anywhere, points);
         cell.iter().map(|(.., number)| *number).zip(points.values.iter().copied()).collect()
     };
     let found: Vec<Vec<(usize, f64)>> = cells.par_iter().map_init(Default::default, answered).collect();

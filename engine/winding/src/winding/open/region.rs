@@ -1,23 +1,23 @@
 //! What is known of a sum in a cell: see [`super::regions`].
 
-use super::kept::Weighed;
-use super::local::Local;
+use super::kept::MemorySize;
+use super::local::LocalExpansion;
 use std::sync::Arc;
 
 /// What is known of the sum in a cell.
 #[derive(Debug)]
-pub(super) enum Region {
+pub(super) enum CellSum {
     /// It counts for nothing.
     Quiet,
     /// A polynomial about this centre gives it.
-    Smooth([f64; 3], Box<Local>),
+    Smooth([f64; 3], Box<LocalExpansion>),
     /// Nothing.
     Rough,
 }
 
-impl Weighed for Arc<Region> {
+impl MemorySize for Arc<CellSum> {
     /// With its key, its counts and its place in a table.
     fn bytes(&self) -> usize {
-        size_of::<Local>() * usize::from(matches!(**self, Region::Smooth(..))) + 160
+        size_of::<LocalExpansion>() * usize::from(matches!(**self, CellSum::Smooth(..))) + 160
     }
 }

@@ -9,9 +9,9 @@
 //!
 //! All of this depends on the tree, the limits, the least cells and the cell alone: so a sample has one value whatever brick it is a part of.
 
-use super::Element;
-use super::cells::{CellId, Cells, TOP_BITS, TOP_LOW};
-use super::region::Region;
+use super::SurfaceElement;
+use super::cells::{BoundedTree, CellId, TOP_BITS, TOP_LOW};
+use super::region::CellSum;
 use crate::lattice::{BRICK_CELLS, NodeKey, ROOT_BITS};
 use std::sync::Arc;
 
@@ -19,26 +19,26 @@ use std::sync::Arc;
 pub(super) type Range3 = [[usize; 3]; 2];
 
 /// The regions of a tree.
-pub(super) struct Regions<'a, E> {
-    cells: Cells<'a, E>,
+pub(super) struct CellSums<'a, E> {
+    cells: BoundedTree<'a, E>,
     limit: f64,
     least: u32,
 }
 
-impl<'a, E: Element> Regions<'a, E> {
+impl<'a, E: SurfaceElement> CellSums<'a, E> {
     /// For sums that are off by at most the error of `cells`; where they are at most `limit`, they are 0. The least cells
     /// have an edge of 2^least.
-    pub fn new(cells: Cells<'a, E>, limit: f64, least: u32) -> Regions<'a, E> {
-        Regions { cells, limit, least }
+    pub fn new(cells: BoundedTree<'a, E>, limit: f64, least: u32) -> CellSums<'a, E> {
+        CellSums { cells, limit, least }
     }
 
     /// Whether all samples of a brick are quiet.
     pub fn are_quiet(&self, key: NodeKey) -> bool {
-        self.visit(key, &mut |_, region| matches!(region, Region::Quiet))
+        self.visit(key, &mut |_, region| matches!(region, CellSum::Quiet))
     }
 
     /// Calls `part` with the parts of a brick's samples that lie in one region each, until it is false.
-    pub fn visit(&self, key: NodeKey, part: &mut impl FnMut(Range3, &Region) -> bool) -> bool {
+    pub fn visit(&self, key: NodeKey, part: &mut impl FnMut(Range3, &CellSum) -> bool) -> bool {
         let spacing = key.spacing_bits();
         let base = key.base().map(|b| i64::from(b) - TOP_LOW);
         let bits = ROOT_BITS - u32::from(key.level());
@@ -53,7 +53,7 @@ impl<'a, E: Element> Regions<'a, E> {
         &self,
         (bits, place): CellId,
         (base, spacing): ([i64; 3], u32),
-        part: &mut impl FnMut(Range3, &Region) -> bool,
+        part: &mut impl FnMut(Range3, &CellSum) -> bool,
     ) -> bool {
         // Samples lie one unit above multiples of their spacing, so within a cell and never on its border.
         let number = |position: i64| (position + (1 << spacing) - 1) >> spacing;
@@ -64,7 +64,7 @@ impl<'a, E: Element> Regions<'a, E> {
             return true;
         }
         let region = self.region((bits, place));
-        if bits <= self.least || !matches!(*region, Region::Rough) {
+        if bits <= self.least || !matches!(*region, CellSum::Rough) {
             return part([from, to].map(|at| at.map(|c| c as usize)), &region);
         }
         (0..8u32).all(|octant| {
@@ -73,29 +73,29 @@ impl<'a, E: Element> Regions<'a, E> {
         })
     }
 
-    fn region(&self, (bits, place): CellId) -> Arc<Region> {
+    fn region(&self, (bits, place): CellId) -> Arc<CellSum> {
         if bits < self.least {
             let up = self.least - bits;
             return self.region((self.least, place.map(|c| c >> up)));
         }
         if bits > TOP_BITS {
-            return Arc::new(Region::Rough);
+            return Arc::new(CellSum::Rough);
         }
         let key = (self.limit.to_bits(), self.least, (bits, place));
         let made = &self.cells.tree().made().regions;
         Arc::clone(&made.get_or_make(key, || {
             let above = self.region((bits + 1, place.map(|c| c >> 1)));
-            if matches!(*above, Region::Rough) { Arc::new(self.find((bits, place))) } else { above }
+            if matches!(*above, CellSum::Rough) { Arc::new(self.find((bits, place))) } else { above }
         }))
     }
 
-    fn find(&self, id: CellId) -> Region {
+    fn find(&self, id: CellId) -> CellSum {
         if self.cells.magnitude(id, self.limit) <= self.limit {
-            return Region::Quiet;
+            return CellSum::Quiet;
         }
         match self.cells.as_polynomial(id) {
-            Some((center, local)) => Region::Smooth(center, Box::new(local)),
-            None => Region::Rough,
+            Some((center, local)) => CellSum::Smooth(center, Box::new(local)),
+            None => CellSum::Rough,
         }
     }
 }

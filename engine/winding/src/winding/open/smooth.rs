@@ -8,7 +8,7 @@ const P: usize = BRICK_POINTS;
 
 /// A crossing of a lattice edge with a facet, in the order in which they are passed.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Crossing {
+pub(super) struct SurfaceJump {
     pub lower: u16,
     pub offset: u16,
     pub normal: OctNormal,
@@ -17,20 +17,20 @@ pub(super) struct Crossing {
 
 /// The field without its jumps: what is left of the difference of two neighbouring samples when the facets
 /// between them are taken off.
-pub(super) struct Smooth<'a> {
+pub(super) struct SmoothField<'a> {
     samples: &'a Samples,
     /// Sum of the jumps on each lattice edge, by axis and lower sample.
     jumps: [Vec<i32>; 3],
 }
 
-impl<'a> Smooth<'a> {
-    pub fn new(samples: &'a Samples, crossings: &[Vec<Crossing>; 3]) -> Smooth<'a> {
+impl<'a> SmoothField<'a> {
+    pub fn new(samples: &'a Samples, crossings: &[Vec<SurfaceJump>; 3]) -> SmoothField<'a> {
         let jumps = [0, 1, 2].map(|axis| {
             let mut jumps = vec![0; POINTS];
-            crossings[axis].iter().for_each(|c: &Crossing| jumps[usize::from(c.lower)] += c.jump);
+            crossings[axis].iter().for_each(|c: &SurfaceJump| jumps[usize::from(c.lower)] += c.jump);
             jumps
         });
-        Smooth { samples, jumps }
+        SmoothField { samples, jumps }
     }
 
     /// Change along the lattice edge from sample `lower`, in quanta, without the jumps.
@@ -52,7 +52,7 @@ impl<'a> Smooth<'a> {
     }
 
     /// One Hermite edge for each sign-changing edge along `axis`.
-    pub fn edges(&self, axis: Axis, signs: &SignChanges, crossings: &[Crossing]) -> Vec<HermiteEdge> {
+    pub fn edges(&self, axis: Axis, signs: &SignChanges, crossings: &[SurfaceJump]) -> Vec<HermiteEdge> {
         let mut edges = Vec::new();
         let mut next = 0;
         for row in 0..P * P {
@@ -74,7 +74,7 @@ impl<'a> Smooth<'a> {
     /// The first point of a lattice edge where the field passes 0.5: a facet where it jumps across, or the root
     /// of the part between. Without a facet on the edge that part is taken for the cubic with the samples' slopes, else to
     /// be linear.
-    fn settle(&self, axis: Axis, lower: usize, crossings: &[Crossing]) -> HermiteEdge {
+    fn settle(&self, axis: Axis, lower: usize, crossings: &[SurfaceJump]) -> HermiteEdge {
         let bits = self.samples.1;
         let half = f64::from(1u32 << bits) * 0.5;
         let start = f64::from(self.samples.0[lower]);

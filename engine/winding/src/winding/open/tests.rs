@@ -1,8 +1,8 @@
 //! Boundaries, caps and expansions of small soups against sums of solid angles.
 
 use super::angle::add_angles;
-use super::cells::{CellCache, Cells, Grain, Points};
-use super::local::{GROUP, Local, local_bound};
+use super::cells::{BoundedTree, CellCache, CellPoints, PointSpacing};
+use super::local::{GROUP, LocalExpansion, local_bound};
 use super::moments::error_bound;
 use super::wide::{dispatch, level};
 use super::*;
@@ -315,14 +315,14 @@ fn a_local_expansion_keeps_its_bound() {
         let direction = unit_vector(&mut rng);
         let at: [f64; 3] = std::array::from_fn(|a| (center[a] + away * direction[a]).round());
         let bound = local_bound(reach, away - 1.0, radius + 1.0);
-        let mut local = Local::default();
+        let mut local = LocalExpansion::default();
         local.add(&[(std::array::from_fn(|a| center[a] - at[a]), &expansion)]);
         let way: [f64; 3] = std::array::from_fn(|_| (0.3 * radius * rng.range(-1.0, 1.0)).round());
         let moved = local.shifted(way);
         for _ in 0..GROUP {
             let direction = unit_vector(&mut rng);
             let p: Units = std::array::from_fn(|a| (at[a] + 0.99 * radius * direction[a]) as i32 | 1);
-            let seen = |polynomial: &Local, from: [f64; 3]| {
+            let seen = |polynomial: &LocalExpansion, from: [f64; 3]| {
                 let [x, y, z] = [0, 1, 2].map(|a| [f64::from(p[a]) - from[a]; GROUP]);
                 polynomial.at(&x, &y, &z)[0]
             };
@@ -401,13 +401,13 @@ fn a_sample_has_one_value_whoever_asks() {
             std::array::from_fn(|a| base[a] + (at[a] << spacing) + 1)
         })
         .collect();
-    let ask = |cells: &Cells<'_, Cap>, cache: &mut CellCache, positions: Vec<Units>| {
-        let mut points = Points { positions, values: Vec::new() };
-        cells.answer(cache, bits, Grain::Lattice(spacing), &mut points);
+    let ask = |cells: &BoundedTree<'_, Cap>, cache: &mut CellCache, positions: Vec<Units>| {
+        let mut points = CellPoints { positions, values: Vec::new() };
+        cells.answer(cache, bits, PointSpacing::Lattice(spacing), &mut points);
         points.values
     };
     for error in [0.3, 1e-2, 1e-4] {
-        let cells = Cells::new(&tree, error);
+        let cells = BoundedTree::new(&tree, error);
         let mut cache = CellCache::default();
         let values = ask(&cells, &mut cache, all.clone());
         for (p, w) in all.iter().zip(&values) {
@@ -422,6 +422,6 @@ fn a_sample_has_one_value_whoever_asks() {
         }
         // What was made for another error is not used, and what was made makes no difference.
         let again = ClusterTree::new(tree.elements().to_vec());
-        assert_eq!(values, ask(&Cells::new(&again, error), &mut cache, all.clone()));
+        assert_eq!(values, ask(&BoundedTree::new(&again, error), &mut cache, all.clone()));
     }
 }

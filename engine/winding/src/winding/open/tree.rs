@@ -1,7 +1,7 @@
 //! The hierarchy of clusters.
 
-use super::cells::Made;
-use super::moments::{Element, Expansion, Moments, Reach, error_bound};
+use super::cells::ExpansionCache;
+use super::moments::{Expansion, Moments, Reach, SurfaceElement, error_bound};
 use crate::lattice::Units;
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -57,17 +57,17 @@ pub(super) const CLUSTER_BYTES: usize = size_of::<Cluster>();
 pub struct ClusterTree<E> {
     elements: Vec<E>,
     clusters: Vec<Cluster>,
-    made: Made,
+    made: ExpansionCache,
 }
 
-impl<E: Element> ClusterTree<E> {
+impl<E: SurfaceElement> ClusterTree<E> {
     /// Of any elements; the order matters to nothing but which of two equal ones comes first.
     pub fn new(mut elements: Vec<E>) -> ClusterTree<E> {
         let mut clusters = vec![Cluster::default(); clusters_of(elements.len())];
         if !elements.is_empty() {
             divide(&mut elements, 0, &mut clusters, 0);
         }
-        ClusterTree { elements, clusters, made: Made::default() }
+        ClusterTree { elements, clusters, made: ExpansionCache::default() }
     }
 
     /// The elements in the tree's order.
@@ -81,7 +81,7 @@ impl<E: Element> ClusterTree<E> {
     }
 
     /// Cells over the elements that were made already.
-    pub(super) fn made(&self) -> &Made {
+    pub(super) fn made(&self) -> &ExpansionCache {
         &self.made
     }
 
@@ -109,7 +109,7 @@ fn clusters_of(elements: usize) -> usize {
 
 /// Fills in the clusters over `elements`, the first of which has the number `first` of all; the first of
 /// `clusters` has the number `number`.
-fn divide<E: Element>(elements: &mut [E], first: u32, clusters: &mut [Cluster], number: u32) {
+fn divide<E: SurfaceElement>(elements: &mut [E], first: u32, clusters: &mut [Cluster], number: u32) {
     let count = elements.len();
     let half = count / 2;
     let second = if count > LEAF_ELEMENTS { number + 1 + clusters_of(half) as u32 } else { 0 };
@@ -142,7 +142,7 @@ fn divide<E: Element>(elements: &mut [E], first: u32, clusters: &mut [Cluster], 
 }
 
 /// Centre, reach and expansion of some elements.
-fn summarise<E: Element>(elements: &[E]) -> Cluster {
+fn summarise<E: SurfaceElement>(elements: &[E]) -> Cluster {
     let mut area = 0.0;
     let mut center = [0.0; 3];
     for e in elements {
@@ -167,12 +167,12 @@ fn summarise<E: Element>(elements: &[E]) -> Cluster {
 
 /// Centre, reach and expansion of all elements as one cluster.
 #[cfg(test)]
-pub(super) fn summary_of<E: Element>(elements: &[E]) -> ([f64; 3], Reach, Expansion) {
+pub(super) fn summary_of<E: SurfaceElement>(elements: &[E]) -> ([f64; 3], Reach, Expansion) {
     let Cluster { center, reach, expansion, .. } = summarise(elements);
     (center, reach, expansion)
 }
 
-fn longest_axis<E: Element>(elements: &[E]) -> usize {
+fn longest_axis<E: SurfaceElement>(elements: &[E]) -> usize {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for e in elements {
