@@ -8,7 +8,7 @@ use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
 use brickfield_core::sweep::part_or_all;
 use brickfield_engine::build::{TreeOptions, build_in_memory, build_open_in_memory};
-use brickfield_engine::contour::{ContourOptions, Facet, MeshSink, contour, create_sink};
+use brickfield_engine::contour::{ContourOptions, MeshSink, MeshTriangle, contour, create_sink};
 use brickfield_engine::ingest::Input;
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::store::Refine;
@@ -46,7 +46,7 @@ impl MeshSink for Kept {
         Ok(())
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         self.triangles.extend(facets.iter().map(|f| f.ids));
         Ok(())
     }
@@ -97,7 +97,7 @@ fn meetings(mesh: &Kept) -> [u64; 2] {
     let mut sink = create_sink(&path, None).expect("a file");
     let positions: Vec<[f32; 3]> = mesh.vertices.iter().map(|p| p.map(|c| c as f32)).collect();
     sink.vertices(&positions).expect("room");
-    let facet = |ids: &[u32; 3]| Facet { ids: *ids, corners: ids.map(|n| positions[n as usize]) };
+    let facet = |ids: &[u32; 3]| MeshTriangle { ids: *ids, corners: ids.map(|n| positions[n as usize]) };
     sink.triangles(&mesh.triangles.iter().map(facet).collect::<Vec<_>>()).expect("room");
     sink.finish().expect("room");
     let input = Input::open(&path, &Silent).unwrap_or_else(|e| panic!("{e}"));

@@ -1,7 +1,7 @@
 //! Normals of vertices of real parts: outward, as the triangles at them say, whatever the vertices stand for.
 
 use super::*;
-use brickfield_engine::contour::{MeshSummary, Method};
+use brickfield_engine::contour::{ContourMethod, MeshSummary};
 
 /// Keeps a mesh with normals.
 #[derive(Default)]
@@ -20,7 +20,7 @@ impl MeshSink for Shaded {
         self.kept.vertices(positions)
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         self.kept.triangles(facets)
     }
 
@@ -66,7 +66,7 @@ fn shaded(soup: &Soup, options: TreeOptions, contouring: ContourOptions) -> (Sha
 #[test]
 fn normals_of_real_parts_point_outward() {
     let dual = ContourOptions::default;
-    let marching = || ContourOptions { method: Method::MarchingCubes, ..dual() };
+    let marching = || ContourOptions { method: ContourMethod::MarchingCubes, ..dual() };
     let merging = || ContourOptions { tolerance: 0.02, ..dual() };
     let mixed = TreeOptions { depth: 3, refine: Refine::Stddev, stddev: 0.2, ..Default::default() };
     let mut special = [0; 3];

@@ -16,7 +16,7 @@ use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    Angles, ContourOptions, KeptShells, MeshSink, MeshSummary, Method, contour, create_sink,
+    Angles, ContourMethod, ContourOptions, MeshSink, MeshSummary, ShellFilter, contour, create_sink,
     create_sink_with_normals, foresee_triangles,
 };
 use brickfield_engine::fraction::FractionTree;
@@ -166,7 +166,7 @@ fn write_chosen(
         let what = format!("{path}: none of {count} shells is left; choose a smaller --min-shell-volume");
         return Err(anyhow::anyhow!(what).into());
     }
-    let mut some = KeptShells::new(sink, &chosen.kept, &chosen.of);
+    let mut some = ShellFilter::new(sink, &chosen.kept, &chosen.of);
     let mut report = write_tree(store, tree, options, output, &mut some, bars)?;
     if chosen.kept.contains(&false) {
         let counted = some.counted();
@@ -206,11 +206,11 @@ fn finish(
     report.check.as_ref().map_or(Ok(()), require_sound)
 }
 
-impl From<MethodArg> for Method {
-    fn from(method: MethodArg) -> Method {
+impl From<MethodArg> for ContourMethod {
+    fn from(method: MethodArg) -> ContourMethod {
         match method {
-            MethodArg::Dual => Method::Dual,
-            MethodArg::Mc => Method::MarchingCubes,
+            MethodArg::Dual => ContourMethod::Dual,
+            MethodArg::Mc => ContourMethod::MarchingCubes,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The mesh of a store as a PLY file whose vertices have a number.
 
 use super::numbers::numbers;
-use crate::contour::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, ply_faces};
+use crate::contour::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, ply_faces};
 use crate::error::Result;
 use crate::part::{PartFile, directory_of};
 use crate::progress::Progress;
@@ -95,24 +95,24 @@ impl ScalarPly {
 }
 
 impl MeshSink for ScalarPly {
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         let vertices = VertexBytes::Positions(append_vertices);
-        Some(Encoding { vertices, triangles: Triangles::Numbered(ply_faces) })
+        Some(MeshEncoding { vertices, triangles: TriangleBytes::Numbered(ply_faces) })
     }
 
     fn folder(&self) -> Option<&Path> {
         Some(directory_of(self.file.path()))
     }
 
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
         match part {
-            Encoded::Vertices(_, bytes) => {
+            MeshChunk::Vertices(_, bytes) => {
                 let number = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
                 let position = |b: &[u8; VERTEX_BYTES]| [number(b), number(&b[4..]), number(&b[8..])];
                 self.positions.extend(bytes.as_chunks::<VERTEX_BYTES>().0.iter().map(position));
                 self.file.append(bytes)
             }
-            Encoded::Triangles(count, bytes) => {
+            MeshChunk::Triangles(count, bytes) => {
                 self.faces += count as u64;
                 self.file.append(bytes)
             }

@@ -3,7 +3,7 @@
 use super::kernel::{depth, fraction_at};
 use super::{FractionTree, Lattice};
 use crate::contour::{
-    ContourOptions, Cuts, Encoding, MeshSink, MeshSummary, Triangles, VertexBytes, contour,
+    ContourOptions, Cuts, MeshEncoding, MeshSink, MeshSummary, TriangleBytes, VertexBytes, contour,
 };
 use crate::error::Result;
 use crate::progress::Progress;
@@ -34,9 +34,12 @@ pub struct Kept {
 struct Measured;
 
 impl MeshSink for Measured {
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         let none = |_: &Cuts, _: &mut Vec<u8>| {};
-        Some(Encoding { vertices: VertexBytes::Positions(|_, _| {}), triangles: Triangles::Lone(none) })
+        Some(MeshEncoding {
+            vertices: VertexBytes::Positions(|_, _| {}),
+            triangles: TriangleBytes::Lone(none),
+        })
     }
 
     fn finish(&mut self) -> Result<()> {

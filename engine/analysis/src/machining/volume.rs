@@ -4,7 +4,7 @@
 //! 100 cells it is 30 times as near. What both differ by tells how far either may be off.
 
 use crate::analysis::volume;
-use crate::contour::{ContourOptions, Cuts, Encoding, MeshSink, Triangles, VertexBytes, contour};
+use crate::contour::{ContourOptions, Cuts, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, contour};
 use crate::csg::{Chain, Writing};
 use crate::error::Result;
 use crate::part::temporary::BesideFile;
@@ -29,9 +29,12 @@ pub struct Measured {
 struct Nothing;
 
 impl MeshSink for Nothing {
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         let none = |_: &Cuts, _: &mut Vec<u8>| {};
-        Some(Encoding { vertices: VertexBytes::Positions(|_, _| {}), triangles: Triangles::Lone(none) })
+        Some(MeshEncoding {
+            vertices: VertexBytes::Positions(|_, _| {}),
+            triangles: TriangleBytes::Lone(none),
+        })
     }
 
     fn finish(&mut self) -> Result<()> {

@@ -23,11 +23,11 @@ mod cell;
 mod polygon;
 
 use crate::brick::Brick;
-use crate::contour::{Lone, LoneCells};
+use crate::contour::{SingleBrick, SingleBrickCells};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, Triangle};
+use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, Triangle, dot};
 use cell::{CellFacets, FACES_MAX, touches};
-use polygon::{CellFacet, ConvexPolygon, dot};
+use polygon::{CellFacet, ConvexPolygon};
 use std::cell::OnceCell;
 
 /// A tolerance counts as no more cells than this: what is half a cell apart may hide between samples.
@@ -50,7 +50,7 @@ pub(super) struct MeshTolerance {
 
 /// A node that may be kept.
 struct Fit<'a> {
-    cells: LoneCells,
+    cells: SingleBrickCells,
     brick: &'a Brick,
     /// In cells.
     tolerance: f64,
@@ -72,9 +72,9 @@ impl MeshTolerance {
         let tolerance = (self.length / self.root.spacing(key.level())).min(CELLS_MAX);
         let (min, max) = brick.range();
         let (brick, cells) = if min >= 1 || max < 1 {
-            (brick, LoneCells::none())
+            (brick, SingleBrickCells::none())
         } else {
-            let lone = Lone::new(brick, self.cube(key));
+            let lone = SingleBrick::new(brick, self.cube(key));
             let cells = lone.cells(tolerance)?;
             let brick = lone.into_brick()?;
             let Some(cells) = cells else { return Ok((brick, false)) };

@@ -1,19 +1,22 @@
 //! Vectors of three doubles: sums in the order of the axes, none fused, so that their bits are the same everywhere.
 
+/// Three components, or coordinates.
+pub type Vector = [f64; 3];
+
 /// The inner product.
 #[inline]
-pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The cross product.
 #[inline]
-pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub fn cross(a: Vector, b: Vector) -> Vector {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// The difference.
 #[inline]
-pub fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }

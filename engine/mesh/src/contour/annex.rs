@@ -33,13 +33,13 @@
 //! *With a tolerance* all of this is of cells' vertices before any are merged ([`super::adaptive`]). What stands for several
 //! is placed anew, within its node; the others stay where they are.
 
-use super::cells::{Builder, CELL_ROWS, CellRow};
+use super::cells::{CELL_ROWS, CellRow, CellsBuilder};
 use super::crease::{Crease, is_crossed, region};
-use super::halo::{Halo, Named};
-use super::places::{Direction, Place, home_of, is_next_to, neighbour};
-use super::planes::{Plane, distance};
+use super::halo::{Halo, NamedPlane};
+use super::places::{Direction, LocalIndex, home_of, is_next_to, neighbour};
+use super::planes::{HermitePlane, distance};
 use super::qef::Vector;
-use super::solve::{Group, REACH};
+use super::solve::{LoopGroup, REACH};
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
 use std::collections::HashMap;
@@ -54,12 +54,12 @@ const AHEAD: f64 = REACH;
 const INSET: f64 = 1.0 / 32.0;
 
 /// Whether a cell is one of the leaf's own.
-fn is_own(cell: Place) -> bool {
+fn is_own(cell: LocalIndex) -> bool {
     cell.iter().all(|c| (0..BRICK_CELLS as i32).contains(c))
 }
 
 /// True if a point is not on a plane.
-fn misses(plane: &Plane, at: &Vector) -> bool {
+fn misses(plane: &HermitePlane, at: &Vector) -> bool {
     distance(plane, *at) > FIT
 }
 
@@ -72,10 +72,10 @@ struct Claim {
 }
 
 /// Who annexes what about a leaf.
-pub(super) struct Claims<'b, 'a> {
+pub(super) struct CreaseExtension<'b, 'a> {
     pub halo: Halo<'a>,
     /// The cells of the leaf.
-    pub builder: &'b Builder<'a>,
+    pub builder: &'b CellsBuilder<'a>,
     /// Whether creases are followed.
     pub may_annex: bool,
     /// The cells of the leaf with a sharp crease.
@@ -83,11 +83,11 @@ pub(super) struct Claims<'b, 'a> {
     /// What is known of them, in order, and of other cells.
     states: Vec<State>,
     /// Cells of other leaves with their place in `states`, if they have one, and their creases.
-    others: HashMap<Place, Option<usize>>,
+    others: HashMap<LocalIndex, Option<usize>>,
     creases: Vec<Crease>,
-    group: Group,
+    group: LoopGroup,
     /// Where planes are gathered.
-    pub planes: Vec<Named>,
+    pub planes: Vec<NamedPlane>,
 }
 
 /// What becomes of a crease.
@@ -100,9 +100,9 @@ enum State {
     Leaving(u8, Option<Claim>),
 }
 
-impl<'b, 'a> Claims<'b, 'a> {
+impl<'b, 'a> CreaseExtension<'b, 'a> {
     /// About a leaf whose vertices are placed.
-    pub(super) fn new(halo: Halo<'a>, builder: &'b Builder<'a>) -> Claims<'b, 'a> {
+    pub(super) fn new(halo: Halo<'a>, builder: &'b CellsBuilder<'a>) -> CreaseExtension<'b, 'a> {
         let sharp = &builder.sharp;
         let mut rows = vec![CellRow::default(); if sharp.is_empty() { 0 } else { CELL_ROWS }];
         for &([i, j, k], _) in sharp {
@@ -113,7 +113,7 @@ impl<'b, 'a> Claims<'b, 'a> {
             row.set_rank(rank);
             rank += row.active.count_ones();
         }
-        Claims {
+        CreaseExtension {
             halo,
             builder,
             may_annex: builder.field.follows_creases(),
@@ -121,13 +121,13 @@ impl<'b, 'a> Claims<'b, 'a> {
             states: vec![State::Unknown; sharp.len()],
             others: HashMap::new(),
             creases: Vec::new(),
-            group: Group::default(),
+            group: LoopGroup::default(),
             planes: Vec::new(),
         }
     }
 
     /// The place in `states` of a cell, if it has a sharp crease.
-    fn place(&mut self, cell: Place) -> Result<Option<usize>> {
+    fn place(&mut self, cell: LocalIndex) -> Result<Option<usize>> {
         if is_own(cell) {
             let [i, j, k] = cell.map(|c| c as usize);
             let row = self.rows.get(k * BRICK_CELLS + j).copied().unwrap_or_default();
@@ -147,7 +147,7 @@ impl<'b, 'a> Claims<'b, 'a> {
     }
 
     /// What becomes of the crease of a plain cell with one loop, and where it stands; `None` if it has no sharp one.
-    fn state(&mut self, cell: Place) -> Result<Option<(State, usize)>> {
+    fn state(&mut self, cell: LocalIndex) -> Result<Option<(State, usize)>> {
         if !self.may_annex {
             return Ok(None);
         }
@@ -163,7 +163,7 @@ impl<'b, 'a> Claims<'b, 'a> {
         own.get(place).map_or_else(|| self.creases[place - own.len()], |(_, crease)| *crease)
     }
 
-    fn found(&mut self, cell: Place, crease: &Crease) -> Result<State> {
+    fn found(&mut self, cell: LocalIndex, crease: &Crease) -> Result<State> {
         self.fetch_around(cell)?;
         let Some(mask) = self.halo.plain_mask(cell) else { return Ok(State::Led) };
         if crease.is_led(mask) || self.halo.any_of_cell(cell, |plane| misses(plane, &crease.free)) {
@@ -176,11 +176,11 @@ impl<'b, 'a> Claims<'b, 'a> {
         Ok(State::Leaving(mask, claim))
     }
 
-    fn fetch_around(&mut self, cell: Place) -> Result<()> {
+    fn fetch_around(&mut self, cell: LocalIndex) -> Result<()> {
         self.halo.fetch(cell.map(|c| c - 1), cell.map(|c| c + 2))
     }
 
-    fn claim(&mut self, cell: Place) -> Result<Option<Claim>> {
+    fn claim(&mut self, cell: LocalIndex) -> Result<Option<Claim>> {
         Ok(match self.state(cell)? {
             Some((State::Leaving(_, claim), _)) => claim,
             _ => None,
@@ -188,7 +188,7 @@ impl<'b, 'a> Claims<'b, 'a> {
     }
 
     /// Whether a cell without a sign change is to be left free, because `from` sees a corner in another one next to it.
-    fn is_in_the_way(&mut self, from: Place, cell: Place) -> Result<bool> {
+    fn is_in_the_way(&mut self, from: LocalIndex, cell: LocalIndex) -> Result<bool> {
         if is_own(from) && self.builder.is_apart(from.map(|c| c as usize)) {
             return Ok(false);
         }
@@ -201,7 +201,7 @@ impl<'b, 'a> Claims<'b, 'a> {
     }
 
     /// What a cell with this crease would annex, which must have been fetched with all around it.
-    fn claim_of(&self, cell: Place, crease: &Crease, mask: u8) -> Option<Claim> {
+    fn claim_of(&self, cell: LocalIndex, crease: &Crease, mask: u8) -> Option<Claim> {
         let mut best: Option<(f64, Direction)> = None;
         for direction in (0..6).filter(|&direction| !is_crossed(mask, direction)) {
             let worth = crease.worth(direction);
@@ -217,13 +217,13 @@ impl<'b, 'a> Claims<'b, 'a> {
     }
 
     /// Whether a plain cell has no sign change; what is about it must have been fetched.
-    pub(super) fn is_inactive(&self, cell: Place) -> bool {
+    pub(super) fn is_inactive(&self, cell: LocalIndex) -> bool {
         matches!(self.halo.plain_mask(cell), Some(0 | u8::MAX))
     }
 
     /// The cell that annexes one without a sign change, if any does.
-    pub(super) fn annexer(&mut self, cell: Place) -> Result<Option<Place>> {
-        let mut best: Option<(f64, Place)> = None;
+    pub(super) fn annexer(&mut self, cell: LocalIndex) -> Result<Option<LocalIndex>> {
+        let mut best: Option<(f64, LocalIndex)> = None;
         for direction in 0..6 {
             let next = neighbour(cell, direction);
             if let Some(claim) = self.claim(next)?
@@ -237,7 +237,7 @@ impl<'b, 'a> Claims<'b, 'a> {
     }
 
     /// What a cell annexes, and where its vertex goes then or for the gaps beside it, as the cell sees it.
-    fn reach(&mut self, cell: Place, margin: f64) -> Result<Option<(Option<Direction>, Vector)>> {
+    fn reach(&mut self, cell: LocalIndex, margin: f64) -> Result<Option<(Option<Direction>, Vector)>> {
         let Some((State::Leaving(mask, claim), place)) = self.state(cell)? else { return Ok(None) };
         let crease = self.crease(place);
         let mut annexed = None;
@@ -256,7 +256,7 @@ impl<'b, 'a> Claims<'b, 'a> {
     /// The end of a crease in a region beyond which there is a gap, if that is so at one end.
     fn end_at_gap(
         &mut self,
-        cell: Place,
+        cell: LocalIndex,
         (crease, mask): (&Crease, u8),
         annexed: Option<Direction>,
     ) -> Result<Option<Vector>> {
@@ -288,7 +288,7 @@ impl<'b, 'a> Claims<'b, 'a> {
     }
 
     /// Whether the cell `next`, or the one that annexes it, knows of a crease through these points, as `cell` sees them.
-    fn goes_on(&mut self, cell: Place, next: Place, points: [Vector; 2]) -> Result<bool> {
+    fn goes_on(&mut self, cell: LocalIndex, next: LocalIndex, points: [Vector; 2]) -> Result<bool> {
         self.fetch_around(next)?;
         let owner = if self.is_inactive(next) { self.annexer(next)? } else { Some(next) };
         let Some(owner) = owner else { return Ok(false) };
@@ -303,31 +303,31 @@ impl<'b, 'a> Claims<'b, 'a> {
 }
 
 /// A vertex that follows its crease.
-pub(super) struct Following {
+pub(super) struct CreaseVertex {
     pub vertex: usize,
     pub cell: [usize; 3],
     pub annexed: Option<Direction>,
     pub position: [f32; 3],
 }
 
-impl Claims<'_, '_> {
+impl CreaseExtension<'_, '_> {
     /// Where the vertices of creased cells go whose crease leaves them where no mesh edge leads, but for those that `stay`
     /// where they are or go to a corner.
-    pub(super) fn follow_creases(&mut self, stay: impl Fn(usize) -> bool) -> Result<Vec<Following>> {
+    pub(super) fn follow_creases(&mut self, stay: impl Fn(usize) -> bool) -> Result<Vec<CreaseVertex>> {
         let (builder, mut following) = (self.builder, Vec::new());
         for &(cell, _) in &builder.sharp {
             let place = cell.map(|c| c as i32);
             let Some(vertex) = builder.lone_vertex(place).filter(|&vertex| !stay(vertex)) else { continue };
             if let Some((annexed, at)) = self.reach(place, builder.frame.margin)? {
                 let position = builder.frame.world(cell, at);
-                following.push(Following { vertex, cell, annexed, position });
+                following.push(CreaseVertex { vertex, cell, annexed, position });
             }
         }
         Ok(following)
     }
 }
 
-impl Builder<'_> {
+impl CellsBuilder<'_> {
     /// Notes that a cell annexes its neighbour in a direction.
     pub(super) fn annex(&mut self, cell: [usize; 3], direction: Direction) {
         self.cells.annexed.push((cell.map(|c| c as u8), direction));

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Values by leaf number, the least recently used ones dropped first.
-pub(super) struct Cache<V> {
+pub(super) struct LeafCache<V> {
     budget_bytes: usize,
     state: Mutex<State<V>>,
     /// Something in `making` is made.
@@ -30,8 +30,8 @@ struct Entry<V> {
     used_at: u64,
 }
 
-impl<V> Cache<V> {
-    pub(super) fn new(budget_bytes: usize) -> Cache<V> {
+impl<V> LeafCache<V> {
+    pub(super) fn new(budget_bytes: usize) -> LeafCache<V> {
         let state = State {
             entries: HashMap::new(),
             order: BTreeMap::new(),
@@ -40,7 +40,7 @@ impl<V> Cache<V> {
             making: HashSet::new(),
             waiting: 0,
         };
-        Cache { budget_bytes, state: Mutex::new(state), made: Condvar::new() }
+        LeafCache { budget_bytes, state: Mutex::new(state), made: Condvar::new() }
     }
 
     /// The value of `leaf`, made now if it is not there. Threads that ask for what another one makes wait for it, so
@@ -80,7 +80,7 @@ impl<V> Cache<V> {
 
 /// Lets the next thread try, however the making ends.
 struct Making<'a, V> {
-    cache: &'a Cache<V>,
+    cache: &'a LeafCache<V>,
     leaf: u32,
 }
 
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn the_least_recently_used_value_goes_first() {
-        let cache = Cache::new(2);
+        let cache = LeafCache::new(2);
         let made = std::cell::Cell::new(0);
         let get = |leaf: u32| {
             let make = || {

@@ -19,15 +19,15 @@ mod special;
 mod split;
 
 use super::edges::Quad;
-use super::extras::{Extra, found_extra};
+use super::extras::{FaceVertex, found_extra};
 use super::places::Direction;
 use super::surface::EdgeRanks;
-use super::topology::{Kind, NO_LOOP};
+use super::topology::{CellCase, NO_LOOP};
 use crate::brick::{Ranks, SignChanges};
 use crate::lattice::BRICK_CELLS;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
-pub(super) use builder::{Builder, build, mark_active};
+pub(super) use builder::{CellsBuilder, build, mark_active};
 pub(super) use special::within;
 
 /// Rows of cells along x in a leaf.
@@ -54,7 +54,7 @@ pub(super) struct BrickCells {
     /// Row k·32 + j; empty if no cell is active.
     pub rows: Vec<CellRow>,
     /// How the boundary of each active cell is cut, that of mixed ones aside.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<CellCase>,
     /// For each active cell its first vertex or, if it is mixed, its place in `mixed`.
     pub first: Vec<u32>,
     /// Where the edges of each mixed cell end in `mixed_edges`, after a leading zero.
@@ -64,7 +64,7 @@ pub(super) struct BrickCells {
     /// Mixed cells with several loops, [z, y, x], in order.
     pub several: Vec<[u8; 3]>,
     /// Sorted by face and edge.
-    pub extras: Vec<Extra>,
+    pub extras: Vec<FaceVertex>,
     /// Plain cells with several loops, and cells whose vertex lies beyond them; see [`super::faces`].
     pub special: Vec<[u8; 3]>,
     /// Cells that have annexed one, in order, and in which direction; see [`super::annex`].
@@ -110,11 +110,11 @@ impl BrickCells {
         signs
             + ranks
             + self.rows.capacity() * size_of::<CellRow>()
-            + self.kinds.capacity() * size_of::<Kind>()
+            + self.kinds.capacity() * size_of::<CellCase>()
             + 4 * (self.first.capacity() + self.mixed.capacity())
             + self.mixed_edges.capacity() * size_of::<(u64, u32)>()
             + self.several.capacity() * size_of::<[u8; 3]>()
-            + self.extras.capacity() * size_of::<Extra>()
+            + self.extras.capacity() * size_of::<FaceVertex>()
             + self.special.capacity() * size_of::<[u8; 3]>()
             + self.annexed.capacity() * size_of::<([u8; 3], Direction)>()
             + self.quads().capacity() * size_of::<Quad>()
@@ -180,7 +180,7 @@ impl BrickCells {
     }
 
     /// Kind and first vertex of an active cell that is not mixed.
-    pub(super) fn plain(&self, [i, j, k]: [usize; 3]) -> Option<(Kind, usize)> {
+    pub(super) fn plain(&self, [i, j, k]: [usize; 3]) -> Option<(CellCase, usize)> {
         let row = self.row(j, k);
         if (row.active & !row.mixed) >> i & 1 == 0 {
             return None;

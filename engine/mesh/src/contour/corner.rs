@@ -21,11 +21,11 @@
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.
 
-use super::annex::{Claims, Following};
-use super::cells::{BrickCells, Builder, CELL_ROWS};
-use super::halo::{Halo, Named};
-use super::places::{Place, home_of, is_next_to, neighbour};
-use super::planes::{Plane, distance};
+use super::annex::{CreaseExtension, CreaseVertex};
+use super::cells::{BrickCells, CELL_ROWS, CellsBuilder};
+use super::halo::{Halo, NamedPlane};
+use super::places::{LocalIndex, home_of, is_next_to, neighbour};
+use super::planes::{HermitePlane, distance};
 use super::qef::{MISS, PlaneSums, Qef};
 use super::symmetric::dot;
 use crate::error::Result;
@@ -46,7 +46,7 @@ const MOST_FACES: usize = 8;
 /// Crossings per face, on average: three lone planes always meet somewhere.
 const EVIDENCE: usize = 2;
 
-impl Builder<'_> {
+impl CellsBuilder<'_> {
     /// Moves vertices to the corners that the creased cells find, which were noted when their own vertices
     /// were placed, and others along their creases ([`super::annex`]). Where a corner lies and whose vertex goes there is a
     /// function of the crossings about it alone, so leaves next to each other agree; each moves its own vertices.
@@ -58,7 +58,7 @@ impl Builder<'_> {
         if candidates.is_empty() && self.sharp.is_empty() {
             return Ok(());
         }
-        let mut claims = Claims::new(Halo::new(self.field, self.leaf)?, self);
+        let mut claims = CreaseExtension::new(Halo::new(self.field, self.leaf)?, self);
         let mut homes = HashSet::new();
         let (mut aside, mut moves, mut strays) = (Vec::new(), Vec::new(), Vec::new());
         let mut at_corners = HashSet::new();
@@ -93,7 +93,7 @@ impl Builder<'_> {
                 _ => self.let_stray(cell),
             }
         }
-        for Following { vertex, cell, annexed, position } in following {
+        for CreaseVertex { vertex, cell, annexed, position } in following {
             // Those beside corners have their place; they may annex, too.
             self.cells.positions[vertex] = position;
             if let Some(direction) = annexed {
@@ -114,7 +114,7 @@ impl Builder<'_> {
     /// are in the processor's cache: those of all cells are more than it holds.
     #[inline(always)]
     pub(super) fn keep_candidates<S: Simd>(&mut self, simd: S, is_filled: bool) {
-        let Builder { sums: Some(sums), cells, apart, creased, candidates, .. } = self else { return };
+        let CellsBuilder { sums: Some(sums), cells, apart, creased, candidates, .. } = self else { return };
         while self.decided < BRICK_CELLS {
             let layer = self.decided;
             // The first row after the next layer.
@@ -138,7 +138,7 @@ impl Builder<'_> {
     }
 
     /// The vertex of a plain active cell of this leaf with a single loop.
-    pub(super) fn lone_vertex(&self, cell: Place) -> Option<usize> {
+    pub(super) fn lone_vertex(&self, cell: LocalIndex) -> Option<usize> {
         if cell.iter().any(|&c| c < 0 || c >= BRICK_CELLS as i32) {
             return None;
         }
@@ -148,7 +148,7 @@ impl Builder<'_> {
 }
 
 /// A cell and the 26 around it, the cell itself first.
-fn cells_about(cell: Place) -> impl Iterator<Item = Place> {
+fn cells_about(cell: LocalIndex) -> impl Iterator<Item = LocalIndex> {
     let others = (0..27).filter(|&n| n != 13);
     std::iter::once(13).chain(others).map(move |n| {
         let step = [n % 3, n / 3 % 3, n / 9];
@@ -156,10 +156,10 @@ fn cells_about(cell: Place) -> impl Iterator<Item = Place> {
     })
 }
 
-impl Claims<'_, '_> {
+impl CreaseExtension<'_, '_> {
     /// The point where the planes of all crossings of the 27 cells about `cell` meet, if there is just one; one farther
     /// than `reach` cells from the middle of the cell along an axis may be left out.
-    pub(super) fn seen_from(&mut self, cell: Place, reach: f64) -> Result<Option<[f64; 3]>> {
+    pub(super) fn seen_from(&mut self, cell: LocalIndex, reach: f64) -> Result<Option<[f64; 3]>> {
         let (low, high) = (cell.map(|c| c - 1), cell.map(|c| c + 2));
         self.halo.fetch(low, high)?;
         // As compiled for this processor: bits are counted for every crossing.
@@ -172,7 +172,7 @@ impl Claims<'_, '_> {
 
     /// The corner in the cell `home` as the first of the cells about it that sees one there sees it, and the
     /// cell whose vertex goes there.
-    fn corner_in(&mut self, home: Place) -> Result<Option<([f64; 3], Place)>> {
+    fn corner_in(&mut self, home: LocalIndex) -> Result<Option<([f64; 3], LocalIndex)>> {
         for cell in cells_about(home) {
             if let Some(corner) = self.seen_from(cell, BLOCK_REACH)?
                 && home_of(corner) == home
@@ -185,7 +185,7 @@ impl Claims<'_, '_> {
 
     /// The cell whose vertex goes to a corner in the cell `home`: `home` itself if it is active, otherwise the one that
     /// annexes it, or, of the cells around it that have no plane that misses the corner, the one with its crossings nearest.
-    fn taker(&mut self, home: Place, corner: [f64; 3]) -> Result<Option<Place>> {
+    fn taker(&mut self, home: LocalIndex, corner: [f64; 3]) -> Result<Option<LocalIndex>> {
         self.halo.fetch(home.map(|c| c - 1), home.map(|c| c + 2))?;
         let Some(mask) = self.halo.plain_mask(home) else { return Ok(None) };
         if !matches!(mask, 0 | u8::MAX) {
@@ -196,7 +196,7 @@ impl Claims<'_, '_> {
             let misses_it = self.halo.any_plane(low, high, false, |plane| misses(&plane, corner));
             return Ok((!misses_it).then_some(annexer));
         }
-        let mut best: Option<(f64, Place)> = None;
+        let mut best: Option<(f64, LocalIndex)> = None;
         for next in cells_about(home).skip(1) {
             if self.halo.loops(next)? != 1 || !self.is_clear(home, next)? {
                 continue;
@@ -217,9 +217,9 @@ impl Claims<'_, '_> {
 
     /// Whether all cells between two that touch are inactive and nobody else's: then the first one and these have room for
     /// what the vertex of the other one spans with its own cell, which meets nothing there.
-    fn is_clear(&mut self, home: Place, next: Place) -> Result<bool> {
+    fn is_clear(&mut self, home: LocalIndex, next: LocalIndex) -> Result<bool> {
         for n in 1..7 {
-            let cell: Place = std::array::from_fn(|a| if n >> a & 1 == 1 { next[a] } else { home[a] });
+            let cell: LocalIndex = std::array::from_fn(|a| if n >> a & 1 == 1 { next[a] } else { home[a] });
             if cell == home || cell == next {
                 continue;
             }
@@ -233,7 +233,7 @@ impl Claims<'_, '_> {
     /// A better place for the vertex, now at `position`, of a cell beside a corner: the minimiser of the errors
     /// of more than two planes that meet outside the cell lies on no crease. The point of the cell on one of the
     /// creases into the corner that is nearest to the cell's crossings.
-    fn on_crease(&self, cell: Place, corner: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
+    fn on_crease(&self, cell: LocalIndex, corner: [f64; 3], position: [f64; 3]) -> Option<[f64; 3]> {
         let mut faces: Vec<DVec3> = Vec::with_capacity(MOST_FACES);
         let (mut sum, mut count, mut is_off) = (DVec3::ZERO, 0.0, false);
         self.halo.any_plane(cell, cell.map(|c| c + 1), false, |plane| {
@@ -276,7 +276,7 @@ impl Claims<'_, '_> {
     /// Whether the block about a cell may hold a corner. Within the leaf the sums of its cells serve; the crossings
     /// beyond its border are added up.
     #[inline(always)]
-    fn may_meet<S: Simd>(&self, simd: S, cell: Place, [low, high]: [Place; 2], reach: f64) -> bool {
+    fn may_meet<S: Simd>(&self, simd: S, cell: LocalIndex, [low, high]: [LocalIndex; 2], reach: f64) -> bool {
         let before = self.builder.sums.as_ref();
         let within = before.map(|before| sums_within(simd, &self.builder.cells, cell, before));
         let beyond = within.is_some();
@@ -290,7 +290,7 @@ impl Claims<'_, '_> {
 }
 
 #[inline(always)]
-fn may_meet_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[PlaneSums]) -> bool {
+fn may_meet_within<S: Simd>(simd: S, cells: &BrickCells, cell: LocalIndex, before: &[PlaneSums]) -> bool {
     const LAST: i32 = BRICK_CELLS as i32 - 1;
     let sums = sums_within(simd, cells, cell, before);
     let is_within = cell.iter().all(|&c| 0 < c && c < LAST);
@@ -303,7 +303,7 @@ fn may_meet_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[
 
 /// The sums over the cells of the leaf in the block about a cell, from those over all cells before each.
 #[inline(always)]
-fn sums_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[PlaneSums]) -> PlaneSums {
+fn sums_within<S: Simd>(simd: S, cells: &BrickCells, cell: LocalIndex, before: &[PlaneSums]) -> PlaneSums {
     let (mut first, mut rest) = PlaneSums::default().load(simd);
     let within = |c: i32| c.clamp(0, BRICK_CELLS as i32) as usize;
     let [x, y, z] = cell.map(|c| within(c - 1)..within(c + 2));
@@ -320,12 +320,12 @@ fn sums_within<S: Simd>(simd: S, cells: &BrickCells, cell: Place, before: &[Plan
 
 /// Whether the planes of the block about a cell may meet in a corner so far from its middle.
 #[inline(always)]
-fn may_meet(sums: &PlaneSums, cell: Place, reach: f64) -> bool {
+fn may_meet(sums: &PlaneSums, cell: LocalIndex, reach: f64) -> bool {
     sums.may_meet(middle(cell), reach, MISS, LEAST_SPREAD)
 }
 
 #[inline(always)]
-fn middle(cell: Place) -> [f64; 3] {
+fn middle(cell: LocalIndex) -> [f64; 3] {
     cell.map(|c| f64::from(c) + 0.5)
 }
 
@@ -349,15 +349,15 @@ fn near(rows: &[u32; CELL_ROWS], layer: usize) -> [u32; BRICK_CELLS] {
 }
 
 /// True if the corner is not on a crossing's plane.
-fn misses(plane: &Plane, corner: [f64; 3]) -> bool {
+fn misses(plane: &HermitePlane, corner: [f64; 3]) -> bool {
     distance(plane, corner) > MISS
 }
 
 /// The point where the planes of all crossings about a cell meet, if there is just one.
-fn meeting_point(cell: Place, planes: &[Named]) -> Option<[f64; 3]> {
-    let mut faces: Vec<&Plane> = Vec::with_capacity(MOST_FACES);
+fn meeting_point(cell: LocalIndex, planes: &[NamedPlane]) -> Option<[f64; 3]> {
+    let mut faces: Vec<&HermitePlane> = Vec::with_capacity(MOST_FACES);
     for (_, plane) in planes {
-        let is_known = |face: &&Plane| dot(face.1, plane.1) > SAME_NORMAL && !misses(face, plane.0);
+        let is_known = |face: &&HermitePlane| dot(face.1, plane.1) > SAME_NORMAL && !misses(face, plane.0);
         if !faces.iter().any(is_known) {
             if faces.len() == MOST_FACES {
                 return None;

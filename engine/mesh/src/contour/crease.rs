@@ -4,7 +4,7 @@
 use super::outliers::minimiser;
 use super::places::{Direction, neighbour};
 use super::qef::{TRUNCATION_SQUARED, Vector};
-use super::solve::Solved;
+use super::solve::SolvedGroup;
 use super::symmetric::{Symmetric, dot};
 use crate::wide::Simd;
 
@@ -49,7 +49,7 @@ pub(super) struct Crease {
 impl Crease {
     /// That of the loop in a lane; `None` where its planes are as good as one or do not meet at a sharp angle.
     #[inline(always)]
-    pub(super) fn of<S: Simd>(solved: &Solved<S>, lane: usize) -> Option<Crease> {
+    pub(super) fn of<S: Simd>(solved: &SolvedGroup<S>, lane: usize) -> Option<Crease> {
         if solved.sharp >> lane & 1 == 0 {
             return None;
         }

@@ -1,6 +1,7 @@
 //! Polygons cut into facets, eight at a time in vectors, with normals, area and volume.
 
-use super::envelope::{MinimalEdge, Vec3, diagonals};
+use super::envelope::{MinimalEdge, diagonals};
+use super::lanes::Vec3;
 use crate::lattice::Axis;
 use crate::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f64x8, in_fours, level, narrowed,
@@ -18,7 +19,7 @@ const GROUP: usize = 8;
 
 /// One triangle of the mesh, counter-clockwise seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facet {
+pub struct MeshTriangle {
     /// Numbers of the corners in the order in which vertices were handed to the sink; without meaning for a
     /// sink that shares none.
     pub ids: [u32; 3],
@@ -28,7 +29,7 @@ pub struct Facet {
 
 /// Area and volume of facets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Measured {
+pub(super) struct FacetMeasures {
     /// In square world units.
     pub area: f64,
     /// Signed volume under the facets, seen from the centre, in cubic world units.
@@ -40,7 +41,7 @@ pub(super) type Vertex = (u32, [f32; 3]);
 
 /// How four corners become facets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) enum Shape {
+pub(super) enum QuadSplit {
     /// Two facets in the sense of the corners, along the diagonal of those allowed that meets the edge nearer to where
     /// the surface does. If there is no edge, or they do about equally, along the shorter; from the first corner if
     /// these are equal.
@@ -84,7 +85,7 @@ pub struct Cuts {
     ids: [[u32; 4]; GROUP],
     /// Positions, and a zero that makes them a vector.
     corners: [[[f32; 4]; 4]; GROUP],
-    shapes: [Shape; GROUP],
+    shapes: [QuadSplit; GROUP],
     /// The axis of the edges that polygons are around.
     axis: Axis,
     /// Where these lie along the other axes, where they end and where they are crossed; zeros make it a vector.
@@ -166,7 +167,7 @@ pub(super) struct Cutter {
     pub bytes: Vec<u8>,
     /// Number of facets.
     pub count: usize,
-    pub measured: Measured,
+    pub measured: FacetMeasures,
 }
 
 impl Cutter {
@@ -176,7 +177,7 @@ impl Cutter {
             count: 0,
             ids: [[0; 4]; GROUP],
             corners: [[[0.0; 4]; 4]; GROUP],
-            shapes: [Shape::Quad; GROUP],
+            shapes: [QuadSplit::Quad; GROUP],
             axis: Axis::X,
             edges: [[0.0; 8]; GROUP],
             is_kept: 0,
@@ -195,13 +196,13 @@ impl Cutter {
             tag: 0,
             bytes,
             count: 0,
-            measured: Measured::default(),
+            measured: FacetMeasures::default(),
         }
     }
 
     /// The next polygon, cut along one of the diagonals `allowed`.
     #[inline(always)]
-    pub(super) fn push(&mut self, corners: [Vertex; 4], shape: Shape, allowed: [bool; 2]) {
+    pub(super) fn push(&mut self, corners: [Vertex; 4], shape: QuadSplit, allowed: [bool; 2]) {
         let lane = self.cuts.count % GROUP;
         for (n, (id, [x, y, z])) in corners.into_iter().enumerate() {
             self.cuts.ids[lane][n] = id;
@@ -225,7 +226,7 @@ impl Cutter {
         &mut self,
         edge: &MinimalEdge,
         corners: [Vertex; 4],
-        shape: Shape,
+        shape: QuadSplit,
         allowed: [bool; 2],
     ) {
         if self.cuts.axis != edge.axis {
@@ -243,7 +244,7 @@ impl Cutter {
     /// inside.
     pub(super) fn push_triangle(&mut self, [a, b, c]: [Vertex; 3], inside: bool) {
         let (b, c) = if inside { (b, c) } else { (c, b) };
-        self.push([a, b, c, a], Shape::Triangle, BOTH);
+        self.push([a, b, c, a], QuadSplit::Triangle, BOTH);
     }
 
     /// The next polygon as a fan about a vertex on its edge; corners and sense as of [`Cutter::push_triangle`].
@@ -307,8 +308,8 @@ impl Cutter {
                 let [x, y, z, _] = self.cuts.corners[lane][n];
                 (self.cuts.ids[lane][n], [x, y, z])
             });
-            fans.push((edge, corners, self.cuts.shapes[lane] == Shape::Quad, self.cuts.tags[lane]));
-            self.cuts.shapes[lane] = Shape::Nothing;
+            fans.push((edge, corners, self.cuts.shapes[lane] == QuadSplit::Quad, self.cuts.tags[lane]));
+            self.cuts.shapes[lane] = QuadSplit::Nothing;
         }
         fans
     }
@@ -364,7 +365,7 @@ fn allowed<S: Simd>(simd: S, cuts: &Cuts, p: &[Vec3<S>; 4]) -> ([u64; 2], [u64; 
 
 /// Cuts polygons; returns also the bits of those that are not cut.
 #[inline(always)]
-fn cut<S: Simd>(simd: S, centre: [f64; 3], normals: bool, cuts: &mut Cuts) -> (Measured, u64) {
+fn cut<S: Simd>(simd: S, centre: [f64; 3], normals: bool, cuts: &mut Cuts) -> (FacetMeasures, u64) {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     let p = corners(simd, cuts);
     let ([first, second], better) = allowed(simd, cuts, &p);
@@ -373,9 +374,10 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], normals: bool, cuts: &mut Cuts) -> (M
     cuts.from_first = first & (better[0] | is_shorter & !better[1] | !second);
     let [mut turned, mut from_first, mut is_cut] = [[0.0; GROUP]; 3];
     for lane in 0..GROUP {
-        let is_lone = cuts.shapes[lane] == Shape::Triangle;
+        let is_lone = cuts.shapes[lane] == QuadSplit::Triangle;
         cuts.from_first |= u64::from(is_lone) << lane;
-        turned[lane] = f64::from(u8::from(matches!(cuts.shapes[lane], Shape::Turned | Shape::TurnedBack)));
+        turned[lane] =
+            f64::from(u8::from(matches!(cuts.shapes[lane], QuadSplit::Turned | QuadSplit::TurnedBack)));
         from_first[lane] = (cuts.from_first >> lane & 1) as f64;
         is_cut[lane] = (!lost >> lane & 1) as f64;
     }
@@ -416,7 +418,7 @@ fn cut<S: Simd>(simd: S, centre: [f64; 3], normals: bool, cuts: &mut Cuts) -> (M
         area += doubled[lane];
         volume += sixfold[lane];
     }
-    (Measured { area: area / 2.0, volume: volume / 6.0 }, lost)
+    (FacetMeasures { area: area / 2.0, volume: volume / 6.0 }, lost)
 }
 
 #[inline(always)]
@@ -426,7 +428,7 @@ fn squared<S: Simd>(p: [f64x8<S>; 3], q: [f64x8<S>; 3]) -> f64x8<S> {
 }
 
 /// What `append` makes of facets.
-pub(super) fn encoded(facets: &[Facet], append: fn(&Cuts, &mut Vec<u8>)) -> Vec<u8> {
+pub(super) fn encoded(facets: &[MeshTriangle], append: fn(&Cuts, &mut Vec<u8>)) -> Vec<u8> {
     let mut cutter = Cutter::new([0.0; 3], 0, FacetBytes { append, normals: true }, Vec::new());
     for facet in facets {
         cutter.push_triangle([0, 1, 2].map(|n| (facet.ids[n], facet.corners[n])), true);
@@ -458,7 +460,7 @@ mod tests {
             cutter.finish()
         };
         let one = made(1);
-        let Measured { area, volume } = one.measured;
+        let FacetMeasures { area, volume } = one.measured;
         assert!((area - 6.0 - 2.0 * 3f64.sqrt()).abs() < 1e-12 && (volume - 4.0 / 3.0).abs() < 1e-12);
         let normals: Vec<i8> = one.bytes.iter().map(|&b| b as i8).collect();
         assert_eq!(normals, [0, 0, -100, 0, -100, 0, -100, 0, 0, 58, 58, 58, 0, 0, 0]);
@@ -483,7 +485,7 @@ mod tests {
             (0.255, BOTH, [[1, 2, 3], [1, 3, 0]]),
         ] {
             let mut cutter = Cutter::new([0.0; 3], 0, first_bytes(None), Vec::new());
-            cutter.push_around(&edge, at(height), Shape::Quad, allowed);
+            cutter.push_around(&edge, at(height), QuadSplit::Quad, allowed);
             let facets = whole(&cutter.finish().bytes);
             assert_eq!(facets.iter().map(|facet| facet.ids).collect::<Vec<_>>(), expected, "{height}");
         }
@@ -494,7 +496,7 @@ mod tests {
         fn quadrilaterals_are_cut_along_the_shorter_diagonal_in_their_sense(
             polygons in prop::collection::vec((prop::array::uniform4(prop::array::uniform3(-4i8..4)), 0usize..3), 1..40),
         ) {
-            let shapes = [Shape::Quad, Shape::Turned, Shape::TurnedBack];
+            let shapes = [QuadSplit::Quad, QuadSplit::Turned, QuadSplit::TurnedBack];
             let mut cutter = Cutter::new([0.0; 3], 0, first_bytes(None), Vec::new());
             for (corners, shape) in &polygons {
                 let corner = |n: usize| (n as u32, corners[n].map(f32::from));

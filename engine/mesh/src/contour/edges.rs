@@ -1,7 +1,7 @@
 //! The twelve edges of the cells of a row: which change sign, where their crossings stand, and what is around them.
 
 use super::planes::EdgePlane;
-use super::surface::Changes;
+use super::surface::HermiteSurface;
 use super::topology::derive_edge;
 use crate::brick::along_row;
 use crate::lattice::Axis;
@@ -32,7 +32,7 @@ pub(super) struct EdgePlace {
 impl EdgeStreams {
     /// Those at the row (j, k) of cells; none in a leaf whose samples are all alike.
     #[inline(always)]
-    pub(super) fn of(changes: Option<&Changes>, j: usize, k: usize) -> EdgeStreams {
+    pub(super) fn of(changes: Option<&HermiteSurface>, j: usize, k: usize) -> EdgeStreams {
         let none = EdgeStreams { bits: [0; 8], first: [0; 8], corners: [0; 4] };
         let Some(changes) = changes else { return none };
         // Spelled out: with an axis that is not known beforehand every stream would be branches.
@@ -48,7 +48,7 @@ impl EdgeStreams {
         }
     }
 
-    /// Corner mask of cell `i`, as [`Changes::mask`].
+    /// Corner mask of cell `i`, as [`HermiteSurface::mask`].
     #[inline(always)]
     pub(super) fn mask(&self, i: usize) -> u8 {
         let [a, b, c, d] = self.corners.map(|row| (row >> i) as u8 & 3);

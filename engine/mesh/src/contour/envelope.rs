@@ -24,6 +24,7 @@
 //! Everything is decided from these numbers; what rounding of 64-bit numbers could decide otherwise counts as not
 //! within, which costs triangles at worst.
 
+use super::lanes::Vec3;
 use crate::lattice::{Axis, BRICK_POINTS, RootCube, Units, spacing_bits};
 use crate::wide::{Select, Simd, SimdBase, f64x8, mask64x8};
 
@@ -41,9 +42,6 @@ pub(super) struct MinimalEdge {
     /// Where the surface crosses it, as a fraction from its lower end.
     pub fraction: f32,
 }
-
-/// Numbers by lane, and points by axis.
-pub(super) type Vec3<S> = [f64x8<S>; 3];
 
 /// A diagonal of each of eight quadrilaterals.
 #[derive(Clone, Copy)]

@@ -8,7 +8,7 @@
 //! them than a step of such numbers.
 
 use super::envelope::{MinimalEdge, step_at};
-use super::frame::{Frame, Lattice};
+use super::frame::{CellFrame, SampleCoordinates};
 use super::loops::SLACK;
 use super::topology::edge_lower;
 use crate::brick::{POINTS, point_index};
@@ -51,28 +51,28 @@ pub(super) fn face_of(face: u32) -> (Axis, [usize; 3]) {
 }
 
 /// A face, between planes of the lattice.
-pub(super) struct Face {
+pub(super) struct SplitFace {
     axis: Axis,
     /// From where to where it reaches in the world; across it both are one number.
     span: [[f32; 2]; 3],
 }
 
-impl Face {
+impl SplitFace {
     /// That of a cell across `axis` with this lower corner.
-    pub(super) fn new(lattice: &Lattice, axis: Axis, corner: [usize; 3]) -> Face {
+    pub(super) fn new(lattice: &SampleCoordinates, axis: Axis, corner: [usize; 3]) -> SplitFace {
         let span = |a: usize| {
             let end = corner[a] + usize::from(a != axis.index());
             [lattice[a][corner[a]], lattice[a][end]]
         };
-        Face { axis, span: std::array::from_fn(span) }
+        SplitFace { axis, span: std::array::from_fn(span) }
     }
 
     /// That of cells of `level` across `axis` with this lower corner.
-    pub(super) fn of_level(root: RootCube, axis: Axis, corner: Units, level: u8) -> Face {
+    pub(super) fn of_level(root: RootCube, axis: Axis, corner: Units, level: u8) -> SplitFace {
         let end =
             std::array::from_fn(|a| corner[a] + if a == axis.index() { 0 } else { 1 << spacing_bits(level) });
         let [low, high] = [corner, end].map(|at| root.sample(at));
-        Face { axis, span: std::array::from_fn(|a| [low[a], high[a]]) }
+        SplitFace { axis, span: std::array::from_fn(|a| [low[a], high[a]]) }
     }
 
     /// A position moved onto the face and off its border, where it is not.
@@ -169,7 +169,7 @@ pub(super) struct SplitVertex {
 
 /// Where it goes.
 pub(super) enum SplitPlace {
-    /// There: [`Face::half_way`].
+    /// There: [`SplitFace::half_way`].
     At([f32; 3]),
     /// Between plain cells of one size, where it should be in coordinates of the cell, and the [`middle`] of the cut.
     Near([f64; 3], [f64; 3]),
@@ -177,13 +177,13 @@ pub(super) enum SplitPlace {
 
 impl SplitVertex {
     /// Its position in 32 bits, apart from vertices on edges, and from that on the other cut of a face of four edges.
-    pub(super) fn position(&self, frame: &Frame, lattice: &Lattice) -> [f32; 3] {
+    pub(super) fn position(&self, frame: &CellFrame, lattice: &SampleCoordinates) -> [f32; 3] {
         let (at, middle) = match self.place {
             SplitPlace::At(position) => return position,
             SplitPlace::Near(at, middle) => (at, middle),
         };
         let (axis, corner) = face_of(self.face);
-        let face = Face::new(lattice, axis, corner);
+        let face = SplitFace::new(lattice, axis, corner);
         let place = |mut at: [f64; 3]| {
             at[axis.index()] = 0.0;
             face.inside(frame.world(corner, at))
@@ -196,14 +196,14 @@ impl SplitVertex {
 }
 
 /// The vertex on one cut of a split face, found from either edge that the cut joins.
-pub(super) struct Extra {
+pub(super) struct FaceVertex {
     pub face: u32,
     pub edge: u64,
     pub vertex: u32,
 }
 
 /// The vertex on the cut of a face that ends at a minimal edge, in a list sorted by both.
-pub(super) fn found_extra(extras: &[Extra], face: u32, edge: u64) -> Option<u32> {
+pub(super) fn found_extra(extras: &[FaceVertex], face: u32, edge: u64) -> Option<u32> {
     if extras.is_empty() {
         return None;
     }

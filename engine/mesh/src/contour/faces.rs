@@ -10,14 +10,14 @@ mod find;
 pub(super) use find::find;
 
 use super::cells::CELL_ROWS;
-use super::extras::{Extra, found_extra};
+use super::extras::{FaceVertex, found_extra};
 use crate::lattice::{Axis, BRICK_CELLS};
 
 /// The vertices on faces that a leaf owns; numbered after those of its cells.
 #[derive(Default)]
 pub(super) struct FaceVertices {
     /// Sorted by face and edge.
-    extras: Vec<Extra>,
+    extras: Vec<FaceVertex>,
     pub positions: Vec<[f32; 3]>,
     /// For each of them the leaf and the vertex of the cell beyond the face, and the leaf's own vertex.
     pub sides: Vec<([u32; 2], u32)>,
@@ -73,7 +73,7 @@ impl FaceVertices {
 
     /// Heap bytes.
     pub(super) fn heap_bytes(&self) -> usize {
-        self.extras.capacity() * size_of::<Extra>()
+        self.extras.capacity() * size_of::<FaceVertex>()
             + self.positions.capacity() * size_of::<[f32; 3]>()
             + self.sides.capacity() * size_of::<([u32; 2], u32)>()
             + self.split.rows.capacity() * size_of::<[u32; 3]>()
@@ -84,6 +84,6 @@ impl FaceVertices {
         let vertex = (before + self.positions.len()) as u32;
         self.positions.push(at);
         self.sides.push(sides);
-        self.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
+        self.extras.extend(edges.map(|edge| FaceVertex { face, edge, vertex }));
     }
 }

@@ -1,19 +1,19 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
-use super::adaptive::{Across, Draft, Merged};
-use super::cache::Cache;
+use super::adaptive::{CrossLeafMerges, LeafCandidates, MergedVertices};
+use super::cache::LeafCache;
 use super::cells::BrickCells;
 use super::edges::Quad;
 use super::envelope::MinimalEdge;
 use super::faces::FaceVertices;
-use super::frame::{Frame, Lattice};
-use super::leaves::{Leaves, Side, cell_in};
+use super::frame::{CellFrame, SampleCoordinates};
+use super::leaves::{LeafNeighbour, Leaves, cell_in};
 use super::options::ContourOptions;
 use super::order::in_order;
 use super::qef::PlaneSums;
 use super::solve::OnSurface;
-use super::spare::Spare;
-use super::surface::{Changes, Level, Surface};
+use super::spare::BufferPool;
+use super::surface::{HermiteSurface, IsoLevel, LeafSurface};
 use super::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey, RootCube};
@@ -30,27 +30,27 @@ const LEAST_FOR_CELLS: usize = 8 << 20;
 /// The stages that make what is kept of a leaf. They ask the field for what earlier stages have made of it and of the
 /// leaves around it, so the field knows them only by what they give.
 #[derive(Clone, Copy)]
-pub(super) struct Makers {
+pub(super) struct LevelSetStages {
     /// Cells and their vertices.
-    pub cells: fn(&Field, u32) -> Result<BrickCells>,
+    pub cells: fn(&LevelSet, u32) -> Result<BrickCells>,
     /// Vertices on faces.
-    pub faces: fn(&Field, u32, &Arc<BrickCells>) -> Result<FaceVertices>,
+    pub faces: fn(&LevelSet, u32, &Arc<BrickCells>) -> Result<FaceVertices>,
     /// What of the cells may be merged within a tolerance.
-    pub draft: fn(&Field, u32, f64) -> Result<Draft>,
+    pub draft: fn(&LevelSet, u32, f64) -> Result<LeafCandidates>,
     /// What is merged, with what is merged across the borders of leaves.
-    pub merged: fn(&Field, u32, &Across) -> Result<Merged>,
+    pub merged: fn(&LevelSet, u32, &CrossLeafMerges) -> Result<MergedVertices>,
 }
 
 /// A level set of a tree, ready to be contoured leaf by leaf from any thread.
-pub(super) struct Field<'a> {
-    makers: Makers,
+pub(super) struct LevelSet<'a> {
+    makers: LevelSetStages,
     pub root: RootCube,
     pub leaves: Leaves,
     tree: &'a dyn BrickTree,
-    level: Level,
-    surfaces: Cache<Surface>,
-    cells: Cache<BrickCells>,
-    faces: Cache<FaceVertices>,
+    level: IsoLevel,
+    surfaces: LeafCache<LeafSurface>,
+    cells: LeafCache<BrickCells>,
+    faces: LeafCache<FaceVertices>,
     /// Where vertices are merged.
     merging: Option<Merging>,
     follows_creases: bool,
@@ -59,8 +59,8 @@ pub(super) struct Field<'a> {
     /// By leaf, for how many leaves polygons are still to be made that may need its cells.
     users: Vec<AtomicU32>,
     /// Room that cells were made in.
-    pub spare_sums: Spare<PlaneSums>,
-    pub spare_quads: Spare<Quad>,
+    pub spare_sums: BufferPool<PlaneSums>,
+    pub spare_quads: BufferPool<Quad>,
 }
 
 /// What is made of a leaf beside its cells to merge their vertices.
@@ -69,32 +69,32 @@ struct Merging {
     tolerance: f64,
     /// As in [`ContourOptions::intersection_free`].
     intersection_free: bool,
-    drafts: Cache<Draft>,
-    across: Across,
-    merged: Cache<Merged>,
+    drafts: LeafCache<LeafCandidates>,
+    across: CrossLeafMerges,
+    merged: LeafCache<MergedVertices>,
     /// By leaf, how many levels the coarsest one around it is above it.
     levels_up: Vec<u8>,
     /// By leaf, for how many leaves vertices are still to be merged for the first time, which takes its draft.
     users: Vec<AtomicU32>,
 }
 
-impl<'a> Field<'a> {
+impl<'a> LevelSet<'a> {
     /// Of the level set `level` of `tree`.
     pub(super) fn new(
         tree: &'a dyn BrickTree,
-        level: Level,
+        level: IsoLevel,
         options: &ContourOptions,
-        makers: Makers,
-    ) -> Result<Field<'a>> {
+        makers: LevelSetStages,
+    ) -> Result<LevelSet<'a>> {
         let cache_bytes = options.cache_bytes;
         let leaves = Leaves::new(tree, options.level, level.threshold)?;
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
         let merging = (options.tolerance > 0.0).then(|| Merging {
             tolerance: options.tolerance,
             intersection_free: options.intersection_free,
-            drafts: Cache::new(cache_bytes / 4),
-            across: Across::default(),
-            merged: Cache::new((cache_bytes / 4).max(LEAST_FOR_MERGED)),
+            drafts: LeafCache::new(cache_bytes / 4),
+            across: CrossLeafMerges::default(),
+            merged: LeafCache::new((cache_bytes / 4).max(LEAST_FOR_MERGED)),
             levels_up: (0..leaves.len() as u32).map(|leaf| leaves.levels_up(leaf)).collect(),
             users: counts(&leaves, drafts_needed_by),
         });
@@ -106,12 +106,12 @@ impl<'a> Field<'a> {
         // Few cells have vertices on their faces.
         let for_faces = cache_bytes / 32;
         let (surfaces, cells) = (
-            Cache::new(for_surfaces),
-            Cache::new((cache_bytes - for_surfaces - for_merging - for_faces).max(least)),
+            LeafCache::new(for_surfaces),
+            LeafCache::new((cache_bytes - for_surfaces - for_merging - for_faces).max(least)),
         );
-        let faces = Cache::new(for_faces);
+        let faces = LeafCache::new(for_faces);
         let users = counts(&leaves, needed_by);
-        Ok(Field {
+        Ok(LevelSet {
             makers,
             root: tree.root(),
             leaves,
@@ -124,8 +124,8 @@ impl<'a> Field<'a> {
             follows_creases: options.follow_creases,
             on_surface: OnSurface::Never,
             users,
-            spare_sums: Spare::default(),
-            spare_quads: Spare::default(),
+            spare_sums: BufferPool::default(),
+            spare_quads: BufferPool::default(),
         })
     }
 
@@ -135,7 +135,7 @@ impl<'a> Field<'a> {
     }
 
     /// What is merged across the borders of leaves; `None` without a tolerance.
-    pub(super) fn across(&self) -> Option<&Across> {
+    pub(super) fn across(&self) -> Option<&CrossLeafMerges> {
         self.merging.as_ref().map(|merging| &merging.across)
     }
 
@@ -145,12 +145,12 @@ impl<'a> Field<'a> {
     }
 
     /// What is merged across the borders of leaves, which is to be put back.
-    pub(super) fn take_across(&mut self) -> Across {
+    pub(super) fn take_across(&mut self) -> CrossLeafMerges {
         self.merging.as_mut().map(|merging| std::mem::take(&mut merging.across)).unwrap_or_default()
     }
 
     /// From now on this is merged across the borders of leaves.
-    pub(super) fn put_across(&mut self, across: Across) {
+    pub(super) fn put_across(&mut self, across: CrossLeafMerges) {
         if let Some(merging) = &mut self.merging {
             merging.across = across;
         }
@@ -168,8 +168,8 @@ impl<'a> Field<'a> {
     /// the tree beside it. `lattice` and `changes` are of `leaf`.
     pub(super) fn minimal_edge(
         &self,
-        (leaf, changes): (u32, &Changes),
-        lattice: &Lattice,
+        (leaf, changes): (u32, &HermiteSurface),
+        lattice: &SampleCoordinates,
         (axis, low): (Axis, [usize; 3]),
     ) -> Result<MinimalEdge> {
         let is_upper = |axis: Axis| low[axis.index()] == BRICK_CELLS;
@@ -180,7 +180,7 @@ impl<'a> Field<'a> {
             let lower = std::array::from_fn(|a| key.base()[a] + ((low[a] as i32) << key.spacing_bits()));
             let owner = self.leaves.owner(axis, lower, |at| self.leaves.at(at)).unwrap_or(leaf);
             if owner != leaf
-                && let Surface::Changes(changes) = &*self.surface(owner)?
+                && let LeafSurface::Changes(changes) = &*self.surface(owner)?
             {
                 let there = cell_in(self.leaves.get(owner).key, key, low.map(|c| c as i32));
                 fraction = changes.plane(axis, there).rounded_down();
@@ -215,10 +215,10 @@ impl<'a> Field<'a> {
         in_order(self.leaves.len(), progress, make, use_item)
     }
 
-    pub(super) fn surface(&self, leaf: u32) -> Result<Arc<Surface>> {
+    pub(super) fn surface(&self, leaf: u32) -> Result<Arc<LeafSurface>> {
         self.surfaces.get_or_make(leaf, || {
-            let surface = Surface::load(self.tree, self.leaves.get(leaf), self.level)?;
-            let bytes = surface.heap_bytes() + size_of::<Surface>();
+            let surface = LeafSurface::load(self.tree, self.leaves.get(leaf), self.level)?;
+            let bytes = surface.heap_bytes() + size_of::<LeafSurface>();
             Ok((surface, bytes))
         })
     }
@@ -245,7 +245,7 @@ impl<'a> Field<'a> {
     }
 
     /// What may be merged of a leaf's cells; nothing without a tolerance.
-    pub(super) fn draft(&self, leaf: u32) -> Result<Arc<Draft>> {
+    pub(super) fn draft(&self, leaf: u32) -> Result<Arc<LeafCandidates>> {
         let Some(merging) = &self.merging else { return Ok(Arc::default()) };
         merging.drafts.get_or_make(leaf, || {
             let draft = (self.makers.draft)(self, leaf, merging.tolerance)?;
@@ -295,8 +295,8 @@ impl<'a> Field<'a> {
     }
 
     /// Where the cells of `key` lie in the world.
-    pub(super) fn frame(&self, key: NodeKey) -> Frame {
-        Frame::new(self.root, key)
+    pub(super) fn frame(&self, key: NodeKey) -> CellFrame {
+        CellFrame::new(self.root, key)
     }
 }
 
@@ -304,8 +304,8 @@ impl<'a> Field<'a> {
 /// finer. Next to finer leaves it may have active cells without a sign change of its own.
 fn needed_by(leaves: &Leaves, leaf: u32) -> Vec<u32> {
     let is_needing = leaves.get(leaf).changes || leaves.has_finer(leaf);
-    let one = |side: &Side| match side {
-        Side::Same(other) | Side::Coarser(other) => Some(*other),
+    let one = |side: &LeafNeighbour| match side {
+        LeafNeighbour::Same(other) | LeafNeighbour::Coarser(other) => Some(*other),
         _ => None,
     };
     needed(leaves, leaf, is_needing, one)
@@ -313,15 +313,20 @@ fn needed_by(leaves: &Leaves, leaf: u32) -> Vec<u32> {
 
 /// The leaves whose drafts the vertices of a leaf may need: its own and those next to it of its level.
 fn drafts_needed_by(leaves: &Leaves, leaf: u32) -> Vec<u32> {
-    let one = |side: &Side| match side {
-        Side::Same(other) => Some(*other),
+    let one = |side: &LeafNeighbour| match side {
+        LeafNeighbour::Same(other) => Some(*other),
         _ => None,
     };
     needed(leaves, leaf, leaves.get(leaf).changes, one)
 }
 
 /// Those on the sides that count of a leaf that needs any; of another itself alone.
-fn needed(leaves: &Leaves, leaf: u32, is_needing: bool, counts: impl Fn(&Side) -> Option<u32>) -> Vec<u32> {
+fn needed(
+    leaves: &Leaves,
+    leaf: u32,
+    is_needing: bool,
+    counts: impl Fn(&LeafNeighbour) -> Option<u32>,
+) -> Vec<u32> {
     if !is_needing {
         return vec![leaf];
     }

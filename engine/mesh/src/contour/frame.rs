@@ -4,18 +4,18 @@ use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
 use crate::wide::{Simd, SimdBase, f32x8, f64x8, in_fours, narrowed};
 
 /// World coordinates of a brick's samples by axis.
-pub(super) type Lattice = [[f32; BRICK_POINTS]; 3];
+pub(super) type SampleCoordinates = [[f32; BRICK_POINTS]; 3];
 
 /// Where a coordinate of the world lies along an axis, 0..1 in the cells with this number.
 #[inline(always)]
-pub(super) fn along(lattice: &Lattice, axis: usize, cell: usize, coordinate: f32) -> f64 {
+pub(super) fn along(lattice: &SampleCoordinates, axis: usize, cell: usize, coordinate: f32) -> f64 {
     let [low, high] = [cell, cell + 1].map(|n| f64::from(lattice[axis][n]));
     (f64::from(coordinate) - low) / (high - low)
 }
 
 /// From cell coordinates of a brick to the world.
 #[derive(Clone, Copy)]
-pub(super) struct Frame {
+pub(super) struct CellFrame {
     root: RootCube,
     key: NodeKey,
     origin: [f64; 3],
@@ -24,8 +24,8 @@ pub(super) struct Frame {
     pub margin: f64,
 }
 
-impl Frame {
-    pub(super) fn new(root: RootCube, key: NodeKey) -> Frame {
+impl CellFrame {
+    pub(super) fn new(root: RootCube, key: NodeKey) -> CellFrame {
         let spacing = root.spacing(key.level());
         let farthest = root.origin.iter().fold(0.0f64, |m, &o| m.max(o.abs()).max((o + root.edge).abs()));
         // More than one step of f32 on each side keeps the vertices of different cells, and the extra ones on
@@ -34,12 +34,12 @@ impl Frame {
         let step = f64::from((farthest as f32).next_up()) - f64::from(farthest as f32);
         let margin = (1.01 * step / spacing).min(0.25);
         let origin = root.to_world(key.base().map(|b| f64::from(b) + 1.0));
-        Frame { root, key, origin, spacing, margin }
+        CellFrame { root, key, origin, spacing, margin }
     }
 
     /// World coordinates of the brick's samples. They follow from the place in the root alone, so that all bricks have the
     /// same number for one plane of samples, to the last bit.
-    pub(super) fn lattice(&self) -> Lattice {
+    pub(super) fn lattice(&self) -> SampleCoordinates {
         let samples: [[f32; 3]; BRICK_POINTS] = std::array::from_fn(|n| self.sample(n));
         std::array::from_fn(|a| std::array::from_fn(|n| samples[n][a]))
     }

@@ -8,14 +8,14 @@
 
 use super::crease::Crease;
 use super::edges::{EDGE_PLACES, EdgeStreams};
-use super::field::Field;
+use super::field::LevelSet;
 use super::joined;
-use super::places::Place;
-use super::planes::Plane;
+use super::places::LocalIndex;
+use super::planes::HermitePlane;
 use super::qef::MISS;
-use super::solve::Group;
-use super::surface::{Changes, Surface};
-use super::topology::Kind;
+use super::solve::LoopGroup;
+use super::surface::{HermiteSurface, LeafSurface};
+use super::topology::CellCase;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use crate::wide::{dispatch, level};
@@ -28,18 +28,18 @@ enum Piece {
     NotFetched,
     OtherLevel,
     /// Its surface, and whether there are finer leaves around it.
-    Fetched(Arc<Surface>, bool),
+    Fetched(Arc<LeafSurface>, bool),
 }
 
 impl Piece {
-    fn of(field: &Field, leaf: u32) -> Result<Piece> {
+    fn of(field: &LevelSet, leaf: u32) -> Result<Piece> {
         Ok(Piece::Fetched(field.surface(leaf)?, field.leaves.has_finer(leaf)))
     }
 }
 
 /// A leaf and its surroundings.
 pub(super) struct Halo<'a> {
-    field: &'a Field<'a>,
+    field: &'a LevelSet<'a>,
     key: NodeKey,
     /// The leaf itself in the middle, the 26 around it by direction.
     pieces: [Piece; 27],
@@ -47,14 +47,14 @@ pub(super) struct Halo<'a> {
 
 /// A crossing with the name of its edge: axis and lower sample, z first, then whether it comes from the apron
 /// of a leaf below.
-pub(super) type Named = ((usize, [i32; 3], bool), Plane);
+pub(super) type NamedPlane = ((usize, [i32; 3], bool), HermitePlane);
 
-fn piece_index(d: Place) -> usize {
+fn piece_index(d: LocalIndex) -> usize {
     ((d[2] + 1) * 9 + (d[1] + 1) * 3 + d[0] + 1) as usize
 }
 
 impl<'a> Halo<'a> {
-    pub(super) fn new(field: &'a Field<'a>, leaf: u32) -> Result<Halo<'a>> {
+    pub(super) fn new(field: &'a LevelSet<'a>, leaf: u32) -> Result<Halo<'a>> {
         let mut pieces = [const { Piece::NotFetched }; 27];
         pieces[piece_index([0; 3])] = Piece::of(field, leaf)?;
         Ok(Halo { field, key: field.leaves.get(leaf).key, pieces })
@@ -62,7 +62,7 @@ impl<'a> Halo<'a> {
 
     /// Fetches the leaves that hold the cells between the samples `low` and `high`.
     #[inline]
-    pub(super) fn fetch(&mut self, low: Place, high: Place) -> Result<()> {
+    pub(super) fn fetch(&mut self, low: LocalIndex, high: LocalIndex) -> Result<()> {
         if low.iter().all(|&c| c >= 0) && high.iter().all(|&c| c <= SIDE) {
             return Ok(());
         }
@@ -70,7 +70,7 @@ impl<'a> Halo<'a> {
     }
 
     #[cold]
-    fn fetch_around(&mut self, low: Place, high: Place) -> Result<()> {
+    fn fetch_around(&mut self, low: LocalIndex, high: LocalIndex) -> Result<()> {
         for d in directions(low, high) {
             let piece = &mut self.pieces[piece_index(d)];
             if matches!(piece, Piece::NotFetched) {
@@ -85,7 +85,7 @@ impl<'a> Halo<'a> {
 
     /// The surface that has a cell of a fetched leaf of this level, which touches no finer leaf, and where: the
     /// direction of the leaf, and the cell counted from its first one.
-    fn plain(&self, cell: Place) -> Option<(&Surface, Place, [usize; 3])> {
+    fn plain(&self, cell: LocalIndex) -> Option<(&LeafSurface, LocalIndex, [usize; 3])> {
         let d = cell.map(|c| c.div_euclid(SIDE));
         let Piece::Fetched(surface, has_finer) = &self.pieces[piece_index(d)] else { return None };
         (!has_finer || !self.field.leaves.touches_finer(self.key, cell))
@@ -93,22 +93,22 @@ impl<'a> Halo<'a> {
     }
 
     /// The corner mask of such a cell; `None` for others.
-    pub(super) fn plain_mask(&self, cell: Place) -> Option<u8> {
+    pub(super) fn plain_mask(&self, cell: LocalIndex) -> Option<u8> {
         self.plain(cell).map(|(surface, _, cell)| surface.mask(cell))
     }
 
     /// The number of loops of such a cell; 0 for others.
-    pub(super) fn loops(&self, cell: Place) -> Result<u8> {
+    pub(super) fn loops(&self, cell: LocalIndex) -> Result<u8> {
         Ok(self.active(cell)?.map_or(0, |(_, _, kind)| kind.loops().count))
     }
 
     /// Such a cell, as its leaf sees it, if it has one loop.
-    fn lone(&self, cell: Place) -> Result<Option<(&Changes, [usize; 3], Kind)>> {
+    fn lone(&self, cell: LocalIndex) -> Result<Option<(&HermiteSurface, [usize; 3], CellCase)>> {
         Ok(self.active(cell)?.filter(|(_, _, kind)| kind.loops().count == 1))
     }
 
     /// The sharp crease of such a cell, found in the first lane of `group`, which is empty; see [`super::annex`].
-    pub(super) fn sharp_crease(&self, cell: Place, group: &mut Group) -> Result<Option<Crease>> {
+    pub(super) fn sharp_crease(&self, cell: LocalIndex, group: &mut LoopGroup) -> Result<Option<Crease>> {
         let Some((changes, cell, kind)) = self.lone(cell)? else { return Ok(None) };
         Ok(dispatch!(level(), simd => {
             let streams = EdgeStreams::of(Some(changes), cell[1], cell[2]);
@@ -123,8 +123,8 @@ impl<'a> Halo<'a> {
         }))
     }
 
-    fn active(&self, cell: Place) -> Result<Option<(&Changes, [usize; 3], Kind)>> {
-        let Some((Surface::Changes(changes), d, cell)) = self.plain(cell) else { return Ok(None) };
+    fn active(&self, cell: LocalIndex) -> Result<Option<(&HermiteSurface, [usize; 3], CellCase)>> {
+        let Some((LeafSurface::Changes(changes), d, cell)) = self.plain(cell) else { return Ok(None) };
         let Some(key) = self.key.neighbour(d) else { return Ok(None) };
         Ok(Some((&**changes, cell, joined::kind(self.field, key, changes, cell)?)))
     }
@@ -132,7 +132,7 @@ impl<'a> Halo<'a> {
     /// The crossings on the lattice edges between the samples `low` and `high`, both included, in an order that
     /// does not depend on the leaf that asks.
     #[inline(always)]
-    pub(super) fn gather(&self, low: Place, high: Place, found: &mut Vec<Named>) {
+    pub(super) fn gather(&self, low: LocalIndex, high: LocalIndex, found: &mut Vec<NamedPlane>) {
         found.clear();
         let mut is_sorted = true;
         for d in directions(low, high) {
@@ -151,7 +151,7 @@ impl<'a> Halo<'a> {
     }
 
     /// Whether the predicate holds for one of the crossings on the edges of a cell, as the cell sees them.
-    pub(super) fn any_of_cell(&self, cell: Place, mut holds: impl FnMut(&Plane) -> bool) -> bool {
+    pub(super) fn any_of_cell(&self, cell: LocalIndex, mut holds: impl FnMut(&HermitePlane) -> bool) -> bool {
         let Piece::Fetched(surface, _) = &self.pieces[piece_index(cell.map(|c| c.div_euclid(SIDE)))] else {
             return false;
         };
@@ -178,10 +178,10 @@ impl<'a> Halo<'a> {
     #[inline(always)]
     pub(super) fn any_plane(
         &self,
-        low: Place,
-        high: Place,
+        low: LocalIndex,
+        high: LocalIndex,
         beyond: bool,
-        mut holds: impl FnMut(Plane) -> bool,
+        mut holds: impl FnMut(HermitePlane) -> bool,
     ) -> bool {
         directions(low, high)
             .filter(|d| !beyond || *d != [0; 3])
@@ -191,13 +191,13 @@ impl<'a> Halo<'a> {
     #[inline(always)]
     fn any_of_piece(
         &self,
-        d: Place,
-        low: Place,
-        high: Place,
-        mut holds: impl FnMut(Axis, Place, Plane) -> bool,
+        d: LocalIndex,
+        low: LocalIndex,
+        high: LocalIndex,
+        mut holds: impl FnMut(Axis, LocalIndex, HermitePlane) -> bool,
     ) -> bool {
         let Piece::Fetched(surface, _) = &self.pieces[piece_index(d)] else { return false };
-        let Surface::Changes(changes) = &**surface else { return false };
+        let LeafSurface::Changes(changes) = &**surface else { return false };
         let first = d.map(|d| d * SIDE);
         let low: [usize; 3] = std::array::from_fn(|a| (low[a] - first[a]).max(0) as usize);
         let high: [usize; 3] = std::array::from_fn(|a| (high[a] - first[a]).min(SIDE) as usize);
@@ -211,7 +211,7 @@ impl<'a> Halo<'a> {
                     let start = [bits.trailing_zeros() as usize, j, k];
                     bits &= bits - 1;
                     let edge = changes.plane(axis, start);
-                    let start: Place = std::array::from_fn(|a| first[a] + start[a] as i32);
+                    let start: LocalIndex = std::array::from_fn(|a| first[a] + start[a] as i32);
                     let mut point = start.map(f64::from);
                     point[axis.index()] += f64::from(edge.fraction);
                     if holds(axis, start, (point, edge.normal.map(f64::from))) {
@@ -226,7 +226,7 @@ impl<'a> Halo<'a> {
 
 /// The directions, z slowest, of the leaves that hold the cells between two samples.
 #[inline(always)]
-fn directions(low: Place, high: Place) -> impl Iterator<Item = Place> {
+fn directions(low: LocalIndex, high: LocalIndex) -> impl Iterator<Item = LocalIndex> {
     let range = |a: usize| low[a].div_euclid(SIDE)..=(high[a] - 1).div_euclid(SIDE);
     let (x, y, z) = (range(0), range(1), range(2));
     z.flat_map(move |k| {

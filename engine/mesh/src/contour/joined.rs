@@ -15,48 +15,58 @@
 //! towards coarser ones, are not joined ([`super::mixed`]), nor are those of cells all of whose faces are ambiguous
 //! ([`may_join`]).
 
-use super::field::Field;
-use super::surface::{Changes, Surface};
-use super::topology::{Kind, may_join};
+use super::field::LevelSet;
+use super::surface::{HermiteSurface, LeafSurface};
+use super::topology::{CellCase, may_join};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 
 /// How the boundary of a cell is cut that touches no finer leaf; `changes` are those of its leaf, which is `key`.
 #[inline(always)]
-pub(super) fn kind(field: &Field, key: NodeKey, changes: &Changes, cell: [usize; 3]) -> Result<Kind> {
+pub(super) fn kind(
+    field: &LevelSet,
+    key: NodeKey,
+    changes: &HermiteSurface,
+    cell: [usize; 3],
+) -> Result<CellCase> {
     kind_of(field, key, changes, cell, changes.mask(cell))
 }
 
 /// The same with the cell's corner mask.
 #[inline(always)]
 pub(super) fn kind_of(
-    field: &Field,
+    field: &LevelSet,
     key: NodeKey,
-    changes: &Changes,
+    changes: &HermiteSurface,
     cell: [usize; 3],
     mask: u8,
-) -> Result<Kind> {
-    let kind = Kind::of(mask);
+) -> Result<CellCase> {
+    let kind = CellCase::of(mask);
     if kind.loops().ambiguous == 0 { Ok(kind) } else { ambiguous_kind(field, key, changes, cell) }
 }
 
 /// That of a cell with ambiguous faces.
-fn ambiguous_kind(field: &Field, key: NodeKey, changes: &Changes, cell: [usize; 3]) -> Result<Kind> {
+fn ambiguous_kind(
+    field: &LevelSet,
+    key: NodeKey,
+    changes: &HermiteSurface,
+    cell: [usize; 3],
+) -> Result<CellCase> {
     let mask = changes.mask(cell);
-    let ambiguous = Kind::of(mask).loops().ambiguous;
+    let ambiguous = CellCase::of(mask).loops().ambiguous;
     let mut joined = 0;
     for face in (0..6).filter(|face| ambiguous >> face & 1 == 1 && may_join(mask)) {
         let (axis, side) = (Axis::ALL[face / 2], face % 2);
         joined |= u8::from(is_joined(field, key, changes, cell, axis, side)?) << face;
     }
-    Ok(Kind::joined(mask, joined))
+    Ok(CellCase::joined(mask, joined))
 }
 
 /// Whether the ambiguous face of such a cell across `axis` is joined, the lower or the upper one.
 fn is_joined(
-    field: &Field,
+    field: &LevelSet,
     key: NodeKey,
-    changes: &Changes,
+    changes: &HermiteSurface,
     cell: [usize; 3],
     axis: Axis,
     side: usize,
@@ -76,14 +86,14 @@ fn is_joined(
     let neighbour = key.neighbour(step).and_then(|key| field.leaves.exact(key));
     let Some(leaf) = neighbour else { return Ok(false) };
     let surface = field.surface(leaf)?;
-    let Surface::Changes(others) = &*surface else { return Ok(false) };
+    let LeafSurface::Changes(others) = &*surface else { return Ok(false) };
     let (owner, above) = if side == 1 { (&**others, other) } else { (changes, cell) };
     Ok(may_join(others.mask(other)) && is_within(owner, above, axis))
 }
 
 /// Whether the middle of the lower face of `cell` across `axis`, all of whose edges are crossed, is rather within the
 /// planes of the crossings than beyond them.
-fn is_within(changes: &Changes, cell: [usize; 3], axis: Axis) -> bool {
+fn is_within(changes: &HermiteSurface, cell: [usize; 3], axis: Axis) -> bool {
     let (u, v) = axis.others();
     let distance = |along: Axis, across: Axis, offset: usize| {
         let mut low = cell;

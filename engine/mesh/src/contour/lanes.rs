@@ -57,6 +57,7 @@ pub(super) fn on_faces<S: Simd>(
     done
 }
 
+/// Points or vectors: by axis, then by lane.
 pub(super) type Vec3<S> = [f64x8<S>; 3];
 
 #[inline(always)]

@@ -10,9 +10,9 @@
 //! in memory (47 million triangles) and 2.8 times where they did not (210 million). A sink that takes triangles
 //! between vertices gets those of a leaf as soon as it has all that they name.
 
-use super::cut::Facet;
+use super::cut::MeshTriangle;
 use super::polygons::LeafFacets;
-use super::sink::{Encoding, Triangles, triples};
+use super::sink::{MeshEncoding, TriangleBytes, triples};
 use super::triangle_names::{TRIPLE_BYTES, WHOLE_BYTES, WITHIN_BITS, whole};
 use crate::error::{Error, Result};
 use crate::part::temporary::TempFile;
@@ -24,14 +24,14 @@ const PLACE_BYTES: usize = 8;
 const AT_ONCE: usize = 256;
 
 /// Where the triangles of all leaves wait.
-pub(super) struct Later {
+pub(super) struct TriangleSpool {
     /// `None` if they wait in memory.
     file: Option<TempFile>,
-    encoding: Option<Encoding>,
+    encoding: Option<MeshEncoding>,
 }
 
 /// The triangles of a leaf.
-pub(super) struct Waiting {
+pub(super) struct SpooledTriangles {
     /// The places of their names.
     places: u32,
     /// How many there are.
@@ -47,7 +47,7 @@ enum Kept {
     Bytes(Vec<u8>),
 }
 
-impl Waiting {
+impl SpooledTriangles {
     /// They take no more room than they need.
     pub(super) fn shrink(&mut self) {
         if let Kept::Bytes(bytes) = &mut self.kept {
@@ -68,7 +68,7 @@ impl Waiting {
 pub(super) struct Numbering {
     /// Of each leaf's first vertex, as far as it is known, the next leaf's included.
     pub first_vertex: Vec<u32>,
-    pub waiting: Vec<Waiting>,
+    pub waiting: Vec<SpooledTriangles>,
     /// How many leaves' triangles do not wait any more.
     pub given: usize,
 }
@@ -82,30 +82,30 @@ impl Numbering {
     }
 
     /// The next leaf's triangles, if all vertices that they name have come.
-    pub(super) fn next(&self) -> Option<&Waiting> {
+    pub(super) fn next(&self) -> Option<&SpooledTriangles> {
         let next = self.waiting.get(self.given)?;
         ((next.leaves as usize) < self.first_vertex.len()).then_some(next)
     }
 }
 
 /// The triangles of a leaf with the numbers of their vertices.
-pub(super) enum Numbered {
+pub(super) enum NumberedTriangles {
     /// As the sink's encoding makes them.
     Bytes(Vec<u8>),
-    Facets(Vec<Facet>),
+    Facets(Vec<MeshTriangle>),
 }
 
-impl Later {
+impl TriangleSpool {
     /// For a sink with this encoding, and a folder for files if there is one.
-    pub(super) fn new(folder: Option<&Path>, encoding: Option<Encoding>) -> Later {
-        Later { file: folder.map(TempFile::new), encoding }
+    pub(super) fn new(folder: Option<&Path>, encoding: Option<MeshEncoding>) -> TriangleSpool {
+        TriangleSpool { file: folder.map(TempFile::new), encoding }
     }
 
     /// Puts the triangles of a leaf away, in a file or in the room that they have.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(super) fn keep(&self, leaf: &mut LeafFacets) -> Result<Waiting> {
+    pub(super) fn keep(&self, leaf: &mut LeafFacets) -> Result<SpooledTriangles> {
         let places = leaf.names.places(1 << WITHIN_BITS)?;
         if u32::try_from(leaf.count).is_err() {
             return Err(Error::setting(
@@ -121,7 +121,7 @@ impl Later {
             Some(file) if count > 0 => Kept::At(file.append(&leaf.bytes)?),
             _ => Kept::Bytes(std::mem::take(&mut leaf.bytes)),
         };
-        Ok(Waiting { places: places.len() as u32, count, leaves, kept })
+        Ok(SpooledTriangles { places: places.len() as u32, count, leaves, kept })
     }
 
     /// Gives them their numbers; `first_vertex` has that of each leaf's first vertex. Bytes go into `room`, which is empty.
@@ -130,10 +130,10 @@ impl Later {
     /// If the file cannot be read, or holds what was not written.
     pub(super) fn numbered(
         &self,
-        waiting: &Waiting,
+        waiting: &SpooledTriangles,
         first_vertex: &[u32],
         room: Vec<u8>,
-    ) -> Result<Numbered> {
+    ) -> Result<NumberedTriangles> {
         let each = if self.encoding.is_some() { TRIPLE_BYTES } else { WHOLE_BYTES };
         let triangles = waiting.count as usize * each;
         let mut read = Vec::new();
@@ -154,13 +154,13 @@ impl Later {
     }
 
     /// `None` if a name has no place.
-    fn with_numbers(&self, triangles: &[u8], firsts: &[u32], mut room: Vec<u8>) -> Option<Numbered> {
+    fn with_numbers(&self, triangles: &[u8], firsts: &[u32], mut room: Vec<u8>) -> Option<NumberedTriangles> {
         let number = |name: u32| Some(firsts.get((name >> WITHIN_BITS) as usize)? + (name & 0xFFFF));
         let numbers = |[a, b, c]: [u32; 3]| Some([number(a)?, number(b)?, number(c)?]);
-        let Some(Encoding { triangles: Triangles::Numbered(encode), .. }) = self.encoding else {
+        let Some(MeshEncoding { triangles: TriangleBytes::Numbered(encode), .. }) = self.encoding else {
             let facets = whole(triangles).into_iter();
-            let facet = |facet: Facet| Some(Facet { ids: numbers(facet.ids)?, ..facet });
-            return Some(Numbered::Facets(facets.map(facet).collect::<Option<_>>()?));
+            let facet = |facet: MeshTriangle| Some(MeshTriangle { ids: numbers(facet.ids)?, ..facet });
+            return Some(NumberedTriangles::Facets(facets.map(facet).collect::<Option<_>>()?));
         };
         let mut ids = [[0; 3]; AT_ONCE];
         for some in triangles.chunks(AT_ONCE * TRIPLE_BYTES) {
@@ -171,7 +171,7 @@ impl Later {
             }
             encode(&ids[..count], &mut room);
         }
-        Some(Numbered::Bytes(room))
+        Some(NumberedTriangles::Bytes(room))
     }
 }
 
@@ -183,7 +183,7 @@ fn damaged() -> Error {
 #[cfg(test)]
 mod tests {
     use super::super::sink::{MeshArrays, MeshSink};
-    use super::super::triangle_names::Names;
+    use super::super::triangle_names::TriangleNames;
     use super::*;
     use proptest::prelude::*;
 
@@ -203,23 +203,23 @@ mod tests {
             let sink = MeshArrays::default();
             let first: Vec<u32> = (0..10).map(|leaf| 7 + leaf * VERTICES).collect();
             let others = VERTICES - ON_EDGES;
-            let mut names = Names::new(own, others as usize);
+            let mut names = TriangleNames::new(own, others as usize);
             let mut bytes = Vec::new();
             let mut expected = Vec::new();
             let whole = corners.len() / 3 * 3;
             for &(on_edge, leaf, number) in &corners[..whole] {
                 let (name, number) = if on_edge {
-                    (Names::ON_EDGES + number % ON_EDGES, first[own as usize] + others + number % ON_EDGES)
+                    (TriangleNames::ON_EDGES + number % ON_EDGES, first[own as usize] + others + number % ON_EDGES)
                 } else {
                     (names.of(leaf, number), first[leaf as usize] + number)
                 };
                 bytes.extend(name.to_le_bytes());
                 expected.push(number);
             }
-            let later = Later::new(in_file.then(|| folder.path()), sink.encoding());
+            let later = TriangleSpool::new(in_file.then(|| folder.path()), sink.encoding());
             let mut leaf = LeafFacets { count: whole / 3, bytes, names, ..LeafFacets::default() };
             let waiting = later.keep(&mut leaf).unwrap();
-            let Numbered::Bytes(bytes) = later.numbered(&waiting, &first, Vec::new()).unwrap() else { unreachable!() };
+            let NumberedTriangles::Bytes(bytes) = later.numbered(&waiting, &first, Vec::new()).unwrap() else { unreachable!() };
             prop_assert_eq!(triples(&bytes, u32::from_le_bytes).flatten().collect::<Vec<_>>(), expected);
             // A leaf that is not there.
             prop_assert!(later.numbered(&waiting, &first[..0], Vec::new()).is_err());

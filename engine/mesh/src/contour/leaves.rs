@@ -6,7 +6,7 @@ use crate::store::BrickTree;
 
 /// A leaf of the tree, or an interior node that stands for its descendants where the tree is truncated.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Leaf {
+pub(super) struct ContourLeaf {
     pub key: NodeKey,
     /// False where an interior node stands for its descendants.
     pub is_tree_leaf: bool,
@@ -18,7 +18,7 @@ pub(super) struct Leaf {
 
 /// What lies next to a leaf in one of 26 directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
+pub(super) enum LeafNeighbour {
     /// Nothing: the root ends here.
     Outside,
     /// A leaf of a lower level.
@@ -30,9 +30,9 @@ pub(super) enum Side {
 }
 
 /// The sides of a leaf by [`direction_index`]; the middle one is the leaf itself.
-pub(super) type Around = [Side; 27];
+pub(super) type LeafNeighbours = [LeafNeighbour; 27];
 
-/// Index of a direction with components −1, 0 or 1 in [`Around`].
+/// Index of a direction with components −1, 0 or 1 in [`LeafNeighbours`].
 #[inline]
 pub(super) fn direction_index(d: [i32; 3]) -> usize {
     ((d[2] + 1) * 9 + (d[1] + 1) * 3 + d[0] + 1) as usize
@@ -47,7 +47,7 @@ pub(super) fn directions() -> impl Iterator<Item = [i32; 3]> {
 
 /// All leaves, found by place.
 pub(super) struct Leaves {
-    leaves: Vec<Leaf>,
+    leaves: Vec<ContourLeaf>,
     /// Code of each leaf's last descendant at the deepest level; ascending.
     last: Vec<u64>,
     /// The highest level of them all.
@@ -66,7 +66,7 @@ impl Leaves {
             }
             let changes = i32::from(info.max) >= threshold && i32::from(info.min) < threshold;
             let inside = i32::from(info.min) >= threshold;
-            leaves.push(Leaf { key, is_tree_leaf: info.leaf, changes, inside });
+            leaves.push(ContourLeaf { key, is_tree_leaf: info.leaf, changes, inside });
         }
         leaves.sort_by_key(|leaf| leaf.key.post_order());
         let last: Vec<u64> = leaves.iter().map(|leaf| leaf.key.post_order().0).collect();
@@ -96,7 +96,7 @@ impl Leaves {
     }
 
     #[inline]
-    pub(super) fn get(&self, leaf: u32) -> &Leaf {
+    pub(super) fn get(&self, leaf: u32) -> &ContourLeaf {
         &self.leaves[leaf as usize]
     }
 
@@ -142,17 +142,17 @@ impl Leaves {
     }
 
     /// What lies around a leaf.
-    pub(super) fn around(&self, leaf: u32) -> Around {
+    pub(super) fn around(&self, leaf: u32) -> LeafNeighbours {
         let key = self.get(leaf).key;
-        let mut sides = [Side::Outside; 27];
-        sides[direction_index([0; 3])] = Side::Same(leaf);
+        let mut sides = [LeafNeighbour::Outside; 27];
+        sides[direction_index([0; 3])] = LeafNeighbour::Same(leaf);
         for d in directions() {
             let Some(neighbour) = key.neighbour(d) else { continue };
             let other = self.covering(neighbour);
             sides[direction_index(d)] = match self.get(other).key.level().cmp(&key.level()) {
-                std::cmp::Ordering::Less => Side::Coarser(other),
-                std::cmp::Ordering::Equal => Side::Same(other),
-                std::cmp::Ordering::Greater => Side::Finer,
+                std::cmp::Ordering::Less => LeafNeighbour::Coarser(other),
+                std::cmp::Ordering::Equal => LeafNeighbour::Same(other),
+                std::cmp::Ordering::Greater => LeafNeighbour::Finer,
             };
         }
         sides
@@ -160,9 +160,9 @@ impl Leaves {
 
     /// How many levels the coarsest leaf around one is above it; of a leaf without sign changes, which has no polygons, none.
     pub(super) fn levels_up(&self, leaf: u32) -> u8 {
-        let Leaf { key, changes, .. } = *self.get(leaf);
-        let up = |side: &Side| match side {
-            Side::Coarser(other) => key.level() - self.get(*other).key.level(),
+        let ContourLeaf { key, changes, .. } = *self.get(leaf);
+        let up = |side: &LeafNeighbour| match side {
+            LeafNeighbour::Coarser(other) => key.level() - self.get(*other).key.level(),
             _ => 0,
         };
         if changes { self.around(leaf).iter().map(up).max().unwrap_or(0) } else { 0 }
@@ -170,7 +170,7 @@ impl Leaves {
 
     /// Whether finer leaves lie around a leaf.
     pub(super) fn has_finer(&self, leaf: u32) -> bool {
-        self.get(leaf).key.level() < self.deepest && self.around(leaf).contains(&Side::Finer)
+        self.get(leaf).key.level() < self.deepest && self.around(leaf).contains(&LeafNeighbour::Finer)
     }
 
     /// True if a leaf across one of a cell's faces or edges is finer than the cell, which is counted from the

@@ -5,13 +5,13 @@
 
 use super::cells::{self, CELL_ROWS, CellRow, mark_active};
 use super::edges::{EDGE_PLACES, EdgeStreams};
-use super::frame::Frame;
-use super::options::{ContourOptions, Method};
-use super::planes::Plane;
+use super::frame::CellFrame;
+use super::options::{ContourMethod, ContourOptions};
+use super::planes::HermitePlane;
 use super::qef::PlaneSums;
 use super::stages;
-use super::surface::{Changes, Level, Surface};
-use super::topology::{CellLoops, Kind};
+use super::surface::{HermiteSurface, IsoLevel, LeafSurface};
+use super::topology::{CellCase, CellLoops};
 use crate::brick::{Brick, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
@@ -27,25 +27,25 @@ const REACH: f64 = 1.5;
 const ROUNDING: f64 = 2e-4;
 
 /// A brick as the only leaf of a tree.
-pub struct Lone {
+pub struct SingleBrick {
     tree: MemoryTree,
 }
 
 /// The cells of a brick that the surface passes, once each.
-pub struct LoneCells {
+pub struct SingleBrickCells {
     rows: Vec<CellRow>,
     vertices: Vec<[f64; 3]>,
     /// Where the planes of each cell end, after a leading zero.
     ends: Vec<u32>,
-    planes: Vec<Plane>,
+    planes: Vec<HermitePlane>,
 }
 
-impl Lone {
+impl SingleBrick {
     /// A brick with its Hermite edges, whose samples 0 to 32 lie in the world as those of the root of `cube` do.
-    pub fn new(brick: Brick, cube: RootCube) -> Lone {
+    pub fn new(brick: Brick, cube: RootCube) -> SingleBrick {
         let mut tree = MemoryTree::new(cube);
         tree.insert(NodeKey::ROOT, true, brick);
-        Lone { tree }
+        SingleBrick { tree }
     }
 
     /// The brick.
@@ -58,15 +58,18 @@ impl Lone {
     /// Its cells; `None` if one has several loops or an ambiguous face, or if no point in or next to one is within
     /// `miss` cells of all the planes of its crossings. Most bricks that are too coarse show it in one of their first
     /// cells, before any vertex is placed.
-    pub fn cells(&self, miss: f64) -> Result<Option<LoneCells>> {
-        let options =
-            ContourOptions { cache_bytes: CACHE_BYTES, method: Method::Dual, ..ContourOptions::default() };
-        let field = stages::field(&self.tree, Level { threshold: 1, iso: 0.5 }, &options)?;
+    pub fn cells(&self, miss: f64) -> Result<Option<SingleBrickCells>> {
+        let options = ContourOptions {
+            cache_bytes: CACHE_BYTES,
+            method: ContourMethod::Dual,
+            ..ContourOptions::default()
+        };
+        let field = stages::field(&self.tree, IsoLevel { threshold: 1, iso: 0.5 }, &options)?;
         let surface = field.surface(0)?;
-        let Surface::Changes(changes) = &*surface else { return Ok(Some(LoneCells::none())) };
-        let Some(mut cells) = LoneCells::planes(changes, miss + ROUNDING) else { return Ok(None) };
+        let LeafSurface::Changes(changes) = &*surface else { return Ok(Some(SingleBrickCells::none())) };
+        let Some(mut cells) = SingleBrickCells::planes(changes, miss + ROUNDING) else { return Ok(None) };
         let built = cells::build(&field, 0)?;
-        let frame: Frame = field.frame(NodeKey::ROOT);
+        let frame: CellFrame = field.frame(NodeKey::ROOT);
         // One loop a cell, no extra vertices: vertices are numbered as active cells are.
         cells.vertices = built.positions.iter().map(|&position| frame.local(position)).collect();
         Ok((cells.vertices.len() + 1 == cells.ends.len()).then_some(cells))
@@ -86,7 +89,7 @@ pub fn has_one_sheet(samples: &Samples) -> bool {
             bits &= bits - 1;
             let pair = |j, k| (signs.row(j, k) >> i) as u8 & 3;
             let mask = pair(j, k) | pair(j + 1, k) << 2 | pair(j, k + 1) << 4 | pair(j + 1, k + 1) << 6;
-            if !is_plain(Kind::of(mask).loops()) {
+            if !is_plain(CellCase::of(mask).loops()) {
                 return false;
             }
         }
@@ -98,15 +101,16 @@ fn is_plain(loops: &CellLoops) -> bool {
     loops.count == 1 && loops.ambiguous == 0
 }
 
-impl LoneCells {
+impl SingleBrickCells {
     /// Of a brick whose samples are all inside, or all outside.
-    pub fn none() -> LoneCells {
-        LoneCells { rows: Vec::new(), vertices: Vec::new(), ends: vec![0], planes: Vec::new() }
+    pub fn none() -> SingleBrickCells {
+        SingleBrickCells { rows: Vec::new(), vertices: Vec::new(), ends: vec![0], planes: Vec::new() }
     }
 
     /// All but the vertices.
-    fn planes(changes: &Changes, miss: f64) -> Option<LoneCells> {
-        let mut cells = LoneCells { rows: vec![CellRow::default(); CELL_ROWS], ..LoneCells::none() };
+    fn planes(changes: &HermiteSurface, miss: f64) -> Option<SingleBrickCells> {
+        let mut cells =
+            SingleBrickCells { rows: vec![CellRow::default(); CELL_ROWS], ..SingleBrickCells::none() };
         mark_active(&changes.signs, &mut cells.rows);
         let mut rank = 0;
         for n in 0..CELL_ROWS {
@@ -126,8 +130,14 @@ impl LoneCells {
     }
 
     /// The planes of the next cell; `None` if that is not one of use.
-    fn push(&mut self, cell: [usize; 3], changes: &Changes, streams: &EdgeStreams, miss: f64) -> Option<()> {
-        let loops = Kind::of(changes.mask(cell)).loops();
+    fn push(
+        &mut self,
+        cell: [usize; 3],
+        changes: &HermiteSurface,
+        streams: &EdgeStreams,
+        miss: f64,
+    ) -> Option<()> {
+        let loops = CellCase::of(changes.mask(cell)).loops();
         if !is_plain(loops) {
             return None;
         }
@@ -148,7 +158,7 @@ impl LoneCells {
 
     /// The vertex of a cell and the planes of its crossings, in cells of the brick; `None` if the surface does not pass it.
     #[inline]
-    pub fn at(&self, [i, j, k]: [usize; 3]) -> Option<([f64; 3], &[Plane])> {
+    pub fn at(&self, [i, j, k]: [usize; 3]) -> Option<([f64; 3], &[HermitePlane])> {
         let row = self.rows.get(k * BRICK_CELLS + j)?;
         if row.active >> i & 1 == 0 {
             return None;

@@ -6,7 +6,7 @@
 //!
 //! Then the parts of the surface within the cell cannot meet, as those of one loop lie in the convex hull of these.
 
-use super::topology::{KINDS, Kind, edge_lower};
+use super::topology::{CellCase, KINDS, edge_lower};
 use std::sync::LazyLock;
 
 /// Loops of a cell, and pairs of them, at most.
@@ -27,7 +27,7 @@ struct Gap {
 /// By kind and pair (i, j), i < j, at j·(j − 1)/2 + i.
 static GAPS: LazyLock<Box<[[Gap; PAIRS]; KINDS]>> = LazyLock::new(|| {
     let mut gaps = Box::new([[Gap::default(); PAIRS]; KINDS]);
-    for (kind, gaps) in Kind::all().zip(gaps.iter_mut()) {
+    for (kind, gaps) in CellCase::all().zip(gaps.iter_mut()) {
         for (i, j) in pairs(kind.loops().count.into()) {
             gaps[j * (j - 1) / 2 + i] = widest(kind, i, j);
         }
@@ -36,7 +36,7 @@ static GAPS: LazyLock<Box<[[Gap; PAIRS]; KINDS]>> = LazyLock::new(|| {
 });
 
 /// The gap between loops i < j of a cell.
-fn gap(kind: Kind, i: usize, j: usize) -> &'static Gap {
+fn gap(kind: CellCase, i: usize, j: usize) -> &'static Gap {
     &GAPS[kind.index()][j * (j - 1) / 2 + i]
 }
 
@@ -45,7 +45,7 @@ fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Ends of the edges of a loop.
-fn ends(kind: Kind, of: usize) -> impl Iterator<Item = [i8; 3]> {
+fn ends(kind: CellCase, of: usize) -> impl Iterator<Item = [i8; 3]> {
     kind.loops().edges_of(of).flat_map(|edge| {
         let (axis, low) = edge_lower(edge);
         let low = low.map(|c| c as i8);
@@ -60,7 +60,7 @@ fn along(normal: [i8; 3], at: [i8; 3]) -> i8 {
 }
 
 /// The gap with the most room of all whose normals have components −1, 0 and 1, the first one of equals.
-fn widest(kind: Kind, i: usize, j: usize) -> Gap {
+fn widest(kind: CellCase, i: usize, j: usize) -> Gap {
     let normals = (0..27i8).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]);
     let gaps = normals.map(|normal| {
         let low = ends(kind, i).map(|at| along(normal, at)).max().unwrap_or_default();
@@ -85,7 +85,7 @@ impl Gap {
 }
 
 /// Which loops of a cell, by bit, are not kept apart from another one by their `vertices`.
-pub(super) fn tangled(kind: Kind, vertices: &[[f64; 3]]) -> u8 {
+pub(super) fn tangled(kind: CellCase, vertices: &[[f64; 3]]) -> u8 {
     let tangled = pairs(vertices.len().min(LOOPS))
         .filter(|&(i, j)| gap(kind, i, j).offset([vertices[i], vertices[j]]).is_none());
     tangled.fold(0, |all, (i, j)| all | 1 << i | 1 << j)
@@ -93,15 +93,15 @@ pub(super) fn tangled(kind: Kind, vertices: &[[f64; 3]]) -> u8 {
 
 /// The part of a cell that belongs to one loop: where `normal`·p ≤ `offset` for each of some planes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Part {
+pub(super) struct LoopRegion {
     planes: [([f64; 3], f64); LOOPS - 1],
     count: usize,
 }
 
-impl Part {
+impl LoopRegion {
     /// That of loop `of` of a cell with these vertices. Vertices that are not kept apart give no plane.
-    pub(super) fn new(kind: Kind, of: usize, vertices: &[[f64; 3]]) -> Part {
-        let mut part = Part::default();
+    pub(super) fn new(kind: CellCase, of: usize, vertices: &[[f64; 3]]) -> LoopRegion {
+        let mut part = LoopRegion::default();
         for (i, j) in pairs(vertices.len().min(LOOPS)).filter(|&(i, j)| i == of || j == of) {
             let gap = gap(kind, i, j);
             if let Some(offset) = gap.offset([vertices[i], vertices[j]]) {
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn every_two_loops_of_a_cell_have_a_plane_between_them() {
         let (mut all, mut tight) = (0, 0);
-        for kind in Kind::all() {
+        for kind in CellCase::all() {
             for (i, j) in pairs(kind.loops().count.into()) {
                 let gap = gap(kind, i, j);
                 assert!(gap.normal != [0; 3] && gap.low <= gap.high, "{kind:?}: {gap:?}");
@@ -165,7 +165,7 @@ mod tests {
     /// own rounding, half a step by that of the planes of the lattice. Places on faces are counted from these.
     #[test]
     fn middles_stay_in_their_parts_however_they_are_rounded() {
-        for kind in Kind::all() {
+        for kind in CellCase::all() {
             let loops = kind.loops();
             for (i, j) in pairs(loops.count.into()) {
                 let gap = gap(kind, i, j);
@@ -200,7 +200,7 @@ mod tests {
     proptest! {
         #[test]
         fn means_of_crossings_are_never_tangled_and_points_are_pulled_into_parts(
-            kind in (0..KINDS).prop_map(|n| Kind::all().nth(n).unwrap()),
+            kind in (0..KINDS).prop_map(|n| CellCase::all().nth(n).unwrap()),
             at in prop::collection::vec(0.001f64..0.999, 12),
             far in prop::array::uniform3(0.0f64..1.0),
         ) {
@@ -218,7 +218,7 @@ mod tests {
             let vertices: Vec<[f64; 3]> = (0..loops.count.into()).map(mean).collect();
             prop_assert_eq!(tangled(kind, &vertices), 0);
             for of in 0..vertices.len() {
-                let part = Part::new(kind, of, &vertices);
+                let part = LoopRegion::new(kind, of, &vertices);
                 prop_assert_eq!(part.count, vertices.len() - 1);
                 for other in 0..vertices.len() {
                     prop_assert_eq!(part.pull(vertices[other], vertices[of]) > 0.0, other != of);

@@ -15,17 +15,17 @@
 //! crossings are near each other. Surfaces that pass from leaves of one level to those of another are refused.
 
 use super::cells::{CELL_ROWS, CellRow, mark_active};
-use super::cut::{Cutter, Shape, Vertex};
+use super::cut::{Cutter, QuadSplit, Vertex};
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::envelope::MinimalEdge;
-use super::field::Field;
+use super::field::LevelSet;
 use super::joined;
-use super::leaves::{Around, Side, broken, direction_index};
+use super::leaves::{LeafNeighbour, LeafNeighbours, broken, direction_index};
 use super::normal_sum::NormalSum;
-use super::polygons::{LeafFacets, Making, direction};
-use super::surface::{Changes, Surface};
-use super::topology::{CellLoops, KINDS, Kind, SQUARE, cell_around, edge_lower};
-use super::triangle_names::Names;
+use super::polygons::{FacetOptions, LeafFacets, direction};
+use super::surface::{HermiteSurface, LeafSurface};
+use super::topology::{CellCase, CellLoops, KINDS, SQUARE, cell_around, edge_lower};
+use super::triangle_names::TriangleNames;
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use std::sync::{Arc, LazyLock};
@@ -50,7 +50,7 @@ enum Cut {
 static RINGS: LazyLock<Vec<Vec<Ring>>> = LazyLock::new(|| {
     let mut rings: Vec<Vec<Ring>> = Vec::new();
     rings.resize_with(KINDS, Vec::new);
-    for kind in Kind::all() {
+    for kind in CellCase::all() {
         rings[kind.index()] = rings_of(kind.loops());
     }
     rings
@@ -113,11 +113,15 @@ fn cut(ring: &[u8], (from, to): (usize, usize), triangles: &mut Vec<[u8; 3]>) ->
 ///
 /// # Errors
 /// Where leaves of different levels meet at the surface; what reading the tree gives.
-pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<(Vec<[f32; 3]>, LeafFacets)> {
+pub(super) fn leaf_facets(
+    field: &LevelSet,
+    leaf: u32,
+    making: &FacetOptions,
+) -> Result<(Vec<[f32; 3]>, LeafFacets)> {
     let around = field.leaves.around(leaf);
     let surface = field.leaves.get(leaf).changes.then(|| field.surface(leaf)).transpose()?;
     let made = match surface.as_deref() {
-        Some(Surface::Changes(changes)) => march(field, (leaf, &around), changes, making)?,
+        Some(LeafSurface::Changes(changes)) => march(field, (leaf, &around), changes, making)?,
         _ => Default::default(),
     };
     field.release(leaf);
@@ -125,15 +129,15 @@ pub(super) fn leaf_facets(field: &Field, leaf: u32, making: &Making) -> Result<(
 }
 
 fn march(
-    field: &Field,
-    (leaf, around): (u32, &Around),
-    changes: &Changes,
-    making: &Making,
+    field: &LevelSet,
+    (leaf, around): (u32, &LeafNeighbours),
+    changes: &HermiteSurface,
+    making: &FacetOptions,
 ) -> Result<(Vec<[f32; 3]>, LeafFacets)> {
     let key = field.leaves.get(leaf).key;
     let Crossings { corners, positions, names } = Crossings::of(field, (leaf, around), changes)?;
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.wanted, making.spare.take());
+    let mut cutter = Cutter::new(centre, TriangleNames::ON_EDGES, making.wanted, making.spare.take());
     let mut normals = making.normals.then(|| own_normals(changes));
     let mut rows = vec![CellRow::default(); CELL_ROWS];
     mark_active(&changes.signs, &mut rows);
@@ -160,7 +164,7 @@ fn march(
 }
 
 /// Normals of the crossings that are the leaf's own.
-fn own_normals(changes: &Changes) -> Vec<[f32; 3]> {
+fn own_normals(changes: &HermiteSurface) -> Vec<[f32; 3]> {
     let (mut planes, mut normals) = (changes.planes.iter(), Vec::new());
     for axis in Axis::ALL {
         changes.signs.for_edges(axis, |low| {
@@ -175,7 +179,7 @@ fn own_normals(changes: &Changes) -> Vec<[f32; 3]> {
 fn push(cutter: &mut Cutter, ring: &Ring, corner: impl Fn(usize) -> Vertex) {
     match &ring.cut {
         &Cut::Quad(allowed) => {
-            cutter.push([0, 1, 2, 3].map(&corner), Shape::Quad, allowed);
+            cutter.push([0, 1, 2, 3].map(&corner), QuadSplit::Quad, allowed);
         }
         Cut::Triangles(triangles) => {
             for triangle in triangles {
@@ -197,11 +201,15 @@ struct Crossings {
     corners: Vec<Vertex>,
     /// Of those that are the leaf's own.
     positions: Vec<[f32; 3]>,
-    names: Names,
+    names: TriangleNames,
 }
 
 impl Crossings {
-    fn of(field: &Field, (leaf, around): (u32, &Around), changes: &Changes) -> Result<Crossings> {
+    fn of(
+        field: &LevelSet,
+        (leaf, around): (u32, &LeafNeighbours),
+        changes: &HermiteSurface,
+    ) -> Result<Crossings> {
         let key = field.leaves.get(leaf).key;
         let lattice = field.frame(key).lattice();
         let mut edges = Vec::with_capacity(changes.planes.len());
@@ -209,7 +217,7 @@ impl Crossings {
             changes.signs.for_edges(axis, |low| edges.push((axis, low)));
         }
         let own = edges.iter().filter(|(_, low)| owner_of(*low) == [0; 3]).count();
-        let mut names = Names::new(leaf, own);
+        let mut names = TriangleNames::new(leaf, own);
         let (mut corners, mut positions) = (Vec::with_capacity(edges.len()), Vec::with_capacity(own));
         let mut owners = [const { None }; 27];
         for (&(axis, low), plane) in edges.iter().zip(&changes.planes) {
@@ -243,12 +251,12 @@ fn placed(lattice: &[[f32; BRICK_POINTS]; 3], axis: Axis, low: [usize; 3], fract
 }
 
 /// Fails unless all four cells around an edge are of one size.
-fn require_one_level(around: &Around, axis: Axis, low: [usize; 3]) -> Result<()> {
+fn require_one_level(around: &LeafNeighbours, axis: Axis, low: [usize; 3]) -> Result<()> {
     let (u, v) = axis.others();
     let is_border = [u, v].iter().any(|across| matches!(low[across.index()], 0 | BRICK_CELLS));
     let is_same = |quadrant: [usize; 2]| {
         let cell = cell_around(axis, low.map(|c| c as i32), quadrant);
-        matches!(around[direction_index(direction(cell))], Side::Same(_))
+        matches!(around[direction_index(direction(cell))], LeafNeighbour::Same(_))
     };
     if !is_border || SQUARE.into_iter().all(is_same) {
         return Ok(());
@@ -262,18 +270,18 @@ fn require_one_level(around: &Around, axis: Axis, low: [usize; 3]) -> Result<()>
 /// The leaf that edges of the apron belong to.
 struct Owner {
     leaf: u32,
-    surface: Arc<Surface>,
+    surface: Arc<LeafSurface>,
     lattice: [[f32; BRICK_POINTS]; 3],
     /// By axis and row of cells, how many of its own edges come before.
     before: [Vec<u32>; 3],
 }
 
 impl Owner {
-    fn new(field: &Field, side: Side) -> Result<Owner> {
-        let Side::Same(leaf) = side else { return Err(broken(NodeKey::ROOT)) };
+    fn new(field: &LevelSet, side: LeafNeighbour) -> Result<Owner> {
+        let LeafNeighbour::Same(leaf) = side else { return Err(broken(NodeKey::ROOT)) };
         let surface = field.surface(leaf)?;
         let mut before = [const { Vec::new() }; 3];
-        if let Surface::Changes(changes) = &*surface {
+        if let LeafSurface::Changes(changes) = &*surface {
             let mut sum = 0;
             for axis in Axis::ALL {
                 before[axis.index()] = (0..CELL_ROWS)
@@ -292,8 +300,8 @@ impl Owner {
     }
 
     /// The crossing on an edge of it, given by the lower sample as the leaf below it counts.
-    fn corner(&self, axis: Axis, low: [usize; 3], names: &mut Names) -> Option<Vertex> {
-        let Surface::Changes(changes) = &*self.surface else { return None };
+    fn corner(&self, axis: Axis, low: [usize; 3], names: &mut TriangleNames) -> Option<Vertex> {
+        let LeafSurface::Changes(changes) = &*self.surface else { return None };
         let low = low.map(|c| c % BRICK_CELLS);
         let [i, j, k] = low;
         let edges = changes.signs.edges(axis, j, k);
@@ -313,7 +321,7 @@ mod tests {
     #[test]
     fn rings_have_no_diagonals_in_faces() {
         let (mut fans, mut longest) = (0, 0);
-        for kind in Kind::all() {
+        for kind in CellCase::all() {
             let rings = &RINGS[kind.index()];
             assert_eq!(rings.len(), usize::from(kind.loops().count));
             for (of, ring) in rings.iter().enumerate() {

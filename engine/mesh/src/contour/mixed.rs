@@ -13,10 +13,10 @@
 use super::cells::CellRow;
 use super::envelope::MinimalEdge;
 use super::extras::{self, edge_key, face_key};
-use super::field::Field;
-use super::leaves::{Around, Leaf, Side, broken, direction_index, directions};
-use super::planes::Plane;
-use super::surface::{Changes, Surface};
+use super::field::LevelSet;
+use super::leaves::{ContourLeaf, LeafNeighbour, LeafNeighbours, broken, direction_index, directions};
+use super::planes::HermitePlane;
+use super::surface::{HermiteSurface, LeafSurface};
 use super::topology::{corners_in_run, cut_runs};
 use crate::brick::SignChanges;
 use crate::error::Result;
@@ -26,11 +26,11 @@ use std::sync::Arc;
 
 /// A sign-changing minimal edge on the boundary of a cell.
 #[derive(Clone, Copy)]
-pub(super) struct Crossing {
+pub(super) struct LoopCrossing {
     /// Name relative to the cell's lower corner.
     pub key: u64,
     /// In cell coordinates.
-    pub plane: Plane,
+    pub plane: HermitePlane,
     /// Number of the loop through the edge.
     pub in_loop: u32,
     /// Lower end of the edge, counted from the root's first sample, and its level.
@@ -41,12 +41,12 @@ pub(super) struct Crossing {
 }
 
 /// A cut of a minimal face.
-pub(super) struct Cut {
+pub(super) struct MixedCut {
     /// Name of the face within the leaf, if the cell owns it.
     pub face: Option<u32>,
     /// The two edges that the cut joins, named relative to the face's lower corner.
     pub edges: [u64; 2],
-    /// The same relative to the cell's lower corner, as [`Crossing::key`]: that which enters the run that is cut off, and that
+    /// The same relative to the cell's lower corner, as [`LoopCrossing::key`]: that which enters the run that is cut off, and that
     /// which leaves it.
     keys: [u64; 2],
     /// Where it has its vertex if it must have one: [`extras::Face::half_way`], or that of several.
@@ -59,18 +59,18 @@ pub(super) struct Cut {
 #[derive(Default)]
 pub(super) struct MixedCell {
     /// Sorted by key.
-    pub crossings: Vec<Crossing>,
+    pub crossings: Vec<LoopCrossing>,
     /// Number of loops.
     pub loops: u32,
     /// The cuts of all minimal faces.
-    pub cuts: Vec<Cut>,
+    pub cuts: Vec<MixedCut>,
     /// Number of the faces with several that the cell owns.
     pub split_faces: u64,
 }
 
 impl MixedCell {
     /// The crossings of the two edges that a cut joins.
-    pub(super) fn ends(&self, cut: &Cut) -> [&Crossing; 2] {
+    pub(super) fn ends(&self, cut: &MixedCut) -> [&LoopCrossing; 2] {
         // Those of all cuts are there.
         cut.keys.map(|key| &self.crossings[self.crossings.partition_point(|c| c.key < key)])
     }
@@ -79,14 +79,14 @@ impl MixedCell {
 const NOT_LOOPED: u32 = u32::MAX;
 
 /// A leaf with finer leaves around it.
-pub(super) struct Surroundings<'a> {
-    field: &'a Field<'a>,
+pub(super) struct TransitionLeaf<'a> {
+    field: &'a LevelSet<'a>,
     leaf: u32,
-    own: Leaf,
-    around: &'a Around,
+    own: ContourLeaf,
+    around: &'a LeafNeighbours,
     /// The leaf found last: queries come in clusters.
     last: u32,
-    surfaces: HashMap<u32, Arc<Surface>>,
+    surfaces: HashMap<u32, Arc<LeafSurface>>,
 }
 
 /// What is gathered while walking round one cell.
@@ -96,7 +96,7 @@ struct Walk {
     base: Units,
     cell: MixedCell,
     /// Edges round the current face with the sign of the point where each starts.
-    ring: Vec<(Option<Crossing>, bool)>,
+    ring: Vec<(Option<LoopCrossing>, bool)>,
     /// The places there of the edges that start at corners of the face.
     corners: [usize; 4],
     /// Places there of the edges that enter and leave each run of inside points.
@@ -112,13 +112,13 @@ struct Face {
     level: u8,
 }
 
-impl<'a> Surroundings<'a> {
-    pub(super) fn new(field: &'a Field<'a>, leaf: u32, around: &'a Around) -> Surroundings<'a> {
+impl<'a> TransitionLeaf<'a> {
+    pub(super) fn new(field: &'a LevelSet<'a>, leaf: u32, around: &'a LeafNeighbours) -> TransitionLeaf<'a> {
         let own = *field.leaves.get(leaf);
-        Surroundings { field, leaf, own, around, last: leaf, surfaces: HashMap::new() }
+        TransitionLeaf { field, leaf, own, around, last: leaf, surfaces: HashMap::new() }
     }
 
-    fn surface(&mut self, leaf: u32) -> Result<Arc<Surface>> {
+    fn surface(&mut self, leaf: u32) -> Result<Arc<LeafSurface>> {
         if let Some(surface) = self.surfaces.get(&leaf) {
             return Ok(Arc::clone(surface));
         }
@@ -131,7 +131,7 @@ impl<'a> Surroundings<'a> {
     /// corners or on any finer edge of their boundary.
     pub(super) fn mark(&mut self, rows: &mut [CellRow]) -> Result<()> {
         let mut touching = Vec::new();
-        for d in directions().filter(|&d| self.around[direction_index(d)] == Side::Finer) {
+        for d in directions().filter(|&d| self.around[direction_index(d)] == LeafNeighbour::Finer) {
             let range = |axis: usize| match d[axis] {
                 -1 => 0..1,
                 0 => 0..BRICK_CELLS,
@@ -148,7 +148,7 @@ impl<'a> Surroundings<'a> {
             self.field.leaves.touching(self.own.key, d, &mut touching);
             for &fine in &touching {
                 let leaf = *self.field.leaves.get(fine);
-                if let (true, Surface::Changes(changes)) = (leaf.changes, &*self.surface(fine)?) {
+                if let (true, LeafSurface::Changes(changes)) = (leaf.changes, &*self.surface(fine)?) {
                     self.mark_next_to(&leaf, &changes.signs, d, rows);
                 }
             }
@@ -161,7 +161,7 @@ impl<'a> Surroundings<'a> {
 
     /// Marks the cells that have a sign-changing edge of the leaf `fine`, which lies in direction `d`, on
     /// their boundary.
-    fn mark_next_to(&self, fine: &Leaf, signs: &SignChanges, d: [i32; 3], rows: &mut [CellRow]) {
+    fn mark_next_to(&self, fine: &ContourLeaf, signs: &SignChanges, d: [i32; 3], rows: &mut [CellRow]) {
         let shift = fine.key.level() - self.own.key.level();
         let first = fine.key.first_sample();
         let own_first = self.own.key.first_sample();
@@ -311,7 +311,7 @@ impl<'a> Surroundings<'a> {
         let surface = self.surface(leaf)?;
         let starts = surface.is_inside(low);
         let crossing = match &*surface {
-            Surface::Changes(changes) if changes.signs.is_inside(high) != starts => {
+            LeafSurface::Changes(changes) if changes.signs.is_inside(high) != starts => {
                 Some(self.crossing(changes, low, (lower, axis, level), walk.base))
             }
             _ => None,
@@ -322,11 +322,11 @@ impl<'a> Surroundings<'a> {
 
     fn crossing(
         &self,
-        changes: &Changes,
+        changes: &HermiteSurface,
         low: [usize; 3],
         (lower, axis, level): (Units, Axis, u8),
         base: Units,
-    ) -> Crossing {
+    ) -> LoopCrossing {
         let edge = changes.plane(axis, low);
         let relative: Units = std::array::from_fn(|a| lower[a] - base[a]);
         let spacing = f64::from(1 << self.own.key.spacing_bits());
@@ -334,7 +334,7 @@ impl<'a> Surroundings<'a> {
         at[axis.index()] += f64::from(edge.fraction) * f64::from(1 << crate::lattice::spacing_bits(level));
         let plane = (at.map(|c| c / spacing), edge.normal.map(f64::from));
         let edge = MinimalEdge::of_level(self.field.root, axis, lower, level, edge.rounded_down());
-        Crossing { key: edge_key(relative, axis, level), plane, in_loop: NOT_LOOPED, lower, level, edge }
+        LoopCrossing { key: edge_key(relative, axis, level), plane, in_loop: NOT_LOOPED, lower, level, edge }
     }
 
     /// Keeps the cuts of a face.
@@ -348,10 +348,10 @@ impl<'a> Surroundings<'a> {
         if walk.runs.is_empty() {
             return;
         }
-        let in_world = extras::Face::of_level(self.field.root, face.axis, face.corner, face.level);
+        let in_world = extras::SplitFace::of_level(self.field.root, face.axis, face.corner, face.level);
         for &run in &walk.runs {
             let [Some(enter), Some(leave)] = run.map(|place| walk.ring[place].0) else { continue };
-            let relative = |c: Crossing| std::array::from_fn(|a| c.lower[a] - face.corner[a]);
+            let relative = |c: LoopCrossing| std::array::from_fn(|a| c.lower[a] - face.corner[a]);
             let edges = [enter, leave].map(|c| edge_key(relative(c), c.edge.axis, c.level));
             let cut = [&enter.edge, &leave.edge];
             let at = match is_split {
@@ -359,7 +359,7 @@ impl<'a> Surroundings<'a> {
                 false => in_world.half_way(cut),
             };
             let keys = [enter.key, leave.key];
-            walk.cell.cuts.push(Cut { face: name, edges, keys, at, is_split });
+            walk.cell.cuts.push(MixedCut { face: name, edges, keys, at, is_split });
         }
     }
 
@@ -388,7 +388,7 @@ impl<'a> Surroundings<'a> {
 }
 
 /// Turns a part of a ring round: each edge then starts where it ended.
-fn reverse(part: &mut [(Option<Crossing>, bool)]) {
+fn reverse(part: &mut [(Option<LoopCrossing>, bool)]) {
     for (crossing, starts) in part.iter_mut() {
         *starts ^= crossing.is_some();
     }

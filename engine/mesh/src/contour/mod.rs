@@ -105,14 +105,14 @@ mod topology;
 mod triangle_names;
 mod vertices;
 
-pub use cut::{Cuts, Facet};
+pub use cut::{Cuts, MeshTriangle};
 pub use foresee::foresee_triangles;
-pub use lone::{Lone, LoneCells, has_one_sheet};
-pub use options::{ContourOptions, MeshSummary, Method};
-pub use shells::{Angles, Counted, KeptShells, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellSink};
+pub use lone::{SingleBrick, SingleBrickCells, has_one_sheet};
+pub use options::{ContourMethod, ContourOptions, MeshSummary};
+pub use shells::{Angles, KeptCounts, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellFilter, ShellSink};
 pub use sink::{
-    Encoded, Encoding, MeshArrays, MeshSink, Triangles, VertexBytes, create_sink, create_sink_with_normals,
-    ply_faces,
+    MeshArrays, MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, create_sink,
+    create_sink_with_normals, ply_faces,
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};
@@ -121,14 +121,14 @@ use crate::error::{Error, Result};
 use crate::part::temporary::require_folder;
 use crate::progress::Progress;
 use crate::store::BrickTree;
-use field::Field;
+use field::LevelSet;
 use frame::united;
-use later::{Later, Numbered, Numbering, Waiting};
+use later::{NumberedTriangles, Numbering, SpooledTriangles, TriangleSpool};
 use normals::LeafNormals;
 use options::{level, require_half, require_resolution, require_tolerance};
 use order::in_order;
-use polygons::{LeafFacets, Making};
-use spare::Spare;
+use polygons::{FacetOptions, LeafFacets};
+use spare::BufferPool;
 use vertices::LeafVertices;
 
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is
@@ -158,8 +158,8 @@ pub fn contour(
     let mut summary = MeshSummary::default();
     if sink.shares_vertices() {
         let folder = sink.folder().map(|own| options.temp_dir.as_deref().unwrap_or(own));
-        let later = Later::new(folder, sink.encoding());
-        let spare = Spare::default();
+        let later = TriangleSpool::new(folder, sink.encoding());
+        let spare = BufferPool::default();
         let made = vertices(&field, options.method, (&later, &spare), sink, progress, &mut summary)?;
         triangles(&later, &made, &spare, sink, progress)?;
     } else {
@@ -171,9 +171,9 @@ pub fn contour(
 
 /// Hands all vertices to the sink, and the triangles that it takes between them, and puts the others away.
 fn vertices(
-    field: &Field,
-    method: Method,
-    (later, spare): (&Later, &Spare<u8>),
+    field: &LevelSet,
+    method: ContourMethod,
+    (later, spare): (&TriangleSpool, &BufferPool<u8>),
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
     summary: &mut MeshSummary,
@@ -182,7 +182,7 @@ fn vertices(
     let takes_triangles = sink.takes_triangles_between();
     progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
-    let making = Making::new(encoding, sink.wants_normals());
+    let making = FacetOptions::new(encoding, sink.wants_normals());
     let make = |leaf| {
         let (positions, part, mut facets) = contoured(field, method, leaf, &making)?;
         let mut vertices = Vertices {
@@ -204,10 +204,10 @@ fn vertices(
     field.in_order(
         progress,
         make,
-        |(vertices, part, bytes, kept): (Vertices, MeshSummary, Vec<u8>, Waiting)| {
+        |(vertices, part, bytes, kept): (Vertices, MeshSummary, Vec<u8>, SpooledTriangles)| {
             match encoding {
                 Some(_) => {
-                    sink.encoded(Encoded::Vertices(part.vertices as usize, &bytes))?;
+                    sink.encoded(MeshChunk::Vertices(part.vertices as usize, &bytes))?;
                     spare.keep(bytes);
                 }
                 None if making.normals => vertices
@@ -233,7 +233,7 @@ fn vertices(
                 numbering.given += 1;
             }
             if numbering.given < numbering.waiting.len() {
-                numbering.waiting.last_mut().into_iter().for_each(Waiting::shrink);
+                numbering.waiting.last_mut().into_iter().for_each(SpooledTriangles::shrink);
             }
             Ok(())
         },
@@ -243,9 +243,9 @@ fn vertices(
 
 /// Hands the triangles to the sink that it does not have yet.
 fn triangles(
-    later: &Later,
+    later: &TriangleSpool,
     made: &Numbering,
-    spare: &Spare<u8>,
+    spare: &BufferPool<u8>,
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
 ) -> Result<()> {
@@ -262,33 +262,38 @@ fn triangles(
 }
 
 /// Hands so many triangles to the sink, and keeps their room.
-fn hand_over(sink: &mut dyn MeshSink, count: usize, numbered: Numbered, spare: &Spare<u8>) -> Result<()> {
+fn hand_over(
+    sink: &mut dyn MeshSink,
+    count: usize,
+    numbered: NumberedTriangles,
+    spare: &BufferPool<u8>,
+) -> Result<()> {
     match numbered {
-        Numbered::Bytes(bytes) => {
-            sink.encoded(Encoded::Triangles(count, &bytes))?;
+        NumberedTriangles::Bytes(bytes) => {
+            sink.encoded(MeshChunk::Triangles(count, &bytes))?;
             spare.keep(bytes);
             Ok(())
         }
-        Numbered::Facets(facets) => sink.triangles(&facets),
+        NumberedTriangles::Facets(facets) => sink.triangles(&facets),
     }
 }
 
 /// Hands all triangles to a sink that shares no vertices.
 fn lone_triangles(
-    field: &Field,
-    method: Method,
+    field: &LevelSet,
+    method: ContourMethod,
     sink: &mut dyn MeshSink,
     progress: &dyn Progress,
     summary: &mut MeshSummary,
 ) -> Result<()> {
     progress.phase("contouring", Some(field.leaves.len() as u64), "bricks");
     let encoding = sink.encoding();
-    let making = Making::new(encoding, false);
+    let making = FacetOptions::new(encoding, false);
     let make = |leaf| contoured(field, method, leaf, &making);
     field.in_order(progress, make, |(_, part, facets)| {
         summary.add(&part);
         match encoding {
-            Some(_) => sink.encoded(Encoded::Triangles(facets.count, &facets.bytes))?,
+            Some(_) => sink.encoded(MeshChunk::Triangles(facets.count, &facets.bytes))?,
             None => sink.triangles(&triangle_names::whole(&facets.bytes))?,
         }
         making.spare.keep(facets.bytes);
@@ -338,13 +343,13 @@ impl Vertices {
 /// The vertices of a leaf, what it adds to a summary, and its triangles. A leaf's polygons need the cells of the leaves
 /// below it, which come before it, and of coarser ones.
 fn contoured(
-    field: &Field,
-    method: Method,
+    field: &LevelSet,
+    method: ContourMethod,
     leaf: u32,
-    making: &Making,
+    making: &FacetOptions,
 ) -> Result<(Positions, MeshSummary, LeafFacets)> {
     let (positions, mut part, facets) = match method {
-        Method::Dual => {
+        ContourMethod::Dual => {
             let vertices = field.vertices(leaf)?;
             field.release_drafts(leaf);
             // Before the polygons, behind which the leaf's surface is dropped.
@@ -356,7 +361,7 @@ fn contoured(
             let part = MeshSummary::of_leaf(&vertices);
             (Positions::Dual(vertices), part, facets)
         }
-        Method::MarchingCubes => {
+        ContourMethod::MarchingCubes => {
             let (positions, facets) = marching::leaf_facets(field, leaf, making)?;
             let part = MeshSummary::of_positions(&positions);
             (Positions::OnEdges(positions), part, facets)

@@ -20,10 +20,10 @@ use super::cells::{BrickCells, CELL_ROWS};
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::envelope::MinimalEdge;
 use super::extras::{face_key, plain_edge_key};
-use super::field::Field;
-use super::mixed::Surroundings;
+use super::field::LevelSet;
+use super::mixed::TransitionLeaf;
 use super::normal_sum::NormalSum;
-use super::surface::{Changes, Surface};
+use super::surface::{HermiteSurface, LeafSurface};
 use super::topology::CellLoops;
 use super::vertices::LeafVertices;
 use crate::error::Result;
@@ -33,7 +33,7 @@ use std::sync::Arc;
 /// The normals of a leaf's vertices, and what is needed for those of its edges.
 pub(super) struct LeafNormals {
     /// `None` if no edge of it changes sign.
-    surface: Option<Arc<Surface>>,
+    surface: Option<Arc<LeafSurface>>,
     lattice: [[f32; BRICK_POINTS]; 3],
     all: Vec<[f32; 3]>,
 }
@@ -43,12 +43,12 @@ impl LeafNormals {
     ///
     /// # Errors
     /// What reading the tree gives.
-    pub(super) fn of(field: &Field, leaf: u32, vertices: &LeafVertices) -> Result<LeafNormals> {
+    pub(super) fn of(field: &LevelSet, leaf: u32, vertices: &LeafVertices) -> Result<LeafNormals> {
         let key = field.leaves.get(leaf).key;
         let count = vertices.first_count();
         let has_edges = count > 0 && field.leaves.get(leaf).changes;
         let surface = has_edges.then(|| field.surface(leaf)).transpose()?;
-        let changes = surface.as_deref().and_then(Surface::changes);
+        let changes = surface.as_deref().and_then(LeafSurface::changes);
         let mut sums = Sums { key, vertices, changes, all: vec![NormalSum::default(); count] };
         if count > 0 {
             sums.add_cells(field, leaf)?;
@@ -59,7 +59,7 @@ impl LeafNormals {
 
     /// With those of vertices on edges of the leaf, which come last.
     pub(super) fn with_edges(mut self, edges: &[MinimalEdge]) -> Vec<[f32; 3]> {
-        if let Some(changes) = self.surface.as_deref().and_then(Surface::changes) {
+        if let Some(changes) = self.surface.as_deref().and_then(LeafSurface::changes) {
             let normal = |edge: &MinimalEdge| {
                 let low = low_of(edge, &self.lattice);
                 NormalSum::of([changes.plane(edge.axis, low).normal]).direction()
@@ -83,15 +83,15 @@ fn low_of(edge: &MinimalEdge, lattice: &[[f32; BRICK_POINTS]; 3]) -> [usize; 3] 
 struct Sums<'a> {
     key: NodeKey,
     vertices: &'a LeafVertices,
-    changes: Option<&'a Changes>,
+    changes: Option<&'a HermiteSurface>,
     all: Vec<NormalSum>,
 }
 
 impl Sums<'_> {
-    fn add_cells(&mut self, field: &Field, leaf: u32) -> Result<()> {
+    fn add_cells(&mut self, field: &LevelSet, leaf: u32) -> Result<()> {
         let cells: &BrickCells = &self.vertices.cells;
         let around = field.leaves.around(leaf);
-        let mut surroundings = (cells.mixed_cells() > 0).then(|| Surroundings::new(field, leaf, &around));
+        let mut surroundings = (cells.mixed_cells() > 0).then(|| TransitionLeaf::new(field, leaf, &around));
         for n in 0..CELL_ROWS {
             let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
             let row = cells.row(j, k);
@@ -151,7 +151,7 @@ impl Sums<'_> {
 
     /// Those of a cell next to finer leaves, whose loops are found once more.
     #[cold]
-    fn add_mixed(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {
+    fn add_mixed(&mut self, cell: [usize; 3], surroundings: &mut TransitionLeaf) -> Result<()> {
         let mixed = surroundings.loops(cell)?;
         for (crossing, (_, vertex)) in mixed.crossings.iter().zip(self.vertices.cells.mixed_edges_of(cell)) {
             self.all[*vertex as usize].add(crossing.plane.1.map(|c| c as f32));

@@ -1,6 +1,6 @@
 //! What to contour, and how; what is refused; and what comes of it.
 
-use super::surface::Level;
+use super::surface::IsoLevel;
 use crate::error::{Error, Result};
 use crate::store::BrickTree;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ pub struct ContourOptions {
     /// in any case.
     pub intersection_free: bool,
     /// How cells become triangles.
-    pub method: Method,
+    pub method: ContourMethod,
     /// Whether sharp edges are followed through cells that have no vertex of their own: they are nearer to the mesh by half
     /// or more, for a tenth to a third more time, of beads for a third to three quarters, with a tolerance for up to twice the
     /// time. Of meshes by dual contouring.
@@ -34,7 +34,7 @@ pub struct ContourOptions {
 
 /// How cells become triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
+pub enum ContourMethod {
     /// Manifold dual contouring: sharp edges, leaves of any levels.
     #[default]
     Dual,
@@ -50,7 +50,7 @@ impl Default for ContourOptions {
             cache_bytes: 512 << 20,
             tolerance: 0.0,
             intersection_free: true,
-            method: Method::Dual,
+            method: ContourMethod::Dual,
             follow_creases: false,
             temp_dir: None,
         }
@@ -106,7 +106,7 @@ pub(super) fn require_tolerance(options: &ContourOptions) -> Result<()> {
         let what = format!("no surface can be within {tolerance}");
         return Err(Error::setting(what, "choose a length, or 0"));
     }
-    if tolerance > 0.0 && method == Method::MarchingCubes {
+    if tolerance > 0.0 && method == ContourMethod::MarchingCubes {
         let what = "marching cubes keeps all its triangles";
         return Err(Error::setting(what, "leave the tolerance out, or the method"));
     }
@@ -125,12 +125,12 @@ pub(super) fn require_half(tree: &dyn BrickTree, iso: f64) -> Result<()> {
     Ok(())
 }
 
-pub(super) fn level(iso: f64) -> Result<Level> {
+pub(super) fn level(iso: f64) -> Result<IsoLevel> {
     if !(iso > 0.0 && iso <= f64::from(i16::MAX)) {
         return Err(Error::setting(
             format!("no surface at the winding number {iso}"),
             "choose one above 0, such as 0.5 for the boundary",
         ));
     }
-    Ok(Level { threshold: iso.ceil() as i32, iso })
+    Ok(IsoLevel { threshold: iso.ceil() as i32, iso })
 }

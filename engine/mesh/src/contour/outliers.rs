@@ -11,31 +11,31 @@ use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, 
 
 /// What is known of loops, term by term: matrix (6) and right-hand side (3) about the mass point, mass point (3), the
 /// minimiser anywhere (3), and the largest eigenvalue, below zero where these last two are not known.
-pub(super) type Terms = [Lanes; 16];
+pub(super) type LoopTerms = [Lanes; 16];
 
 /// A vertex and its cell.
-pub(super) type Name = (u32, [usize; 3]);
+pub(super) type CellVertex = (u32, [usize; 3]);
 
 /// Loops that wait.
 #[derive(Clone, Default)]
 struct Batch {
-    terms: Terms,
-    names: [Name; GROUP],
+    terms: LoopTerms,
+    names: [CellVertex; GROUP],
     used: usize,
 }
 
 /// Loops that wait: those whose minimiser is known, and the others.
 #[derive(Clone, Default)]
-pub(super) struct Outliers([Batch; 2]);
+pub(super) struct ConstrainedLoops([Batch; 2]);
 
-impl Outliers {
+impl ConstrainedLoops {
     /// Takes the loop in a lane. Returns eight that have come together and what they are called.
     pub(super) fn push(
         &mut self,
-        (terms, lane): (&Terms, usize),
-        name: Name,
+        (terms, lane): (&LoopTerms, usize),
+        name: CellVertex,
         margin: f64,
-    ) -> Option<([Name; GROUP], [Vector; GROUP])> {
+    ) -> Option<([CellVertex; GROUP], [Vector; GROUP])> {
         let lane = lane % GROUP;
         let batch = &mut self.0[usize::from(terms[15][lane] < 0.0)];
         let to = batch.used % GROUP;
@@ -52,7 +52,7 @@ impl Outliers {
     }
 
     /// Those that still wait.
-    pub(super) fn drain(&mut self, margin: f64, mut each: impl FnMut(Name, Vector)) {
+    pub(super) fn drain(&mut self, margin: f64, mut each: impl FnMut(CellVertex, Vector)) {
         for batch in &mut self.0 {
             if batch.used > 0 {
                 let points = minimisers(&batch.terms, cell(margin));
@@ -81,12 +81,12 @@ pub(super) fn minimiser(terms: &[f64; 16], bounds: [Vector; 2]) -> Vector {
 
 /// The minimisers over a box, by lane. A call for eight of them: so they are compiled once for each width of vectors.
 #[inline(never)]
-pub(super) fn minimisers(terms: &Terms, bounds: [Vector; 2]) -> [Vector; GROUP] {
+pub(super) fn minimisers(terms: &LoopTerms, bounds: [Vector; 2]) -> [Vector; GROUP] {
     dispatch!(level(), simd => minimisers_with(simd, terms, bounds))
 }
 
 #[inline(always)]
-fn minimisers_with<S: Simd>(simd: S, terms: &Terms, bounds: [Vector; 2]) -> [Vector; GROUP] {
+fn minimisers_with<S: Simd>(simd: S, terms: &LoopTerms, bounds: [Vector; 2]) -> [Vector; GROUP] {
     let vector = |n: usize| {
         [
             f64x8::from_slice(simd, &terms[n]),
@@ -292,7 +292,7 @@ fn pair<S: Simd>(
 #[cfg(test)]
 mod tests {
     use super::super::symmetric::Symmetric;
-    use super::super::tests::one_by_one::Centred;
+    use super::super::tests::one_by_one::CentredPlanes;
     use super::*;
     use crate::wide::{dispatch, level};
     use proptest::prelude::*;
@@ -318,7 +318,7 @@ mod tests {
     }
 
     /// A minimiser after the faces in closed form.
-    fn face_first(centred: &Centred, free: Vector, largest: f64, margin: f64) -> Vector {
+    fn face_first(centred: &CentredPlanes, free: Vector, largest: f64, margin: f64) -> Vector {
         dispatch!(level(), simd => {
             let all = |c: f64| f64x8::splat(simd, c);
             let mut at = free.map(all);
@@ -335,10 +335,10 @@ mod tests {
             loops in prop::collection::vec((any_loop(), any::<bool>()), GROUP),
             margin in prop::sample::select(vec![1e-4, 0.01, 0.25]),
         ) {
-            let mut terms = Terms::default();
+            let mut terms = LoopTerms::default();
             let mut expected = Vec::new();
             for (lane, ((matrix, rhs, mass), is_known)) in loops.into_iter().enumerate() {
-                let centred = Centred::new(matrix, rhs, mass);
+                let centred = CentredPlanes::new(matrix, rhs, mass);
                 let (free, largest) = centred.free();
                 // Those that wait with a known minimiser have tried the face that it is beyond.
                 let is_known = is_known && face_first(&centred, free, largest, margin) == free;

@@ -10,11 +10,11 @@ use crate::wide::{
 const GROUP: usize = 8;
 
 /// A sign change on the boundary of a cell: where it lies in cell coordinates and the normal there.
-pub(super) type Plane = ([f64; 3], [f64; 3]);
+pub(super) type HermitePlane = ([f64; 3], [f64; 3]);
 
 /// How far a point is from such a plane.
 #[inline]
-pub(super) fn distance((point, normal): &Plane, at: [f64; 3]) -> f64 {
+pub(super) fn distance((point, normal): &HermitePlane, at: [f64; 3]) -> f64 {
     dot(*normal, std::array::from_fn(|a| at[a] - point[a])).abs()
 }
 

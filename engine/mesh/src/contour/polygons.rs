@@ -20,17 +20,17 @@
 mod around;
 mod merged;
 
-use super::adaptive::{OWN, Shared, Wanted};
+use super::adaptive::{EdgeFilter, OWN, SharedVertex};
 use super::cells::BrickCells;
-use super::cut::{BOTH, Cutter, FacetBytes, Measured, Shape, Vertex, tag};
+use super::cut::{BOTH, Cutter, FacetBytes, FacetMeasures, QuadSplit, Vertex, tag};
 use super::edges::{NO_VERTEX, Quad};
 use super::envelope::MinimalEdge;
-use super::field::Field;
-use super::leaves::{Around, Side, direction_index};
-use super::sink::Encoding;
-use super::spare::Spare;
+use super::field::LevelSet;
+use super::leaves::{LeafNeighbour, LeafNeighbours, direction_index};
+use super::sink::MeshEncoding;
+use super::spare::BufferPool;
 use super::topology::{SQUARE, cell_around, edge_index};
-use super::triangle_names::{Names, first_bytes};
+use super::triangle_names::{TriangleNames, first_bytes};
 use super::vertices::LeafVertices;
 use crate::brick::SignChanges;
 use crate::error::Result;
@@ -45,8 +45,8 @@ pub(super) struct LeafFacets {
     /// What is wanted of them.
     pub bytes: Vec<u8>,
     /// How they name vertices.
-    pub names: Names,
-    pub measured: Measured,
+    pub names: TriangleNames,
+    pub measured: FacetMeasures,
     /// The vertices on edges, whose numbers follow those of the leaf's others.
     pub edge_vertices: Vec<[f32; 3]>,
     /// The edges that these are on, where normals are wanted.
@@ -56,19 +56,19 @@ pub(super) struct LeafFacets {
 }
 
 /// How the facets of a mesh are made, beside the field.
-pub(super) struct Making {
+pub(super) struct FacetOptions {
     /// What is wanted of them.
     pub wanted: FacetBytes,
     /// Room for the bytes of leaves.
-    pub spare: Spare<u8>,
+    pub spare: BufferPool<u8>,
     /// Whether vertices are to have normals.
     pub normals: bool,
 }
 
-impl Making {
+impl FacetOptions {
     /// For a sink with this encoding.
-    pub(super) fn new(encoding: Option<Encoding>, normals: bool) -> Making {
-        Making { wanted: first_bytes(encoding), spare: Spare::default(), normals }
+    pub(super) fn new(encoding: Option<MeshEncoding>, normals: bool) -> FacetOptions {
+        FacetOptions { wanted: first_bytes(encoding), spare: BufferPool::default(), normals }
     }
 }
 
@@ -76,17 +76,17 @@ impl Making {
 /// inlined, so that a profile tells them from the vertices.
 #[inline(never)]
 pub(super) fn leaf_facets(
-    field: &Field,
+    field: &LevelSet,
     leaf: u32,
     vertices: &LeafVertices,
-    making: &Making,
+    making: &FacetOptions,
 ) -> Result<LeafFacets> {
     if vertices.cells.signs.is_none() {
         field.release(leaf);
         return Ok(LeafFacets::default());
     }
     let centre = field.root.origin.map(|o| o + 0.5 * field.root.edge);
-    let mut cutter = Cutter::new(centre, Names::ON_EDGES, making.wanted, making.spare.take());
+    let mut cutter = Cutter::new(centre, TriangleNames::ON_EDGES, making.wanted, making.spare.take());
     cutter.fan_edges = making.normals.then(Vec::new);
     let quads = vertices.cells.take_quads();
     let (cutter, names) = Maker::new(field, leaf, vertices.clone(), cutter).make(&quads)?;
@@ -99,8 +99,12 @@ pub(super) fn leaf_facets(
 
 /// The triangles of a leaf as they would be with what is merged so far, as far as they are wanted, for
 /// [`super::later::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a
-/// [`Mark`].
-pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<(Vec<u8>, Names)> {
+/// [`MergeMark`].
+pub(super) fn named_facets(
+    field: &LevelSet,
+    leaf: u32,
+    wanted: &EdgeFilter,
+) -> Result<(Vec<u8>, TriangleNames)> {
     let vertices = field.vertices(leaf)?;
     let BrickCells { signs: Some(signs), ranks: Some(ranks), .. } = &*vertices.cells else {
         return Ok(Default::default());
@@ -110,18 +114,18 @@ pub(super) fn named_facets(field: &Field, leaf: u32, wanted: &Wanted) -> Result<
         return Ok(Default::default());
     }
     let quads = vertices.cells.quads();
-    let cutter = Cutter::new([0.0; 3], Names::ON_EDGES, first_bytes(None), Vec::new());
+    let cutter = Cutter::new([0.0; 3], TriangleNames::ON_EDGES, first_bytes(None), Vec::new());
     let mut maker = Maker::new(field, leaf, vertices.clone(), cutter);
-    (maker.mark, maker.only_wide) = (Mark::FIRST, wanted.only_wide);
+    (maker.mark, maker.only_wide) = (MergeMark::FIRST, wanted.only_wide);
     maker.merged_edges(signs, &quads, &edges)?;
     Ok((maker.cutter.finish().bytes, maker.names))
 }
 
 /// What tells polygons with a merged vertex from others and from each other: their triangles follow each other but for those
 /// of others, and two such polygons that follow each other have different marks.
-pub(super) struct Mark;
+pub(super) struct MergeMark;
 
-impl Mark {
+impl MergeMark {
     const FIRST: u32 = 1 << 31;
     const TURN: u32 = 1 << 30;
     /// Places of names that marks leave room for.
@@ -129,7 +133,7 @@ impl Mark {
 
     /// A name without its mark, and the mark, zero without one.
     pub(super) fn split(name: u32) -> (u32, u32) {
-        let mark = name & (Mark::FIRST | Mark::TURN);
+        let mark = name & (MergeMark::FIRST | MergeMark::TURN);
         (name ^ mark, mark)
     }
 }
@@ -143,7 +147,7 @@ fn quadrant_rank([u, v]: [usize; 2]) -> usize {
 /// A corner of a polygon.
 #[derive(Clone, Copy, Default)]
 struct Corner {
-    vertex: Shared,
+    vertex: SharedVertex,
     /// The vertex of one of the smallest cells around, or an extra vertex on such a cell's face.
     is_finest: bool,
     is_extra: bool,
@@ -192,10 +196,10 @@ struct Quarter {
 
 /// Makes the facets of one leaf.
 struct Maker<'a> {
-    field: &'a Field<'a>,
+    field: &'a LevelSet<'a>,
     key: NodeKey,
-    around: Around,
-    names: Names,
+    around: LeafNeighbours,
+    names: TriangleNames,
     /// Set in the names of the corners of polygons with a merged vertex; zero unless they are asked for.
     mark: u32,
     /// No other polygons are made than those with a vertex of several leaves.
@@ -211,8 +215,8 @@ struct Maker<'a> {
 }
 
 impl<'a> Maker<'a> {
-    fn new(field: &'a Field<'a>, leaf: u32, vertices: LeafVertices, cutter: Cutter) -> Maker<'a> {
-        let names = Names::new(leaf, vertices.positions().len() + vertices.on_faces().len());
+    fn new(field: &'a LevelSet<'a>, leaf: u32, vertices: LeafVertices, cutter: Cutter) -> Maker<'a> {
+        let names = TriangleNames::new(leaf, vertices.positions().len() + vertices.on_faces().len());
         let key = field.leaves.get(leaf).key;
         let mut neighbours = [const { None }; 27];
         neighbours[OWN] = Some(vertices);
@@ -231,13 +235,13 @@ impl<'a> Maker<'a> {
     }
 
     /// Makes the facets of all polygons that the leaf owns; `quads` as in [`BrickCells::take_quads`].
-    fn make(mut self, quads: &[Quad]) -> Result<(Cutter, Names)> {
+    fn make(mut self, quads: &[Quad]) -> Result<(Cutter, TriangleNames)> {
         let own = self.neighbours[OWN].as_ref().map(|vertices| Arc::clone(&vertices.cells));
         if let Some(cells) = &own
             && let Some(signs) = &cells.signs
         {
             if let Some(ranks) = &cells.ranks {
-                self.merged_edges(signs, quads, &Wanted::default().edges(signs, ranks))?;
+                self.merged_edges(signs, quads, &EdgeFilter::default().edges(signs, ranks))?;
             } else {
                 dispatch!(level(), _simd => self.rows(cells, signs, quads))?;
             }
@@ -308,7 +312,7 @@ impl<'a> Maker<'a> {
         let [a, b, c, d] = *quad;
         // The leaf's own first place.
         let at = |n: u16| (u32::from(n), cells.positions[usize::from(n)]);
-        let shape = if inside { Shape::Quad } else { Shape::TurnedBack };
+        let shape = if inside { QuadSplit::Quad } else { QuadSplit::TurnedBack };
         self.cutter.push_around(&self.placed(edge), [at(a), at(b), at(c), at(d)], shape, BOTH);
     }
 
@@ -322,7 +326,7 @@ impl<'a> Maker<'a> {
             Border::Equal(ref quarters) => {
                 if let Some(corners) = self.equal(axis, low, quarters, quad) {
                     let corners = corners.map(|corner| name(&mut self.names, &corner));
-                    let shape = if inside { Shape::Quad } else { Shape::Turned };
+                    let shape = if inside { QuadSplit::Quad } else { QuadSplit::Turned };
                     self.cutter.push_around(&self.placed(edge), corners, shape, BOTH);
                     return Ok(());
                 }
@@ -353,7 +357,7 @@ impl<'a> Maker<'a> {
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
             let cell = cell_around(axis, low.map(|c| c as i32), [qu, qv]);
             let direction = direction_index(direction(cell));
-            let Side::Same(leaf) = self.around[direction] else { return Ok(Border::Uneven) };
+            let LeafNeighbour::Same(leaf) = self.around[direction] else { return Ok(Border::Uneven) };
             self.fetch(leaf, direction)?;
             let step =
                 std::array::from_fn(|a| (cell[a] - low[a] as i32).rem_euclid(BRICK_CELLS as i32) as usize);
@@ -371,14 +375,14 @@ impl<'a> Maker<'a> {
         low: [usize; 3],
         quarters: &[Quarter; 4],
         quad: &[u16; 4],
-    ) -> Option<[Shared; 4]> {
-        let mut corners = [Shared::default(); 4];
+    ) -> Option<[SharedVertex; 4]> {
+        let mut corners = [SharedVertex::default(); 4];
         for n in 0..4 {
             let quarter = &quarters[n];
             let vertices = self.neighbours[quarter.direction].as_ref()?;
             let number = self.among_plain(vertices, axis, low, (n, quarter), quad)?;
             let position = vertices.cells.positions[number as usize];
-            corners[n] = Shared { leaf: quarter.leaf, number, position, ..Shared::default() };
+            corners[n] = SharedVertex { leaf: quarter.leaf, number, position, ..SharedVertex::default() };
         }
         Some(corners)
     }
@@ -447,7 +451,7 @@ impl<'a> Maker<'a> {
     /// The mark of the next polygon with a merged vertex.
     fn next_mark(&mut self) -> u32 {
         if self.mark != 0 {
-            self.mark ^= Mark::TURN;
+            self.mark ^= MergeMark::TURN;
         }
         self.mark
     }
@@ -457,7 +461,7 @@ impl<'a> Maker<'a> {
         let mut vertex = |corner: &Corner| name(&mut self.names, &corner.vertex);
         match *corners {
             [a, b, c, d] if corners.iter().all(|corner| !corner.is_extra) => {
-                let shape = if inside { Shape::Quad } else { Shape::Turned };
+                let shape = if inside { QuadSplit::Quad } else { QuadSplit::Turned };
                 let allowed = [a.is_finest || c.is_finest, b.is_finest || d.is_finest];
                 self.cutter.push_around(edge, [a, b, c, d].map(|corner| vertex(&corner)), shape, allowed);
             }
@@ -483,9 +487,9 @@ impl<'a> Maker<'a> {
             let cell = cell_around(axis, low.map(|c| c as i32), quadrant);
             let d = direction(cell);
             match self.around[direction_index(d)] {
-                Side::Finer => return false,
-                Side::Same(_) => best = best.max((quadrant_rank(quadrant) + 1, d == [0; 3])),
-                Side::Coarser(_) | Side::Outside => {}
+                LeafNeighbour::Finer => return false,
+                LeafNeighbour::Same(_) => best = best.max((quadrant_rank(quadrant) + 1, d == [0; 3])),
+                LeafNeighbour::Coarser(_) | LeafNeighbour::Outside => {}
             }
         }
         best.1
@@ -500,6 +504,6 @@ pub(super) fn direction(cell: [i32; 3]) -> [i32; 3] {
 
 /// The corner of a triangle.
 #[inline(always)]
-fn name(names: &mut Names, vertex: &Shared) -> Vertex {
+fn name(names: &mut TriangleNames, vertex: &SharedVertex) -> Vertex {
     (names.of(vertex.leaf, vertex.number), vertex.position)
 }

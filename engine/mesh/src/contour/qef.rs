@@ -5,6 +5,7 @@
 //! its faces, edges and corners, because clamping would take a vertex off a crease that only clips the cell.
 
 use super::symmetric::{Symmetric, dot};
+pub(super) use crate::lattice::Vector;
 use crate::wide::{Simd, SimdBase, f64x4, f64x8};
 
 /// Singular values below this share of the largest count as zero, so that a vertex moves along no direction
@@ -22,8 +23,6 @@ pub(super) const MISS: f64 = 0.01;
 pub(super) const SHARP: f64 = 0.071_796_769_724_490_83;
 /// Weight of the squared distance from the mass point when two boundary candidates have the same error.
 pub(super) const PULL: f64 = 1e-6;
-
-pub(super) type Vector = [f64; 3];
 
 /// Eigenvalues and eigenvectors.
 pub(super) type Eigen = ([f64; 3], [Vector; 3]);

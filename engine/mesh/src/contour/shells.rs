@@ -1,6 +1,6 @@
 //! The shells of a mesh, its connected surfaces: their volumes, which lie in which, and a mesh of some of them.
 
-use super::cut::Facet;
+use super::cut::MeshTriangle;
 use super::sink::MeshSink;
 use crate::error::{Error, Result};
 use crate::lattice::{cross, dot, minus};
@@ -71,9 +71,9 @@ impl MeshSink for ShellSink {
         Ok(())
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         let Some(&origin) = self.positions.first() else { return Ok(()) };
-        for Facet { ids: [a, b, c], corners } in facets {
+        for MeshTriangle { ids: [a, b, c], corners } in facets {
             self.sets.unite(*a, *b);
             self.sets.unite(*a, *c);
             self.volumes[*a as usize] += volume(corners, origin);
@@ -167,8 +167,8 @@ impl MeshSink for NestingSink<'_> {
         Ok(())
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
-        for Facet { ids, corners } in facets {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
+        for MeshTriangle { ids, corners } in facets {
             let shell = self.of[ids[0] as usize];
             if self.shells[shell as usize].volume <= 0.0 {
                 continue;
@@ -219,7 +219,7 @@ fn is_met(corners: &[[f32; 3]; 3], point: [f64; 3]) -> bool {
 }
 
 /// Hands the shells that are kept to another sink, with vertices numbered anew.
-pub struct KeptShells<'a> {
+pub struct ShellFilter<'a> {
     inner: &'a mut dyn MeshSink,
     /// By shell, whether it is kept.
     kept: &'a [bool],
@@ -227,12 +227,12 @@ pub struct KeptShells<'a> {
     of: &'a [u32],
     /// By vertex so far, its new number.
     numbers: Vec<u32>,
-    counted: Counted,
+    counted: KeptCounts,
 }
 
 /// What of a mesh was kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Counted {
+pub struct KeptCounts {
     /// Vertices of the shells that are kept.
     pub vertices: u64,
     /// Their triangles.
@@ -279,15 +279,15 @@ fn smallest_angle(corners: &[[f32; 3]; 3]) -> f64 {
     (0..3).map(angle).fold(180.0, f64::min)
 }
 
-impl<'a> KeptShells<'a> {
+impl<'a> ShellFilter<'a> {
     /// What was kept so far.
-    pub fn counted(&self) -> Counted {
+    pub fn counted(&self) -> KeptCounts {
         self.counted
     }
 
     /// Keeps the shells `kept` of those that [`ShellSink`] has told apart of the same mesh.
-    pub fn new(inner: &'a mut dyn MeshSink, kept: &'a [bool], of: &'a [u32]) -> KeptShells<'a> {
-        KeptShells { inner, kept, of, numbers: Vec::new(), counted: Counted::default() }
+    pub fn new(inner: &'a mut dyn MeshSink, kept: &'a [bool], of: &'a [u32]) -> ShellFilter<'a> {
+        ShellFilter { inner, kept, of, numbers: Vec::new(), counted: KeptCounts::default() }
     }
 
     fn is_kept(&self, vertex: usize) -> bool {
@@ -295,7 +295,7 @@ impl<'a> KeptShells<'a> {
     }
 }
 
-impl MeshSink for KeptShells<'_> {
+impl MeshSink for ShellFilter<'_> {
     fn wants_normals(&self) -> bool {
         self.inner.wants_normals()
     }
@@ -327,10 +327,10 @@ impl MeshSink for KeptShells<'_> {
         self.inner.vertices_with_normals(&kept, &their)
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         let kept = facets.iter().filter(|facet| self.is_kept(facet.ids[0] as usize));
-        let facets: Vec<Facet> = kept
-            .map(|facet| Facet { ids: facet.ids.map(|id| self.numbers[id as usize]), ..*facet })
+        let facets: Vec<MeshTriangle> = kept
+            .map(|facet| MeshTriangle { ids: facet.ids.map(|id| self.numbers[id as usize]), ..*facet })
             .collect();
         self.counted.triangles += facets.len() as u64;
         facets.iter().for_each(|facet| self.counted.angles.add(&facet.corners));
@@ -345,7 +345,7 @@ impl MeshSink for KeptShells<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::fields::{Implicit, tree};
+    use super::super::tests::fields::{ImplicitField, tree};
     use super::*;
     use crate::contour::{ContourOptions, MeshArrays, contour};
     use crate::progress::Silent;
@@ -371,7 +371,7 @@ mod tests {
 
     #[test]
     fn shells_are_told_apart_measured_and_dropped() {
-        let tree = tree(&Implicit(field), &|key| key.level() < 2);
+        let tree = tree(&ImplicitField(field), &|key| key.level() < 2);
         let options = ContourOptions::default();
         let mut sink = ShellSink::new(u64::MAX);
         contour(&tree, &options, &mut sink, &Silent).unwrap();
@@ -398,7 +398,7 @@ mod tests {
         let mut all = MeshArrays::default();
         contour(&tree, &options, &mut all, &Silent).unwrap();
         let mut some = MeshArrays::default();
-        contour(&tree, &options, &mut KeptShells::new(&mut some, &kept, &of), &Silent).unwrap();
+        contour(&tree, &options, &mut ShellFilter::new(&mut some, &kept, &of), &Silent).unwrap();
         let expected: u64 =
             shells.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(shell, _)| shell.triangles).sum();
         assert_eq!(some.triangles.len() as u64, expected);

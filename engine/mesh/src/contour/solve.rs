@@ -6,7 +6,7 @@
 
 use super::edges::EdgePlace;
 use super::lanes::{GROUP, Lanes, Matrix, Vec3, divided, inverse, load, minus, on_faces, times};
-use super::outliers::Terms;
+use super::outliers::LoopTerms;
 use super::planes::EdgePlane;
 use super::qef::{Qef, SHARP, TRUNCATION_SQUARED, Vector, WideSums, most_least, ridge};
 use super::symmetric::{Symmetric, dot};
@@ -30,7 +30,7 @@ const MOST_PLANES: usize = 12;
 
 /// Up to [`GROUP`] loops, each as its planes or as their sums; all is zero in lanes that are not in use.
 #[derive(Clone, Default)]
-pub(super) struct Group {
+pub(super) struct LoopGroup {
     /// By number within a loop, in the order of addition, and by loop: the points as the cells' centres see them, filled up
     /// to a vector, and the normals behind what fills theirs.
     planes: [[[f32; 8]; GROUP]; MOST_PLANES],
@@ -78,7 +78,7 @@ struct Sums {
 }
 
 /// What comes out of a group.
-pub(super) struct Solved<S: Simd> {
+pub(super) struct SolvedGroup<S: Simd> {
     /// The points of the box `margin..1 − margin` of the cells with the least error, nearest to the mass points where the
     /// error does not tell.
     pub at: Vec3<S>,
@@ -87,7 +87,7 @@ pub(super) struct Solved<S: Simd> {
     /// Bit per loop: its point is left to [`super::outliers`].
     pub left: u64,
     /// What those need, and what is known of sharp ones.
-    pub terms: Terms,
+    pub terms: LoopTerms,
     /// Bit per loop: all normals agree so well that two eigenvalues are truncated anyway.
     pub flat: u64,
     /// Bit per loop: its normals are as far apart as those at a crease that is followed ([`super::annex`]).
@@ -103,7 +103,7 @@ pub(super) struct Solved<S: Simd> {
     pub sums: [WideSums<S>; GROUP],
 }
 
-impl<S: Simd> Solved<S> {
+impl<S: Simd> SolvedGroup<S> {
     /// The points, by loop.
     #[inline(always)]
     pub(super) fn points(&self) -> [Vector; GROUP] {
@@ -118,10 +118,10 @@ impl<S: Simd> Solved<S> {
     }
 }
 
-impl Group {
+impl LoopGroup {
     /// An empty one; `on_surface` is as in [`super::field::Field`].
-    pub(super) fn new(on_surface: OnSurface) -> Group {
-        Group { on_surface, ..Group::default() }
+    pub(super) fn new(on_surface: OnSurface) -> LoopGroup {
+        LoopGroup { on_surface, ..LoopGroup::default() }
     }
 
     /// Makes a plane the loop's in a lane with this number: that of a crossing on an edge of the cell.
@@ -166,7 +166,7 @@ impl Group {
     /// Solves the first `used` lanes, and empties all. A call for each group: so it is compiled once for each width of
     /// vectors.
     #[inline(never)]
-    pub(super) fn solve<S: Simd>(&mut self, simd: S, used: usize, margin: f64, miss: f64) -> Solved<S> {
+    pub(super) fn solve<S: Simd>(&mut self, simd: S, used: usize, margin: f64, miss: f64) -> SolvedGroup<S> {
         let solved = simd.vectorize(
             #[inline(always)]
             || solve(simd, self, used, margin, miss),
@@ -180,7 +180,7 @@ impl Group {
 }
 
 #[cfg(test)]
-impl Group {
+impl LoopGroup {
     /// The points of the first `used` lanes.
     pub(super) fn points(&mut self, used: usize, margin: f64) -> [Vector; GROUP] {
         crate::wide::dispatch!(crate::wide::level(), simd => {
@@ -207,7 +207,7 @@ struct Planes<S: Simd> {
 
 impl<S: Simd> Planes<S> {
     #[inline(always)]
-    fn of(simd: S, group: &Group) -> Planes<S> {
+    fn of(simd: S, group: &LoopGroup) -> Planes<S> {
         let zero = f64x8::splat(simd, 0.0);
         let mut sums = Planes {
             matrix: Symmetric([zero; 6]),
@@ -254,7 +254,7 @@ impl<S: Simd> Planes<S> {
 }
 
 #[inline(always)]
-fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -> Solved<S> {
+fn solve<S: Simd>(simd: S, group: &LoopGroup, used: usize, margin: f64, miss: f64) -> SolvedGroup<S> {
     let planes = Planes::of(simd, group);
     let Planes { matrix, rhs: at_centre, normals, count, .. } = planes;
     let half = f64x8::splat(simd, 0.5);
@@ -341,7 +341,7 @@ fn solve<S: Simd>(simd: S, group: &Group, used: usize, margin: f64, miss: f64) -
     let corners = each_of(simd, &group.corners);
     let sums = about_origin(simd, &planes, corners);
     let apart = apart(&planes, miss).to_bitmask() & lanes;
-    Solved { at, corners, left, terms, flat, sharp, lines, along, apart, sums }
+    SolvedGroup { at, corners, left, terms, flat, sharp, lines, along, apart, sums }
 }
 
 /// Where planes do not meet; see [`super::qef::PlaneSums::may_share_point`].
@@ -532,7 +532,7 @@ mod tests {
                 }
                 qef
             }).collect();
-            let mut group = Group::default();
+            let mut group = LoopGroup::default();
             qefs.iter().enumerate().for_each(|(lane, qef)| {
                 group.set(lane, qef);
                 group.place(lane, [lane; 3]);

@@ -3,15 +3,15 @@
 use std::sync::{Mutex, PoisonError};
 
 /// Room to be used again: fresh pages from the kernel cost a tenth of the time of contouring.
-pub(super) struct Spare<T>(Mutex<Vec<Vec<T>>>);
+pub(super) struct BufferPool<T>(Mutex<Vec<Vec<T>>>);
 
-impl<T> Default for Spare<T> {
-    fn default() -> Spare<T> {
-        Spare(Mutex::default())
+impl<T> Default for BufferPool<T> {
+    fn default() -> BufferPool<T> {
+        BufferPool(Mutex::default())
     }
 }
 
-impl<T> Spare<T> {
+impl<T> BufferPool<T> {
     /// Empty room.
     pub(super) fn take(&self) -> Vec<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
@@ -32,7 +32,7 @@ mod tests {
 
     #[test]
     fn room_comes_back_empty() {
-        let spare = Spare::default();
+        let spare = BufferPool::default();
         assert_eq!(spare.take().capacity(), 0);
         spare.keep(vec![1, 2, 3]);
         spare.keep(Vec::new());

@@ -1,9 +1,9 @@
 //! The stages of contouring put together: the only file that knows all of them.
 
 use super::adaptive::{self, MeetingSearch};
-use super::field::{Field, Makers};
+use super::field::{LevelSet, LevelSetStages};
 use super::options::ContourOptions;
-use super::surface::Level;
+use super::surface::IsoLevel;
 use super::{cells, faces};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -15,12 +15,16 @@ use crate::store::BrickTree;
 /// If the tree contradicts itself.
 pub(super) fn field<'a>(
     tree: &'a dyn BrickTree,
-    level: Level,
+    level: IsoLevel,
     options: &ContourOptions,
-) -> Result<Field<'a>> {
-    let makers =
-        Makers { cells: cells::build, faces: faces::find, draft: adaptive::draft, merged: adaptive::merged };
-    Field::new(tree, level, options, makers)
+) -> Result<LevelSet<'a>> {
+    let makers = LevelSetStages {
+        cells: cells::build,
+        faces: faces::find,
+        draft: adaptive::draft,
+        merged: adaptive::merged,
+    };
+    LevelSet::new(tree, level, options, makers)
 }
 
 /// With a tolerance, finds out what is merged across the borders of leaves, before anyone asks for vertices.
@@ -28,7 +32,7 @@ pub(super) fn field<'a>(
 ///
 /// # Errors
 /// What reading the tree gives; if the user interrupts.
-pub(super) fn merge_across(field: &mut Field, normals: bool, progress: &dyn Progress) -> Result<()> {
+pub(super) fn merge_across(field: &mut LevelSet, normals: bool, progress: &dyn Progress) -> Result<()> {
     let Some((tolerance, intersection_free)) = field.merging() else { return Ok(()) };
     let across = adaptive::find_across(field, tolerance, normals, progress)?;
     let mut search = MeetingSearch::new(field, &across, intersection_free);

@@ -1,6 +1,6 @@
 //! The surface as one leaf sees it: signs at its 33³ samples and a Hermite edge on every sign change.
 
-use super::leaves::Leaf;
+use super::leaves::ContourLeaf;
 use super::planes::{EdgePlane, decode};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Ranks, Samples, SignChanges};
 use crate::error::Result;
@@ -12,11 +12,11 @@ use std::sync::Arc;
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 
 /// Signs and Hermite edges of a leaf.
-pub(super) enum Surface {
+pub(super) enum LeafSurface {
     /// All samples lie inside, or all outside.
     Uniform(bool),
     /// Samples of both kinds.
-    Changes(Box<Changes>),
+    Changes(Box<HermiteSurface>),
 }
 
 /// By axis and row of lower samples, how many edges with a sign change come before.
@@ -36,7 +36,7 @@ pub(super) fn edge_ranks(signs: &SignChanges) -> EdgeRanks {
 }
 
 /// Signs and Hermite edges of a leaf with sign changes.
-pub(super) struct Changes {
+pub(super) struct HermiteSurface {
     pub signs: SignChanges,
     /// Hermite edges, those along x first, in the order of the linear index of the edge's lower sample.
     pub planes: Vec<EdgePlane>,
@@ -45,13 +45,13 @@ pub(super) struct Changes {
 
 /// Which level set of the samples is contoured.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Level {
+pub(super) struct IsoLevel {
     /// A sample, rounded to a whole number, is inside from this value on.
     pub threshold: i32,
     pub iso: f64,
 }
 
-impl Level {
+impl IsoLevel {
     /// Stored Hermite edges belong to w = 0.5. Samples being integers, every level above 0 and up to 1 is
     /// the same surface.
     fn has_hermite(self) -> bool {
@@ -59,15 +59,17 @@ impl Level {
     }
 }
 
-impl Surface {
+impl LeafSurface {
     /// Reads a leaf's surface.
-    pub(super) fn load(tree: &dyn BrickTree, leaf: &Leaf, level: Level) -> Result<Surface> {
+    pub(super) fn load(tree: &dyn BrickTree, leaf: &ContourLeaf, level: IsoLevel) -> Result<LeafSurface> {
         if !leaf.changes {
-            return Ok(Surface::Uniform(leaf.inside));
+            return Ok(LeafSurface::Uniform(leaf.inside));
         }
         // The surface is what is kept.
         let brick = tree.brick_once(leaf.key)?;
-        let Brick::Counts { samples, hermite } = &*brick else { return Ok(Surface::Uniform(leaf.inside)) };
+        let Brick::Counts { samples, hermite } = &*brick else {
+            return Ok(LeafSurface::Uniform(leaf.inside));
+        };
         let signs = signs(samples, level);
         let is_complete = hermite.edges.each_ref().map(Vec::len) == signs.counts();
         let planes = if !level.has_hermite() || (leaf.is_tree_leaf && !is_complete) {
@@ -77,52 +79,52 @@ impl Surface {
         } else {
             decoded(&from_children(tree, leaf.key, &signs, level)?)
         };
-        Ok(Surface::Changes(Box::new(Changes::new(signs, planes))))
+        Ok(LeafSurface::Changes(Box::new(HermiteSurface::new(signs, planes))))
     }
 
     /// The edges that change sign, if any does.
-    pub(super) fn changes(&self) -> Option<&Changes> {
+    pub(super) fn changes(&self) -> Option<&HermiteSurface> {
         match self {
-            Surface::Uniform(_) => None,
-            Surface::Changes(changes) => Some(changes),
+            LeafSurface::Uniform(_) => None,
+            LeafSurface::Changes(changes) => Some(changes),
         }
     }
 
     /// True if the sample lies inside.
     pub(super) fn is_inside(&self, ijk: [usize; 3]) -> bool {
         match self {
-            Surface::Uniform(inside) => *inside,
-            Surface::Changes(changes) => changes.signs.is_inside(ijk),
+            LeafSurface::Uniform(inside) => *inside,
+            LeafSurface::Changes(changes) => changes.signs.is_inside(ijk),
         }
     }
 
     /// Corner mask of a cell: bit `c` is set where corner `c` is inside.
     pub(super) fn mask(&self, cell: [usize; 3]) -> u8 {
         match self {
-            Surface::Uniform(inside) => u8::from(*inside) * u8::MAX,
-            Surface::Changes(changes) => changes.mask(cell),
+            LeafSurface::Uniform(inside) => u8::from(*inside) * u8::MAX,
+            LeafSurface::Changes(changes) => changes.mask(cell),
         }
     }
 
     /// Heap bytes.
     pub(super) fn heap_bytes(&self) -> usize {
         match self {
-            Surface::Uniform(_) => 0,
-            Surface::Changes(c) => {
+            LeafSurface::Uniform(_) => 0,
+            LeafSurface::Changes(c) => {
                 ROWS * 8 + 3 * size_of::<Ranks>() + c.planes.capacity() * size_of::<EdgePlane>()
             }
         }
     }
 }
 
-impl Changes {
+impl HermiteSurface {
     /// One plane for each edge that changes sign.
-    fn new(signs: SignChanges, planes: Vec<EdgePlane>) -> Changes {
+    fn new(signs: SignChanges, planes: Vec<EdgePlane>) -> HermiteSurface {
         let ranks = Arc::new(edge_ranks(&signs));
-        Changes { signs, planes, ranks }
+        HermiteSurface { signs, planes, ranks }
     }
 
-    /// Corner mask of a cell, as in [`Surface::mask`].
+    /// Corner mask of a cell, as in [`LeafSurface::mask`].
     #[inline(always)]
     pub(super) fn mask(&self, [i, j, k]: [usize; 3]) -> u8 {
         let pair = |j, k| (self.signs.row(j, k) >> i) as u8 & 3;
@@ -151,7 +153,7 @@ impl Changes {
     }
 }
 
-fn signs(samples: &Samples, level: Level) -> SignChanges {
+fn signs(samples: &Samples, level: IsoLevel) -> SignChanges {
     if level.threshold == 1 {
         return SignChanges::of(samples);
     }
@@ -199,7 +201,12 @@ fn decoded(hermite: &Hermite) -> Vec<EdgePlane> {
 }
 
 /// Hermite edges of an interior node from its children's.
-fn from_children(tree: &dyn BrickTree, key: NodeKey, signs: &SignChanges, level: Level) -> Result<Hermite> {
+fn from_children(
+    tree: &dyn BrickTree,
+    key: NodeKey,
+    signs: &SignChanges,
+    level: IsoLevel,
+) -> Result<Hermite> {
     let mut children = [const { None }; 8];
     for (octant, child) in Octant::all().zip(&mut children) {
         *child = edges_of(tree, key.child(octant), level)?;
@@ -208,7 +215,7 @@ fn from_children(tree: &dyn BrickTree, key: NodeKey, signs: &SignChanges, level:
 }
 
 /// Signs and Hermite edges of a node; `None` where all samples lie inside, or all outside.
-fn edges_of(tree: &dyn BrickTree, key: NodeKey, level: Level) -> Result<Option<(SignChanges, Hermite)>> {
+fn edges_of(tree: &dyn BrickTree, key: NodeKey, level: IsoLevel) -> Result<Option<(SignChanges, Hermite)>> {
     let info = tree.node(key).ok_or_else(|| super::leaves::broken(key))?;
     if i32::from(info.max) < level.threshold || i32::from(info.min) >= level.threshold {
         return Ok(None);

@@ -4,11 +4,11 @@
 //! triangle bounds, even where two of them touch.
 
 use super::cut::{Cuts, FacetBytes};
-use super::leaves::Leaf;
+use super::leaves::ContourLeaf;
 use super::options::{ContourOptions, level, require_resolution};
-use super::polygons::{self, Making};
+use super::polygons::{self, FacetOptions};
 use super::solve::OnSurface;
-use super::spare::Spare;
+use super::spare::BufferPool;
 use super::stages;
 use crate::error::Result;
 use crate::lattice::{Axis, NodeKey};
@@ -91,10 +91,13 @@ pub fn edge_facets<T: Send>(
         Bend::Strong => OnSurface::Bent,
     };
     progress.phase("measuring surfaces", Some(field.leaves.len() as u64), "bricks");
-    let making =
-        Making { wanted: FacetBytes { append, normals: false }, spare: Spare::default(), normals: false };
+    let making = FacetOptions {
+        wanted: FacetBytes { append, normals: false },
+        spare: BufferPool::default(),
+        normals: false,
+    };
     let of_leaf = |leaf: u32| {
-        let Leaf { key, changes, .. } = *field.leaves.get(leaf);
+        let ContourLeaf { key, changes, .. } = *field.leaves.get(leaf);
         if !changes || !is_wanted(key) {
             field.release(leaf);
             return Ok(None);

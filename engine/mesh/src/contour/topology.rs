@@ -128,7 +128,7 @@ impl CellLoops {
 
 /// How the boundary of a plain cell is cut: by its corner mask, and by which of its ambiguous faces are joined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Kind(u16);
+pub(super) struct CellCase(u16);
 
 /// Number of kinds.
 pub(super) const KINDS: usize = 530;
@@ -154,23 +154,23 @@ pub(super) fn may_join(mask: u8) -> bool {
     !matches!(mask, 0b0110_1001 | 0b1001_0110)
 }
 
-impl Kind {
+impl CellCase {
     /// That of a cell with this corner mask none of whose faces is joined.
     #[inline]
-    pub(super) fn of(mask: u8) -> Kind {
-        Kind(mask.into())
+    pub(super) fn of(mask: u8) -> CellCase {
+        CellCase(mask.into())
     }
 
     /// That of a cell with these faces joined, which are ambiguous, if it [`may_join`].
-    pub(super) fn joined(mask: u8, faces: u8) -> Kind {
-        let ambiguous = Kind::of(mask).loops().ambiguous;
+    pub(super) fn joined(mask: u8, faces: u8) -> CellCase {
+        let ambiguous = CellCase::of(mask).loops().ambiguous;
         let faces = if may_join(mask) { faces & ambiguous } else { 0 };
         if faces == 0 {
-            return Kind::of(mask);
+            return CellCase::of(mask);
         }
         // Its place among the subsets of the ambiguous faces, which ascend.
         let before = (1..faces).filter(|joined| joined & !ambiguous == 0).count();
-        Kind(TABLE.1[usize::from(mask)] + before as u16)
+        CellCase(TABLE.1[usize::from(mask)] + before as u16)
     }
 
     /// Its loops.
@@ -186,8 +186,8 @@ impl Kind {
     }
 
     /// All of them.
-    pub(super) fn all() -> impl Iterator<Item = Kind> {
-        (0..KINDS as u16).map(Kind)
+    pub(super) fn all() -> impl Iterator<Item = CellCase> {
+        (0..KINDS as u16).map(CellCase)
     }
 }
 
@@ -254,10 +254,10 @@ mod tests {
     fn every_kind_has_closed_loops_over_exactly_its_sign_changes() {
         assert_eq!(TABLE.0.len(), KINDS);
         let mut most = 0;
-        for kind in Kind::all() {
+        for kind in CellCase::all() {
             let loops = kind.loops();
             let mask = loops.mask;
-            assert_eq!(Kind::joined(mask, loops.joined), kind);
+            assert_eq!(CellCase::joined(mask, loops.joined), kind);
             let mut union = 0;
             for l in 0..loops.count as usize {
                 assert_eq!(union & loops.edges[l], 0);
@@ -274,7 +274,7 @@ mod tests {
             most = most.max(loops.count);
         }
         assert_eq!(most, 4);
-        assert_eq!([0, 255, 0b0110_1001].map(|mask| Kind::of(mask).loops().count), [0, 0, 4]);
+        assert_eq!([0, 255, 0b0110_1001].map(|mask| CellCase::of(mask).loops().count), [0, 0, 4]);
     }
 
     #[test]
@@ -295,7 +295,7 @@ mod tests {
                         (along.index(), low)
                     };
                     let faces = u8::from(is_joined) << (2 * axis.index() + side);
-                    for (a, b) in Kind::joined(mask(side), faces).loops().face_cuts(axis, side) {
+                    for (a, b) in CellCase::joined(mask(side), faces).loops().face_cuts(axis, side) {
                         let (a, b) = (name(a), name(b));
                         cuts.push(if side == 1 { (a, b) } else { (b, a) });
                     }

@@ -1,7 +1,7 @@
 //! How the triangles of a leaf name vertices before these are numbered, and triangles as bytes that wait.
 
-use super::cut::{Cuts, Facet, FacetBytes};
-use super::sink::{Encoding, Triangles};
+use super::cut::{Cuts, FacetBytes, MeshTriangle};
+use super::sink::{MeshEncoding, TriangleBytes};
 use crate::error::{Error, Result};
 
 /// Bits of a name that count from a place; those above say from which.
@@ -12,7 +12,7 @@ pub(super) const TRIPLE_BYTES: usize = 12;
 pub(super) const WHOLE_BYTES: usize = 48;
 /// How the triangles of one leaf name vertices, its own and other leaves'.
 #[derive(Default)]
-pub(super) struct Names {
+pub(super) struct TriangleNames {
     /// A leaf, and the number there of the vertex that a place begins with. That is a multiple of 2^16 but for vertices
     /// on edges.
     places: Vec<(u32, u32)>,
@@ -20,16 +20,16 @@ pub(super) struct Names {
     is_full: bool,
 }
 
-impl Names {
+impl TriangleNames {
     /// The name of the first vertex on an edge of the leaf itself. Those that follow count on: a leaf has fewer edges than
     /// two places hold.
     pub(super) const ON_EDGES: u32 = 1 << WITHIN_BITS;
 
     /// For the triangles of a leaf with so many vertices beside those on its edges.
-    pub(super) fn new(leaf: u32, others: usize) -> Names {
+    pub(super) fn new(leaf: u32, others: usize) -> TriangleNames {
         let others = others as u32;
         let places = vec![(leaf, 0), (leaf, others), (leaf, others + (1 << WITHIN_BITS))];
-        Names { places, is_full: false }
+        TriangleNames { places, is_full: false }
     }
 
     /// The name of the vertex with a number in a leaf.
@@ -82,10 +82,12 @@ fn write_whole(cuts: &Cuts, bytes: &mut Vec<u8>) {
 }
 
 /// What is made of the triangles of a leaf for a sink with this encoding.
-pub(super) fn first_bytes(encoding: Option<Encoding>) -> FacetBytes {
+pub(super) fn first_bytes(encoding: Option<MeshEncoding>) -> FacetBytes {
     match encoding {
-        Some(Encoding { triangles: Triangles::Lone(append), .. }) => FacetBytes { append, normals: true },
-        Some(Encoding { triangles: Triangles::Numbered(_), .. }) => {
+        Some(MeshEncoding { triangles: TriangleBytes::Lone(append), .. }) => {
+            FacetBytes { append, normals: true }
+        }
+        Some(MeshEncoding { triangles: TriangleBytes::Numbered(_), .. }) => {
             FacetBytes { append: write_triples, normals: false }
         }
         None => FacetBytes { append: write_whole, normals: false },
@@ -93,16 +95,16 @@ pub(super) fn first_bytes(encoding: Option<Encoding>) -> FacetBytes {
 }
 
 /// Triangles as [`write_whole`] makes them.
-pub(super) fn whole(bytes: &[u8]) -> Vec<Facet> {
+pub(super) fn whole(bytes: &[u8]) -> Vec<MeshTriangle> {
     each_whole(bytes).collect()
 }
 
 /// The same, one after the other.
-pub(super) fn each_whole(bytes: &[u8]) -> impl ExactSizeIterator<Item = Facet> {
+pub(super) fn each_whole(bytes: &[u8]) -> impl ExactSizeIterator<Item = MeshTriangle> {
     bytes.as_chunks::<WHOLE_BYTES>().0.iter().map(|bytes| {
         let (words, _) = bytes.as_chunks::<4>();
         let triple = |n: usize| [words[n], words[n + 1], words[n + 2]];
         let corner = |n: usize| triple(3 * n).map(f32::from_le_bytes);
-        Facet { ids: triple(0).map(u32::from_le_bytes), corners: [corner(1), corner(2), corner(3)] }
+        MeshTriangle { ids: triple(0).map(u32::from_le_bytes), corners: [corner(1), corner(2), corner(3)] }
     })
 }

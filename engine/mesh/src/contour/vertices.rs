@@ -1,6 +1,6 @@
 //! The vertices of a leaf as the mesh has them: those of its cells, or what is merged of them.
 
-use super::adaptive::{Merged, Shared};
+use super::adaptive::{MergedVertices, SharedVertex};
 use super::cells::BrickCells;
 use super::faces::FaceVertices;
 use crate::lattice::Axis;
@@ -12,7 +12,7 @@ pub(super) struct LeafVertices {
     leaf: u32,
     pub cells: Arc<BrickCells>,
     /// None where all stand for themselves.
-    merged: Option<Arc<Merged>>,
+    merged: Option<Arc<MergedVertices>>,
     faces: Arc<FaceVertices>,
 }
 
@@ -22,7 +22,7 @@ impl LeafVertices {
         leaf: u32,
         cells: Arc<BrickCells>,
         faces: Arc<FaceVertices>,
-        merged: Arc<Merged>,
+        merged: Arc<MergedVertices>,
     ) -> LeafVertices {
         // All vertices stand for themselves.
         let merged = Some(merged).filter(|merged| !merged.names.is_empty());
@@ -51,7 +51,7 @@ impl LeafVertices {
     }
 
     /// What is merged, unless all vertices stand for themselves.
-    pub(super) fn what_is_merged(&self) -> Option<&Merged> {
+    pub(super) fn what_is_merged(&self) -> Option<&MergedVertices> {
         self.merged.as_deref()
     }
 
@@ -63,28 +63,28 @@ impl LeafVertices {
 
     /// The vertex that stands for one, by the number with which its cell was made.
     #[inline]
-    pub(super) fn vertex(&self, number: u32) -> Shared {
+    pub(super) fn vertex(&self, number: u32) -> SharedVertex {
         let leaf = self.leaf;
         let Some(merged) = &self.merged else {
             let at = number as usize;
             let on_face = || self.faces.positions[at - self.cells.len()];
             let position = self.cells.positions.get(at).copied().unwrap_or_else(on_face);
-            return Shared { leaf, number, position, ..Shared::default() };
+            return SharedVertex { leaf, number, position, ..SharedVertex::default() };
         };
         let number = merged.names[number as usize];
         match merged.positions.get(number as usize) {
             Some(&position) => {
                 let (is_merged, is_wide) = (merged.is_merged(number), merged.is_wide(number));
-                Shared { leaf, number, position, is_merged, is_wide }
+                SharedVertex { leaf, number, position, is_merged, is_wide }
             }
             None => merged.shared[number as usize - merged.positions.len()],
         }
     }
 
     /// As [`BrickCells::extra`].
-    pub(super) fn extra(&self, face: u32, edge: u64) -> Option<Shared> {
+    pub(super) fn extra(&self, face: u32, edge: u64) -> Option<SharedVertex> {
         let vertex = self.number_on_face(face, edge)?;
-        let is_dropped = |merged: &Arc<Merged>| merged.names[vertex as usize] == Merged::NONE;
+        let is_dropped = |merged: &Arc<MergedVertices>| merged.names[vertex as usize] == MergedVertices::NONE;
         (!self.merged.as_ref().is_some_and(is_dropped)).then(|| self.vertex(vertex))
     }
 

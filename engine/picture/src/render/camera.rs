@@ -1,16 +1,7 @@
 //! Where the eye is, and the ray through each point of the picture.
 
 use crate::error::{Error, Result};
-
-pub(super) type Vector = [f64; 3];
-
-pub(super) fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
+pub(super) use crate::lattice::{Vector, cross, dot};
 
 pub(super) fn scaled(a: Vector, by: f64) -> Vector {
     a.map(|c| c * by)

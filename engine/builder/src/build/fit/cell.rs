@@ -1,7 +1,8 @@
 //! What of the boundary lies within one cell: the winding number on both sides of a piece of a facet.
 
-use super::polygon::{CellFacet, CellPoint, ConvexPolygon, NEAR, dot, minus};
+use super::polygon::{CellFacet, ConvexPolygon, NEAR};
 use crate::brick::Brick;
+use crate::lattice::{Vector, dot, minus};
 
 /// Pieces that a facet may fall into within one cell, and facets of a cell. A cell that holds more is no plain one.
 const PIECES_MAX: usize = 64;
@@ -93,7 +94,7 @@ impl CellFacets<'_> {
 
     /// Whether exactly one side of a facet has w ≥ 1 at the point `p` of it, on which no other facet ends; `None` if that
     /// cannot be told.
-    fn is_boundary(&self, own: usize, p: CellPoint) -> Option<bool> {
+    fn is_boundary(&self, own: usize, p: Vector) -> Option<bool> {
         (0..8).find_map(|n| {
             let corner: [usize; 3] = std::array::from_fn(|a| self.cell[a] + (n >> a & 1));
             self.is_boundary_from(own, p, corner)
@@ -101,7 +102,7 @@ impl CellFacets<'_> {
     }
 
     /// As a segment from a corner of the cell tells, if it does.
-    fn is_boundary_from(&self, own: usize, p: CellPoint, corner: [usize; 3]) -> Option<bool> {
+    fn is_boundary_from(&self, own: usize, p: Vector, corner: [usize; 3]) -> Option<bool> {
         let face = &self.faces[own];
         let from = corner.map(|c| c as f64);
         let height = face.height(from);
@@ -125,7 +126,7 @@ impl CellFacets<'_> {
 
 /// Whether some points lie on both sides of the plane of a facet.
 #[inline]
-fn is_passed(points: &[CellPoint], face: &CellFacet) -> bool {
+fn is_passed(points: &[Vector], face: &CellFacet) -> bool {
     let least = (f64::INFINITY, f64::NEG_INFINITY);
     let heights = points.iter().map(|&p| face.height(p));
     let (low, high) = heights.fold(least, |(low, high), h| (low.min(h), high.max(h)));
@@ -133,7 +134,7 @@ fn is_passed(points: &[CellPoint], face: &CellFacet) -> bool {
 }
 
 /// How the segment from `from` to `p`, which lies on a facet with the normal `own`, passes another one.
-fn passage(other: &CellFacet, from: CellPoint, p: CellPoint, own: CellPoint) -> Passage {
+fn passage(other: &CellFacet, from: Vector, p: Vector, own: Vector) -> Passage {
     let (start, end) = (other.height(from), other.height(p));
     if end.abs() <= APART {
         return match other.depth(p) {
@@ -151,7 +152,7 @@ fn passage(other: &CellFacet, from: CellPoint, p: CellPoint, own: CellPoint) -> 
         return Passage::None;
     }
     let share = start / (start - end);
-    let at: CellPoint = std::array::from_fn(|a| from[a] + (p[a] - from[a]) * share);
+    let at: Vector = std::array::from_fn(|a| from[a] + (p[a] - from[a]) * share);
     // Rounding, where the segment passes at a flat angle.
     let unclear = APART + 1e-12 / (start - end).abs();
     match other.depth(at) {
@@ -162,10 +163,10 @@ fn passage(other: &CellFacet, from: CellPoint, p: CellPoint, own: CellPoint) -> 
 }
 
 /// The two of some points on a line that are farthest from each other.
-fn farthest(points: &[CellPoint]) -> Vec<CellPoint> {
-    let from = |a: CellPoint| {
-        move |p: &&CellPoint, q: &&CellPoint| {
-            let distance = |p: CellPoint| dot(minus(p, a), minus(p, a));
+fn farthest(points: &[Vector]) -> Vec<Vector> {
+    let from = |a: Vector| {
+        move |p: &&Vector, q: &&Vector| {
+            let distance = |p: Vector| dot(minus(p, a), minus(p, a));
             distance(**p).total_cmp(&distance(**q))
         }
     };
@@ -176,8 +177,8 @@ fn farthest(points: &[CellPoint]) -> Vec<CellPoint> {
 }
 
 /// What of a segment, or a point, has no negative depth.
-fn clipped(points: &[CellPoint], depth: impl Fn(CellPoint) -> f64) -> Vec<CellPoint> {
-    let mut kept: Vec<CellPoint> = points.iter().copied().filter(|&p| depth(p) >= 0.0).collect();
+fn clipped(points: &[Vector], depth: impl Fn(Vector) -> f64) -> Vec<Vector> {
+    let mut kept: Vec<Vector> = points.iter().copied().filter(|&p| depth(p) >= 0.0).collect();
     if let [a, b] = *points {
         let (first, second) = (depth(a), depth(b));
         if (first >= 0.0) != (second >= 0.0) {
@@ -194,7 +195,7 @@ pub(super) fn touches(face: &CellFacet, cell: [usize; 3]) -> bool {
         let from = cell[a] as f64;
         face.low[a] <= from + 1.0 + NEAR && face.high[a] >= from - NEAR
     });
-    let centre: CellPoint = std::array::from_fn(|a| cell[a] as f64 + 0.5);
+    let centre: Vector = std::array::from_fn(|a| cell[a] as f64 + 0.5);
     let reach = 0.5 * (face.normal[0].abs() + face.normal[1].abs() + face.normal[2].abs());
     within && face.height(centre).abs() <= reach + NEAR
 }

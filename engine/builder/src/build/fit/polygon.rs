@@ -1,33 +1,16 @@
 //! Convex polygons in space, and what of a triangle lies in which cell.
 
-use crate::lattice::{BRICK_CELLS, NodeKey, Triangle, normal};
-
-pub(super) type CellPoint = [f64; 3];
-
-#[inline]
-pub(super) fn dot(a: CellPoint, b: CellPoint) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline]
-pub(super) fn cross(a: CellPoint, b: CellPoint) -> CellPoint {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-#[inline]
-pub(super) fn minus(a: CellPoint, b: CellPoint) -> CellPoint {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
+use crate::lattice::{BRICK_CELLS, NodeKey, Triangle, Vector, cross, dot, minus, normal};
 
 /// A triangle in cells of a brick, with its plane n·x = d.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CellFacet {
-    pub corners: [CellPoint; 3],
-    pub normal: CellPoint,
+    pub corners: [Vector; 3],
+    pub normal: Vector,
     pub offset: f64,
     /// Its bounding box.
-    pub low: CellPoint,
-    pub high: CellPoint,
+    pub low: Vector,
+    pub high: Vector,
 }
 
 impl CellFacet {
@@ -41,7 +24,7 @@ impl CellFacet {
         let long = normal(&t).map(|c| c as f64);
         let length = dot(long, long).sqrt();
         let normal = long.map(|c| c / length);
-        let [a, b, c]: [CellPoint; 3] = corners;
+        let [a, b, c]: [Vector; 3] = corners;
         let low = std::array::from_fn(|axis| a[axis].min(b[axis]).min(c[axis]));
         let high = std::array::from_fn(|axis| a[axis].max(b[axis]).max(c[axis]));
         CellFacet { corners, normal, offset: dot(normal, a), low, high }
@@ -49,7 +32,7 @@ impl CellFacet {
 
     /// How far a point is in front of its plane.
     #[inline]
-    pub fn height(&self, p: CellPoint) -> f64 {
+    pub fn height(&self, p: Vector) -> f64 {
         dot(self.normal, p) - self.offset
     }
 
@@ -70,12 +53,12 @@ impl CellFacet {
     }
 
     /// How far a point of its plane is within its edges; negative beyond them.
-    pub fn depth(&self, p: CellPoint) -> f64 {
+    pub fn depth(&self, p: Vector) -> f64 {
         (0..3).map(|edge| self.depth_at(edge, p)).fold(f64::INFINITY, f64::min)
     }
 
     /// How far a point of its plane is within one of its edges.
-    pub fn depth_at(&self, edge: usize, p: CellPoint) -> f64 {
+    pub fn depth_at(&self, edge: usize, p: Vector) -> f64 {
         let from = self.corners[edge];
         let along = minus(self.corners[(edge + 1) % 3], from);
         dot(cross(self.normal, along), minus(p, from)) / dot(along, along).sqrt()
@@ -88,21 +71,21 @@ const CORNERS: usize = 12;
 /// A convex polygon, with its corners in order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ConvexPolygon {
-    corners: [CellPoint; CORNERS],
+    corners: [Vector; CORNERS],
     count: usize,
 }
 
 impl ConvexPolygon {
     const EMPTY: ConvexPolygon = ConvexPolygon { corners: [[0.0; 3]; CORNERS], count: 0 };
 
-    pub fn triangle(corners: [CellPoint; 3]) -> ConvexPolygon {
+    pub fn triangle(corners: [Vector; 3]) -> ConvexPolygon {
         let mut polygon = ConvexPolygon { count: 3, ..ConvexPolygon::EMPTY };
         polygon.corners[..3].copy_from_slice(&corners);
         polygon
     }
 
     #[inline]
-    pub fn corners(&self) -> &[CellPoint] {
+    pub fn corners(&self) -> &[Vector] {
         &self.corners[..self.count]
     }
 
@@ -115,7 +98,7 @@ impl ConvexPolygon {
         self.count + 2 > CORNERS
     }
 
-    pub fn middle(&self) -> CellPoint {
+    pub fn middle(&self) -> Vector {
         let mut sum = [0.0; 3];
         self.corners().iter().for_each(|p| (0..3).for_each(|a| sum[a] += p[a]));
         sum.map(|c| c / self.count as f64)
@@ -123,7 +106,7 @@ impl ConvexPolygon {
 
     /// The greatest distance of two corners, or more, by less than twice.
     pub fn length(&self) -> f64 {
-        let extent: CellPoint =
+        let extent: Vector =
             std::array::from_fn(|axis| self.range(axis)).map(|(low, high): (f64, f64)| high - low);
         dot(extent, extent).sqrt()
     }
@@ -147,7 +130,7 @@ impl ConvexPolygon {
     }
 
     /// What of it has no positive height.
-    pub fn below(&self, height: impl Fn(CellPoint) -> f64) -> ConvexPolygon {
+    pub fn below(&self, height: impl Fn(Vector) -> f64) -> ConvexPolygon {
         let mut kept = ConvexPolygon::EMPTY;
         self.put_below(height, &mut kept);
         kept
@@ -155,7 +138,7 @@ impl ConvexPolygon {
 
     /// Puts that into `kept`.
     #[inline]
-    fn put_below(&self, height: impl Fn(CellPoint) -> f64, kept: &mut ConvexPolygon) {
+    fn put_below(&self, height: impl Fn(Vector) -> f64, kept: &mut ConvexPolygon) {
         kept.count = 0;
         let Some(&(mut last)) = self.corners().last() else { return };
         let mut last_height = height(last);
@@ -173,7 +156,7 @@ impl ConvexPolygon {
     }
 
     #[inline]
-    fn push(&mut self, corner: CellPoint) {
+    fn push(&mut self, corner: Vector) {
         if self.count < CORNERS {
             self.corners[self.count] = corner;
             self.count += 1;

@@ -16,18 +16,18 @@
 //! ([`super::folds`]). Further walks over these leaves collect what does, given what each leaf and the walk before
 //! would merge. It is given up for what it is made of, until nothing folds or [`MOST_WALKS`] are done.
 
-use super::super::frame::Frame;
+use super::super::frame::CellFrame;
 use super::super::leaves::Leaves;
-use super::draft::Draft;
+use super::draft::LeafCandidates;
 use super::edge::{ACROSS, Corner};
-use super::merged::Shared;
-use super::names::{NONE, Name, bits};
-use super::strays::Strays;
+use super::merged::SharedVertex;
+use super::names::{NONE, VertexMerge, bits};
+use super::strays::OutOfCellEdges;
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
 use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// A vertex that stands for vertices of several leaves.
-pub(super) struct Wide {
+pub(super) struct CrossLeafVertex {
     pub(super) node: NodeKey,
     /// The node is 2 to this power cells wide.
     pub(super) bits: u8,
@@ -39,8 +39,8 @@ pub(super) struct Wide {
 
 /// What is merged across the borders of leaves.
 #[derive(Default)]
-pub(in super::super) struct Across {
-    pub(super) all: Vec<Wide>,
+pub(in super::super) struct CrossLeafMerges {
+    pub(super) all: Vec<CrossLeafVertex>,
     /// The smallest one that stands for each part of a leaf.
     pub(super) of_part: HashMap<(u32, u32), u32>,
     /// Leaf and number of those that are in the mesh.
@@ -52,14 +52,14 @@ pub(in super::super) struct Across {
     /// By leaf, those that stay in it or on its border, and where.
     pub(super) hosted: HashMap<u32, Vec<([f32; 3], u32)>>,
     /// Vertices outside the cubes of their leaves.
-    pub(super) strays: Strays,
+    pub(super) strays: OutOfCellEdges,
     /// By leaf, candidates that are given up beside those that its draft bars.
     pub(super) barred: HashMap<u32, BTreeSet<u32>>,
 }
 
 /// What stands for several vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(in super::super) enum Taken {
+pub(in super::super) enum MergeTarget {
     /// A leaf, and one of its candidates.
     Candidate(u32, u32),
     /// One of several leaves'.
@@ -67,15 +67,15 @@ pub(in super::super) enum Taken {
 }
 
 /// What stands for several vertices, and the level of its node.
-pub(super) type Merge = (Taken, u8);
+pub(super) type Merge = (MergeTarget, u8);
 
 /// Whether it stands for vertices of several leaves.
 #[inline]
 pub(super) fn is_wide(merge: Option<Merge>) -> bool {
-    matches!(merge, Some((Taken::Wide(_), _)))
+    matches!(merge, Some((MergeTarget::Wide(_), _)))
 }
 
-impl Across {
+impl CrossLeafMerges {
     /// The largest that stands for a part of a leaf and is not given up.
     fn of(&self, leaf: u32, part: u32) -> Option<u32> {
         let first = *self.of_part.get(&(leaf, part))?;
@@ -98,22 +98,28 @@ impl Across {
     }
 
     /// The corner that stands for each part of a leaf; empty if there is none.
-    pub(super) fn corners(&self, leaf: u32, draft: &Draft) -> Vec<Option<Corner>> {
+    pub(super) fn corners(&self, leaf: u32, draft: &LeafCandidates) -> Vec<Option<Corner>> {
         if self.all.is_empty() {
             return Vec::new();
         }
         let corner = |part| {
             let wide = self.of(leaf, part)?;
-            let Wide { bits, position, .. } = self.all[wide as usize];
+            let CrossLeafVertex { bits, position, .. } = self.all[wide as usize];
             Some(Corner { name: (ACROSS, true, wide), position, level: bits })
         };
         (0..draft.parts.len() as u32).map(corner).collect()
     }
 
     /// What the mesh has for one of several leaves.
-    pub(super) fn shared(&self, wide: u32) -> Shared {
+    pub(super) fn shared(&self, wide: u32) -> SharedVertex {
         let [leaf, number] = self.places[wide as usize];
-        Shared { leaf, number, position: self.all[wide as usize].position, is_merged: true, is_wide: true }
+        SharedVertex {
+            leaf,
+            number,
+            position: self.all[wide as usize].position,
+            is_merged: true,
+            is_wide: true,
+        }
     }
 
     /// Those that a leaf has, in the order of their numbers there.
@@ -145,21 +151,21 @@ impl Across {
     }
 
     /// Vertices outside the cubes of their leaves.
-    pub(super) fn strays(&self) -> &Strays {
+    pub(super) fn strays(&self) -> &OutOfCellEdges {
         &self.strays
     }
 
     /// Gives some up for what they are made of. Returns the leaves in which they stand for something, sorted.
-    pub(super) fn bar(&mut self, taken: &[Taken]) -> Vec<u32> {
+    pub(super) fn bar(&mut self, taken: &[MergeTarget]) -> Vec<u32> {
         let mut changed = HashSet::new();
         let mut wide = HashSet::new();
         for taken in taken {
             match *taken {
-                Taken::Candidate(leaf, candidate) => {
+                MergeTarget::Candidate(leaf, candidate) => {
                     self.barred.entry(leaf).or_default().insert(candidate);
                     changed.insert(leaf);
                 }
-                Taken::Wide(number) => {
+                MergeTarget::Wide(number) => {
                     self.all[number as usize].is_barred = true;
                     wide.insert(number);
                 }
@@ -179,10 +185,10 @@ impl Across {
     pub(in super::super) fn give_up(
         &mut self,
         (leaves, root): (&Leaves, RootCube),
-        taken: &[Taken],
+        taken: &[MergeTarget],
     ) -> Vec<u32> {
         let mut changed = self.bar(taken);
-        if taken.iter().any(|taken| matches!(taken, Taken::Wide(_))) {
+        if taken.iter().any(|taken| matches!(taken, MergeTarget::Wide(_))) {
             let before = std::mem::take(&mut self.hosted);
             self.host(leaves, root);
             let after = &self.hosted;
@@ -202,7 +208,7 @@ impl Across {
     }
 
     /// Which candidates of a leaf are given up, by number.
-    pub(super) fn barred(&self, leaf: u32, draft: &Draft) -> Vec<bool> {
+    pub(super) fn barred(&self, leaf: u32, draft: &LeafCandidates) -> Vec<bool> {
         let mut barred = draft.barred.clone();
         for candidate in self.barred.get(&leaf).into_iter().flatten() {
             barred[*candidate as usize] = true;
@@ -210,14 +216,14 @@ impl Across {
         barred
     }
 
-    /// What [`Draft::of_vertex`] is without what was given up; `None` if nothing was.
-    pub(super) fn of_vertex(&self, leaf: u32, draft: &Draft, vertices: usize) -> Option<Vec<u32>> {
+    /// What [`LeafCandidates::of_vertex`] is without what was given up; `None` if nothing was.
+    pub(super) fn of_vertex(&self, leaf: u32, draft: &LeafCandidates, vertices: usize) -> Option<Vec<u32>> {
         let is_less = self.barred.contains_key(&leaf);
         is_less.then(|| draft.assigned(&self.barred(leaf, draft), vertices))
     }
 
     /// What each of the vertices of a leaf's cells becomes.
-    pub(super) fn names(&self, leaf: u32, draft: &Draft, vertices: usize) -> Vec<Name> {
+    pub(super) fn names(&self, leaf: u32, draft: &LeafCandidates, vertices: usize) -> Vec<VertexMerge> {
         let wide: Vec<Option<u32>> = match self.all.is_empty() {
             true => Vec::new(),
             false => (0..draft.parts.len() as u32).map(|part| self.of(leaf, part)).collect(),
@@ -225,26 +231,26 @@ impl Across {
         let less = self.of_vertex(leaf, draft, vertices);
         let of_vertex = less.as_ref().unwrap_or(&draft.of_vertex);
         let name = |vertex: u32| match draft.part_of(vertex).and_then(|part| *wide.get(part)?) {
-            Some(wide) => Name::Wide(wide),
-            None if of_vertex[vertex as usize] == NONE => Name::Own,
-            None => Name::Candidate(of_vertex[vertex as usize]),
+            Some(wide) => VertexMerge::Wide(wide),
+            None if of_vertex[vertex as usize] == NONE => VertexMerge::Own,
+            None => VertexMerge::Candidate(of_vertex[vertex as usize]),
         };
         (0..vertices as u32).map(name).collect()
     }
 
     /// The vertex of several leaves that has a number in a leaf, and the level of its node. Where nothing is merged any more,
     /// those that are given up have no numbers.
-    pub(super) fn taken(&self, numbered: &[u32], number: u32) -> Option<(Taken, u8)> {
+    pub(super) fn taken(&self, numbered: &[u32], number: u32) -> Option<(MergeTarget, u8)> {
         let wide = *numbered.get(number as usize)?;
-        let Wide { bits, is_barred, .. } = self.all[wide as usize];
-        (!is_barred).then_some((Taken::Wide(wide), bits))
+        let CrossLeafVertex { bits, is_barred, .. } = self.all[wide as usize];
+        (!is_barred).then_some((MergeTarget::Wide(wide), bits))
     }
 
     /// World coordinates of the node of one of several leaves, and the size of a cell there.
     pub(super) fn node(&self, root: RootCube, wide: u32) -> ([[f32; 3]; 2], f64) {
-        let Wide { node, bits, .. } = self.all[wide as usize];
+        let CrossLeafVertex { node, bits, .. } = self.all[wide as usize];
         let spacing = root.spacing(node.level()) * BRICK_CELLS as f64 / f64::from(1u32 << bits);
-        (Frame::new(root, node).bounds(), spacing)
+        (CellFrame::new(root, node).bounds(), spacing)
     }
 
     /// Two sheets of a wall may have theirs at the same place: moved by a step of coordinates, one is as good. Those that

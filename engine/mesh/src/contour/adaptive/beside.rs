@@ -1,7 +1,7 @@
 //! Which edges of a leaf have triangles that reach into the cube of another leaf.
 
-use super::super::field::Field;
-use super::across::Across;
+use super::super::field::LevelSet;
+use super::across::CrossLeafMerges;
 use super::bounds::Bounds;
 use super::edge_box::{EdgeBox, common};
 use super::wanted::EdgesNear;
@@ -10,8 +10,8 @@ use crate::lattice::{BRICK_CELLS, NodeKey};
 /// Edges of a leaf about which are all its triangles that reach into the cube of another one that it touches: those in some
 /// boxes, and those with an end in another box.
 pub(super) fn edges_beside(
-    field: &Field,
-    across: &Across,
+    field: &LevelSet,
+    across: &CrossLeafMerges,
     (leaf, cube): (u32, &Bounds),
     other: u32,
 ) -> Option<(Vec<EdgeBox>, Option<EdgeBox>)> {

@@ -22,7 +22,7 @@ const LEAST_GAP: f64 = 1e-12;
 /// Directions that are tried for one vertex.
 const DIRECTIONS: usize = 12;
 
-pub(super) type Corners = [[f32; 3]; 3];
+pub(super) type TriangleCorners = [[f32; 3]; 3];
 
 /// A corner in 64 bits.
 #[inline]
@@ -31,12 +31,12 @@ pub(super) fn wide([x, y, z]: [f32; 3]) -> DVec3 {
 }
 
 #[inline]
-fn all_wide([a, b, c]: &Corners) -> [DVec3; 3] {
+fn all_wide([a, b, c]: &TriangleCorners) -> [DVec3; 3] {
     [wide(*a), wide(*b), wide(*c)]
 }
 
 /// The normal of a triangle, of length one; zero for one that is too slim.
-pub(super) fn normal(corners: &Corners) -> DVec3 {
+pub(super) fn normal(corners: &TriangleCorners) -> DVec3 {
     let [a, b, c] = all_wide(corners);
     let (u, v) = (b - a, c - a);
     let normal = u.cross(v);
@@ -87,7 +87,7 @@ fn facing(sectors: &[Sector]) -> Option<DVec3> {
 }
 
 /// Whether a plane surely separates two triangles with these normals.
-pub(super) fn are_apart(a: &Corners, b: &Corners, normals: [DVec3; 2]) -> bool {
+pub(super) fn are_apart(a: &TriangleCorners, b: &TriangleCorners, normals: [DVec3; 2]) -> bool {
     let ([p, q, r], [s, t, u]) = (all_wide(a), all_wide(b));
     let (own, other) = ([DVec3::ZERO, q - p, r - p], [s - p, t - p, u - p]);
     let reach = own[1].abs().max(own[2].abs()).max(other[0].abs()).max(other[1].abs()).max(other[2].abs());
@@ -117,7 +117,7 @@ pub(super) type Bounds = [[f32; 3]; 2];
 
 /// Of a triangle.
 #[inline]
-pub(super) fn bounds([a, b, c]: &Corners) -> Bounds {
+pub(super) fn bounds([a, b, c]: &TriangleCorners) -> Bounds {
     let low = |n: usize| a[n].min(b[n]).min(c[n]);
     let high = |n: usize| a[n].max(b[n]).max(c[n]);
     [[low(0), low(1), low(2)], [high(0), high(1), high(2)]]
@@ -136,10 +136,10 @@ mod tests {
     use crate::predicates::meet_by_place;
     use proptest::prelude::*;
 
-    fn fan(tip: [f32; 3], link: &[[f32; 3]]) -> (Vec<Corners>, Vec<Sector>) {
+    fn fan(tip: [f32; 3], link: &[[f32; 3]]) -> (Vec<TriangleCorners>, Vec<Sector>) {
         let triangle = |n: usize| [tip, link[n], link[(n + 1) % link.len()]];
-        let all: Vec<Corners> = (0..link.len()).map(triangle).collect();
-        let sector = |corners: &Corners| {
+        let all: Vec<TriangleCorners> = (0..link.len()).map(triangle).collect();
+        let sector = |corners: &TriangleCorners| {
             let [a, b, c] = corners.map(wide);
             (normal(corners), [b - a, c - a])
         };

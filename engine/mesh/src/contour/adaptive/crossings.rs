@@ -2,9 +2,9 @@
 
 use super::super::cells::BrickCells;
 use super::super::edges::{NO_VERTEX, Quad};
-use super::super::leaves::{Leaves, Side, direction_index, directions};
+use super::super::leaves::{LeafNeighbour, Leaves, direction_index, directions};
 use super::super::qef::Vector;
-use super::super::surface::Changes;
+use super::super::surface::HermiteSurface;
 use super::super::topology::{SQUARE, cell_around, edge_index};
 use super::names::LEVELS;
 use crate::lattice::{Axis, BRICK_CELLS};
@@ -15,7 +15,7 @@ pub(super) const BEYOND: u32 = u32::MAX;
 pub(super) const FROZEN: u32 = u32::MAX - 1;
 
 /// A sign-changing edge.
-pub(super) struct Crossing {
+pub(super) struct SignChangeEdge {
     pub axis: Axis,
     /// Its lower sample.
     pub low: [u8; 3],
@@ -38,8 +38,8 @@ pub(super) struct Ambiguous {
 }
 
 /// The edges of a leaf and the vertices at them.
-pub(super) struct Crossings {
-    pub all: Vec<Crossing>,
+pub(super) struct LeafEdges {
+    pub all: Vec<SignChangeEdge>,
     pub ambiguous: Vec<Ambiguous>,
     /// By level, those in a plane of it, and those in none of it or of a lower level.
     within: [Vec<u32>; LEVELS as usize + 2],
@@ -57,15 +57,15 @@ pub(super) fn plane_level(plane: usize) -> u8 {
 
 /// Which cells of a leaf keep their vertices: those with edges of finer leaves on their boundary, and those next to
 /// coarser leaves, whose cells count on them.
-pub(super) struct Frozen {
+pub(super) struct FrozenCells {
     coarser: Vec<[i32; 3]>,
 }
 
-impl Frozen {
-    pub(super) fn of(leaves: &Leaves, leaf: u32) -> Frozen {
+impl FrozenCells {
+    pub(super) fn of(leaves: &Leaves, leaf: u32) -> FrozenCells {
         let around = leaves.around(leaf);
-        let is_coarser = |d: &[i32; 3]| matches!(around[direction_index(*d)], Side::Coarser(_));
-        Frozen { coarser: directions().filter(is_coarser).collect() }
+        let is_coarser = |d: &[i32; 3]| matches!(around[direction_index(*d)], LeafNeighbour::Coarser(_));
+        FrozenCells { coarser: directions().filter(is_coarser).collect() }
     }
 
     /// Whether there may be any.
@@ -85,9 +85,9 @@ impl Frozen {
     }
 }
 
-impl Crossings {
-    pub(super) fn of(leaves: &Leaves, leaf: u32, changes: &Changes, cells: &BrickCells) -> Crossings {
-        let frozen = Frozen::of(leaves, leaf);
+impl LeafEdges {
+    pub(super) fn of(leaves: &Leaves, leaf: u32, changes: &HermiteSurface, cells: &BrickCells) -> LeafEdges {
+        let frozen = FrozenCells::of(leaves, leaf);
         let is_any_frozen = frozen.is_any(cells);
         let quads = cells.quads();
         let mut all = Vec::with_capacity(changes.planes.len());
@@ -123,7 +123,7 @@ impl Crossings {
                     within[b].push(number as u32);
                 }
                 beyond[1..a.min(b)].iter_mut().for_each(|beyond| beyond.push(number as u32));
-                all.push(Crossing {
+                all.push(SignChangeEdge {
                     axis,
                     low: low.map(|c| c as u8),
                     levels,
@@ -136,21 +136,21 @@ impl Crossings {
         drop(quads);
         let (starts, edges) = by_vertex(&all, cells.len());
         let ambiguous = ambiguous(cells, &frozen);
-        Crossings { all, ambiguous, within, beyond, starts, edges }
+        LeafEdges { all, ambiguous, within, beyond, starts, edges }
     }
 
     /// Those in a plane of `level`, in order; of the level above [`LEVELS`] those on the leaf's faces.
-    pub(super) fn within(&self, level: u8) -> impl Iterator<Item = &Crossing> {
+    pub(super) fn within(&self, level: u8) -> impl Iterator<Item = &SignChangeEdge> {
         self.within[usize::from(level)].iter().map(|&edge| &self.all[edge as usize])
     }
 
     /// Those whose planes are of higher levels than `level`, in order.
-    pub(super) fn beyond(&self, level: u8) -> impl Iterator<Item = &Crossing> {
+    pub(super) fn beyond(&self, level: u8) -> impl Iterator<Item = &SignChangeEdge> {
         self.beyond[usize::from(level)].iter().map(|&edge| &self.all[edge as usize])
     }
 
     /// The edges of a vertex' cell that its loop passes through.
-    pub(super) fn at(&self, vertex: u32) -> impl Iterator<Item = &Crossing> {
+    pub(super) fn at(&self, vertex: u32) -> impl Iterator<Item = &SignChangeEdge> {
         let range = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
         self.edges[range].iter().map(|&edge| &self.all[edge as usize])
     }
@@ -163,7 +163,7 @@ impl Crossings {
     }
 }
 
-fn by_vertex(all: &[Crossing], vertices: usize) -> (Vec<u32>, Vec<u32>) {
+fn by_vertex(all: &[SignChangeEdge], vertices: usize) -> (Vec<u32>, Vec<u32>) {
     let named = || {
         all.iter().enumerate().flat_map(|(n, crossing)| {
             crossing.vertices.into_iter().filter(|&v| v < FROZEN).map(move |v| (n as u32, v as usize))
@@ -183,7 +183,7 @@ fn by_vertex(all: &[Crossing], vertices: usize) -> (Vec<u32>, Vec<u32>) {
     (starts, edges)
 }
 
-fn ambiguous(cells: &BrickCells, frozen: &Frozen) -> Vec<Ambiguous> {
+fn ambiguous(cells: &BrickCells, frozen: &FrozenCells) -> Vec<Ambiguous> {
     let mut found = Vec::new();
     for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
         let row = cells.row(j, k);

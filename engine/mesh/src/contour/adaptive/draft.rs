@@ -1,25 +1,25 @@
 //! What a leaf's own planes and topology let be merged, before the leaves around it are looked at.
 
 use super::edge::Edge;
-use super::fit::Node;
+use super::fit::CellNode;
 use super::names::NONE;
-use super::parts::Part;
+use super::parts::SurfaceDisk;
 use std::ops::Range;
 
 /// A vertex that may stand for others.
 pub(super) struct Candidate {
-    pub node: Node,
+    pub node: CellNode,
     /// In the node's unit cube.
     pub at: [f64; 3],
     /// The same in the world.
     pub position: [f32; 3],
-    /// Which vertices, as a part of [`Draft::members`].
+    /// Which vertices, as a part of [`LeafCandidates::members`].
     pub(super) members: Range<u32>,
 }
 
 /// Which vertices of a leaf's cells may be merged.
 #[derive(Default)]
-pub(in super::super) struct Draft {
+pub(in super::super) struct LeafCandidates {
     /// From small nodes to large ones; those of a level have no vertex in common.
     pub(super) candidates: Vec<Candidate>,
     pub(super) members: Vec<u32>,
@@ -31,12 +31,12 @@ pub(in super::super) struct Draft {
     pub(super) is_settled: bool,
     pub(super) edges: Vec<Edge>,
     /// What may be merged with parts of the leaves around.
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<SurfaceDisk>,
     /// For each vertex the number of its part, or [`NONE`]; empty if there is no part.
     pub(super) part_of: Vec<u32>,
 }
 
-impl Draft {
+impl LeafCandidates {
     /// The number of a vertex' part.
     pub(super) fn part_of(&self, vertex: u32) -> Option<usize> {
         self.part_of.get(vertex as usize).filter(|&&part| part != NONE).map(|&part| part as usize)
@@ -60,8 +60,8 @@ impl Draft {
             + 4 * (self.members.capacity() + self.of_vertex.capacity())
             + self.barred.capacity()
             + self.edges.capacity() * size_of::<Edge>()
-            + self.parts.capacity() * size_of::<Part>()
-            + self.parts.iter().map(Part::heap_bytes).sum::<usize>()
+            + self.parts.capacity() * size_of::<SurfaceDisk>()
+            + self.parts.iter().map(SurfaceDisk::heap_bytes).sum::<usize>()
             + 4 * self.part_of.capacity()
     }
 }

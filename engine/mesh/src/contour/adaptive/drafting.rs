@@ -1,34 +1,34 @@
 //! Finding what a leaf's own planes and topology let be merged.
 
 use super::super::cells::BrickCells;
-use super::super::field::Field;
-use super::super::frame::Frame;
+use super::super::field::LevelSet;
+use super::super::frame::CellFrame;
 use super::super::lanes::GROUP;
 use super::super::qef::Qef;
-use super::super::solve::Group;
-use super::super::surface::Surface;
-use super::crossings::{Crossings, FROZEN};
-use super::draft::{Candidate, Draft};
+use super::super::solve::LoopGroup;
+use super::super::surface::LeafSurface;
+use super::crossings::{FROZEN, LeafEdges};
+use super::draft::{Candidate, LeafCandidates};
 use super::edge::Edge;
-use super::fit::{self, Node};
+use super::fit::{self, CellNode};
 use super::folds;
 use super::names::{LEVELS, NONE};
 use super::parts;
-use super::patches::Patches;
+use super::patches::LevelPatches;
 use crate::error::Result;
 
 /// What of a leaf may be merged; `tolerance` is in world units.
-pub(in super::super) fn draft(field: &Field, leaf: u32, tolerance: f64) -> Result<Draft> {
-    let mut draft = Draft::default();
+pub(in super::super) fn draft(field: &LevelSet, leaf: u32, tolerance: f64) -> Result<LeafCandidates> {
+    let mut draft = LeafCandidates::default();
     let cells = field.cells(leaf)?;
     if cells.len() == 0 {
         return Ok(draft);
     }
     let surface = field.surface(leaf)?;
-    let Surface::Changes(changes) = &*surface else { return Ok(draft.alone(&cells)) };
+    let LeafSurface::Changes(changes) = &*surface else { return Ok(draft.alone(&cells)) };
     let key = field.leaves.get(leaf).key;
     let frame = field.frame(key);
-    let crossings = Crossings::of(&field.leaves, leaf, changes, &cells);
+    let crossings = LeafEdges::of(&field.leaves, leaf, changes, &cells);
     let mut patches =
         draft.find(&crossings, &frame, tolerance / field.root.spacing(key.level()), cells.len());
     (draft.parts, draft.part_of) = parts::of_leaf(&mut patches, &crossings, key);
@@ -49,15 +49,21 @@ pub(in super::super) fn draft(field: &Field, leaf: u32, tolerance: f64) -> Resul
     Ok(draft)
 }
 
-impl Draft {
+impl LeafCandidates {
     /// Of cells none of whose vertices may be merged.
-    fn alone(mut self, cells: &BrickCells) -> Draft {
+    fn alone(mut self, cells: &BrickCells) -> LeafCandidates {
         self.of_vertex = vec![NONE; cells.len()];
         self
     }
 
     /// Finds the candidates and returns what hangs together in the leaf.
-    fn find(&mut self, crossings: &Crossings, frame: &Frame, tolerance: f64, vertices: usize) -> Patches {
+    fn find(
+        &mut self,
+        crossings: &LeafEdges,
+        frame: &CellFrame,
+        tolerance: f64,
+        vertices: usize,
+    ) -> LevelPatches {
         let mut sums: Vec<Qef> = Vec::new();
         sums.resize_with(vertices, Qef::default);
         for crossing in &crossings.all {
@@ -65,12 +71,12 @@ impl Draft {
                 sums[vertex as usize].add_crossing(crossing);
             }
         }
-        let mut patches = Patches::new(sums);
-        let mut group = Group::default();
+        let mut patches = LevelPatches::new(sums);
+        let mut group = LoopGroup::default();
         for level in 1..=LEVELS {
             let disks = patches.join(crossings, level);
             for disks in disks.chunks(GROUP) {
-                let node = |&root: &usize| Node::around(crossings.cell_of(root as u32), level);
+                let node = |&root: &usize| CellNode::around(crossings.cell_of(root as u32), level);
                 let parts: Vec<Qef> =
                     disks.iter().map(|root| patches.sums[*root].within(&node(root))).collect();
                 let size = f64::from(1u32 << level);

@@ -1,7 +1,7 @@
 //! Sign-changing edges as merging sees them, and the corners of the polygons around them.
 
 use super::super::topology::{SQUARE, cell_around};
-use super::crossings::{Crossing, FROZEN};
+use super::crossings::{FROZEN, SignChangeEdge};
 use crate::lattice::Axis;
 
 /// The direction of the leaf itself.
@@ -14,7 +14,7 @@ pub(super) struct Edge {
     pub axis: Axis,
     /// Its lower sample.
     pub low: [u8; 3],
-    /// As [`Crossing::vertices`].
+    /// As [`SignChangeEdge::vertices`].
     pub vertices: [u32; 4],
 }
 
@@ -29,7 +29,7 @@ pub(super) struct Corner {
 }
 
 impl Edge {
-    pub(super) fn of(crossing: &Crossing) -> Edge {
+    pub(super) fn of(crossing: &SignChangeEdge) -> Edge {
         Edge { axis: crossing.axis, low: crossing.low, vertices: crossing.vertices }
     }
 

@@ -1,16 +1,16 @@
 //! Joining what leaves hand on, node by node of the tree above them, and giving up what would fold the surface.
 
-use super::super::field::Field;
-use super::super::leaves::{Leaf, Side};
+use super::super::field::LevelSet;
+use super::super::leaves::{ContourLeaf, LeafNeighbour};
 use super::super::normal_sum::direction;
 use super::super::order::in_order;
-use super::super::solve::Group;
-use super::across::{Across, Taken, Wide};
+use super::super::solve::LoopGroup;
+use super::across::{CrossLeafMerges, CrossLeafVertex, MergeTarget};
 use super::find_folds;
 use super::fit;
 use super::names::NONE;
-use super::parts::{BorderCrossing, Part, Piece};
-use super::patches::{Join, Sets};
+use super::parts::{BorderCrossing, PartSource, SurfaceDisk};
+use super::patches::{DiskSets, JoinSets};
 use super::strays::straying;
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
@@ -26,23 +26,23 @@ const MOST_WALKS: usize = 2 * crate::lattice::MAX_LEVEL as usize;
 
 /// What is merged across the borders of all leaves; `tolerance` is in world units.
 pub(in super::super) fn find_across(
-    field: &Field,
+    field: &LevelSet,
     tolerance: f64,
     normals: bool,
     progress: &dyn Progress,
-) -> Result<Across> {
+) -> Result<CrossLeafMerges> {
     progress.phase("flat parts", Some(field.leaves.len() as u64), "bricks");
-    let found = Across { normals: normals.then(Vec::new), ..Across::default() };
-    let mut finder = Finder { field, tolerance, found, group: Group::default(), open: Vec::new() };
+    let found = CrossLeafMerges { normals: normals.then(Vec::new), ..CrossLeafMerges::default() };
+    let mut finder = Finder { field, tolerance, found, group: LoopGroup::default(), open: Vec::new() };
     let make = |leaf| {
-        let Leaf { key, changes, .. } = *field.leaves.get(leaf);
+        let ContourLeaf { key, changes, .. } = *field.leaves.get(leaf);
         if !changes {
             return Ok((leaf, Vec::new(), Vec::new()));
         }
         let parts = field.draft(leaf)?.parts.clone();
         Ok((leaf, parts, straying(&*field.cells(leaf)?, &field.frame(key).bounds())))
     };
-    field.in_order(progress, make, |(leaf, parts, straying): (u32, Vec<Part>, Vec<[u8; 3]>)| {
+    field.in_order(progress, make, |(leaf, parts, straying): (u32, Vec<SurfaceDisk>, Vec<[u8; 3]>)| {
         finder.add(leaf, parts);
         finder.found.strays.add(&field.leaves, leaf, &straying);
         Ok(())
@@ -57,7 +57,7 @@ pub(in super::super) fn find_across(
 
 /// Gives up what folds the surface. The first walk is over all leaves, the others are over those with parts of what
 /// several have.
-fn give_up_folds(across: &mut Across, field: &Field, progress: &dyn Progress) -> Result<()> {
+fn give_up_folds(across: &mut CrossLeafMerges, field: &LevelSet, progress: &dyn Progress) -> Result<()> {
     let several = across.sharing();
     let mut asked: Vec<u32> = (0..field.leaves.len() as u32).collect();
     asked.retain(|leaf| field.leaves.get(*leaf).changes);
@@ -70,7 +70,7 @@ fn give_up_folds(across: &mut Across, field: &Field, progress: &dyn Progress) ->
         let this = &*across;
         // From the last one on: what has been made of these is still there if not all of it finds room.
         let make = |n: u32| find_folds::found(field, asked[asked.len() - 1 - n as usize], this);
-        in_order(asked.len(), progress, make, |taken: Vec<Taken>| {
+        in_order(asked.len(), progress, make, |taken: Vec<MergeTarget>| {
             folded.extend(taken);
             Ok(())
         })?;
@@ -78,7 +78,7 @@ fn give_up_folds(across: &mut Across, field: &Field, progress: &dyn Progress) ->
         // Where neither a leaf nor one around it has lost any, it would say the same again.
         let has_changed = |leaf: &u32| {
             let around = field.leaves.around(*leaf);
-            around.iter().any(|side| matches!(side, Side::Same(other) if changed.contains(other)))
+            around.iter().any(|side| matches!(side, LeafNeighbour::Same(other) if changed.contains(other)))
         };
         asked = several.iter().copied().filter(has_changed).collect();
     }
@@ -87,19 +87,19 @@ fn give_up_folds(across: &mut Across, field: &Field, progress: &dyn Progress) ->
 
 /// Joins the parts of nodes as their leaves come.
 struct Finder<'a> {
-    field: &'a Field<'a>,
+    field: &'a LevelSet<'a>,
     tolerance: f64,
-    found: Across,
-    group: Group,
+    found: CrossLeafMerges,
+    group: LoopGroup,
     /// Nodes whose parents are not done, with their parts if they have any.
-    open: Vec<(NodeKey, Vec<Part>)>,
+    open: Vec<(NodeKey, Vec<SurfaceDisk>)>,
 }
 
 impl Finder<'_> {
     /// Adds a leaf, which comes after all before it in Morton order.
-    fn add(&mut self, leaf: u32, mut parts: Vec<Part>) {
+    fn add(&mut self, leaf: u32, mut parts: Vec<SurfaceDisk>) {
         for (n, part) in parts.iter_mut().enumerate() {
-            part.pieces = vec![Piece::OfLeaf(leaf, n as u32)];
+            part.pieces = vec![PartSource::OfLeaf(leaf, n as u32)];
         }
         let mut key = self.field.leaves.get(leaf).key;
         loop {
@@ -107,7 +107,8 @@ impl Finder<'_> {
                 self.open.push((key, parts));
             }
             let Some(parent) = key.parent().filter(|_| key.octant().index() == 7) else { return };
-            let is_below = |(child, _): &(NodeKey, Vec<Part>)| child.ancestor(parent.level()) == Some(parent);
+            let is_below =
+                |(child, _): &(NodeKey, Vec<SurfaceDisk>)| child.ancestor(parent.level()) == Some(parent);
             let first = self.open.iter().rposition(|node| !is_below(node)).map_or(0, |n| n + 1);
             let children = self.open.split_off(first);
             parts = self.join(parent, children);
@@ -116,16 +117,16 @@ impl Finder<'_> {
     }
 
     /// The parts of a node from those of its children.
-    fn join(&mut self, node: NodeKey, children: Vec<(NodeKey, Vec<Part>)>) -> Vec<Part> {
+    fn join(&mut self, node: NodeKey, children: Vec<(NodeKey, Vec<SurfaceDisk>)>) -> Vec<SurfaceDisk> {
         let mut parts = Vec::new();
         for (child, own) in children {
             parts.extend(own.into_iter().map(|part| {
                 let sums = part.sums.within_parent(child.octant());
-                Part { sums, ..part }
+                SurfaceDisk { sums, ..part }
             }));
         }
         let mut sets = sets_of(node, &parts);
-        let mut joined: BTreeMap<usize, (Part, usize, bool)> = BTreeMap::new();
+        let mut joined: BTreeMap<usize, (SurfaceDisk, usize, bool)> = BTreeMap::new();
         for (n, part) in (0..).zip(parts) {
             let root = sets.root(n);
             if !sets.is_disk(root) {
@@ -155,7 +156,7 @@ impl Finder<'_> {
     }
 
     /// Makes one vertex of a part of a node. False if none fits.
-    fn merge(&mut self, node: NodeKey, part: &mut Part) -> bool {
+    fn merge(&mut self, node: NodeKey, part: &mut SurfaceDisk) -> bool {
         let bits_wide = width_bits(node, part.level);
         let size = f64::from(1u32 << bits_wide);
         let frame = self.field.frame(node);
@@ -171,17 +172,23 @@ impl Finder<'_> {
         }
         let position = frame.world([0; 3], at.map(|c| c * BRICK_CELLS as f64));
         let number = self.found.all.len() as u32;
-        self.found.all.push(Wide { node, bits: bits_wide as u8, position, up: NONE, is_barred: false });
+        self.found.all.push(CrossLeafVertex {
+            node,
+            bits: bits_wide as u8,
+            position,
+            up: NONE,
+            is_barred: false,
+        });
         if let Some(normals) = &mut self.found.normals {
             // All face one direction, so their sum is none that vanishes.
             normals.push(direction(part.sums.normal_sum));
         }
-        for piece in std::mem::replace(&mut part.pieces, vec![Piece::Merged(number)]) {
+        for piece in std::mem::replace(&mut part.pieces, vec![PartSource::Merged(number)]) {
             match piece {
-                Piece::OfLeaf(leaf, part) => {
+                PartSource::OfLeaf(leaf, part) => {
                     self.found.of_part.insert((leaf, part), number);
                 }
-                Piece::Merged(other) => self.found.all[other as usize].up = number,
+                PartSource::Merged(other) => self.found.all[other as usize].up = number,
             }
         }
         true
@@ -194,7 +201,7 @@ fn width_bits(node: NodeKey, level: u8) -> u32 {
 }
 
 /// Which parts of a node's children hang together: joined where they meet on the planes between the children.
-fn sets_of(node: NodeKey, parts: &[Part]) -> Sets {
+fn sets_of(node: NodeKey, parts: &[SurfaceDisk]) -> DiskSets {
     let mut crossings: Vec<(BorderCrossing, u32)> = Vec::new();
     for (n, part) in (0..).zip(parts) {
         let middle = width_bits(node, part.level) - 1;
@@ -202,7 +209,7 @@ fn sets_of(node: NodeKey, parts: &[Part]) -> Sets {
         crossings.extend(inner.map(|crossing| (*crossing, n)));
     }
     crossings.sort_unstable();
-    let mut sets = Sets::of(parts.len());
+    let mut sets = DiskSets::of(parts.len());
     for edge in crossings.chunk_by(|(a, _), (b, _)| a.is_at_the_edge_of(b)) {
         let (crossing, _) = edge[0];
         let mut around = [None; 4];

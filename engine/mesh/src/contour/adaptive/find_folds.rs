@@ -1,12 +1,12 @@
 //! The search for folds of the surface, leaf by leaf, given what each leaf and the leaves around it would merge.
 
 use super::super::cells::BrickCells;
-use super::super::field::Field;
-use super::super::leaves::{Side, direction_index};
+use super::super::field::LevelSet;
+use super::super::leaves::{LeafNeighbour, direction_index};
 use super::super::topology::{SQUARE, edge_index};
-use super::across::{Across, Taken};
+use super::across::{CrossLeafMerges, MergeTarget};
 use super::crossings::FROZEN;
-use super::draft::Draft;
+use super::draft::LeafCandidates;
 use super::edge::{ACROSS, Corner, Edge, OWN};
 use super::folds::{corners, is_folded, without};
 use crate::error::Result;
@@ -15,9 +15,9 @@ use std::sync::Arc;
 
 /// What folds the surface at an edge of a leaf and is the largest there: candidates of the leaf, and what stands for parts
 /// of several leaves.
-pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Taken>> {
+pub(super) fn found(field: &LevelSet, leaf: u32, across: &CrossLeafMerges) -> Result<Vec<MergeTarget>> {
     let seen = Neighbourhood::of(field, leaf, across)?;
-    let Seen { cells, draft, wide, .. } = &seen.own;
+    let MergedLeaf { cells, draft, wide, .. } = &seen.own;
     let of_vertex = seen.own.of_vertex();
     let own = (&**draft, &**cells, &wide[..]);
     let mut found = Vec::new();
@@ -34,7 +34,7 @@ pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Tak
         let most = corners.iter().map(|corner| corner.level).max().unwrap_or(0);
         if is_folded(edge.axis, &corners) {
             let largest = corners.iter().filter(|corner| corner.level == most && corner.name.0 == ACROSS);
-            found.extend(largest.map(|corner| Taken::Wide(corner.name.2)));
+            found.extend(largest.map(|corner| MergeTarget::Wide(corner.name.2)));
         }
     }
     let before = across.barred(leaf, draft);
@@ -45,24 +45,24 @@ pub(super) fn found(field: &Field, leaf: u32, across: &Across) -> Result<Vec<Tak
     let beyond = |edge: &Edge, quadrant, cell| seen.beyond(edge, quadrant, cell);
     without(own, &mut barred, of_vertex.to_vec(), asked, beyond);
     let is_new = |n: &usize| barred[*n] && !before[*n];
-    found.extend((0..barred.len()).filter(is_new).map(|n| Taken::Candidate(leaf, n as u32)));
+    found.extend((0..barred.len()).filter(is_new).map(|n| MergeTarget::Candidate(leaf, n as u32)));
     found.sort_unstable();
     found.dedup();
     Ok(found)
 }
 
 /// A leaf as merging sees it.
-pub(super) struct Seen {
+pub(super) struct MergedLeaf {
     pub cells: Arc<BrickCells>,
-    pub draft: Arc<Draft>,
+    pub draft: Arc<LeafCandidates>,
     /// What stands for its parts.
     pub wide: Vec<Option<Corner>>,
-    /// As [`Across::of_vertex`].
+    /// As [`CrossLeafMerges::of_vertex`].
     less: Option<Vec<u32>>,
 }
 
-impl Seen {
-    /// As [`Draft::of_vertex`], without what was given up.
+impl MergedLeaf {
+    /// As [`LeafCandidates::of_vertex`], without what was given up.
     fn of_vertex(&self) -> &[u32] {
         self.less.as_ref().unwrap_or(&self.draft.of_vertex)
     }
@@ -70,21 +70,21 @@ impl Seen {
 
 /// A leaf and those of its level around it.
 pub(super) struct Neighbourhood {
-    pub own: Seen,
-    others: [Option<Seen>; 27],
+    pub own: MergedLeaf,
+    others: [Option<MergedLeaf>; 27],
 }
 
 impl Neighbourhood {
-    pub(super) fn of(field: &Field, leaf: u32, across: &Across) -> Result<Neighbourhood> {
+    pub(super) fn of(field: &LevelSet, leaf: u32, across: &CrossLeafMerges) -> Result<Neighbourhood> {
         let see = |leaf| {
             let (cells, draft) = (field.cells(leaf)?, field.draft(leaf)?);
             let wide = across.corners(leaf, &draft);
             let less = across.of_vertex(leaf, &draft, cells.len());
-            Ok(Seen { cells, draft, wide, less })
+            Ok(MergedLeaf { cells, draft, wide, less })
         };
         let mut others = [const { None }; 27];
         for (direction, side) in field.leaves.around(leaf).iter().enumerate() {
-            if let Side::Same(other) = side
+            if let LeafNeighbour::Same(other) = side
                 && direction != OWN
             {
                 others[direction] = Some(see(*other)?);
@@ -98,7 +98,7 @@ impl Neighbourhood {
     pub(super) fn beyond(&self, edge: &Edge, quadrant: usize, cell: [i32; 3]) -> Option<Corner> {
         let direction = direction_index(cell.map(|c| c.div_euclid(BRICK_CELLS as i32)));
         let other = self.others[direction].as_ref()?;
-        let Seen { cells, draft, wide, .. } = other;
+        let MergedLeaf { cells, draft, wide, .. } = other;
         let cell = cell.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
         let [qu, qv] = SQUARE[quadrant];
         let vertex = cells.plain_vertex(cell, edge_index(edge.axis, 1 - qu, 1 - qv))?;

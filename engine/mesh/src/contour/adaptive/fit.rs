@@ -15,9 +15,9 @@
 use super::super::lanes::GROUP;
 use super::super::outliers::{cell, minimisers};
 use super::super::qef::{Qef, Vector};
-use super::super::solve::Group;
+use super::super::solve::LoopGroup;
 use super::super::symmetric::dot;
-use super::crossings::Crossing;
+use super::crossings::SignChangeEdge;
 use super::parts::Planes;
 use crate::lattice::{BRICK_CELLS, Octant};
 use crate::wide::{dispatch, level};
@@ -30,17 +30,17 @@ const GOOD_COSINE: f64 = 0.5;
 
 /// A node of a leaf's cells.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct CellNode {
     /// Its first cell.
     corner: [u8; 3],
     /// 2 to this power cells an axis.
     pub level: u8,
 }
 
-impl Node {
+impl CellNode {
     /// The node of a level that holds a cell.
-    pub(super) fn around(cell: [usize; 3], level: u8) -> Node {
-        Node { corner: cell.map(|c| (c >> level << level) as u8), level }
+    pub(super) fn around(cell: [usize; 3], level: u8) -> CellNode {
+        CellNode { corner: cell.map(|c| (c >> level << level) as u8), level }
     }
 
     /// Its first cell.
@@ -60,7 +60,7 @@ impl Node {
 
 impl Qef {
     /// Adds the plane of a crossing, with the leaf as the unit cube.
-    pub(super) fn add_crossing(&mut self, crossing: &Crossing) {
+    pub(super) fn add_crossing(&mut self, crossing: &SignChangeEdge) {
         self.add(crossing.point.map(|c| c / BRICK_CELLS as f64), crossing.normal);
     }
 
@@ -79,7 +79,7 @@ impl Qef {
     }
 
     /// The same planes, the unit cube being a node of the leaf.
-    pub(super) fn within(&self, node: &Node) -> Qef {
+    pub(super) fn within(&self, node: &CellNode) -> Qef {
         let scale = BRICK_CELLS as f64 / node.size();
         self.about(node.point([0.5; 3]).map(|c| c / BRICK_CELLS as f64 - 0.5), scale)
     }
@@ -114,7 +114,7 @@ impl Qef {
 /// of the cube that fits them best, in the unit cube; `None` if on average it misses them by more than `tolerance`,
 /// in cells. It stays `margin` cells away from the cube's faces.
 pub(super) fn best_points(
-    group: &mut Group,
+    group: &mut LoopGroup,
     parts: &[Qef],
     (size, margin): (f64, f64),
     tolerance: f64,
@@ -144,7 +144,7 @@ pub(super) fn best_points(
 }
 
 /// Whether a vertex at `point`, in cells of the leaf, may stand for the crossings.
-pub(super) fn fits<'a, I: Iterator<Item = &'a Crossing>>(
+pub(super) fn fits<'a, I: Iterator<Item = &'a SignChangeEdge>>(
     point: Vector,
     normals: Vector,
     crossings: impl Fn() -> I,

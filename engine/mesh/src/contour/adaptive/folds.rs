@@ -9,12 +9,12 @@
 
 use super::super::cells::BrickCells;
 use super::crossings::FROZEN;
-use super::draft::Draft;
+use super::draft::LeafCandidates;
 use super::edge::{Corner, Edge, OWN, turns};
 use super::names::{LEVELS, NONE};
 use crate::lattice::{Axis, BRICK_CELLS};
 
-impl Draft {
+impl LeafCandidates {
     /// The corner that a vertex is, the candidates being assigned like this; `wide` are the corners that stand for
     /// parts of the leaf, where they are known.
     pub(super) fn corner(
@@ -50,7 +50,7 @@ impl Draft {
 /// corner in a cell beyond the leaf: the edge, its quadrant and the cell. Edges that are not `asked` are known to bar nothing
 /// as long as what stands for their vertices does not change.
 pub(super) fn without(
-    (draft, cells, wide): (&Draft, &BrickCells, &[Option<Corner>]),
+    (draft, cells, wide): (&LeafCandidates, &BrickCells, &[Option<Corner>]),
     barred: &mut [bool],
     mut of_vertex: Vec<u32>,
     asked: impl Fn(&Edge) -> bool,
@@ -93,7 +93,7 @@ pub(super) fn without(
 
 /// The corners of the polygon around an edge; `None` where it is next to a leaf of another level.
 pub(super) fn corners(
-    (draft, cells, wide): (&Draft, &BrickCells, &[Option<Corner>]),
+    (draft, cells, wide): (&LeafCandidates, &BrickCells, &[Option<Corner>]),
     edge: &Edge,
     of_vertex: &[u32],
     beyond: &mut impl FnMut(&Edge, usize, [i32; 3]) -> Option<Corner>,

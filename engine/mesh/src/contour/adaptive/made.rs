@@ -1,19 +1,19 @@
 //! The triangles of a leaf while it is found out which of them meet.
 
-use super::super::field::Field;
-use super::super::polygons::{Mark, named_facets};
-use super::super::triangle_names::{Names, each_whole};
+use super::super::field::LevelSet;
+use super::super::polygons::{MergeMark, named_facets};
+use super::super::triangle_names::{TriangleNames, each_whole};
 use super::super::vertices::LeafVertices;
-use super::across::{Across, Merge, Taken, is_wide};
+use super::across::{CrossLeafMerges, Merge, MergeTarget, is_wide};
 use super::bounds::{Bounds, bounds};
 use super::names::NONE;
-use super::room::Room;
-use super::wanted::Wanted;
+use super::room::TriangleGrid;
+use super::wanted::EdgeFilter;
 use crate::error::Result;
 
 /// Triangles of a leaf.
 #[derive(Default)]
-pub(super) struct Made {
+pub(super) struct LeafTriangles {
     /// World positions of their corners.
     places: Vec<[f32; 3]>,
     /// What stands there, if that is merged.
@@ -23,10 +23,15 @@ pub(super) struct Made {
     lone: Vec<(u32, Merge)>,
 }
 
-impl Made {
+impl LeafTriangles {
     /// Those that are wanted of a leaf, with what is merged so far.
-    pub(super) fn of(field: &Field, leaf: u32, across: &Across, wanted: &Wanted) -> Result<Made> {
-        let mut made = Made::default();
+    pub(super) fn of(
+        field: &LevelSet,
+        leaf: u32,
+        across: &CrossLeafMerges,
+        wanted: &EdgeFilter,
+    ) -> Result<LeafTriangles> {
+        let mut made = LeafTriangles::default();
         // No other leaf has polygons.
         if !field.leaves.get(leaf).changes {
             return Ok(made);
@@ -43,10 +48,10 @@ impl Made {
         for (triangle, facet) in (0..).zip(facets) {
             let mut corners = [0; 3];
             for (n, corner) in corners.iter_mut().enumerate() {
-                *corner = numbering.number(&mut made, Mark::split(facet.ids[n]).0, facet.corners[n])?;
+                *corner = numbering.number(&mut made, MergeMark::split(facet.ids[n]).0, facet.corners[n])?;
             }
             made.triangles.push(corners);
-            let (_, mark) = Mark::split(facet.ids[0]);
+            let (_, mark) = MergeMark::split(facet.ids[0]);
             if mark == 0 {
                 continue;
             }
@@ -89,7 +94,7 @@ impl Made {
     }
 
     /// Adds the other triangles to a room, as far as it wants them.
-    pub(super) fn add_to(&self, room: &mut Room, is_fresh: bool) {
+    pub(super) fn add_to(&self, room: &mut TriangleGrid, is_fresh: bool) {
         room.reserve(self.places.len());
         let mut numbers = vec![NONE; self.places.len()];
         let mut lone = self.lone.iter().peekable();
@@ -128,8 +133,8 @@ fn larger(a: Option<Merge>, b: Option<Merge>) -> Option<Merge> {
 
 /// Numbers the corners of a leaf's triangles by their names.
 struct Numbering<'a> {
-    field: &'a Field<'a>,
-    across: &'a Across,
+    field: &'a LevelSet<'a>,
+    across: &'a CrossLeafMerges,
     places: Vec<Place<'a>>,
 }
 
@@ -147,8 +152,12 @@ struct Place<'a> {
 }
 
 impl<'a> Numbering<'a> {
-    fn new(field: &'a Field<'a>, across: &'a Across, names: &Names) -> Result<Numbering<'a>> {
-        let places = names.places(Mark::MOST_PLACES)?.iter().map(|&(leaf, first)| Place {
+    fn new(
+        field: &'a LevelSet<'a>,
+        across: &'a CrossLeafMerges,
+        names: &TriangleNames,
+    ) -> Result<Numbering<'a>> {
+        let places = names.places(MergeMark::MOST_PLACES)?.iter().map(|&(leaf, first)| Place {
             leaf,
             first,
             wide: across.numbered(leaf),
@@ -160,8 +169,8 @@ impl<'a> Numbering<'a> {
 
     /// The number of the vertex with a name, which is added when it is first met.
     #[inline]
-    fn number(&mut self, made: &mut Made, name: u32, position: [f32; 3]) -> Result<u32> {
-        let [place, within] = Names::split(name);
+    fn number(&mut self, made: &mut LeafTriangles, name: u32, position: [f32; 3]) -> Result<u32> {
+        let [place, within] = TriangleNames::split(name);
         if let Some(&number) = self.places[place].numbers.get(within)
             && number != NONE
         {
@@ -190,6 +199,6 @@ impl<'a> Numbering<'a> {
             None => vertices.insert(self.field.vertices(*leaf)?),
         };
         let candidate = vertices.what_is_merged().and_then(|merged| merged.candidate(number));
-        Ok(candidate.map(|(candidate, node)| (Taken::Candidate(*leaf, candidate), node.level)))
+        Ok(candidate.map(|(candidate, node)| (MergeTarget::Candidate(*leaf, candidate), node.level)))
     }
 }

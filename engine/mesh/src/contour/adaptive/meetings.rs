@@ -23,16 +23,16 @@
 //! border, so they belong to leaves that meet it. What may meet them is about edges no farther away than the nodes there are
 //! wide: two cells, or in a larger node.
 
-use super::super::field::Field;
-use super::super::frame::Frame;
+use super::super::field::LevelSet;
+use super::super::frame::CellFrame;
 use super::super::order::in_order;
-use super::across::{Across, Merge, Taken};
+use super::across::{CrossLeafMerges, Merge, MergeTarget};
 use super::beside::edges_beside;
-use super::bounds::{Bounds, Corners, bounds, meets, wide};
+use super::bounds::{Bounds, TriangleCorners, bounds, meets, wide};
 use super::edge_box::{EdgeBox, common};
-use super::made::Made;
-use super::room::Room;
-use super::wanted::{EdgesNear, Wanted, gathered};
+use super::made::LeafTriangles;
+use super::room::TriangleGrid;
+use super::wanted::{EdgeFilter, EdgesNear, gathered};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
 use crate::progress::Progress;
@@ -45,7 +45,7 @@ const LOOK: i32 = 2;
 
 /// A triangle at a vertex of several leaves.
 struct WideTriangle {
-    corners: Corners,
+    corners: TriangleCorners,
     merges: [Option<Merge>; 3],
     is_fresh: bool,
     /// The leaves through which it passes.
@@ -77,7 +77,7 @@ pub(in super::super) struct MeetingSearch {
 struct Seen {
     leaf: u32,
     /// What is to be given up.
-    taken: Vec<Taken>,
+    taken: Vec<MergeTarget>,
     /// As [`super::Merged::has_moved`].
     has_moved: bool,
     /// As in [`MeetingSearch::largest`].
@@ -86,7 +86,11 @@ struct Seen {
 
 impl MeetingSearch {
     /// All leaves are to be looked at, or those that hold vertices of several.
-    pub(in super::super) fn new(field: &Field, across: &Across, intersection_free: bool) -> MeetingSearch {
+    pub(in super::super) fn new(
+        field: &LevelSet,
+        across: &CrossLeafMerges,
+        intersection_free: bool,
+    ) -> MeetingSearch {
         let (asked, unknown) = match intersection_free {
             true => ((0..field.leaves.len() as u32).collect(), with_those_around(field, &across.sharing())),
             false => (across.hosting(), Vec::new()),
@@ -104,10 +108,14 @@ impl MeetingSearch {
     }
 
     /// What is to be given up for the triangles that meet.
-    pub(in super::super) fn next(&mut self, field: &Field, progress: &dyn Progress) -> Result<Vec<Taken>> {
+    pub(in super::super) fn next(
+        &mut self,
+        field: &LevelSet,
+        progress: &dyn Progress,
+    ) -> Result<Vec<MergeTarget>> {
         let Some(across) = field.across() else { return Ok(Vec::new()) };
         self.find_wide(field, across, progress)?;
-        let mut found: Vec<Taken> = Vec::new();
+        let mut found: Vec<MergeTarget> = Vec::new();
         progress.phase("meetings", Some(self.asked.len() as u64), "bricks");
         let this = &*self;
         let make = |n: u32| this.of_leaf(field, across, this.asked[n as usize]);
@@ -131,20 +139,20 @@ impl MeetingSearch {
     /// that was given up is as it was before.
     pub(in super::super) fn ask_again(
         &mut self,
-        field: &Field,
-        taken: &[Taken],
+        field: &LevelSet,
+        taken: &[MergeTarget],
         changed: &[u32],
     ) -> Result<()> {
         let mut fresh: HashMap<u32, Vec<Bounds>> = HashMap::new();
         for taken in taken {
             // A vertex may stray into the next cell.
             let own = match *taken {
-                Taken::Candidate(leaf, candidate) => {
+                MergeTarget::Candidate(leaf, candidate) => {
                     let node = field.draft(leaf)?.candidates[candidate as usize].node;
                     let frame = field.frame(field.leaves.get(leaf).key);
                     around(&frame, node.corner().map(|c| c as f64), node.size(), 1.0)
                 }
-                Taken::Wide(wide) => {
+                MergeTarget::Wide(wide) => {
                     let Some(([low, high], cell)) =
                         field.across().map(|across| across.node(field.root, wide))
                     else {
@@ -169,7 +177,7 @@ impl MeetingSearch {
         self.asked.sort_unstable();
         self.asked.iter().filter(|leaf| forgotten.insert(**leaf)).for_each(|leaf| field.forget(*leaf));
         if self.intersection_free {
-            let sharing = field.across().map_or(Vec::new(), Across::sharing);
+            let sharing = field.across().map_or(Vec::new(), CrossLeafMerges::sharing);
             let sharing = with_those_around(field, &sharing);
             self.unknown =
                 self.asked.iter().copied().filter(|leaf| sharing.binary_search(leaf).is_ok()).collect();
@@ -180,14 +188,19 @@ impl MeetingSearch {
     }
 
     /// Edges of a leaf whose polygons are others than they were: all if nothing was asked before.
-    fn fresh_edges(&self, field: &Field, leaf: u32) -> Option<Vec<EdgeBox>> {
+    fn fresh_edges(&self, field: &LevelSet, leaf: u32) -> Option<Vec<EdgeBox>> {
         let boxes = self.fresh.as_ref()?.get(&leaf).into_iter().flatten();
         let edges = EdgesNear::of(field, leaf);
         Some(boxes.filter_map(|own| edges.within(own, 0)).collect())
     }
 
     /// Finds the triangles at vertices of several leaves that are not known, and asks the leaves they pass through.
-    fn find_wide(&mut self, field: &Field, across: &Across, progress: &dyn Progress) -> Result<()> {
+    fn find_wide(
+        &mut self,
+        field: &LevelSet,
+        across: &CrossLeafMerges,
+        progress: &dyn Progress,
+    ) -> Result<()> {
         if self.unknown.is_empty() && self.passing.is_empty() {
             return Ok(());
         }
@@ -198,8 +211,8 @@ impl MeetingSearch {
         let make = |n: u32| {
             let leaf = unknown[n as usize];
             let mut found = Vec::new();
-            let mut find = |wanted: Wanted, is_fresh: bool| -> Result<()> {
-                let made = Made::of(field, leaf, across, &Wanted { only_wide: true, ..wanted })?;
+            let mut find = |wanted: EdgeFilter, is_fresh: bool| -> Result<()> {
+                let made = LeafTriangles::of(field, leaf, across, &EdgeFilter { only_wide: true, ..wanted })?;
                 found.extend(made.wide().map(|(corners, merges)| {
                     let leaves = leaves_passed(field, &corners);
                     WideTriangle { corners, merges, is_fresh, leaves }
@@ -207,10 +220,10 @@ impl MeetingSearch {
                 Ok(())
             };
             match this.fresh_edges(field, leaf) {
-                None => find(Wanted::default(), true)?,
+                None => find(EdgeFilter::default(), true)?,
                 Some(fresh) => {
-                    find(Wanted { within: Some(&fresh), ..Wanted::default() }, true)?;
-                    find(Wanted { except: &fresh, ..Wanted::default() }, false)?;
+                    find(EdgeFilter { within: Some(&fresh), ..EdgeFilter::default() }, true)?;
+                    find(EdgeFilter { except: &fresh, ..EdgeFilter::default() }, false)?;
                 }
             }
             Ok((leaf, found))
@@ -237,11 +250,11 @@ impl MeetingSearch {
 
     /// What is to be given up for triangles that meet in the cube of a leaf, or for being where a vertex of the leaf is that
     /// stays as it was.
-    fn of_leaf(&self, field: &Field, across: &Across, leaf: u32) -> Result<Seen> {
+    fn of_leaf(&self, field: &LevelSet, across: &CrossLeafMerges, leaf: u32) -> Result<Seen> {
         let mut seen = Seen { leaf, taken: Vec::new(), has_moved: false, largest: 0 };
         if let Some(merged) = field.vertices(leaf)?.what_is_merged() {
             seen.has_moved = merged.has_moved;
-            seen.taken.extend(merged.crowding.iter().map(|wide| Taken::Wide(*wide)));
+            seen.taken.extend(merged.crowding.iter().map(|wide| MergeTarget::Wide(*wide)));
             seen.largest = merged.candidates.iter().map(|(_, node)| node.level).max().unwrap_or(0);
         }
         if !self.intersection_free {
@@ -273,13 +286,13 @@ impl MeetingSearch {
     /// vertices of several leaves. `None` if there are no fresh ones.
     fn fresh_room(
         &self,
-        field: &Field,
-        across: &Across,
+        field: &LevelSet,
+        across: &CrossLeafMerges,
         leaf: u32,
         (near, cube): (&[u32], Bounds),
         passing: &[&WideTriangle],
-    ) -> Result<Option<Room>> {
-        let mut fresh: HashMap<u32, (Vec<EdgeBox>, Made)> = HashMap::new();
+    ) -> Result<Option<TriangleGrid>> {
+        let mut fresh: HashMap<u32, (Vec<EdgeBox>, LeafTriangles)> = HashMap::new();
         for &other in near {
             let mut boxes = self.fresh_edges(field, other).unwrap_or_default();
             if other != leaf {
@@ -287,8 +300,8 @@ impl MeetingSearch {
                 boxes = boxes.iter().filter_map(|own| common(own, beside.as_ref()?)).collect();
             }
             if !boxes.is_empty() {
-                let wanted = Wanted { within: Some(&boxes), ..Wanted::default() };
-                let made = Made::of(field, other, across, &wanted)?;
+                let wanted = EdgeFilter { within: Some(&boxes), ..EdgeFilter::default() };
+                let made = LeafTriangles::of(field, other, across, &wanted)?;
                 fresh.insert(other, (boxes, made));
             }
         }
@@ -298,14 +311,14 @@ impl MeetingSearch {
         if reach.is_empty() {
             return Ok(None);
         }
-        let mut room = Room::new(cube, reach.clone());
+        let mut room = TriangleGrid::new(cube, reach.clone());
         let large = self.large_nodes(field, near, &reach)?;
         for &other in near {
             let except = fresh.get(&other).map_or(&[][..], |(boxes, _)| boxes);
             let within = edges_reaching(field, other, &reach, &large);
             if !within.is_empty() {
-                let wanted = Wanted { within: Some(&within), except, ..Wanted::default() };
-                Made::of(field, other, across, &wanted)?.add_to(&mut room, false);
+                let wanted = EdgeFilter { within: Some(&within), except, ..EdgeFilter::default() };
+                LeafTriangles::of(field, other, across, &wanted)?.add_to(&mut room, false);
             }
         }
         fresh.values().for_each(|(_, made)| made.add_to(&mut room, true));
@@ -314,7 +327,7 @@ impl MeetingSearch {
 
     /// Boxes around the large nodes of single leaves whose triangles may come as far as one of some boxes: no farther from
     /// the node than it is wide.
-    fn large_nodes(&self, field: &Field, near: &[u32], reach: &[Bounds]) -> Result<Vec<Bounds>> {
+    fn large_nodes(&self, field: &LevelSet, near: &[u32], reach: &[Bounds]) -> Result<Vec<Bounds>> {
         let mut found = Vec::new();
         for &leaf in near.iter().filter(|leaf| self.largest[**leaf as usize] >= LARGE) {
             let frame = field.frame(field.leaves.get(leaf).key);
@@ -339,8 +352,13 @@ impl MeetingSearch {
 }
 
 /// All triangles in the cube of a leaf, `near` which these are, but for those at vertices of several leaves.
-fn whole_room(field: &Field, across: &Across, leaf: u32, (near, cube): (&[u32], Bounds)) -> Result<Room> {
-    let mut room = Room::new(cube, vec![cube]);
+fn whole_room(
+    field: &LevelSet,
+    across: &CrossLeafMerges,
+    leaf: u32,
+    (near, cube): (&[u32], Bounds),
+) -> Result<TriangleGrid> {
+    let mut room = TriangleGrid::new(cube, vec![cube]);
     for &other in near {
         let wanted = match other == leaf {
             true => Some((None, None)),
@@ -348,15 +366,15 @@ fn whole_room(field: &Field, across: &Across, leaf: u32, (near, cube): (&[u32], 
                 .map(|(near, touching)| (Some(near), touching)),
         };
         if let Some((within, touching)) = wanted {
-            let wanted = Wanted { within: within.as_deref(), touching, ..Wanted::default() };
-            Made::of(field, other, across, &wanted)?.add_to(&mut room, true);
+            let wanted = EdgeFilter { within: within.as_deref(), touching, ..EdgeFilter::default() };
+            LeafTriangles::of(field, other, across, &wanted)?.add_to(&mut room, true);
         }
     }
     Ok(room)
 }
 
 /// Tells the leaves that a box meets of it.
-fn add_fresh(field: &Field, fresh: &mut HashMap<u32, Vec<Bounds>>, own: Bounds) {
+fn add_fresh(field: &LevelSet, fresh: &mut HashMap<u32, Vec<Bounds>>, own: Bounds) {
     for leaf in leaves_met(field, |cube| meets(&own, cube)) {
         fresh.entry(leaf).or_default().push(own);
     }
@@ -364,7 +382,7 @@ fn add_fresh(field: &Field, fresh: &mut HashMap<u32, Vec<Bounds>>, own: Bounds) 
 
 /// Edges of a leaf about which are all its triangles that may meet one of some boxes, but for those at vertices of several
 /// leaves; `large` as [`MeetingSearch::large_nodes`] finds them.
-fn edges_reaching(field: &Field, leaf: u32, reach: &[Bounds], large: &[Bounds]) -> Vec<EdgeBox> {
+fn edges_reaching(field: &LevelSet, leaf: u32, reach: &[Bounds], large: &[Bounds]) -> Vec<EdgeBox> {
     let edges = EdgesNear::of(field, leaf);
     let beside = reach.iter().filter_map(|own| edges.within(own, LOOK));
     beside.chain(large.iter().filter_map(|own| edges.within(own, 0))).collect()
@@ -377,17 +395,17 @@ fn clipped(own: &Bounds, cube: &Bounds) -> Option<Bounds> {
 }
 
 /// The box in the world of a node of a leaf with this frame, `far` cells larger on each side; `low` is its lower corner.
-fn around(frame: &Frame, low: [f64; 3], size: f64, far: f64) -> Bounds {
+fn around(frame: &CellFrame, low: [f64; 3], size: f64, far: f64) -> Bounds {
     [-far, size + far].map(|off| frame.world([0; 3], low.map(|c| c + off)))
 }
 
 /// The cube of a leaf, whose upper corner is the lower one of the leaf beyond it to the last bit.
-fn cube(field: &Field, leaf: u32) -> Bounds {
+fn cube(field: &LevelSet, leaf: u32) -> Bounds {
     field.frame(field.leaves.get(leaf).key).bounds()
 }
 
 /// Leaves and all that touch them, if only in a point; sorted.
-fn with_those_around(field: &Field, leaves: &[u32]) -> Vec<u32> {
+fn with_those_around(field: &LevelSet, leaves: &[u32]) -> Vec<u32> {
     let mut found = Vec::new();
     for &leaf in leaves {
         let key = field.leaves.get(leaf).key;
@@ -402,7 +420,7 @@ fn with_those_around(field: &Field, leaves: &[u32]) -> Vec<u32> {
 }
 
 /// The leaves whose cubes a triangle may pass through.
-fn leaves_passed(field: &Field, corners: &Corners) -> Vec<u32> {
+fn leaves_passed(field: &LevelSet, corners: &TriangleCorners) -> Vec<u32> {
     let own = bounds(corners);
     let [a, b, c] = corners.map(wide);
     let normal = (b - a).cross(c - a);
@@ -414,7 +432,7 @@ fn leaves_passed(field: &Field, corners: &Corners) -> Vec<u32> {
 }
 
 /// The leaves that something meets, which meets the cubes of all nodes above.
-fn leaves_met(field: &Field, is_met: impl Fn(&Bounds) -> bool) -> Vec<u32> {
+fn leaves_met(field: &LevelSet, is_met: impl Fn(&Bounds) -> bool) -> Vec<u32> {
     let mut found = Vec::new();
     let mut nodes = vec![NodeKey::ROOT];
     while let Some(node) = nodes.pop() {
@@ -434,17 +452,17 @@ fn leaves_met(field: &Field, is_met: impl Fn(&Bounds) -> bool) -> Vec<u32> {
 mod tests {
     use super::*;
     use crate::contour::stages;
-    use crate::contour::surface::Level;
-    use crate::contour::tests::fields::{Implicit, Shape, random_divide, tree};
+    use crate::contour::surface::IsoLevel;
+    use crate::contour::tests::fields::{ImplicitField, SampledField, random_divide, tree};
     use crate::contour::tests::{noise, uniform};
-    use crate::contour::{ContourOptions, Field};
+    use crate::contour::{ContourOptions, LevelSet};
     use crate::progress::Silent;
     use crate::store::MemoryTree;
     use brickfield_core::sweep::part_or_all;
 
     /// Boxes of the triangles that meet a box, but for those at vertices of several leaves, sorted by their bits.
-    fn boxes(field: &Field, leaf: u32, wanted: &Wanted, cube: &Bounds) -> Vec<[u32; 6]> {
-        let made = Made::of(field, leaf, field.across().unwrap(), wanted).unwrap();
+    fn boxes(field: &LevelSet, leaf: u32, wanted: &EdgeFilter, cube: &Bounds) -> Vec<[u32; 6]> {
+        let made = LeafTriangles::of(field, leaf, field.across().unwrap(), wanted).unwrap();
         let bits = |own: Bounds| {
             let mut bits = [0; 6];
             bits.iter_mut().zip(own.as_flattened()).for_each(|(bits, c)| *bits = c.to_bits());
@@ -459,7 +477,7 @@ mod tests {
     /// the cubes of other leaves, and into small boxes from outside.
     fn misses_nothing(tree: &MemoryTree, tolerance: f64, follow_creases: bool) -> [usize; 2] {
         let options = ContourOptions { tolerance, follow_creases, ..ContourOptions::default() };
-        let mut field = stages::field(tree, Level { threshold: 1, iso: 0.5 }, &options).unwrap();
+        let mut field = stages::field(tree, IsoLevel { threshold: 1, iso: 0.5 }, &options).unwrap();
         stages::merge_across(&mut field, false, &Silent).unwrap();
         let mut search = MeetingSearch::new(&field, field.across().unwrap(), true);
         assert_eq!(search.next(&field, &Silent).unwrap(), []);
@@ -476,18 +494,19 @@ mod tests {
             });
             let large = search.large_nodes(&field, &near, &reach).unwrap();
             for &other in &near {
-                let all = Wanted::default();
+                let all = EdgeFilter::default();
                 if other != leaf {
                     let across = field.across().unwrap();
                     let (near, touching) =
                         edges_beside(&field, across, (leaf, &cube), other).unwrap_or_default();
-                    let found = boxes(&field, other, &Wanted { within: Some(&near), touching, ..all }, &cube);
+                    let found =
+                        boxes(&field, other, &EdgeFilter { within: Some(&near), touching, ..all }, &cube);
                     assert_eq!(found, boxes(&field, other, &all, &cube));
                     beside += found.len();
                 }
                 let within = edges_reaching(&field, other, &reach, &large);
                 for one in &reach {
-                    let found = boxes(&field, other, &Wanted { within: Some(&within), ..all }, one);
+                    let found = boxes(&field, other, &EdgeFilter { within: Some(&within), ..all }, one);
                     assert_eq!(found, boxes(&field, other, &all, one));
                     small += found.len();
                 }
@@ -498,10 +517,11 @@ mod tests {
 
     #[test]
     fn triangles_are_found_by_their_edges() {
-        let ball =
-            |radius: f64| Implicit(move |p: [f64; 3]| p.iter().map(|c| c * c).sum::<f64>().sqrt() - radius);
+        let ball = |radius: f64| {
+            ImplicitField(move |p: [f64; 3]| p.iter().map(|c| c * c).sum::<f64>().sqrt() - radius)
+        };
         let mut all = [0; 2];
-        let mut look = |shape: &dyn Shape, divide: &dyn Fn(NodeKey) -> bool, tolerance: f64| {
+        let mut look = |shape: &dyn SampledField, divide: &dyn Fn(NodeKey) -> bool, tolerance: f64| {
             let tree = tree(shape, divide);
             for follow_creases in [false, true] {
                 let found = misses_nothing(&tree, tolerance, follow_creases);

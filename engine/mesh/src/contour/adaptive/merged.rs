@@ -1,12 +1,12 @@
 //! The vertices of a leaf as they are after merging.
 
-use super::fit::Node;
+use super::fit::CellNode;
 use super::names::NONE;
 
 /// What is merged of the vertices of a leaf: those of its cells and those on its faces.
 #[derive(Default)]
-pub(in super::super) struct Merged {
-    /// By number as first made, the number of each vertex or [`Merged::NONE`]; empty if nothing is merged. From
+pub(in super::super) struct MergedVertices {
+    /// By number as first made, the number of each vertex or [`MergedVertices::NONE`]; empty if nothing is merged. From
     /// `positions.len()` on they count in `shared`.
     pub names: Vec<u32>,
     /// World positions of the leaf's vertices by the new numbers.
@@ -14,9 +14,9 @@ pub(in super::super) struct Merged {
     /// How many of them, the first ones, stand for vertices of several leaves.
     pub(super) several: u32,
     /// The candidates, with their nodes, that the next ones are.
-    pub(super) candidates: Vec<(u32, Node)>,
+    pub(super) candidates: Vec<(u32, CellNode)>,
     /// Vertices that other leaves have.
-    pub shared: Vec<Shared>,
+    pub shared: Vec<SharedVertex>,
     /// Faces with extra vertices.
     pub split_faces: u64,
     /// Vertices on faces that are left.
@@ -27,7 +27,7 @@ pub(in super::super) struct Merged {
     pub(super) crowding: Vec<u32>,
 }
 
-impl Merged {
+impl MergedVertices {
     /// The number of an extra vertex that is no more.
     pub(in super::super) const NONE: u32 = NONE;
 
@@ -44,7 +44,7 @@ impl Merged {
     }
 
     /// The candidate that a vertex is, by its new number, and the node of that.
-    pub(super) fn candidate(&self, number: u32) -> Option<(u32, Node)> {
+    pub(super) fn candidate(&self, number: u32) -> Option<(u32, CellNode)> {
         self.candidates.get(number.checked_sub(self.several)? as usize).copied()
     }
 
@@ -52,16 +52,16 @@ impl Merged {
     pub(in super::super) fn heap_bytes(&self) -> usize {
         4 * self.names.capacity()
             + self.positions.capacity() * size_of::<[f32; 3]>()
-            + self.candidates.capacity() * size_of::<(u32, Node)>()
-            + self.shared.capacity() * size_of::<Shared>()
+            + self.candidates.capacity() * size_of::<(u32, CellNode)>()
+            + self.shared.capacity() * size_of::<SharedVertex>()
             + 4 * self.crowding.capacity()
-            + size_of::<Merged>()
+            + size_of::<MergedVertices>()
     }
 }
 
 /// A vertex of several leaves, as the mesh has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in super::super) struct Shared {
+pub(in super::super) struct SharedVertex {
     /// The leaf that has it: the first one in which it stands for something.
     pub leaf: u32,
     /// Its number there.

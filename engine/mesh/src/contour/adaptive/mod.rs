@@ -36,13 +36,13 @@
 //! What a node knows of its children are the crossings on their borders, and an Euler characteristic needs no more. It
 //! is those of the parts, less the ends of the lines between them, and the edges in the inside where lines meet.
 //!
-//! All within a leaf is a matter of the leaf and of the levels of those around it ([`Draft`]), all above it a matter
+//! All within a leaf is a matter of the leaf and of the levels of those around it ([`LeafCandidates`]), all above it a matter
 //! of what leaves hand on, in the order of the tree. The mesh is manifold whichever of the vertices that pass are
 //! taken.
 //!
 //! Some are given up because the surface would fold there ([`folds`]), others because triangles would meet where they
 //! are not joined ([`meetings`]). All of that is decided before any vertex is numbered; from then on what becomes of a
-//! leaf's vertices is a matter of its draft and of what was given up ([`Across::names`]).
+//! leaf's vertices is a matter of its draft and of what was given up ([`CrossLeafMerges::names`]).
 //!
 //! *What is not merged* is as without a tolerance: polygons without a merged vertex are cut the same way. A vertex on
 //! a face ([`super::faces`]) stays as long as neither cell at the face is merged, which both polygons at it know.
@@ -69,38 +69,39 @@ mod room;
 mod strays;
 mod wanted;
 
-pub(super) use across::Across;
-pub(super) use draft::Draft;
+pub(super) use across::CrossLeafMerges;
+pub(super) use draft::LeafCandidates;
 pub(super) use drafting::draft;
 pub(super) use edge::{OWN, turns};
 pub(super) use find_across::find_across;
 pub(super) use meetings::MeetingSearch;
-pub(super) use merged::{Merged, Shared};
-pub(super) use wanted::{NumberedEdge, Wanted};
+pub(super) use merged::{MergedVertices, SharedVertex};
+pub(super) use wanted::{EdgeFilter, NumberedEdge};
 
 use super::cells::BrickCells;
-use super::extras::{Extra, FACES, edge_key, face_key};
+use super::extras::{FACES, FaceVertex, edge_key, face_key};
 use super::faces::FaceVertices;
-use super::field::Field;
-use super::frame::Frame;
+use super::field::LevelSet;
+use super::frame::CellFrame;
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crossings::FROZEN;
 use draft::Candidate;
 use edge::Edge;
 use hashbrown::HashTable;
-use names::{NONE, Name, bits, hash};
+use names::{NONE, VertexMerge, bits, hash};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 /// Merges the vertices of a leaf's cells.
-pub(super) fn merged(field: &Field, leaf: u32, across: &Across) -> Result<Merged> {
+pub(super) fn merged(field: &LevelSet, leaf: u32, across: &CrossLeafMerges) -> Result<MergedVertices> {
     let (draft, cells, faces) = (field.draft(leaf)?, field.cells(leaf)?, field.faces(leaf)?);
     let hosted = across.hosted(leaf);
     let names = across.names(leaf, &draft, cells.len());
     let lost_faces = beside_merged(field, across, (leaf, &names), &faces)?;
-    if hosted.is_empty() && !lost_faces.contains(&true) && names.iter().all(|name| *name == Name::Own) {
-        return Ok(Merged::default());
+    if hosted.is_empty() && !lost_faces.contains(&true) && names.iter().all(|name| *name == VertexMerge::Own)
+    {
+        return Ok(MergedVertices::default());
     }
     let key = field.leaves.get(leaf).key;
     let dropped = extras_within(&draft.edges, &names, key, &cells.extras);
@@ -112,19 +113,19 @@ pub(super) fn merged(field: &Field, leaf: u32, across: &Across) -> Result<Merged
 
 /// For each vertex on a face whether one of the cells at the face is merged with others.
 fn beside_merged(
-    field: &Field,
-    across: &Across,
-    (leaf, names): (u32, &[Name]),
+    field: &LevelSet,
+    across: &CrossLeafMerges,
+    (leaf, names): (u32, &[VertexMerge]),
     faces: &FaceVertices,
 ) -> Result<Vec<bool>> {
-    let mut others: HashMap<u32, Vec<Name>> = HashMap::new();
+    let mut others: HashMap<u32, Vec<VertexMerge>> = HashMap::new();
     let mut lost = Vec::with_capacity(faces.sides.len());
     for &([other, below], above) in &faces.sides {
         let below = if other == leaf {
             names[below as usize]
         } else if field.leaves.get(other).key.level() != field.leaves.get(leaf).key.level() {
             // Nothing is merged next to leaves of other levels.
-            Name::Own
+            VertexMerge::Own
         } else {
             let names = match others.entry(other) {
                 Entry::Occupied(names) => names.into_mut(),
@@ -135,13 +136,13 @@ fn beside_merged(
             };
             names[below as usize]
         };
-        lost.push([below, names[above as usize]] != [Name::Own; 2]);
+        lost.push([below, names[above as usize]] != [VertexMerge::Own; 2]);
     }
     Ok(lost)
 }
 
 /// For each extra vertex whether both cells at its face are merged with each other.
-fn extras_within(edges: &[Edge], names: &[Name], key: NodeKey, extras: &[Extra]) -> Vec<bool> {
+fn extras_within(edges: &[Edge], names: &[VertexMerge], key: NodeKey, extras: &[FaceVertex]) -> Vec<bool> {
     let mut found = vec![false; extras.len()];
     if extras.is_empty() {
         return found;
@@ -152,8 +153,8 @@ fn extras_within(edges: &[Edge], names: &[Name], key: NodeKey, extras: &[Extra])
         let (u, v) = edge.axis.others();
         for n in 0..4 {
             let [a, b] = [edge.vertices[n], edge.vertices[(n + 1) % 4]];
-            let name = |vertex: u32| if vertex < FROZEN { names[vertex as usize] } else { Name::Own };
-            if name(a) == Name::Own || name(a) != name(b) {
+            let name = |vertex: u32| if vertex < FROZEN { names[vertex as usize] } else { VertexMerge::Own };
+            if name(a) == VertexMerge::Own || name(a) != name(b) {
                 continue;
             }
             // Quadrants 0, 1 and 2, 3 differ along the first axis, the others along the second.
@@ -182,9 +183,9 @@ fn extras_within(edges: &[Edge], names: &[Name], key: NodeKey, extras: &[Extra])
 struct Renaming<'a> {
     leaf: u32,
     cells: &'a BrickCells,
-    frame: Frame,
-    draft: &'a Draft,
-    across: &'a Across,
+    frame: CellFrame,
+    draft: &'a LeafCandidates,
+    across: &'a CrossLeafMerges,
     owned: Vec<[f32; 3]>,
     hosted: &'a [([f32; 3], u32)],
 }
@@ -194,10 +195,10 @@ impl Renaming<'_> {
     /// first that each stands for, then those that stay, and at last those on faces.
     fn merged(
         &self,
-        names: &[Name],
+        names: &[VertexMerge],
         dropped: &[bool],
         (faces, lost_faces): (&FaceVertices, &[bool]),
-    ) -> Merged {
+    ) -> MergedVertices {
         let cells = self.cells;
         let mut numbers = vec![0; cells.len()];
         // Extras are sorted by face.
@@ -207,7 +208,7 @@ impl Renaming<'_> {
             joined_faces.push(extra.face);
         }
         joined_faces.dedup();
-        let kept = |vertex: &usize| names[*vertex] == Name::Own && numbers[*vertex] != NONE;
+        let kept = |vertex: &usize| names[*vertex] == VertexMerge::Own && numbers[*vertex] != NONE;
         let kept: Vec<usize> = (0..cells.len()).filter(kept).collect();
         let mut taken = Places::default();
         taken.0.reserve(cells.len(), hash);
@@ -222,7 +223,7 @@ impl Renaming<'_> {
         let mut of_candidate = vec![NONE; self.draft.candidates.len()];
         let mut candidates = Vec::new();
         for (number, name) in numbers.iter_mut().zip(names) {
-            let Name::Candidate(candidate) = *name else { continue };
+            let VertexMerge::Candidate(candidate) = *name else { continue };
             let place = &mut of_candidate[candidate as usize];
             if *place == NONE {
                 let Candidate { node, at, .. } = self.draft.candidates[candidate as usize];
@@ -248,7 +249,7 @@ impl Renaming<'_> {
         }
         positions.shrink_to_fit();
         let shared = self.number_shared(names, &mut numbers, positions.len());
-        Merged {
+        MergedVertices {
             names: numbers,
             several: self.owned.len() as u32,
             candidates,
@@ -262,10 +263,10 @@ impl Renaming<'_> {
     }
 
     /// Numbers what stands for vertices of several leaves; returns those that other leaves have, from `first` on.
-    fn number_shared(&self, names: &[Name], numbers: &mut [u32], first: usize) -> Vec<Shared> {
-        let mut shared: Vec<Shared> = Vec::new();
+    fn number_shared(&self, names: &[VertexMerge], numbers: &mut [u32], first: usize) -> Vec<SharedVertex> {
+        let mut shared: Vec<SharedVertex> = Vec::new();
         for (number, name) in numbers.iter_mut().zip(names) {
-            let Name::Wide(wide) = *name else { continue };
+            let VertexMerge::Wide(wide) = *name else { continue };
             let other = self.across.shared(wide);
             if other.leaf == self.leaf {
                 *number = other.number;

@@ -10,7 +10,7 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// What a vertex becomes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Name {
+pub(super) enum VertexMerge {
     /// Itself.
     Own,
     /// One of the leaf's candidates.

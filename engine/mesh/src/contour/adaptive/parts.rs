@@ -3,9 +3,9 @@
 use super::super::qef::{Qef, Vector};
 use super::super::symmetric::dot;
 use super::super::topology::{SQUARE, edge_index};
-use super::crossings::{Crossing, Crossings, FROZEN};
+use super::crossings::{FROZEN, LeafEdges, SignChangeEdge};
 use super::names::{LEVELS, NONE};
-use super::patches::{Patches, crosses_as_a_plane};
+use super::patches::{LevelPatches, crosses_as_a_plane};
 use crate::lattice::{Axis, NodeKey};
 
 /// A part with more different normals than this stays what it is: it is curved, and each of them takes 40 bytes and a
@@ -70,7 +70,7 @@ impl Planes {
 
 /// What a part is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Piece {
+pub(super) enum PartSource {
     /// The part of a leaf with this number.
     OfLeaf(u32, u32),
     /// What is merged already: its number.
@@ -79,19 +79,19 @@ pub(super) enum Piece {
 
 /// A disk within a node that meets the node's border as a plane may.
 #[derive(Clone, Default)]
-pub(super) struct Part {
+pub(super) struct SurfaceDisk {
     /// Of the leaves that it is in.
     pub level: u8,
     /// Of its planes, the node being the unit cube.
     pub sums: Qef,
     pub planes: Planes,
     pub crossings: Vec<BorderCrossing>,
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<PartSource>,
 }
 
-impl Part {
+impl SurfaceDisk {
     /// Adds another of the same node. False if that has too many normals.
-    pub(super) fn take(&mut self, other: Part) -> bool {
+    pub(super) fn take(&mut self, other: SurfaceDisk) -> bool {
         self.sums.add_all(&other.sums);
         self.crossings.extend(other.crossings);
         self.pieces.extend(other.pieces);
@@ -116,15 +116,19 @@ impl Part {
     pub(super) fn heap_bytes(&self) -> usize {
         self.planes.0.capacity() * size_of::<(Vector, [f64; 2])>()
             + self.crossings.capacity() * size_of::<BorderCrossing>()
-            + self.pieces.capacity() * size_of::<Piece>()
+            + self.pieces.capacity() * size_of::<PartSource>()
     }
 }
 
 /// The parts of a leaf whose vertices have been joined as far as the leaf goes, and for each vertex the number of its
 /// part or [`NONE`].
-pub(super) fn of_leaf(patches: &mut Patches, crossings: &Crossings, key: NodeKey) -> (Vec<Part>, Vec<u32>) {
+pub(super) fn of_leaf(
+    patches: &mut LevelPatches,
+    crossings: &LeafEdges,
+    key: NodeKey,
+) -> (Vec<SurfaceDisk>, Vec<u32>) {
     let mut part_of = Vec::new();
-    let mut parts: Vec<Part> = Vec::new();
+    let mut parts: Vec<SurfaceDisk> = Vec::new();
     let first = key.first_sample();
     for root in patches.reaching_out(crossings) {
         let Some(planes) = planes(patches, crossings, root, first) else { continue };
@@ -133,7 +137,7 @@ pub(super) fn of_leaf(patches: &mut Patches, crossings: &Crossings, key: NodeKey
             part_of[vertex as usize] = parts.len() as u32;
         }
         let sums = patches.sums[root].clone();
-        parts.push(Part { level: key.level(), sums, planes, ..Part::default() });
+        parts.push(SurfaceDisk { level: key.level(), sums, planes, ..SurfaceDisk::default() });
     }
     if parts.is_empty() {
         return (parts, part_of);
@@ -154,9 +158,9 @@ pub(super) fn of_leaf(patches: &mut Patches, crossings: &Crossings, key: NodeKey
     (parts, part_of)
 }
 
-fn planes(patches: &Patches, crossings: &Crossings, root: usize, first: [u32; 3]) -> Option<Planes> {
+fn planes(patches: &LevelPatches, crossings: &LeafEdges, root: usize, first: [u32; 3]) -> Option<Planes> {
     let mut planes = Planes::default();
-    let mut add = |crossing: &Crossing| {
+    let mut add = |crossing: &SignChangeEdge| {
         let point = std::array::from_fn(|a| f64::from(first[a]) + crossing.point[a]);
         planes.add(crossing.normal, [dot(point, crossing.normal); 2])
     };

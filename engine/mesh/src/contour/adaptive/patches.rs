@@ -3,7 +3,7 @@
 
 use super::super::qef::Qef;
 use super::super::topology::{SQUARE, edge_index, edge_lower};
-use super::crossings::{Crossings, FROZEN};
+use super::crossings::{FROZEN, LeafEdges};
 use super::names::LEVELS;
 use std::sync::LazyLock;
 
@@ -19,7 +19,7 @@ static FACE_EDGES: LazyLock<[u16; 6]> = LazyLock::new(|| {
 });
 
 /// Sets of what hangs together, and what tells whether they are disks.
-pub(super) struct Sets {
+pub(super) struct DiskSets {
     /// One of each set stands for it; the others lead to it.
     parent: Vec<u32>,
     /// Twice the cells, less the ends of the cuts between them, plus twice the edges within: twice the Euler
@@ -29,10 +29,10 @@ pub(super) struct Sets {
     is_frozen: Vec<bool>,
 }
 
-impl Sets {
+impl DiskSets {
     /// Each alone.
-    pub(super) fn of(count: usize) -> Sets {
-        Sets { parent: (0..count as u32).collect(), euler: vec![2; count], is_frozen: vec![false; count] }
+    pub(super) fn of(count: usize) -> DiskSets {
+        DiskSets { parent: (0..count as u32).collect(), euler: vec![2; count], is_frozen: vec![false; count] }
     }
 
     /// The one that stands for another's set.
@@ -59,8 +59,8 @@ impl Sets {
 }
 
 /// Joins sets where they meet around lattice edges.
-pub(super) trait Join {
-    fn sets(&mut self) -> &mut Sets;
+pub(super) trait JoinSets {
+    fn sets(&mut self) -> &mut DiskSets;
 
     /// Makes one set of those of two. Returns what stands for it.
     fn unite(&mut self, a: u32, b: u32) -> usize;
@@ -101,8 +101,8 @@ pub(super) trait Join {
     }
 }
 
-impl Join for Sets {
-    fn sets(&mut self) -> &mut Sets {
+impl JoinSets for DiskSets {
+    fn sets(&mut self) -> &mut DiskSets {
         self
     }
 
@@ -118,8 +118,8 @@ impl Join for Sets {
 }
 
 /// Sets of vertices whose part of the surface hangs together within the nodes of a level.
-pub(super) struct Patches {
-    sets: Sets,
+pub(super) struct LevelPatches {
+    sets: DiskSets,
     /// The vertices of a set in a ring.
     next: Vec<u32>,
     size: Vec<u32>,
@@ -130,8 +130,8 @@ pub(super) struct Patches {
     pub sums: Vec<Qef>,
 }
 
-impl Join for Patches {
-    fn sets(&mut self) -> &mut Sets {
+impl JoinSets for LevelPatches {
+    fn sets(&mut self) -> &mut DiskSets {
         &mut self.sets
     }
 
@@ -158,12 +158,12 @@ impl Join for Patches {
     }
 }
 
-impl Patches {
+impl LevelPatches {
     /// Every vertex alone, with the sums of its planes.
-    pub(super) fn new(sums: Vec<Qef>) -> Patches {
+    pub(super) fn new(sums: Vec<Qef>) -> LevelPatches {
         let count = sums.len();
-        Patches {
-            sets: Sets::of(count),
+        LevelPatches {
+            sets: DiskSets::of(count),
             next: (0..count as u32).collect(),
             size: vec![1; count],
             border: vec![0; count],
@@ -185,7 +185,7 @@ impl Patches {
 
     /// Joins what hangs together in nodes of `level`, whose parts have been joined, and returns those sets that came
     /// of it and may have one vertex.
-    pub(super) fn join(&mut self, crossings: &Crossings, level: u8) -> Vec<usize> {
+    pub(super) fn join(&mut self, crossings: &LeafEdges, level: u8) -> Vec<usize> {
         let mut joined = Vec::new();
         for crossing in crossings.within(level) {
             let around = crossing.vertices.map(|vertex| (vertex < FROZEN).then_some(vertex));
@@ -205,7 +205,7 @@ impl Patches {
 
     /// Finds out which of some disks meet the border of their nodes of `level` otherwise than along one line in each
     /// face that ends on two edges.
-    fn study_borders(&mut self, crossings: &Crossings, level: u8, disks: &[usize]) {
+    fn study_borders(&mut self, crossings: &LeafEdges, level: u8, disks: &[usize]) {
         for &root in disks {
             self.border[root] = 0;
             self.is_bad[root] = false;
@@ -232,7 +232,7 @@ impl Patches {
 
     /// When all nodes have been joined, the disks that meet the border of the leaf as a plane may and no face on it
     /// that is cut twice.
-    pub(super) fn reaching_out(&mut self, crossings: &Crossings) -> Vec<usize> {
+    pub(super) fn reaching_out(&mut self, crossings: &LeafEdges) -> Vec<usize> {
         let mut roots = Vec::new();
         for crossing in crossings.within(LEVELS + 1) {
             let own = crossing.vertices.into_iter().filter(|&vertex| vertex < FROZEN);

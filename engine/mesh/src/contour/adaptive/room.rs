@@ -1,7 +1,7 @@
 //! The triangles in one cube, and which of them meet.
 
-use super::across::{Merge, Taken, is_wide};
-use super::bounds::{Bounds, Corners, Sector, are_apart, is_fan, meets, normal, wide};
+use super::across::{Merge, MergeTarget, is_wide};
+use super::bounds::{Bounds, Sector, TriangleCorners, are_apart, is_fan, meets, normal, wide};
 use super::names::{bits, hash as names_hash};
 use crate::predicates::{has_area, meet_by_place};
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x16, level};
@@ -28,7 +28,7 @@ struct Placed {
 }
 
 /// A cube and the triangles whose boxes meet it.
-pub(super) struct Room {
+pub(super) struct TriangleGrid {
     /// Lower and upper corner; the upper border is another cube's.
     cube: Bounds,
     /// Only triangles that meet one of these may meet fresh ones.
@@ -46,11 +46,11 @@ pub(super) struct Room {
     plain: Vec<Placed>,
 }
 
-impl Room {
+impl TriangleGrid {
     /// A cube in which every fresh triangle is within one of the boxes `reach`.
-    pub(super) fn new(cube: Bounds, reach: Vec<Bounds>) -> Room {
+    pub(super) fn new(cube: Bounds, reach: Vec<Bounds>) -> TriangleGrid {
         let blocks = |n: usize| BLOCKS as f32 / (cube[1][n] - cube[0][n]);
-        Room {
+        TriangleGrid {
             cube,
             reach,
             blocks_per_unit: [blocks(0), blocks(1), blocks(2)],
@@ -70,7 +70,7 @@ impl Room {
 
     /// Makes room for so many more vertices.
     pub(super) fn reserve(&mut self, vertices: usize) {
-        let Room { places, merges, numbers, .. } = self;
+        let TriangleGrid { places, merges, numbers, .. } = self;
         places.reserve(vertices);
         merges.reserve(vertices);
         numbers.reserve(vertices, |&number| hash(&places[number as usize]));
@@ -78,7 +78,7 @@ impl Room {
 
     /// The number of the vertex at a place.
     pub(super) fn number(&mut self, place: [f32; 3], merge: Option<Merge>) -> u32 {
-        let Room { places, merges, numbers, .. } = self;
+        let TriangleGrid { places, merges, numbers, .. } = self;
         let is_same = |&number: &u32| places[number as usize] == place;
         match numbers.entry(hash(&place), is_same, |&number| hash(&places[number as usize])) {
             Entry::Occupied(entry) => *entry.get(),
@@ -107,7 +107,7 @@ impl Room {
     }
 
     /// What is to be given up for triangles that meet: of each pair what has the largest nodes.
-    pub(super) fn meetings(mut self) -> Vec<Taken> {
+    pub(super) fn meetings(mut self) -> Vec<MergeTarget> {
         if self.merged.is_empty() {
             return Vec::new();
         }
@@ -146,7 +146,7 @@ impl Room {
         found
     }
 
-    fn corners(&self, placed: &Placed) -> Corners {
+    fn corners(&self, placed: &Placed) -> TriangleCorners {
         at(&self.places, &placed.corners)
     }
 
@@ -180,7 +180,7 @@ fn for_blocks([low, high]: &[Block; 2], mut each: impl FnMut(usize)) {
 }
 
 #[inline]
-fn at(places: &[[f32; 3]], [a, b, c]: &[u32; 3]) -> Corners {
+fn at(places: &[[f32; 3]], [a, b, c]: &[u32; 3]) -> TriangleCorners {
     [places[*a as usize], places[*b as usize], places[*c as usize]]
 }
 
@@ -190,14 +190,14 @@ fn hash(place: &[f32; 3]) -> u64 {
 
 /// Looks for triangles of a room that meet.
 struct Search<'a> {
-    room: &'a Room,
+    room: &'a TriangleGrid,
     /// All triangles, the first `merged` of which are of polygons with a merged corner.
     all: &'a [Placed],
     merged: usize,
     /// By block, whether there is one of those.
     is_near: &'a [bool],
     normals: &'a [DVec3],
-    found: Vec<Taken>,
+    found: Vec<MergeTarget>,
 }
 
 impl Search<'_> {

@@ -17,9 +17,9 @@ use std::collections::HashMap;
 
 /// By leaf, boxes with the edges of the leaf at cells that have such a vertex.
 #[derive(Default)]
-pub(super) struct Strays(HashMap<u32, Vec<EdgeBox>>);
+pub(super) struct OutOfCellEdges(HashMap<u32, Vec<EdgeBox>>);
 
-impl Strays {
+impl OutOfCellEdges {
     /// Adds cells of a leaf.
     pub(super) fn add(&mut self, leaves: &Leaves, leaf: u32, cells: &[[u8; 3]]) {
         let key = leaves.get(leaf).key;

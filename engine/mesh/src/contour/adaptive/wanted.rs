@@ -1,7 +1,7 @@
 //! Which edges of a leaf polygons are made for while it is found out which triangles meet.
 
-use super::super::field::Field;
-use super::super::frame::Frame;
+use super::super::field::LevelSet;
+use super::super::frame::CellFrame;
 use super::super::frame::united;
 use super::super::surface::EdgeRanks;
 use super::bounds::Bounds;
@@ -19,7 +19,7 @@ const MOST_BOXES: usize = 16;
 
 /// All edges by default.
 #[derive(Clone, Copy, Default)]
-pub(in super::super) struct Wanted<'a> {
+pub(in super::super) struct EdgeFilter<'a> {
     /// Only those in one of these boxes, or that touch `touching`.
     pub within: Option<&'a [EdgeBox]>,
     /// Only those with an end in this box of samples, or that are `within`.
@@ -30,7 +30,7 @@ pub(in super::super) struct Wanted<'a> {
     pub only_wide: bool,
 }
 
-impl Wanted<'_> {
+impl EdgeFilter<'_> {
     /// The sign-changing edges that are wanted, in order, before their polygons are looked at.
     pub(in super::super) fn edges(&self, signs: &SignChanges, ranks: &EdgeRanks) -> Vec<NumberedEdge> {
         let mut found = Vec::new();
@@ -131,13 +131,13 @@ fn edges_in(
 
 /// Tells what edges of a leaf are near boxes of the world.
 pub(super) struct EdgesNear {
-    frame: Frame,
+    frame: CellFrame,
     /// How wide the cells of the coarsest leaf around are, in cells of the leaf.
     coarsest: f64,
 }
 
 impl EdgesNear {
-    pub(super) fn of(field: &Field, leaf: u32) -> EdgesNear {
+    pub(super) fn of(field: &LevelSet, leaf: u32) -> EdgesNear {
         let frame = field.frame(field.leaves.get(leaf).key);
         EdgesNear { frame, coarsest: f64::from(1u32 << field.levels_up(leaf)) }
     }
@@ -190,7 +190,7 @@ mod tests {
             except in prop::collection::vec(edge_box(), 0..3),
         ) {
             let signs = SignChanges::from_fn(|n| (n as u64 ^ seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 61 == 0);
-            let wanted = Wanted { within: within.as_deref(), touching, except: &except, only_wide: false };
+            let wanted = EdgeFilter { within: within.as_deref(), touching, except: &except, only_wide: false };
             let is_in = |boxes: &[EdgeBox], at: [usize; 3]| {
                 let holds = |[low, high]: &EdgeBox| (0..3).all(|a| (low[a]..=high[a]).contains(&(at[a] as i32)));
                 boxes.iter().any(holds)

@@ -1,31 +1,31 @@
 //! The cells of a leaf from its samples: which are active, their loops and the vertices of these, cell by cell.
 
-use super::several::Several;
+use super::several::MultiLoopCell;
 use super::{BrickCells, CELL_ROWS, CellRow};
 use crate::brick::SignChanges;
 use crate::contour::crease::Crease;
 use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
-use crate::contour::extras::{Extra, SplitPlace, SplitVertex};
-use crate::contour::field::Field;
-use crate::contour::frame::Frame;
+use crate::contour::extras::{FaceVertex, SplitPlace, SplitVertex};
+use crate::contour::field::LevelSet;
+use crate::contour::frame::CellFrame;
 use crate::contour::joined;
 use crate::contour::lanes::GROUP;
-use crate::contour::leaves::{Around, Side};
-use crate::contour::mixed::Surroundings;
-use crate::contour::outliers::Outliers;
-use crate::contour::places::Place;
+use crate::contour::leaves::{LeafNeighbour, LeafNeighbours};
+use crate::contour::mixed::TransitionLeaf;
+use crate::contour::outliers::ConstrainedLoops;
+use crate::contour::places::LocalIndex;
 use crate::contour::planes::EdgePlane;
 use crate::contour::qef::{PlaneSums, Qef};
-use crate::contour::solve::Group;
-use crate::contour::surface::Changes;
-use crate::contour::topology::Kind;
+use crate::contour::solve::LoopGroup;
+use crate::contour::surface::HermiteSurface;
+use crate::contour::topology::CellCase;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::wide::{Simd, dispatch, level};
 use std::sync::{Arc, RwLock};
 
 /// Finds the active cells of a leaf and places their vertices.
-pub(in crate::contour) fn build(field: &Field, leaf: u32) -> Result<BrickCells> {
+pub(in crate::contour) fn build(field: &LevelSet, leaf: u32) -> Result<BrickCells> {
     let has_finer = field.leaves.has_finer(leaf);
     if !field.leaves.get(leaf).changes && !has_finer {
         return Ok(BrickCells::default());
@@ -37,7 +37,7 @@ pub(in crate::contour) fn build(field: &Field, leaf: u32) -> Result<BrickCells> 
     if let Some(changes) = changes {
         mark_active(&changes.signs, &mut rows);
     }
-    let mut surroundings = has_finer.then(|| Surroundings::new(field, leaf, &around));
+    let mut surroundings = has_finer.then(|| TransitionLeaf::new(field, leaf, &around));
     if let Some(surroundings) = &mut surroundings {
         surroundings.mark(&mut rows)?;
     }
@@ -49,7 +49,7 @@ pub(in crate::contour) fn build(field: &Field, leaf: u32) -> Result<BrickCells> 
     if rank == 0 {
         return Ok(of_edges(field, changes));
     }
-    let mut builder = Builder::new(field, leaf, &around, changes, rows, rank as usize);
+    let mut builder = CellsBuilder::new(field, leaf, &around, changes, rows, rank as usize);
     builder.fill(surroundings.as_mut())?;
     builder.complete_corners()?;
     builder.separate_loops();
@@ -58,7 +58,7 @@ pub(in crate::contour) fn build(field: &Field, leaf: u32) -> Result<BrickCells> 
 }
 
 /// What is to be known of the leaf's edges.
-fn of_edges(field: &Field, changes: Option<&Changes>) -> BrickCells {
+fn of_edges(field: &LevelSet, changes: Option<&HermiteSurface>) -> BrickCells {
     BrickCells {
         signs: changes.map(|c| c.signs.clone()),
         ranks: changes.filter(|_| field.merges()).map(|c| Arc::clone(c.ranks())),
@@ -79,7 +79,7 @@ pub(in crate::contour) fn mark_active(signs: &SignChanges, rows: &mut [CellRow])
 
 /// A loop in a group.
 #[derive(Clone, Copy)]
-pub(super) struct Waiting {
+pub(super) struct PendingLoop {
     pub cell: [u8; 3],
     /// A plain cell with one loop.
     pub is_lone: bool,
@@ -89,13 +89,13 @@ pub(super) struct Waiting {
 }
 
 /// Fills a [`BrickCells`] cell by cell.
-pub(in crate::contour) struct Builder<'a> {
-    pub field: &'a Field<'a>,
+pub(in crate::contour) struct CellsBuilder<'a> {
+    pub field: &'a LevelSet<'a>,
     pub leaf: u32,
     pub(super) key: NodeKey,
-    pub frame: Frame,
-    pub(super) around: &'a Around,
-    pub changes: Option<&'a Changes>,
+    pub frame: CellFrame,
+    pub(super) around: &'a LeafNeighbours,
+    pub changes: Option<&'a HermiteSurface>,
     /// The leaf's Hermite edges.
     pub(super) planes: &'a [EdgePlane],
     /// One for each of them; see [`BrickCells::take_quads`].
@@ -106,7 +106,7 @@ pub(in crate::contour) struct Builder<'a> {
     /// Those of them whose crease is sharp, for [`super::annex`], if creases are followed.
     pub sharp: Vec<([usize; 3], Crease)>,
     /// Those of them that may be at a corner, where there are sums.
-    pub candidates: Vec<Place>,
+    pub candidates: Vec<LocalIndex>,
     /// How many of the creased cells, and of the layers of cells along z, these are of.
     pub seen: usize,
     pub decided: usize,
@@ -120,23 +120,23 @@ pub(in crate::contour) struct Builder<'a> {
     /// Extra vertices come after all others.
     pub(super) splits: Vec<SplitVertex>,
     /// Mixed cells with several loops.
-    pub(super) several: Vec<Several>,
+    pub(super) several: Vec<MultiLoopCell>,
     /// Loops whose vertices are placed next; these are the last ones.
-    pub(super) group: Group,
-    pub(super) waiting: Vec<Waiting>,
+    pub(super) group: LoopGroup,
+    pub(super) waiting: Vec<PendingLoop>,
     /// Lone vertices that need more, of groups before.
-    pub(super) outliers: Outliers,
+    pub(super) outliers: ConstrainedLoops,
 }
 
-impl<'a> Builder<'a> {
+impl<'a> CellsBuilder<'a> {
     fn new(
-        field: &'a Field<'a>,
+        field: &'a LevelSet<'a>,
         leaf: u32,
-        around: &'a Around,
-        changes: Option<&'a Changes>,
+        around: &'a LeafNeighbours,
+        changes: Option<&'a HermiteSurface>,
         rows: Vec<CellRow>,
         active: usize,
-    ) -> Builder<'a> {
+    ) -> CellsBuilder<'a> {
         let planes = changes.map_or(&[][..], |c| &c.planes);
         let cells = BrickCells {
             rows,
@@ -148,7 +148,7 @@ impl<'a> Builder<'a> {
         let key = field.leaves.get(leaf).key;
         let mut quads = field.spare_quads.take();
         quads.extend(planes.iter().map(|plane| Quad { fraction: plane.offset(), ..Quad::UNKNOWN }));
-        Builder {
+        CellsBuilder {
             field,
             leaf,
             key,
@@ -163,7 +163,7 @@ impl<'a> Builder<'a> {
             candidates: Vec::new(),
             seen: 0,
             decided: 0,
-            sums: (!around.contains(&Side::Finer)).then(|| {
+            sums: (!around.contains(&LeafNeighbour::Finer)).then(|| {
                 let mut sums = field.spare_sums.take();
                 // A group is stored as a whole.
                 sums.reserve(active + GROUP);
@@ -173,19 +173,19 @@ impl<'a> Builder<'a> {
             apart: Box::new([0; CELL_ROWS]),
             splits: Vec::new(),
             several: Vec::new(),
-            group: Group::new(field.on_surface),
+            group: LoopGroup::new(field.on_surface),
             waiting: Vec::with_capacity(GROUP),
-            outliers: Outliers::default(),
+            outliers: ConstrainedLoops::default(),
         }
     }
 
     /// As compiled for this processor: bits are counted for every edge of every cell.
-    fn fill(&mut self, surroundings: Option<&mut Surroundings>) -> Result<()> {
+    fn fill(&mut self, surroundings: Option<&mut TransitionLeaf>) -> Result<()> {
         dispatch!(level(), simd => self.fill_rows(simd, surroundings))
     }
 
     #[inline(always)]
-    fn fill_rows<S: Simd>(&mut self, simd: S, mut surroundings: Option<&mut Surroundings>) -> Result<()> {
+    fn fill_rows<S: Simd>(&mut self, simd: S, mut surroundings: Option<&mut TransitionLeaf>) -> Result<()> {
         for n in 0..CELL_ROWS {
             if n % BRICK_CELLS == 0 {
                 self.keep_candidates(simd, false);
@@ -219,8 +219,8 @@ impl<'a> Builder<'a> {
 
     /// That of a plain cell.
     #[inline(always)]
-    fn kind(&self, cell: [usize; 3], streams: &EdgeStreams) -> Result<Kind> {
-        let Some(changes) = self.changes else { return Ok(Kind::default()) };
+    fn kind(&self, cell: [usize; 3], streams: &EdgeStreams) -> Result<CellCase> {
+        let Some(changes) = self.changes else { return Ok(CellCase::default()) };
         joined::kind_of(self.field, self.key, changes, cell, streams.mask(cell[0]))
     }
 
@@ -265,13 +265,13 @@ impl<'a> Builder<'a> {
         [x, y, z].map(|c| f64::from(c) + 0.5)
     }
 
-    fn mixed_cell(&mut self, cell: [usize; 3], surroundings: &mut Surroundings) -> Result<()> {
+    fn mixed_cell(&mut self, cell: [usize; 3], surroundings: &mut TransitionLeaf) -> Result<()> {
         let mixed = surroundings.loops(cell)?;
         let first = self.cells.positions.len();
         if self.cells.mixed.is_empty() {
             self.cells.mixed.push(0);
         }
-        self.cells.kinds.push(Kind::default());
+        self.cells.kinds.push(CellCase::default());
         self.cells.first.push(self.cells.mixed.len() as u32 - 1);
         for l in 0..mixed.loops {
             let mut qef = Qef::default();
@@ -288,7 +288,7 @@ impl<'a> Builder<'a> {
         if mixed.loops > 1 {
             let [i, j, k] = cell.map(|c| c as u8);
             self.cells.several.push([k, j, i]);
-            self.several.push(Several::of(cell, first, &mixed));
+            self.several.push(MultiLoopCell::of(cell, first, &mixed));
         }
         for cut in mixed.cuts.iter().filter(|cut| cut.is_split) {
             let place = SplitPlace::At(cut.at);
@@ -308,7 +308,7 @@ impl<'a> Builder<'a> {
                 let vertex = self.cells.positions.len() as u32;
                 self.cells.positions.push(split.position(&self.frame, &lattice));
                 let SplitVertex { face, edges, .. } = split;
-                self.cells.extras.extend(edges.map(|edge| Extra { face, edge, vertex }));
+                self.cells.extras.extend(edges.map(|edge| FaceVertex { face, edge, vertex }));
             }
         }
         self.cells.quads = RwLock::new(self.quads);

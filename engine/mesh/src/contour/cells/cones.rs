@@ -7,8 +7,8 @@
 //! Where cones meet, vertices go to others of some places until they do not; what none of these separates stays, and
 //! is counted.
 
-use super::builder::Builder;
-use super::several::{Line, Point, Several};
+use super::builder::CellsBuilder;
+use super::several::{LinePoint, LoopLine, MultiLoopCell};
 use crate::predicates::meet_by_place;
 
 /// Where a vertex may go: from the mean of points of its loop this share of the way to the middle of the cell, or, if they are
@@ -28,10 +28,10 @@ const ROUNDS: usize = 4;
 /// Pieces of lines in a cell at most of which vertices are moved: as many as noise four levels deeper has, some 0.1 s.
 const MOST_PIECES: usize = 1024;
 
-impl Several {
+impl MultiLoopCell {
     /// In how many places the cone of a loop, from this vertex, meets those of the others from theirs.
-    fn meetings(&self, of: usize, vertex: Point, vertices: &[Point]) -> usize {
-        let cone = |n: usize, from: Point| {
+    fn meetings(&self, of: usize, vertex: LinePoint, vertices: &[LinePoint]) -> usize {
+        let cone = |n: usize, from: LinePoint| {
             self.lines[n].iter().map(move |piece| [from, piece.on_edge, piece.on_face])
         };
         let with = |other: usize| {
@@ -43,24 +43,24 @@ impl Several {
     }
 
     /// In how many any two of them meet, each counted twice.
-    fn all_meetings(&self, vertices: &[Point]) -> usize {
+    fn all_meetings(&self, vertices: &[LinePoint]) -> usize {
         (0..vertices.len()).map(|n| self.meetings(n, vertices[n], vertices)).sum()
     }
 
     /// Moves vertices until cones do not meet, or no place is better. Returns whether they are known not to.
-    fn separate(&self, vertices: &mut [Point], places: impl Fn(&Line) -> Vec<Point>) -> bool {
+    fn separate(&self, vertices: &mut [LinePoint], places: impl Fn(&LoopLine) -> Vec<LinePoint>) -> bool {
         if self.lines.iter().map(Vec::len).sum::<usize>() > MOST_PIECES {
             return false;
         }
         if self.all_meetings(vertices) == 0 {
             return true;
         }
-        let places: Vec<Vec<Point>> = self.lines.iter().map(places).collect();
+        let places: Vec<Vec<LinePoint>> = self.lines.iter().map(places).collect();
         if self.move_singly(vertices, &places) {
             return true;
         }
         // A vertex far from its own line may be in the way of all places of another.
-        let mut others: Vec<Point> = places.iter().map(|places| places[0]).collect();
+        let mut others: Vec<LinePoint> = places.iter().map(|places| places[0]).collect();
         let is_apart = self.move_singly(&mut others, &places);
         if is_apart || self.all_meetings(&others) < self.all_meetings(vertices) {
             vertices.copy_from_slice(&others);
@@ -69,7 +69,7 @@ impl Several {
     }
 
     /// Moves one vertex after another to where its cone meets others in fewer places. Returns whether none do any more.
-    fn move_singly(&self, vertices: &mut [Point], places: &[Vec<Point>]) -> bool {
+    fn move_singly(&self, vertices: &mut [LinePoint], places: &[Vec<LinePoint>]) -> bool {
         for _ in 0..ROUNDS {
             let mut is_left = false;
             for n in 0..vertices.len() {
@@ -95,7 +95,7 @@ impl Several {
 }
 
 /// Whether the boxes of two triangles touch.
-fn are_near(a: &[Point; 3], b: &[Point; 3]) -> bool {
+fn are_near(a: &[LinePoint; 3], b: &[LinePoint; 3]) -> bool {
     (0..3).all(|n| {
         let [a, b] = [a, b].map(|corners| {
             let along = corners.map(|corner| corner[n]);
@@ -105,7 +105,7 @@ fn are_near(a: &[Point; 3], b: &[Point; 3]) -> bool {
     })
 }
 
-impl Builder<'_> {
+impl CellsBuilder<'_> {
     /// Sees to it that cones in one cell do not meet, if any of the known places will do.
     pub(super) fn separate_cones(&mut self) {
         for several in std::mem::take(&mut self.several) {
@@ -119,16 +119,16 @@ impl Builder<'_> {
 
     /// Where the vertex of a line may go, after the mean of the line and that of the middles of its edges: where the surface
     /// passes edges next to samples lines of several loops may all but touch there.
-    fn places(&self, cell: [usize; 3], line: &Line) -> Vec<Point> {
-        let passed: Vec<Point> = line.iter().flat_map(|piece| [piece.on_edge, piece.on_face]).collect();
-        let middles: Vec<Point> = line.iter().map(|piece| piece.edge.middle()).collect();
+    fn places(&self, cell: [usize; 3], line: &LoopLine) -> Vec<LinePoint> {
+        let passed: Vec<LinePoint> = line.iter().flat_map(|piece| [piece.on_edge, piece.on_face]).collect();
+        let middles: Vec<LinePoint> = line.iter().map(|piece| piece.edge.middle()).collect();
         PLACES
             .iter()
             .flat_map(|place| [&passed, &middles].map(|points| self.over(cell, points, *place)))
             .collect()
     }
 
-    fn over(&self, cell: [usize; 3], points: &[Point], (share, power): (f64, i32)) -> Point {
+    fn over(&self, cell: [usize; 3], points: &[LinePoint], (share, power): (f64, i32)) -> LinePoint {
         let points: Vec<[f64; 3]> = points.iter().map(|point| self.frame.local(*point)).collect();
         let (mut low, mut high, mut mean) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3], [0.0; 3]);
         for point in &points {

@@ -1,22 +1,22 @@
 //! Placing the vertices of loops, group by group, and what is noted of each group for creases and corners.
 
-use super::builder::{Builder, Waiting};
+use super::builder::{CellsBuilder, PendingLoop};
 use super::special::apart;
 use crate::contour::crease::Crease;
 use crate::contour::lanes::GROUP;
 use crate::contour::outliers::{self, minimisers};
 use crate::contour::qef::{MISS, PlaneSums};
-use crate::contour::solve::Solved;
+use crate::contour::solve::SolvedGroup;
 use crate::lattice::BRICK_CELLS;
 use crate::wide::{Simd, dispatch, level};
 
-impl Builder<'_> {
+impl CellsBuilder<'_> {
     /// Leaves the vertex of a loop, whose planes the group has, to it; `first` is the cell's first vertex.
     #[inline(always)]
     pub(super) fn push_vertex(&mut self, cell: [usize; 3], first: usize, is_lone: bool) {
         self.group.place(self.waiting.len(), cell);
         let vertex = self.cells.positions.len() as u32;
-        self.waiting.push(Waiting { cell: cell.map(|c| c as u8), is_lone, first: first as u32, vertex });
+        self.waiting.push(PendingLoop { cell: cell.map(|c| c as u8), is_lone, first: first as u32, vertex });
         self.cells.positions.push([0.0; 3]);
         if self.waiting.len() == GROUP {
             self.place();
@@ -34,7 +34,7 @@ impl Builder<'_> {
         let solved = self.group.solve(simd, self.waiting.len(), margin, MISS);
         let places = self.frame.world_wide(simd, solved.corners, solved.at);
         for (lane, [x, y, z, _]) in places.into_iter().enumerate().take(self.waiting.len()) {
-            let Waiting { cell, first, vertex, is_lone } = self.waiting[lane];
+            let PendingLoop { cell, first, vertex, is_lone } = self.waiting[lane];
             let is_left = solved.left >> lane & 1 == 1;
             if !is_left && is_lone {
                 self.cells.positions[vertex as usize] = [x, y, z];
@@ -66,10 +66,10 @@ impl Builder<'_> {
 
     /// Which cells of a group are creased.
     #[inline(always)]
-    fn note_creases<S: Simd>(&mut self, solved: &Solved<S>) {
+    fn note_creases<S: Simd>(&mut self, solved: &SolvedGroup<S>) {
         let (mut creased, mut creases) = ([[0; 3]; GROUP], 0);
         let follows_creases = self.field.follows_creases();
-        for (lane, &Waiting { cell, is_lone, .. }) in self.waiting.iter().enumerate().take(GROUP) {
+        for (lane, &PendingLoop { cell, is_lone, .. }) in self.waiting.iter().enumerate().take(GROUP) {
             // Half of the cells are creased where surfaces are rough: which are is not foreseen, so it is no branch.
             let is_creased = is_lone && solved.flat >> lane & 1 == 0;
             creased[creases % GROUP] = cell;
@@ -83,12 +83,12 @@ impl Builder<'_> {
 
     /// Adds up the planes of a group, for the search for corners.
     #[inline(always)]
-    fn note_sums<S: Simd>(&mut self, simd: S, solved: &Solved<S>) {
+    fn note_sums<S: Simd>(&mut self, simd: S, solved: &SolvedGroup<S>) {
         let Some(sums) = &mut self.sums else { return };
         let mut sum = self.sum.load(simd);
         let mut end = sums.len();
         sums.resize(end + GROUP, PlaneSums::default());
-        for (lane, &Waiting { cell: [i, j, k], first, vertex, .. }) in
+        for (lane, &PendingLoop { cell: [i, j, k], first, vertex, .. }) in
             self.waiting.iter().enumerate().take(GROUP)
         {
             // Of several loops of a cell the first counts, and what others leave is written over.

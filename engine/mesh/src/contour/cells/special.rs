@@ -1,14 +1,14 @@
 //! Plain cells with several loops, and those whose vertex lies beyond them: what must be seen to where the surface
 //! passes their faces ([`super::super::faces`]).
 
-use super::builder::Builder;
+use super::builder::CellsBuilder;
 use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX};
-use crate::contour::frame::{Frame, Lattice, along};
+use crate::contour::frame::{CellFrame, SampleCoordinates, along};
 use crate::contour::loops::tangled;
-use crate::contour::topology::{Kind, edge_lower};
+use crate::contour::topology::{CellCase, edge_lower};
 use crate::lattice::BRICK_CELLS;
 
-impl Builder<'_> {
+impl CellsBuilder<'_> {
     /// Whether the planes of a cell of the leaf alone rule out a corner in any block that the cell is part of.
     pub(in crate::contour) fn is_apart(&self, [i, j, k]: [usize; 3]) -> bool {
         self.sums.is_some() && self.apart[k * BRICK_CELLS + j] >> i & 1 == 1
@@ -53,7 +53,7 @@ impl Builder<'_> {
     }
 
     /// The mean of the crossings of a loop of a cell, counted as if they were at least so far from the ends of their edges.
-    fn mean_of_crossings(&self, cell: [usize; 3], kind: Kind, of: usize, least: f64) -> [f32; 3] {
+    fn mean_of_crossings(&self, cell: [usize; 3], kind: CellCase, of: usize, least: f64) -> [f32; 3] {
         let loops = kind.loops();
         let streams = EdgeStreams::of(self.changes, cell[1], cell[2]);
         let mut sum = [0.0; 3];
@@ -70,19 +70,23 @@ impl Builder<'_> {
 }
 
 /// Where a position of the world lies in a cell between planes of a lattice, 0..1 along each axis.
-pub(in crate::contour) fn within(lattice: &Lattice, cell: [usize; 3], position: [f32; 3]) -> [f64; 3] {
+pub(in crate::contour) fn within(
+    lattice: &SampleCoordinates,
+    cell: [usize; 3],
+    position: [f32; 3],
+) -> [f64; 3] {
     std::array::from_fn(|a| along(lattice, a, cell[a], position[a]))
 }
 
 /// World position of the point `at` of a cell, or near it if it is among those `before` it: loops of one cell can have
 /// the same minimiser, as on a needle thinner than the cell.
 #[inline(always)]
-pub(super) fn apart(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
+pub(super) fn apart(frame: &CellFrame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
     let position = frame.world(cell, at);
     if before.contains(&position) { moved(frame, cell, at, before) } else { position }
 }
 
 #[cold]
-fn moved(frame: &Frame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
+fn moved(frame: &CellFrame, cell: [usize; 3], at: [f64; 3], before: &[[f32; 3]]) -> [f32; 3] {
     frame.free_place((cell, 1.0), at, |position| before.contains(position))
 }

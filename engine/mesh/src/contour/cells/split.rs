@@ -1,11 +1,11 @@
 //! Faces of plain cells that are cut twice.
 
-use super::builder::Builder;
+use super::builder::CellsBuilder;
 use crate::contour::edges::EdgeStreams;
-use crate::contour::extras::{Face, SplitPlace, SplitVertex, face_key, middle, plain_edge_key};
+use crate::contour::extras::{SplitFace, SplitPlace, SplitVertex, face_key, middle, plain_edge_key};
 use crate::contour::joined;
-use crate::contour::leaves::{Side, direction_index};
-use crate::contour::surface::Surface;
+use crate::contour::leaves::{LeafNeighbour, direction_index};
+use crate::contour::surface::LeafSurface;
 use crate::contour::topology::{CellLoops, edge_lower};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS};
@@ -18,7 +18,7 @@ enum Beyond {
     Uneven,
 }
 
-impl Builder<'_> {
+impl CellsBuilder<'_> {
     /// Extra vertices on the faces of a plain cell that this leaf owns and that need them.
     #[cold]
     pub(super) fn split_plain_faces(
@@ -50,7 +50,7 @@ impl Builder<'_> {
                             self.field.minimal_edge((self.leaf, changes), &lattice, (along, low))
                         };
                         let [p, q] = [edge(enter)?, edge(leave)?];
-                        SplitPlace::At(Face::new(&lattice, axis, corner).half_way([&p, &q]))
+                        SplitPlace::At(SplitFace::new(&lattice, axis, corner).half_way([&p, &q]))
                     }
                 };
                 self.splits.push(SplitVertex { face: face_key(axis, corner), edges, place });
@@ -72,7 +72,7 @@ impl Builder<'_> {
         step[a] = 2 * side as i32 - 1;
         let beyond = self.around[direction_index(step)];
         if side == 1 {
-            let is_own = cell[a] == BRICK_CELLS - 1 && matches!(beyond, Side::Coarser(_));
+            let is_own = cell[a] == BRICK_CELLS - 1 && matches!(beyond, LeafNeighbour::Coarser(_));
             return Ok(is_own.then_some(Beyond::Uneven));
         }
         let below = std::array::from_fn(|n| cell[n] as i32 + step[n]);
@@ -82,8 +82,8 @@ impl Builder<'_> {
         }
         let other = if cell[a] > 0 {
             self.cells.plain(below.map(|c| c as usize)).map(|(kind, _)| kind)
-        } else if let Side::Same(other) = beyond
-            && let Surface::Changes(changes) = &*self.field.surface(other)?
+        } else if let LeafNeighbour::Same(other) = beyond
+            && let LeafSurface::Changes(changes) = &*self.field.surface(other)?
         {
             let below = below.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
             Some(joined::kind(self.field, self.field.leaves.get(other).key, changes, below)?)

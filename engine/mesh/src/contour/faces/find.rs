@@ -4,15 +4,15 @@ mod uneven;
 
 use super::{FaceVertices, Faces};
 use crate::contour::cells::{BrickCells, CELL_ROWS, within};
-use crate::contour::extras::{Face, face_key, face_of, middle, plain_edge_key};
-use crate::contour::field::Field;
-use crate::contour::frame::Lattice;
-use crate::contour::leaves::{Side, direction_index};
-use crate::contour::loops::{LOOPS, Part, SLACK};
+use crate::contour::extras::{SplitFace, face_key, face_of, middle, plain_edge_key};
+use crate::contour::field::LevelSet;
+use crate::contour::frame::SampleCoordinates;
+use crate::contour::leaves::{LeafNeighbour, direction_index};
+use crate::contour::loops::{LOOPS, LoopRegion, SLACK};
 use crate::contour::places::Direction;
-use crate::contour::planes::Plane;
-use crate::contour::surface::Surface;
-use crate::contour::topology::{Kind, edge_index, edge_lower};
+use crate::contour::planes::HermitePlane;
+use crate::contour::surface::LeafSurface;
+use crate::contour::topology::{CellCase, edge_index, edge_lower};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 const BESIDE: f64 = 1.0 / 1024.0;
 
 /// Those of a leaf with these cells.
-pub(in crate::contour) fn find(field: &Field, leaf: u32, cells: &Arc<BrickCells>) -> Result<FaceVertices> {
+pub(in crate::contour) fn find(field: &LevelSet, leaf: u32, cells: &Arc<BrickCells>) -> Result<FaceVertices> {
     // Without active cells it may have let go of those below, whose polygons do not wait for it.
     if cells.rows.is_empty() {
         return Ok(FaceVertices::default());
@@ -33,7 +33,7 @@ pub(in crate::contour) fn find(field: &Field, leaf: u32, cells: &Arc<BrickCells>
     for axis in 0..3 {
         let mut step = [0; 3];
         step[axis] = -1;
-        if let Side::Same(other) = around[direction_index(step)] {
+        if let LeafNeighbour::Same(other) = around[direction_index(step)] {
             let block = Block::new(field, other, field.cells(other)?);
             let last = |cell: &&[u8; 3]| usize::from(cell[axis]) == BRICK_CELLS - 1;
             for cell in block.cells.special.iter().filter(last) {
@@ -82,12 +82,12 @@ struct Block {
     leaf: u32,
     key: NodeKey,
     cells: Arc<BrickCells>,
-    lattice: Lattice,
+    lattice: SampleCoordinates,
 }
 
 /// A cell without finer leaves around it, its loops and where their vertices lie, 0..1 along each axis of the cell.
 struct Sight {
-    kind: Kind,
+    kind: CellCase,
     /// Number of the first one.
     first: usize,
     positions: [[f32; 3]; LOOPS],
@@ -103,7 +103,7 @@ impl Sight {
 }
 
 impl Block {
-    fn new(field: &Field, leaf: u32, cells: Arc<BrickCells>) -> Block {
+    fn new(field: &LevelSet, leaf: u32, cells: Arc<BrickCells>) -> Block {
         let key = field.leaves.get(leaf).key;
         Block { leaf, key, cells, lattice: field.frame(key).lattice() }
     }
@@ -121,18 +121,18 @@ impl Block {
 }
 
 struct Finder<'a> {
-    field: &'a Field<'a>,
+    field: &'a LevelSet<'a>,
     leaf: u32,
     own: &'a Block,
     /// Of the leaf, once it is needed.
-    surface: Option<Arc<Surface>>,
+    surface: Option<Arc<LeafSurface>>,
     found: FaceVertices,
 }
 
 impl Finder<'_> {
     /// Gives each cut of the lower face of the cell `above` a vertex if it needs one.
     fn face(&mut self, axis: Axis, above: [usize; 3], (block, below): (&Block, [usize; 3])) -> Result<()> {
-        let is_crossed = |(kind, _): &(Kind, usize)| kind.loops().face_cuts(axis, 0).next().is_some();
+        let is_crossed = |(kind, _): &(CellCase, usize)| kind.loops().face_cuts(axis, 0).next().is_some();
         if !self.own.cells.plain(above).as_ref().is_some_and(is_crossed) {
             return Ok(());
         }
@@ -176,10 +176,10 @@ impl Finder<'_> {
         let mut passing: [f64; 3] = std::array::from_fn(|n| from[n] + share * (to[n] - from[n]));
         passing[a] = 0.0;
         let parts = [
-            Part::new(upper.kind, of_upper, &upper.vertices[..upper.count]),
-            Part::new(lower.kind, of_lower, &lower.vertices[..lower.count]),
+            LoopRegion::new(upper.kind, of_upper, &upper.vertices[..upper.count]),
+            LoopRegion::new(lower.kind, of_lower, &lower.vertices[..lower.count]),
         ];
-        let face = Face::new(&self.own.lattice, axis, above);
+        let face = SplitFace::new(&self.own.lattice, axis, above);
         // Where it would have a vertex it must be well, too: what passes within half a step of a border gets one.
         let rounded = face.seen(face.rounded(passing));
         let is_between = share > 0.0 && share < 1.0;
@@ -205,7 +205,7 @@ impl Finder<'_> {
     }
 
     /// The surface of the leaf.
-    fn surface(&mut self) -> Result<Arc<Surface>> {
+    fn surface(&mut self) -> Result<Arc<LeafSurface>> {
         let surface = match &self.surface {
             Some(surface) => surface,
             None => self.surface.insert(self.field.surface(self.leaf)?),
@@ -214,12 +214,12 @@ impl Finder<'_> {
     }
 
     /// The planes of the crossings on two edges of a cell, in its coordinates; points stay away from the edges' ends.
-    fn planes(&mut self, cell: [usize; 3], edges: [usize; 2]) -> Result<[Plane; 2]> {
+    fn planes(&mut self, cell: [usize; 3], edges: [usize; 2]) -> Result<[HermitePlane; 2]> {
         let surface = self.surface()?;
         Ok(edges.map(|edge| {
             let (along, offset) = edge_lower(edge);
             let mut at = offset.map(|c| c as f64);
-            let Surface::Changes(changes) = &*surface else { return (at, [0.0; 3]) };
+            let LeafSurface::Changes(changes) = &*surface else { return (at, [0.0; 3]) };
             let plane = changes.plane(along, std::array::from_fn(|n| cell[n] + offset[n]));
             at[along.index()] += f64::from(plane.fraction).clamp(1.0 / 64.0, 63.0 / 64.0);
             (at, plane.normal.map(f64::from))
@@ -234,13 +234,13 @@ fn on_lower(axis: Axis, mut at: [f64; 3]) -> [f64; 3] {
 }
 
 /// Whether a point of a cell's lower face across `axis` is on the face and in the parts of the loops above and below.
-fn holds(axis: Axis, [upper, lower]: &[Part; 2], at: [f64; 3]) -> bool {
+fn holds(axis: Axis, [upper, lower]: &[LoopRegion; 2], at: [f64; 3]) -> bool {
     let is_there = (0..3).all(|n| n == axis.index() || (at[n] > SLACK && at[n] < 1.0 - SLACK));
     is_there && upper.holds(at) && lower.holds(on_lower(axis, at))
 }
 
 /// How far to go, 0 to 1, from a point of the face towards `inner`, which is there, to be there.
-fn pull(axis: Axis, [upper, lower]: &[Part; 2], at: [f64; 3], inner: [f64; 3]) -> f64 {
+fn pull(axis: Axis, [upper, lower]: &[LoopRegion; 2], at: [f64; 3], inner: [f64; 3]) -> f64 {
     let mut pull = upper.pull(at, inner).max(lower.pull(on_lower(axis, at), on_lower(axis, inner)));
     for n in (0..3).filter(|&n| n != axis.index() && !(at[n] > 0.0 && at[n] < 1.0)) {
         let goal = if at[n] < 0.5 { inner[n] / 8.0 } else { 1.0 - (1.0 - inner[n]) / 8.0 };
@@ -251,7 +251,7 @@ fn pull(axis: Axis, [upper, lower]: &[Part; 2], at: [f64; 3], inner: [f64; 3]) -
 
 /// As near on the lower face of a cell across `axis` as can be to where a crease passes beyond it: on one of two planes, or
 /// off both where neither passes the face.
-fn beside(axis: Axis, planes: [Plane; 2], at: [f64; 3]) -> [f64; 3] {
+fn beside(axis: Axis, planes: [HermitePlane; 2], at: [f64; 3]) -> [f64; 3] {
     let (u, v) = axis.others();
     let (u, v) = (u.index(), v.index());
     let mut nearest = at.map(|c| c.clamp(BESIDE, 1.0 - BESIDE));
@@ -284,7 +284,7 @@ fn beside(axis: Axis, planes: [Plane; 2], at: [f64; 3]) -> [f64; 3] {
 }
 
 /// Where two planes meet on the lower face of a cell across `axis`, if they do at an angle of more than 6°.
-fn meeting(axis: Axis, [(p, m), (q, n)]: [Plane; 2]) -> Option<[f64; 3]> {
+fn meeting(axis: Axis, [(p, m), (q, n)]: [HermitePlane; 2]) -> Option<[f64; 3]> {
     let (u, v) = axis.others();
     let (u, v) = (u.index(), v.index());
     let determinant = m[u] * n[v] - m[v] * n[u];

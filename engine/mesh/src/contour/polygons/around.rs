@@ -1,9 +1,9 @@
 //! The polygon of any edge: cells of several levels around it, some with extra vertices between them, or merged.
 
 use super::{Corner, Maker, Polygon, direction};
-use crate::contour::adaptive::Shared;
+use crate::contour::adaptive::SharedVertex;
 use crate::contour::extras::{edge_key, face_key};
-use crate::contour::leaves::{Side, broken, cell_in, direction_index};
+use crate::contour::leaves::{LeafNeighbour, broken, cell_in, direction_index};
 use crate::contour::topology::{SQUARE, cell_around, edge_index};
 use crate::contour::vertices::LeafVertices;
 use crate::error::Result;
@@ -20,7 +20,9 @@ impl<'a> Maker<'a> {
     /// The leaf in whose cells `cell` lies and its place among the directions.
     fn neighbour(&self, cell: [i32; 3]) -> Result<(u32, usize)> {
         let n = direction_index(direction(cell));
-        let (Side::Same(leaf) | Side::Coarser(leaf)) = self.around[n] else { return Err(broken(self.key)) };
+        let (LeafNeighbour::Same(leaf) | LeafNeighbour::Coarser(leaf)) = self.around[n] else {
+            return Err(broken(self.key));
+        };
         Ok((leaf, n))
     }
 
@@ -43,7 +45,7 @@ impl<'a> Maker<'a> {
         }
         let [a, b, c, d] = places.map(|place| self.quadrant(place));
         let quadrants = [a?, b?, c?, d?];
-        let mut vertices = [Shared::default(); 4];
+        let mut vertices = [SharedVertex::default(); 4];
         for (n, [qu, qv]) in SQUARE.into_iter().enumerate() {
             let this = &quadrants[n];
             let key = edge_key(relative(lower, this.key, this.cell), axis, self.key.level());
@@ -85,7 +87,7 @@ impl<'a> Maker<'a> {
         this: &'q Quadrant<'a>,
         after: &'q Quadrant<'a>,
         lower: Units,
-    ) -> Option<(&'q Quadrant<'a>, Shared)> {
+    ) -> Option<(&'q Quadrant<'a>, SharedVertex)> {
         let (u, v) = axis.others();
         // Quadrants 0, 1 and 2, 3 differ along u, the others along v; 0 → 1 and 1 → 2 go up.
         let across = if n.is_multiple_of(2) { u } else { v };

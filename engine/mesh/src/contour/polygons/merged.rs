@@ -3,8 +3,8 @@
 
 use super::{Border, Corner, Edge, Maker, Quarter, name};
 use crate::brick::SignChanges;
-use crate::contour::adaptive::{NumberedEdge, OWN, Shared, turns};
-use crate::contour::cut::{BOTH, Shape, Vertex};
+use crate::contour::adaptive::{NumberedEdge, OWN, SharedVertex, turns};
+use crate::contour::cut::{BOTH, QuadSplit, Vertex};
 use crate::contour::edges::{NO_VERTEX, Quad};
 use crate::error::Result;
 use crate::lattice::Axis;
@@ -55,7 +55,7 @@ impl Maker<'_> {
         low: [usize; 3],
         quarters: &[Quarter; 4],
         quad: &[u16; 4],
-    ) -> Option<[Shared; 4]> {
+    ) -> Option<[SharedVertex; 4]> {
         let mut corners = [Default::default(); 4];
         for (n, quarter) in quarters.iter().enumerate() {
             let vertices = self.neighbours[quarter.direction].as_ref()?;
@@ -67,13 +67,13 @@ impl Maker<'_> {
 
     /// The polygon of four corners: as without a tolerance if none of them is merged, else of those that differ from the
     /// one before; equal ones follow each other.
-    fn push_merged(&mut self, edge: Edge, corners: &[Shared; 4], inside: bool) {
+    fn push_merged(&mut self, edge: Edge, corners: &[SharedVertex; 4], inside: bool) {
         if self.only_wide && !corners.iter().any(|corner| corner.is_wide) {
             return;
         }
         let named = corners.each_ref().map(|corner| name(&mut self.names, corner));
         if !corners.iter().any(|corner| corner.is_merged) {
-            let shape = if inside { Shape::Quad } else { Shape::Turned };
+            let shape = if inside { QuadSplit::Quad } else { QuadSplit::Turned };
             self.cutter.push_around(&self.placed(edge), named, shape, BOTH);
             return;
         }
@@ -109,7 +109,7 @@ impl Maker<'_> {
         };
         match (count, cut) {
             (4, Diagonal::Shorter) => {
-                self.cutter.push(distinct, if inside { Shape::Quad } else { Shape::Turned }, BOTH)
+                self.cutter.push(distinct, if inside { QuadSplit::Quad } else { QuadSplit::Turned }, BOTH)
             }
             (4, Diagonal::First) => {
                 triangle(a, b, c);

@@ -1,7 +1,7 @@
 //! A mesh in memory.
 
 use super::ply::vertex_bytes;
-use super::{Encoded, Encoding, MeshSink, Triangles};
+use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes};
 use crate::error::Result;
 
 /// A mesh as arrays, for whoever goes on with it: 12 bytes a vertex and 12 a triangle, all of them in memory.
@@ -34,19 +34,19 @@ pub(in crate::contour) fn triples<T>(
 }
 
 impl MeshSink for MeshArrays {
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         let vertices = vertex_bytes(false);
-        Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
+        Some(MeshEncoding { vertices, triangles: TriangleBytes::Numbered(write_triangles) })
     }
 
     fn takes_triangles_between(&self) -> bool {
         true
     }
 
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
         match part {
-            Encoded::Vertices(_, bytes) => self.positions.extend(triples(bytes, f32::from_le_bytes)),
-            Encoded::Triangles(_, bytes) => self.triangles.extend(triples(bytes, u32::from_le_bytes)),
+            MeshChunk::Vertices(_, bytes) => self.positions.extend(triples(bytes, f32::from_le_bytes)),
+            MeshChunk::Triangles(_, bytes) => self.triangles.extend(triples(bytes, u32::from_le_bytes)),
         }
         Ok(())
     }

@@ -7,7 +7,7 @@
 
 use super::arrays::write_triangles;
 use super::ply::vertex_bytes;
-use super::{Encoded, Encoding, MeshSink, Triangles, folder_of, triples};
+use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, folder_of, triples};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;
@@ -106,17 +106,17 @@ impl GlbSink {
 }
 
 impl MeshSink for GlbSink {
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         let vertices = vertex_bytes(self.normals);
-        Some(Encoding { vertices, triangles: Triangles::Numbered(write_triangles) })
+        Some(MeshEncoding { vertices, triangles: TriangleBytes::Numbered(write_triangles) })
     }
 
     fn folder(&self) -> Option<&Path> {
         folder_of(self.file.path())
     }
 
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
-        let (Encoded::Vertices(_, bytes) | Encoded::Triangles(_, bytes)) = part;
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
+        let (MeshChunk::Vertices(_, bytes) | MeshChunk::Triangles(_, bytes)) = part;
         if bytes.is_empty() {
             return Ok(());
         }
@@ -127,7 +127,7 @@ impl MeshSink for GlbSink {
         // Between positions there are normals.
         let every = if self.normals { 2 } else { 1 };
         match part {
-            Encoded::Vertices(count, _) => {
+            MeshChunk::Vertices(count, _) => {
                 self.vertices += count as u64;
                 let [low, high] = &mut self.bounds;
                 for position in triples(bytes, f32::from_le_bytes).step_by(every) {
@@ -135,7 +135,7 @@ impl MeshSink for GlbSink {
                     *high = std::array::from_fn(|a| high[a].max(position[a]));
                 }
             }
-            Encoded::Triangles(count, _) => self.triangles += count as u64,
+            MeshChunk::Triangles(count, _) => self.triangles += count as u64,
         }
         if DATA + self.data_bytes() > u64::from(u32::MAX) {
             return Err(Error::setting(

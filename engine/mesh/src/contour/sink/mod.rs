@@ -7,7 +7,7 @@ mod ply;
 mod stl;
 mod three_mf;
 
-use super::cut::Facet;
+use super::cut::MeshTriangle;
 use super::cut::{Cuts, encoded};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
@@ -22,13 +22,13 @@ pub use ply::ply_faces;
 /// `triangles`; one that writes a file its own `encoding` and `encoded`.
 pub trait MeshSink: Send {
     /// Whether triangles name vertices by number. If not, no vertices are handed over, and the numbers in
-    /// [`Facet::ids`] mean nothing.
+    /// [`MeshTriangle::ids`] mean nothing.
     fn shares_vertices(&self) -> bool {
-        !matches!(self.encoding(), Some(Encoding { triangles: Triangles::Lone(_), .. }))
+        !matches!(self.encoding(), Some(MeshEncoding { triangles: TriangleBytes::Lone(_), .. }))
     }
     /// Whether vertices come with their normals.
     fn wants_normals(&self) -> bool {
-        matches!(self.encoding(), Some(Encoding { vertices: VertexBytes::WithNormals(_), .. }))
+        matches!(self.encoding(), Some(MeshEncoding { vertices: VertexBytes::WithNormals(_), .. }))
     }
     /// Whether triangles may come between vertices, as soon as all that they name have come; else all vertices come first.
     fn takes_triangles_between(&self) -> bool {
@@ -52,29 +52,29 @@ pub trait MeshSink: Send {
         }
         let mut bytes = Vec::new();
         encoding.vertices.append(positions, normals, &mut bytes);
-        self.encoded(Encoded::Vertices(positions.len(), &bytes))
+        self.encoded(MeshChunk::Vertices(positions.len(), &bytes))
     }
     /// The next triangles. Their numbers are those of vertices received before.
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         let Some(encoding) = self.encoding() else { return Ok(()) };
         let bytes = match encoding.triangles {
-            Triangles::Lone(encode) => encoded(facets, encode),
-            Triangles::Numbered(encode) => {
+            TriangleBytes::Lone(encode) => encoded(facets, encode),
+            TriangleBytes::Numbered(encode) => {
                 let ids: Vec<[u32; 3]> = facets.iter().map(|facet| facet.ids).collect();
                 let mut bytes = Vec::new();
                 encode(&ids, &mut bytes);
                 bytes
             }
         };
-        self.encoded(Encoded::Triangles(facets.len(), &bytes))
+        self.encoded(MeshChunk::Triangles(facets.len(), &bytes))
     }
     /// How a file takes the mesh, so that any thread can make its bytes. Where there is an encoding, they are handed
     /// over by [`MeshSink::encoded`] in place of vertices and triangles, in the same order.
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         None
     }
     /// The next vertices or triangles as [`MeshSink::encoding`] makes them.
-    fn encoded(&mut self, _part: Encoded<'_>) -> Result<()> {
+    fn encoded(&mut self, _part: MeshChunk<'_>) -> Result<()> {
         Ok(())
     }
     /// The mesh is complete. A file gets its final name here; one that is dropped before leaves nothing.
@@ -83,11 +83,11 @@ pub trait MeshSink: Send {
 
 /// How a mesh becomes bytes of a file.
 #[derive(Clone, Copy)]
-pub struct Encoding {
+pub struct MeshEncoding {
     /// The bytes of vertices.
     pub vertices: VertexBytes,
     /// The bytes of triangles.
-    pub triangles: Triangles,
+    pub triangles: TriangleBytes,
 }
 
 /// How vertices become bytes of a file.
@@ -114,7 +114,7 @@ impl VertexBytes {
 
 /// How triangles become bytes of a file.
 #[derive(Clone, Copy)]
-pub enum Triangles {
+pub enum TriangleBytes {
     /// Appends those of triangles with the positions of their corners.
     Lone(fn(&Cuts, &mut Vec<u8>)),
     /// Appends those of triangles by the numbers of their corners.
@@ -128,7 +128,7 @@ fn folder_of(file: &Path) -> Option<&Path> {
 
 /// A part of a mesh as bytes of a file.
 #[derive(Clone, Copy, Debug)]
-pub enum Encoded<'a> {
+pub enum MeshChunk<'a> {
     /// So many vertices.
     Vertices(usize, &'a [u8]),
     /// So many triangles.
@@ -225,8 +225,11 @@ mod tests {
     const FORMATS_WITH_NORMALS: [&str; 3] = ["a.ply", "a.obj", "a.glb"];
     const NORMALS: [[f32; 3]; 4] = [[0.0, 0.0, 1.0], [0.6, 0.0, -0.8], [1.0, 0.0, 0.0], [0.1, -0.7, 1e-3]];
 
-    fn facets() -> Vec<Facet> {
-        TRIANGLES.iter().map(|&ids| Facet { ids, corners: ids.map(|n| POSITIONS[n as usize]) }).collect()
+    fn facets() -> Vec<MeshTriangle> {
+        TRIANGLES
+            .iter()
+            .map(|&ids| MeshTriangle { ids, corners: ids.map(|n| POSITIONS[n as usize]) })
+            .collect()
     }
 
     fn write(path: &Path) -> Vec<u8> {

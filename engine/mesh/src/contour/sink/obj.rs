@@ -1,6 +1,6 @@
 //! Wavefront OBJ: text, shared vertices, indices from 1. A normal has its vertex' number and stands in the line below.
 
-use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of};
+use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, folder_of};
 use crate::error::Result;
 use crate::part::PartFile;
 use std::io::Write;
@@ -54,23 +54,23 @@ fn write_triangles_with_normals(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 }
 
 impl MeshSink for ObjSink {
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         let (vertices, triangles) = match self.normals {
-            false => (VertexBytes::Positions(write_vertices), Triangles::Numbered(write_triangles)),
+            false => (VertexBytes::Positions(write_vertices), TriangleBytes::Numbered(write_triangles)),
             true => (
                 VertexBytes::WithNormals(write_vertices_with_normals),
-                Triangles::Numbered(write_triangles_with_normals),
+                TriangleBytes::Numbered(write_triangles_with_normals),
             ),
         };
-        Some(Encoding { vertices, triangles })
+        Some(MeshEncoding { vertices, triangles })
     }
 
     fn folder(&self) -> Option<&Path> {
         folder_of(self.file.path())
     }
 
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
-        let (Encoded::Vertices(_, bytes) | Encoded::Triangles(_, bytes)) = part;
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
+        let (MeshChunk::Vertices(_, bytes) | MeshChunk::Triangles(_, bytes)) = part;
         self.file.append(bytes)
     }
 

@@ -1,6 +1,6 @@
 //! Binary little-endian PLY with shared vertices, with or without normals.
 
-use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of};
+use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, folder_of};
 use crate::error::Result;
 use crate::part::PartFile;
 use std::path::Path;
@@ -70,22 +70,22 @@ pub fn ply_faces(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 }
 
 impl MeshSink for PlySink {
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         let vertices = vertex_bytes(self.normals);
-        Some(Encoding { vertices, triangles: Triangles::Numbered(ply_faces) })
+        Some(MeshEncoding { vertices, triangles: TriangleBytes::Numbered(ply_faces) })
     }
 
     fn folder(&self) -> Option<&Path> {
         folder_of(self.file.path())
     }
 
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
         let bytes = match part {
-            Encoded::Vertices(count, bytes) => {
+            MeshChunk::Vertices(count, bytes) => {
                 self.vertices += count as u64;
                 bytes
             }
-            Encoded::Triangles(count, bytes) => {
+            MeshChunk::Triangles(count, bytes) => {
                 self.faces += count as u64;
                 bytes
             }

@@ -1,7 +1,7 @@
 //! Binary STL: 80 bytes of header, a 32-bit count, then 50 bytes a facet. Positions are f32 and not shared.
 
 use super::super::cut::Cuts;
-use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes};
+use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 
@@ -41,15 +41,15 @@ fn write_facets(cuts: &Cuts, bytes: &mut Vec<u8>) {
 }
 
 impl MeshSink for StlSink {
-    fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding {
+    fn encoding(&self) -> Option<MeshEncoding> {
+        Some(MeshEncoding {
             vertices: VertexBytes::Positions(|_, _| {}),
-            triangles: Triangles::Lone(write_facets),
+            triangles: TriangleBytes::Lone(write_facets),
         })
     }
 
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
-        let Encoded::Triangles(count, bytes) = part else { return Ok(()) };
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
+        let MeshChunk::Triangles(count, bytes) = part else { return Ok(()) };
         let count = u32::try_from(count).ok().and_then(|n| self.count.checked_add(n));
         self.count = count.ok_or_else(|| {
             Error::setting(

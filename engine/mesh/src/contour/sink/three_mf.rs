@@ -1,6 +1,6 @@
 //! 3MF: a ZIP archive of an XML model (3MF Consortium, Core Specification 1.3).
 
-use super::{Encoded, Encoding, MeshSink, Triangles, VertexBytes, folder_of};
+use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, folder_of};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -137,10 +137,10 @@ fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
 }
 
 impl MeshSink for ThreeMfSink {
-    fn encoding(&self) -> Option<Encoding> {
-        Some(Encoding {
+    fn encoding(&self) -> Option<MeshEncoding> {
+        Some(MeshEncoding {
             vertices: VertexBytes::Positions(write_vertices),
-            triangles: Triangles::Numbered(write_triangles),
+            triangles: TriangleBytes::Numbered(write_triangles),
         })
     }
 
@@ -148,13 +148,13 @@ impl MeshSink for ThreeMfSink {
         folder_of(&self.path)
     }
 
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
         let (section, bytes) = match part {
-            Encoded::Vertices(count, bytes) => {
+            MeshChunk::Vertices(count, bytes) => {
                 self.vertices += count as u64;
                 (Section::Vertices, bytes)
             }
-            Encoded::Triangles(_, bytes) => (Section::Triangles, bytes),
+            MeshChunk::Triangles(_, bytes) => (Section::Triangles, bytes),
         };
         if self.vertices >= MOST_VERTICES {
             return Err(Error::setting(

@@ -2,8 +2,8 @@
 
 use super::meetings::{pairs, report};
 use super::*;
-use crate::contour::adaptive::Wanted;
-use crate::contour::polygons::{Mark, named_facets};
+use crate::contour::adaptive::EdgeFilter;
+use crate::contour::polygons::{MergeMark, named_facets};
 use crate::contour::stages;
 use crate::contour::triangle_names::each_whole;
 
@@ -12,11 +12,11 @@ fn cell(level: u8) -> f64 {
     root().spacing(level)
 }
 
-fn merged(tree: &MemoryTree, tolerance: f64) -> (Mesh, MeshSummary) {
+fn merged(tree: &MemoryTree, tolerance: f64) -> (TestMesh, MeshSummary) {
     merged_where(tree, tolerance, false)
 }
 
-fn merged_where(tree: &MemoryTree, tolerance: f64, follow_creases: bool) -> (Mesh, MeshSummary) {
+fn merged_where(tree: &MemoryTree, tolerance: f64, follow_creases: bool) -> (TestMesh, MeshSummary) {
     let (mesh, summary) = mesh(tree, &ContourOptions { tolerance, follow_creases, ..Default::default() });
     mesh.check();
     (mesh, summary)
@@ -31,7 +31,7 @@ fn root_of(parent: &mut [u32], mut n: u32) -> u32 {
 }
 
 /// Euler characteristics of the shells, sorted: V − E + F with 2·E = 3·F.
-fn shells(mesh: &Mesh) -> Vec<i64> {
+fn shells(mesh: &TestMesh) -> Vec<i64> {
     let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
     for [a, b, c] in mesh.triangles() {
         for other in [b, c] {
@@ -101,7 +101,7 @@ fn noise_keeps_its_topology() {
     }
     assert!(merged >= part_or_all(2, 5), "{merged}");
     for seed in (0..4).step_by(part_or_all(2, 1)) {
-        let everywhere = Noise {
+        let everywhere = NoiseField {
             seed,
             boxes: vec![[[1 << 19; 3], [31 << 19; 3]]],
             density: 10 + 70 * seed,
@@ -137,7 +137,7 @@ fn merged_surfaces_meet_nowhere() {
     }
     assert!(all[0] < all[1], "{all:?}");
     for half in [[3.0, 2.0, 4.0], [0.4, 5.0, 0.3], [5.0, 4.0, 0.07]] {
-        let other = Implicit(move |p: [f64; 3]| {
+        let other = ImplicitField(move |p: [f64; 3]| {
             let q = to_box([p[2] + 0.7, p[0] - 0.3, p[1]]);
             (0..3).map(|a| q[a].abs() - half[(a + 1) % 3]).fold(f64::NEG_INFINITY, f64::max)
         });
@@ -153,8 +153,8 @@ fn merged_surfaces_meet_nowhere() {
 #[test]
 fn rules_of_topology_alone_keep_noise_manifold() {
     /// Crossings of noise whose planes are all alike.
-    struct Alike(Noise);
-    impl Shape for Alike {
+    struct Alike(NoiseField);
+    impl SampledField for Alike {
         fn winding(&self, at: Units) -> i16 {
             self.0.winding(at)
         }
@@ -171,8 +171,8 @@ fn rules_of_topology_alone_keep_noise_manifold() {
         assert!(summary.triangles < before.triangles);
     }
     // A tilted sheet with holes and specks where bricks meet, so that there is something to merge across them.
-    struct Torn(Noise, [f64; 3]);
-    impl Shape for Torn {
+    struct Torn(NoiseField, [f64; 3]);
+    impl SampledField for Torn {
         fn winding(&self, at: Units) -> i16 {
             let below = (0..3).map(|a| self.1[a] * f64::from(at[a] - (1 << 23))).sum::<f64>() < 0.0;
             let is_within = at.iter().all(|&c| (1 << 21..7 << 21).contains(&c));
@@ -248,9 +248,9 @@ fn polygons_with_merged_vertices_are_told_apart() {
     stages::merge_across(&mut field, false, &Silent).unwrap();
     let mut count = 0;
     for leaf in 0..field.leaves.len() as u32 {
-        let (bytes, _) = named_facets(&field, leaf, &Wanted::default()).unwrap();
-        let facets: Vec<Facet> = each_whole(&bytes).collect();
-        let mark = |facet: &Facet| Mark::split(facet.ids[0]).1;
+        let (bytes, _) = named_facets(&field, leaf, &EdgeFilter::default()).unwrap();
+        let facets: Vec<MeshTriangle> = each_whole(&bytes).collect();
+        let mark = |facet: &MeshTriangle| MergeMark::split(facet.ids[0]).1;
         for polygon in facets.chunk_by(|a, b| mark(a) == mark(b)).filter(|all| mark(&all[0]) != 0) {
             assert!(polygon.len() <= 2, "{polygon:?}");
             count += 1;
@@ -275,14 +275,14 @@ fn flat_faces_collapse_and_edges_stay_sharp() {
         off.sort_by(f64::total_cmp);
         off[1]
     };
-    let flat = |mesh: &Mesh| {
-        let is_flat = |f: &&Facet| f.corners.iter().all(|p| from_crease(in_box(p)) > 2.0 * size);
+    let flat = |mesh: &TestMesh| {
+        let is_flat = |f: &&MeshTriangle| f.corners.iter().all(|p| from_crease(in_box(p)) > 2.0 * size);
         mesh.facets.iter().filter(is_flat).count()
     };
     let (before, after) = (flat(&plain), flat(&mesh));
     // Triangles that face against the face that they are on.
-    let folded = |mesh: &Mesh| {
-        let is_folded = |f: &&Facet| {
+    let folded = |mesh: &TestMesh| {
+        let is_folded = |f: &&MeshTriangle| {
             let [a, b, c] = f.corners.each_ref().map(|p| glam::DVec3::from(in_box(p)));
             let middle = (a + b + c) / 3.0;
             let off = [0, 1, 2].map(|n| (middle[n].abs() - half[n]).abs());
@@ -296,7 +296,7 @@ fn flat_faces_collapse_and_edges_stay_sharp() {
     assert!(folded(&mesh) <= folded(&plain) + 2);
     assert!(after * 100 < before, "{after} of {before}");
     // No vertex is farther from the surface than before but by the tolerance.
-    let off = |mesh: &Mesh| {
+    let off = |mesh: &TestMesh| {
         let error = |p| {
             let q = in_box(p);
             let signed = [0, 1, 2].map(|a: usize| q[a].abs() - half[a]);
@@ -332,8 +332,8 @@ fn flat_faces_collapse_and_edges_stay_sharp() {
 }
 
 /// The inside of a box along the axes, none of whose faces lies on samples.
-fn cuboid(half: [f64; 3]) -> impl Shape {
-    Implicit(move |p: [f64; 3]| (0..3).map(|a| p[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max))
+fn cuboid(half: [f64; 3]) -> impl SampledField {
+    ImplicitField(move |p: [f64; 3]| (0..3).map(|a| p[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max))
 }
 
 /// How many leaves have cells whose vertices are those of other leaves.
@@ -372,7 +372,7 @@ fn flat_faces_merge_across_bricks() {
             off.sort_by(f64::total_cmp);
             off[1] > 40.0 * size
         };
-        let inner = |mesh: &Mesh| mesh.positions.iter().filter(is_inner).count();
+        let inner = |mesh: &TestMesh| mesh.positions.iter().filter(is_inner).count();
         for p in plain.positions.iter().filter(is_inner).step_by(997) {
             let p = p.map(f64::from);
             let off = to_mesh(&mesh, p, |p| p.map(f64::from)) / size;
@@ -391,7 +391,7 @@ fn flat_faces_merge_across_bricks() {
         let exact = 8.0 * half.iter().product::<f64>();
         assert!((summary.volume / exact - 1.0).abs() < 1e-3, "{}", summary.volume / exact);
         // No vertex is farther from the surface than it was but by the tolerance.
-        let off = |mesh: &Mesh| {
+        let off = |mesh: &TestMesh| {
             let one = |p| (0..3).map(|a| place(p)[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max).abs();
             mesh.positions.iter().map(one).fold(0.0, f64::max)
         };
@@ -409,9 +409,9 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Distance of a point from the mesh, whose vertices `place` puts into the point's frame.
-fn to_mesh(mesh: &Mesh, p: [f64; 3], place: impl Fn(&[f32; 3]) -> [f64; 3]) -> f64 {
+fn to_mesh(mesh: &TestMesh, p: [f64; 3], place: impl Fn(&[f32; 3]) -> [f64; 3]) -> f64 {
     let p = glam::DVec3::from(p);
-    let one = |facet: &Facet| {
+    let one = |facet: &MeshTriangle| {
         let [a, b, c] = facet.corners.each_ref().map(|corner| glam::DVec3::from(place(corner)));
         let n = (b - a).cross(c - a);
         let is_inside = [(a, b), (b, c), (c, a)].iter().all(|&(s, t)| (t - s).cross(p - s).dot(n) >= 0.0);
@@ -450,7 +450,7 @@ fn both_ways_the_surface_is_within_the_tolerance() {
         outside + q.into_iter().fold(f64::NEG_INFINITY, f64::max).min(0.0)
     });
     for (name, shape) in [("sphere", first), ("box", cuboid), ("union", both)] {
-        let tree = tree(&Implicit(&shape), &uniform(2));
+        let tree = tree(&ImplicitField(&shape), &uniform(2));
         let (plain, _) = checked(&tree);
         for cells in [0.01, 0.1, 0.5] {
             let size = cell(2);
@@ -498,7 +498,7 @@ fn both_ways_the_surface_is_within_the_tolerance() {
 fn a_tolerance_is_a_length() {
     for tolerance in [-1.0, f64::NAN, f64::INFINITY] {
         let options = ContourOptions { tolerance, ..Default::default() };
-        let result = contour(&tree(&sphere(1.0), &uniform(0)), &options, &mut Mesh::default(), &Silent);
+        let result = contour(&tree(&sphere(1.0), &uniform(0)), &options, &mut TestMesh::default(), &Silent);
         assert!(matches!(result, Err(Error::Setting { .. })));
     }
 }

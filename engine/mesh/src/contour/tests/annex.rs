@@ -3,7 +3,7 @@
 use super::meetings::apart;
 use super::*;
 use crate::contour::extras::{face_key, plain_edge_key};
-use crate::contour::frame::Lattice;
+use crate::contour::frame::SampleCoordinates;
 use crate::contour::places::{Direction, neighbour};
 use crate::contour::stages;
 use crate::contour::vertices::LeafVertices;
@@ -41,7 +41,7 @@ impl Cells {
         for leaf in 0..field.leaves.len() as u32 {
             let key = field.leaves.get(leaf).key;
             let first = key.first_sample().map(|c| c as i32);
-            let lattice: Lattice = field.frame(key).lattice();
+            let lattice: SampleCoordinates = field.frame(key).lattice();
             for (a, planes) in all.planes.iter_mut().enumerate() {
                 planes.extend(lattice[a].iter().enumerate().map(|(n, at)| (first[a] + n as i32, *at)));
             }
@@ -143,8 +143,8 @@ impl Cells {
 }
 
 /// What lies within some planes, each through a point, and a ball.
-fn cut_ball(planes: Vec<([f64; 3], [f64; 3])>) -> impl Shape {
-    Implicit(move |p: [f64; 3]| {
+fn cut_ball(planes: Vec<([f64; 3], [f64; 3])>) -> impl SampledField {
+    ImplicitField(move |p: [f64; 3]| {
         let beyond = |(q, n): &([f64; 3], [f64; 3])| {
             let length = n.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-3);
             (0..3).map(|a| n[a] * (p[a] - q[a])).sum::<f64>() / length

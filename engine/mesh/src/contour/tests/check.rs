@@ -1,25 +1,25 @@
 //! An independent judge of meshes: closed, oriented, edge- and vertex-manifold.
 
-use crate::contour::{Facet, MeshSink};
+use crate::contour::{MeshSink, MeshTriangle};
 use crate::error::Result;
 use std::collections::HashMap;
 
 /// A mesh kept in memory.
 #[derive(Default, PartialEq, Debug)]
-pub struct Mesh {
+pub struct TestMesh {
     pub positions: Vec<[f32; 3]>,
-    pub facets: Vec<Facet>,
+    pub facets: Vec<MeshTriangle>,
     pub is_finished: bool,
 }
 
-impl MeshSink for Mesh {
+impl MeshSink for TestMesh {
     fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
         assert!(self.facets.is_empty() && !self.is_finished);
         self.positions.extend_from_slice(positions);
         Ok(())
     }
 
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         self.facets.extend_from_slice(facets);
         Ok(())
     }
@@ -30,7 +30,7 @@ impl MeshSink for Mesh {
     }
 }
 
-impl Mesh {
+impl TestMesh {
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         self.facets.iter().map(|f| f.ids).collect()
     }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::contour::envelope::MinimalEdge;
-use crate::contour::extras::Face;
+use crate::contour::extras::SplitFace;
 use crate::contour::stages;
 use crate::contour::topology::{corners_in_run, cut_runs};
 use crate::lattice::{RootCube, spacing_bits};
@@ -83,7 +83,7 @@ impl Ring {
 
     /// Of each cut the two edges and its vertex.
     fn cuts(&self) -> Vec<([MinimalEdge; 2], [f32; 3])> {
-        let face = Face::of_level(self.root, self.axis, self.corner, self.level);
+        let face = SplitFace::of_level(self.root, self.axis, self.corner, self.level);
         let mut runs = Vec::new();
         cut_runs(&self.edges, |enter, leave| runs.push([enter, leave]));
         let cut = |run: &[usize; 2]| {

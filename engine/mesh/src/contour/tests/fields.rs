@@ -5,7 +5,7 @@ use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube, Units};
 use crate::store::MemoryTree;
 
 /// A field to sample, in units counted from the root's first sample.
-pub trait Shape: Sync {
+pub trait SampledField: Sync {
     fn winding(&self, at: Units) -> i16;
     /// Offset and normal of the crossing between two samples, the first inside or the second.
     fn crossing(&self, low: Units, high: Units) -> ([f64; 3], f64);
@@ -22,9 +22,9 @@ pub fn world(at: [f64; 3]) -> [f64; 3] {
 }
 
 /// Where `f(p) < 0` the winding number is 1; crossings by bisection, normals by differences.
-pub struct Implicit<F>(pub F);
+pub struct ImplicitField<F>(pub F);
 
-impl<F: Fn([f64; 3]) -> f64 + Sync> Shape for Implicit<F> {
+impl<F: Fn([f64; 3]) -> f64 + Sync> SampledField for ImplicitField<F> {
     fn winding(&self, at: Units) -> i16 {
         i16::from(self.0(world(at.map(f64::from))) < 0.0)
     }
@@ -53,7 +53,7 @@ impl<F: Fn([f64; 3]) -> f64 + Sync> Shape for Implicit<F> {
 /// Several implicit shapes, each counting one.
 pub struct Overlap<A, B>(pub A, pub B);
 
-impl<A: Shape, B: Shape> Shape for Overlap<A, B> {
+impl<A: SampledField, B: SampledField> SampledField for Overlap<A, B> {
     fn winding(&self, at: Units) -> i16 {
         self.0.winding(at) + self.1.winding(at)
     }
@@ -76,7 +76,7 @@ pub fn hash(mut x: u64) -> u64 {
 }
 
 /// Random signs, offsets and normals within boxes; a sphere or nothing elsewhere.
-pub struct Noise {
+pub struct NoiseField {
     pub seed: u64,
     /// Lower and upper corners in units.
     pub boxes: Vec<[Units; 2]>,
@@ -89,13 +89,13 @@ pub struct Noise {
     pub quiet_bits: u32,
 }
 
-impl Noise {
+impl NoiseField {
     fn random(&self, at: Units, salt: u64) -> u64 {
         at.iter().fold(hash(self.seed ^ salt << 32), |h, &c| hash(h ^ c as u64))
     }
 }
 
-impl Shape for Noise {
+impl SampledField for NoiseField {
     fn winding(&self, at: Units) -> i16 {
         if at.iter().any(|&c| c <= 0 || c >= 1 << 24) {
             return 0;
@@ -118,7 +118,7 @@ impl Shape for Noise {
 }
 
 /// Samples a node.
-pub fn brick(shape: &dyn Shape, key: NodeKey, leaf: bool) -> Brick {
+pub fn brick(shape: &dyn SampledField, key: NodeKey, leaf: bool) -> Brick {
     let (base, bits) = (key.base(), key.spacing_bits());
     let at = |ijk: [usize; 3]| -> Units { std::array::from_fn(|a| base[a] + ((ijk[a] as i32) << bits)) };
     let mut samples = Samples::filled(0);
@@ -150,12 +150,12 @@ pub fn brick(shape: &dyn Shape, key: NodeKey, leaf: bool) -> Brick {
 }
 
 /// A tree whose nodes are divided where `divide` says so.
-pub fn tree(shape: &dyn Shape, divide: &dyn Fn(NodeKey) -> bool) -> MemoryTree {
+pub fn tree(shape: &dyn SampledField, divide: &dyn Fn(NodeKey) -> bool) -> MemoryTree {
     tree_at(root(), shape, divide)
 }
 
 /// The same elsewhere in the world, which a shape that asks for the world does not know.
-pub fn tree_at(root: RootCube, shape: &dyn Shape, divide: &dyn Fn(NodeKey) -> bool) -> MemoryTree {
+pub fn tree_at(root: RootCube, shape: &dyn SampledField, divide: &dyn Fn(NodeKey) -> bool) -> MemoryTree {
     let mut tree = MemoryTree::new(root);
     let mut open = vec![NodeKey::ROOT];
     while let Some(key) = open.pop() {

@@ -3,7 +3,7 @@
 use super::*;
 
 fn marching(iso: f64) -> ContourOptions {
-    ContourOptions { iso, method: Method::MarchingCubes, ..Default::default() }
+    ContourOptions { iso, method: ContourMethod::MarchingCubes, ..Default::default() }
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn marched_noise_is_manifold_for_all_threads_and_sinks() {
     for seed in 0..6 {
         let density = 30 + 45 * seed;
         let boxes = vec![[[1 << 19; 3], [31 << 19; 3]]];
-        let everywhere = Noise { seed, boxes, density, radius: 0.0, quiet_bits: 24 };
+        let everywhere = NoiseField { seed, boxes, density, radius: 0.0, quiet_bits: 24 };
         for (shape, level) in [(everywhere, 0), (noise(seed, 1, 5, density, 3.9), 1)] {
             let tree = tree(&shape, &uniform(level));
             for iso in [0.5, 1.5] {
@@ -53,7 +53,7 @@ fn marched_noise_is_manifold_for_all_threads_and_sinks() {
 
 #[test]
 fn surfaces_across_levels_are_refused() {
-    let refused = |tree: &MemoryTree, options| contour(tree, &options, &mut Mesh::default(), &Silent);
+    let refused = |tree: &MemoryTree, options| contour(tree, &options, &mut TestMesh::default(), &Silent);
     let uneven = tree(&sphere(5.5), &random_divide(3, (1, 3), 128));
     let message = refused(&uneven, marching(0.5)).unwrap_err().to_string();
     assert!(message.contains("different sizes") && message.contains("--level"), "{message}");

@@ -16,7 +16,7 @@ impl Given {
     }
 }
 
-impl Shape for Given {
+impl SampledField for Given {
     fn winding(&self, at: Units) -> i16 {
         i16::from(self.0.contains_key(&at))
     }

@@ -7,7 +7,7 @@ use brickfield_io::ingest::Input;
 use proptest::prelude::*;
 
 /// What an exact check says of a mesh.
-pub fn report(mesh: &Mesh) -> CheckReport {
+pub fn report(mesh: &TestMesh) -> CheckReport {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mesh.ply");
     let mut sink = create_sink(&path, None).unwrap();
@@ -19,14 +19,14 @@ pub fn report(mesh: &Mesh) -> CheckReport {
 }
 
 /// Pairs of triangles that cross, overlap or touch, by exact arithmetic; none is without area.
-pub fn pairs(mesh: &Mesh) -> u64 {
+pub fn pairs(mesh: &TestMesh) -> u64 {
     let report = report(mesh);
     assert_eq!((report.flat_triangles.count, report.collapsed_triangles.count), (0, 0));
     report.intersections.pairs
 }
 
 /// Contours and checks the mesh by index and by place, and that nothing in it meets.
-pub fn apart(tree: &MemoryTree, options: &ContourOptions) -> (Mesh, MeshSummary) {
+pub fn apart(tree: &MemoryTree, options: &ContourOptions) -> (TestMesh, MeshSummary) {
     let (mesh, summary) = mesh(tree, options);
     mesh.check();
     check(&mesh.welded()).unwrap();
@@ -41,7 +41,7 @@ fn noise_on_uniform_trees_meets_nowhere() {
     for seed in (0..5).step_by(part_or_all(2, 1)) {
         let density = 30 + 45 * seed;
         let boxes = vec![[[1 << 19; 3], [31 << 19; 3]]];
-        let everywhere = Noise { seed, boxes, density, radius: 0.0, quiet_bits: 24 };
+        let everywhere = NoiseField { seed, boxes, density, radius: 0.0, quiet_bits: 24 };
         for (shape, level) in [(everywhere, 0), (noise(seed, 1, 5, density, 3.9), 1)] {
             let (_, summary) = apart(&tree(&shape, &uniform(level)), &ContourOptions::default());
             on_edges += summary.edge_vertices;
@@ -56,7 +56,7 @@ fn noise_on_uniform_trees_meets_nowhere() {
 #[test]
 fn levels_of_noise_meet_nowhere_across_borders() {
     for seed in part_or_all(0..1, 0..3) {
-        let layer = |n: u64| Noise { seed: 3 * seed + n, ..noise(seed, 1, 5, 128, 0.0) };
+        let layer = |n: u64| NoiseField { seed: 3 * seed + n, ..noise(seed, 1, 5, 128, 0.0) };
         let shape = Overlap(layer(0), Overlap(layer(1), layer(2)));
         for iso in [1.5, 2.5] {
             let options = ContourOptions { iso, ..Default::default() };
@@ -72,9 +72,9 @@ fn levels_of_noise_meet_nowhere_across_borders() {
 }
 
 /// Two turned boxes, the thinnest of which are less than a cell thick.
-fn sharp_solids() -> impl Iterator<Item = impl Shape> {
+fn sharp_solids() -> impl Iterator<Item = impl SampledField> {
     [[3.0, 2.0, 4.0], [0.4, 5.0, 0.3], [5.0, 4.0, 0.07]].into_iter().map(|half: [f64; 3]| {
-        let other = Implicit(move |p: [f64; 3]| {
+        let other = ImplicitField(move |p: [f64; 3]| {
             let q = to_box([p[2] + 0.7, p[0] - 0.3, p[1]]);
             (0..3).map(|a| q[a].abs() - half[(a + 1) % 3]).fold(f64::NEG_INFINITY, f64::max)
         });

@@ -17,11 +17,11 @@ use crate::lattice::{Axis, NodeKey, Units};
 use crate::progress::Silent;
 use crate::store::MemoryTree;
 use brickfield_core::sweep::part_or_all;
-use check::{Mesh, check};
+use check::{TestMesh, check};
 use fields::*;
 
-fn mesh(tree: &MemoryTree, options: &ContourOptions) -> (Mesh, MeshSummary) {
-    let mut mesh = Mesh::default();
+fn mesh(tree: &MemoryTree, options: &ContourOptions) -> (TestMesh, MeshSummary) {
+    let mut mesh = TestMesh::default();
     let summary = contour(tree, options, &mut mesh, &Silent).unwrap();
     assert_eq!(summary.vertices, mesh.positions.len() as u64);
     assert_eq!(summary.triangles, mesh.facets.len() as u64);
@@ -29,14 +29,14 @@ fn mesh(tree: &MemoryTree, options: &ContourOptions) -> (Mesh, MeshSummary) {
 }
 
 /// Contours with the default options and checks the mesh by index.
-fn checked(tree: &MemoryTree) -> (Mesh, MeshSummary) {
+fn checked(tree: &MemoryTree) -> (TestMesh, MeshSummary) {
     let (mesh, summary) = mesh(tree, &ContourOptions::default());
     mesh.check();
     (mesh, summary)
 }
 
-fn sphere(radius: f64) -> impl Shape {
-    Implicit(move |p: [f64; 3]| {
+fn sphere(radius: f64) -> impl SampledField {
+    ImplicitField(move |p: [f64; 3]| {
         let p = [p[0] - 0.13, p[1] + 0.21, p[2] - 0.08];
         p.iter().map(|c| c * c).sum::<f64>().sqrt() - radius
     })
@@ -63,8 +63,8 @@ fn to_box(p: [f64; 3]) -> [f64; 3] {
     rotation().map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2])
 }
 
-fn rotated_box(half: [f64; 3]) -> impl Shape {
-    Implicit(move |p| {
+fn rotated_box(half: [f64; 3]) -> impl SampledField {
+    ImplicitField(move |p| {
         let q = to_box(p);
         (0..3).map(|a| q[a].abs() - half[a]).fold(f64::NEG_INFINITY, f64::max)
     })
@@ -113,7 +113,7 @@ fn needles_that_only_fine_leaves_see_are_manifold() {
 }
 
 /// Noise in small boxes about the corners, edges and faces where bricks meet.
-pub(super) fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64) -> Noise {
+pub(super) fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64) -> NoiseField {
     let spacing = 1 << crate::lattice::spacing_bits(level);
     let side = 1 << 24 >> 2;
     let boxes = (0..6)
@@ -127,7 +127,7 @@ pub(super) fn noise(seed: u64, level: u8, cells: i32, density: u64, radius: f64)
             [at.map(|c| c - spacing * cells), at.map(|c| c + spacing * cells)]
         })
         .collect();
-    Noise { seed, boxes, density, radius, quiet_bits: 24 }
+    NoiseField { seed, boxes, density, radius, quiet_bits: 24 }
 }
 
 #[test]
@@ -135,8 +135,13 @@ fn noise_on_uniform_trees_is_manifold() {
     let mut splits = 0;
     for seed in (0..6).step_by(part_or_all(2, 1)) {
         let density = 40 + 30 * seed;
-        let everywhere =
-            Noise { seed, boxes: vec![[[1 << 19; 3], [31 << 19; 3]]], density, radius: 0.0, quiet_bits: 24 };
+        let everywhere = NoiseField {
+            seed,
+            boxes: vec![[[1 << 19; 3], [31 << 19; 3]]],
+            density,
+            radius: 0.0,
+            quiet_bits: 24,
+        };
         splits += checked(&tree(&everywhere, &uniform(0))).1.split_faces;
         splits += checked(&tree(&noise(seed, 2, 6, density, 3.9), &uniform(2))).1.split_faces;
     }
@@ -144,7 +149,7 @@ fn noise_on_uniform_trees_is_manifold() {
 }
 
 /// Noise of several sizes, about a sphere or without.
-fn noise_of_several_sizes(seed: u64, density: u64) -> Noise {
+fn noise_of_several_sizes(seed: u64, density: u64) -> NoiseField {
     noise(seed, 1, 2 + (seed % 3) as i32, density, if seed.is_multiple_of(2) { 0.0 } else { 4.1 })
 }
 
@@ -173,7 +178,7 @@ fn noise_that_only_fine_leaves_see_is_manifold() {
         let radius = if seed % 2 == 0 { 0.0 } else { 4.1 };
         // Samples of levels 0 and 1, or 0 to 2, see nothing of it.
         let quiet_bits = 18 - (seed % 2) as u32;
-        let shape = Noise { quiet_bits, ..noise(seed, 1, 2, 100 + 4 * seed, radius) };
+        let shape = NoiseField { quiet_bits, ..noise(seed, 1, 2, 100 + 4 * seed, radius) };
         let (_, summary) = checked(&tree(&shape, &random_divide(seed, (1, 3 + (seed % 4 == 0) as u8), 110)));
         mixed += summary.mixed_cells;
         splits += summary.split_faces;
@@ -232,7 +237,7 @@ fn corners_between_the_lattice_lines_are_found() {
             distance(std::array::from_fn(|a| low[a] + if c >> a & 1 == 1 { cell } else { 0.0 })) < 0.0
         });
         tips += usize::from(inside.count() == 0);
-        let (mesh, _) = checked(&tree(&Implicit(distance), &uniform(0)));
+        let (mesh, _) = checked(&tree(&ImplicitField(distance), &uniform(0)));
         check(&mesh.welded()).unwrap();
         let off = mesh
             .positions
@@ -295,7 +300,7 @@ fn other_levels_of_an_overlap_are_manifold() {
     }
     for iso in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let options = ContourOptions { iso, ..Default::default() };
-        let result = contour(&tree(&sphere(1.0), &uniform(0)), &options, &mut Mesh::default(), &Silent);
+        let result = contour(&tree(&sphere(1.0), &uniform(0)), &options, &mut TestMesh::default(), &Silent);
         assert!(matches!(result, Err(Error::Setting { .. })));
     }
 }
@@ -321,7 +326,7 @@ fn gives_the_same(
     tree: &MemoryTree,
     options: &ContourOptions,
     threads: usize,
-    (expected, summary): (&Mesh, &MeshSummary),
+    (expected, summary): (&TestMesh, &MeshSummary),
 ) -> usize {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let (other, again) = pool.install(|| mesh(tree, options));
@@ -349,12 +354,12 @@ impl MeshSink for ByTurns {
     fn takes_triangles_between(&self) -> bool {
         self.arrays.takes_triangles_between()
     }
-    fn encoding(&self) -> Option<Encoding> {
+    fn encoding(&self) -> Option<MeshEncoding> {
         self.arrays.encoding()
     }
-    fn encoded(&mut self, part: Encoded<'_>) -> Result<()> {
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
         let before = self.arrays.triangles.len();
-        let is_turn = matches!(part, Encoded::Vertices(1.., _)) && before > 0;
+        let is_turn = matches!(part, MeshChunk::Vertices(1.., _)) && before > 0;
         self.turns += usize::from(is_turn);
         self.arrays.encoded(part)?;
         let known = self.arrays.positions.len() as u32;
@@ -376,7 +381,7 @@ impl MeshSink for Lone {
     fn vertices(&mut self, _: &[[f32; 3]]) -> Result<()> {
         unreachable!("none are wanted")
     }
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         self.0.extend(facets.iter().map(|f| f.corners));
         Ok(())
     }
@@ -396,7 +401,7 @@ fn empty_trees_and_cancelled_work() {
     let nothing = tree(&sphere(-1.0), &uniform(1));
     let (mesh, summary) = checked(&nothing);
     assert_eq!((mesh.facets.len(), summary.bounds), (0, None));
-    let result = contour(&nothing, &ContourOptions::default(), &mut Mesh::default(), &Cancel);
+    let result = contour(&nothing, &ContourOptions::default(), &mut TestMesh::default(), &Cancel);
     assert!(matches!(result, Err(Error::Interrupted)));
 }
 
@@ -404,7 +409,7 @@ fn empty_trees_and_cancelled_work() {
 fn a_tree_with_a_hole_is_refused() {
     let mut holed = MemoryTree::new(root());
     holed.insert(NodeKey::ROOT, false, brick(&sphere(5.0), NodeKey::ROOT, false));
-    let result = contour(&holed, &ContourOptions::default(), &mut Mesh::default(), &Silent);
+    let result = contour(&holed, &ContourOptions::default(), &mut TestMesh::default(), &Silent);
     assert!(result.unwrap_err().to_string().contains("contradicts itself"));
 }
 
@@ -467,7 +472,7 @@ impl MeshSink for Count {
         self.0 += positions.len();
         Ok(())
     }
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         self.0 += facets.len();
         Ok(())
     }
@@ -481,7 +486,8 @@ fn noise_of_many_kinds(seed: u64) -> MemoryTree {
     let top = u8::from(seed.is_multiple_of(3));
     let quiet_bits = [24, 24, 18, 17][(seed / 3 % 4) as usize];
     let radius = [0.0, 4.1, 3.99][(seed / 12 % 3) as usize];
-    let shape = Noise { quiet_bits, ..noise(seed, 1, 1 + (seed % 3) as i32, 20 + hash(seed) % 200, radius) };
+    let shape =
+        NoiseField { quiet_bits, ..noise(seed, 1, 1 + (seed % 3) as i32, 20 + hash(seed) % 200, radius) };
     let bottom = top + 3 + u8::from(seed.is_multiple_of(7));
     tree(&shape, &random_divide(seed, (top, bottom), 70 + hash(seed ^ 1) % 100))
 }
@@ -520,7 +526,7 @@ fn noise_on_many_more_trees_is_manifold_and_meets_nowhere() {
 impl super::qef::Qef {
     /// Where the loop's vertex goes, alone in its group.
     pub(super) fn solve(&self, margin: f64) -> super::qef::Vector {
-        let mut group = super::solve::Group::default();
+        let mut group = super::solve::LoopGroup::default();
         group.set(0, self);
         group.points(1, margin)[0]
     }

@@ -5,7 +5,7 @@ use super::*;
 /// A mesh with normals.
 #[derive(Default, PartialEq)]
 struct Shaded {
-    mesh: Mesh,
+    mesh: TestMesh,
     normals: Vec<[f32; 3]>,
 }
 
@@ -21,7 +21,7 @@ impl MeshSink for Shaded {
         self.normals.extend_from_slice(normals);
         self.mesh.vertices(positions)
     }
-    fn triangles(&mut self, facets: &[Facet]) -> Result<()> {
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         MeshSink::triangles(&mut self.mesh, facets)
     }
     fn finish(&mut self) -> Result<()> {
@@ -88,10 +88,10 @@ fn normals_across_levels_point_outward() {
 /// Marching cubes' vertices have their edge's own normal.
 #[test]
 fn normals_of_marched_spheres_are_those_of_the_sphere() {
-    let marching = ContourOptions { method: Method::MarchingCubes, ..options(0.0) };
+    let marching = ContourOptions { method: ContourMethod::MarchingCubes, ..options(0.0) };
     let least = least_radial(&shaded(&tree(&sphere(5.0), &uniform(1)), &marching).0);
     assert!(least > cosine(0.02), "{}", least.acos().to_degrees());
-    let everywhere = Noise {
+    let everywhere = NoiseField {
         seed: 3,
         boxes: vec![[[1 << 19; 3], [31 << 19; 3]]],
         density: 120,
@@ -140,7 +140,7 @@ fn normals_of_merged_vertices_are_the_mean_of_what_they_stand_for() {
 /// in the middle of its sides.
 #[test]
 fn normals_of_vertices_of_several_leaves_are_those_of_their_sides() {
-    let slab = Implicit(|p: [f64; 3]| {
+    let slab = ImplicitField(|p: [f64; 3]| {
         let q = p.map(f64::abs);
         let side = (q[0] - 5.3).max(q[1] - 5.3).max(q[2] - 1.1);
         let ball = [q[0] - 4.9, q[1] - 1.0, q[2] - 1.1].iter().map(|c| c * c).sum::<f64>().sqrt() - 0.4;
@@ -161,7 +161,7 @@ fn normals_of_vertices_of_several_leaves_are_those_of_their_sides() {
 #[test]
 fn normals_that_cancel_leave_the_first() {
     struct Cancelling;
-    impl Shape for Cancelling {
+    impl SampledField for Cancelling {
         fn winding(&self, at: Units) -> i16 {
             i16::from(at == [16 << 19; 3])
         }
@@ -179,7 +179,7 @@ fn normals_that_cancel_leave_the_first() {
 #[test]
 fn normals_of_two_sheets_in_a_cell_are_their_own() {
     // A gap of 0.7 cells, turned so that it meets cells in all ways.
-    let gap = Implicit(|p: [f64; 3]| {
+    let gap = ImplicitField(|p: [f64; 3]| {
         let q = to_box(p);
         let aside = (0..3).map(|a| q[a].abs() - 4.0).fold(f64::NEG_INFINITY, f64::max);
         aside.max(0.35 * 0.25 - q[2].abs())

@@ -7,15 +7,15 @@ use ordered_float::OrderedFloat;
 use proptest::prelude::*;
 
 /// Planes about the mass point of their base points.
-pub(in super::super) struct Centred {
+pub(in super::super) struct CentredPlanes {
     pub(in super::super) mass: Vector,
     pub(in super::super) matrix: Symmetric,
     pub(in super::super) rhs: Vector,
 }
 
-impl Centred {
-    pub(in super::super) fn new(matrix: [f64; 6], rhs: Vector, mass: Vector) -> Centred {
-        Centred { mass, matrix: Symmetric(matrix), rhs }
+impl CentredPlanes {
+    pub(in super::super) fn new(matrix: [f64; 6], rhs: Vector, mass: Vector) -> CentredPlanes {
+        CentredPlanes { mass, matrix: Symmetric(matrix), rhs }
     }
 
     /// The minimiser anywhere, and the largest eigenvalue.

@@ -2,13 +2,13 @@
 
 use super::meetings::pairs;
 use super::*;
-use crate::contour::frame::Frame;
+use crate::contour::frame::CellFrame;
 use crate::lattice::{BRICK_CELLS, Octant, RootCube};
 
 /// Noise whose crossings stand at the ends of their edges or next to them, but for a sixteenth of them.
-struct Ends(Noise);
+struct Ends(NoiseField);
 
-impl Shape for Ends {
+impl SampledField for Ends {
     fn winding(&self, at: Units) -> i16 {
         self.0.winding(at)
     }
@@ -47,7 +47,7 @@ fn places_are_apart_in_32_bits() {
             let seed = 2 * n as u64 + u64::from(level);
             let density = [60, 110, 160, 200][seed as usize % 4];
             let shape = match level {
-                0 => Noise {
+                0 => NoiseField {
                     seed,
                     boxes: vec![[[1 << 19; 3], [31 << 19; 3]]],
                     density,
@@ -109,7 +109,7 @@ fn bricks_have_the_same_numbers_for_a_plane_of_samples() {
             (f64::from(at) + f64::from(at.next_up())) / 2.0
         });
         let root = RootCube { origin: std::array::from_fn(|a| half_way[a] - plane[a]), edge };
-        let (below, above) = (Frame::new(root, key), Frame::new(root, above));
+        let (below, above) = (CellFrame::new(root, key), CellFrame::new(root, above));
         for a in 0..3 {
             assert_eq!(below.lattice()[a][BRICK_CELLS], above.lattice()[a][0], "{seed}");
         }

@@ -14,8 +14,8 @@
 
 use super::*;
 use crate::contour::extras::edge_key;
-use crate::contour::leaves::{Around, broken, cell_in};
-use crate::contour::mixed::{Cut, MixedCell, Surroundings};
+use crate::contour::leaves::{LeafNeighbours, broken, cell_in};
+use crate::contour::mixed::{MixedCell, MixedCut, TransitionLeaf};
 use crate::lattice::Units;
 
 /// A cut of a face that the leaf owns.
@@ -25,8 +25,8 @@ struct FaceCut {
     /// Lower end, axis and level of the first.
     first: (Units, Axis, u8),
     /// The planes of their crossings, 0..1 along the face.
-    planes: [Plane; 2],
-    /// Where its vertex is if it must have one, as [`Cut::at`].
+    planes: [HermitePlane; 2],
+    /// Where its vertex is if it must have one, as [`MixedCut::at`].
     at: [f32; 3],
 }
 
@@ -36,14 +36,14 @@ type Others = [Option<Block>; 6];
 impl Finder<'_> {
     /// Gives each cut of a face a vertex that needs one, where the leaf owns the face and one of the cells at it is next to a
     /// leaf of another level.
-    pub(super) fn uneven(&mut self, around: &Around) -> Result<()> {
+    pub(super) fn uneven(&mut self, around: &LeafNeighbours) -> Result<()> {
         let own = self.own;
         let others = self.others(around)?;
         let is_even = |other: &Block| other.key.level() == own.key.level() && other.cells.mixed_cells() == 0;
         if own.cells.mixed_cells() == 0 && others.iter().flatten().all(is_even) {
             return Ok(());
         }
-        let mut surroundings = Surroundings::new(self.field, self.leaf, around);
+        let mut surroundings = TransitionLeaf::new(self.field, self.leaf, around);
         for n in 0..CELL_ROWS {
             let row = own.cells.rows[n];
             let mut bits = row.active;
@@ -56,14 +56,14 @@ impl Finder<'_> {
         Ok(())
     }
 
-    fn others(&self, around: &Around) -> Result<Others> {
+    fn others(&self, around: &LeafNeighbours) -> Result<Others> {
         let mut others = [const { None }; 6];
         for (face, other) in others.iter_mut().enumerate() {
             let mut step = [0; 3];
             step[face / 2] = 2 * (face % 2) as i32 - 1;
             *other = match around[direction_index(step)] {
-                Side::Coarser(leaf) => Some(leaf),
-                Side::Same(leaf) if face % 2 == 0 => Some(leaf),
+                LeafNeighbour::Coarser(leaf) => Some(leaf),
+                LeafNeighbour::Same(leaf) if face % 2 == 0 => Some(leaf),
                 _ => None,
             }
             .map(|leaf| Ok(Block::new(self.field, leaf, self.field.cells(leaf)?)))
@@ -76,7 +76,7 @@ impl Finder<'_> {
         &mut self,
         cell: [usize; 3],
         others: &Others,
-        surroundings: &mut Surroundings,
+        surroundings: &mut TransitionLeaf,
     ) -> Result<()> {
         let own = self.own;
         let is_mixed = own.cells.is_mixed(cell);
@@ -94,7 +94,7 @@ impl Finder<'_> {
                     Some(mixed) => mixed,
                     None => mixed.insert(surroundings.loops(cell)?),
                 };
-                let here = |cut: &&Cut| cut.face == Some(face_key(axis, corner));
+                let here = |cut: &&MixedCut| cut.face == Some(face_key(axis, corner));
                 mixed.cuts.iter().filter(here).map(|cut| FaceCut::of_mixed(axis, mixed, cut)).collect()
             } else {
                 self.plain_cuts(cell, axis, side)?
@@ -127,7 +127,7 @@ impl Finder<'_> {
                 edges: [enter, leave].map(|edge| plain_edge_key(edge, axis, key)),
                 first: (std::array::from_fn(|a| key.base()[a] + from_base(a)), ends[0].0, key.level()),
                 planes,
-                at: Face::new(lattice, axis, corner).half_way([&p?, &q?]),
+                at: SplitFace::new(lattice, axis, corner).half_way([&p?, &q?]),
             });
         }
         Ok(cuts)
@@ -193,15 +193,15 @@ impl Block {
     }
 
     /// The part of a cell that belongs to the loop with this vertex; all of it unless it is a plain cell with several.
-    fn part(&self, cell: [usize; 3], vertex: u32) -> Part {
-        self.sight(cell).map_or(Part::default(), |sight| {
-            Part::new(sight.kind, vertex as usize - sight.first, &sight.vertices[..sight.count])
+    fn part(&self, cell: [usize; 3], vertex: u32) -> LoopRegion {
+        self.sight(cell).map_or(LoopRegion::default(), |sight| {
+            LoopRegion::new(sight.kind, vertex as usize - sight.first, &sight.vertices[..sight.count])
         })
     }
 }
 
 impl FaceCut {
-    fn of_mixed(axis: Axis, mixed: &MixedCell, cut: &Cut) -> FaceCut {
+    fn of_mixed(axis: Axis, mixed: &MixedCell, cut: &MixedCut) -> FaceCut {
         let [enter, leave] = mixed.ends(cut);
         FaceCut {
             edges: cut.edges,
@@ -213,7 +213,7 @@ impl FaceCut {
 }
 
 /// A plane through a point of a face, whose coordinate across the face is 0.
-fn onto(axis: Axis, (mut point, normal): Plane) -> Plane {
+fn onto(axis: Axis, (mut point, normal): HermitePlane) -> HermitePlane {
     point[axis.index()] = 0.0;
     (point, normal)
 }
@@ -221,13 +221,13 @@ fn onto(axis: Axis, (mut point, normal): Plane) -> Plane {
 /// Where on a face the mesh edge between two vertices, the lower one first, should pass, if it does not pass well by
 /// itself; `parts` are those of the upper and the lower loop.
 fn passage(
-    lattice: &Lattice,
+    lattice: &SampleCoordinates,
     (axis, corner): (Axis, [usize; 3]),
-    parts: &[Part; 2],
+    parts: &[LoopRegion; 2],
     ends: [[f32; 3]; 2],
     cut: &FaceCut,
 ) -> Option<[f32; 3]> {
-    let face = Face::new(lattice, axis, corner);
+    let face = SplitFace::new(lattice, axis, corner);
     let a = axis.index();
     let plane = f64::from(lattice[a][corner[a]]);
     let [from, to] = ends.map(|end| f64::from(end[a]) - plane);
